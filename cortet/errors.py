@@ -1,0 +1,28 @@
+"""Errors a user can act on: each says what was found, in which file, and what to do about it."""
+
+from __future__ import annotations
+
+
+class CortetError(Exception):
+    """Something the user can mend; printed without a traceback.
+
+    Parameters
+    ----------
+    what : the finding, with the offending value
+    file : the file (and, for tables, line and column) it was found in
+    remedy : what to do about it
+    """
+
+    def __init__(self, what: str, *, file: object = None, remedy: str | None = None) -> None:
+        self.what, self.file, self.remedy = what, file, remedy
+        place = f"{file}: " if file is not None else ""
+        hint = f" ({remedy})" if remedy else ""
+        super().__init__(f"{place}{what}{hint}")
+
+
+class InputError(CortetError):
+    """A file, table row or parameter given by the user cannot be used."""
+
+
+class StageError(CortetError):
+    """A stage could not produce a valid result from valid input."""

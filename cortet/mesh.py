@@ -1,0 +1,76 @@
+"""The two things that flow through cortet: a closed triangulated surface and a tetrahedral mesh.
+
+Both are frozen dataclasses of NumPy arrays; a stage returns a new one (`dataclasses.replace`) and the arrays
+of an existing one are read-only. Quantities derived from the connectivity live in `cortet.topology`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+
+def _frozen(array: Any, dtype: type, columns: int, name: str) -> NDArray[Any]:
+    """A read-only, C-ordered (n, columns) array of `dtype`; an array that already is one is shared, not copied."""
+    result = np.ascontiguousarray(array, dtype=dtype)
+    if result.ndim != 2 or result.shape[1] != columns:
+        raise ValueError(f"{name} must have shape (n, {columns}), got {result.shape}")
+    if result.flags.writeable:
+        if result is array:
+            result = result.copy()
+        result.flags.writeable = False
+    return result
+
+
+@dataclass(frozen=True)
+class CoordinateFrame:
+    """Where coordinates live, as GIfTI states it; carried from the input to every sidecar, never changed silently."""
+
+    #: NIfTI transform code name of the stored coordinates, e.g. ``NIFTI_XFORM_SCANNER_ANAT``
+    dataspace: str = "NIFTI_XFORM_UNKNOWN"
+    #: code name of the space `matrix` leads to
+    xformspace: str = "NIFTI_XFORM_UNKNOWN"
+    #: row-major 4 x 4 affine from dataspace to xformspace
+    matrix: tuple[float, ...] = (1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class TriSurface:
+    """A triangulated surface."""
+
+    #: (n, 3) float64, vertex coordinates in mm
+    points: FloatArray
+    #: (m, 3) int32, vertex indices, counter-clockwise seen from outside
+    faces: IntArray
+    #: per-vertex fields, name -> (n,) or (n, k)
+    point_data: dict[str, NDArray[Any]] = field(default_factory=dict)
+    #: coordinate system of `points`
+    frame: CoordinateFrame = CoordinateFrame()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", _frozen(self.points, np.float64, 3, "points"))
+        object.__setattr__(self, "faces", _frozen(self.faces, np.int32, 3, "faces"))
+
+
+@dataclass(frozen=True, eq=False)
+class TetMesh:
+    """A tetrahedral mesh. Every one in memory has positive signed volumes, 0-based indices and no unused nodes."""
+
+    #: (n, 3) float64, node coordinates in mm
+    points: FloatArray
+    #: (m, 4) int32, node indices; det(b - a, c - a, d - a) > 0
+    cells: IntArray
+    #: per-node fields, name -> (n,) or (n, k)
+    point_data: dict[str, NDArray[Any]] = field(default_factory=dict)
+    #: per-element fields, name -> (m,) or (m, k)
+    cell_data: dict[str, NDArray[Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "points", _frozen(self.points, np.float64, 3, "points"))
+        object.__setattr__(self, "cells", _frozen(self.cells, np.int32, 4, "cells"))
