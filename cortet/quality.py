@@ -51,11 +51,11 @@ def mean_ratio(points: FloatArray, cells: IntArray) -> FloatArray:
 
 
 def circumradii(points: FloatArray, cells: IntArray) -> FloatArray:
-    """Radius of the circumscribed sphere: (m,) mm; infinite for a flat element."""
+    """Radius of the circumscribed sphere: (m,) mm; infinite or NaN for a flat element."""
     u, v, w = (points[cells[:, i]] - points[cells[:, 0]] for i in (1, 2, 3))
     uu, vv, ww = ((x * x).sum(axis=1, keepdims=True) for x in (u, v, w))
     numerator = np.linalg.norm(uu * np.cross(v, w) + vv * np.cross(w, u) + ww * np.cross(u, v), axis=1)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         return numerator / (12 * np.abs(signed_volumes(points, cells)))
 
 

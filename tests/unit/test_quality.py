@@ -9,7 +9,7 @@ from cortet.mesh import TetMesh
 CELL = np.array([[0, 1, 2, 3]], np.int32)
 REGULAR = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]])[[0, 2, 1, 3]]
 #: body-centred cubic lattice: two neighbouring corners' edge and two cell centres
-BCC = np.array([[0, 0, 0], [2, 0, 0], [1, 1, 1], [1, -1, 1.0]])[[0, 1, 3, 2]]
+BCC = np.array([[0, 0, 0], [2, 0, 0], [1, 1, 1], [1, -1, 1.0]])
 FLAT = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]])
 MEASURES = [quality.quality, quality.mean_ratio, quality.radius_ratio, quality.radius_edge]
 

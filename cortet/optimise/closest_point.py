@@ -1,0 +1,203 @@
+"""Exact closest points on a triangulated surface, by a bounding-volume tree that kernels can walk.
+
+The tree is a plain tuple of arrays, so that the vertex optimiser can project single points inside its loops; with the
+distance to a nearby triangle as first bound a query visits a handful of boxes.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.mesh import FloatArray, IntArray
+
+_LEAF_SIZE = 4
+_STACK_SIZE = 64
+
+
+class SurfaceTree(NamedTuple):
+    """Boxes of triangles. Children of an inner box are `child` and `child + 1`; a leaf holds `count` triangles."""
+
+    #: (m, 9) float64, corner coordinates of the triangles in tree order
+    corners: FloatArray
+    #: (m,) int32, index of each of them in the surface
+    faces: IntArray
+    #: (b, 6) float64, lower and upper corner of each box
+    boxes: FloatArray
+    #: (b,) int32, first child of an inner box, first triangle of a leaf
+    child: IntArray
+    #: (b,) int32, number of triangles of a leaf, 0 for an inner box
+    count: IntArray
+
+
+class ClosestPoints(NamedTuple):
+    """For each of k queries, the nearest point of the surface."""
+
+    #: (k, 3) float64 mm
+    points: FloatArray
+    #: (k,) int32, triangle it lies in
+    faces: IntArray
+    #: (k, 3) float64, weights of the corners of that triangle, none negative, sum 1
+    barycentric: FloatArray
+    #: (k,) float64 mm
+    distances: FloatArray
+
+
+def surface_tree(points: FloatArray, faces: IntArray) -> SurfaceTree:
+    """Build the tree for a surface of `points` (n, 3) mm and `faces` (m, 3); O(m log m)."""
+    corners = np.ascontiguousarray(points[faces].reshape(-1, 9))
+    order, boxes, child, count = _build(corners)
+    return SurfaceTree(corners[order], order.astype(np.int32), boxes, child, count)
+
+
+def closest_points(tree: SurfaceTree, queries: FloatArray) -> ClosestPoints:
+    """Nearest point of the surface to each of `queries` (k, 3) mm."""
+    return ClosestPoints(*_closest_points(tree, np.ascontiguousarray(queries, dtype=np.float64)))
+
+
+@numba.njit(cache=True)
+def _build(corners: NDArray[np.float64]):  # type: ignore[no-untyped-def]
+    """Split at the median centroid of the longest side until a leaf is small enough."""
+    m = len(corners)
+    centroids = np.empty((m, 3))
+    for k in range(3):
+        centroids[:, k] = (corners[:, k] + corners[:, k + 3] + corners[:, k + 6]) / 3
+    order = np.arange(m)
+    capacity = 2 * (2 * m // _LEAF_SIZE + 2)
+    boxes = np.empty((capacity, 6))
+    child = np.zeros(capacity, np.int32)
+    count = np.zeros(capacity, np.int32)
+    first, last = np.zeros(capacity, np.int64), np.zeros(capacity, np.int64)
+    first[0], last[0] = 0, m
+    used, box = 1, 0
+    while box < used:
+        lo, hi = first[box], last[box]
+        for k in range(3):
+            boxes[box, k], boxes[box, k + 3] = np.inf, -np.inf
+            for i in order[lo:hi]:
+                for j in range(k, 9, 3):
+                    boxes[box, k] = min(boxes[box, k], corners[i, j])
+                    boxes[box, k + 3] = max(boxes[box, k + 3], corners[i, j])
+        if hi - lo <= _LEAF_SIZE:
+            child[box], count[box] = lo, hi - lo
+        else:
+            axis = np.argmax(boxes[box, 3:] - boxes[box, :3])
+            order[lo:hi] = order[lo:hi][np.argsort(centroids[order[lo:hi], axis], kind="mergesort")]
+            middle = (lo + hi) // 2
+            child[box] = used
+            first[used], last[used] = lo, middle
+            first[used + 1], last[used + 1] = middle, hi
+            used += 2
+        box += 1
+    return order, boxes[:used].copy(), child[:used].copy(), count[:used].copy()
+
+
+@numba.njit(cache=True, inline="always")
+def _box_distance2(boxes, box, x, y, z):  # type: ignore[no-untyped-def]
+    dx = max(boxes[box, 0] - x, 0.0, x - boxes[box, 3])
+    dy = max(boxes[box, 1] - y, 0.0, y - boxes[box, 4])
+    dz = max(boxes[box, 2] - z, 0.0, z - boxes[box, 5])
+    return dx * dx + dy * dy + dz * dz
+
+
+@numba.njit(cache=True)
+def on_triangle(c, x, y, z):  # type: ignore[no-untyped-def]
+    """Barycentric weights of the point of triangle `c` (9 coordinates) closest to (x, y, z).
+
+    By the Voronoi regions of the triangle's corners and sides (Ericson, Real-Time Collision Detection, 5.1.5).
+    """
+    abx, aby, abz = c[3] - c[0], c[4] - c[1], c[5] - c[2]
+    acx, acy, acz = c[6] - c[0], c[7] - c[1], c[8] - c[2]
+    apx, apy, apz = x - c[0], y - c[1], z - c[2]
+    d1, d2 = abx * apx + aby * apy + abz * apz, acx * apx + acy * apy + acz * apz
+    if d1 <= 0 and d2 <= 0:
+        return 1.0, 0.0, 0.0
+    bpx, bpy, bpz = x - c[3], y - c[4], z - c[5]
+    d3, d4 = abx * bpx + aby * bpy + abz * bpz, acx * bpx + acy * bpy + acz * bpz
+    if d3 >= 0 and d4 <= d3:
+        return 0.0, 1.0, 0.0
+    vc = d1 * d4 - d3 * d2
+    if vc <= 0 and d1 >= 0 and d3 <= 0:
+        t = d1 / (d1 - d3)
+        return 1 - t, t, 0.0
+    cpx, cpy, cpz = x - c[6], y - c[7], z - c[8]
+    d5, d6 = abx * cpx + aby * cpy + abz * cpz, acx * cpx + acy * cpy + acz * cpz
+    if d6 >= 0 and d5 <= d6:
+        return 0.0, 0.0, 1.0
+    vb = d5 * d2 - d1 * d6
+    if vb <= 0 and d2 >= 0 and d6 <= 0:
+        t = d2 / (d2 - d6)
+        return 1 - t, 0.0, t
+    va = d3 * d6 - d5 * d4
+    if va <= 0 and d4 >= d3 and d5 >= d6:
+        t = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        return 0.0, 1 - t, t
+    scale = 1 / (va + vb + vc)
+    v, w = vb * scale, vc * scale
+    return 1 - v - w, v, w
+
+
+@numba.njit(cache=True)
+def closest_point(tree, x, y, z, hint):  # type: ignore[no-untyped-def]
+    """Nearest point of the surface to (x, y, z).
+
+    `hint` is a triangle (in tree order) thought to be near, which bounds the search, or -1.
+    Returns px, py, pz, triangle in tree order, and the three weights.
+    """
+    corners, boxes, child, count = tree.corners, tree.boxes, tree.child, tree.count
+    best, face = np.inf, max(hint, 0)
+    px, py, pz, u, v, w = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
+    if hint >= 0:
+        c = corners[hint]
+        u, v, w = on_triangle(c, x, y, z)
+        px, py, pz = u * c[0] + v * c[3] + w * c[6], u * c[1] + v * c[4] + w * c[7], u * c[2] + v * c[5] + w * c[8]
+        best = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
+    stack, bounds = np.empty(_STACK_SIZE, np.int32), np.empty(_STACK_SIZE)
+    stack[0], bounds[0] = 0, _box_distance2(boxes, 0, x, y, z)
+    top = 1
+    while top:
+        top -= 1
+        box = stack[top]
+        if bounds[top] >= best:
+            continue
+        if count[box]:
+            for k in range(child[box], child[box] + count[box]):
+                c = corners[k]
+                a0, a1, a2 = on_triangle(c, x, y, z)
+                qx = a0 * c[0] + a1 * c[3] + a2 * c[6]
+                qy = a0 * c[1] + a1 * c[4] + a2 * c[7]
+                qz = a0 * c[2] + a1 * c[5] + a2 * c[8]
+                d = (qx - x) ** 2 + (qy - y) ** 2 + (qz - z) ** 2
+                if d < best:
+                    best, face, px, py, pz, u, v, w = d, k, qx, qy, qz, a0, a1, a2
+        else:
+            near, far = child[box], child[box] + 1
+            dn, df = _box_distance2(boxes, near, x, y, z), _box_distance2(boxes, far, x, y, z)
+            if df < dn:
+                near, far, dn, df = far, near, df, dn
+            if df < best:
+                stack[top], bounds[top] = far, df
+                top += 1
+            if dn < best:
+                stack[top], bounds[top] = near, dn
+                top += 1
+    return px, py, pz, face, u, v, w
+
+
+@numba.njit(cache=True)
+def _closest_points(tree, queries):  # type: ignore[no-untyped-def]
+    k = len(queries)
+    points, barycentric = np.empty((k, 3)), np.empty((k, 3))
+    faces, distances = np.empty(k, np.int32), np.empty(k)
+    hint = -1  # consecutive queries tend to be neighbours
+    for i in range(k):
+        x, y, z = queries[i]
+        px, py, pz, hint, u, v, w = closest_point(tree, x, y, z, hint)
+        points[i, 0], points[i, 1], points[i, 2] = px, py, pz
+        barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = u, v, w
+        faces[i] = tree.faces[hint]
+        distances[i] = np.sqrt((px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2)
+    return points, faces, barycentric, distances
