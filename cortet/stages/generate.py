@@ -1,0 +1,341 @@
+"""S1: fill a closed surface with tetrahedra (CGAL Mesh_3: Delaunay refinement and four optimisation passes).
+
+Two builds of the same library can do it: `pygalmesh` (CGAL 5, compiled from source, the published tool) and the `cgal`
+wheel (CGAL 6, no compiling). Both read an OFF file and write a Medit file, with 17 significant digits.
+
+Refinement decides the topology. With a coarse facet distance the two banks of a narrow sulcus pinch or fuse, silently,
+so the boundary is checked after refinement, before the slow passes, and again after them; when it has not the topology of
+the input, the facet distance (nothing else) is tightened.
+
+Reference: https://doc.cgal.org/latest/Mesh_3/index.html (criteria and passes).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import logging
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import meshio
+import numpy as np
+
+from cortet.errors import InputError, StageError
+from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.quality import signed_volumes
+from cortet.topology import (
+    SurfaceTopology,
+    boundary_faces,
+    compact,
+    components,
+    enclosed_volume,
+    surface_topology,
+)
+
+VERSION: int = 1
+
+#: CGAL's optimisation passes in the order it runs them; exude must be last, since moving a vertex undoes it
+PASSES = ("odt", "lloyd", "perturb", "exude")
+#: CGAL's own defaults for ODT and Lloyd, which the wheel wants spelled out
+CONVERGENCE, FREEZE_BOUND = 0.02, 0.01
+#: "no limit" for the time limits, iteration limits and sliver bounds of CGAL's passes
+NO_LIMIT = 0
+
+logger = logging.getLogger(__name__)
+
+
+class Criteria(NamedTuple):
+    """What CGAL refines for; lengths in mm, the angle in degrees."""
+
+    cell_size: float
+    facet_angle: float
+    facet_distance: float
+    radius_edge_ratio: float
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One meshing and the topology that came out of it."""
+
+    facet_distance_mm: float
+    #: the passes that ran; none when only the refinement was tried
+    passes: tuple[str, ...]
+    nodes: int
+    tetrahedra: int
+    #: exactly flat tetrahedra that were left out
+    flat_tetrahedra_dropped: int
+    boundary: SurfaceTopology
+    #: in plain words, what is wrong with the topology
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class GenerateReport:
+    """What was run and what came of it; `topology_ok` False is for the certificate to refuse."""
+
+    mesher: str
+    backend: str
+    backend_version: str
+    #: None where the backend takes no seed
+    seed: int | None
+    cell_size_mm: float
+    facet_distance_mm: float
+    facet_distance_fraction: float
+    passes: tuple[str, ...]
+    nodes: int
+    tetrahedra: int
+    flat_tetrahedra_dropped: int
+    topology_ok: bool
+    #: why `topology_ok` is False; empty otherwise
+    reason: str
+    attempts: tuple[Attempt, ...]
+
+
+def generate(
+    surface: TriSurface,
+    *,
+    cell_size: float,
+    mesher: str = "cgal",
+    backend: str = "auto",
+    facet_angle: float = 25.0,
+    facet_distance: Sequence[float] = (0.5, 0.2, 0.1, 0.05),
+    radius_edge_ratio: float = 2.0,
+    odt: bool = True,
+    lloyd: bool = True,
+    perturb: bool = True,
+    exude: bool = True,
+    seed: int = 0,
+) -> tuple[TetMesh, GenerateReport]:
+    """Mesh the inside of a closed surface.
+
+    Parameters
+    ----------
+    surface : a closed, connected manifold of any genus, without self-intersections
+    cell_size : mm, upper bound of circumradii of tetrahedra and of surface Delaunay balls
+    mesher : only ``cgal``
+    backend : ``pygalmesh``, ``cgal``, or ``auto``: pygalmesh where it is installed, else cgal
+    facet_angle : degrees, lower bound of the angles of boundary triangles
+    facet_distance : fractions of `cell_size`, tried in this order until the boundary has the topology of the surface;
+        upper bound of the distance between a boundary triangle and the surface
+    radius_edge_ratio : upper bound of circumradius over shortest edge of tetrahedra
+    odt, lloyd, perturb, exude : CGAL's optimisation passes
+    seed : of CGAL's random numbers; pygalmesh only
+
+    Returns
+    -------
+    The mesh, also when no facet distance gives the topology of the surface: then the report says so.
+
+    Raises
+    ------
+    InputError
+        the surface is not one closed manifold, or a parameter is out of range
+    StageError
+        the backend failed, is not installed, or returned nothing
+    """
+    if mesher != "cgal":
+        raise InputError(f"unknown mesher {mesher!r}", remedy="use cgal")
+    if not cell_size > 0 or not np.isfinite(cell_size):
+        raise InputError(f"cell size {cell_size} mm is not a positive length")
+    if not facet_distance or min(facet_distance) <= 0:
+        raise InputError(f"facet distances {list(facet_distance)} are not positive fractions of the cell size")
+    topology = surface_topology(surface.faces)
+    if not topology.is_closed_manifold:
+        raise InputError(f"surface cannot be meshed: {'; '.join(topology.problems(int(topology.genus)))}")
+
+    backend = installed_backend() if backend == "auto" else backend
+    if backend not in BACKENDS:
+        raise InputError(f"unknown mesher backend {backend!r}", remedy=f"use auto, {' or '.join(BACKENDS)}")
+    wanted = {"odt": odt, "lloyd": lloyd, "perturb": perturb, "exude": exude}
+    passes = tuple(name for name in PASSES if wanted[name])
+    attempts: list[Attempt] = []
+    with TemporaryDirectory(prefix="cortet-generate-") as folder:
+        off = Path(folder) / "surface.off"
+        _write_off(surface, off)
+        for fraction in facet_distance:
+            criteria = Criteria(cell_size, facet_angle, fraction * cell_size, radius_edge_ratio)
+            may_retry = bool(passes) and fraction != facet_distance[-1]
+            for trial in [(), passes] if may_retry else [passes]:
+                mesh, attempt = _attempt(off, backend, criteria, trial, seed=seed, genus=int(topology.genus))
+                attempts.append(attempt)
+                if attempt.problems:
+                    break
+            if not attempts[-1].problems:
+                break
+
+    final = attempts[-1]
+    reason = "; ".join(final.problems)
+    if reason:
+        logger.warning("no facet distance of %s h gives the topology of the surface: %s", list(facet_distance), reason)
+    return mesh, GenerateReport(
+        mesher=mesher,
+        backend=backend,
+        backend_version=version(backend),
+        seed=seed if backend == "pygalmesh" else None,
+        cell_size_mm=cell_size,
+        facet_distance_mm=final.facet_distance_mm,
+        facet_distance_fraction=final.facet_distance_mm / cell_size,
+        passes=passes,
+        nodes=len(mesh.points),
+        tetrahedra=len(mesh.cells),
+        flat_tetrahedra_dropped=final.flat_tetrahedra_dropped,
+        topology_ok=not reason,
+        reason=reason,
+        attempts=tuple(attempts),
+    )
+
+
+def installed_backend() -> str:
+    """The backend ``auto`` stands for on this machine."""
+    return "pygalmesh" if importlib.util.find_spec("pygalmesh") else "cgal"
+
+
+def _attempt(
+    off: Path, backend: str, criteria: Criteria, passes: tuple[str, ...], *, seed: int, genus: int
+) -> tuple[TetMesh, Attempt]:
+    """Mesh once and compare the topology of the result with a surface of `genus` handles."""
+    began = time.perf_counter()
+    medit = off.with_suffix(".mesh")
+    try:
+        BACKENDS[backend](off, medit, criteria, passes, seed)
+    except ImportError as error:
+        raise StageError(f"mesher backend {backend} is not installed: {error}", remedy="run cortet doctor") from error
+    except RuntimeError as error:
+        raise StageError(f"{backend} failed: {error}") from error
+    mesh, flat = _read_medit(medit)
+    boundary = surface_topology(boundary_faces(mesh))
+    problems = boundary.problems(genus)
+    if (bodies := components(mesh.cells)) != 1:
+        problems.append(f"{bodies} bodies instead of one")
+    logger.info(
+        "%s, facet distance %g mm, %s: %d nodes, %d tetrahedra, %s, %.1f s",
+        backend,
+        criteria.facet_distance,
+        ", ".join(("refinement", *passes)),
+        len(mesh.points),
+        len(mesh.cells),
+        "; ".join(problems) or "topology of the surface",
+        time.perf_counter() - began,
+    )
+    return mesh, Attempt(
+        facet_distance_mm=criteria.facet_distance,
+        passes=passes,
+        nodes=len(mesh.points),
+        tetrahedra=len(mesh.cells),
+        flat_tetrahedra_dropped=flat,
+        boundary=boundary,
+        problems=tuple(problems),
+    )
+
+
+def _with_pygalmesh(off: Path, medit: Path, criteria: Criteria, passes: Sequence[str], seed: int) -> None:
+    # pygalmesh's public function only wraps this one, through temporary files of its own that outlive a failure
+    from _pygalmesh import _generate_from_off
+
+    _generate_from_off(
+        str(off),
+        str(medit),
+        **{name: name in passes for name in PASSES},
+        min_facet_angle=criteria.facet_angle,
+        max_radius_surface_delaunay_ball=criteria.cell_size,
+        max_facet_distance=criteria.facet_distance,
+        max_circumradius_edge_ratio=criteria.radius_edge_ratio,
+        max_cell_circumradius=criteria.cell_size,
+        verbose=False,
+        seed=seed,
+    )
+
+
+def _with_cgal(off: Path, medit: Path, criteria: Criteria, passes: Sequence[str], seed: int) -> None:
+    from CGAL import CGAL_Mesh_3 as mesh_3
+    from CGAL.CGAL_Polyhedron_3 import Polyhedron_3
+
+    wanted = mesh_3.Default_mesh_criteria()
+    wanted.facet_angle(criteria.facet_angle)
+    wanted.facet_size(criteria.cell_size)
+    wanted.facet_distance(criteria.facet_distance)
+    wanted.cell_radius_edge_ratio(criteria.radius_edge_ratio)
+    wanted.cell_size(criteria.cell_size)
+    refinement_only = mesh_3.Mesh_3_parameters()
+    refinement_only.no_perturb()
+    refinement_only.no_exude()
+    limits = (NO_LIMIT, NO_LIMIT, CONVERGENCE, FREEZE_BOUND)
+
+    with one_core():
+        # the polyhedron must outlive the domain, which only refers to it
+        polyhedron = Polyhedron_3(str(off))
+        domain = mesh_3.Polyhedral_mesh_domain_3(polyhedron)
+        complex_3 = mesh_3.make_mesh_3(domain, wanted, refinement_only)
+        run: dict[str, Callable[[], object]] = {
+            "odt": lambda: mesh_3.odt_optimize_mesh_3(complex_3, domain, *limits),
+            "lloyd": lambda: mesh_3.lloyd_optimize_mesh_3(complex_3, domain, *limits),
+            "perturb": lambda: mesh_3.perturb_mesh_3(complex_3, domain, NO_LIMIT, NO_LIMIT),
+            "exude": lambda: mesh_3.exude_mesh_3(complex_3, NO_LIMIT, NO_LIMIT),
+        }
+        for name in passes:
+            began = time.perf_counter()
+            run[name]()
+            logger.info("cgal: %s, %.1f s", name, time.perf_counter() - began)
+        complex_3.output_to_medit(str(medit))
+
+
+#: name of the distribution -> function that meshes an OFF file into a Medit file
+BACKENDS: dict[str, Callable[[Path, Path, Criteria, Sequence[str], int], None]] = {
+    "pygalmesh": _with_pygalmesh,
+    "cgal": _with_cgal,
+}
+
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """Confine this thread, and the threads it starts, to the core it is running on, and undo that at the end.
+
+    The `cgal` wheel starts one thread per core it may use, and more than one make the mesh depend on their timing.
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        logger.warning("no CPU affinity on this system: the cgal backend is not reproducible here")
+        yield
+        return
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {ctypes.CDLL(None).sched_getcpu()})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, allowed)
+
+
+def _write_off(surface: TriSurface, path: Path) -> None:
+    """Write an OFF file whose faces point outward, with every digit of the coordinates."""
+    inward = enclosed_volume(surface.points, surface.faces) < 0
+    points, faces, _ = compact(surface.points, surface.faces[:, ::-1] if inward else surface.faces)
+    with path.open("w") as file:
+        file.write(f"OFF\n{len(points)} {len(faces)} 0\n")
+        np.savetxt(file, points, "%.17g")
+        np.savetxt(file, faces, "3 %d %d %d")
+
+
+def _read_medit(path: Path) -> tuple[TetMesh, int]:
+    """Read the mesher's result as a mesh with positive volumes and no unused nodes, and count its flat tetrahedra."""
+    result = meshio.medit.read(path)
+    points, cells = result.points, result.cells_dict.get("tetra", np.empty((0, 4), np.int32))
+    cells, flat = oriented(points, cells)
+    if not len(cells):
+        raise StageError("the mesher returned no tetrahedra", remedy="use a smaller cell size")
+    if flat:
+        logger.warning("%d exactly flat tetrahedra left out", flat)
+    points, cells, _ = compact(points, cells)
+    return TetMesh(points, cells), flat
+
+
+def oriented(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:
+    """Tetrahedra reordered to positive volume, without the exactly flat ones, whose number is returned too."""
+    volumes = signed_volumes(points, cells)
+    cells = np.where((volumes < 0)[:, None], cells[:, [0, 1, 3, 2]], cells)
+    return cells[volumes != 0], int((volumes == 0).sum())

@@ -1,0 +1,51 @@
+"""Small surfaces and meshes that several tests share."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from cortet.mesh import TetMesh, TriSurface
+
+#: the six tetrahedra of a cube whose corner i has the bits of i as coordinates (Kuhn), all along the diagonal 0-7
+KUHN = np.array([[0, 1, 3, 7], [0, 5, 1, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 6, 4, 7]])
+
+
+def ball_surface(subdivisions: int = 3, radius: float = 5.0) -> TriSurface:
+    """A sphere about the origin, in mm."""
+    sphere = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius)
+    return TriSurface(sphere.vertices, sphere.faces)
+
+
+def cube_mesh(n: int = 4, side: float = 1.0, jitter: float = 0.0) -> TetMesh:
+    """A cube [0, side]^3 of 6 n^3 tetrahedra; interior nodes are displaced at random by up to `jitter` spacings."""
+    axis = np.arange(n + 1)
+    z, y, x = (w.ravel() for w in np.meshgrid(axis, axis, axis, indexing="ij"))
+    grid = np.stack([x, y, z], axis=1)
+    interior = ((grid > 0) & (grid < n)).all(axis=1)
+    points = grid.astype(float)
+    points[interior] += np.random.default_rng(0).uniform(-jitter, jitter, (int(interior.sum()), 3))
+    origin = grid[(grid < n).all(axis=1)]
+    corner = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
+    hexahedra = (origin[:, None] + corner) @ [1, n + 1, (n + 1) ** 2]
+    return TetMesh(points * side / n, hexahedra[:, KUHN].reshape(-1, 4))
+
+
+def horseshoe(gap: float, ring: float = 5.0, tube: float = 2.0, sections: int = 60, sides: int = 24) -> TriSurface:
+    """A ring (radii in mm) cut open: genus 0, its flat ends facing each other across `gap` mm, like a sulcus."""
+    opening = gap / ring
+    along = np.linspace(opening / 2, 2 * np.pi - opening / 2, sections)[:, None]
+    around = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+    radius = ring + tube * np.cos(around)
+    height = np.broadcast_to(tube * np.sin(around), (sections, sides))
+    points = np.stack([radius * np.cos(along), radius * np.sin(along), height], axis=2).reshape(-1, 3)
+    ends = np.c_[ring * np.cos(along[[0, -1]]), ring * np.sin(along[[0, -1]]), [0, 0]]
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(sections - 1), np.arange(sides), indexing="ij"))
+    a, b = i * sides + j, i * sides + (j + 1) % sides
+    k, last, first_cap, last_cap = np.arange(sides), (sections - 1) * sides, sections * sides, sections * sides + 1
+    caps = [
+        np.stack([np.full(sides, first_cap), k, (k + 1) % sides], axis=1),
+        np.stack([np.full(sides, last_cap), last + (k + 1) % sides, last + k], axis=1),
+    ]
+    walls = [np.stack([a, a + sides, b], axis=1), np.stack([b, a + sides, b + sides], axis=1)]
+    return TriSurface(np.concatenate([points, ends]), np.concatenate(walls + caps))

@@ -1,0 +1,161 @@
+"""S1 fills a closed surface, reproducibly, and never hides a wrong topology."""
+
+import dataclasses
+import json
+import os
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+from shapes import ball_surface, horseshoe
+
+from cortet.errors import InputError, StageError
+from cortet.mesh import TetMesh, TriSurface
+from cortet.quality import quality, signed_volumes
+from cortet.stages import generate as s1
+from cortet.stages.generate import generate
+from cortet.topology import boundary_faces, enclosed_volume, surface_topology
+
+pygalmesh = pytest.param(
+    "pygalmesh",
+    marks=pytest.mark.skipif(s1.installed_backend() != "pygalmesh", reason="pygalmesh could not be built here"),
+)
+
+
+each_backend = pytest.mark.parametrize("backend", [pygalmesh, "cgal"])
+REFINEMENT_ONLY = {"odt": False, "lloyd": False, "perturb": False, "exude": False}
+
+
+def ring() -> TriSurface:
+    torus = trimesh.creation.torus(major_radius=5, minor_radius=2)
+    return TriSurface(torus.vertices, torus.faces)
+
+
+def is_sound(mesh: TetMesh) -> bool:
+    """Positive volumes that add up to what the boundary encloses, and every node used."""
+    volumes = signed_volumes(mesh.points, mesh.cells)
+    enclosed = enclosed_volume(mesh.points, boundary_faces(mesh))
+    return (
+        volumes.min() > 0
+        and np.isclose(volumes.sum(), enclosed, rtol=1e-9)
+        and len(np.unique(mesh.cells)) == len(mesh.points)
+    )
+
+
+@each_backend
+def test_a_ball_is_filled_with_good_tetrahedra(backend):
+    mesh, report = generate(ball_surface(), cell_size=1.0, backend=backend)
+    assert is_sound(mesh)
+    assert surface_topology(boundary_faces(mesh)).problems() == []
+    assert np.isclose(signed_volumes(mesh.points, mesh.cells).sum(), 4 / 3 * np.pi * 5**3, rtol=0.05)
+    on_boundary = np.linalg.norm(mesh.points[boundary_faces(mesh)], axis=2)
+    assert on_boundary.min() > 4.9 and on_boundary.max() <= 5.0 + 1e-9
+    q = quality(mesh.points, mesh.cells)
+    assert q.mean() < 0.2 and q.max() < 0.85
+    assert report.topology_ok and report.reason == "" and report.passes == s1.PASSES
+    assert (report.nodes, report.tetrahedra, report.backend) == (len(mesh.points), len(mesh.cells), backend)
+    assert report.facet_distance_fraction == 0.5 and report.seed == (0 if backend == "pygalmesh" else None)
+
+
+@each_backend
+def test_the_passes_improve_the_refined_mesh(backend):
+    refined, report = generate(ball_surface(), cell_size=1.0, backend=backend, **REFINEMENT_ONLY)
+    optimised, _ = generate(ball_surface(), cell_size=1.0, backend=backend)
+    assert report.passes == () and len(report.attempts) == 1
+    assert quality(refined.points, refined.cells).max() > 0.9 > quality(optimised.points, optimised.cells).max()
+
+
+@each_backend
+def test_the_same_surface_gives_the_same_mesh_bit_for_bit(backend):
+    first, _ = generate(ball_surface(), cell_size=0.8, backend=backend)
+    second, _ = generate(ball_surface(), cell_size=0.8, backend=backend)
+    assert np.array_equal(first.points, second.points) and np.array_equal(first.cells, second.cells)
+
+
+@each_backend
+def test_cell_size_is_the_largest_circumradius(backend):
+    coarse, _ = generate(ball_surface(), cell_size=2.0, backend=backend, **REFINEMENT_ONLY)
+    fine, _ = generate(ball_surface(), cell_size=1.0, backend=backend, **REFINEMENT_ONLY)
+    assert 5 < len(fine.cells) / len(coarse.cells) < 12
+
+
+@each_backend
+def test_a_pinched_slit_is_opened_by_a_tighter_facet_distance(backend):
+    mesh, report = generate(horseshoe(gap=0.4), cell_size=1.5, backend=backend, **REFINEMENT_ONLY)
+    assert [bool(attempt.problems) for attempt in report.attempts] == [True, True, True, False]
+    assert report.topology_ok and report.facet_distance_mm == pytest.approx(0.05 * 1.5)
+    assert surface_topology(boundary_faces(mesh)).problems() == [] and is_sound(mesh)
+
+
+@each_backend
+def test_the_published_setting_does_not_retry_and_says_that_it_failed(backend):
+    mesh, report = generate(horseshoe(gap=0.4), cell_size=1.5, backend=backend, facet_distance=[0.5])
+    assert len(report.attempts) == 1 and report.attempts[0].passes == s1.PASSES
+    assert not report.topology_ok
+    assert report.reason == "; ".join(surface_topology(boundary_faces(mesh)).problems()) != ""
+
+
+def test_the_slow_passes_are_not_paid_for_when_refinement_shows_the_fault():
+    _, report = generate(horseshoe(gap=0.4), cell_size=1.5, backend="cgal")
+    tried = [attempt.passes for attempt in report.attempts]
+    assert tried == [(), (), (), s1.PASSES]
+
+
+def test_the_topology_asked_for_is_that_of_the_surface():
+    mesh, report = generate(ring(), cell_size=1.0, backend="cgal", **REFINEMENT_ONLY)
+    assert report.topology_ok and surface_topology(boundary_faces(mesh)).genus == 1
+
+
+def test_an_inward_surface_with_unused_vertices_is_meshed_alike():
+    ball = ball_surface()
+    inward = TriSurface(np.concatenate([ball.points, [[99, 99, 99]]]), ball.faces[:, ::-1])
+    mesh, _ = generate(inward, cell_size=1.5, backend="cgal", **REFINEMENT_ONLY)
+    assert is_sound(mesh) and np.abs(mesh.points).max() < 5.01
+
+
+def test_an_open_surface_is_refused():
+    ball = ball_surface()
+    with pytest.raises(InputError, match="3 open edges"):
+        generate(TriSurface(ball.points, ball.faces[1:]), cell_size=1.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"cell_size": 0.0}, "cell size 0.0 mm"),
+        ({"cell_size": float("nan")}, "cell size nan mm"),
+        ({"cell_size": 1.0, "facet_distance": []}, "facet distances"),
+        ({"cell_size": 1.0, "mesher": "gmsh"}, "unknown mesher 'gmsh'"),
+        ({"cell_size": 1.0, "backend": "tbb"}, "unknown mesher backend 'tbb'"),
+    ],
+)
+def test_parameters_out_of_range_are_named(arguments, words):
+    with pytest.raises(InputError, match=words):
+        generate(ball_surface(), **arguments)
+
+
+def test_a_backend_that_is_missing_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "_pygalmesh", None)
+    with pytest.raises(StageError, match=r"pygalmesh is not installed.*cortet doctor"):
+        generate(ball_surface(), cell_size=1.0, backend="pygalmesh")
+
+
+def test_exactly_flat_tetrahedra_are_counted_not_kept():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0], [1, 1, 0]])
+    cells, flat = s1.oriented(points, np.array([[0, 1, 2, 3], [0, 2, 1, 3], [0, 1, 2, 4]], np.int32))
+    assert flat == 1 and (signed_volumes(points, cells) > 0).all() and len(cells) == 2
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system has no CPU affinity")
+def test_the_core_is_given_back_also_after_a_failure():
+    before = os.sched_getaffinity(0)
+    with pytest.raises(ZeroDivisionError), s1.one_core():
+        assert len(os.sched_getaffinity(0)) == 1
+        raise ZeroDivisionError
+    assert os.sched_getaffinity(0) == before
+
+
+def test_the_report_is_plain_json():
+    _, report = generate(ball_surface(2), cell_size=2.0, backend="cgal")
+    assert json.loads(json.dumps(dataclasses.asdict(report)))["attempts"][0]["boundary"]["euler_number"] == 2
