@@ -1,0 +1,301 @@
+"""The cohort sheet: which surfaces to mesh, and every file name that follows from a row.
+
+A sheet is a table of tab-separated values, one hemisphere (or whole brain) per row:
+
+    participant_id  session_id  hemi  scan_age  surface  include  exclude_reason  [further columns]
+
+Missing values are `n/a`, as in BIDS. Labels stay strings: participant `007` is not 7.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cortet.config import Scan
+from cortet.errors import InputError
+
+COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
+#: value of column `surface` that stands for a synthetic cortex of the row's age and hemisphere
+PHANTOM = "phantom"
+#: ages a surface can plausibly have, gestational weeks: below there is no cortical plate to mesh, above lies infancy
+SCAN_AGE_RANGE = (12.0, 60.0)
+FIELD_PREFIX = "field_"
+
+_MISSING = {"", "n/a"}
+_YES, _NO = {"yes", "true", "1"}, {"no", "false", "0"}
+_HEMI = {"l": "L", "left": "L", "lh": "L", "r": "R", "right": "R", "rh": "R"}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the sheet."""
+
+    #: BIDS label without `sub-`
+    participant: str
+    #: BIDS label without `ses-`; None where the study has no sessions
+    session: str | None
+    #: L, R, or None for a whole brain
+    hemi: str | None
+    #: gestational age at scan, weeks; None only in excluded rows
+    scan_age: float | None
+    #: GIfTI file, or `PHANTOM`
+    surface: Path | str
+    include: bool = True
+    #: why the row is excluded; empty when it is not
+    exclude_reason: str = ""
+    #: per-vertex fields, name -> GIfTI file
+    fields: dict[str, Path] = field(default_factory=dict)
+    #: further columns of the sheet, carried through
+    extra: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """File name prefix, e.g. sub-01_ses-02_hemi-L."""
+        parts = (("sub", self.participant), ("ses", self.session), ("hemi", self.hemi))
+        return "_".join(f"{key}-{value}" for key, value in parts if value is not None)
+
+    @property
+    def folder(self) -> str:
+        """Folder below the output folder, e.g. sub-01/ses-02."""
+        return f"sub-{self.participant}" + (f"/ses-{self.session}" if self.session is not None else "")
+
+    @property
+    def is_phantom(self) -> bool:
+        """Whether the surface is generated rather than read."""
+        return self.surface == PHANTOM
+
+
+def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> list[Case]:
+    """The rows of a cohort sheet, excluded ones too.
+
+    Parameters
+    ----------
+    path : the sheet; relative file names in it are relative to its folder
+    field_patterns : file patterns of per-vertex fields of every case, placeholders are the sheet's columns
+
+    Raises
+    ------
+    InputError : naming every problem of the sheet with its line, column, value and remedy
+    """
+    header, rows = _read_table(path)
+    absent = [name for name in COLUMNS if name not in header]
+    if absent or len(set(header)) < len(header):
+        raise InputError(
+            f"line 1: no column {', '.join(absent)}" if absent else "line 1: two columns have the same name",
+            file=path,
+            remedy="the first line must name, separated by tabs: " + ", ".join(COLUMNS),
+        )
+    problems: list[str] = []
+    lines: dict[str, int] = {}
+    cases: list[Case] = []
+    for line, values in rows:
+        row = dict(zip(header, values, strict=False))
+        found = list(_row_problems(row)) if len(values) == len(header) else [_miscounted(values, header)]
+        if not found:
+            case = _case(row, path.parent, field_patterns or {})
+            cases.append(case)
+            if lines.setdefault(case.name, line) != line:
+                found.append(
+                    f"columns participant_id, session_id, hemi: {case.name} is already in line {lines[case.name]} "
+                    "(give every hemisphere one row)"
+                )
+        problems += [f"line {line}, {problem}" for problem in found]
+    if not rows:
+        problems.append("no rows below the header (add one row per hemisphere)")
+    if problems:
+        raise InputError(f"{len(problems)} problem(s)\n  " + "\n  ".join(problems), file=path)
+    return cases
+
+
+def write_sheet(cases: Sequence[Case], path: Path) -> None:
+    """Write cases as a cohort sheet; file names become relative to its folder where they lie below its parent."""
+    extra = list(dict.fromkeys(name for case in cases for name in case.extra))
+    fields = list(dict.fromkeys(name for case in cases for name in case.fields))
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, delimiter="\t", lineterminator="\n", quoting=csv.QUOTE_NONE)
+        writer.writerow([*COLUMNS, *(FIELD_PREFIX + name for name in fields), *extra])
+        for case in cases:
+            values = [
+                f"sub-{case.participant}",
+                f"ses-{case.session}" if case.session is not None else None,
+                case.hemi,
+                None if case.scan_age is None else f"{case.scan_age:g}",
+                case.surface if case.is_phantom else _relative(Path(case.surface), path.parent),
+                "yes" if case.include else "no",
+                case.exclude_reason,
+                *(_relative(case.fields[name], path.parent) if name in case.fields else None for name in fields),
+                *(case.extra.get(name) for name in extra),
+            ]
+            writer.writerow([value or "n/a" for value in values])
+
+
+def scan(directory: Path, patterns: Scan | None = None) -> list[Case]:
+    """The hemispheres of a dHCP-like release, sorted by name.
+
+    A case whose age at scan is in no table is excluded, with that reason, rather than dropped.
+
+    Raises
+    ------
+    InputError : no surface matches, or a table cannot be read
+    """
+    patterns = patterns or Scan()
+    found: dict[tuple[str, str | None, str | None], Path] = {}
+    for pattern in patterns.surfaces:
+        for path, values in _matches(directory, pattern):
+            hemi = values.get("hemi")
+            if hemi is None or hemi.lower() in _HEMI:
+                key = (values["participant"], values.get("session"), hemi and _HEMI[hemi.lower()])
+                found.setdefault(key, path)
+    if not found:
+        raise InputError(
+            "no surfaces found",
+            file=directory,
+            remedy="check the folder, or set cohort.scan.surfaces; looked for " + ", ".join(patterns.surfaces),
+        )
+    tables: dict[Path, list[dict[str, str]]] = {}
+    cases = []
+    for (participant, session, hemi), path in sorted(found.items(), key=lambda item: [part or "" for part in item[0]]):
+        age = _scan_age(directory, participant, session, patterns, tables)
+        reason = "" if age is not None else "no scan age in the sessions or participants table"
+        cases.append(Case(participant, session, hemi, age, path, include=age is not None, exclude_reason=reason))
+    return cases
+
+
+def _read_table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Header and (line number, values) of every row of a TSV file; blank lines are skipped."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read: {error}", file=path, remedy="give a UTF-8 TSV file") from None
+    table = [
+        (number, [value.strip() for value in line.split("\t")])
+        for number, line in enumerate(lines, start=1)
+        if line.strip()
+    ]
+    if not table:
+        raise InputError("is empty", file=path, remedy="give a table with a header line and tab-separated values")
+    return table[0][1], table[1:]
+
+
+def _miscounted(values: Sequence[str], header: Sequence[str]) -> str:
+    return (
+        f"all columns: {len(values)} values for {len(header)} columns "
+        "(separate values by single tabs and write n/a for missing ones)"
+    )
+
+
+def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
+    """What is wrong with one row, each as `column NAME: VALUE ... (remedy)`."""
+    for column, prefix in (("participant_id", "sub-"), ("session_id", "ses-")):
+        label = row[column].removeprefix(prefix)
+        optional = column == "session_id" and label in _MISSING
+        if not optional and not re.fullmatch("[A-Za-z0-9]+", label):
+            yield f"column {column}: {row[column]!r} is no BIDS label (use letters and digits only)"
+    if row["hemi"].lower() not in _HEMI and row["hemi"] not in _MISSING:
+        yield f"column hemi: {row['hemi']!r} is no hemisphere (use L, R, or n/a for a whole brain)"
+    if row["include"].lower() not in _YES | _NO:
+        yield f"column include: {row['include']!r} is no decision (use yes or no)"
+    included = row["include"].lower() in _YES
+    if not included and row["exclude_reason"] in _MISSING:
+        yield f"column exclude_reason: {row['exclude_reason']!r} does not say why the row is excluded (give a reason)"
+    if included or row["scan_age"] not in _MISSING:
+        age, (youngest, oldest) = _number(row["scan_age"]), SCAN_AGE_RANGE
+        if age is None or not youngest <= age <= oldest:
+            yield (
+                f"column scan_age: {row['scan_age']!r} is no age in gestational weeks "
+                f"(use a number from {youngest:g} to {oldest:g})"
+            )
+    for column, value in row.items():
+        if column == "surface" and value in _MISSING:
+            yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
+        if (column == "surface" or column.startswith(FIELD_PREFIX)) and re.search(r"[\x00-\x1f{}*?]", value):
+            yield f"column {column}: {value!r} cannot be a file name here (avoid braces, wildcards, control characters)"
+
+
+def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str]) -> Case:
+    """The case of a valid row."""
+    own = {column: value for column, value in row.items() if column.startswith(FIELD_PREFIX)}
+    fields = {name: _formatted(pattern, row) for name, pattern in field_patterns.items()}
+    fields |= {column.removeprefix(FIELD_PREFIX): value for column, value in own.items()}
+    session, hemi = row["session_id"].removeprefix("ses-"), row["hemi"]
+    include = row["include"].lower() in _YES
+    return Case(
+        participant=row["participant_id"].removeprefix("sub-"),
+        session=None if session in _MISSING else session,
+        hemi=None if hemi in _MISSING else _HEMI[hemi.lower()],
+        scan_age=_number(row["scan_age"]),
+        surface=PHANTOM if row["surface"] == PHANTOM else _located(row["surface"], folder),
+        include=include,
+        exclude_reason="" if include else row["exclude_reason"],
+        fields={name: _located(value, folder) for name, value in fields.items() if value not in _MISSING},
+        extra={name: value for name, value in row.items() if name not in COLUMNS and name not in own},
+    )
+
+
+def _formatted(pattern: str, row: Mapping[str, Any]) -> str:
+    try:
+        return pattern.format_map(row)
+    except (KeyError, IndexError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"cohort.fields: {pattern!r} cannot be filled in: {error!r}",
+            remedy="placeholders are columns of the sheet, such as {participant_id}",
+        ) from None
+
+
+def _located(name: str, folder: Path) -> Path:
+    """A file named in a sheet, from the folder of the sheet; `a/../b` becomes `b`."""
+    return Path(os.path.normpath(folder / name))
+
+
+def _relative(path: Path, folder: Path) -> str:
+    """`path` as a sheet in `folder` names it: relative below the folder's parent, absolute elsewhere."""
+    target, start = path.resolve(), folder.resolve()
+    return os.path.relpath(target, start) if target.is_relative_to(start.parent) else str(target)
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        value = float(text or "")
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, str]]]:
+    """Files below `directory` that fit a pattern, with the values of its placeholders."""
+    parts = re.split(r"\{(participant|session|hemi)\}", pattern)
+    expression, seen = "", set[str]()
+    for text, name in zip(parts[::2], [*parts[1::2], ""], strict=True):
+        label = f"(?P={name})" if name in seen else f"(?P<{name}>[A-Za-z0-9]+)"
+        expression += re.escape(text) + (label if name else "")
+        seen.add(name)
+    for path in sorted(directory.glob("*".join(parts[::2]))):
+        if match := re.fullmatch(expression, path.relative_to(directory).as_posix()):
+            yield path, match.groupdict()
+
+
+def _scan_age(
+    directory: Path, participant: str, session: str | None, patterns: Scan, tables: dict[Path, list[dict[str, str]]]
+) -> float | None:
+    """Age of a session from the sessions table, else from the participants table; `tables` caches what was read."""
+    keys = {"participant_id": participant, "session_id": session}
+    for name in (patterns.sessions, patterns.participants):
+        path = directory / name.format(participant=participant, session=session)
+        if path not in tables:
+            header, rows = _read_table(path) if path.exists() else ([], [])
+            tables[path] = [dict(zip(header, values, strict=False)) for _, values in rows]
+        for row in tables[path]:
+            fits = all(
+                re.sub("^(sub|ses)-", "", row[key]) == label for key, label in keys.items() if label and key in row
+            )
+            ages = [_number(row[column]) for column in patterns.age_columns if column in row]
+            if fits and ages and ages[0] is not None:
+                return ages[0]
+    return None

@@ -1,0 +1,375 @@
+"""The typed configuration: every key with its unit, its default and what it does.
+
+One model describes the whole file. `load` reads a YAML file (or the dict Snakemake hands over), `render` writes the
+documented YAML that `config.yaml` is checked against, and `Config.stage` gives the plain dict of one stage's
+parameters that the workflow compares between runs.
+
+Two named settings give the stage parameters their defaults: `default` (ours) are the defaults of the models below,
+`published` replaces those in `PUBLISHED` by the choices of the CORTET paper (arXiv:2607.12157). A key in the
+configuration overrides either.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import textwrap
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, cast
+
+import yaml
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    NonNegativeInt,
+    PositiveInt,
+    ValidationError,
+)
+from pydantic.fields import FieldInfo
+
+from cortet.errors import InputError
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(gt=0, le=1)]
+Threshold = Annotated[float, Field(gt=0, lt=1)]
+Boundary = Literal["fixed", "slide", "free"]
+Mesher = Literal["cgal"]
+Solver = Literal["braingrowth"]
+#: stages that make one mesh out of another, in the order in which they run
+StageName = Literal["generate", "transfer", "relocate", "clean", "reconnect", "snap", "solver_ready"]
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, (list, tuple)) else [value]
+
+
+def _whole_micrometres(value: float) -> float:
+    if abs(value * 1000 - round(value * 1000)) > 1e-6:
+        raise ValueError("must be a multiple of 0.001 mm: files are named by it (res-600um)")
+    return round(value, 3)
+
+
+CellSize = Annotated[Positive, AfterValidator(_whole_micrometres)]
+
+
+class Section(BaseModel):
+    """A part of the configuration; unknown keys are errors, values never change after loading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+class Scan(Section):
+    """How `cortet cohort scan` reads a data release. Placeholders: {participant}, {session}, {hemi}."""
+
+    surfaces: list[str] = [
+        "sub-{participant}/ses-{session}/anat/sub-{participant}_ses-{session}_hemi-{hemi}_wm.surf.gii",
+        "sub-{participant}/ses-{session}/anat/sub-{participant}_ses-{session}_hemi-{hemi}_white.surf.gii",
+        "sub-{participant}/anat/sub-{participant}_hemi-{hemi}_wm.surf.gii",
+        "sub-{participant}/anat/sub-{participant}_hemi-{hemi}_white.surf.gii",
+    ]
+    """Where surfaces lie below the release's folder; the first pattern that finds a case wins."""
+    sessions: str = "sub-{participant}/sub-{participant}_sessions.tsv"
+    """Table of a participant's sessions."""
+    participants: str = "participants.tsv"
+    """Table of all participants, used where the sessions table has no age."""
+    age_columns: list[str] = ["scan_age", "gestational_age", "ga", "age"]
+    """Columns that may hold the age at scan, gestational weeks; the first that exists is read."""
+
+
+class Cohort(Section):
+    """The surfaces to mesh."""
+
+    sheet: Path = Path("demo/cohort.tsv")
+    """Cohort sheet (TSV); `cortet cohort scan` writes one. File names in it are relative to the sheet's folder.
+    The surface `phantom` stands for a synthetic cortex of the row's scan_age and hemi."""
+    fields: dict[str, str] = {}
+    """Per-vertex fields (.shape/.func/.label.gii) of every case, name: file pattern. Placeholders are the columns of
+    the sheet, e.g. thickness: "../{participant_id}/{session_id}/thickness_hemi-{hemi}.shape.gii"; names are relative
+    to the sheet's folder. A sheet column `field_<name>` overrides the pattern for its row."""
+    scan: Scan = Scan()
+
+
+class Phantom(Section):
+    """Synthetic fetal cortex surfaces (surface `phantom` in the sheet)."""
+
+    subdivisions: Annotated[int, Field(ge=2, le=7)] = 5
+    """Subdivisions of the icosahedron: 5 gives 10,242 vertices, 6 gives 40,962."""
+    seed: NonNegativeInt = 0
+    """Seed of the individual variation of the sulci."""
+
+
+class Gate(Section):
+    """Input gate: what a surface must be before anything else happens to it."""
+
+    allow_genus: NonNegativeInt = 0
+    """Largest genus accepted. 0: a sphere, as a hemisphere must be."""
+
+
+class SmoothSurface(Section):
+    """Smoothing of the input surface, by gestational age (PyMeshLab)."""
+
+    enabled: bool = True
+    """false meshes the surface as it comes through the gate."""
+    max_area_change: Fraction = 0.06
+    """Largest relative loss of area."""
+    max_displacement: Positive = 0.25
+    """Largest symmetric mean nearest-vertex distance to the unsmoothed surface, mm."""
+
+
+class Generate(Section):
+    """S1: tetrahedra inside the surface."""
+
+    cell_size: Annotated[list[CellSize], BeforeValidator(_as_list), Field(min_length=1)] = [0.6]
+    """Cell size h, mm, a multiple of 0.001: bound of circumradius and surface ball. A list makes one mesh per size."""
+    meshers: Annotated[list[Mesher], BeforeValidator(_as_list), Field(min_length=1)] = ["cgal"]
+    """Meshers; every stage after S1 is the same for all of them."""
+    backend: Literal["auto", "pygalmesh", "cgal"] = "auto"
+    """Package that runs CGAL: pygalmesh (compiled from source), cgal (wheel), auto: pygalmesh where installed."""
+    facet_angle: Annotated[float, Field(gt=0, le=30)] = 25.0
+    """Smallest angle of a boundary triangle, degrees; refinement ends for certain only up to 30."""
+    facet_distance: Annotated[list[Fraction], BeforeValidator(_as_list), Field(min_length=1)] = [0.5, 0.2, 0.1, 0.05]
+    """Distance of a boundary triangle's circumcentre to that of its surface ball, as fractions of h, tried in this
+    order until the boundary is a closed manifold of the input's genus: narrow sulci fuse when it is too large."""
+    radius_edge_ratio: Positive = 2.0
+    """Largest ratio of circumradius to shortest edge."""
+    odt: bool = True
+    """Optimal Delaunay triangulation smoothing."""
+    lloyd: bool = True
+    """Lloyd smoothing."""
+    perturb: bool = True
+    """Vertex perturbation against slivers."""
+    exude: bool = True
+    """Sliver exudation, last."""
+    seed: NonNegativeInt = 0
+    """Seed of CGAL's random numbers."""
+
+
+class Relocate(Section):
+    """S3: Gmsh Relocate3D."""
+
+    enabled: bool = True
+    """false leaves the stage out."""
+    passes: PositiveInt = 5
+    """Number of Relocate3D passes."""
+    boundary: Literal["fixed", "free"] = "fixed"
+    """fixed keeps boundary nodes where S1 put them, on the surface; free lets Gmsh move them too."""
+
+
+class Clean(Section):
+    """S4: worst-element cleaning; only vertices move."""
+
+    enabled: bool = True
+    """false leaves the stage out."""
+    thresholds: Annotated[list[Threshold], Field(min_length=1)] = [0.7, 0.5, 0.3]
+    """One pass per threshold: the vertices of elements with q above it are moved."""
+    boundary: Boundary = "slide"
+    """slide lets boundary nodes move along the input surface, fixed holds them, free lets them leave it."""
+    backend: Literal["cortet", "meshtool"] = "cortet"
+    """cortet: our own kernel; meshtool: an installed meshtool binary."""
+
+
+class Reconnect(Section):
+    """S4+: local swaps where moving vertices cannot help; connectivity changes."""
+
+    enabled: bool = True
+    """false leaves the stage out."""
+
+
+class Snap(Section):
+    """S6: boundary nodes to the nearest point of the input surface."""
+
+    enabled: bool = False
+    """true adds the stage; after `boundary: slide` there is nothing left for it to do."""
+    q_max: Threshold = 0.6
+    """Elements that snapping makes worse than this are repaired."""
+
+
+class Certify(Section):
+    """What a mesh must be to be called solver-ready."""
+
+    q_max: Threshold = 0.6
+    """Worst element: q (0 regular, 1 degenerate) must be below this."""
+    max_boundary_distance: Positive | None = 1e-3
+    """Largest distance of a boundary node to the surface that was meshed, mm; null: no limit."""
+
+
+class Quality(Section):
+    """Quality records beside the meshes."""
+
+    stages: list[StageName] = ["generate", "relocate", "clean", "solver_ready"]
+    """Stages whose mesh is measured (those that are enabled)."""
+
+
+class Export(Section):
+    """Files for solvers, each verified as written."""
+
+    formats: list[Solver] = ["braingrowth"]
+    """Formats to write."""
+    uncertified: bool = False
+    """true also exports meshes that are not certified."""
+
+
+class Config(Section):
+    """The whole configuration."""
+
+    setting: Literal["default", "published"] = "default"
+    """Named set of stage parameters: `default` (ours) or `published` (the CORTET paper's). Keys below override it."""
+    output: Path = Path("derivatives/cortet")
+    """Folder of everything that is made (BIDS derivative)."""
+    cohort: Cohort = Cohort()
+    phantom: Phantom = Phantom()
+    gate: Gate = Gate()
+    smooth_surface: SmoothSurface = SmoothSurface()
+    generate: Generate = Generate()
+    relocate: Relocate = Relocate()
+    clean: Clean = Clean()
+    reconnect: Reconnect = Reconnect()
+    snap: Snap = Snap()
+    certify: Certify = Certify()
+    quality: Quality = Quality()
+    export: Export = Export()
+
+    def enabled(self, stage: str) -> bool:
+        """Whether the line of stages contains `stage`."""
+        return bool(getattr(getattr(self, stage, None), "enabled", True))
+
+    def stage(self, name: str, **chosen: Any) -> dict[str, Any]:
+        """Plain, JSON-able keyword arguments of one stage function, and its `version`.
+
+        `chosen` replaces what the configuration holds as a list of alternatives (cell_size, mesher).
+        """
+        section = getattr(self, name, None)
+        values = section.model_dump(mode="json") if section is not None else {}
+        for key in ("enabled", "cell_size", "meshers"):
+            values.pop(key, None)
+        return {**values, **chosen, "version": stage_version(name)}
+
+
+#: where the paper's choices differ from ours: section -> key -> value
+PUBLISHED: dict[str, dict[str, Any]] = {
+    "generate": {"facet_distance": [0.5]},
+    "relocate": {"boundary": "free"},
+    "clean": {"boundary": "free"},
+    "reconnect": {"enabled": False},
+    "certify": {"max_boundary_distance": None},
+}
+
+
+def load(source: Path | str | Mapping[str, Any]) -> Config:
+    """The validated configuration of a YAML file or a plain dict.
+
+    Raises `InputError` naming every offending key with its value and, for an unknown key, the nearest known one.
+    """
+    data = _read(Path(source)) if isinstance(source, (str, Path)) else dict(source)
+    if data.get("setting") == "published":
+        data = _overlaid(PUBLISHED, data)
+    try:
+        return Config.model_validate({key: value for key, value in data.items() if value is not None})
+    except ValidationError as error:
+        place = source if isinstance(source, (str, Path)) else "configuration"
+        lines = [_complaint(problem) for problem in error.errors(include_url=False)]
+        raise InputError("; ".join(lines), file=place) from None
+
+
+def stage_version(name: str) -> int:
+    """`VERSION` of a stage module, read from its source: importing it would load Numba or Gmsh."""
+    path = next(p for p in (_PACKAGE / "stages" / f"{name}.py", _PACKAGE / f"{name}.py") if p.exists())
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        if any(isinstance(target, ast.Name) and target.id == "VERSION" for target in targets):
+            return int(ast.literal_eval(node.value))  # type: ignore[attr-defined]
+    raise LookupError(f"{path} declares no VERSION")
+
+
+def render(data: Mapping[str, Any]) -> str:
+    """Documented YAML of a configuration: keys in `data` are set, the others shown as comments with their default."""
+    head = (
+        "# Configuration of cortet. Keys that are commented out show their value in the `default` setting.\n"
+        "# Use another file with `snakemake --configfile FILE`, or change single keys with\n"
+        "# `snakemake --config setting=published generate='{cell_size: 1.0}'`.\n"
+    )
+    return head + "".join(_rendered(Config, data, PUBLISHED, indent=0, commented=False))
+
+
+_PACKAGE = Path(__file__).parent
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f"cannot be read: {error}", file=path, remedy="give a YAML file of keys and values") from None
+    if not isinstance(data, dict):
+        raise InputError("holds no keys", file=path, remedy="give a YAML file of keys and values")
+    return data
+
+
+def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """`base` with the keys of `over` put on top, section by section."""
+    result = dict(base)
+    for key, value in over.items():
+        both = isinstance(value, Mapping) and isinstance(result.get(key), Mapping)
+        result[key] = _overlaid(result[key], value) if both else value
+    return result
+
+
+def _complaint(problem: Any) -> str:
+    """One finding of pydantic in the user's words."""
+    *parents, last = [str(part) for part in problem["loc"]]
+    name = ".".join([*parents, last])
+    if problem["type"] != "extra_forbidden":
+        return f"{name} = {problem['input']!r}: {problem['msg']}"
+    model: Any = Config
+    for parent in parents:
+        model = model.model_fields[parent].annotation
+    here, everywhere = list(model.model_fields), {key.rpartition(".")[2]: key for key in _keys(Config)}
+    for known in (here, list(everywhere)):
+        if nearest := difflib.get_close_matches(last, known, n=1, cutoff=0.7):
+            suggestion = ".".join([*parents, nearest[0]]) if known is here else everywhere[nearest[0]]
+            return f"unknown key {name}; did you mean {suggestion}?"
+    return f"unknown key {name}; known here: {', '.join(here)}"
+
+
+def _keys(model: type[BaseModel], parents: str = "") -> Iterator[str]:
+    """Dotted names of all keys, sections included."""
+    for name, info in model.model_fields.items():
+        yield parents + name
+        if _is_section(info):
+            yield from _keys(cast(type[BaseModel], info.annotation), f"{parents}{name}.")
+
+
+def _is_section(info: FieldInfo) -> bool:
+    return isinstance(info.annotation, type) and issubclass(info.annotation, Section)
+
+
+def _rendered(
+    model: type[BaseModel], data: Mapping[str, Any], published: Mapping[str, Any], *, indent: int, commented: bool
+) -> Iterator[str]:
+    pad = " " * indent
+    for name, info in model.model_fields.items():
+        given = data.get(name)
+        hidden = "# " if commented or name not in data else ""
+        if _is_section(info):
+            section: Any = info.annotation
+            yield f"\n{pad}# {section.__doc__}\n{pad}{hidden}{name}:\n"
+            yield from _rendered(
+                section, given or {}, published.get(name, {}), indent=indent + 2, commented=bool(hidden)
+            )
+            continue
+        text = " ".join((info.description or "").split())
+        if name in published:
+            text += f" published: {_yaml(published[name])}"
+        yield "\n" if indent == 0 else ""
+        yield textwrap.indent(textwrap.fill(text, 118 - indent, break_long_words=False), f"{pad}# ") + "\n"
+        yield f"{pad}{hidden}{name}: {_yaml(given if name in data else info.default)}\n"
+
+
+def _yaml(value: Any) -> str:
+    """One line of YAML for one value."""
+    plain = value.as_posix() if isinstance(value, Path) else value
+    text: str = yaml.safe_dump(plain, default_flow_style=True, width=10_000)
+    return text.removesuffix("\n").removesuffix("\n...")

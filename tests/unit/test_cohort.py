@@ -1,0 +1,161 @@
+"""The cohort sheet: what a row means, and that every bad row is named with line, column, value and remedy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from cortet.cohort import COLUMNS, Case, read_sheet, scan, write_sheet
+from cortet.config import Scan
+from cortet.errors import InputError
+
+GOOD = "007\t01\tL\t27.5\tdata/a.surf.gii\tyes\tn/a"
+
+
+def sheet(folder: Path, *rows: str, extra: str = "") -> Path:
+    path = folder / "cohort.tsv"
+    path.write_text("\t".join(COLUMNS) + extra + "\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def test_a_row_becomes_a_case_with_string_labels(tmp_path: Path) -> None:
+    (case,) = read_sheet(sheet(tmp_path, GOOD))
+    assert case == Case("007", "01", "L", 27.5, tmp_path / "data/a.surf.gii")
+    assert case.name == "sub-007_ses-01_hemi-L"
+    assert case.folder == "sub-007/ses-01"
+
+
+def test_session_and_hemi_may_be_missing(tmp_path: Path) -> None:
+    (case,) = read_sheet(sheet(tmp_path, "sub-007\tn/a\tn/a\t27.5\t/abs/a.surf.gii\tyes\tn/a"))
+    assert (case.name, case.folder, case.surface) == ("sub-007", "sub-007", Path("/abs/a.surf.gii"))
+
+
+def test_a_phantom_needs_no_file(tmp_path: Path) -> None:
+    (case,) = read_sheet(sheet(tmp_path, "p\tn/a\tR\t30\tphantom\tyes\tn/a"))
+    assert case.is_phantom
+
+
+def test_further_columns_are_carried_through(tmp_path: Path) -> None:
+    (case,) = read_sheet(sheet(tmp_path, GOOD + "\t1\tn/a", extra="\tscanner\tsite"))
+    assert case.extra == {"scanner": "1", "site": "n/a"}
+
+
+def test_fields_come_from_the_configured_pattern_and_the_row_has_the_last_word(tmp_path: Path) -> None:
+    rows = (GOOD + "\tn/a", GOOD.replace("007", "008") + "\town.shape.gii")
+    path = sheet(tmp_path, *rows, extra="\tfield_thickness")
+    first, second = read_sheet(path, {"thickness": "t/{participant_id}.shape.gii", "curv": "c/{hemi}.shape.gii"})
+    assert first.fields == {"curv": tmp_path / "c/L.shape.gii"}
+    assert second.fields == {"thickness": tmp_path / "own.shape.gii", "curv": tmp_path / "c/L.shape.gii"}
+
+
+def test_an_unknown_placeholder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="subject"):
+        read_sheet(sheet(tmp_path, GOOD), {"thickness": "{subject}.shape.gii"})
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("00/7\t01\tL\t27\ta.gii\tyes\tn/a", "line 2, column participant_id: '00/7' is no BIDS label"),
+        ("n/a\t01\tL\t27\ta.gii\tyes\tn/a", "column participant_id: 'n/a'"),
+        ("007\tses_1\tL\t27\ta.gii\tyes\tn/a", "column session_id: 'ses_1'"),
+        ("007\t01\tleft-ish\t27\ta.gii\tyes\tn/a", "column hemi: 'left-ish' is no hemisphere (use L, R"),
+        ("007\t01\tL\t190\ta.gii\tyes\tn/a", "column scan_age: '190' is no age in gestational weeks"),
+        ("007\t01\tL\tnan\ta.gii\tyes\tn/a", "column scan_age: 'nan'"),
+        ("007\t01\tL\tn/a\ta.gii\tyes\tn/a", "column scan_age: 'n/a'"),
+        ("007\t01\tL\t27\tn/a\tyes\tn/a", "column surface: 'n/a' names no file"),
+        ("007\t01\tL\t27\t{x}.gii\tyes\tn/a", "column surface: '{x}.gii' cannot be a file name here"),
+        ("007\t01\tL\t27\ta.gii\tmaybe\tn/a", "column include: 'maybe' is no decision (use yes or no)"),
+        ("007\t01\tL\t27\ta.gii\tno\tn/a", "column exclude_reason: 'n/a' does not say why"),
+        ("007\t01\tL\t27\ta.gii", "line 2, all columns: 5 values for 7 columns"),
+    ],
+)
+def test_a_bad_row_is_named_with_line_column_value_and_remedy(tmp_path: Path, row: str, words: str) -> None:
+    with pytest.raises(InputError) as error:
+        read_sheet(sheet(tmp_path, row))
+    assert words in str(error.value)
+
+
+def test_all_bad_rows_are_named_at_once(tmp_path: Path) -> None:
+    rows = (GOOD, GOOD, GOOD.replace("007", "0 8"), GOOD.replace("27.5", "x").replace("007", "9"))
+    with pytest.raises(InputError) as error:
+        read_sheet(sheet(tmp_path, *rows))
+    message = str(error.value)
+    assert "3 problem(s)" in message
+    assert "line 3, columns participant_id, session_id, hemi: sub-007_ses-01_hemi-L is already in line 2" in message
+    assert "line 4, column participant_id: '0 8'" in message
+    assert "line 5, column scan_age: 'x'" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "is empty"),
+        ("participant_id,hemi\n1,L\n", "line 1: no column participant_id, session_id"),
+        ("\t".join([*COLUMNS, "hemi"]) + "\n", "two columns have the same name"),
+        ("\t".join(COLUMNS) + "\n", "no rows below the header"),
+    ],
+)
+def test_a_sheet_that_is_no_sheet_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "cohort.tsv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=words):
+        read_sheet(path)
+
+
+def test_an_excluded_row_needs_no_age_and_keeps_its_reason(tmp_path: Path) -> None:
+    (case,) = read_sheet(sheet(tmp_path, "007\t01\tL\tn/a\ta.gii\tno\tmotion"))
+    assert (case.include, case.exclude_reason, case.scan_age) == (False, "motion", None)
+
+
+def test_what_is_written_is_read_back(tmp_path: Path) -> None:
+    (case,) = read_sheet(sheet(tmp_path, GOOD + "\t3T", extra="\tscanner"))
+    cases = [replace(case, fields={"thickness": tmp_path / "t.shape.gii"}), replace(case, participant="p", hemi=None)]
+    write_sheet(cases, tmp_path / "again.tsv")
+    assert read_sheet(tmp_path / "again.tsv") == cases
+
+
+def release(folder: Path) -> Path:
+    """A small dHCP-like release: two participants, one with an age in the sessions table, one in participants.tsv."""
+    for participant, session in (("CC01", "100"), ("CC02", "200")):
+        anat = folder / f"sub-{participant}" / f"ses-{session}" / "anat"
+        anat.mkdir(parents=True)
+        for name in ("hemi-left_wm", "hemi-right_wm", "hemi-left_pial", "hemi-left_white"):
+            (anat / f"sub-{participant}_ses-{session}_{name}.surf.gii").touch()
+    (folder / "sub-CC01" / "sub-CC01_sessions.tsv").write_text("session_id\tscan_age\n99\t21.0\n100\t30.5\n")
+    (folder / "participants.tsv").write_text("participant_id\tscan_age\nCC01\t1\nsub-CC02\t33\n")
+    return folder
+
+
+def test_scan_finds_the_white_surfaces_of_a_release_and_their_ages(tmp_path: Path) -> None:
+    cases = scan(release(tmp_path))
+    assert [(case.name, case.scan_age, Path(case.surface).name) for case in cases] == [
+        ("sub-CC01_ses-100_hemi-L", 30.5, "sub-CC01_ses-100_hemi-left_wm.surf.gii"),
+        ("sub-CC01_ses-100_hemi-R", 30.5, "sub-CC01_ses-100_hemi-right_wm.surf.gii"),
+        ("sub-CC02_ses-200_hemi-L", 33.0, "sub-CC02_ses-200_hemi-left_wm.surf.gii"),
+        ("sub-CC02_ses-200_hemi-R", 33.0, "sub-CC02_ses-200_hemi-right_wm.surf.gii"),
+    ]
+
+
+def test_scan_excludes_a_case_without_an_age_and_says_so(tmp_path: Path) -> None:
+    (release(tmp_path) / "participants.tsv").unlink()
+    excluded = [case for case in scan(tmp_path) if not case.include]
+    assert {case.participant for case in excluded} == {"CC02"}
+    write_sheet(scan(tmp_path), tmp_path / "cohort.tsv")
+    assert "no scan age" in read_sheet(tmp_path / "cohort.tsv")[-1].exclude_reason
+
+
+def test_scan_patterns_are_configurable(tmp_path: Path) -> None:
+    (tmp_path / "x").mkdir()
+    (tmp_path / "x" / "A7.rh.white.gii").touch()
+    (tmp_path / "ages.tsv").write_text("participant_id\tweeks\nA7\t28\n")
+    patterns = Scan(surfaces=["x/{participant}.{hemi}.white.gii"], participants="ages.tsv", age_columns=["weeks"])
+    (case,) = scan(tmp_path, patterns)
+    assert (case.name, case.scan_age) == ("sub-A7_hemi-R", 28.0)
+
+
+def test_scan_of_a_folder_without_surfaces_says_what_it_looked_for(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="_wm.surf.gii"):
+        scan(tmp_path)

@@ -1,0 +1,110 @@
+"""The configuration: what is accepted, what is refused and how, and that `config.yaml` documents the model."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+import yaml
+from pydantic import BaseModel
+
+from cortet import config
+from cortet.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+STAGES = ("gate", "smooth_surface", "generate", "relocate", "clean", "snap")
+
+
+def test_config_yaml_documents_every_key_as_the_model_does() -> None:
+    text = (ROOT / "config.yaml").read_text(encoding="utf-8")
+    assert config.render(yaml.safe_load(text)) == text, (
+        "config.yaml and cortet/config.py differ; "
+        "`python -c \"import yaml; from cortet import config; p = 'config.yaml'; t = config.render(yaml.safe_load(open(p)));"
+        " open(p, 'w').write(t)\"` writes it anew"
+    )
+
+
+def test_what_is_rendered_is_read_back() -> None:
+    everything = config.Config().model_dump(mode="json")
+    assert config.load(yaml.safe_load(config.render(everything))) == config.Config()
+
+
+def undescribed(model: type[BaseModel]) -> Iterator[str]:
+    for name, info in model.model_fields.items():
+        if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
+            yield from undescribed(info.annotation)
+        elif not info.description:
+            yield f"{model.__name__}.{name}"
+
+
+def test_every_key_is_described() -> None:
+    assert not list(undescribed(config.Config))
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_stage_gets_exactly_the_parameters_its_function_takes(stage: str) -> None:
+    function = getattr(import_module(f"cortet.stages.{stage}"), stage)
+    keywords = {name for name, p in inspect.signature(function).parameters.items() if p.kind is p.KEYWORD_ONLY}
+    given = set(config.Config().stage(stage)) - {"version"}
+    assert given <= keywords
+    assert keywords - given <= {"cell_size", "mesher", "source", "gestational_age"}  # chosen per case
+
+
+def test_stage_parameters_are_plain_data_with_the_version_of_the_stage() -> None:
+    parameters = config.Config().stage("generate", cell_size=0.6, mesher="cgal")
+    assert json.loads(json.dumps(parameters)) == parameters
+    assert parameters["version"] == import_module("cortet.stages.generate").VERSION
+
+
+def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
+    published = config.load({"setting": "published", "clean": {"boundary": "fixed"}})
+    assert published.generate.facet_distance == [0.5]
+    assert published.relocate.boundary == "free"
+    assert published.clean.boundary == "fixed"
+    assert not published.enabled("reconnect")
+    assert config.Config().enabled("reconnect")
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ({"clean": {"treshold": [0.5]}}, "unknown key clean.treshold; did you mean clean.thresholds?"),
+        ({"clena": {}}, "unknown key clena; did you mean clean?"),
+        ({"q_max": 0.6}, "unknown key q_max; did you mean"),
+        ({"xyzzy": 1}, "unknown key xyzzy; known here: setting, output, cohort"),
+        ({"generate": {"cell_size": -1}}, "generate.cell_size.0 = -1: Input should be greater than 0"),
+        ({"generate": {"cell_size": 0.00051}}, "multiple of 0.001 mm"),
+        ({"generate": {"facet_angle": float("nan")}}, "generate.facet_angle = nan"),
+        ({"setting": "paper"}, "setting = 'paper': Input should be 'default' or 'published'"),
+    ],
+)
+def test_a_bad_key_is_named_with_its_remedy(data: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=".*") as error:
+        config.load(data)
+    assert words in str(error.value)
+
+
+def test_all_bad_keys_are_named_at_once() -> None:
+    with pytest.raises(InputError) as error:
+        config.load({"snap": {"enable": True}, "relocate": {"passes": 0}})
+    assert "snap.enable" in str(error.value) and "relocate.passes" in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["- a list", "a: [", ""])
+def test_a_file_that_is_no_configuration_is_refused_by_name(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match="mine.yaml"):
+        config.load(path)
+
+
+def test_one_value_may_stand_for_a_list() -> None:
+    assert config.load({"generate": {"cell_size": 0.8}}).generate.cell_size == [0.8]
+
+
+def test_an_empty_section_is_the_default() -> None:
+    assert config.load({"clean": None}) == config.Config()
