@@ -1,0 +1,33 @@
+"""A file under its final name is always complete."""
+
+import json
+
+import pytest
+
+from cortet.formats.atomic import atomic_path, write_json
+
+
+def test_the_file_appears_when_the_block_ends(tmp_path):
+    final = tmp_path / "sub-1" / "x.surf.gii"
+    with atomic_path(final) as temporary:
+        assert temporary.parent == final.parent and temporary.name.endswith(".surf.gii")
+        temporary.write_text("whole")
+        assert not final.exists()
+    assert final.read_text() == "whole" and [p.name for p in final.parent.iterdir()] == ["x.surf.gii"]
+
+
+def test_a_failure_leaves_the_old_file_and_no_litter(tmp_path):
+    final = tmp_path / "x.json"
+    final.write_text("old")
+    with pytest.raises(ZeroDivisionError), atomic_path(final) as temporary:
+        temporary.write_text("half")
+        raise ZeroDivisionError
+    assert final.read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["x.json"]
+
+
+def test_json_is_readable_and_strict(tmp_path):
+    write_json({"mean_q": 0.125}, tmp_path / "x.json")
+    assert json.loads((tmp_path / "x.json").read_text()) == {"mean_q": 0.125}
+    with pytest.raises(ValueError, match="JSON"):
+        write_json({"mean_q": float("nan")}, tmp_path / "x.json")
+    assert json.loads((tmp_path / "x.json").read_text()) == {"mean_q": 0.125}
