@@ -4,8 +4,8 @@ Two builds of the same library can do it: `pygalmesh` (CGAL 5, compiled from sou
 wheel (CGAL 6, no compiling). Both read an OFF file and write a Medit file, with 17 significant digits.
 
 Refinement decides the topology. With a coarse facet distance the two banks of a narrow sulcus pinch or fuse, silently,
-so the boundary is checked after refinement, before the slow passes, and again after them; when it has not the topology of
-the input, the facet distance (nothing else) is tightened.
+so the boundary is checked after refinement, before the slow passes, and again after them; when its topology is not that
+of the input, the facet distance (nothing else) is tightened.
 
 Reference: https://doc.cgal.org/latest/Mesh_3/index.html (criteria and passes).
 """
