@@ -1,0 +1,40 @@
+"""Move nodes only as far as the tetrahedra around them allow; shared by the stages that are told where nodes go."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cortet.mesh import FloatArray, IntArray
+from cortet.quality import quality, signed_volumes
+
+#: after this many halvings a node goes back to its start
+HALVINGS = 8
+
+
+def back_off(
+    start: FloatArray, target: FloatArray, cells: IntArray, *, q_max: float = 1.0
+) -> tuple[FloatArray, FloatArray]:
+    """Move nodes from `start` towards `target`, halving the step of those around an unacceptable element.
+
+    An element is acceptable when its volume is positive and its q is below `q_max`, or no higher than at the start.
+
+    Parameters
+    ----------
+    start, target : (n, 3) mm; every element has positive volume at `start`
+    cells : (m, 4) int32
+    q_max : 1 asks for positive volumes only
+
+    Returns
+    -------
+    The (n, 3) positions, exactly `target` where the whole step was made, and the share of it made, (n,) in [0, 1].
+    """
+    allowed = np.maximum(np.nextafter(q_max, 0), quality(start, cells))
+    share = np.ones(len(start))
+    while True:
+        points = np.where(share[:, None] < 1, start + share[:, None] * (target - start), target)
+        bad = ~(signed_volumes(points, cells) > 0) | (quality(points, cells) > allowed)
+        if not bad.any():
+            return points, share
+        offending = np.unique(cells[bad])
+        share[offending] /= 2
+        share[share < 0.5**HALVINGS] = 0

@@ -1,0 +1,80 @@
+"""S3 moves nodes only, through Gmsh's renumbering, and leaves a fixed boundary exactly alone."""
+
+import gmsh
+import numpy as np
+import pytest
+from shapes import cube_mesh
+
+from cortet.errors import InputError, StageError
+from cortet.mesh import TetMesh
+from cortet.quality import quality, signed_volumes
+from cortet.stages.relocate import relocate
+from cortet.topology import boundary_nodes
+
+
+def rough_cube() -> TetMesh:
+    """Interior nodes out of place, and numbered at random, so that any mix-up of numbers tears the mesh."""
+    cube = cube_mesh(6, side=3.0, jitter=0.2)
+    shuffle = np.random.default_rng(3).permutation(len(cube.points))
+    fields = {"label": np.arange(len(shuffle), dtype=np.int32)}
+    return TetMesh(cube.points[np.argsort(shuffle)], shuffle[cube.cells], fields)
+
+
+@pytest.mark.parametrize("boundary", ["fixed", "free"])
+def test_quality_improves_and_nothing_is_inverted(boundary):
+    mesh = rough_cube()
+    better, report = relocate(mesh, boundary=boundary)
+    before, after = quality(mesh.points, mesh.cells), quality(better.points, better.cells)
+    assert after.mean() < before.mean() - 0.02 and after.max() < before.max()
+    assert signed_volumes(better.points, better.cells).min() > 0
+    assert (report.mean_q_before, report.q_max_after) == (before.mean(), after.max())
+    assert report.nodes_moved > 0 and report.nodes_backed_off == 0
+
+
+def test_a_fixed_boundary_does_not_move_by_one_bit():
+    mesh = rough_cube()
+    better, report = relocate(mesh, boundary="fixed")
+    nodes = boundary_nodes(mesh)
+    assert np.array_equal(better.points[nodes], mesh.points[nodes])
+    assert report.max_boundary_displacement_mm == 0.0 < report.max_displacement_mm
+
+
+def test_a_free_boundary_moves_and_the_report_says_how_far():
+    mesh = rough_cube()
+    better, report = relocate(mesh, boundary="free")
+    nodes = boundary_nodes(mesh)
+    moved = np.linalg.norm(better.points[nodes] - mesh.points[nodes], axis=1)
+    assert report.max_boundary_displacement_mm == moved.max() > 0
+    assert report.mean_boundary_displacement_mm == moved.mean()
+
+
+def test_numbering_connectivity_and_fields_stay():
+    mesh = rough_cube()
+    better, _ = relocate(mesh)
+    assert better.cells is mesh.cells and better.point_data is mesh.point_data
+    displacement = np.linalg.norm(better.points - mesh.points, axis=1)
+    assert displacement.max() < 0.5  # one spacing; a mix-up of numbers would be many
+
+
+@pytest.mark.parametrize("boundary", ["fixed", "free"])
+def test_it_is_deterministic_and_can_be_called_again(boundary):
+    first, _ = relocate(rough_cube(), boundary=boundary)
+    second, _ = relocate(rough_cube(), boundary=boundary)
+    assert np.array_equal(first.points, second.points)
+    assert not gmsh.isInitialized()
+
+
+def test_a_failure_inside_gmsh_is_reported_and_leaves_no_session(monkeypatch):
+    def fail(*_: object, **__: object) -> None:
+        raise Exception("no such method")
+
+    monkeypatch.setattr(gmsh.model.mesh, "optimize", fail)
+    with pytest.raises(StageError, match="Gmsh failed: no such method"):
+        relocate(cube_mesh(2))
+    assert not gmsh.isInitialized()
+
+
+@pytest.mark.parametrize("arguments", [{"boundary": "sliding"}, {"passes": 0}])
+def test_parameters_out_of_range_are_named(arguments):
+    with pytest.raises(InputError, match="relocate"):
+        relocate(cube_mesh(2), **arguments)
