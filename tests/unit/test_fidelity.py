@@ -1,0 +1,74 @@
+"""Distances, volume, area and roughness on bodies where they are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shapes import ball_surface, cube_mesh
+
+from cortet.fidelity import boundary_roughness, fidelity, summary
+from cortet.mesh import TetMesh, TriSurface
+from cortet.topology import boundary_surface
+
+
+def test_a_mesh_is_faithful_to_its_own_boundary() -> None:
+    mesh = cube_mesh(4, side=10.0)
+    surface, _ = boundary_surface(mesh)
+    found = fidelity(mesh, surface)
+    assert found.nodes_to_surface_mm.max < 1e-12
+    assert found.face_centres_to_surface_mm.max < 1e-12
+    assert found.surface_to_boundary_mm.max < 1e-12
+    assert found.nodes_to_nearest_vertex_mm.max == 0
+    assert found.volume_ml == pytest.approx(1.0)
+    assert found.area_mm2 == pytest.approx(600.0)
+    assert found.relative_volume_change == pytest.approx(0, abs=1e-12)
+    assert found.roughness == found.surface_roughness
+
+
+def test_a_cube_beside_a_smaller_cube() -> None:
+    mesh = cube_mesh(4, side=10.0)
+    outer, _ = boundary_surface(mesh)
+    inner = TriSurface((outer.points - 5) * 0.8 + 5, outer.faces)  # 1 mm inside every face
+    found = fidelity(mesh, inner)
+    assert found.relative_volume_change == pytest.approx(1 / 0.8**3 - 1)
+    assert found.relative_area_change == pytest.approx(1 / 0.8**2 - 1)
+    # from inside, the farthest point is 1 mm off; from outside, the corners are sqrt(3) mm off
+    assert found.surface_to_boundary_mm.max == pytest.approx(1.0)
+    assert found.nodes_to_surface_mm.max == pytest.approx(np.sqrt(3))
+
+
+def test_distance_to_the_nearest_vertex_is_named_apart_from_the_distance_to_the_surface() -> None:
+    mesh = cube_mesh(4, side=10.0)
+    coarse, _ = boundary_surface(cube_mesh(1, side=10.0))  # the same cube with its 8 corners only
+    found = fidelity(mesh, coarse)
+    assert found.nodes_to_surface_mm.max < 1e-12
+    assert found.nodes_to_nearest_vertex_mm.max == pytest.approx(np.hypot(5, 5))  # centre of a face to its corners
+
+
+def test_face_centres_show_what_a_coarse_boundary_cuts_off() -> None:
+    sphere = ball_surface(subdivisions=4, radius=10.0)
+    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * 10 / np.sqrt(3)
+    found = fidelity(TetMesh(corners, [[0, 2, 1, 3]]), sphere)
+    assert found.nodes_to_surface_mm.max < 0.1  # all four nodes lie on the sphere ...
+    assert found.face_centres_to_surface_mm.mean == pytest.approx(10 * 2 / 3, rel=0.01)  # ... the faces far inside
+    assert found.relative_volume_change < -0.8
+
+
+def test_the_summary_is_mean_percentile_and_maximum() -> None:
+    found = summary(np.arange(101.0))
+    assert (found.mean, found.p95, found.max) == (50.0, 95.0, 100.0)
+
+
+def test_roughness_is_relative_to_the_edges_and_rises_with_noise() -> None:
+    sphere = ball_surface(subdivisions=4)
+    smooth = boundary_roughness(sphere.points, sphere.faces)
+    assert boundary_roughness(10 * sphere.points, sphere.faces) == pytest.approx(smooth)
+    noise = np.random.default_rng(0).normal(0, 0.1, sphere.points.shape)
+    assert boundary_roughness(sphere.points + noise, sphere.faces) > 2 * smooth
+
+
+def test_roughness_of_a_regular_tetrahedron() -> None:
+    points = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], float)
+    faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], np.int32)
+    # a corner is 4/3 of the circumradius above the mean of the other three
+    assert boundary_roughness(points, faces) == pytest.approx(4 / 3 * np.sqrt(3) / np.sqrt(8))
