@@ -107,7 +107,7 @@ class SurfaceTopology:
         return found
 
 
-def _packed(simplices: NDArray[np.integer]) -> NDArray[np.int64]:
+def packed(simplices: NDArray[np.integer]) -> NDArray[np.int64]:
     """One int64 key per simplex (row), the same for any order of its 2 or 3 vertices."""
     rows = np.sort(simplices, axis=1).astype(np.int64)
     base = int(rows.max(initial=0)) + 1
@@ -124,7 +124,7 @@ def _packed(simplices: NDArray[np.integer]) -> NDArray[np.int64]:
 def boundary(mesh: TetMesh) -> BoundaryFaces:
     """Boundary faces of a mesh, outward, with the tetrahedron that owns each, in the order of the tetrahedra."""
     faces = mesh.cells[:, TET_FACES].reshape(-1, 3)
-    key = _packed(faces)
+    key = packed(faces)
     order = np.argsort(key, kind="stable")
     new = np.empty(len(key) + 1, bool)
     new[0] = new[-1] = True
@@ -164,7 +164,7 @@ def edges(simplices: IntArray) -> IntArray:
     """Unique edges of triangles or tetrahedra: (e, 2) int32, lower index first, sorted."""
     local = TRI_EDGES if simplices.shape[1] == 3 else TET_EDGES
     pairs = np.sort(simplices[:, local].reshape(-1, 2), axis=1)
-    return pairs[np.unique(_packed(pairs), return_index=True)[1]]
+    return pairs[np.unique(packed(pairs), return_index=True)[1]]
 
 
 def components(simplices: IntArray) -> int:
@@ -188,7 +188,7 @@ def surface_topology(faces: IntArray) -> SurfaceTopology:
     faces : (m, 3) int32
     """
     directed = faces[:, TRI_EDGES].reshape(-1, 2)
-    order = np.argsort(_packed(directed), kind="stable")
+    order = np.argsort(packed(directed), kind="stable")
     ordered = directed[order]
     starts = np.flatnonzero(np.r_[True, (np.sort(ordered[1:], 1) != np.sort(ordered[:-1], 1)).any(1)])
     counts = np.diff(np.r_[starts, len(order)])

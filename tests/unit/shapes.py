@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from scipy.spatial import Delaunay
 
 from cortet.mesh import TetMesh, TriSurface
+from cortet.quality import signed_volumes
 
 #: the six tetrahedra of a cube whose corner i has the bits of i as coordinates (Kuhn), all along the diagonal 0-7
 KUHN = np.array([[0, 1, 3, 7], [0, 5, 1, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 6, 4, 7]])
@@ -49,3 +51,17 @@ def horseshoe(gap: float, ring: float = 5.0, tube: float = 2.0, sections: int = 
     ]
     walls = [np.stack([a, a + sides, b], axis=1), np.stack([b, a + sides, b + sides], axis=1)]
     return TriSurface(np.concatenate([points, ends]), np.concatenate(walls + caps))
+
+
+def ball_mesh(subdivisions: int = 2, radius: float = 1.0) -> TetMesh:
+    """The inside of `ball_surface`, filled with jittered grid points: valid, with bad tetrahedra."""
+    skin = ball_surface(subdivisions, radius).points
+    spacing = 1.1 * radius / 2**subdivisions
+    axis = np.arange(-radius, radius, spacing)
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    grid = grid + np.random.default_rng(0).uniform(-0.25, 0.25, grid.shape) * spacing
+    points = np.vstack([skin, grid[np.linalg.norm(grid, axis=1) < radius - 0.7 * spacing]])
+    cells = Delaunay(points).simplices
+    volumes = signed_volumes(points, cells)
+    cells[volumes < 0] = cells[volumes < 0][:, [1, 0, 2, 3]]
+    return TetMesh(points, cells[np.abs(volumes) > 1e-6 * spacing**3])

@@ -60,8 +60,8 @@ def test_boundary_of_two_glued_tetrahedra_is_outward_and_leaves_the_shared_face_
 def test_packing_agrees_with_and_without_the_two_step_key():
     rng = np.random.default_rng(0)
     faces = rng.integers(0, 30, (200, 3))
-    small = np.unique(topology._packed(faces), return_inverse=True)[1]
-    far = np.unique(topology._packed(np.vstack([faces, [[2**22, 2**22 + 1, 2**22 + 2]]])), return_inverse=True)[1][:-1]
+    small = np.unique(topology.packed(faces), return_inverse=True)[1]
+    far = np.unique(topology.packed(np.vstack([faces, [[2**22, 2**22 + 1, 2**22 + 2]]])), return_inverse=True)[1][:-1]
     assert np.array_equal(small, far)
 
 

@@ -1,0 +1,491 @@
+"""Local reconnection: replace the tetrahedra around an edge or a face by better ones with the same outer faces.
+
+Two moves cover the classical swaps. *Edge removal* takes all n tetrahedra around an edge and refills their union by the
+best triangulation of the ring of opposite vertices, found by dynamic programming (Klincsek 1980; Shewchuk 2002, "Two
+discrete optimization algorithms for the topological improvement of tetrahedral meshes"): 3-2 and 4-4 swaps are its
+cases n = 3 and 4. *Face removal* is the 2-3 swap. On the boundary, edge removal flips a boundary edge; with a
+single tetrahedron around that edge it peels this tetrahedron off. A move is made only if the worst quality of the
+cavity improves, so the mesh can only get better and the process ends.
+
+Tetrahedra live in arrays with spare rows; a dead row has -1 as its first vertex. Everything is local: a move costs
+what its cavity costs, whatever the size of the mesh.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from cortet.mesh import FloatArray, IntArray
+from cortet.optimise.closest_point import SurfaceTree, closest_point
+from cortet.topology import TET_FACES, packed
+
+#: largest number of tetrahedra around an edge that is tried: beyond it a better filling is rarely found
+_MAX_RING = 10
+_MAX_NEW = 2 * (_MAX_RING - 1)
+#: vertices of a star looked at when asking whether two vertices already share an edge
+_MAX_STAR = 512
+#: times the whole list of bad tetrahedra is worked through
+_ROUNDS = 5
+#: the worst mu^2 of a cavity must fall by this factor
+_MIN_GAIN = 0.999
+#: a boundary move keeps new boundary faces within acos(this) of the ones they replace ...
+_MIN_FACE_COSINE = 0.5
+#: ... and the middle of the new boundary edge within this fraction of its length of the input surface
+_MAX_SAG = 0.2
+
+#: corners (a, b, c, d) of a positive tetrahedron for each of its edges (a, b)
+_EDGE_FRAMES = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]])
+
+
+class Swappable(NamedTuple):
+    """A mesh that can be reconnected in place; m rows of which some are dead or spare."""
+
+    #: (n, 3) float64 mm
+    points: FloatArray
+    #: (m, 4) int32
+    cells: IntArray
+    #: (m, 4) int32, the tetrahedron behind the face opposite each corner, -1 outside
+    neighbours: IntArray
+    #: (m,) float64, mu^2 of each; 0 for a dead row
+    mu2: FloatArray
+    #: (m,) int32, the tetrahedron of the original mesh whose data a row carries
+    origin: IntArray
+    #: (m,) int32, tetrahedra of different regions are never joined in one cavity
+    region: IntArray
+    #: (n,) bool, vertices whose boundary edges stay
+    held: np.ndarray
+    #: (2,) int64: rows in use (dead ones included), dead rows kept for reuse
+    counters: np.ndarray
+    #: (m,) int32, stack of dead rows
+    dead: IntArray
+
+
+class SwapCount(NamedTuple):
+    """What a run of `improve` did."""
+
+    attempts: int
+    edge_removals: int
+    face_removals: int
+    boundary_flips: int
+    peeled: int
+    #: volume between the old and the new boundary, mm3, positive where it was cut off
+    volume_cut: float
+
+
+def cell_neighbours(cells: IntArray) -> IntArray:
+    """The tetrahedron behind the face opposite each corner: (m, 4) int32, -1 outside."""
+    key = packed(cells[:, TET_FACES].reshape(-1, 3))
+    order = np.argsort(key, kind="stable")
+    pair = np.flatnonzero(key[order[1:]] == key[order[:-1]])
+    first, second = order[pair], order[pair + 1]
+    behind = np.full(len(key), -1, np.int32)
+    behind[first], behind[second] = second // 4, first // 4
+    return behind.reshape(-1, 4)
+
+
+def swappable(points: FloatArray, cells: IntArray, mu2: FloatArray, region: IntArray, held: np.ndarray) -> Swappable:
+    """Copy a mesh into arrays with room to grow. No boundary edge between, or to, `held` vertices (n,) is flipped."""
+    count = len(cells)
+    room = count + count // 4 + 1000
+
+    def grown(array: np.ndarray, fill: float) -> np.ndarray:
+        result = np.full((room, *array.shape[1:]), fill, array.dtype)
+        result[:count] = array
+        return result
+
+    return Swappable(
+        points=points.copy(),
+        cells=grown(cells, -1),
+        neighbours=grown(cell_neighbours(cells), -1),
+        mu2=grown(mu2, 0),
+        origin=grown(np.arange(count, dtype=np.int32), -1),
+        region=grown(region.astype(np.int32), -1),
+        held=held,
+        counters=np.array([count, 0]),
+        dead=np.empty(room, np.int32),
+    )
+
+
+def live_cells(mesh: Swappable) -> tuple[IntArray, IntArray]:
+    """The tetrahedra that are left, (k, 4), and the original one whose data each carries, (k,)."""
+    rows = np.flatnonzero(mesh.cells[: mesh.counters[0], 0] >= 0)
+    return mesh.cells[rows], mesh.origin[rows]
+
+
+@numba.njit(cache=True)
+def _mu2(points, a, b, c, d):  # type: ignore[no-untyped-def]
+    """mu^2 of a tetrahedron, infinite unless its volume is positive."""
+    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+    wx, wy, wz = points[d, 0] - points[a, 0], points[d, 1] - points[a, 1], points[d, 2] - points[a, 2]
+    v6 = ux * (vy * wz - vz * wy) + uy * (vz * wx - vx * wz) + uz * (vx * wy - vy * wx)
+    if v6 <= 0:
+        return np.inf
+    uu, vv, ww = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz
+    uv, vw, wu = ux * vx + uy * vy + uz * vz, vx * wx + vy * wy + vz * wz, wx * ux + wy * uy + wz * uz
+    s = (3 * (uu + vv + ww) - 2 * (uv + vw + wu)) / 6
+    return s * s * s / (2 * v6 * v6)
+
+
+@numba.njit(cache=True)
+def _corner(cells, e, vertex):  # type: ignore[no-untyped-def]
+    """Which corner of tetrahedron e a vertex is, -1 if none."""
+    for i in range(4):
+        if cells[e, i] == vertex:
+            return i
+    return -1
+
+
+@numba.njit(cache=True)
+def _other(cells, e, a, b, c):  # type: ignore[no-untyped-def]
+    """The vertex of tetrahedron e that is none of a, b, c."""
+    for i in range(4):
+        vertex = cells[e, i]
+        if vertex != a and vertex != b and vertex != c:
+            return vertex
+    return -1
+
+
+@numba.njit(cache=True)
+def _ring(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
+    """Walk around edge (a, b) of tetrahedron e.
+
+    Fills `ring` with the opposite vertices, counter-clockwise seen from b, and `cavity` with the tetrahedra
+    (a, b, ring[i], ring[i + 1]). Returns a, b, number of vertices, number of tetrahedra: equal for an interior
+    edge, one vertex more for a boundary edge, zero if there are too many or regions differ.
+    """
+    cells, neighbours = mesh.cells, mesh.neighbours
+    a, b, c, d = cells[e, frame[0]], cells[e, frame[1]], cells[e, frame[2]], cells[e, frame[3]]
+    # backwards first, to find the open end of a boundary ring
+    start, before = e, c
+    ahead = d
+    while True:
+        f = neighbours[start, _corner(cells, start, ahead)]
+        if f < 0 or f == e:
+            break
+        ahead = before
+        before = _other(cells, f, a, b, ahead)
+        start = f
+    closed = f == e
+    if closed:
+        start, before, ahead = e, c, d
+    size = 0
+    f = start
+    ring[0] = before
+    while True:
+        if size == _MAX_RING or mesh.region[f] != mesh.region[e]:
+            return a, b, 0, 0
+        cavity[size] = f
+        size += 1
+        ring[size] = ahead
+        f = neighbours[f, _corner(cells, f, before)]
+        if f < 0 or f == start:
+            break
+        before = ahead
+        ahead = _other(cells, f, a, b, before)
+    return a, b, size if closed else size + 1, size
+
+
+@numba.njit(cache=True)
+def _fill(points, a, b, ring, n, limit, cost, split):  # type: ignore[no-untyped-def]
+    """Best triangulation of the polygon ring[0..n-1], each triangle joined to a and to b: its worst mu^2.
+
+    cost[i, j] is the worst mu^2 of the best filling of the sub-polygon i..j, split[i, j] the third vertex of the
+    triangle on its side (i, j). A triangle worse than `limit` counts as infinite.
+    """
+    for i in range(n - 1):
+        cost[i, i + 1] = 0.0
+    for width in range(2, n):
+        for i in range(n - width):
+            j = i + width
+            best, third = np.inf, i + 1
+            for k in range(i + 1, j):
+                worst = max(cost[i, k], cost[k, j])
+                if worst >= best:
+                    continue
+                worst = max(worst, _mu2(points, ring[i], ring[k], ring[j], b))
+                if worst >= min(best, limit):
+                    continue
+                worst = max(worst, _mu2(points, ring[i], ring[j], ring[k], a))
+                if worst < best:
+                    best, third = worst, k
+            cost[i, j], split[i, j] = best, third
+    return cost[0, n - 1]
+
+
+@numba.njit(cache=True)
+def _filling(a, b, ring, n, split, new):  # type: ignore[no-untyped-def]
+    """Write the tetrahedra of the triangulation kept in `split` to `new`; returns their number."""
+    stack = np.empty((_MAX_RING + 1, 2), np.int64)
+    stack[0, 0], stack[0, 1] = 0, n - 1
+    top, size = 1, 0
+    while top:
+        top -= 1
+        i, j = stack[top]
+        if j - i < 2:
+            continue
+        k = split[i, j]
+        new[size, 0], new[size, 1], new[size, 2], new[size, 3] = ring[i], ring[k], ring[j], b
+        new[size + 1, 0], new[size + 1, 1], new[size + 1, 2], new[size + 1, 3] = ring[i], ring[j], ring[k], a
+        size += 2
+        stack[top, 0], stack[top, 1] = i, k
+        stack[top + 1, 0], stack[top + 1, 1] = k, j
+        top += 2
+    return size
+
+
+@numba.njit(cache=True)
+def _same_face(cells, e, i, f, j):  # type: ignore[no-untyped-def]
+    """Whether the face of e opposite corner i has the vertices of the face of f opposite corner j."""
+    for k in range(4):
+        if k != i:
+            corner = _corner(cells, f, cells[e, k])
+            if corner < 0 or corner == j:
+                return False
+    return True
+
+
+@numba.njit(cache=True)
+def _replace(mesh, cavity, old, new, size):  # type: ignore[no-untyped-def]
+    """Put tetrahedra new[:size] in place of cavity[:old], and write their rows to cavity[:size].
+
+    Faces around the cavity keep what is behind them; one that no new tetrahedron has becomes boundary.
+    """
+    cells, neighbours, counters = mesh.cells, mesh.neighbours, mesh.counters
+    outside = np.empty((4 * _MAX_RING, 4), np.int32)  # three vertices of an outer face, and what is behind it
+    outer = 0
+    for i in range(old):
+        e = cavity[i]
+        for corner in range(4):
+            f = neighbours[e, corner]
+            inside = False
+            for j in range(old):
+                inside |= f == cavity[j]
+            if not inside:
+                k = 0
+                for other in range(4):
+                    if other != corner:
+                        outside[outer, k] = cells[e, other]
+                        k += 1
+                outside[outer, 3] = f
+                if f >= 0:  # forget the cavity; a new tetrahedron may take its place below
+                    for back in range(4):
+                        if neighbours[f, back] == e:
+                            neighbours[f, back] = -1
+                outer += 1
+    origin, region = mesh.origin[cavity[0]], mesh.region[cavity[0]]
+    for i in range(old):
+        mesh.cells[cavity[i], 0] = -1
+        mesh.mu2[cavity[i]] = 0.0
+        mesh.dead[counters[1]] = cavity[i]
+        counters[1] += 1
+    for i in range(size):
+        if counters[1]:
+            counters[1] -= 1
+            e = mesh.dead[counters[1]]
+        else:
+            e = counters[0]
+            counters[0] += 1
+        cavity[i] = e
+        for k in range(4):
+            cells[e, k] = new[i, k]
+            neighbours[e, k] = -1
+        mesh.mu2[e] = _mu2(mesh.points, new[i, 0], new[i, 1], new[i, 2], new[i, 3])
+        mesh.origin[e], mesh.region[e] = origin, region
+    for i in range(size):
+        e = cavity[i]
+        for corner in range(4):
+            if neighbours[e, corner] >= 0:
+                continue
+            for j in range(i + 1, size):
+                for back in range(4):
+                    if neighbours[cavity[j], back] < 0 and _same_face(cells, e, corner, cavity[j], back):
+                        neighbours[e, corner], neighbours[cavity[j], back] = cavity[j], e
+            if neighbours[e, corner] >= 0:
+                continue
+            for o in range(outer):
+                matched = 0
+                for k in range(3):
+                    other = _corner(cells, e, outside[o, k])
+                    matched += other >= 0 and other != corner
+                f = outside[o, 3]
+                if matched == 3 and f >= 0:
+                    neighbours[e, corner] = f
+                    for back in range(4):
+                        if neighbours[f, back] < 0 and _same_face(cells, e, corner, f, back):
+                            neighbours[f, back] = e
+
+
+@numba.njit(cache=True)
+def _joined(mesh, e, a, b):  # type: ignore[no-untyped-def]
+    """Whether vertex a, a corner of tetrahedron e, shares an edge with vertex b; True also if its star is too large."""
+    seen = np.empty(_MAX_STAR, np.int32)
+    seen[0], size, done = e, 1, 0
+    while done < size:
+        f = seen[done]
+        done += 1
+        if _corner(mesh.cells, f, b) >= 0:
+            return True
+        for i in range(4):
+            g = mesh.neighbours[f, i]
+            if g < 0 or mesh.cells[f, i] == a:
+                continue
+            known = False
+            for j in range(size):
+                known |= seen[j] == g
+            if not known:
+                if size == _MAX_STAR:
+                    return True
+                seen[size] = g
+                size += 1
+    return False
+
+
+@numba.njit(cache=True)
+def _unit_normal(points, a, b, c):  # type: ignore[no-untyped-def]
+    normal = np.cross(points[b] - points[a], points[c] - points[a])
+    return normal / np.sqrt((normal * normal).sum())
+
+
+@numba.njit(cache=True)
+def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size):  # type: ignore[no-untyped-def]
+    """Whether boundary edge (a, b) may give way to (first, last): still a manifold, and still the input surface."""
+    points = mesh.points
+    if size == 1:
+        e = cavity[0]
+        # (first, last) is an edge already, and must be an interior one; a and b must keep a tetrahedron each
+        for i in range(4):
+            if (mesh.cells[e, i] == a or mesh.cells[e, i] == b) and mesh.neighbours[e, i] < 0:
+                return False
+        ring, around = np.empty(_MAX_RING + 1, np.int32), np.empty(_MAX_RING, np.int32)
+        frame = np.empty(4, np.int64)
+        frame[0], frame[1] = _corner(mesh.cells, e, first), _corner(mesh.cells, e, last)
+        frame[2], frame[3] = _corner(mesh.cells, e, a), _corner(mesh.cells, e, b)
+        _, _, n, tets = _ring(mesh, e, frame, ring, around)
+        if n == 0 or n != tets:
+            return False
+    elif _joined(mesh, cavity[0], first, last):
+        return False
+    old = _unit_normal(points, a, first, b) + _unit_normal(points, a, b, last)
+    old /= np.sqrt((old * old).sum())
+    for normal in (_unit_normal(points, first, b, last), _unit_normal(points, first, last, a)):
+        if not (normal * old).sum() >= _MIN_FACE_COSINE:
+            return False
+    middle, side = (points[first] + points[last]) / 2, points[last] - points[first]
+    px, py, pz, _, _, _, _ = closest_point(tree, middle[0], middle[1], middle[2], -1)
+    sag2 = (px - middle[0]) ** 2 + (py - middle[1]) ** 2 + (pz - middle[2]) ** 2
+    return sag2 <= _MAX_SAG**2 * (side * side).sum()
+
+
+@numba.njit(cache=True)
+def _signed_volume(points, a, b, c, d):  # type: ignore[no-untyped-def]
+    return (np.cross(points[b] - points[a], points[c] - points[a]) * (points[d] - points[a])).sum() / 6
+
+
+@numba.njit(cache=True)
+def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
+    """Try every swap of one tetrahedron and make the best one; number of new tetrahedra, -1 for none.
+
+    `tally` counts attempts, edge removals, face removals, flips, peels and the volume cut; `work` holds scratch
+    arrays, of which the first lists the new tetrahedra.
+    """
+    cavity, ring, cost, split, new, best_new = work
+    points, cells = mesh.points, mesh.cells
+    best_ratio, kind, best_size, best_old = _MIN_GAIN, 0, 0, 0
+    best_cavity = np.empty(_MAX_RING, np.int32)
+    cut = 0.0
+    for k in range(6):
+        tally[0] += 1
+        a, b, n, tets = _ring(mesh, e, _EDGE_FRAMES[k], ring, cavity)
+        if n == 0:
+            continue
+        if n != tets and (mesh.held[a] or mesh.held[b] or mesh.held[ring[0]] or mesh.held[ring[n - 1]]):
+            continue
+        worst = 0.0
+        for i in range(tets):
+            worst = max(worst, mesh.mu2[cavity[i]])
+        achieved = _fill(points, a, b, ring, n, worst, cost, split) if n > 2 else 0.0
+        # a peeled tetrahedron leaves nothing that could be worse; prefer any swap that keeps the boundary
+        ratio = achieved / worst if n == tets else max(achieved / worst, 0.99 * _MIN_GAIN)
+        if achieved < _MIN_GAIN * worst and ratio < best_ratio:
+            if n != tets and not _flip_is_sound(mesh, tree, a, b, ring[0], ring[n - 1], cavity, tets):
+                continue
+            best_ratio, best_old = ratio, tets
+            best_cavity[:tets] = cavity[:tets]
+            best_size = _filling(a, b, ring, n, split, best_new)
+            kind = 1 if n == tets else (4 if n == 2 else 3)
+            cut = 0.0 if n == tets else _signed_volume(points, a, b, ring[0], ring[n - 1])
+    for k in range(4):
+        f = mesh.neighbours[e, k]
+        if f < 0 or mesh.region[f] != mesh.region[e]:
+            continue
+        tally[0] += 1
+        a, b, c = cells[e, TET_FACES[k, 0]], cells[e, TET_FACES[k, 1]], cells[e, TET_FACES[k, 2]]
+        top, bottom = _other(cells, f, a, b, c), cells[e, k]
+        worst = max(mesh.mu2[e], mesh.mu2[f])
+        limit = best_ratio * worst
+        # face (a, b, c) is outward for e: seen from top it is counter-clockwise
+        if (
+            _mu2(points, a, b, bottom, top) < limit
+            and _mu2(points, b, c, bottom, top) < limit
+            and _mu2(points, c, a, bottom, top) < limit
+        ):
+            new[0, 0], new[0, 1], new[0, 2], new[0, 3] = a, b, bottom, top
+            new[1, 0], new[1, 1], new[1, 2], new[1, 3] = b, c, bottom, top
+            new[2, 0], new[2, 1], new[2, 2], new[2, 3] = c, a, bottom, top
+            achieved = 0.0
+            for i in range(3):
+                achieved = max(achieved, _mu2(points, new[i, 0], new[i, 1], new[i, 2], new[i, 3]))
+            best_ratio, kind, best_size, best_old = achieved / worst, 2, 3, 2
+            best_cavity[0], best_cavity[1] = e, f
+            best_new[:3] = new[:3]
+    if kind == 0 or mesh.counters[0] + best_size > len(cells):
+        return -1
+    cavity[:best_old] = best_cavity[:best_old]
+    _replace(mesh, cavity, best_old, best_new, best_size)
+    tally[kind] += 1
+    if kind >= 3:
+        tally[5] += cut
+    return best_size
+
+
+@numba.njit(cache=True)
+def _improve(mesh, tree, queue, threshold, tally):  # type: ignore[no-untyped-def]
+    """Work through the rows in `queue`, and through new tetrahedra that are still above `threshold`."""
+    work = (
+        np.empty(_MAX_NEW + _MAX_RING, np.int32),
+        np.empty(_MAX_RING + 1, np.int32),
+        np.empty((_MAX_RING + 1, _MAX_RING + 1)),
+        np.empty((_MAX_RING + 1, _MAX_RING + 1), np.int64),
+        np.empty((_MAX_NEW, 4), np.int32),
+        np.empty((_MAX_NEW, 4), np.int32),
+    )
+    stack = np.empty(len(queue) + 64 * _MAX_NEW, np.int32)
+    for row in queue:
+        stack[0], top = row, 1
+        while top:
+            top -= 1
+            e = stack[top]
+            if mesh.cells[e, 0] < 0 or mesh.mu2[e] <= threshold:
+                continue
+            size = _improve_cell(mesh, tree, e, tally, work)
+            for i in range(size):
+                if mesh.mu2[work[0][i]] > threshold and top < len(stack):
+                    stack[top] = work[0][i]
+                    top += 1
+
+
+def improve(mesh: Swappable, tree: SurfaceTree, threshold: float) -> SwapCount:
+    """Swap around every tetrahedron with mu^2 above `threshold`, worst first, until nothing improves. Changes `mesh`."""
+    tally = np.zeros(6)
+    for _ in range(_ROUNDS):
+        done = tally[1:5].sum()
+        bad = np.flatnonzero(mesh.mu2[: mesh.counters[0]] > threshold).astype(np.int32)
+        queue = bad[np.argsort(-mesh.mu2[bad], kind="stable")]
+        _improve(mesh, tree, queue, threshold, tally)
+        if tally[1:5].sum() == done:
+            break
+    return SwapCount(*(int(x) for x in tally[:5]), float(tally[5]))

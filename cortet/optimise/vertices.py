@@ -1,0 +1,379 @@
+"""Move vertices so that the worst tetrahedron improves; connectivity stays.
+
+One vertex v at a time, in index order, minimise E(x) = sum of mu^p over its tetrahedra, mu = 1 / (1 - q) =
+l_rms^3 / (sqrt(2) 6V), by a Newton step with the positive-definite part of the Hessian and backtracking; a move is
+kept only if E falls and every volume stays positive. Large p approaches min-max. A boundary vertex that slides takes
+its step in the tangent plane of the input surface and is put back onto that surface before E is compared.
+
+With d = grad log mu = 1.5 grad S / S - grad V' / V' (S mean squared edge, V' = 6V), grad E = sum of p mu^p d, and the
+Hessian used is the sum of p mu^p (1.5 I / S + grad V' grad V'^T / V'^2 + p d d^T).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+import numba
+import numpy as np
+
+from cortet import topology
+from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.optimise.closest_point import SurfaceTree, closest_point
+from cortet.quality import quality
+
+#: what the boundary may do
+Boundary = Literal["slide", "fixed", "free"]
+
+#: what a vertex may do
+FIXED, FREE, SLIDING = 0, 1, 2
+#: in place of a power: minimise the sum of q itself
+MEAN_Q = 0
+
+_BACKTRACKS, _SHRINK = 6, 0.4
+#: a move must lower E by this fraction, or it is not worth the visits to the neighbours that it causes
+_MIN_GAIN = 1e-5
+#: a sliding move keeps each boundary face within acos(this) of the surface under its vertex, or where it was
+_MIN_FACE_COSINE = 0.3
+
+logger = logging.getLogger(__name__)
+
+
+class Patches(NamedTuple):
+    """What surrounds each of the n vertices of a mesh with m tetrahedra and k boundary faces."""
+
+    #: (m, 4) int32
+    cells: IntArray
+    #: tetrahedra around v: around[offsets[v]:offsets[v + 1]], v being corner corners[...] of each
+    offsets: np.ndarray
+    around: IntArray
+    corners: np.ndarray
+    #: boundary faces around v: (v, *rims[i]) is outward for i in rim_offsets[v]:rim_offsets[v + 1]
+    rim_offsets: np.ndarray
+    rims: IntArray
+    #: (n,) int8, FIXED, FREE or SLIDING
+    freedom: np.ndarray
+
+
+class State(NamedTuple):
+    """What the kernels change in place."""
+
+    #: (n, 3) float64 mm
+    points: FloatArray
+    #: (m,) float64, mu^2 of each tetrahedron
+    mu2: FloatArray
+    #: (n,) int32, triangle of the surface tree each sliding vertex lies on
+    place: IntArray
+    #: (n,) bool, something around the vertex changed since it was last tried
+    stale: np.ndarray
+
+
+def mu2_of(q: FloatArray | float) -> FloatArray | float:
+    """mu^2 = (1 - q)^-2."""
+    return (1.0 - q) ** -2.0
+
+
+def q_of(mu2: FloatArray) -> FloatArray:
+    """q = 1 - 1 / mu."""
+    return 1 - 1 / np.sqrt(mu2)
+
+
+@numba.njit(cache=True)
+def _locate(points, tree, freedom, place):  # type: ignore[no-untyped-def]
+    """Find the surface triangle under every sliding vertex."""
+    for v in range(len(points)):
+        if freedom[v] == SLIDING:
+            x, y, z = points[v]
+            place[v] = closest_point(tree, x, y, z, -1)[3]
+
+
+@numba.njit(cache=True)
+def _gather(points, p, v, star):  # type: ignore[no-untyped-def]
+    """Describe the tetrahedra around v, with v at the origin: V' = d - n.x and 6 S = 3 x.x - 2 m.x + k.
+
+    Fills a row n, d, m, k of `star` for each and returns their number.
+    """
+    ox, oy, oz = points[v]
+    cells = p.cells
+    size = 0
+    for i in range(p.offsets[v], p.offsets[v + 1]):
+        e, corner = p.around[i], p.corners[i]
+        if corner == 0:
+            a, b, c = cells[e, 1], cells[e, 2], cells[e, 3]
+        elif corner == 1:
+            a, b, c = cells[e, 0], cells[e, 3], cells[e, 2]
+        elif corner == 2:
+            a, b, c = cells[e, 0], cells[e, 1], cells[e, 3]
+        else:
+            a, b, c = cells[e, 0], cells[e, 2], cells[e, 1]
+        ax, ay, az = points[a, 0] - ox, points[a, 1] - oy, points[a, 2] - oz
+        bx, by, bz = points[b, 0] - ox, points[b, 1] - oy, points[b, 2] - oz
+        cx, cy, cz = points[c, 0] - ox, points[c, 1] - oy, points[c, 2] - oz
+        ux, uy, uz = bx - ax, by - ay, bz - az
+        vx, vy, vz = cx - ax, cy - ay, cz - az
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        wx, wy, wz = cx - bx, cy - by, cz - bz
+        row = star[size]
+        row[0], row[1], row[2] = nx, ny, nz
+        row[3] = nx * ax + ny * ay + nz * az
+        row[4], row[5], row[6] = ax + bx + cx, ay + by + cy, az + bz + cz
+        row[7] = (
+            ux * ux + uy * uy + uz * uz + vx * vx + vy * vy + vz * vz + wx * wx + wy * wy + wz * wz
+            + ax * ax + ay * ay + az * az + bx * bx + by * by + bz * bz + cx * cx + cy * cy + cz * cz
+        )  # fmt: skip
+        size += 1
+    return size
+
+
+@numba.njit(cache=True, inline="always")
+def _mu2(row, x, y, z):  # type: ignore[no-untyped-def]
+    v6 = row[3] - (row[0] * x + row[1] * y + row[2] * z)
+    if v6 <= 0:
+        return np.inf
+    s = (3 * (x * x + y * y + z * z) - 2 * (row[4] * x + row[5] * y + row[6] * z) + row[7]) / 6
+    return s * s * s / (2 * v6 * v6)
+
+
+@numba.njit(cache=True)
+def _energy(star, size, x, y, z, half_power, cap):  # type: ignore[no-untyped-def]
+    """Sum of mu^p (or of q) with v at (x, y, z); infinite if some mu^2 exceeds `cap` or a volume is not positive."""
+    total = 0.0
+    for i in range(size):
+        t = _mu2(star[i], x, y, z)
+        if not t <= cap:
+            return np.inf
+        total += t**half_power if half_power else 1 - 1 / np.sqrt(t)
+    return total
+
+
+@numba.njit(cache=True)
+def _derivatives(star, size, half_power):  # type: ignore[no-untyped-def]
+    """Gradient and positive-definite Hessian at the origin: gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz."""
+    gx = gy = gz = hxx = hxy = hxz = hyy = hyz = hzz = 0.0
+    for i in range(size):
+        row = star[i]
+        v6, s = row[3], row[7] / 6
+        t = s * s * s / (2 * v6 * v6)
+        weight, power = (2 * half_power * t**half_power, 2.0 * half_power) if half_power else (1 / np.sqrt(t), 0.0)
+        nx, ny, nz = row[0] / v6, row[1] / v6, row[2] / v6
+        dx, dy, dz = nx - 0.5 * row[4] / s, ny - 0.5 * row[5] / s, nz - 0.5 * row[6] / s
+        gx += weight * dx
+        gy += weight * dy
+        gz += weight * dz
+        r = 1.5 / s
+        hxx += weight * (r + nx * nx + power * dx * dx)
+        hyy += weight * (r + ny * ny + power * dy * dy)
+        hzz += weight * (r + nz * nz + power * dz * dz)
+        hxy += weight * (nx * ny + power * dx * dy)
+        hxz += weight * (nx * nz + power * dx * dz)
+        hyz += weight * (ny * nz + power * dy * dz)
+    return gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz
+
+
+@numba.njit(cache=True)
+def _newton_step(d):  # type: ignore[no-untyped-def]
+    """-H^-1 g for symmetric positive-definite H, by cofactors."""
+    gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz = d
+    cxx, cxy, cxz = hyy * hzz - hyz * hyz, hxz * hyz - hxy * hzz, hxy * hyz - hxz * hyy
+    cyy, cyz, czz = hxx * hzz - hxz * hxz, hxy * hxz - hxx * hyz, hxx * hyy - hxy * hxy
+    det = hxx * cxx + hxy * cxy + hxz * cxz
+    if not det > 0:
+        return 0.0, 0.0, 0.0
+    return (
+        -(cxx * gx + cxy * gy + cxz * gz) / det,
+        -(cxy * gx + cyy * gy + cyz * gz) / det,
+        -(cxz * gx + cyz * gy + czz * gz) / det,
+    )
+
+
+@numba.njit(cache=True)
+def _tangent_step(d, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Newton step within the plane of unit normal n: the 2 x 2 system in an orthonormal basis u, w of that plane."""
+    gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz = d
+    if abs(nx) < 0.6:
+        ux, uy, uz = 0.0, nz, -ny
+    else:
+        ux, uy, uz = -nz, 0.0, nx
+    length = np.sqrt(ux * ux + uy * uy + uz * uz)
+    ux, uy, uz = ux / length, uy / length, uz / length
+    wx, wy, wz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
+    hux, huy, huz = hxx * ux + hxy * uy + hxz * uz, hxy * ux + hyy * uy + hyz * uz, hxz * ux + hyz * uy + hzz * uz
+    hwx, hwy, hwz = hxx * wx + hxy * wy + hxz * wz, hxy * wx + hyy * wy + hyz * wz, hxz * wx + hyz * wy + hzz * wz
+    a, b, c = ux * hux + uy * huy + uz * huz, ux * hwx + uy * hwy + uz * hwz, wx * hwx + wy * hwy + wz * hwz
+    gu, gw = ux * gx + uy * gy + uz * gz, wx * gx + wy * gy + wz * gz
+    det = a * c - b * b
+    if not det > 0:
+        return 0.0, 0.0, 0.0
+    su, sw = -(c * gu - b * gw) / det, -(a * gw - b * gu) / det
+    return su * ux + sw * wx, su * uy + sw * wy, su * uz + sw * wz
+
+
+@numba.njit(cache=True)
+def _triangle_normal(c):  # type: ignore[no-untyped-def]
+    ux, uy, uz = c[3] - c[0], c[4] - c[1], c[5] - c[2]
+    vx, vy, vz = c[6] - c[0], c[7] - c[1], c[8] - c[2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    return nx / length, ny / length, nz / length
+
+
+@numba.njit(cache=True)
+def _lowest_cosine(points, p, v, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Smallest cosine between n and the boundary faces around v, were v at (x, y, z)."""
+    lowest = 1.0
+    for i in range(p.rim_offsets[v], p.rim_offsets[v + 1]):
+        b, c = p.rims[i]
+        ux, uy, uz = points[b, 0] - x, points[b, 1] - y, points[b, 2] - z
+        vx, vy, vz = points[c, 0] - x, points[c, 1] - y, points[c, 2] - z
+        fx, fy, fz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        length = np.sqrt(fx * fx + fy * fy + fz * fz)
+        lowest = min(lowest, (fx * nx + fy * ny + fz * nz) / length if length > 0 else -1.0)
+    return lowest
+
+
+@numba.njit(cache=True)
+def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-def]
+    """Try to improve one vertex; True if it moved."""
+    points = state.points
+    size = _gather(points, p, v, star)
+    before = _energy(star, size, 0.0, 0.0, 0.0, half_power, np.inf)
+    derivatives = _derivatives(star, size, half_power)
+    ox, oy, oz = points[v]
+    place = state.place[v]
+    sliding = p.freedom[v] == SLIDING
+    nx = ny = nz = lowest = 0.0
+    if sliding:
+        nx, ny, nz = _triangle_normal(tree.corners[place])
+        lowest = min(_MIN_FACE_COSINE, _lowest_cosine(points, p, v, ox, oy, oz, nx, ny, nz))
+        sx, sy, sz = _tangent_step(derivatives, nx, ny, nz)
+    else:
+        sx, sy, sz = _newton_step(derivatives)
+    scale = 1.0
+    for _ in range(_BACKTRACKS):
+        x, y, z = scale * sx, scale * sy, scale * sz
+        scale *= _SHRINK
+        if sliding:
+            px, py, pz, place, _, _, _ = closest_point(tree, ox + x, oy + y, oz + z, state.place[v])
+            x, y, z = px - ox, py - oy, pz - oz
+        if not _energy(star, size, x, y, z, half_power, cap) < before * (1 - _MIN_GAIN):
+            continue
+        if sliding:
+            mx, my, mz = _triangle_normal(tree.corners[place])
+            across = nx * mx + ny * my + nz * mz <= 0  # the step ended on the opposite bank of a sulcus or blade
+            if across or _lowest_cosine(points, p, v, ox + x, oy + y, oz + z, mx, my, mz) < lowest:
+                continue
+            state.place[v] = place
+            points[v, 0], points[v, 1], points[v, 2] = px, py, pz
+        else:
+            points[v, 0], points[v, 1], points[v, 2] = ox + x, oy + y, oz + z
+        first = p.offsets[v]
+        for i in range(size):
+            state.mu2[p.around[first + i]] = _mu2(star[i], x, y, z)
+        return True
+    return False
+
+
+@numba.njit(cache=True)
+def _sweep(state, p, tree, half_power, threshold, cap):  # type: ignore[no-untyped-def]
+    """Visit once, in index order, the stale vertices of the tetrahedra with mu^2 above `threshold`.
+
+    A tetrahedron with mu^2 at or below `cap` stays there; one above must not get worse. Returns the number of moves.
+    """
+    star = np.empty((np.max(np.diff(p.offsets)), 8))
+    wanted = np.zeros(len(state.points), np.bool_)
+    for e in range(len(p.cells)):
+        if state.mu2[e] > threshold:
+            for j in range(4):
+                wanted[p.cells[e, j]] = True
+    moved = 0
+    for v in range(len(state.points)):
+        if not (wanted[v] and state.stale[v]) or p.freedom[v] == FIXED:
+            continue
+        state.stale[v] = False
+        worst = 0.0
+        for i in range(p.offsets[v], p.offsets[v + 1]):
+            worst = max(worst, state.mu2[p.around[i]])
+        if _move(state, p, tree, v, half_power, max(cap, worst), star):
+            moved += 1
+            for i in range(p.offsets[v], p.offsets[v + 1]):
+                for j in range(4):
+                    state.stale[p.cells[p.around[i], j]] = True
+    return moved
+
+
+class Pass(NamedTuple):
+    """A series of sweeps towards one aim."""
+
+    #: only vertices of tetrahedra with q above this are moved
+    threshold: float
+    #: p of the energy: even, or MEAN_Q
+    power: int
+    #: at most this many sweeps
+    sweeps: int
+    #: the worst q of the mesh may not rise
+    keep_worst: bool = False
+
+
+@dataclass(frozen=True)
+class PassReport:
+    """What one pass did."""
+
+    threshold: float
+    power: int
+    sweeps: int
+    q_mean: float
+    q_max: float
+
+
+def move_vertices(
+    mesh: TetMesh,
+    tree: SurfaceTree,
+    passes: Sequence[Pass],
+    *,
+    boundary: Boundary,
+    held: IntArray | Sequence[int] = (),
+) -> tuple[TetMesh, tuple[PassReport, ...]]:
+    """Run passes over a mesh whose volumes are all positive.
+
+    Parameters
+    ----------
+    tree : of the surface that boundary vertices slide on
+    boundary : `slide` along the surface, stay `fixed`, or move `free` like interior vertices
+    held : vertices that stay where they are
+    """
+    count = len(mesh.points)
+    freedom = np.full(count, FREE, np.int8)
+    freedom[topology.boundary_nodes(mesh)] = {"slide": SLIDING, "fixed": FIXED, "free": FREE}[boundary]
+    freedom[np.asarray(held, np.int32)] = FIXED
+    patches = _patches(mesh, freedom)
+    points = mesh.points.copy()
+    mu2 = np.asarray(mu2_of(quality(points, mesh.cells)))
+    state = State(points, mu2, np.full(count, -1, np.int32), np.empty(count, np.bool_))
+    _locate(points, tree, freedom, state.place)
+    done = tuple(_run(aim, state, patches, tree) for aim in passes)
+    return replace(mesh, points=state.points), done
+
+
+def _patches(mesh: TetMesh, freedom: np.ndarray) -> Patches:
+    tets = topology.incidence(mesh.cells, len(mesh.points))
+    faces = topology.boundary_faces(mesh)
+    fans = topology.incidence(faces, len(mesh.points))
+    turn = (fans.corners[:, None] + np.array([1, 2])) % 3
+    rims = np.ascontiguousarray(faces[fans.cells[:, None], turn])
+    return Patches(mesh.cells, tets.offsets, tets.cells, tets.corners, fans.offsets, rims, freedom)
+
+
+def _run(aim: Pass, state: State, patches: Patches, tree: SurfaceTree) -> PassReport:
+    """Sweep until nothing moves any more or `aim.sweeps` are done. Changes `state`."""
+    state.stale[:] = True
+    threshold = mu2_of(aim.threshold) if aim.threshold > 0 else 0.0
+    cap = state.mu2.max() if aim.keep_worst else np.inf
+    sweeps, moved = 0, 1
+    while moved and sweeps < aim.sweeps:
+        moved = _sweep(state, patches, tree, aim.power // 2, threshold, cap)
+        sweeps += 1
+    q = q_of(state.mu2)
+    logger.info("vertices with q > %g, p = %d: %d sweeps, q mean %.4f, max %.4f", *aim[:2], sweeps, q.mean(), q.max())
+    return PassReport(aim.threshold, aim.power, sweeps, float(q.mean()), float(q.max()))

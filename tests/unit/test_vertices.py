@@ -1,0 +1,132 @@
+"""The vertex optimiser: its calculus, its promises about the boundary, and what it reaches."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import ball_mesh, ball_surface
+
+from cortet import topology
+from cortet.mesh import TetMesh
+from cortet.optimise import vertices
+from cortet.optimise.closest_point import closest_points, surface_tree
+from cortet.optimise.vertices import FREE, MEAN_Q, Pass, move_vertices
+from cortet.quality import quality, signed_volumes
+
+SPHERE = ball_surface(2, 1.0)
+TREE = surface_tree(SPHERE.points, SPHERE.faces)
+PASSES = [Pass(0, 2, 4), Pass(0.5, 8, 10), Pass(0.3, 16, 10)]
+
+
+@pytest.fixture(scope="module")
+def mesh() -> TetMesh:
+    return ball_mesh()
+
+
+def star_of(mesh: TetMesh, v: int):
+    around = vertices._patches(mesh, np.full(len(mesh.points), FREE, np.int8))
+    star = np.empty((64, 8))
+    return star, vertices._gather(mesh.points, around, v, star)
+
+
+def interior_vertex(mesh: TetMesh) -> int:
+    return int(np.setdiff1d(np.arange(len(mesh.points)), topology.boundary_nodes(mesh))[0])
+
+
+@pytest.mark.parametrize("power", [2, 8, MEAN_Q])
+def test_energy_and_gradient_agree_with_the_definition_of_q(mesh, power):
+    v = interior_vertex(mesh)
+    star, size = star_of(mesh, v)
+    mine = mesh.cells[(mesh.cells == v).any(axis=1)]
+
+    def defined(offset):
+        points = mesh.points.copy()
+        points[v] += offset
+        q = quality(points, mine)
+        return (q if power == MEAN_Q else (1 - q) ** -power).sum()
+
+    offset = np.array([0.01, -0.02, 0.005])
+    assert vertices._energy(star, size, *offset, power // 2, np.inf) == pytest.approx(defined(offset), rel=1e-12)
+    step = 1e-6
+    differences = [(defined(step * e) - defined(-step * e)) / (2 * step) for e in np.eye(3)]
+    assert vertices._derivatives(star, size, power // 2)[:3] == pytest.approx(differences, rel=1e-5)
+
+
+def test_newton_steps_solve_the_system_in_space_and_in_the_plane():
+    rng = np.random.default_rng(0)
+    root, g = rng.normal(size=(3, 3)), rng.normal(size=3)
+    hessian = root @ root.T + np.eye(3)
+    flat = (*g, *hessian[np.triu_indices(3)])
+    assert vertices._newton_step(flat) == pytest.approx(-np.linalg.solve(hessian, g))
+    normal = np.array([0.36, 0.48, 0.8])
+    basis = np.linalg.svd(normal[None])[2][1:].T
+    expected = -basis @ np.linalg.solve(basis.T @ hessian @ basis, basis.T @ g)
+    assert vertices._tangent_step(flat, *normal) == pytest.approx(expected)
+
+
+def test_centre_of_an_icosahedron_returns_to_the_centre():
+    shell = ball_surface(0, 1.0)
+    off = np.array([[0.2, -0.3, 0.1]])
+    cells = np.column_stack([shell.faces[:, [0, 2, 1]], np.full(20, 12)])
+    start = TetMesh(np.vstack([shell.points, off]), cells)
+    assert (signed_volumes(start.points, start.cells) > 0).all()
+    tree = surface_tree(shell.points, shell.faces)
+    moved, _ = move_vertices(start, tree, [Pass(0, 8, 30)], boundary="fixed")
+    assert moved.points[12] == pytest.approx(np.zeros(3), abs=1e-3)
+    assert np.array_equal(moved.points[:12], start.points[:12])
+
+
+@pytest.mark.parametrize("boundary", ["slide", "fixed", "free"])
+def test_worst_element_improves_and_no_volume_turns(mesh, boundary):
+    moved, report = move_vertices(mesh, TREE, PASSES, boundary=boundary)
+    q = quality(moved.points, moved.cells)
+    assert (signed_volumes(moved.points, moved.cells) > 0).all()
+    assert np.array_equal(moved.cells, mesh.cells)
+    assert q.max() < quality(mesh.points, mesh.cells).max()
+    assert (report[-1].q_mean, report[-1].q_max) == pytest.approx((q.mean(), q.max()), abs=1e-12)
+
+
+def test_sliding_reaches_more_than_a_fixed_boundary_and_stays_on_the_surface(mesh):
+    nodes = topology.boundary_nodes(mesh)
+    slid, report = move_vertices(mesh, TREE, PASSES, boundary="slide")
+    fixed, report_fixed = move_vertices(mesh, TREE, PASSES, boundary="fixed")
+    assert report[-1].q_max < report_fixed[-1].q_max
+    assert np.abs(slid.points[nodes] - mesh.points[nodes]).max() > 0.01
+    assert closest_points(TREE, slid.points[nodes]).distances.max() < 1e-12
+    assert np.array_equal(fixed.points[nodes], mesh.points[nodes])
+
+
+def test_held_vertices_stay(mesh):
+    held = topology.boundary_nodes(mesh)[::7]
+    moved, _ = move_vertices(mesh, TREE, PASSES, boundary="slide", held=held)
+    assert np.array_equal(moved.points[held], mesh.points[held])
+
+
+def test_mean_improves_without_giving_up_the_worst(mesh):
+    cleaned, before = move_vertices(mesh, TREE, PASSES, boundary="slide")
+    _, after = move_vertices(cleaned, TREE, [Pass(0, 2, 3, keep_worst=True)], boundary="slide")
+    assert after[-1].q_mean < before[-1].q_mean and after[-1].q_max <= before[-1].q_max + 1e-12
+
+
+def test_threshold_leaves_good_elements_alone(mesh):
+    q = quality(mesh.points, mesh.cells)
+    moved, _ = move_vertices(mesh, TREE, [Pass(0.5, 8, 1)], boundary="slide")
+    untouched = np.setdiff1d(np.arange(len(mesh.points)), mesh.cells[q > 0.5])
+    assert np.array_equal(moved.points[untouched], mesh.points[untouched])
+
+
+def test_the_same_bits_in_another_process(mesh):
+    program = (
+        "import hashlib, sys; sys.path.insert(0, sys.argv[1])\n"
+        "import test_vertices as t\n"
+        "moved, _ = t.move_vertices(t.ball_mesh(), t.TREE, t.PASSES, boundary='slide')\n"
+        "print(hashlib.sha256(moved.points.tobytes()).hexdigest())"
+    )
+    runs = [
+        subprocess.Popen([sys.executable, "-c", program, str(Path(__file__).parent)], stdout=subprocess.PIPE)
+        for _ in range(2)
+    ]
+    first, second = (run.communicate()[0] for run in runs)
+    assert first == second and len(first.strip()) == 64
