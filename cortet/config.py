@@ -32,6 +32,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from cortet.errors import InputError
+from cortet.formats.atomic import atomic_path
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Fraction = Annotated[float, Field(gt=0, le=1)]
@@ -168,8 +169,10 @@ class Clean(Section):
     """One pass per threshold: the vertices of elements with q above it are moved."""
     boundary: Boundary = "slide"
     """slide lets boundary nodes move along the input surface, fixed holds them, free lets them leave it."""
+    improve_mean: bool = True
+    """Sweeps over all vertices before and after the passes, which improve the mean; the published tool has none."""
     backend: Literal["cortet", "meshtool"] = "cortet"
-    """cortet: our own kernel; meshtool: an installed meshtool binary."""
+    """cortet: our own kernel; meshtool: an installed meshtool binary (boundary free, improve_mean false)."""
 
 
 class Reconnect(Section):
@@ -177,6 +180,10 @@ class Reconnect(Section):
 
     enabled: bool = True
     """false leaves the stage out."""
+    threshold: Threshold = 0.3
+    """Swaps are tried around elements with q above this."""
+    boundary: Boundary = "slide"
+    """What boundary nodes may do when vertices move, as in clean; fixed also keeps every boundary edge."""
 
 
 class Snap(Section):
@@ -253,7 +260,7 @@ class Config(Section):
 PUBLISHED: dict[str, dict[str, Any]] = {
     "generate": {"facet_distance": [0.5]},
     "relocate": {"boundary": "free"},
-    "clean": {"boundary": "free"},
+    "clean": {"boundary": "free", "improve_mean": False},
     "reconnect": {"enabled": False},
     "certify": {"max_boundary_distance": None},
 }
@@ -293,6 +300,12 @@ def render(data: Mapping[str, Any]) -> str:
         "# `snakemake --config setting=published generate='{cell_size: 1.0}'`.\n"
     )
     return head + "".join(_rendered(Config, data, PUBLISHED, indent=0, commented=False))
+
+
+def refresh(path: Path | str) -> None:
+    """Rewrite a configuration file: the keys that are set stay, documentation and other keys become the model's."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(render(_read(Path(path))), encoding="utf-8")
 
 
 _PACKAGE = Path(__file__).parent

@@ -49,8 +49,8 @@ def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
 
     Parameters
     ----------
-    meshes : per mesh `case`; `cell_size_mm` and `mesher` unless excluded; and either what is known of its failure (`stage`,
-        `state`, `reason`, `log`) or the path of its `certificate`, whose verdict and reasons are the row's
+    meshes : per mesh `case`; `cell_size_mm` and `mesher` unless excluded; and either what is known of its failure
+        (`stage`, `state`, `reason`, `log`) or the path of its `certificate`, whose verdict and reasons are the row's
     """
     rows = []
     for mesh in meshes:

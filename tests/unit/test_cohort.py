@@ -157,5 +157,5 @@ def test_scan_patterns_are_configurable(tmp_path: Path) -> None:
 
 
 def test_scan_of_a_folder_without_surfaces_says_what_it_looked_for(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="_wm.surf.gii"):
+    with pytest.raises(InputError, match=r"_wm\.surf\.gii"):
         scan(tmp_path)

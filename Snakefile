@@ -1,0 +1,46 @@
+"""cortet: certified tetrahedral meshes of a cohort of cortical surfaces.
+
+`snakemake --cores 2` makes everything the configuration asks for; profiles/default is loaded by itself.
+"""
+
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+
+configfile: "config.yaml"
+
+
+include: "rules/common.smk"
+include: "rules/surface.smk"
+include: "rules/mesh.smk"
+include: "rules/quality.smk"
+include: "rules/cohort.smk"
+
+
+localrules:
+    all,
+    meshes,
+    cohort,
+
+
+rule all:
+    """Everything: meshes with their records, solver files, cohort tables and figures."""
+    default_target: True
+    input:
+        rules.dataset_description.output,
+        solver_files(),
+        quality_records(),
+        COHORT_FILES,
+
+
+rule meshes:
+    """Certified solver files of every case, without cohort tables and figures."""
+    input:
+        solver_files(),
+
+
+rule cohort:
+    """Cohort tables and figures."""
+    input:
+        COHORT_FILES,

@@ -1,0 +1,114 @@
+"""The sheet and the configuration as the rules see them; the names of all files."""
+
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+
+from snakemake.exceptions import WorkflowError
+
+from cortet.cohort import read_sheet
+from cortet.config import load
+from cortet.errors import CortetError
+
+try:
+    CONFIG = load(config)
+    # read here and never an input of a rule: a new row then runs one new case
+    SHEET = read_sheet(CONFIG.cohort.sheet, CONFIG.cohort.fields)
+except CortetError as error:
+    raise WorkflowError(str(error)) from None
+
+OUT = CONFIG.output.as_posix()
+CASES = {case.name: case for case in SHEET if case.include}
+# what `auto` stands for here: meshes of a cohort must come from one backend
+BACKEND = CONFIG.generate.backend
+if BACKEND == "auto":
+    BACKEND = "pygalmesh" if find_spec("pygalmesh") else "cgal"
+RESOLUTIONS = [round(1000 * size) for size in CONFIG.generate.cell_size]
+
+# S1 to S6 in the order in which they run; S6 comes before S5, so that the mesh that is exported is the last one
+STAGES = {
+    "generate": "Generated",
+    "transfer": "Transferred",
+    "relocate": "Relocated",
+    "clean": "Cleaned",
+    "reconnect": "Reconnected",
+    "snap": "Snapped",
+    "solver_ready": "Solver",
+}
+
+
+wildcard_constraints:
+    folder=r"sub-[A-Za-z0-9]+(/ses-[A-Za-z0-9]+)?",
+    case=r"sub-[A-Za-z0-9]+(_ses-[A-Za-z0-9]+)?(_hemi-[LR])?",
+    res=r"[1-9][0-9]*",
+    mesher=r"[a-z0-9]+",
+    stage="|".join(STAGES.values()),
+
+
+def bids(suffix, datatype, **entities):
+    """Pattern of an output file: OUT/{folder}/DATATYPE/{case}_KEY-VALUE..._SUFFIX."""
+    name = "_".join(
+        ["{case}", *(f"{key}-{value}" for key, value in entities.items()), suffix]
+    )
+    return f"{OUT}/{{folder}}/{datatype}/{name}"
+
+
+def surface_file(desc, suffix="white.surf.gii"):
+    return bids(suffix, "anat", desc=desc)
+
+
+def mesh_file(desc, suffix="tetmesh.vtu"):
+    return bids(suffix, "mesh", res="{res}um", desc=f"{{mesher}}{desc}")
+
+
+def surface_log(rule, suffix="log"):
+    """Log of a job on a surface, or with suffix `tsv` its benchmark; both are named as the files they are about."""
+    return f"{'logs' if suffix == 'log' else 'benchmarks'}/{rule}/{{folder}}/{{case}}.{suffix}"
+
+
+def mesh_log(rule, suffix="log", desc=""):
+    return surface_log(rule, suffix).replace(
+        "{case}", f"{{case}}_res-{{res}}um_desc-{{mesher}}{desc}"
+    )
+
+
+surface_benchmark = partial(surface_log, suffix="tsv")
+mesh_benchmark = partial(mesh_log, suffix="tsv")
+
+
+def each_case(pattern):
+    """Files of a pattern for all included cases, cell sizes and meshers, keyed by (case, res, mesher)."""
+    return {
+        (case.name, res, mesher): pattern.format(
+            folder=case.folder, case=case.name, res=res, mesher=mesher
+        )
+        for case in CASES.values()
+        for res in RESOLUTIONS
+        for mesher in CONFIG.generate.meshers
+    }
+
+
+def mesh_before(stage):
+    """File of the last enabled stage before `stage`: a bypassed stage does not occur."""
+    stages = list(STAGES)
+    before = [name for name in stages[: stages.index(stage)] if CONFIG.enabled(name)]
+    return mesh_file(STAGES[before[-1]])
+
+
+# the surface that is meshed, and that every later stage measures against
+MESHED_SURFACE = surface_file(
+    "smoothed" if CONFIG.enabled("smooth_surface") else "gated"
+)
+
+
+def elements(wildcards):
+    """Tetrahedra to expect at most: 4.2 per cube of the cell size (measured) in the 80 mL of a 36-week hemisphere."""
+    return 4.2 * 80_000 / (int(wildcards.res) / 1000) ** 3
+
+
+def megabytes(per_million):
+    return lambda wildcards: int(500 + per_million * elements(wildcards) / 1e6)
+
+
+def minutes(per_million):
+    return lambda wildcards: int(5 + per_million * elements(wildcards) / 1e6)

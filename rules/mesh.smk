@@ -1,0 +1,166 @@
+"""S1 to S6: from the surface to the mesh in the order its solver wants."""
+
+
+rule generate:
+    """S1: fill the surface with tetrahedra."""
+    input:
+        surface=MESHED_SURFACE,
+    output:
+        mesh=mesh_file("Generated"),
+        report=mesh_file("Generated", "tetmesh.json"),
+    log:
+        mesh_log("generate"),
+    benchmark:
+        mesh_benchmark("generate")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes(2500),
+        runtime=minutes(30),
+    params:
+        stage=lambda wildcards: CONFIG.stage(
+            "generate",
+            cell_size=int(wildcards.res) / 1000,
+            mesher=wildcards.mesher,
+            backend=BACKEND,
+        ),
+    script:
+        "../scripts/generate.py"
+
+
+rule transfer:
+    """S2: carry the fields of the surface to the nodes; write the mesh for openCARP and meshtool."""
+    input:
+        mesh=mesh_before("transfer"),
+        surface=MESHED_SURFACE,
+    output:
+        mesh=mesh_file("Transferred"),
+        report=mesh_file("Transferred", "tetmesh.json"),
+        carp=multiext(mesh_file("Transferred", "tetmesh"), ".pts", ".elem", ".lon"),
+    log:
+        mesh_log("transfer"),
+    benchmark:
+        mesh_benchmark("transfer")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes(1000),
+        runtime=minutes(5),
+    params:
+        stage=CONFIG.stage("transfer"),
+    script:
+        "../scripts/transfer.py"
+
+
+rule relocate:
+    """S3: move nodes to better places (Gmsh)."""
+    input:
+        mesh=mesh_before("relocate"),
+    output:
+        mesh=mesh_file("Relocated"),
+        report=mesh_file("Relocated", "tetmesh.json"),
+    log:
+        mesh_log("relocate"),
+    benchmark:
+        mesh_benchmark("relocate")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes(3000),
+        runtime=minutes(10),
+    params:
+        stage=CONFIG.stage("relocate"),
+    script:
+        "../scripts/relocate.py"
+
+
+rule clean:
+    """S4: move vertices until the worst tetrahedra are good."""
+    input:
+        mesh=mesh_before("clean"),
+        surface=MESHED_SURFACE,
+    output:
+        mesh=mesh_file("Cleaned"),
+        report=mesh_file("Cleaned", "tetmesh.json"),
+    log:
+        mesh_log("clean"),
+    benchmark:
+        mesh_benchmark("clean")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes(1500),
+        runtime=minutes(10),
+    params:
+        stage=CONFIG.stage("clean"),
+    script:
+        "../scripts/clean.py"
+
+
+rule reconnect:
+    """S4+: reconnect tetrahedra that moving vertices cannot improve."""
+    input:
+        mesh=mesh_before("reconnect"),
+        surface=MESHED_SURFACE,
+    output:
+        mesh=mesh_file("Reconnected"),
+        report=mesh_file("Reconnected", "tetmesh.json"),
+    log:
+        mesh_log("reconnect"),
+    benchmark:
+        mesh_benchmark("reconnect")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes(1500),
+        runtime=minutes(10),
+    params:
+        stage=CONFIG.stage("reconnect"),
+    script:
+        "../scripts/reconnect.py"
+
+
+rule snap:
+    """S6: put the boundary back onto the surface."""
+    input:
+        mesh=mesh_before("snap"),
+        surface=MESHED_SURFACE,
+    output:
+        mesh=mesh_file("Snapped"),
+        report=mesh_file("Snapped", "tetmesh.json"),
+    log:
+        mesh_log("snap"),
+    benchmark:
+        mesh_benchmark("snap")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes(1500),
+        runtime=minutes(10),
+    params:
+        stage=CONFIG.stage("snap"),
+    script:
+        "../scripts/snap.py"
+
+
+rule solver_ready:
+    """S5: order nodes and elements as solvers want them; carry the fields onto the final positions."""
+    input:
+        mesh=mesh_before("solver_ready"),
+        surface=MESHED_SURFACE,
+    output:
+        mesh=mesh_file("Solver"),
+        report=mesh_file("Solver", "tetmesh.json"),
+    log:
+        mesh_log("solver_ready"),
+    benchmark:
+        mesh_benchmark("solver_ready")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes(1000),
+        runtime=minutes(5),
+    params:
+        stage=CONFIG.stage("solver_ready"),
+    script:
+        "../scripts/solver_ready.py"

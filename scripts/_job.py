@@ -1,0 +1,64 @@
+"""What every script does first: importing this module prepares the job.
+
+The job logs to its rule's log file (libraries that print do so too), keeps to its rule's threads, and when it fails
+leaves a last line `ERROR reason` there, which `cohort_status.tsv` quotes. Import it before anything of cortet: Numba
+reads its number of threads once.
+"""
+
+from __future__ import annotations
+
+import glob
+import logging
+import os
+import sys
+import traceback
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import __main__
+
+# what Snakemake puts into the script: input, output, params, log, ...
+snakemake: Any = __main__.snakemake
+
+os.environ["NUMBA_NUM_THREADS"] = str(snakemake.threads)
+# the workflow runs the package beside it, also in a conda environment that has another one or none
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from cortet.errors import CortetError  # noqa: E402
+
+logger = logging.getLogger("cortet")
+
+
+def _log_to(path: str) -> None:
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND)
+    os.dup2(descriptor, 1)
+    os.dup2(descriptor, 2)
+    os.close(descriptor)
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
+    logger.info("%s of %s with %s", snakemake.rule, dict(snakemake.wildcards), dict(snakemake.params))
+
+
+def _log_failure(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    if isinstance(error, CortetError):
+        logger.error("%s", error)
+    else:
+        traceback.print_exception(kind, error, trace)
+        logger.error("%s: %s", kind.__name__, error)
+
+
+def _delete_leftovers() -> None:
+    """Delete the temporary files of an attempt that was killed (`cortet.formats.atomic` names them)."""
+    for output in map(Path, snakemake.output):
+        for leftover in output.parent.glob(f".*-*.{glob.escape(output.name)}"):
+            leftover.unlink()
+
+
+_log_to(snakemake.log[0])
+sys.excepthook = _log_failure
+_delete_leftovers()
+
+
+def parameters() -> dict[str, Any]:
+    """Arguments of the stage function: the rule's `stage` parameter without the version, which Snakemake compares."""
+    return {key: value for key, value in snakemake.params.stage.items() if key != "version"}

@@ -1,0 +1,15 @@
+"""S5: carry the fields onto the final positions of one mesh and number its nodes as solvers want them."""
+
+from dataclasses import asdict
+
+from _job import snakemake
+
+from cortet.formats import gifti, vtu
+from cortet.formats.atomic import write_json
+from cortet.stages.solver_ready import solver_ready
+from cortet.stages.transfer import transfer
+
+mesh, _ = transfer(vtu.read(snakemake.input.mesh), gifti.read_surface(snakemake.input.surface))
+mesh, report = solver_ready(mesh)
+vtu.write(mesh, snakemake.output.mesh)
+write_json(asdict(report), snakemake.output.report)

@@ -1,0 +1,14 @@
+"""S2: carry the fields of the surface to the nodes of one mesh; write the mesh for openCARP too."""
+
+from dataclasses import asdict
+
+from _job import snakemake
+
+from cortet.formats import carp, gifti, vtu
+from cortet.formats.atomic import write_json
+from cortet.stages.transfer import transfer
+
+mesh, report = transfer(vtu.read(snakemake.input.mesh), gifti.read_surface(snakemake.input.surface))
+vtu.write(mesh, snakemake.output.mesh)
+carp.write(mesh, snakemake.output.carp[0])
+write_json(asdict(report), snakemake.output.report)

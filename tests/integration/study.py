@@ -1,0 +1,98 @@
+"""A tiny study in a folder of its own, on which the tests run the workflow."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from cortet.formats.gifti import read_surface, write_surface
+from cortet.phantom import phantom
+
+from cortet.cohort import Case, read_sheet, write_sheet
+from cortet.mesh import TriSurface
+
+ROOT = Path(__file__).parents[2]
+
+#: a few hundred tetrahedra, and only the passes without which no mesh is certified
+CONFIG: dict[str, Any] = {
+    "cohort": {"sheet": "cohort.tsv"},
+    "generate": {"cell_size": [4.0], "backend": "cgal", "odt": False, "lloyd": False, "perturb": False, "exude": False},
+    "relocate": {"passes": 1},
+    "quality": {"stages": ["solver_ready"]},
+}
+
+
+@dataclass
+class Study:
+    """A folder in which the workflow runs."""
+
+    folder: Path
+    config: dict[str, Any] = field(default_factory=lambda: {key: dict(value) for key, value in CONFIG.items()})
+
+    def command(self, *arguments: str) -> list[str]:
+        """Command line of Snakemake on the project's workflow; writes the configuration."""
+        (self.folder / "config.yaml").write_text(yaml.safe_dump(self.config))
+        return [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--cores", "2", *arguments]
+
+    def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """Run Snakemake to its end."""
+        return subprocess.run(
+            self.command(*arguments), cwd=self.folder, env=environment(), capture_output=True, text=True, check=False
+        )
+
+    def jobs_of_run(self, *arguments: str, succeeds: bool = True) -> set[tuple[str, str]]:
+        """Run Snakemake; (rule, case) of the jobs that it ran, with case `-` for those over all cases."""
+        began = time.time()
+        result = self.run(*arguments)
+        assert (result.returncode == 0) is succeeds, result.stdout + result.stderr
+        logs = [path for path in (self.folder / "logs").rglob("*.log") if path.stat().st_mtime >= began]
+        parts = [path.relative_to(self.folder / "logs").parts for path in logs]
+        return {(part[0].removesuffix(".log"), part[1] if len(part) > 1 else "-") for part in parts}
+
+    def add_case(self, case: Case, surface: TriSurface) -> None:
+        """Write a surface and add its row to the sheet."""
+        write_surface(surface, Path(case.surface))
+        self.write_cases([*self.cases(), case])
+
+    def cases(self) -> list[Case]:
+        sheet = self.folder / "cohort.tsv"
+        return read_sheet(sheet) if sheet.exists() else []
+
+    def write_cases(self, cases: list[Case]) -> None:
+        write_sheet(cases, self.folder / "cohort.tsv")
+
+    def case(self, participant: str) -> Case:
+        return Case(participant, None, "L", 24.0, self.folder / f"surfaces/{participant}.surf.gii")
+
+    def status(self) -> dict[str, dict[str, str]]:
+        """Rows of the status table by case."""
+        return self._table("cohort_status", "case")
+
+    def _table(self, name: str, key: str) -> dict[str, dict[str, str]]:
+        header, *rows = (self.folder / f"derivatives/cortet/cohort/{name}.tsv").read_text().splitlines()
+        records = [dict(zip(header.split("\t"), row.split("\t"), strict=True)) for row in rows]
+        return {record[key]: record for record in records}
+
+    def files(self, pattern: str) -> list[Path]:
+        """Outputs that match a pattern, hidden ones too."""
+        return sorted((self.folder / "derivatives").rglob(pattern))
+
+
+def environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(ROOT)}
+
+
+def surface(seed: int) -> TriSurface:
+    return phantom(24.0, subdivisions=3, seed=seed)
+
+
+def scaled(path: Path, factor: float) -> None:
+    """Replace a surface by a larger or smaller one."""
+    old = read_surface(path)
+    write_surface(TriSurface(factor * old.points, old.faces), path)

@@ -1,0 +1,191 @@
+"""Only what changed runs again; one bad case never stops the others; a killed job leaves nothing half done."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from cortet.formats.gifti import read_surface, write_surface
+
+from cortet.mesh import TriSurface
+from tests.integration.study import ROOT, Study, environment, scaled, surface
+
+COHORT = {("cohort_quality", "-"), ("cohort_figure", "-"), ("cohort_status", "-")}
+FROM_CLEAN = {"clean", "reconnect", "solver_ready", "quality", "certify", "export"}
+FROM_GATE = {"gate", "smooth_surface", "generate", "transfer", "relocate"} | FROM_CLEAN
+
+
+def jobs(rules: set[str], *participants: str) -> set[tuple[str, str]]:
+    return {(rule, f"sub-{participant}") for rule in rules for participant in participants}
+
+
+def test_the_first_run_certifies_and_exports_every_case(finished: Study) -> None:
+    assert {row["state"] for row in finished.status().values()} == {"certified"}
+    assert len(finished.files("*.mesh")) == 2
+
+
+def test_nothing_reruns_after_a_fresh_checkout_with_every_file_touched(study: Study) -> None:
+    checkout = study.folder / "checkout"
+    for name in ("Snakefile", "rules", "scripts", "cortet", "envs", "reports", "profiles"):
+        source, target = ROOT / name, checkout / name
+        checkout.mkdir(exist_ok=True)
+        shutil.copytree(source, target) if source.is_dir() else shutil.copy(source, target)
+    for path in study.folder.rglob("*"):
+        if path.is_file() and ".snakemake" not in path.parts:
+            path.touch()
+    result = study.run("--dry-run", "--snakefile", str(checkout / "Snakefile"))
+    assert "Nothing to be done" in result.stdout + result.stderr
+
+
+def test_an_edited_surface_reruns_its_case_and_the_tables(study: Study) -> None:
+    scaled(study.folder / "surfaces/a.surf.gii", 1.05)
+    assert study.jobs_of_run() == jobs(FROM_GATE, "a") | COHORT
+
+
+def test_a_new_row_runs_one_case_and_the_tables(study: Study) -> None:
+    study.add_case(study.case("c"), surface(2))
+    assert study.jobs_of_run() == jobs(FROM_GATE, "c") | COHORT
+
+
+def test_an_excluded_row_runs_nothing_but_the_tables(study: Study) -> None:
+    first, second = study.cases()
+    study.write_cases([first, replace(second, include=False, exclude_reason="motion")])
+    assert study.jobs_of_run() == COHORT
+    assert study.status()["sub-b_hemi-L"]["reason"] == "motion"
+
+
+def test_a_changed_threshold_of_s4_reruns_s4_onwards(study: Study) -> None:
+    study.config["clean"] = {"thresholds": [0.6, 0.4]}
+    assert study.jobs_of_run() == jobs(FROM_CLEAN, "a", "b") | COHORT
+
+
+def test_a_bypassed_stage_does_not_occur(study: Study) -> None:
+    study.config["relocate"] = {"enabled": False}
+    assert study.jobs_of_run() == jobs(FROM_CLEAN, "a", "b") | COHORT
+
+
+def test_bad_cases_do_not_stop_the_others(study: Study) -> None:
+    study.add_case(study.case("open"), replace(surface(3), faces=surface(3).faces[1:]))
+    study.add_case(study.case("truncated"), surface(4))
+    truncated = study.folder / "surfaces/truncated.surf.gii"
+    truncated.write_bytes(truncated.read_bytes()[:2000])
+    study.add_case(study.case("missing"), surface(5))
+    (study.folder / "surfaces/missing.surf.gii").unlink()
+    study.add_case(study.case("good"), surface(6))
+
+    bad = jobs({"gate"}, "open", "truncated", "missing")
+    assert study.jobs_of_run(succeeds=False) == bad | jobs(FROM_GATE, "good") | COHORT
+    status = {case.removeprefix("sub-").removesuffix("_hemi-L"): row for case, row in study.status().items()}
+    assert {name: row["state"] for name, row in status.items()} == {
+        "a": "certified",
+        "b": "certified",
+        "good": "certified",
+        "open": "failed",
+        "truncated": "failed",
+        "missing": "failed",
+    }
+    assert {status[name]["stage"] for name in ("open", "truncated", "missing")} == {"gate"}
+    assert "open" in status["open"]["reason"]
+    assert "surfaces/missing.surf.gii" in status["missing"]["reason"]
+    assert (study.folder / status["open"]["log"]).exists()
+
+    write_surface(surface(3), study.folder / "surfaces/open.surf.gii")
+    cases = [case for case in study.cases() if case.participant not in ("truncated", "missing")]
+    study.write_cases(cases)
+    assert study.jobs_of_run() == jobs(FROM_GATE, "open") | COHORT
+    assert {row["state"] for row in study.status().values()} == {"certified"}
+
+
+def test_nothing_of_an_earlier_run_passes_for_this_one(study: Study) -> None:
+    path = study.folder / "surfaces/a.surf.gii"
+    old = read_surface(path)
+    write_surface(TriSurface(old.points, old.faces[1:]), path)
+    study.jobs_of_run(succeeds=False)
+    assert study.status()["sub-a_hemi-L"]["state"] == "failed"
+    assert not study.files("sub-a*certificate.json")
+    assert not study.files("sub-a*.mesh")
+    assert "sub-a" not in (study.folder / "derivatives/cortet/cohort/cohort_quality.tsv").read_text()
+
+
+def test_an_uncertified_mesh_is_measured_but_not_exported(study: Study) -> None:
+    study.config["certify"] = {"q_max": 0.01}
+    ran = study.jobs_of_run(succeeds=False)
+    assert ran == jobs({"certify", "export"}, "a", "b") | COHORT
+    assert {row["state"] for row in study.status().values()} == {"uncertified"}
+    assert "q_max" in study.status()["sub-a_hemi-L"]["reason"]
+    assert not study.files("*.mesh")
+    study.config["export"] = {"uncertified": True}
+    assert study.jobs_of_run() == jobs({"export"}, "a", "b") | COHORT - {
+        ("cohort_quality", "-"),
+        ("cohort_figure", "-"),
+    }
+    assert len(study.files("*.mesh")) == 2
+
+
+def test_a_bad_sheet_stops_the_run_before_it_begins(study: Study) -> None:
+    with (study.folder / "cohort.tsv").open("a") as sheet:
+        sheet.write("sub-x\tn/a\tL\tforty\tx.surf.gii\tyes\tn/a\n")
+    result = study.run()
+    assert result.returncode != 0
+    assert "line 4, column scan_age: 'forty'" in result.stdout + result.stderr
+
+
+@pytest.mark.parametrize(
+    ("rule", "killed"), [("generate", "everything"), ("clean", "the job")], ids=["S1 with Snakemake", "S4 alone"]
+)
+def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study: Study, rule: str, killed: str) -> None:
+    study.config["generate"]["cell_size"] = [1.5]  # seconds, so that there is something to kill
+    study.config["generate"]["lloyd"] = True
+    finals = {"generate": "*res-1500um*Generated_tetmesh.*", "clean": "*res-1500um*Cleaned_tetmesh.*"}[rule]
+    run = subprocess.Popen(
+        study.command(),
+        cwd=study.folder,
+        env=environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    job = wait_for(lambda: process_of(f"{rule}.py", study.folder), run)
+    time.sleep(0.5)
+    os.killpg(run.pid, signal.SIGKILL) if killed == "everything" else os.kill(job, signal.SIGKILL)
+    run.wait()
+
+    if killed == "everything":
+        assert not study.files(finals)
+        assert study.run("--unlock").returncode == 0
+    else:
+        assert run.returncode != 0
+        states = sorted(row["state"] for row in study.status().values())
+        assert states == ["certified", "failed"]
+        assert len(study.files(finals)) == 2
+    assert study.jobs_of_run()
+    assert {row["state"] for row in study.status().values()} == {"certified"}
+    assert not [path for path in study.files("*") if path.name.startswith(".") and path.name != ".bidsignore"]
+
+
+def process_of(script: str, folder: Path) -> int | None:
+    """Id of a process that runs a script of the workflow in `folder`."""
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (entry / "cmdline").read_bytes().split(b"\0")
+            if (entry / "cwd").readlink() == folder and any(word.endswith(b"." + script.encode()) for word in words):
+                return int(entry.name)
+        except OSError:
+            continue  # gone, or not ours
+    return None
+
+
+def wait_for(found: Callable[[], int | None], run: subprocess.Popen[bytes], seconds: float = 60) -> int:
+    end = time.time() + seconds
+    while time.time() < end and run.poll() is None:
+        if (result := found()) is not None:
+            return result
+        time.sleep(0.02)
+    raise AssertionError("the job to kill never ran")
