@@ -1,0 +1,82 @@
+"""Fields of the surface reach every node of its mesh."""
+
+import logging
+
+import numpy as np
+import pytest
+from shapes import ball_surface
+
+from cortet.mesh import TetMesh, TriSurface
+from cortet.stages.generate import generate
+from cortet.stages.transfer import transfer
+from cortet.topology import boundary_nodes
+
+
+@pytest.fixture(scope="module")
+def ball() -> TriSurface:
+    surface = ball_surface(3)
+    x, y, z = surface.points.T
+    fields = {
+        "linear": 2 * x - y + 3 * z + 1,
+        "vector": surface.points.astype(np.float32),
+        "label": np.where(x > 0, 42, -7).astype(np.int32),
+    }
+    return TriSurface(surface.points, surface.faces, fields)
+
+
+@pytest.fixture(scope="module")
+def mesh(ball) -> TetMesh:
+    return generate(ball, cell_size=1.0, backend="cgal", odt=False, lloyd=False, perturb=False, exude=False)[0]
+
+
+def test_a_linear_field_is_exact_on_the_surface(ball, mesh):
+    carried, report = transfer(mesh, ball)
+    nodes = boundary_nodes(mesh)
+    x, y, z = mesh.points[nodes].T
+    assert np.allclose(carried.point_data["linear"][nodes], 2 * x - y + 3 * z + 1, atol=1e-6)
+    assert np.allclose(carried.point_data["vector"][nodes], mesh.points[nodes], atol=1e-6)
+    assert report.max_distance_mm < 1e-6  # as near as CGAL puts nodes
+    assert report.nodes_further_than_1mm == 0
+
+
+def test_labels_are_never_mixed(ball, mesh):
+    carried, report = transfer(mesh, ball)
+    label = carried.point_data["label"]
+    assert label.dtype == np.int32 and set(label) == {42, -7}
+    clear = np.abs(mesh.points[:, 0]) > 1
+    on_surface = np.isin(np.arange(len(mesh.points)), boundary_nodes(mesh))
+    assert np.array_equal(label[clear & on_surface] == 42, mesh.points[clear & on_surface, 0] > 0)
+    assert report.fields == {"linear": "interpolated", "vector": "interpolated", "label": "label"}
+
+
+def test_a_label_is_that_of_the_largest_weight():
+    surface = TriSurface(
+        [[0, 0, 0], [4, 0, 0], [0, 4, 0], [0, 0, 4.0]],
+        [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+        {"label": np.array([1, 2, 3, 4])},
+    )
+    tetrahedron = TetMesh([[0.5, 0.5, 0], [2.5, 0.5, 0], [0.5, 2.5, 0], [0.4, 0.4, 2.6]], [[0, 1, 2, 3]])
+    assert transfer(tetrahedron, surface)[0].point_data["label"].tolist() == [1, 2, 3, 4]
+
+
+def test_interior_nodes_take_the_value_of_their_nearest_boundary_node(ball, mesh):
+    carried, _ = transfer(mesh, ball)
+    nodes = boundary_nodes(mesh)
+    interior = np.setdiff1d(np.arange(len(mesh.points)), nodes)
+    distance = np.linalg.norm(mesh.points[interior, None] - mesh.points[nodes], axis=2)
+    nearest = nodes[distance.argmin(axis=1)]
+    assert np.array_equal(carried.point_data["linear"][interior], carried.point_data["linear"][nearest])
+
+
+def test_fields_of_the_mesh_stay_unless_carried_anew(ball, mesh):
+    own = {"mine": np.arange(len(mesh.points)), "label": np.zeros(len(mesh.points), np.int32)}
+    carried, _ = transfer(TetMesh(mesh.points, mesh.cells, own), ball)
+    assert np.array_equal(carried.point_data["mine"], own["mine"])
+    assert carried.point_data["label"].any()
+
+
+def test_a_surface_elsewhere_is_warned_about(ball, mesh, caplog):
+    with caplog.at_level(logging.WARNING):
+        _, report = transfer(TetMesh(mesh.points + np.array([3, 0, 0]), mesh.cells), ball)
+    assert "do they belong together?" in caplog.text
+    assert report.nodes_further_than_1mm > 0 and report.max_distance_mm == pytest.approx(3, abs=0.05)
