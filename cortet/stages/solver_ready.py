@@ -1,0 +1,67 @@
+"""S5: number the nodes as solvers want them, those of the surface first, and check the mesh once more."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cortet.errors import StageError
+from cortet.mesh import TetMesh
+from cortet.quality import signed_volumes
+from cortet.topology import boundary_faces, boundary_nodes, enclosed_volume
+
+VERSION: int = 1
+
+#: relative difference allowed between the sum of volumes and the volume inside the boundary
+VOLUME_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class SolverReadyReport:
+    """What the solver gets; its surface nodes are 0 .. surface_nodes - 1."""
+
+    nodes: int
+    surface_nodes: int
+    tetrahedra: int
+    #: faces in exactly one tetrahedron; `topology.boundary_faces` gives them outward
+    boundary_faces: int
+    volume_mm3: float
+    enclosed_volume_mm3: float
+
+
+def solver_ready(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
+    """Renumber nodes, surface nodes first, in their previous order otherwise; tetrahedra and fields go along.
+
+    Raises
+    ------
+    StageError
+        a volume is not positive, a node unused, or the volumes do not add up to what the boundary encloses
+    """
+    volumes = signed_volumes(mesh.points, mesh.cells)
+    if bad := int((~(volumes > 0)).sum()):
+        raise StageError(f"{bad} tetrahedra have no positive volume", remedy="look at the reports of the stages before")
+    on_boundary = np.zeros(len(mesh.points), bool)
+    on_boundary[boundary_nodes(mesh)] = True
+    order = np.argsort(~on_boundary, kind="stable")
+    new_index = np.empty(len(order), np.int32)
+    new_index[order] = np.arange(len(order))
+    ready = TetMesh(
+        mesh.points[order],
+        new_index[mesh.cells],
+        {name: values[order] for name, values in mesh.point_data.items()},
+        mesh.cell_data,
+    )
+    if unused := len(order) - len(np.unique(ready.cells)):
+        raise StageError(f"{unused} nodes belong to no tetrahedron")
+    enclosed = enclosed_volume(ready.points, boundary_faces(ready))
+    if not np.isclose(volumes.sum(), enclosed, rtol=VOLUME_TOLERANCE, atol=0):
+        raise StageError(f"volumes add up to {volumes.sum():.6f} mm3, but the boundary encloses {enclosed:.6f} mm3")
+    return ready, SolverReadyReport(
+        nodes=len(ready.points),
+        surface_nodes=int(on_boundary.sum()),
+        tetrahedra=len(ready.cells),
+        boundary_faces=len(boundary_faces(ready)),
+        volume_mm3=float(volumes.sum()),
+        enclosed_volume_mm3=enclosed,
+    )
