@@ -6,7 +6,7 @@ every stage. Read and written by meshio; format: https://docs.vtk.org/en/latest/
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
+import xml.etree.ElementTree as ET
 import zlib
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from cortet.mesh import TetMesh
 #: what meshio lets through when a file is cut off or damaged
 _DAMAGED = (
     meshio.ReadError,
-    ElementTree.ParseError,
+    ET.ParseError,
     zlib.error,
     AssertionError,
     ValueError,

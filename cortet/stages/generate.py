@@ -124,7 +124,7 @@ def generate(
     backend : ``pygalmesh``, ``cgal``, or ``auto``: pygalmesh where it is installed, else cgal
     facet_angle : degrees, lower bound of the angles of boundary triangles
     facet_distance : fractions of `cell_size`, tried in this order until the boundary has the topology of the surface;
-        upper bound of the distance between a boundary triangle and the surface
+        upper bound of the distance between the circumcentre of a boundary triangle and the centre of its surface ball
     radius_edge_ratio : upper bound of circumradius over shortest edge of tetrahedra
     odt, lloyd, perturb, exude : CGAL's optimisation passes
     seed : of CGAL's random numbers; pygalmesh only
@@ -237,7 +237,7 @@ def _attempt(
 
 def _with_pygalmesh(off: Path, medit: Path, criteria: Criteria, passes: Sequence[str], seed: int) -> None:
     # pygalmesh's public function only wraps this one, through temporary files of its own that outlive a failure
-    from _pygalmesh import _generate_from_off
+    from _pygalmesh import _generate_from_off  # noqa: PLC0415 - not installed everywhere
 
     _generate_from_off(
         str(off),
@@ -253,9 +253,9 @@ def _with_pygalmesh(off: Path, medit: Path, criteria: Criteria, passes: Sequence
     )
 
 
-def _with_cgal(off: Path, medit: Path, criteria: Criteria, passes: Sequence[str], seed: int) -> None:
-    from CGAL import CGAL_Mesh_3 as mesh_3
-    from CGAL.CGAL_Polyhedron_3 import Polyhedron_3
+def _with_cgal(off: Path, medit: Path, criteria: Criteria, passes: Sequence[str], _seed: int) -> None:
+    from CGAL import CGAL_Mesh_3 as mesh_3  # noqa: PLC0415 - not installed everywhere
+    from CGAL.CGAL_Polyhedron_3 import Polyhedron_3  # noqa: PLC0415
 
     wanted = mesh_3.Default_mesh_criteria()
     wanted.facet_angle(criteria.facet_angle)

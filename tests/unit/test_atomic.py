@@ -19,9 +19,14 @@ def test_the_file_appears_when_the_block_ends(tmp_path):
 def test_a_failure_leaves_the_old_file_and_no_litter(tmp_path):
     final = tmp_path / "x.json"
     final.write_text("old")
-    with pytest.raises(ZeroDivisionError), atomic_path(final) as temporary:
-        temporary.write_text("half")
-        raise ZeroDivisionError
+
+    def fail_half_way() -> None:
+        with atomic_path(final) as temporary:
+            temporary.write_text("half")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail_half_way()
     assert final.read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["x.json"]
 
 

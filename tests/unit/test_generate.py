@@ -150,9 +150,14 @@ def test_exactly_flat_tetrahedra_are_counted_not_kept():
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system has no CPU affinity")
 def test_the_core_is_given_back_also_after_a_failure():
     before = os.sched_getaffinity(0)
-    with pytest.raises(ZeroDivisionError), s1.one_core():
-        assert len(os.sched_getaffinity(0)) == 1
-        raise ZeroDivisionError
+
+    def fail_inside() -> None:
+        with s1.one_core():
+            assert len(os.sched_getaffinity(0)) == 1
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail_inside()
     assert os.sched_getaffinity(0) == before
 
 
