@@ -479,7 +479,7 @@ def _improve(mesh, tree, queue, threshold, tally):  # type: ignore[no-untyped-de
 
 
 def improve(mesh: Swappable, tree: SurfaceTree, threshold: float) -> SwapCount:
-    """Swap around every tetrahedron with mu^2 above `threshold`, worst first, until nothing improves. Changes `mesh`."""
+    """Swap around tetrahedra with mu^2 above `threshold`, worst first, until nothing improves. Changes `mesh`."""
     tally = np.zeros(6)
     for _ in range(_ROUNDS):
         done = tally[1:5].sum()

@@ -1,0 +1,65 @@
+"""S4: worst elements improve, and the boundary does what was asked."""
+
+import numpy as np
+import pytest
+from shapes import ball_mesh, ball_surface
+
+from cortet import topology
+from cortet.errors import InputError, StageError
+from cortet.mesh import TetMesh
+from cortet.optimise.closest_point import closest_points, surface_tree
+from cortet.quality import quality
+from cortet.stages.clean import clean, schedule
+
+SURFACE = ball_surface(2, 1.0)
+
+
+@pytest.fixture(scope="module")
+def mesh() -> TetMesh:
+    return ball_mesh()
+
+
+def test_sliding_keeps_connectivity_and_surface(mesh):
+    result, report = clean(mesh, SURFACE)
+    nodes = topology.boundary_nodes(result)
+    tree = surface_tree(SURFACE.points, SURFACE.faces)
+    assert np.array_equal(result.cells, mesh.cells)
+    assert closest_points(tree, result.points[nodes]).distances.max() < 1e-12
+    q = quality(result.points, result.cells)
+    assert (report.q_mean, report.q_max) == (q.mean(), q.max())
+    assert report.q_max < report.q_max_before
+    assert report.vertices_moved > 0 and report.vertices_held == 0
+
+
+def test_published_setting_runs_the_threshold_passes_only(mesh):
+    _, report = clean(mesh, SURFACE, boundary="free", improve_mean=False)
+    assert [one.threshold for one in report.passes] == [0.7, 0.5, 0.3]
+
+
+def test_fixed_boundary_does_not_move(mesh):
+    nodes = topology.boundary_nodes(mesh)
+    result, _ = clean(mesh, SURFACE, boundary="fixed")
+    assert np.array_equal(result.points[nodes], mesh.points[nodes])
+
+
+def test_a_good_mesh_is_left_as_it_is():
+    corner = np.array([[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1.0]])
+    mesh = TetMesh(corner, [[0, 1, 2, 3]])
+    surface, _ = topology.boundary_surface(mesh)
+    result, report = clean(mesh, surface, improve_mean=False)
+    assert np.array_equal(result.points, mesh.points) and report.vertices_moved == 0
+
+
+def test_each_pass_comes_closer_to_min_max():
+    assert [aim.power for aim in schedule([0.7, 0.5, 0.3], improve_mean=False)] == [8, 16, 32]
+    assert [aim.threshold for aim in schedule([0.4], improve_mean=True)] == [0, 0.4, 0]
+
+
+def test_what_cannot_be_cleaned_is_refused(mesh):
+    inverted = TetMesh(mesh.points, mesh.cells[:, [1, 0, 2, 3]])
+    with pytest.raises(StageError, match="flat or inverted"):
+        clean(inverted, SURFACE)
+    with pytest.raises(InputError, match=r"1\.5 is not a quality"):
+        clean(mesh, SURFACE, thresholds=[1.5])
+    with pytest.raises(InputError, match="meshtool moves the boundary freely"):
+        clean(mesh, SURFACE, backend="meshtool")

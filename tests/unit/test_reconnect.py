@@ -1,0 +1,60 @@
+"""S4+: swaps and moves together reach what moves alone cannot."""
+
+import numpy as np
+import pytest
+from shapes import ball_mesh, ball_surface
+
+from cortet import topology
+from cortet.mesh import TetMesh
+from cortet.optimise.closest_point import closest_points, surface_tree
+from cortet.quality import quality, signed_volumes
+from cortet.stages.clean import clean
+from cortet.stages.reconnect import reconnect
+
+SURFACE = ball_surface(2, 1.0)
+
+
+@pytest.fixture(scope="module")
+def cleaned() -> TetMesh:
+    return clean(ball_mesh(), SURFACE)[0]
+
+
+def test_worst_element_falls_and_everything_else_holds(cleaned):
+    result, report = reconnect(cleaned, SURFACE)
+    q = quality(result.points, result.cells)
+    assert report.q_max == q.max() < quality(cleaned.points, cleaned.cells).max()
+    assert report.q_mean <= report.q_mean_before
+    assert (signed_volumes(result.points, result.cells) > 0).all()
+    faces = topology.boundary_faces(result)
+    found = topology.surface_topology(faces)
+    assert found.is_closed_manifold and found.genus == 0
+    assert np.array_equal(np.unique(result.cells), np.arange(len(cleaned.points)))
+    nodes = topology.boundary_nodes(result)
+    tree = surface_tree(SURFACE.points, SURFACE.faces)
+    assert closest_points(tree, result.points[nodes]).distances.max() < 1e-12
+
+
+def test_fixed_boundary_keeps_its_triangles(cleaned):
+    result, report = reconnect(cleaned, SURFACE, boundary="fixed")
+    before, after = ({tuple(sorted(face)) for face in topology.boundary_faces(m).tolist()} for m in (cleaned, result))
+    assert before == after and report.boundary_flips == report.peeled == 0
+    assert report.edge_removals > 0
+
+
+def test_labels_keep_their_interface_and_values_follow(cleaned):
+    above = cleaned.points[cleaned.cells].mean(axis=1)[:, 2] > 0
+    mesh = TetMesh(cleaned.points, cleaned.cells, cell_data={"region": above.astype(np.int32)})
+
+    def interface(m: TetMesh) -> set:
+        halves = [
+            topology.packed(m.cells[m.cell_data["region"] == k][:, topology.TET_FACES].reshape(-1, 3)) for k in (0, 1)
+        ]
+        return set(halves[0].tolist()) & set(halves[1].tolist())
+
+    result, report = reconnect(mesh, SURFACE)
+    assert report.edge_removals > 0
+    assert len(result.cell_data["region"]) == len(result.cells)
+    assert interface(result) == interface(mesh)
+    for k in (0, 1):
+        before, after = (m.cells[m.cell_data["region"] == k] for m in (mesh, result))
+        assert set(np.unique(after)) == set(np.unique(before))
