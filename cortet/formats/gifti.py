@@ -1,0 +1,241 @@
+"""GIfTI: surfaces and per-vertex fields (https://www.nitrc.org/projects/gifti, format 1.0).
+
+Files are read here rather than by nibabel, which (5.4) misreads column-major ASCII that is wrapped into lines of three,
+rejects ASCII lines of unequal length, and unpacks compressed data without a bound. Files are written by nibabel.
+
+Coordinates are stored as float32, the only type that every GIfTI tool reads (resolution 4e-6 mm at 60 mm).
+`single_precision` rounds a surface to what a file holds: stages that move vertices return such surfaces, so that
+nothing downstream depends on whether the surface went through a file.
+"""
+
+# mypy: disable-error-code="no-untyped-call"
+
+from __future__ import annotations
+
+import base64
+import math
+import zlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+from nibabel.gifti.gifti import GiftiCoordSystem, GiftiDataArray, GiftiImage, GiftiMetaData
+from nibabel.nifti1 import xform_codes
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.formats.atomic import atomic_path
+from cortet.mesh import CoordinateFrame, TriSurface
+
+_EXPORT_AGAIN = "export the surface again as GIfTI (.surf.gii)"
+_TYPES = {
+    f"NIFTI_TYPE_{name.upper()}": np.dtype(name)
+    for name in ("uint8", "int8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64")
+}
+#: deflate cannot shrink data more than this (https://zlib.net/zlib_tech.html), so no array claims more per stored byte
+_MAX_COMPRESSION = 1032
+_MAX_BYTES = 2**31
+_GEOMETRY = ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
+
+
+class _Array(NamedTuple):
+    intent: str
+    name: str
+    values: NDArray[Any]
+    frame: CoordinateFrame
+
+
+def read_surface(path: str | Path) -> TriSurface:
+    """Read a triangulated surface; further per-vertex arrays in the file become its `point_data`.
+
+    Any valid GIfTI will do: arrays in either order, row- or column-major, either endianness, ASCII, base64, compressed
+    or in an external file, integer triangles of any type. Memory is bounded by what the file can hold.
+
+    Raises
+    ------
+    InputError : the file is missing, empty, truncated or no GIfTI; an array is missing; a coordinate is not finite; a
+        triangle refers to a vertex that does not exist
+    """
+    arrays = _read(Path(path))
+    points = _geometry(arrays, "NIFTI_INTENT_POINTSET", path)
+    triangles = _geometry(arrays, "NIFTI_INTENT_TRIANGLE", path)
+    bad = np.flatnonzero(~np.isfinite(points.values).all(axis=1))
+    if len(bad):
+        what = f"{len(bad)} vertices have coordinates that are not finite, the first is vertex {bad[0]}"
+        raise InputError(f"{what}: {points.values[bad[0]].tolist()}", file=path, remedy=_EXPORT_AGAIN)
+    if not np.issubdtype(triangles.values.dtype, np.integer):
+        raise InputError(f"triangles of type {triangles.values.dtype}, not integer", file=path, remedy=_EXPORT_AGAIN)
+    count = len(points.values)
+    bad = np.flatnonzero(((triangles.values < 0) | (triangles.values >= count)).any(axis=1))
+    if len(bad):
+        what = f"triangle {bad[0]} is {triangles.values[bad[0]].tolist()}, but vertices run from 0 to {count - 1}"
+        raise InputError(what, file=path, remedy=_EXPORT_AGAIN)
+    return TriSurface(points.values, triangles.values, _fields(arrays, path, count), points.frame)
+
+
+def read_fields(path: str | Path) -> dict[str, NDArray[Any]]:
+    """Read the per-vertex arrays of a .shape, .func or .label file: name -> (n,) or (n, k).
+
+    Names come from the metadata `Name`, else from the file. Labels are int32 keys.
+    Raises InputError like `read_surface`.
+    """
+    return _fields(_read(Path(path)), path)
+
+
+def write_surface(surface: TriSurface, path: str | Path) -> None:
+    """Write a surface, its fields and its coordinate frame; float32 coordinates, int32 triangles, compressed base64."""
+    frame = GiftiCoordSystem(
+        xform_codes.code[surface.frame.dataspace],
+        xform_codes.code[surface.frame.xformspace],
+        np.reshape(surface.frame.matrix, (4, 4)),
+    )
+    arrays = [
+        GiftiDataArray(
+            surface.points.astype(np.float32), "NIFTI_INTENT_POINTSET", "NIFTI_TYPE_FLOAT32", coordsys=frame
+        ),
+        GiftiDataArray(surface.faces, "NIFTI_INTENT_TRIANGLE", "NIFTI_TYPE_INT32"),
+    ]
+    for name, values in surface.point_data.items():
+        meta = GiftiMetaData(Name=name)
+        if np.issubdtype(values.dtype, np.integer):
+            array = GiftiDataArray(values.astype(np.int32), "NIFTI_INTENT_LABEL", "NIFTI_TYPE_INT32", meta=meta)
+        else:
+            array = GiftiDataArray(values.astype(np.float32), "NIFTI_INTENT_NONE", "NIFTI_TYPE_FLOAT32", meta=meta)
+        arrays.append(array)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(GiftiImage(darrays=arrays).to_xml())
+
+
+def single_precision(surface: TriSurface) -> TriSurface:
+    """The surface as a file holds it: coordinates rounded to float32."""
+    return replace(surface, points=surface.points.astype(np.float32).astype(np.float64))
+
+
+def _geometry(arrays: list[_Array], intent: str, path: str | Path) -> _Array:
+    """The one (n, 3) array of this intent."""
+    found = [array for array in arrays if array.intent == intent]
+    if len(found) != 1:
+        raise InputError(f"{len(found)} {intent} arrays instead of one", file=path, remedy=_EXPORT_AGAIN)
+    shape = found[0].values.shape
+    if len(shape) != 2 or shape[1] != 3 or not shape[0]:
+        raise InputError(f"{intent} has the shape {shape} instead of (n, 3)", file=path, remedy=_EXPORT_AGAIN)
+    return found[0]
+
+
+def _fields(arrays: list[_Array], path: str | Path, count: int | None = None) -> dict[str, NDArray[Any]]:
+    """Arrays that are not geometry, all with one value (or row) for each of `count` vertices."""
+    fields: dict[str, NDArray[Any]] = {}
+    for array in arrays:
+        if array.intent in _GEOMETRY:
+            continue
+        count = len(array.values) if count is None else count
+        if len(array.values) != count:
+            what = f"field `{array.name}` has {len(array.values)} values for {count} vertices"
+            raise InputError(what, file=path, remedy="use fields of this very surface")
+        name = array.name
+        while name in fields:
+            name += "_"
+        values = array.values[:, 0] if array.values.ndim == 2 and array.values.shape[1] == 1 else array.values
+        fields[name] = values.astype(np.int32) if array.intent == "NIFTI_INTENT_LABEL" else values
+    return fields
+
+
+def _read(path: Path) -> list[_Array]:
+    """All arrays of a file."""
+    try:
+        size = path.stat().st_size
+        if not size:
+            raise InputError("the file is empty", file=path, remedy=_EXPORT_AGAIN)
+        parser = ElementTree.iterparse(path, events=("start", "end"))
+        root = next(parser)[1].tag
+        if root != "GIFTI":
+            raise InputError(f"not GIfTI: its XML begins with <{root}>", file=path, remedy=_EXPORT_AGAIN)
+        arrays = []
+        for event, element in parser:
+            if event == "end" and element.tag == "DataArray":
+                arrays.append(_array(element, path))
+                element.clear()
+    except OSError as error:
+        remedy = "check the path and its permissions"
+        raise InputError(f"cannot be read: {error.strerror}", file=path, remedy=remedy) from error
+    except ElementTree.ParseError as error:
+        what = f"truncated or not GIfTI: {error} (the file has {size:,} bytes)"
+        raise InputError(what, file=path, remedy=_EXPORT_AGAIN) from error
+    return arrays
+
+
+def _array(element: ElementTree.Element, path: Path) -> _Array:
+    """Decode one <DataArray>, having checked that it holds what it declares."""
+    get = element.attrib.get
+    intent = get("Intent", "NIFTI_INTENT_NONE")
+    name = next((_text(md, "Value") for md in element.iter("MD") if _text(md, "Name") == "Name"), "") or _stem(path)
+    try:
+        shape = [int(get(f"Dim{i}", "")) for i in range(int(get("Dimensionality", "")))]
+        dtype = _TYPES[get("DataType", "")].newbyteorder(">" if get("Endian") == "BigEndian" else "<")
+        if not shape or min(shape) < 0:
+            raise ValueError(f"dimensions {shape}")
+        flat = _decode(element, math.prod(shape), dtype, path.parent)
+        values = flat.reshape(shape, order="F" if get("ArrayIndexingOrder") == "ColumnMajorOrder" else "C")
+        frame = _frame(element)
+    except KeyError as error:
+        raise InputError(f"{intent} array: {error} is not known", file=path, remedy=_EXPORT_AGAIN) from error
+    except (ValueError, OSError, zlib.error) as error:
+        raise InputError(f"{intent} array: {error}", file=path, remedy=_EXPORT_AGAIN) from error
+    return _Array(intent, name, values.astype(dtype.newbyteorder("=")), frame)
+
+
+def _decode(element: ElementTree.Element, count: int, dtype: np.dtype[Any], folder: Path) -> NDArray[Any]:
+    """The `count` values of a <DataArray>, in the order they are stored in; ValueError when it holds fewer or more."""
+    text, encoding, expected = _text(element, "Data"), element.get("Encoding", ""), count * dtype.itemsize
+    if expected > _MAX_BYTES:
+        raise ValueError(f"declares {expected:,} bytes, more than the {_MAX_BYTES:,} that are read")
+    if encoding == "ASCII":
+        words = text.split()
+        if len(words) != count:
+            raise ValueError(f"declares {count:,} values, holds {len(words):,}")
+        return np.array(words).astype(dtype)
+    if encoding == "ExternalFileBinary":
+        data = _external(element, folder, expected)
+    elif encoding in ("Base64Binary", "GZipBase64Binary"):
+        data = base64.b64decode("".join(text.split()), validate=True)
+    else:
+        raise ValueError(f"encoding `{encoding}` is not known")
+    if encoding == "GZipBase64Binary":
+        if expected > _MAX_COMPRESSION * len(data):
+            raise ValueError(f"declares {expected:,} bytes, which {len(data):,} compressed ones cannot hold")
+        data = zlib.decompressobj(wbits=47).decompress(data, expected + 1)  # zlib or gzip header
+    if len(data) != expected:
+        raise ValueError(f"declares {expected:,} bytes, holds {'more' if len(data) > expected else f'{len(data):,}'}")
+    return np.frombuffer(data, dtype)
+
+
+def _external(element: ElementTree.Element, folder: Path, size: int) -> bytes:
+    """`size` bytes of the binary file that stands beside the GIfTI file."""
+    name = element.get("ExternalFileName", "")
+    if Path(name).name != name:
+        raise ValueError(f"external file `{name}` is not beside the file")
+    with (folder / name).open("rb") as file:
+        file.seek(int(element.get("ExternalFileOffset") or 0))
+        return file.read(size)
+
+
+def _frame(element: ElementTree.Element) -> CoordinateFrame:
+    """The first coordinate system of a <DataArray>; unknown when it has none."""
+    system = element.find("CoordinateSystemTransformMatrix")
+    if system is None:
+        return CoordinateFrame()
+    dataspace, xformspace = (str(xform_codes.niistring[_text(system, t)]) for t in ("DataSpace", "TransformedSpace"))
+    matrix = tuple(float(word) for word in _text(system, "MatrixData").split())
+    if len(matrix) != 16:
+        raise ValueError(f"coordinate transform of {len(matrix)} numbers instead of 16")
+    return CoordinateFrame(dataspace, xformspace, matrix)
+
+
+def _text(element: ElementTree.Element, tag: str) -> str:
+    return (element.findtext(tag) or "").strip()
+
+
+def _stem(path: Path) -> str:
+    return path.name.split(".")[0]

@@ -1,0 +1,234 @@
+"""GIfTI files: every valid form is read, every invalid one is refused with its reason."""
+
+from __future__ import annotations
+
+import base64
+import re
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import nibabel
+import numpy as np
+import pytest
+from shapes import ball_surface
+
+from cortet.errors import InputError
+from cortet.formats.gifti import read_fields, read_surface, single_precision, write_surface
+from cortet.mesh import CoordinateFrame, TriSurface
+
+POINTS = np.array([[0, 0, 0], [1.5, 0, 0], [0, 2.25, 0], [0, 0, -3]], np.float32)
+FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.int32)
+MATRIX = "1 0 0 -90 0 1 0 -126 0 0 1 -72 0 0 0 1"
+
+
+def data_array(
+    values: np.ndarray,
+    intent: str,
+    encoding: str = "GZipBase64Binary",
+    order: str = "C",
+    endian: str = "<",
+    **other: str,
+) -> str:
+    """One <DataArray>; `other` replaces any of its attributes."""
+    flat = values.ravel(order=order)
+    stored = flat.astype(flat.dtype.newbyteorder(endian)).tobytes()
+    text = {
+        "ASCII": lambda: re.sub(r"((\S+ ){3})", r"\1\n", " ".join(map(str, flat))),
+        "Base64Binary": lambda: base64.b64encode(stored).decode(),
+        "GZipBase64Binary": lambda: base64.b64encode(zlib.compress(stored)).decode(),
+        "ExternalFileBinary": lambda: "",
+    }[encoding]()
+    attributes = {
+        "Intent": f"NIFTI_INTENT_{intent}",
+        "DataType": f"NIFTI_TYPE_{values.dtype.name.upper()}",
+        "ArrayIndexingOrder": "RowMajorOrder" if order == "C" else "ColumnMajorOrder",
+        "Dimensionality": str(values.ndim),
+        **{f"Dim{i}": str(n) for i, n in enumerate(values.shape)},
+        "Encoding": encoding,
+        "Endian": "LittleEndian" if endian == "<" else "BigEndian",
+        **other,
+    }
+    frame = (
+        "<CoordinateSystemTransformMatrix><DataSpace>NIFTI_XFORM_SCANNER_ANAT</DataSpace><TransformedSpace>"
+        f"NIFTI_XFORM_TALAIRACH</TransformedSpace><MatrixData>{MATRIX}</MatrixData></CoordinateSystemTransformMatrix>"
+        if intent == "POINTSET"
+        else ""
+    )
+    written = " ".join(f'{key}="{value}"' for key, value in attributes.items())
+    return f"<DataArray {written}>{frame}<Data>{text}</Data></DataArray>"
+
+
+def points(values: np.ndarray = POINTS, **how: str) -> str:
+    return data_array(values, "POINTSET", **how)
+
+
+def triangles(values: np.ndarray = FACES, **how: str) -> str:
+    return data_array(values, "TRIANGLE", **how)
+
+
+@pytest.fixture
+def file(tmp_path: Path):
+    """Writes a GIfTI file of the given arrays."""
+
+    def write(*arrays: str) -> Path:
+        path = tmp_path / "x.surf.gii"
+        path.write_text(f'<?xml version="1.0"?>\n<GIFTI Version="1.0">{"".join(arrays)}</GIFTI>')
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("encoding", ["ASCII", "Base64Binary", "GZipBase64Binary"])
+@pytest.mark.parametrize("order", ["C", "F"])
+@pytest.mark.parametrize("endian", ["<", ">"])
+@pytest.mark.parametrize("index", [np.int32, np.uint32, np.int64])
+def test_every_valid_form_is_read(file, encoding, order, endian, index) -> None:
+    how = {"encoding": encoding, "order": order, "endian": endian}
+    for arrays in ([points(**how), triangles(FACES.astype(index), **how)], [triangles(**how), points(**how)]):
+        surface = read_surface(file(*arrays))
+        assert np.array_equal(surface.points, POINTS)
+        assert np.array_equal(surface.faces, FACES)
+        assert surface.frame.dataspace == "NIFTI_XFORM_SCANNER_ANAT"
+        assert surface.frame.xformspace == "NIFTI_XFORM_TALAIRACH"
+        assert surface.frame.matrix == tuple(map(float, MATRIX.split()))
+
+
+def test_data_in_an_external_file_is_read(file, tmp_path: Path) -> None:
+    (tmp_path / "x.data").write_bytes(b"head" + POINTS.tobytes())
+    where = {"ExternalFileName": "x.data", "ExternalFileOffset": "4"}
+    path = file(points(encoding="ExternalFileBinary", **where), triangles())
+    assert np.array_equal(read_surface(path).points, POINTS)
+    (tmp_path / "x.data").write_bytes(POINTS.tobytes())
+    with pytest.raises(InputError, match="declares 48 bytes, holds 44"):
+        read_surface(path)
+    with pytest.raises(InputError, match="not beside"):
+        read_surface(file(points(encoding="ExternalFileBinary", ExternalFileName="../x.data"), triangles()))
+
+
+def test_what_is_written_is_read_back_and_is_what_nibabel_reads(tmp_path: Path) -> None:
+    ball = ball_surface(2)
+    frame = CoordinateFrame("NIFTI_XFORM_ALIGNED_ANAT", "NIFTI_XFORM_MNI_152", tuple(np.arange(16.0)))
+    fields = {"thickness": np.linspace(1, 2, len(ball.points)), "region": np.arange(len(ball.points)) % 3}
+    surface = single_precision(replace(ball, point_data=fields, frame=frame))
+    path = tmp_path / "new" / "x.surf.gii"
+    write_surface(surface, path)
+    again = read_surface(path)
+    assert np.array_equal(again.points, surface.points)
+    assert np.array_equal(again.faces, surface.faces)
+    assert again.frame == frame
+    assert again.point_data["region"].dtype == np.int32
+    assert np.array_equal(again.point_data["region"], fields["region"])
+    assert np.allclose(again.point_data["thickness"], fields["thickness"], atol=1e-6)
+
+    image = nibabel.load(path)
+    assert np.array_equal(image.agg_data("pointset"), surface.points)
+    assert np.array_equal(image.agg_data("triangle"), surface.faces)
+    assert image.darrays[0].coordsys.dataspace == 2
+
+    written = path.read_bytes()
+    write_surface(again, path)
+    assert path.read_bytes() == written
+
+
+def test_fields_take_their_names_from_metadata_or_the_file(tmp_path: Path) -> None:
+    values = np.array([0.5, 1.5, 2.5], np.float32)
+    named = nibabel.gifti.GiftiDataArray(values, "NIFTI_INTENT_SHAPE", meta=nibabel.gifti.GiftiMetaData(Name="sulc"))
+    labels = nibabel.gifti.GiftiDataArray(np.array([3, 0, 7], np.int32), "NIFTI_INTENT_LABEL")
+    path = tmp_path / "regions.label.gii"
+    nibabel.save(nibabel.GiftiImage(darrays=[named, labels]), path)
+    fields = read_fields(path)
+    assert list(fields) == ["sulc", "regions"]
+    assert np.array_equal(fields["sulc"], values)
+    assert np.array_equal(fields["regions"], [3, 0, 7])
+    assert fields["regions"].dtype == np.int32
+
+
+def test_a_field_of_another_surface_is_refused(file) -> None:
+    with pytest.raises(InputError, match="3 values for 4 vertices"):
+        read_surface(file(points(), triangles(), data_array(np.zeros(3, np.float32), "SHAPE")))
+
+
+def bad_points(value: float) -> np.ndarray:
+    values = POINTS.copy()
+    values[2, 1] = value
+    return values
+
+
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ([], "0 NIFTI_INTENT_POINTSET"),
+        ([points()], "0 NIFTI_INTENT_TRIANGLE"),
+        ([points(), points(), triangles()], "2 NIFTI_INTENT_POINTSET"),
+        ([points(np.zeros((0, 3), np.float32)), triangles()], r"shape \(0, 3\)"),
+        ([points(POINTS[:, :2]), triangles()], r"shape \(4, 2\)"),
+        ([points(bad_points(np.nan)), triangles()], "vertex 2: .*nan"),
+        ([points(bad_points(np.inf)), triangles()], "vertex 2: .*inf"),
+        ([points(), triangles(FACES + 1)], r"triangle 1 is \[1, 2, 4\], but vertices run from 0 to 3"),
+        ([points(), triangles(FACES - 1)], r"triangle 0 is \[-1, 1, 0\]"),
+        ([points(), triangles((FACES.astype(np.int64) + 2**32 - 4).astype(np.uint32))], "4294967292"),
+        ([points(), triangles(FACES.astype(np.float32))], "float32, not integer"),
+        ([points(Dim0="3"), triangles()], "declares 36 bytes, holds more"),
+        ([points(Dim0="5"), triangles()], "declares 60 bytes, holds 48"),
+        ([points(encoding="ASCII", Dim0="5"), triangles()], "declares 15 values, holds 12"),
+        ([points(Dim0="99999999999999"), triangles()], "more than the 2,147,483,648"),
+        ([points(Dim0="99999999"), triangles()], "compressed ones cannot hold"),
+        ([points(Dim0="-4"), triangles()], r"dimensions \[-4, 3\]"),
+        ([points(Dim1="many"), triangles()], "'many'"),
+        ([points(DataType="NIFTI_TYPE_RGB24"), triangles()], "'NIFTI_TYPE_RGB24' is not known"),
+        ([points(Encoding="Base32"), triangles()], "encoding `Base32` is not known"),
+        ([points(Encoding="GZipBase64Binary", encoding="Base64Binary"), triangles()], "while decompressing"),
+    ],
+)
+def test_contents_that_make_no_surface_are_refused(file, arrays: list[str], words: str) -> None:
+    path = file(*arrays)
+    with pytest.raises(InputError, match=words) as caught:
+        read_surface(path)
+    assert str(path) in str(caught.value)
+    assert caught.value.remedy
+
+
+def test_a_compressed_bomb_is_not_unpacked(file) -> None:
+    bomb = base64.b64encode(zlib.compress(bytes(200_000_000))).decode()
+    path = file(points().replace(points().split("<Data>")[1].split("<")[0], bomb), triangles())
+    with pytest.raises(InputError, match="declares 48 bytes, holds more"):
+        read_surface(path)
+
+
+def test_empty_truncated_missing_and_other_files_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.surf.gii"
+    with pytest.raises(InputError, match="No such file"):
+        read_surface(path)
+    path.write_bytes(b"")
+    with pytest.raises(InputError, match="is empty"):
+        read_surface(path)
+    write_surface(ball_surface(2), path)
+    whole = path.read_bytes()
+    for size in (10, 100, len(whole) // 2, len(whole) - 5):
+        path.write_bytes(whole[:size])
+        with pytest.raises(InputError, match="truncated or not GIfTI"):
+            read_surface(path)
+    path.write_bytes(b"ply\nformat ascii 1.0\n")
+    with pytest.raises(InputError, match="truncated or not GIfTI"):
+        read_surface(path)
+    path.write_text("<VTKFile></VTKFile>")
+    with pytest.raises(InputError, match="not GIfTI: its XML begins with <VTKFile>"):
+        read_surface(path)
+
+
+def test_real_surfaces_agree_with_nibabel() -> None:
+    data = Path(__file__).parents[2] / "../shared/data"
+    files = sorted(data.glob("*/*.surf.gii"))
+    if not files:
+        pytest.skip("no real surfaces in ../shared/data")
+    for path in files:
+        surface, image = read_surface(path), nibabel.load(path)
+        assert np.array_equal(surface.points, image.agg_data("pointset"))
+        assert np.array_equal(surface.faces, image.agg_data("triangle"))
+
+
+def test_single_precision_changes_nothing_twice() -> None:
+    rounded = single_precision(TriSurface([[1 / 3, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2]]))
+    assert rounded.points[0, 0] == np.float32(1 / 3)
+    assert np.array_equal(single_precision(rounded).points, rounded.points)
