@@ -1,0 +1,125 @@
+"""S6: put boundary nodes back on the surface that was meshed, at its nearest point (not vertex).
+
+After a cleaning that slides boundary nodes along the surface there is nothing to do, and the report says so. After one
+that let them float, snapping may spoil the elements below: those nodes are held back, interior nodes are cleaned under
+them, and the rest of the way is tried again. Nodes that would make the boundary cross itself stay where they are.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.optimise.closest_point import closest_points, surface_tree
+from cortet.optimise.crossing import without_crossing
+from cortet.quality import quality
+from cortet.stages.backing_off import back_off
+from cortet.stages.clean import clean
+from cortet.topology import boundary_nodes
+
+VERSION: int = 1
+
+#: boundary nodes nearer than this (mm) lie on the surface; CGAL leaves them up to 2e-6 mm off
+ON_SURFACE_MM = 1e-4
+#: how often interior nodes are cleaned to let boundary nodes further on, and from which q on
+REPAIR_ROUNDS, REPAIR_THRESHOLDS = 3, (0.5, 0.3)
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class SnapReport:
+    """How far the boundary was off, how far it is now, and what it took."""
+
+    #: in plain words
+    outcome: str
+    mean_distance_before_mm: float
+    max_distance_before_mm: float
+    mean_distance_after_mm: float
+    max_distance_after_mm: float
+    #: elements that snapping without repair would have inverted, or lifted to the limit or above
+    inverted_without_repair: int
+    lifted_without_repair: int
+    repair_rounds: int
+    #: boundary nodes that could not be brought all the way to the surface
+    nodes_left_off: int
+    q_max_before: float
+    q_max_after: float
+
+
+def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = 0.6) -> tuple[TetMesh, SnapReport]:
+    """Move boundary nodes to the nearest point of `surface`, as far as no element inverts or rises to the limit.
+
+    Parameters
+    ----------
+    mesh : positive volumes; its boundary lies near `surface`
+    surface : the surface that was meshed
+    q_max : no element below this quality is lifted to it, and no other one lifted at all
+
+    Raises
+    ------
+    StageError
+        the mesh has inverted elements to begin with
+    """
+    tree = surface_tree(surface.points, surface.faces)
+    nodes = boundary_nodes(mesh)
+    found = closest_points(tree, mesh.points[nodes])
+    before = quality(mesh.points, mesh.cells)
+    unrepaired = quality(_placed(mesh.points, nodes, found.points), mesh.cells)
+    inverted = unrepaired >= 1
+
+    def attempt(start: TetMesh, held: IntArray) -> tuple[TetMesh, int]:
+        free = ~np.isin(nodes, held)
+        return _brought(start, surface, nodes[free], found.points[free], q_max)
+
+    if found.distances.max() <= ON_SURFACE_MM:
+        snapped, rounds, outcome = mesh, 0, "nothing to do: the boundary lies on the surface"
+    else:
+        snapped, rounds, _ = without_crossing(mesh, attempt)
+        outcome = "the boundary lies on the surface" + (", after repair of the elements below it" if rounds else "")
+    distances = closest_points(tree, snapped.points[nodes]).distances
+    left_off = int((distances > ON_SURFACE_MM).sum())
+    if left_off:
+        outcome = (
+            f"{left_off} boundary nodes stay off the surface, by up to {distances.max():.3g} mm, to keep elements valid"
+        )
+        logger.warning(outcome)
+    return snapped, SnapReport(
+        outcome=outcome,
+        mean_distance_before_mm=float(found.distances.mean()),
+        max_distance_before_mm=float(found.distances.max()),
+        mean_distance_after_mm=float(distances.mean()),
+        max_distance_after_mm=float(distances.max()),
+        inverted_without_repair=int(inverted.sum()),
+        lifted_without_repair=int((~inverted & (unrepaired >= q_max) & (unrepaired > before)).sum()),
+        repair_rounds=rounds,
+        nodes_left_off=left_off,
+        q_max_before=float(before.max()),
+        q_max_after=float(quality(snapped.points, snapped.cells).max()),
+    )
+
+
+def _brought(
+    mesh: TetMesh, surface: TriSurface, nodes: IntArray, places: FloatArray, q_max: float
+) -> tuple[TetMesh, int]:
+    """Bring `nodes` to `places` as far as elements allow, cleaning below them in between; also returns how often."""
+    rounds = 0
+    while True:
+        points, _ = back_off(mesh.points, _placed(mesh.points, nodes, places), mesh.cells, q_max=q_max)
+        mesh = replace(mesh, points=points)
+        late = int((np.linalg.norm(points[nodes] - places, axis=1) > ON_SURFACE_MM).sum())
+        if not late or rounds == REPAIR_ROUNDS:
+            return mesh, rounds
+        rounds += 1
+        logger.info("%d boundary nodes held back: cleaning below them, round %d", late, rounds)
+        mesh, _ = clean(mesh, surface, thresholds=REPAIR_THRESHOLDS, boundary="fixed")
+
+
+def _placed(points: FloatArray, nodes: IntArray, places: FloatArray) -> FloatArray:
+    """Copy of `points` with `nodes` at `places`."""
+    moved = points.copy()
+    moved[nodes] = places
+    return moved
