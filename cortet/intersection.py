@@ -15,8 +15,8 @@ def self_intersections(surface: TriSurface) -> IntArray:
     """Faces that cross another face of the same surface: (f,) int32, ascending; O(m log m).
 
     Triangles that share no vertex cross when an edge of one passes through the other. Neighbours in one vertex cross
-    when the edge opposite that vertex passes through the other. Neighbours in an edge cross only when one is folded flat
-    onto the other. Signs of floating-point volumes decide, zero counting as positive: exact contact of separate
+    when the edge opposite that vertex passes through the other. Neighbours in an edge cross only when one is folded
+    flat onto the other. Signs of floating-point volumes decide, zero counting as positive: exact contact of separate
     triangles, which has no volume, is not a crossing.
     """
     tree = surface_tree(surface.points, surface.faces)
