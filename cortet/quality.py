@@ -13,6 +13,8 @@ import numpy as np
 from cortet.mesh import FloatArray, IntArray, TetMesh
 from cortet.topology import TET_EDGES, TET_FACES
 
+VERSION: int = 1
+
 #: counted limits of q; the last is the one a solver-ready mesh stays below
 COUNTED_LIMITS = (0.3, 0.4, 0.5, 0.6)
 HISTOGRAM_BIN_WIDTH = 0.005

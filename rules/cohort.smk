@@ -186,10 +186,10 @@ rule dataset_description:
         "logs/dataset_description.log",
     benchmark:
         "benchmarks/dataset_description.tsv"
-    params:
-        version=cortet.__version__,
     conda:
         "../envs/cortet.yaml"
+    params:
+        version=cortet.__version__,
     script:
         "../scripts/dataset_description.py"
 

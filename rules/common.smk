@@ -95,6 +95,22 @@ def mesh_before(stage):
     return mesh_file(STAGES[before[-1]])
 
 
+def parameters_of(stage, wildcards):
+    """Arguments and version of a stage, as far as they come from the configuration and the sheet."""
+    case = CASES[wildcards.case]
+    chosen = {
+        "phantom": lambda: {"gestational_age": case.scan_age, "hemisphere": case.hemi},
+        "gate": lambda: {"source": str(case.surface)},
+        "smooth_surface": lambda: {"gestational_age": case.scan_age},
+        "generate": lambda: {
+            "cell_size": int(wildcards.res) / 1000,
+            "mesher": wildcards.mesher,
+            "backend": BACKEND,
+        },
+    }
+    return CONFIG.stage(stage, **chosen.get(stage, dict)())
+
+
 # the surface that is meshed, and that every later stage measures against
 MESHED_SURFACE = surface_file(
     "smoothed" if CONFIG.enabled("smooth_surface") else "gated"

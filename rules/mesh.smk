@@ -1,6 +1,11 @@
 """S1 to S6: from the surface to the mesh in the order its solver wants."""
 
 
+def fields_of(wildcards):
+    """The file of the case's fields; nothing when it has none."""
+    return surface_file("fields") if CASES[wildcards.case].fields else []
+
+
 rule generate:
     """S1: fill the surface with tetrahedra."""
     input:
@@ -18,12 +23,7 @@ rule generate:
         mem_mb=megabytes(2500),
         runtime=minutes(30),
     params:
-        stage=lambda wildcards: CONFIG.stage(
-            "generate",
-            cell_size=int(wildcards.res) / 1000,
-            mesher=wildcards.mesher,
-            backend=BACKEND,
-        ),
+        stage=partial(parameters_of, "generate"),
     script:
         "../scripts/generate.py"
 
@@ -33,6 +33,7 @@ rule transfer:
     input:
         mesh=mesh_before("transfer"),
         surface=MESHED_SURFACE,
+        fields=fields_of,
     output:
         mesh=mesh_file("Transferred"),
         report=mesh_file("Transferred", "tetmesh.json"),
@@ -47,7 +48,7 @@ rule transfer:
         mem_mb=megabytes(1000),
         runtime=minutes(5),
     params:
-        stage=CONFIG.stage("transfer"),
+        stage=partial(parameters_of, "transfer"),
     script:
         "../scripts/transfer.py"
 
@@ -69,7 +70,7 @@ rule relocate:
         mem_mb=megabytes(3000),
         runtime=minutes(10),
     params:
-        stage=CONFIG.stage("relocate"),
+        stage=partial(parameters_of, "relocate"),
     script:
         "../scripts/relocate.py"
 
@@ -92,7 +93,7 @@ rule clean:
         mem_mb=megabytes(1500),
         runtime=minutes(10),
     params:
-        stage=CONFIG.stage("clean"),
+        stage=partial(parameters_of, "clean"),
     script:
         "../scripts/clean.py"
 
@@ -115,7 +116,7 @@ rule reconnect:
         mem_mb=megabytes(1500),
         runtime=minutes(10),
     params:
-        stage=CONFIG.stage("reconnect"),
+        stage=partial(parameters_of, "reconnect"),
     script:
         "../scripts/reconnect.py"
 
@@ -138,7 +139,7 @@ rule snap:
         mem_mb=megabytes(1500),
         runtime=minutes(10),
     params:
-        stage=CONFIG.stage("snap"),
+        stage=partial(parameters_of, "snap"),
     script:
         "../scripts/snap.py"
 
@@ -148,6 +149,7 @@ rule solver_ready:
     input:
         mesh=mesh_before("solver_ready"),
         surface=MESHED_SURFACE,
+        fields=fields_of,
     output:
         mesh=mesh_file("Solver"),
         report=mesh_file("Solver", "tetmesh.json"),
@@ -161,6 +163,6 @@ rule solver_ready:
         mem_mb=megabytes(1000),
         runtime=minutes(5),
     params:
-        stage=CONFIG.stage("solver_ready"),
+        stage=partial(parameters_of, "solver_ready"),
     script:
         "../scripts/solver_ready.py"

@@ -6,6 +6,15 @@ SOLVER_FILES = [
 ]
 
 
+# what the stages of the line reported, by stage
+REPORTS = {
+    "gate": surface_file("gated", "white.json"),
+    "smooth_surface": surface_file("smoothed", "white.json"),
+    **{stage: mesh_file(desc, "tetmesh.json") for stage, desc in STAGES.items()},
+}
+REPORTS = {stage: path for stage, path in REPORTS.items() if CONFIG.enabled(stage)}
+
+
 def solver_files():
     return [path for pattern in SOLVER_FILES for path in each_case(pattern).values()]
 
@@ -48,19 +57,7 @@ rule certify:
         mesh=mesh_file("Solver"),
         surface=MESHED_SURFACE,
         source=surface_of,
-        reports=[
-            surface_file("gated", "white.json"),
-            *(
-                [surface_file("smoothed", "white.json")]
-                if CONFIG.enabled("smooth_surface")
-                else []
-            ),
-            *(
-                mesh_file(desc, "tetmesh.json")
-                for stage, desc in STAGES.items()
-                if CONFIG.enabled(stage)
-            ),
-        ],
+        reports=REPORTS.values(),
     output:
         certificate=CERTIFICATE,
     log:
@@ -74,6 +71,9 @@ rule certify:
         runtime=minutes(5),
     params:
         stage=CONFIG.stage("certify"),
+        line=lambda wildcards: {
+            stage: parameters_of(stage, wildcards) for stage in REPORTS
+        },
     script:
         "../scripts/certify.py"
 
@@ -86,15 +86,19 @@ rule export:
     output:
         mesh=mesh_file("Solver", "tetmesh.{suffix}"),
     log:
-        mesh_log("export", desc="{suffix}"),
+        mesh_log("export", desc="Solver_{suffix}"),
     benchmark:
-        mesh_benchmark("export", desc="{suffix}")
+        mesh_benchmark("export", desc="Solver_{suffix}")
     conda:
         "../envs/cortet.yaml"
     resources:
         mem_mb=megabytes(1000),
         runtime=minutes(5),
     params:
-        stage=CONFIG.stage("export"),
+        stage=lambda wildcards: {
+            "solver": SOLVERS[wildcards.suffix],
+            "uncertified": CONFIG.export.uncertified,
+            "version": stage_version("export"),
+        },
     script:
         "../scripts/export.py"

@@ -23,11 +23,7 @@ rule phantom:
         mem_mb=1000,
         runtime=5,
     params:
-        stage=lambda wildcards: CONFIG.stage(
-            "phantom",
-            gestational_age=CASES[wildcards.case].scan_age,
-            hemisphere=CASES[wildcards.case].hemi,
-        ),
+        stage=partial(parameters_of, "phantom"),
     script:
         "../scripts/phantom.py"
 
@@ -49,11 +45,34 @@ rule gate:
         mem_mb=2000,
         runtime=10,
     params:
-        stage=lambda wildcards: CONFIG.stage(
-            "gate", source=str(CASES[wildcards.case].surface)
-        ),
+        stage=partial(parameters_of, "gate"),
     script:
         "../scripts/gate.py"
+
+
+rule fields:
+    """The per-vertex fields of a case on the vertices that the gate let in; S1 does not depend on them."""
+    input:
+        surface=surface_of,
+        fields=lambda wildcards: [
+            str(path) for path in CASES[wildcards.case].fields.values()
+        ],
+    output:
+        surface=surface_file("fields"),
+    log:
+        surface_log("fields"),
+    benchmark:
+        surface_benchmark("fields")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        stage=partial(parameters_of, "gate"),
+        names=lambda wildcards: list(CASES[wildcards.case].fields),
+    script:
+        "../scripts/fields.py"
 
 
 rule smooth_surface:
@@ -73,8 +92,6 @@ rule smooth_surface:
         mem_mb=2000,
         runtime=10,
     params:
-        stage=lambda wildcards: CONFIG.stage(
-            "smooth_surface", gestational_age=CASES[wildcards.case].scan_age
-        ),
+        stage=partial(parameters_of, "smooth_surface"),
     script:
         "../scripts/smooth_surface.py"
