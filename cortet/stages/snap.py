@@ -1,8 +1,8 @@
 """S6: put boundary nodes back on the surface that was meshed, at its nearest point (not vertex).
 
 After a cleaning that slides boundary nodes along the surface there is nothing to do, and the report says so. After one
-that let them float, snapping may spoil the elements below: those nodes are held back, interior nodes are cleaned under
-them, and the rest of the way is tried again. Nodes that would make the boundary cross itself stay where they are.
+that let them float, snapping may spoil elements: their nodes are held back, the mesh is cleaned with a sliding boundary,
+and the rest of the way is tried again. Nodes that would make the boundary cross itself stay where they are.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.optimise.closest_point import closest_points, surface_tree
+from cortet.optimise.closest_point import SurfaceTree, closest_points, surface_tree
 from cortet.optimise.crossing import without_crossing
 from cortet.quality import quality
 from cortet.stages.backing_off import back_off
@@ -24,7 +24,7 @@ VERSION: int = 1
 
 #: boundary nodes nearer than this (mm) lie on the surface; CGAL leaves them up to 2e-6 mm off
 ON_SURFACE_MM = 1e-4
-#: how often interior nodes are cleaned to let boundary nodes further on, and from which q on
+#: how often the mesh is cleaned to let boundary nodes further on, and from which q on
 REPAIR_ROUNDS, REPAIR_THRESHOLDS = 3, (0.5, 0.3)
 
 logger = logging.getLogger(__name__)
@@ -72,14 +72,13 @@ def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = 0.6) -> tuple[Tet
     inverted = unrepaired >= 1
 
     def attempt(start: TetMesh, held: IntArray) -> tuple[TetMesh, int]:
-        free = ~np.isin(nodes, held)
-        return _brought(start, surface, nodes[free], found.points[free], q_max)
+        return _brought(start, surface, tree, np.setdiff1d(nodes, held), q_max)
 
     if found.distances.max() <= ON_SURFACE_MM:
         snapped, rounds, outcome = mesh, 0, "nothing to do: the boundary lies on the surface"
     else:
         snapped, rounds, _ = without_crossing(mesh, attempt)
-        outcome = "the boundary lies on the surface" + (", after repair of the elements below it" if rounds else "")
+        outcome = "the boundary lies on the surface" + (", after repair of elements" if rounds else "")
     distances = closest_points(tree, snapped.points[nodes]).distances
     left_off = int((distances > ON_SURFACE_MM).sum())
     if left_off:
@@ -103,19 +102,20 @@ def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = 0.6) -> tuple[Tet
 
 
 def _brought(
-    mesh: TetMesh, surface: TriSurface, nodes: IntArray, places: FloatArray, q_max: float
+    mesh: TetMesh, surface: TriSurface, tree: SurfaceTree, nodes: IntArray, q_max: float
 ) -> tuple[TetMesh, int]:
-    """Bring `nodes` to `places` as far as elements allow, cleaning below them in between; also returns how often."""
+    """Bring `nodes` to the surface as far as elements allow, cleaning in between; also returns how often."""
     rounds = 0
     while True:
+        places = closest_points(tree, mesh.points[nodes]).points
         points, _ = back_off(mesh.points, _placed(mesh.points, nodes, places), mesh.cells, q_max=q_max)
         mesh = replace(mesh, points=points)
         late = int((np.linalg.norm(points[nodes] - places, axis=1) > ON_SURFACE_MM).sum())
         if not late or rounds == REPAIR_ROUNDS:
             return mesh, rounds
         rounds += 1
-        logger.info("%d boundary nodes held back: cleaning below them, round %d", late, rounds)
-        mesh, _ = clean(mesh, surface, thresholds=REPAIR_THRESHOLDS, boundary="fixed")
+        logger.info("%d boundary nodes held back: cleaning around them, round %d", late, rounds)
+        mesh, _ = clean(mesh, surface, thresholds=REPAIR_THRESHOLDS, boundary="slide")
 
 
 def _placed(points: FloatArray, nodes: IntArray, places: FloatArray) -> FloatArray:
