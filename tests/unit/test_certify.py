@@ -1,0 +1,160 @@
+"""A certificate says yes only when everything is right, and otherwise what, where, why, and what to change."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import cube_mesh
+
+from cortet.certify import Certificate, certify
+from cortet.errors import InputError, StageError
+from cortet.mesh import TetMesh, TriSurface
+from cortet.topology import boundary_surface
+
+
+@pytest.fixture(scope="module")
+def mesh() -> TetMesh:
+    return cube_mesh(4, side=8.0)
+
+
+@pytest.fixture(scope="module")
+def surface(mesh: TetMesh) -> TriSurface:
+    return boundary_surface(mesh)[0]
+
+
+def failed(certificate: Certificate) -> set[str]:
+    return {check.name for check in certificate.checks if not check.passed}
+
+
+def test_a_good_mesh_is_certified_with_every_number_beside_its_limit(mesh: TetMesh, surface: TriSurface) -> None:
+    certificate = certify(mesh, surface, case="sub-01_hemi-L")
+    assert certificate.certified
+    assert certificate.reasons == ()
+    checks = {check.name: check for check in certificate.checks}
+    assert checks["worst q"].value == certificate.quality.q.max
+    assert (checks["worst q"].comparison, checks["worst q"].limit) == ("<", 0.6)
+    assert checks["boundary Euler number"].value == 2
+    assert all(check.passed for check in certificate.checks)
+
+
+def test_the_limit_of_q_is_strict(mesh: TetMesh, surface: TriSurface) -> None:
+    q_max = certify(mesh, surface).quality.q.max
+    assert failed(certify(mesh, surface, q_max=q_max)) == {"worst q"}
+    assert certify(mesh, surface, q_max=np.nextafter(q_max, 1)).certified
+
+
+def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface: TriSurface) -> None:
+    bad = cube_mesh(4, side=8.0, jitter=0.3)
+    (reason,) = certify(bad, surface).reasons
+    worst = certify(bad, surface).worst_elements[0]
+    assert f"worst q {worst.q:.6g} must be below 0.6" in reason
+    assert "({:.2f}, {:.2f}, {:.2f}) mm".format(*worst.centre_mm) in reason
+    assert worst.reason in reason
+    assert "`clean`" in reason
+
+
+def test_an_inverted_element_is_found(mesh: TetMesh, surface: TriSurface) -> None:
+    cells = mesh.cells.copy()
+    cells[7] = cells[7][[0, 1, 3, 2]]
+    assert "tetrahedra without positive volume" in failed(certify(TetMesh(mesh.points, cells), surface))
+
+
+def test_overlapping_elements_are_found_by_their_volumes(mesh: TetMesh, surface: TriSurface) -> None:
+    doubled = TetMesh(mesh.points, np.concatenate([mesh.cells, mesh.cells[:1]]))
+    assert any("sum of volumes" in name for name in failed(certify(doubled, surface)))
+
+
+def test_unused_nodes_are_found(mesh: TetMesh, surface: TriSurface) -> None:
+    more = TetMesh(np.concatenate([mesh.points, [[1.0, 1.0, 1.0]]]), mesh.cells)
+    assert failed(certify(more, surface)) == {"unused nodes"}
+
+
+def test_a_mesh_in_two_pieces_is_refused(mesh: TetMesh, surface: TriSurface) -> None:
+    two = TetMesh(
+        np.concatenate([mesh.points, mesh.points + 20]), np.concatenate([mesh.cells, mesh.cells + len(mesh.points)])
+    )
+    names = failed(certify(two, surface, max_boundary_distance=None))
+    assert names == {"boundary components", "boundary Euler number"}
+
+
+def test_a_tunnel_is_refused_though_every_element_is_good(mesh: TetMesh, surface: TriSurface) -> None:
+    centre = mesh.points[mesh.cells].mean(axis=1)
+    hole = (np.abs(centre[:, :2] - 3) < 1).all(axis=1)  # a square tunnel from bottom to top
+    nodes = np.unique(mesh.cells[~hole])
+    ring = TetMesh(mesh.points[nodes], np.searchsorted(nodes, mesh.cells[~hole]))
+    certificate = certify(ring, surface, max_boundary_distance=None)
+    assert failed(certificate) == {"boundary Euler number"}
+    assert "facet_distance" in certificate.reasons[0]
+
+
+def test_cubes_that_touch_in_an_edge_or_a_corner_are_refused(mesh: TetMesh, surface: TriSurface) -> None:
+    for shift, finding in (
+        ([8, 8, 0], "boundary edges in more than two faces"),
+        ([8, 8, 8], "pinched boundary vertices"),
+    ):
+        points, inverse = np.unique(
+            np.round(np.concatenate([mesh.points, mesh.points + shift]), 9), axis=0, return_inverse=True
+        )
+        touching = TetMesh(points, inverse[np.concatenate([mesh.cells, mesh.cells + len(mesh.points)])])
+        assert finding in failed(certify(touching, surface, max_boundary_distance=None))
+
+
+def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface: TriSurface) -> None:
+    # two towers on one slab, of which the left is bent through the right
+    block = cube_mesh(6, side=6.0)
+    centre = block.points[block.cells].mean(axis=1)
+    slit = (np.abs(centre[:, 0] - 3) < 1) & (centre[:, 2] > 2)
+    nodes = np.unique(block.cells[~slit])
+    points = block.points[nodes].copy()
+    left = (points[:, 0] < 3) & (points[:, 2] > 2)
+    points[left, 0] += 0.9 * (points[left, 2] - 2)  # a shear keeps all volumes
+    towers = TetMesh(points, np.searchsorted(nodes, block.cells[~slit]))
+    certificate = certify(towers, surface, q_max=1, max_boundary_distance=None)
+    assert failed(certificate) == {"boundary faces that cross others"}
+    assert "the first around (" in certificate.reasons[0]
+    assert 0 < len(certificate.crossings_mm) <= 10
+
+
+def test_a_boundary_off_the_surface_is_refused_unless_there_is_no_limit(mesh: TetMesh, surface: TriSurface) -> None:
+    away = replace(mesh, points=mesh.points * 1.01)
+    certificate = certify(away, surface, max_boundary_distance=1e-3)
+    assert failed(certificate) == {"distance of a boundary node to the surface, at most"}
+    assert "0.138564 mm must not exceed 0.001 mm" in certificate.reasons[0]
+    assert certify(away, surface, max_boundary_distance=None).certified
+
+
+def test_what_s1_found_wrong_cannot_be_hidden_by_later_stages(mesh: TetMesh, surface: TriSurface) -> None:
+    certificate = certify(mesh, surface, reports={"generate": {"topology_ok": False, "reason": "two banks fused"}})
+    assert not certificate.certified
+    assert "two banks fused" in certificate.reasons[0]
+
+
+def test_numbers_that_are_none_are_an_error(mesh: TetMesh, surface: TriSurface) -> None:
+    points = mesh.points.copy()
+    points[3, 1] = np.nan
+    with pytest.raises(StageError, match="1 of 125 nodes have coordinates that are not finite"):
+        certify(TetMesh(points, mesh.cells), surface)
+
+
+def test_the_record_is_plain_json_and_the_same_every_time(mesh: TetMesh, surface: TriSurface, tmp_path: Path) -> None:
+    source = tmp_path / "x.surf.gii"
+    source.write_bytes(b"surface")
+    records = [
+        json.dumps(asdict(certify(mesh, surface, source=source, parameters={"clean": {"version": 1}})), allow_nan=False)
+        for _ in range(2)
+    ]
+    assert records[0] == records[1]
+    record = json.loads(records[0])
+    assert record["input"]["sha256"] == hashlib.sha256(b"surface").hexdigest()
+    assert record["parameters"] == {"clean": {"version": 1}}
+    assert {"cortet", "python", "numpy", "numba", "gmsh"} <= set(record["versions"])
+
+
+def test_an_input_file_that_is_gone_is_an_error_that_names_it(mesh: TetMesh, surface: TriSurface) -> None:
+    with pytest.raises(InputError, match=r"gone.surf.gii: cannot be read"):
+        certify(mesh, surface, source="gone.surf.gii")
