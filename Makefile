@@ -1,0 +1,33 @@
+# Two commands do everything on a fresh machine: `make cohort` and `make test`.
+
+CORES ?= 2
+export PATH := $(CURDIR)/.venv/bin:$(PATH)
+
+.PHONY: help setup cohort test doctor format lock clean
+
+help: ## show this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: ## install what is missing: system packages, .venv, pygalmesh
+	@tools/setup.sh
+
+cohort: setup ## run the workflow on config.yaml (CORES=2)
+	snakemake --cores $(CORES)
+
+test: setup ## run all tests (ARGS="-k quality" for some)
+	pytest $(ARGS)
+
+doctor: setup ## prove that every dependency works
+	cortet doctor
+
+format: setup ## format and lint, mending what can be mended
+	ruff format .
+	ruff check --fix .
+	snakefmt Snakefile rules
+
+lock: setup ## pin the dependencies of pyproject.toml anew (UPGRADE=1: to the newest)
+	UPGRADE=$(UPGRADE) tools/lock.sh
+
+clean: ## delete caches; keeps .venv and everything the workflow made
+	rm -rf .cache .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find cortet scripts tests -name __pycache__ -prune -exec rm -rf {} +

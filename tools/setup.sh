@@ -1,0 +1,152 @@
+#!/usr/bin/env bash
+# Makes .venv with everything cortet needs. Run again it does what is missing, at once when nothing is.
+#
+#   PYTHON=python3.12      interpreter to use (default: the first that fits)
+#   CORTET_WHEELS=FOLDER   where the compiled pygalmesh is kept (default: ~/.cache/cortet/wheels)
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+venv=.venv
+wheels=${CORTET_WHEELS:-${XDG_CACHE_HOME:-$HOME/.cache}/cortet/wheels}
+pygalmesh=$(sed -n 's/^\(pygalmesh==[^ ;]*\).*/\1/p' requirements.txt)
+pygalmesh_sources=8
+
+# Shared libraries that wheels load from the system: Gmsh, PyMeshLab, VTK; GMP and MPFR for pygalmesh.
+run_packages=(libglu1-mesa libgl1 libopengl0 libegl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgmp10 libmpfr6)
+# What compiling pygalmesh takes.
+build_packages=(g++ libcgal-dev libeigen3-dev)
+
+say() { printf 'set-up: %s\n' "$*" >&2; }
+fail() { say "$@"; exit 1; }
+
+# --- the stamp: written last, names what the environment was made from -----------------------------------------------
+
+wanted_stamp() { cat requirements.txt tools/setup.sh | sha256sum | cut -d' ' -f1; }
+is_ready() { [[ -x $venv/bin/python && $(cat $venv/.stamp 2>/dev/null) == "$(wanted_stamp)" ]] && $venv/bin/python -c ''; }
+
+# --- the interpreter -------------------------------------------------------------------------------------------------
+
+fits() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
+makes_venvs() { "$1" -c 'import ensurepip, venv' 2>/dev/null; }
+
+# 3.12 and 3.11 come first: for later ones PyPI has no `cgal` wheel, so S1 would have one backend at most.
+choose_python() {
+    local candidate fallback=
+    for candidate in ${PYTHON:-python3.12 python3.11 python3 /usr/bin/python3 python3.13 python3.14}; do
+        fits "$candidate" || continue
+        if makes_venvs "$candidate"; then echo "$candidate"; return; fi
+        fallback=${fallback:-$candidate}
+    done
+    [[ $fallback ]] || fail "no Python >= 3.11 found${PYTHON:+ (PYTHON=$PYTHON)}; install one, or name it: PYTHON=/path/to/python3"
+    echo "$fallback"
+}
+
+# --- system packages -------------------------------------------------------------------------------------------------
+
+is_installed() { [[ $(dpkg-query -W -f='${db:Status-Status}' "$1" 2>/dev/null) == installed ]]; }
+
+install_packages() {
+    local package missing=()
+    if ! command -v apt-get dpkg-query >/dev/null; then
+        say "no apt here; if 'cortet doctor' finds something missing, install the equivalents of: $*"
+        return
+    fi
+    for package; do is_installed "$package" || missing+=("$package"); done
+    ((${#missing[@]})) || return 0
+
+    local get="apt-get install -y --no-install-recommends ${missing[*]}" root=()
+    if ((EUID)); then
+        # a password is asked for only where somebody can type one
+        if ! command -v sudo >/dev/null || ! { sudo -n true 2>/dev/null || [[ -t 0 ]]; }; then
+            fail "system packages are missing and I am not root; run this line, then try again:
+    sudo apt-get update && sudo $get"
+        fi
+        root=(sudo)
+    fi
+    say "installing system packages: ${missing[*]}"
+    "${root[@]}" apt-get update -q -o DPkg::Lock::Timeout=300 </dev/null >&2 || say "apt-get update failed; trying with the old lists"
+    # shellcheck disable=SC2086
+    "${root[@]}" env DEBIAN_FRONTEND=noninteractive $get -q -o DPkg::Lock::Timeout=300 </dev/null >&2 ||
+        fail "apt-get could not install: ${missing[*]}"
+}
+
+# --- pygalmesh -------------------------------------------------------------------------------------------------------
+
+# Fails unless the cache has a wheel that fits this Python and loads on this machine.
+install_pygalmesh() {
+    $venv/bin/python -m pip install --quiet --no-index --no-deps --force-reinstall --find-links "$wheels" "$pygalmesh" 2>/dev/null &&
+        $venv/bin/python -c 'import pygalmesh' 2>/dev/null
+}
+
+# Debian's Python comes without its headers; nothing to print where they are there.
+python_headers_package() {
+    $venv/bin/python -c 'import os, sys, sysconfig
+if not os.path.exists(sysconfig.get_path("include") + "/Python.h"): print("python%d.%d-dev" % sys.version_info[:2])'
+}
+
+cgal_version() { echo '#include <CGAL/version.h>' | g++ -E -dM -x c++ - 2>/dev/null | awk '$2 == "CGAL_VERSION" {print $3}'; }
+
+report_progress() {
+    local log=$1 began=$SECONDS
+    while sleep 30 && kill -0 $$ 2>/dev/null; do
+        say "compiling pygalmesh: file $(grep -c -- ' -c src/' "$log") of $pygalmesh_sources, $(((SECONDS - began) / 60)) min"
+    done
+}
+
+# Compiles the wheel into the cache. Two set-ups at once compile it once: the second waits.
+compile_pygalmesh() {
+    local cgal log=$wheels/compile.log build progress status=0
+    exec 8<"$wheels"
+    flock -n 8 || { say "another set-up is compiling pygalmesh; waiting for it"; flock 8; }
+    if install_pygalmesh; then exec 8<&-; return; fi
+
+    install_packages "${build_packages[@]}" $(python_headers_package)
+    cgal=$(cgal_version)
+    case $cgal in
+        '') say "there are no CGAL headers"; exec 8<&-; return 1 ;;
+        5.*) ;;
+        *) say "the CGAL headers are version $cgal; pygalmesh needs version 5"; exec 8<&-; return 1 ;;
+    esac
+
+    say "compiling $pygalmesh, which has no wheel: about ten minutes, once (log: $log)"
+    build=$(mktemp -d "$wheels/.build.XXXXXX")
+    : >"$log"
+    report_progress "$log" 8<&- 9<&- & progress=$!
+    CFLAGS=-g0 $venv/bin/python -m pip wheel --verbose --no-deps --no-build-isolation --no-binary pygalmesh --no-cache-dir \
+        --wheel-dir "$build" "$pygalmesh" </dev/null &>"$log" || status=$?
+    kill $progress 2>/dev/null || true
+    ((status)) || mv "$build"/*.whl "$wheels"
+    rm -rf "$build"
+    exec 8<&-
+    ((status == 0)) || { say "pygalmesh could not be compiled; the end of $log:"; tail -n 15 "$log" >&2; return 1; }
+    install_pygalmesh
+}
+
+# --- the environment -------------------------------------------------------------------------------------------------
+
+is_ready && exit
+exec 9<.
+flock -n 9 || { say "another set-up is running here; waiting for it"; flock 9; }
+is_ready && exit
+
+python=$(choose_python)
+venv_package=()
+makes_venvs "$python" || venv_package=("$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')")
+install_packages "${run_packages[@]}" "${venv_package[@]}"
+makes_venvs "$python" || fail "$python cannot make virtual environments (no module venv or ensurepip)"
+
+say "making $venv with $("$python" --version) and the packages of requirements.txt"
+"$python" -m venv --clear $venv
+pip=($venv/bin/python -m pip --disable-pip-version-check --quiet)
+"${pip[@]}" install "$(grep '^pip==' requirements.txt)"
+"${pip[@]}" install --no-deps -r <(grep -v '^pygalmesh==' requirements.txt)
+"${pip[@]}" install --no-deps --no-build-isolation --editable .
+
+mkdir -p "$wheels"
+if ! { install_pygalmesh || compile_pygalmesh; }; then
+    "${pip[@]}" uninstall --yes pygalmesh
+    say "going on without pygalmesh: S1 uses its second backend, the \`cgal\` wheel (to try again: rm $venv/.stamp)"
+fi
+
+wanted_stamp >$venv/.stamp
+say "done in $SECONDS s"
