@@ -7,7 +7,7 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 
 from cortet.cohort import read_sheet
-from cortet.config import load
+from cortet.config import load, stage_version
 from cortet.errors import CortetError
 
 try:
@@ -43,6 +43,7 @@ wildcard_constraints:
     res=r"[1-9][0-9]*",
     mesher=r"[a-z0-9]+",
     stage="|".join(STAGES.values()),
+    suffix=r"[a-z]+",
 
 
 def bids(suffix, datatype, **entities):

@@ -1,10 +1,13 @@
 """Measure, certify, export."""
 
 CERTIFICATE = mesh_file("Solver", "certificate.json")
+# suffix of the file -> solver that reads it
+SOLVERS = {"mesh": "braingrowth"}
 SOLVER_FILES = [
-    mesh_file("Solver", f"tetmesh{SUFFIXES[name]}") for name in CONFIG.export.formats
+    mesh_file("Solver", f"tetmesh.{suffix}")
+    for suffix, solver in SOLVERS.items()
+    if solver in CONFIG.export.formats
 ]
-
 
 # what the stages of the line reported, by stage
 REPORTS = {

@@ -1,12 +1,14 @@
 """From the sheet's surface to the one that is meshed."""
 
 
+def existing(paths):
+    """The files that are there: a missing one is for the job to complain about, so that other cases go on."""
+    return [str(path) for path in paths if path.exists()]
+
+
 def surface_of(wildcards):
-    """Surface of the case; nothing when it is missing, so that the gate refuses this case and the others go on."""
     case = CASES[wildcards.case]
-    if case.is_phantom:
-        return surface_file("phantom")
-    return str(case.surface) if case.surface.exists() else []
+    return surface_file("phantom") if case.is_phantom else existing([case.surface])
 
 
 rule phantom:
@@ -54,9 +56,7 @@ rule fields:
     """The per-vertex fields of a case on the vertices that the gate let in; S1 does not depend on them."""
     input:
         surface=surface_of,
-        fields=lambda wildcards: [
-            str(path) for path in CASES[wildcards.case].fields.values()
-        ],
+        fields=lambda wildcards: existing(CASES[wildcards.case].fields.values()),
     output:
         surface=surface_file("fields"),
     log:
@@ -70,7 +70,9 @@ rule fields:
         runtime=10,
     params:
         stage=partial(parameters_of, "gate"),
-        names=lambda wildcards: list(CASES[wildcards.case].fields),
+        files=lambda wildcards: {
+            name: str(path) for name, path in CASES[wildcards.case].fields.items()
+        },
     script:
         "../scripts/fields.py"
 

@@ -1,6 +1,6 @@
 """S2: carry the fields of the surface to the nodes of one mesh; write the mesh for openCARP too."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 from _job import snakemake
 
@@ -8,7 +8,10 @@ from cortet.formats import carp, gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.stages.transfer import transfer
 
-mesh, report = transfer(vtu.read(snakemake.input.mesh), gifti.read_surface(snakemake.input.surface))
+surface = gifti.read_surface(snakemake.input.surface)
+if snakemake.input.fields:
+    surface = replace(surface, point_data=gifti.read_surface(snakemake.input.fields).point_data)
+mesh, report = transfer(vtu.read(snakemake.input.mesh), surface)
 vtu.write(mesh, snakemake.output.mesh)
 carp.write(mesh, snakemake.output.carp[0])
 write_json(asdict(report), snakemake.output.report)
