@@ -1,7 +1,7 @@
 """S6: put boundary nodes back on the surface that was meshed, at its nearest point (not vertex).
 
 After a cleaning that slides boundary nodes along the surface there is nothing to do, and the report says so. After one
-that let them float, snapping may spoil elements: their nodes are held back, the mesh is cleaned with a sliding boundary,
+that let them float, snapping may spoil elements: their nodes are held back, the mesh is cleaned while they slide,
 and the rest of the way is tried again. Nodes that would make the boundary cross itself stay where they are.
 """
 

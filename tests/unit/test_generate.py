@@ -4,7 +4,9 @@ import dataclasses
 import json
 import os
 import sys
+from pathlib import Path
 
+import nibabel
 import numpy as np
 import pytest
 import trimesh
@@ -100,6 +102,16 @@ def test_the_slow_passes_are_not_paid_for_when_refinement_shows_the_fault():
     _, report = generate(horseshoe(gap=0.4), cell_size=1.5, backend="cgal")
     tried = [attempt.passes for attempt in report.attempts]
     assert tried == [(), (), (), s1.PASSES]
+
+
+def test_the_narrow_sulci_of_a_real_brain_are_kept_open():
+    path = Path(__file__).parents[3] / "shared" / "data" / "folded" / "macaque_lh.YRK.wm.surf.gii"
+    if not path.exists():
+        pytest.skip("../shared/data/folded is not here")
+    points, faces = nibabel.load(path).agg_data(("pointset", "triangle"))
+    _, report = generate(TriSurface(points, faces), cell_size=1.0, backend="cgal", **REFINEMENT_ONLY)
+    assert report.attempts[0].boundary.nonmanifold_edges > 0
+    assert report.topology_ok and report.facet_distance_fraction == pytest.approx(0.2)
 
 
 def test_the_topology_asked_for_is_that_of_the_surface():
