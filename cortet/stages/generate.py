@@ -236,8 +236,9 @@ def _attempt(
 
 
 def _with_pygalmesh(off: Path, medit: Path, criteria: Criteria, passes: Sequence[str], seed: int) -> None:
-    # pygalmesh's public function only wraps this one, through temporary files of its own that outlive a failure
-    from _pygalmesh import _generate_from_off  # noqa: PLC0415 - not installed everywhere
+    # Imported here, as CGAL is below, since either may be missing. The public function of pygalmesh only wraps this one,
+    # through temporary files of its own that outlive a failure.
+    from _pygalmesh import _generate_from_off
 
     _generate_from_off(
         str(off),
@@ -254,8 +255,8 @@ def _with_pygalmesh(off: Path, medit: Path, criteria: Criteria, passes: Sequence
 
 
 def _with_cgal(off: Path, medit: Path, criteria: Criteria, passes: Sequence[str], _seed: int) -> None:
-    from CGAL import CGAL_Mesh_3 as mesh_3  # noqa: PLC0415 - not installed everywhere
-    from CGAL.CGAL_Polyhedron_3 import Polyhedron_3  # noqa: PLC0415
+    from CGAL import CGAL_Mesh_3 as mesh_3
+    from CGAL.CGAL_Polyhedron_3 import Polyhedron_3
 
     wanted = mesh_3.Default_mesh_criteria()
     wanted.facet_angle(criteria.facet_angle)
