@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cortet.formats.atomic import atomic_path, write_json
+from cortet.formats.atomic import write_json
+from cortet.tables import write_tsv
 
 #: column -> its explanation, as in a BIDS sidecar
 COLUMNS: dict[str, dict[str, Any]] = {
@@ -29,7 +29,6 @@ COLUMNS: dict[str, dict[str, Any]] = {
     "reason": {"Description": "Why the state is not `certified`"},
     "log": {"Description": "Log of the job that failed"},
 }
-MISSING = "n/a"
 
 
 def failure_reason(log: Path, *, since: float) -> str:
@@ -44,8 +43,8 @@ def failure_reason(log: Path, *, since: float) -> str:
     return "; ".join([first.partition(" ERROR ")[2], *more])
 
 
-def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
-    """Rows of the table.
+def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of the table; what does not apply is missing from a row.
 
     Parameters
     ----------
@@ -62,19 +61,11 @@ def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
                 "state": "certified" if content["certified"] else "uncertified",
                 "reason": "; ".join(content["reasons"]),
             }
-        rows.append({column: _cell(outcome.get(column)) for column in COLUMNS})
+        rows.append(outcome)
     return rows
 
 
-def write_status(meshes: Sequence[Mapping[str, Any]], table: Path, sidecar: Path) -> None:
-    """Write the table (TSV) and the JSON sidecar that explains its columns."""
-    with atomic_path(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(COLUMNS), delimiter="\t", lineterminator="\n", quoting=csv.QUOTE_NONE)
-        writer.writeheader()
-        writer.writerows(status_rows(meshes))
+def write_status(meshes: Sequence[Mapping[str, Any]], *, table: Path, sidecar: Path) -> None:
+    """Write the table (TSV) of `status_rows` and the JSON file that explains its columns."""
+    write_tsv(status_rows(meshes), list(COLUMNS), table)
     write_json(COLUMNS, sidecar)
-
-
-def _cell(value: Any) -> str:
-    """One cell of a TSV: no tabs, no line ends, never empty."""
-    return " ".join(str(value).split()) if value not in (None, "") else MISSING

@@ -6,4 +6,5 @@ from _job import snakemake
 
 from cortet.status import write_status
 
-write_status(snakemake.params.meshes, Path(snakemake.output.table), Path(snakemake.output.sidecar))
+table, sidecar = map(Path, snakemake.output)
+write_status(snakemake.params.meshes, table=table, sidecar=sidecar)
