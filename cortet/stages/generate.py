@@ -49,6 +49,9 @@ CONVERGENCE, FREEZE_BOUND = 0.02, 0.01
 #: "no limit" for the time limits, iteration limits and sliver bounds of CGAL's passes
 NO_LIMIT = 0
 
+#: time for the system to move this thread to an idle core before it is confined to where it is
+_SETTLING_S = 0.05
+
 logger = logging.getLogger(__name__)
 
 
@@ -236,7 +239,7 @@ def _attempt(
 
 
 def _with_pygalmesh(off: Path, medit: Path, criteria: Criteria, passes: Sequence[str], seed: int) -> None:
-    # Imported here, as CGAL is below, since either may be missing. The public function of pygalmesh only wraps this one,
+    # Imported here, as CGAL is below, since either may be missing. pygalmesh's public function only wraps this one,
     # through temporary files of its own that outlive a failure.
     from _pygalmesh import _generate_from_off
 
@@ -269,22 +272,23 @@ def _with_cgal(off: Path, medit: Path, criteria: Criteria, passes: Sequence[str]
     refinement_only.no_exude()
     limits = (NO_LIMIT, NO_LIMIT, CONVERGENCE, FREEZE_BOUND)
 
+    # the polyhedron must outlive the domain, which only refers to it
+    polyhedron = Polyhedron_3(str(off))
+    domain = mesh_3.Polyhedral_mesh_domain_3(polyhedron)
     with one_core():
-        # the polyhedron must outlive the domain, which only refers to it
-        polyhedron = Polyhedron_3(str(off))
-        domain = mesh_3.Polyhedral_mesh_domain_3(polyhedron)
         complex_3 = mesh_3.make_mesh_3(domain, wanted, refinement_only)
-        run: dict[str, Callable[[], object]] = {
-            "odt": lambda: mesh_3.odt_optimize_mesh_3(complex_3, domain, *limits),
-            "lloyd": lambda: mesh_3.lloyd_optimize_mesh_3(complex_3, domain, *limits),
-            "perturb": lambda: mesh_3.perturb_mesh_3(complex_3, domain, NO_LIMIT, NO_LIMIT),
-            "exude": lambda: mesh_3.exude_mesh_3(complex_3, NO_LIMIT, NO_LIMIT),
-        }
-        for name in passes:
-            began = time.perf_counter()
+    run: dict[str, Callable[[], object]] = {
+        "odt": lambda: mesh_3.odt_optimize_mesh_3(complex_3, domain, *limits),
+        "lloyd": lambda: mesh_3.lloyd_optimize_mesh_3(complex_3, domain, *limits),
+        "perturb": lambda: mesh_3.perturb_mesh_3(complex_3, domain, NO_LIMIT, NO_LIMIT),
+        "exude": lambda: mesh_3.exude_mesh_3(complex_3, NO_LIMIT, NO_LIMIT),
+    }
+    for name in passes:
+        began = time.perf_counter()
+        with one_core():
             run[name]()
-            logger.info("cgal: %s, %.1f s", name, time.perf_counter() - began)
-        complex_3.output_to_medit(str(medit))
+        logger.info("cgal: %s, %.1f s", name, time.perf_counter() - began)
+    complex_3.output_to_medit(str(medit))
 
 
 #: name of the distribution -> function that meshes an OFF file into a Medit file
@@ -299,12 +303,14 @@ def one_core() -> Iterator[None]:
     """Confine this thread, and the threads it starts, to the core it is running on, and undo that at the end.
 
     The `cgal` wheel starts one thread per core it may use, and more than one make the mesh depend on their timing.
+    Each pass is confined anew, so that two jobs that happen to choose the same core do not share it for long.
     """
     if not hasattr(os, "sched_setaffinity"):
         logger.warning("no CPU affinity on this system: the cgal backend is not reproducible here")
         yield
         return
     allowed = os.sched_getaffinity(0)
+    time.sleep(_SETTLING_S)
     os.sched_setaffinity(0, {ctypes.CDLL(None).sched_getcpu()})
     try:
         yield
