@@ -1,8 +1,9 @@
 """The worst elements of a mesh: where they are, why they are bad, and what would help.
 
 Connectivity alone can keep an element bad. The dihedral angles of the n tetrahedra around an edge add up to 360 degrees
-inside the mesh, and to the opening angle of the boundary at a boundary edge; one of them is no smaller and one no larger
-than the n-th part, and an element with that angle has at least the q of `quality.opening_bound`, wherever its vertices go.
+inside the mesh, and to the opening angle of the boundary at a boundary edge; one of them is no smaller and one no
+larger than the n-th part, and an element with that angle has at least the q of `quality.opening_bound`, wherever its
+vertices go.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.mesh import FloatArray, TetMesh
 from cortet.quality import dihedral_angles, opening_bound, quality
 from cortet.topology import TET_EDGES, boundary_faces, boundary_nodes, edges, packed, vertex_normals
 
@@ -80,8 +81,8 @@ def fans(mesh: TetMesh) -> Fans:
     on_boundary[np.searchsorted(keys, packed(edges(boundary_faces(mesh))))] = True
     touching = on_boundary[of_cell].any(axis=1)
     angles = dihedral_angles(mesh.points, mesh.cells[touching])
-    opening = np.bincount(of_cell[touching].ravel(), angles.ravel(), minlength=len(keys))
-    opening[~on_boundary] = 360
+    summed = np.bincount(of_cell[touching].ravel(), angles.ravel(), minlength=len(keys))
+    opening = np.where(on_boundary, summed, 360.0)
     return Fans(of_cell, valence, on_boundary, opening)
 
 
@@ -135,7 +136,7 @@ def worst_elements(
     return tuple(found)
 
 
-def _largest(values: FloatArray, count: int) -> IntArray:
+def _largest(values: FloatArray, count: int) -> NDArray[np.int64]:
     """Indices of the largest values, largest first, equal ones by index."""
     threshold = np.partition(values, -count)[-count] if count < len(values) else -np.inf
     candidates = np.flatnonzero(values >= threshold)
@@ -166,7 +167,7 @@ def _reason(
 def _blade(
     points: FloatArray, normals: FloatArray, on_boundary: NDArray[np.bool_], boundary_edges: NDArray[np.bool_]
 ) -> float | None:
-    """Length (mm) of the shortest interior edge that joins boundary nodes whose normals point apart, if there is one."""
+    """Length (mm) of the shortest interior edge between boundary nodes whose normals point apart, if there is one."""
     lengths = [
         float(np.linalg.norm(points[i] - points[j]))
         for (i, j), outer in zip(TET_EDGES, boundary_edges, strict=True)
