@@ -18,7 +18,7 @@ IntArray = NDArray[np.int32]
 
 def _frozen(array: Any, dtype: type, columns: int, name: str) -> NDArray[Any]:
     """A read-only, C-ordered (n, columns) array of `dtype`; an array that already is one is shared, not copied."""
-    result = np.ascontiguousarray(array, dtype=dtype)
+    result: NDArray[Any] = np.ascontiguousarray(array, dtype=dtype)
     if result.ndim != 2 or result.shape[1] != columns:
         raise ValueError(f"{name} must have shape (n, {columns}), got {result.shape}")
     if result.flags.writeable:

@@ -147,7 +147,8 @@ def boundary_nodes(mesh: TetMesh) -> IntArray:
 def boundary_surface(mesh: TetMesh) -> tuple[TriSurface, IntArray]:
     """The boundary as a surface of its own, and the mesh node of each of its vertices."""
     nodes = boundary_nodes(mesh)
-    return TriSurface(mesh.points[nodes], np.searchsorted(nodes, boundary_faces(mesh))), nodes
+    faces = np.searchsorted(nodes, boundary_faces(mesh)).astype(np.int32)
+    return TriSurface(mesh.points[nodes], faces), nodes
 
 
 def incidence(cells: IntArray, vertex_count: int) -> Incidence:

@@ -19,7 +19,7 @@ _STACK_SIZE = 64
 
 
 class SurfaceTree(NamedTuple):
-    """Boxes of triangles. Children of an inner box are `child` and `child + 1`; a leaf holds `count` triangles."""
+    """Boxes of triangles. Children of an inner box are `child` and `child + 1`; a leaf holds `size` triangles."""
 
     #: (m, 9) float64, corner coordinates of the triangles in tree order
     corners: FloatArray
@@ -30,7 +30,7 @@ class SurfaceTree(NamedTuple):
     #: (b,) int32, first child of an inner box, first triangle of a leaf
     child: IntArray
     #: (b,) int32, number of triangles of a leaf, 0 for an inner box
-    count: IntArray
+    size: IntArray
 
 
 class ClosestPoints(NamedTuple):
@@ -49,8 +49,8 @@ class ClosestPoints(NamedTuple):
 def surface_tree(points: FloatArray, faces: IntArray) -> SurfaceTree:
     """Build the tree for a surface of `points` (n, 3) mm and `faces` (m, 3); O(m log m)."""
     corners = np.ascontiguousarray(points[faces].reshape(-1, 9))
-    order, boxes, child, count = _build(corners)
-    return SurfaceTree(corners[order], order.astype(np.int32), boxes, child, count)
+    order, boxes, child, size = _build(corners)
+    return SurfaceTree(corners[order], order.astype(np.int32), boxes, child, size)
 
 
 def closest_points(tree: SurfaceTree, queries: FloatArray) -> ClosestPoints:
@@ -69,7 +69,7 @@ def _build(corners: NDArray[np.float64]):  # type: ignore[no-untyped-def]
     capacity = 2 * (2 * m // _LEAF_SIZE + 2)
     boxes = np.empty((capacity, 6))
     child = np.zeros(capacity, np.int32)
-    count = np.zeros(capacity, np.int32)
+    size = np.zeros(capacity, np.int32)
     first, last = np.zeros(capacity, np.int64), np.zeros(capacity, np.int64)
     first[0], last[0] = 0, m
     used, box = 1, 0
@@ -82,7 +82,7 @@ def _build(corners: NDArray[np.float64]):  # type: ignore[no-untyped-def]
                     boxes[box, k] = min(boxes[box, k], corners[i, j])
                     boxes[box, k + 3] = max(boxes[box, k + 3], corners[i, j])
         if hi - lo <= _LEAF_SIZE:
-            child[box], count[box] = lo, hi - lo
+            child[box], size[box] = lo, hi - lo
         else:
             axis = np.argmax(boxes[box, 3:] - boxes[box, :3])
             order[lo:hi] = order[lo:hi][np.argsort(centroids[order[lo:hi], axis], kind="mergesort")]
@@ -92,7 +92,7 @@ def _build(corners: NDArray[np.float64]):  # type: ignore[no-untyped-def]
             first[used + 1], last[used + 1] = middle, hi
             used += 2
         box += 1
-    return order, boxes[:used].copy(), child[:used].copy(), count[:used].copy()
+    return order, boxes[:used].copy(), child[:used].copy(), size[:used].copy()
 
 
 @numba.njit(cache=True, inline="always")
@@ -147,7 +147,7 @@ def closest_point(tree, x, y, z, hint):  # type: ignore[no-untyped-def]
     `hint` is a triangle (in tree order) thought to be near, which bounds the search, or -1.
     Returns px, py, pz, triangle in tree order, and the three weights.
     """
-    corners, boxes, child, count = tree.corners, tree.boxes, tree.child, tree.count
+    corners, boxes, child, size = tree.corners, tree.boxes, tree.child, tree.size
     best, face = np.inf, max(hint, 0)
     px, py, pz, u, v, w = 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
     if hint >= 0:
@@ -163,8 +163,8 @@ def closest_point(tree, x, y, z, hint):  # type: ignore[no-untyped-def]
         box = stack[top]
         if bounds[top] >= best:
             continue
-        if count[box]:
-            for k in range(child[box], child[box] + count[box]):
+        if size[box]:
+            for k in range(child[box], child[box] + size[box]):
                 c = corners[k]
                 a0, a1, a2 = on_triangle(c, x, y, z)
                 qx = a0 * c[0] + a1 * c[3] + a2 * c[6]

@@ -488,4 +488,5 @@ def improve(mesh: Swappable, tree: SurfaceTree, threshold: float) -> SwapCount:
         _improve(mesh, tree, queue, threshold, tally)
         if tally[1:5].sum() == done:
             break
-    return SwapCount(*(int(x) for x in tally[:5]), float(tally[5]))
+    attempts, edges, faces, flips, peeled = (int(number) for number in tally[:5])
+    return SwapCount(attempts, edges, faces, flips, peeled, float(tally[5]))

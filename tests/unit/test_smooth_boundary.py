@@ -1,0 +1,73 @@
+"""Post-mesh smoothing of the boundary: smoother, valid, and on the surface unless asked otherwise."""
+
+from shutil import which
+
+import numpy as np
+import pytest
+from shapes import ball_mesh, ball_surface
+
+from cortet import topology
+from cortet.errors import StageError
+from cortet.fidelity import boundary_roughness
+from cortet.mesh import TetMesh
+from cortet.optimise.closest_point import closest_points, surface_tree
+from cortet.quality import signed_volumes
+from cortet.stages.backing_off import back_off
+from cortet.stages.clean import clean
+from cortet.stages.reconnect import reconnect
+from cortet.stages.smooth_boundary import smooth_boundary
+
+SURFACE = ball_surface(3, 1.0)
+
+
+@pytest.fixture(scope="module")
+def rough() -> TetMesh:
+    """A good mesh of a ball whose boundary vertices are unevenly spread over the sphere."""
+    mesh, _ = reconnect(clean(ball_mesh(3), SURFACE)[0], SURFACE)
+    nodes = topology.boundary_nodes(mesh)
+    target = mesh.points.copy()
+    target[nodes] += np.random.default_rng(0).normal(0, 0.02, (len(nodes), 3))
+    tree = surface_tree(SURFACE.points, SURFACE.faces)
+    target[nodes] = closest_points(tree, target[nodes]).points
+    points, share = back_off(mesh.points, target, mesh.cells, q_max=0.6)
+    return TetMesh(np.where(share[:, None] == 1, points, mesh.points), mesh.cells)
+
+
+def roughness(mesh: TetMesh) -> float:
+    boundary, _ = topology.boundary_surface(mesh)
+    return boundary_roughness(boundary.points, boundary.faces)
+
+
+METHODS = [
+    "laplacian",
+    pytest.param("workbench", marks=pytest.mark.skipif(not which("wb_command"), reason="no wb_command")),
+]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_boundary_becomes_smoother_and_stays_on_the_surface(rough, method):
+    result, report = smooth_boundary(rough, SURFACE, method=method)
+    assert report.roughness == pytest.approx(roughness(result))
+    assert report.roughness < 0.7 * report.roughness_before == pytest.approx(0.7 * roughness(rough))
+    assert report.nodes_to_surface_mm.max < 1e-12 and report.displacement_mm.mean > 0.01
+    assert report.q_max <= 0.5 and np.array_equal(result.cells, rough.cells)
+    assert (signed_volumes(result.points, result.cells) > 0).all()
+
+
+def test_published_smoothing_leaves_the_surface_and_the_report_says_how_far(rough):
+    result, report = smooth_boundary(rough, SURFACE, iterations=10, onto_surface=False)
+    assert report.roughness < report.roughness_before
+    assert report.nodes_to_surface_mm.mean > 0.05
+    assert (signed_volumes(result.points, result.cells) > 0).all()
+
+
+def test_iterations_are_halved_until_no_element_inverts():
+    mesh = ball_mesh(2)  # too coarse and too bad to be smoothed far
+    _, report = smooth_boundary(mesh, SURFACE, iterations=200, onto_surface=False)
+    assert report.iterations < 200
+
+
+def test_a_missing_program_is_named(rough, monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(StageError, match="wb_command is not installed"):
+        smooth_boundary(rough, SURFACE, method="workbench")
