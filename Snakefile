@@ -16,6 +16,7 @@ include: "rules/surface.smk"
 include: "rules/mesh.smk"
 include: "rules/quality.smk"
 include: "rules/cohort.smk"
+include: "rules/failures.smk"
 
 
 localrules:

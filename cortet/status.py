@@ -48,19 +48,19 @@ def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
     Parameters
     ----------
-    meshes : per mesh `case`; `cell_size_mm` and `mesher` unless excluded; and either what is known of its failure
-        (`stage`, `state`, `reason`, `log`) or the path of its `certificate`, whose verdict and reasons are the row's
+    meshes : per mesh `case`; `cell_size_mm` and `mesher` unless excluded; what is known of its failure or exclusion
+        (`stage`, `state`, `reason`, `log`); and the path of its `certificate` if it has one, whose no goes before a
+        failure
     """
     rows = []
     for mesh in meshes:
         outcome = dict(mesh)
         if certificate := outcome.pop("certificate", None):
             content = json.loads(Path(certificate).read_text(encoding="utf-8"))
-            outcome |= {
-                "stage": "certify",
-                "state": "certified" if content["certified"] else "uncertified",
-                "reason": "; ".join(content["reasons"]),
-            }
+            if not content["certified"]:
+                outcome |= {"stage": "certify", "state": "uncertified", "reason": "; ".join(content["reasons"])}
+            elif "state" not in outcome:
+                outcome |= {"stage": "certify", "state": "certified"}
         rows.append(outcome)
     return rows
 

@@ -6,9 +6,13 @@ from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
+from cortet import __version__
 from cortet.cohort import read_sheet
 from cortet.config import load, stage_version
 from cortet.errors import CortetError
+
+# (case, res, mesher) of the meshes that failed, and how: what rules/failures.smk hands over
+FAILURES = {tuple(record["mesh"]): record["failure"] for record in config.pop("failures", [])}
 
 try:
     CONFIG = load(config)
@@ -36,6 +40,9 @@ STAGES = {
     "solver_ready": "Solver",
 }
 
+# rules that take every mesh that is done
+OVER_ALL_CASES = ("cohort_quality", "cohort_summary", "cohort_figure", "cohort_status")
+
 
 wildcard_constraints:
     folder=r"sub-[A-Za-z0-9]+(/ses-[A-Za-z0-9]+)?",
@@ -48,9 +55,7 @@ wildcard_constraints:
 
 def bids(suffix, datatype, **entities):
     """Pattern of an output file: OUT/{folder}/DATATYPE/{case}_KEY-VALUE..._SUFFIX."""
-    name = "_".join(
-        ["{case}", *(f"{key}-{value}" for key, value in entities.items()), suffix]
-    )
+    name = "_".join(["{case}", *(f"{key}-{value}" for key, value in entities.items()), suffix])
     return f"{OUT}/{{folder}}/{datatype}/{name}"
 
 
@@ -68,9 +73,7 @@ def surface_log(rule, suffix="log"):
 
 
 def mesh_log(rule, suffix="log", desc=""):
-    return surface_log(rule, suffix).replace(
-        "{case}", f"{{case}}_res-{{res}}um_desc-{{mesher}}{desc}"
-    )
+    return surface_log(rule, suffix).replace("{case}", f"{{case}}_res-{{res}}um_desc-{{mesher}}{desc}")
 
 
 surface_benchmark = partial(surface_log, suffix="tsv")
@@ -80,9 +83,7 @@ mesh_benchmark = partial(mesh_log, suffix="tsv")
 def each_case(pattern):
     """Files of a pattern for all included cases, cell sizes and meshers, keyed by (case, res, mesher)."""
     return {
-        (case.name, res, mesher): pattern.format(
-            folder=case.folder, case=case.name, res=res, mesher=mesher
-        )
+        (case.name, res, mesher): pattern.format(folder=case.folder, case=case.name, res=res, mesher=mesher)
         for case in CASES.values()
         for res in RESOLUTIONS
         for mesher in CONFIG.generate.meshers
@@ -113,9 +114,7 @@ def parameters_of(stage, wildcards):
 
 
 # the surface that is meshed, and that every later stage measures against
-MESHED_SURFACE = surface_file(
-    "smoothed" if CONFIG.enabled("smooth_surface") else "gated"
-)
+MESHED_SURFACE = surface_file("smoothed" if CONFIG.enabled("smooth_surface") else "gated")
 
 
 def elements(wildcards):
@@ -129,3 +128,66 @@ def megabytes(per_million):
 
 def minutes(per_million):
     return lambda wildcards: int(5 + per_million * elements(wildcards) / 1e6)
+
+
+def existing(paths):
+    """The files that are there: a missing one is for the job to complain about, so that other cases go on."""
+    return [str(path) for path in paths if path.exists()]
+
+
+def surface_of(wildcards):
+    case = CASES[wildcards.case]
+    return surface_file("phantom") if case.is_phantom else existing([case.surface])
+
+
+def fields_of(wildcards):
+    """The file of the case's fields; nothing when it has none."""
+    return surface_file("fields") if CASES[wildcards.case].fields else []
+
+
+CERTIFICATE = mesh_file("Solver", "certificate.json")
+# suffix of the file -> solver that reads it
+SOLVERS = {"mesh": "braingrowth"}
+SOLVER_FILES = [
+    mesh_file("Solver", f"tetmesh.{suffix}") for suffix, solver in SOLVERS.items() if solver in CONFIG.export.formats
+]
+
+# what the stages of the line reported, by stage
+REPORTS = {
+    "gate": surface_file("gated", "white.json"),
+    "smooth_surface": surface_file("smoothed", "white.json"),
+    **{stage: mesh_file(desc, "tetmesh.json") for stage, desc in STAGES.items()},
+}
+REPORTS = {stage: path for stage, path in REPORTS.items() if CONFIG.enabled(stage)}
+
+
+def solver_files():
+    return [path for pattern in SOLVER_FILES for path in each_case(pattern).values()]
+
+
+def quality_records():
+    measured = [STAGES[stage] for stage in CONFIG.quality.stages if CONFIG.enabled(stage)]
+    return [path for desc in measured for path in each_case(mesh_file(desc, "quality.json")).values()]
+
+
+def done(pattern, *, even_uncertified):
+    """Files of a pattern for all meshes that did not fail; a mesh that only its export refused is measured all the same."""
+    return [
+        path
+        for mesh, path in each_case(pattern).items()
+        if mesh not in FAILURES or (even_uncertified and FAILURES[mesh]["stage"] == "export")
+    ]
+
+
+def status_of_all():
+    """Parameter of the status table: excluded rows, failures, and where the certificates of the others are."""
+    excluded = [
+        {"case": case.name, "state": "excluded", "reason": case.exclude_reason} for case in SHEET if not case.include
+    ]
+    meshes = []
+    for mesh, certificate in each_case(CERTIFICATE).items():
+        name, res, mesher = mesh
+        failure = FAILURES.get(mesh, {})
+        known = {} if failure.get("stage", "export") != "export" else {"certificate": certificate}
+        meshes.append({"case": name, "cell_size_mm": res / 1000, "mesher": mesher, **failure, **known})
+    return meshes + excluded

@@ -1,11 +1,6 @@
 """S1 to S6: from the surface to the mesh in the order its solver wants."""
 
 
-def fields_of(wildcards):
-    """The file of the case's fields; nothing when it has none."""
-    return surface_file("fields") if CASES[wildcards.case].fields else []
-
-
 rule generate:
     """S1: fill the surface with tetrahedra."""
     input:

@@ -1,37 +1,5 @@
 """Measure, certify, export."""
 
-CERTIFICATE = mesh_file("Solver", "certificate.json")
-# suffix of the file -> solver that reads it
-SOLVERS = {"mesh": "braingrowth"}
-SOLVER_FILES = [
-    mesh_file("Solver", f"tetmesh.{suffix}")
-    for suffix, solver in SOLVERS.items()
-    if solver in CONFIG.export.formats
-]
-
-# what the stages of the line reported, by stage
-REPORTS = {
-    "gate": surface_file("gated", "white.json"),
-    "smooth_surface": surface_file("smoothed", "white.json"),
-    **{stage: mesh_file(desc, "tetmesh.json") for stage, desc in STAGES.items()},
-}
-REPORTS = {stage: path for stage, path in REPORTS.items() if CONFIG.enabled(stage)}
-
-
-def solver_files():
-    return [path for pattern in SOLVER_FILES for path in each_case(pattern).values()]
-
-
-def quality_records():
-    measured = [
-        STAGES[stage] for stage in CONFIG.quality.stages if CONFIG.enabled(stage)
-    ]
-    return [
-        path
-        for desc in measured
-        for path in each_case(mesh_file(desc, "quality.json")).values()
-    ]
-
 
 rule quality:
     """Element quality of the mesh of any stage."""
@@ -74,9 +42,7 @@ rule certify:
         runtime=minutes(5),
     params:
         stage=CONFIG.stage("certify"),
-        line=lambda wildcards: {
-            stage: parameters_of(stage, wildcards) for stage in REPORTS
-        },
+        line=lambda wildcards: {stage: parameters_of(stage, wildcards) for stage in REPORTS},
     script:
         "../scripts/certify.py"
 

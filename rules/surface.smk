@@ -1,16 +1,6 @@
 """From the sheet's surface to the one that is meshed."""
 
 
-def existing(paths):
-    """The files that are there: a missing one is for the job to complain about, so that other cases go on."""
-    return [str(path) for path in paths if path.exists()]
-
-
-def surface_of(wildcards):
-    case = CASES[wildcards.case]
-    return surface_file("phantom") if case.is_phantom else existing([case.surface])
-
-
 rule phantom:
     """A synthetic cortex of the case's age."""
     output:
@@ -70,9 +60,7 @@ rule fields:
         runtime=10,
     params:
         stage=partial(parameters_of, "gate"),
-        files=lambda wildcards: {
-            name: str(path) for name, path in CASES[wildcards.case].fields.items()
-        },
+        files=lambda wildcards: {name: str(path) for name, path in CASES[wildcards.case].fields.items()},
     script:
         "../scripts/fields.py"
 

@@ -1,0 +1,79 @@
+"""What happens when a case fails.
+
+A failed case makes its job fail: the log says why, the others go on (`keep-going`), the exit code is not zero. But a rule
+over all cases cannot run when one of its inputs was not made. So when a run ends with failures, the rules over all cases
+run once more over those that are done, with the failures as a parameter; the next run, which has other inputs and
+parameters, makes them again. What an earlier run left of a failed case, or of the tables of an unfinished run, is deleted.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+
+from snakemake.logging import logger
+
+from cortet.status import failure_reason
+
+STARTED = time.time()
+
+
+def failures_of_run():
+    """What keeps a mesh from being done, as `FAILURES`, from the jobs that failed or never ran."""
+    order = {rule.name: number for number, rule in enumerate(workflow.rules)}
+    undone = defaultdict(list)
+    for job in sorted(workflow.dag.needrun_jobs(), key=lambda job: order[job.rule.name]):
+        undone[job.wildcards.get("case")].append(job)
+    failures = {}
+    for mesh in each_case(CERTIFICATE):
+        case, res, mesher = mesh
+        jobs = [
+            job
+            for job in undone[case]
+            if job.wildcards.get("res", str(res)) == str(res) and job.wildcards.get("mesher", mesher) == mesher
+        ]
+        failed = [job for job in jobs if job in workflow.scheduler.failed]
+        if failed:
+            log = Path(failed[0].log[0])
+            reason = failure_reason(log, since=STARTED)
+            failures[mesh] = {"stage": failed[0].rule.name, "state": "failed", "reason": reason, "log": str(log)}
+            # what an earlier run made of this case must not pass for this one's
+            delete_outputs(jobs)
+        elif jobs:
+            failures[mesh] = {"stage": jobs[0].rule.name, "state": "unfinished", "reason": "the run ended before"}
+    return failures
+
+
+def delete_outputs(jobs):
+    for job in jobs:
+        for path in job.output:
+            Path(path).unlink(missing_ok=True)
+
+
+def run_over_done_cases(failures, targets):
+    """Run the rules over all cases with the failed ones left out."""
+    records = [{"mesh": mesh, "failure": failure} for mesh, failure in failures.items()]
+    with tempfile.NamedTemporaryFile("w", suffix=".json") as file:
+        json.dump({**config, "failures": records}, file, default=str)
+        file.flush()
+        command = [sys.executable, "-m", "snakemake", "--cores", "1", "--nolock"]
+        command += ["--snakefile", str(workflow.main_snakefile)]
+        command += ["--configfile", file.name, "--no-hooks", "--quiet", "all"]
+        command += ["--allowed-rules", *OVER_ALL_CASES, "--", *targets]
+        subprocess.run(command, check=False)
+
+
+onstart:
+    # a table of an earlier run must not pass for this one's, should this one be killed
+    delete_outputs(job for job in workflow.dag.needrun_jobs() if job.rule.name in OVER_ALL_CASES)
+
+
+onerror:
+    failures = failures_of_run()
+    for (case, *_), failure in failures.items():
+        logger.error(f"{case}: {failure['stage']}: {failure['reason']}")
+    targets = [path for job in workflow.dag.jobs if job.rule.name in OVER_ALL_CASES for path in job.output]
+    if failures and targets:
+        run_over_done_cases(failures, targets)
