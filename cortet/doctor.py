@@ -1,0 +1,355 @@
+"""`cortet doctor`: every dependency with its version and purpose, each proved by a small piece of real work.
+
+That a library can be imported says little: Gmsh's wheel loads libraries of the system, pygalmesh is compiled on the
+spot, Numba compiles when called. So each proof does what cortet does with the library, in a process of its own: a crash
+is a finding like any other, and no library disturbs the next. Nothing is imported up here, so that the doctor answers
+however little is installed.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from cortet import __version__
+
+if TYPE_CHECKING:
+    from cortet.mesh import FloatArray, TetMesh, TriSurface
+
+#: seconds one proof may take; the first compilation of the kernels is the longest by far
+TIME_LIMIT = 600
+#: either is enough for S1
+MESHERS = ("pygalmesh", "cgal")
+SET_UP = "rm -f .venv/.stamp && make setup"
+
+
+@dataclass(frozen=True)
+class Library:
+    """A Python package that cortet imports."""
+
+    #: name of its distribution
+    name: str
+    purpose: str
+    #: works with it and says what came out; raises when that is wrong
+    proof: Callable[[], str]
+    #: Debian packages of the system libraries it loads
+    system_packages: str = ""
+
+
+@dataclass(frozen=True)
+class Program:
+    """A program that some option of cortet calls."""
+
+    name: str
+    purpose: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One row of the table."""
+
+    state: Literal["ok", "missing", "failed"]
+    name: str
+    version: str
+    purpose: str
+    detail: str
+    remedy: str = ""
+
+
+def run() -> int:
+    """Print the table and what is wrong; 0 when everything required works, else 1."""
+    system = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
+    _say(f"cortet {__version__}, Python {platform.python_version()}, {system}\n")
+    findings = []
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        for finding in pool.map(examine, LIBRARIES):
+            _say(_row(finding))
+            findings.append(finding)
+    for program in PROGRAMS:
+        _say(_row(find(program)))
+    wrong = problems(findings)
+    _say("", *(wrong or ["Everything cortet needs works."]))
+    return 1 if wrong else 0
+
+
+def problems(findings: list[Finding]) -> list[str]:
+    """What failed, and what is missing without a substitute, each with its remedy."""
+    has_mesher = any(finding.state == "ok" for finding in findings if finding.name in MESHERS)
+    return [
+        f"{finding.name}: {finding.detail}\n  remedy: {finding.remedy}"
+        for finding in findings
+        if finding.state == "failed" or (finding.state == "missing" and not (finding.name in MESHERS and has_mesher))
+    ]
+
+
+def examine(library: Library) -> Finding:
+    """Prove one library in a process of its own."""
+    try:
+        installed = version(library.name)
+    except PackageNotFoundError:
+        return Finding("missing", library.name, "", library.purpose, "not installed", SET_UP)
+
+    def failed(detail: str) -> Finding:
+        system = f"apt-get install {library.system_packages}; if that is not it, " if library.system_packages else ""
+        return Finding("failed", library.name, installed, library.purpose, detail, system + SET_UP)
+
+    command = [sys.executable, "-m", "cortet.doctor", library.name]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=TIME_LIMIT, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return failed(f"no answer within {TIME_LIMIT} s")
+    if done.returncode < 0:
+        return failed(f"crashed ({signal.Signals(-done.returncode).name})")
+    last_line = ((done.stderr if done.returncode else done.stdout).strip() or "said nothing").splitlines()[-1]
+    if done.returncode:
+        return failed(last_line)
+    return Finding("ok", library.name, installed, library.purpose, last_line)
+
+
+def find(program: Program) -> Finding:
+    """Look for one program on the PATH."""
+    path = shutil.which(program.name)
+    return Finding("ok" if path else "missing", program.name, "", program.purpose, path or "optional, not found")
+
+
+def _row(finding: Finding) -> str:
+    mark = {"ok": "ok", "missing": "-", "failed": "FAILED"}[finding.state]
+    return f"{mark:<7} {finding.name:<11} {finding.version:<9.9} {finding.purpose:<34} {finding.detail}"
+
+
+def _say(*lines: str) -> None:
+    sys.stdout.writelines(f"{line}\n" for line in lines)
+    sys.stdout.flush()
+
+
+# --- specimens -------------------------------------------------------------------------------------------------------
+
+
+def _ball(radius: float = 10.0, count: int = 500) -> TriSurface:
+    """A sphere about the origin, mm: points on a spiral and their convex hull."""
+    import numpy as np
+
+    height = (np.arange(count) + 0.5) * 2 / count - 1
+    angle = np.pi * (1 + 5**0.5) * np.arange(count)
+    ring = np.sqrt(1 - height**2)
+    return _hull(radius * np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1))
+
+
+def _hull(points: FloatArray) -> TriSurface:
+    """The convex hull of points around the origin."""
+    import numpy as np
+    from scipy.spatial import ConvexHull
+
+    from cortet.mesh import TriSurface
+
+    faces = ConvexHull(points).simplices
+    inward = np.linalg.det(points[faces]) < 0
+    faces[inward] = faces[inward, ::-1]
+    return TriSurface(points, faces)
+
+
+def _icosahedron() -> tuple[TetMesh, TriSurface]:
+    """Twenty tetrahedra around a node, which is displaced from the centre; and their boundary."""
+    import numpy as np
+
+    from cortet.mesh import TetMesh
+
+    golden = (1 + 5**0.5) / 2
+    corners = np.array([(0, i, j * golden) for i in (-1, 1) for j in (-1, 1)])
+    boundary = _hull(np.concatenate([np.roll(corners, shift, axis=1) for shift in range(3)]))
+    inside = np.full((len(boundary.faces), 1), len(boundary.points))
+    return TetMesh(
+        np.vstack([boundary.points, [0.5, 0.3, 0.2]]), np.hstack([boundary.faces[:, ::-1], inside])
+    ), boundary
+
+
+# --- proofs ----------------------------------------------------------------------------------------------------------
+
+
+def _expect(truth: object, otherwise: str) -> None:
+    """Raise unless true; unlike `assert` also under `python -O`."""
+    if not truth:
+        raise AssertionError(otherwise)
+
+
+def _prove_numpy() -> str:
+    import numpy as np
+
+    from cortet.quality import quality
+
+    corners = np.array([[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]], dtype=float)
+    q = float(quality(corners, np.array([[0, 1, 2, 3]], np.int32))[0])
+    _expect(abs(q) < 1e-12, f"a regular tetrahedron has q = {q}")
+    return "a regular tetrahedron has q = 0"
+
+
+def _prove_scipy() -> str:
+    from cortet.topology import surface_topology
+
+    topology = surface_topology(_ball().faces)
+    _expect(topology.is_closed_manifold and topology.euler_number == 2, f"a sphere is found to be {topology}")
+    return "a sphere has Euler number 2"
+
+
+def _prove_numba() -> str:
+    import numpy as np
+
+    from cortet.stages.clean import clean
+
+    mesh, surface = _icosahedron()
+    cleaned, report = clean(mesh, surface)
+    _expect(report.q_max < report.q_max_before, f"worst q {report.q_max_before} became {report.q_max}")
+    _expect(np.linalg.norm(cleaned.points[-1]) < np.linalg.norm(mesh.points[-1]), "a node moved the wrong way")
+    return f"the kernels compile; a worst q of {report.q_max_before:.3f} becomes {report.q_max:.3f}"
+
+
+def _prove_mesher(backend: str) -> str:
+    import numpy as np
+
+    from cortet.quality import signed_volumes
+    from cortet.stages.generate import generate
+
+    mesh, report = generate(_ball(), cell_size=5.0, backend=backend)
+    _expect(report.topology_ok, report.reason)
+    share = float(signed_volumes(mesh.points, mesh.cells).sum()) / (4 / 3 * np.pi * 10**3)
+    _expect(0.8 < share < 1, f"the mesh of a ball has {100 * share:.0f} % of its volume")
+    return f"a ball becomes {len(mesh.cells)} tetrahedra with {100 * share:.0f} % of its volume"
+
+
+def _prove_gmsh() -> str:
+    from cortet.stages.relocate import relocate
+
+    mesh, _ = _icosahedron()
+    _, report = relocate(mesh)
+    _expect(report.nodes_moved == 1 and report.q_max_after < report.q_max_before, str(report))
+    return f"Relocate3D moves a node by {report.max_displacement_mm:.2f} mm"
+
+
+def _prove_pymeshlab() -> str:
+    import numpy as np
+    import pymeshlab
+
+    ball = _ball()
+    rough = ball.points * np.random.default_rng(0).normal(1, 0.01, (len(ball.points), 1))
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(rough, ball.faces))
+    meshes.apply_coord_laplacian_smoothing_surface_preserving(angledeg=60, iterations=3)
+    smooth = meshes.current_mesh().vertex_matrix()
+    before, after = (float(np.linalg.norm(points, axis=1).std()) for points in (rough, smooth))
+    _expect(after < before, f"the roughness of a ball went from {before} to {after} mm")
+    return f"the roughness of a ball goes from {before:.3f} to {after:.3f} mm"
+
+
+def _prove_meshio() -> str:
+    import numpy as np
+
+    from cortet.formats import vtu
+
+    mesh, _ = _icosahedron()
+    with tempfile.TemporaryDirectory() as folder:
+        vtu.write(mesh, Path(folder) / "mesh.vtu")
+        again = vtu.read(Path(folder) / "mesh.vtu")
+    same = np.array_equal(again.points, mesh.points) and np.array_equal(again.cells, mesh.cells)
+    _expect(same, "a mesh came back changed")
+    return "a VTU file comes back bit for bit"
+
+
+def _prove_nibabel() -> str:
+    import numpy as np
+
+    from cortet.formats.gifti import read_surface, write_surface
+
+    ball = _ball()
+    with tempfile.TemporaryDirectory() as folder:
+        write_surface(ball, Path(folder) / "ball.surf.gii")
+        again = read_surface(Path(folder) / "ball.surf.gii")
+    same = np.array_equal(again.faces, ball.faces) and np.allclose(again.points, ball.points)
+    _expect(same, "a surface came back changed")
+    return "a GIfTI surface comes back"
+
+
+def _prove_pydantic() -> str:
+    from cortet.config import load
+    from cortet.errors import InputError
+
+    load({"setting": "published"})
+    named = False
+    try:
+        load({"generate": {"cel_size": 0.6}})
+    except InputError as error:
+        named = "cel_size" in str(error)
+    _expect(named, "an unknown key is not named")
+    return "an unknown key is named"
+
+
+def _prove_pandas() -> str:
+    import io
+
+    import pandas as pd
+
+    table = pd.read_csv(io.StringIO("participant_id\tscan_age\n007\t28.5\n"), sep="\t", dtype={"participant_id": str})
+    _expect(table.participant_id[0] == "007" and table.scan_age[0] == 28.5, f"read as {table.to_dict()}")
+    return "the label 007 stays a string"
+
+
+def _prove_matplotlib() -> str:
+    from matplotlib.figure import Figure
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "figure.pdf"
+        figure = Figure()
+        figure.add_subplot().plot([0, 1])
+        figure.savefig(path)
+        _expect(path.read_bytes().startswith(b"%PDF"), "no PDF was written")
+    return "a figure is drawn"
+
+
+def _prove_snakemake() -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "Snakefile").write_text("rule:\n    output: 'made'\n    shell: 'touch {output}'\n")
+        command = [sys.executable, "-m", "snakemake", "--cores", "1", "--quiet", "all", "--directory", folder]
+        subprocess.run([*command, "--snakefile", f"{folder}/Snakefile"], check=True, cwd=folder)
+        _expect((Path(folder) / "made").exists(), "a rule did not run")
+    return "a rule makes its file"
+
+
+LIBRARIES = (
+    Library("numpy", "arrays", _prove_numpy),
+    Library("scipy", "topology, distances", _prove_scipy),
+    Library("numba", "kernels of S4", _prove_numba),
+    Library("pygalmesh", "S1, as published", lambda: _prove_mesher("pygalmesh"), "libgmp10 libmpfr6"),
+    Library("cgal", "S1, second backend", lambda: _prove_mesher("cgal")),
+    Library("gmsh", "S3", _prove_gmsh, "libglu1-mesa libxft2 libxcursor1 libxinerama1 libgl1"),
+    Library("pymeshlab", "smoothing of the input", _prove_pymeshlab, "libgl1 libopengl0 libegl1"),
+    Library("meshio", "VTU and other mesh files", _prove_meshio),
+    Library("nibabel", "GIfTI", _prove_nibabel),
+    Library("pydantic", "configuration", _prove_pydantic),
+    Library("pandas", "tables", _prove_pandas),
+    Library("matplotlib", "figures", _prove_matplotlib),
+    Library("snakemake", "the workflow", _prove_snakemake),
+)
+
+PROGRAMS = (
+    Program("meshtool", "S4, backend meshtool"),
+    Program("wb_command", "Connectome Workbench"),
+    Program("conda", "environments of the rules"),
+    Program("sbatch", "SLURM"),
+)
+
+
+if __name__ == "__main__":
+    # one proof, as `examine` asks for it; what it returns is the last line on standard output
+    _say({library.name: library for library in LIBRARIES}[sys.argv[1]].proof())

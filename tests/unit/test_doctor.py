@@ -1,0 +1,92 @@
+"""The doctor proves each dependency by using it, and names the remedy when one does not work."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cortet import doctor
+from cortet.doctor import Finding, Library, problems
+
+
+def finding(state: str, name: str) -> Finding:
+    return Finding(state, name, "1.0", "purpose", "what happened", "what to do")
+
+
+@pytest.fixture
+def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Puts a module that runs `code` on import in the place of an installed one, for this and every child process."""
+
+    def breaks(module: str, code: str) -> None:
+        (tmp_path / f"{module}.py").write_text(code)
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+
+    return breaks
+
+
+def library(name: str) -> Library:
+    return next(library for library in doctor.LIBRARIES if library.name == name)
+
+
+@pytest.mark.parametrize("name", [library.name for library in doctor.LIBRARIES])
+def test_every_library_works_here(name):
+    found = doctor.examine(library(name))
+    if found.state == "missing" and name in doctor.MESHERS:
+        pytest.skip(f"{name} could not be had here")
+    assert found.state == "ok", found.detail
+    assert found.version and found.detail
+
+
+def test_a_library_that_cannot_load_is_a_failure_with_its_reason_and_remedy(broken):
+    broken("gmsh", "raise OSError('libGLU.so.1: cannot open shared object file')")
+    found = doctor.examine(library("gmsh"))
+    assert found.state == "failed" and "libGLU.so.1" in found.detail
+    assert "libglu1-mesa" in found.remedy and "make setup" in found.remedy
+
+
+def test_a_library_that_works_wrongly_is_a_failure(broken):
+    broken("meshio", "def read(*args, **kwargs): return None\nclass Mesh: ...")
+    assert doctor.examine(library("meshio")).state == "failed"
+
+
+def test_a_crash_is_a_finding_and_does_not_take_the_doctor_down(broken):
+    broken("nibabel", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
+    assert doctor.examine(library("nibabel")).detail == "crashed (SIGSEGV)"
+
+
+def test_a_library_that_is_not_installed_is_missing():
+    found = doctor.examine(Library("no-such-distribution", "nothing", lambda: ""))
+    assert found.state == "missing" and "make setup" in found.remedy
+
+
+def test_a_failure_is_a_problem_and_comes_with_its_remedy():
+    assert problems([finding("ok", "numpy"), finding("failed", "gmsh")]) == [
+        "gmsh: what happened\n  remedy: what to do"
+    ]
+
+
+def test_one_mesher_is_enough_but_one_there_must_be():
+    assert not problems([finding("missing", "pygalmesh"), finding("ok", "cgal")])
+    assert len(problems([finding("missing", "pygalmesh"), finding("missing", "cgal")])) == 2
+
+
+def test_a_mesher_that_is_installed_must_work_since_the_workflow_would_use_it():
+    assert len(problems([finding("failed", "pygalmesh"), finding("ok", "cgal")])) == 1
+
+
+@pytest.mark.parametrize("works", [True, False])
+def test_the_command_says_it_all_and_its_exit_code_too(works, broken, monkeypatch, capsys):
+    monkeypatch.setattr(doctor, "LIBRARIES", (library("numpy"), library("pandas")))
+    if not works:
+        broken("pandas", "raise ImportError('no pandas today')")
+    assert doctor.run() == (0 if works else 1)
+    table = capsys.readouterr().out
+    assert "a regular tetrahedron has q = 0" in table
+    assert ("Everything cortet needs works." in table) == works
+    assert ("no pandas today" in table and "remedy: " in table) == (not works)
+
+
+def test_nothing_heavy_is_needed_to_ask_the_doctor():
+    program = "import cortet.doctor, sys; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -1,0 +1,45 @@
+"""Formatter, linter, type checker, and Snakemake's own formatter and linter have nothing to say."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+RULES = ["Snakefile", *(str(path.relative_to(ROOT)) for path in sorted(ROOT.glob("rules/*.smk")))]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(["ruff", "format", "--check"], id="ruff-format"),
+        pytest.param(["ruff", "check"], id="ruff-check"),
+        pytest.param(["mypy"], id="mypy"),
+        pytest.param(["snakefmt", "--check", *RULES], id="snakefmt"),
+        pytest.param(["snakemake", "--lint"], id="snakemake-lint"),
+    ],
+)
+def test_nothing_to_say(command: list[str]) -> None:
+    tool = Path(sys.executable).with_name(command[0])
+    done = subprocess.run([tool, *command[1:]], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("script", ["tools/setup.sh", "tools/lock.sh", ".ci/run"])
+def test_shell_scripts_parse(script: str) -> None:
+    assert subprocess.run(["bash", "-n", ROOT / script], check=False).returncode == 0
+
+
+def test_the_lock_pins_every_dependency() -> None:
+    import re
+    import tomllib
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    asked = [
+        *project["project"]["dependencies"],
+        *(name for group in project["project"]["optional-dependencies"].values() for name in group),
+        *(name for group in project["dependency-groups"].values() for name in group),
+    ]
+    pinned = {line.split("==")[0] for line in (ROOT / "requirements.txt").read_text().splitlines() if "==" in line}
+    assert {re.split(r"[<>=;\s]", name)[0] for name in asked} <= pinned
