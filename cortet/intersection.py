@@ -67,7 +67,7 @@ def _cross(t, u, vertices_t, vertices_u):  # type: ignore[no-untyped-def]
                 shared += 1
                 in_t, in_u = in_t + i, in_u + j  # with two shared corners the third is 3 minus this sum
     if shared == 0:
-        for k in range(3):
+        for k in range(3):  # noqa: SIM110 -- Numba compiles no generators
             if _pierces(t, k, u) or _pierces(u, k, t):
                 return True
         return False
