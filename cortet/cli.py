@@ -1,0 +1,387 @@
+"""The `cortet` command. Everything heavy is imported by the subcommand that needs it."""
+# ruff: noqa: T201, printing is what this module is for
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cortet import __version__
+from cortet.errors import CortetError, InputError
+
+if TYPE_CHECKING:
+    from cortet.certify import Certificate
+    from cortet.config import Config
+    from cortet.mesh import TetMesh, TriSurface
+    from cortet.pipeline import Step
+    from cortet.stages.gate import GateReport
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; 0: done and well, 1: refused, not certified or failed, 2: wrong usage."""
+    args = parser().parse_args(arguments)
+    logging.basicConfig(format="%(levelname)s %(message)s", level=logging.INFO if args.verbose else logging.WARNING)
+    try:
+        return int(args.run(args))
+    except CortetError as error:
+        print(f"cortet: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("cortet: interrupted", file=sys.stderr)
+        return 130
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments."""
+    top = argparse.ArgumentParser(prog="cortet", description="Certified tetrahedral meshes of cortical surfaces.")
+    top.add_argument("--version", action="version", version=f"cortet {__version__}")
+    common = argparse.ArgumentParser(add_help=False)
+    common.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
+
+    line = argparse.ArgumentParser(add_help=False)
+    line.add_argument("surface", type=Path, metavar="SURFACE", help="closed surface, GIfTI, mm")
+    line.add_argument("--cell-size", type=float, metavar="MM", help="cell size h (default: 0.6, or what --config says)")
+    line.add_argument(
+        "--ga", type=float, metavar="WEEKS", help="gestational age; without it the surface is not smoothed"
+    )
+    line.add_argument("--setting", choices=["default", "published"], help="our parameters, or those of the paper")
+    line.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see config.yaml")
+    line.add_argument(
+        "--field",
+        action="append",
+        default=[],
+        type=_named_file,
+        metavar="NAME=FILE",
+        help="per-vertex field to carry to the mesh, GIfTI; repeatable",
+    )
+
+    mesh = commands.add_parser("mesh", parents=[common, line], help="mesh one surface and certify the mesh")
+    mesh.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="OUT", help="OUT.vtu or OUT.mesh (BrainGrowth)"
+    )
+    mesh.add_argument("--picture", type=Path, metavar="PNG", help="also draw the mesh cut open, coloured by q")
+    mesh.set_defaults(run=_mesh)
+
+    table = commands.add_parser("stages", parents=[common, line], help="run the line and tabulate what each stage does")
+    table.add_argument("-o", "--output", type=Path, metavar="TSV", help="also write the table there")
+    table.set_defaults(run=_stages)
+
+    gate = commands.add_parser("gate", parents=[common], help="say of each surface whether it can be meshed")
+    gate.add_argument("surfaces", type=Path, nargs="+", metavar="SURFACE")
+    gate.add_argument("--allow-genus", type=int, default=0, metavar="N", help="accept up to N handles")
+    gate.set_defaults(run=_gate)
+
+    quality = commands.add_parser("quality", parents=[common], help="measure the elements of a mesh (JSON)")
+    quality.add_argument("mesh", type=Path, metavar="MESH")
+    quality.set_defaults(run=_quality)
+
+    certify = commands.add_parser("certify", parents=[common], help="judge a mesh against the surface it was made from")
+    certify.add_argument("mesh", type=Path, metavar="MESH")
+    certify.add_argument("surface", type=Path, metavar="SURFACE")
+    certify.add_argument("-o", "--output", type=Path, metavar="JSON", help="also write the certificate there")
+    certify.set_defaults(run=_certify)
+
+    verify = commands.add_parser(
+        "verify", parents=[common], help="check a solver file against its solver's conventions"
+    )
+    verify.add_argument("file", type=Path, metavar="FILE")
+    verify.set_defaults(run=_verify)
+
+    picture = commands.add_parser("picture", parents=[common], help="draw a mesh cut open, coloured by q")
+    picture.add_argument("mesh", type=Path, metavar="MESH")
+    picture.add_argument("-o", "--output", type=Path, required=True, metavar="PNG")
+    picture.set_defaults(run=_picture)
+
+    phantom = commands.add_parser("phantom", parents=[common], help="make a synthetic cortex of any gestational age")
+    phantom.add_argument("--ga", type=float, required=True, metavar="WEEKS", help="gestational age")
+    phantom.add_argument("--hemi", choices=["L", "R"], default="L")
+    phantom.add_argument("--subdivisions", type=int, default=5, metavar="N", help="of the icosahedron (default: 5)")
+    phantom.add_argument("--seed", type=int, default=0, metavar="N", help="of the individual variation (default: 0)")
+    phantom.add_argument("-o", "--output", type=Path, required=True, metavar="GII")
+    phantom.set_defaults(run=_phantom)
+
+    cohort = commands.add_parser("cohort", help="work on cohort sheets").add_subparsers(
+        required=True, metavar="COMMAND"
+    )
+    scan = cohort.add_parser("scan", parents=[common], help="make a cohort sheet of a data release")
+    scan.add_argument("folder", type=Path, metavar="DIR")
+    scan.add_argument("-o", "--output", type=Path, required=True, metavar="TSV")
+    scan.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose cohort.scan says where surfaces are")
+    scan.set_defaults(run=_scan)
+
+    doctor = commands.add_parser("doctor", parents=[common], help="prove that everything needed is installed and works")
+    doctor.set_defaults(run=_doctor)
+    return top
+
+
+def _mesh(args: argparse.Namespace) -> int:
+    from cortet.formats.atomic import write_json
+    from cortet.pipeline import mesh_surface
+
+    _format(args.output)  # an unknown one is refused before the work, not after
+    config, surface = _config(args), _surface(args)
+    progress = Progress(config, args.ga)
+    mesh, certificate = mesh_surface(
+        surface, config, gestational_age=args.ga, source=args.surface, case=_stem(args.output), progress=progress
+    )
+    record = args.output.with_suffix(".certificate.json")
+    if certificate.certified:
+        _write(mesh, args.output, certificate)
+    else:
+        args.output.unlink(missing_ok=True)  # one of an earlier run would pass for this one
+    write_json(asdict(certificate), record)
+    if args.picture:
+        _draw(mesh, args.picture)
+    print()
+    _print_verdict(certificate)
+    print(f"{record}: every number beside its limit")
+    if certificate.certified:
+        print(f"{args.output}: written")
+    else:
+        print(f"{args.output}: not written")
+    return 0 if certificate.certified else 1
+
+
+def _stages(args: argparse.Namespace) -> int:
+    from cortet.pipeline import run
+    from cortet.stage_table import STAGE_COLUMNS, stage_rows
+    from cortet.tables import cell, write_tsv
+
+    config, surface = _config(args), _surface(args)
+    rows = []
+    widths = [max(len(name) + 2, 12) for name in STAGE_COLUMNS]
+    print("".join(f"{name:>{width}}" for name, width in zip(STAGE_COLUMNS, widths, strict=True)))
+    for row in stage_rows(run(surface, config, gestational_age=args.ga, source=args.surface)):
+        values = (cell(row[name]) for name in STAGE_COLUMNS)
+        print("".join(f"{value:>{width}}" for value, width in zip(values, widths, strict=True)), flush=True)
+        rows.append(row)
+    if args.output:
+        write_tsv(rows, list(STAGE_COLUMNS), args.output)
+    return 0
+
+
+def _gate(args: argparse.Namespace) -> int:
+    from cortet.formats.gifti import read_surface
+    from cortet.stages.gate import gate
+
+    refused = 0
+    for path in args.surfaces:
+        try:
+            _, report = gate(read_surface(path), source=str(path), allow_genus=args.allow_genus)
+        except CortetError as error:
+            refused += 1
+            print(f"refused   {error}", flush=True)
+        else:
+            print(f"accepted  {path}: {_findings(report)}", flush=True)
+    return 1 if refused else 0
+
+
+def _quality(args: argparse.Namespace) -> int:
+    from cortet.quality import summarise
+
+    print(json.dumps(asdict(summarise(_read_mesh(args.mesh))), indent=2, allow_nan=False))
+    return 0
+
+
+def _certify(args: argparse.Namespace) -> int:
+    from cortet.certify import certify
+    from cortet.formats.atomic import write_json
+    from cortet.formats.gifti import read_surface
+
+    certificate = certify(_read_mesh(args.mesh), read_surface(args.surface), case=_stem(args.mesh), source=args.surface)
+    if args.output:
+        write_json(asdict(certificate), args.output)
+    for check in certificate.checks:
+        print(f"{'pass' if check.passed else 'FAIL'}  {check.reason}")
+    _print_verdict(certificate)
+    return 0 if certificate.certified else 1
+
+
+def _verify(args: argparse.Namespace) -> int:
+    from cortet.export import VERIFIERS
+    from cortet.formats import FORMATS
+
+    solvers = {FORMATS[name].suffix: name for name in VERIFIERS}
+    if args.file.suffix not in solvers:
+        raise InputError("is no solver file", file=args.file, remedy=f"give a file ending in {' or '.join(solvers)}")
+    solver = solvers[args.file.suffix]
+    problems = VERIFIERS[solver](args.file)
+    for problem in problems:
+        print(f"{args.file}: {problem}")
+    if not problems:
+        print(f"{args.file}: keeps every convention of {solver}")
+    return 1 if problems else 0
+
+
+def _picture(args: argparse.Namespace) -> int:
+    _draw(_read_mesh(args.mesh), args.output)
+    return 0
+
+
+def _phantom(args: argparse.Namespace) -> int:
+    from cortet.formats.gifti import write_surface
+    from cortet.phantom import phantom
+
+    surface = phantom(args.ga, hemisphere=args.hemi, subdivisions=args.subdivisions, seed=args.seed)
+    write_surface(surface, args.output)
+    print(f"{args.output}: {len(surface.points)} vertices, {len(surface.faces)} faces")
+    return 0
+
+
+def _scan(args: argparse.Namespace) -> int:
+    from cortet.cohort import scan, write_sheet
+    from cortet.config import load
+
+    cases = scan(args.folder, load(args.config).cohort.scan if args.config else None)
+    write_sheet(cases, args.output)
+    excluded = [case for case in cases if not case.include]
+    print(f"{args.output}: {len(cases)} surfaces, {len(excluded)} of them excluded")
+    for case in excluded:
+        print(f"  {case.name}: {case.exclude_reason}")
+    return 0
+
+
+def _doctor(_: argparse.Namespace) -> int:
+    from cortet import doctor
+
+    return doctor.run()
+
+
+class Progress:
+    """A table on the terminal that grows by a row for every stage, and names the one that is running."""
+
+    HEAD = ("stage", "seconds", "nodes", "tets", "mean q", "q_max", "q > 0.6")
+
+    def __init__(self, config: Config, gestational_age: float | None) -> None:
+        from cortet.pipeline import stages
+
+        self.waiting = stages(config, gestational_age=gestational_age)
+        print(self._row(self.HEAD))
+        self._announce()
+
+    def __call__(self, step: Step) -> None:
+        """Print the row of a stage that has run."""
+        print("\r" + self._row((step.stage, f"{step.seconds:.1f}", *self._numbers(step.result))), flush=True)
+        self.waiting.remove(step.stage)
+        self._announce()
+
+    def _announce(self) -> None:
+        if sys.stdout.isatty():
+            print(f"{self.waiting[0] if self.waiting else 'certify'} ...".ljust(40), end="", flush=True)
+
+    @staticmethod
+    def _numbers(result: TriSurface | TetMesh) -> Iterable[str]:
+        from cortet.mesh import TetMesh
+        from cortet.quality import quality
+
+        if not isinstance(result, TetMesh):
+            return str(len(result.points)), "", "", "", ""
+        q = quality(result.points, result.cells)
+        return str(len(result.points)), str(len(q)), f"{q.mean():.4f}", f"{q.max():.4f}", str(int((q > 0.6).sum()))
+
+    @staticmethod
+    def _row(cells: Iterable[str]) -> str:
+        name, *numbers = cells
+        return f"{name:<16}" + "".join(f"{number:>10}" for number in numbers)
+
+
+def _findings(report: GateReport) -> str:
+    """What the gate found and mended, in one line."""
+    mended = (
+        (report.unused_vertices_dropped, "unused vertices dropped"),
+        (report.faces_reoriented, "faces turned outward"),
+        (
+            report.crossing_faces_repaired,
+            f"crossing faces pulled apart, moving {report.repair_moved_vertices} vertices by up to "
+            f"{report.repair_max_displacement_mm:.3f} mm",
+        ),
+    )
+    size = f"{report.vertices} vertices, {report.volume_ml:.1f} mL, {report.area_mm2:.0f} mm2"
+    return "; ".join([size, *(f"{count} {what}" for count, what in mended if count)])
+
+
+def _print_verdict(certificate: Certificate) -> None:
+    print("certified" if certificate.certified else "NOT certified:")
+    for reason in certificate.reasons:
+        print(f"  {reason}")
+
+
+def _config(args: argparse.Namespace) -> Config:
+    """The configuration of a file, with the options of the command on top."""
+    import yaml
+
+    from cortet.config import load
+
+    data = {}
+    if args.config:
+        load(args.config)  # complaints name the file
+        data = yaml.safe_load(args.config.read_text(encoding="utf-8"))
+    if args.setting:
+        data["setting"] = args.setting
+    if args.cell_size is not None:
+        data["generate"] = {**(data.get("generate") or {}), "cell_size": args.cell_size}
+    return load(data)
+
+
+def _surface(args: argparse.Namespace) -> TriSurface:
+    from cortet.fields import with_fields
+    from cortet.formats.gifti import read_surface
+
+    return with_fields(read_surface(args.surface), dict(args.field))
+
+
+def _named_file(text: str) -> tuple[str, str]:
+    name, equals, file = text.partition("=")
+    if not (name and equals and file):
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE")
+    return name, file
+
+
+def _stem(path: Path) -> str:
+    return path.name.removesuffix(path.suffix)
+
+
+def _format(path: Path) -> str:
+    """Name of the mesh format that the suffix of a file stands for."""
+    from cortet.formats import FORMATS
+
+    names = {form.suffix: name for name, form in FORMATS.items()}
+    if path.suffix not in names:
+        raise InputError("is of no known mesh format", file=path, remedy=f"use a name ending in {', '.join(names)}")
+    return names[path.suffix]
+
+
+def _read_mesh(path: Path) -> TetMesh:
+    from cortet.formats import FORMATS
+
+    return FORMATS[_format(path)].read(path)
+
+
+def _write(mesh: TetMesh, path: Path, certificate: Certificate) -> None:
+    """Write a mesh by the suffix of its name; solver files are verified as written."""
+    from cortet.export import VERIFIERS, export
+    from cortet.formats import FORMATS
+
+    name = _format(path)
+    if name in VERIFIERS:
+        export(mesh, path, solver=name, certificate=asdict(certificate))
+    else:
+        FORMATS[name].write(mesh, path)
+
+
+def _draw(mesh: TetMesh, path: Path) -> None:
+    from cortet.render import picture
+
+    picture(mesh, path)
+    print(f"{path}: drawn")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
