@@ -281,6 +281,14 @@ def _prove_nibabel() -> str:
     return "a GIfTI surface comes back"
 
 
+def _prove_yaml() -> str:
+    import yaml
+
+    values = yaml.safe_load("{thresholds: [0.7, 0.5], surface: '007'}")
+    _expect(values == {"thresholds": [0.7, 0.5], "surface": "007"}, f"read as {values}")
+    return "numbers and labels are told apart"
+
+
 def _prove_pydantic() -> str:
     from cortet.config import load
     from cortet.errors import InputError
@@ -295,16 +303,6 @@ def _prove_pydantic() -> str:
     return "an unknown key is named"
 
 
-def _prove_pandas() -> str:
-    import io
-
-    import pandas as pd
-
-    table = pd.read_csv(io.StringIO("participant_id\tscan_age\n007\t28.5\n"), sep="\t", dtype={"participant_id": str})
-    _expect(table.participant_id[0] == "007" and table.scan_age[0] == 28.5, f"read as {table.to_dict()}")
-    return "the label 007 stays a string"
-
-
 def _prove_matplotlib() -> str:
     from matplotlib.figure import Figure
 
@@ -315,6 +313,25 @@ def _prove_matplotlib() -> str:
         figure.savefig(path)
         _expect(path.read_bytes().startswith(b"%PDF"), "no PDF was written")
     return "a figure is drawn"
+
+
+def _prove_pyvista() -> str:
+    from cortet.render import picture
+
+    mesh, _ = _icosahedron()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "mesh.png"
+        picture(mesh, path, position=1.0, size=(200, 200))
+        colours = _colours(path)
+    _expect(colours > 10, f"the picture of a mesh has {colours} colours")
+    return f"a mesh is drawn without a display, in {colours} colours"
+
+
+def _colours(picture: Path) -> int:
+    import matplotlib.image
+    import numpy as np
+
+    return len(np.unique(matplotlib.image.imread(picture).reshape(-1, 3), axis=0))
 
 
 def _prove_snakemake() -> str:
@@ -337,8 +354,9 @@ LIBRARIES = (
     Library("meshio", "VTU and other mesh files", _prove_meshio),
     Library("nibabel", "GIfTI", _prove_nibabel),
     Library("pydantic", "configuration", _prove_pydantic),
-    Library("pandas", "tables", _prove_pandas),
+    Library("pyyaml", "configuration", _prove_yaml),
     Library("matplotlib", "figures", _prove_matplotlib),
+    Library("pyvista", "pictures of meshes", _prove_pyvista, "libgl1 libegl1 libxrender1"),
     Library("snakemake", "the workflow", _prove_snakemake),
 )
 

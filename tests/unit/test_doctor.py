@@ -77,14 +77,14 @@ def test_a_mesher_that_is_installed_must_work_since_the_workflow_would_use_it():
 
 @pytest.mark.parametrize("works", [True, False])
 def test_the_command_says_it_all_and_its_exit_code_too(works, broken, monkeypatch, capsys):
-    monkeypatch.setattr(doctor, "LIBRARIES", (library("numpy"), library("pandas")))
+    monkeypatch.setattr(doctor, "LIBRARIES", (library("numpy"), library("nibabel")))
     if not works:
-        broken("pandas", "raise ImportError('no pandas today')")
+        broken("nibabel", "raise ImportError('no nibabel today')")
     assert doctor.run() == (0 if works else 1)
     table = capsys.readouterr().out
     assert "a regular tetrahedron has q = 0" in table
     assert ("Everything cortet needs works." in table) == works
-    assert ("no pandas today" in table and "remedy: " in table) == (not works)
+    assert ("no nibabel today" in table and "remedy: " in table) == (not works)
 
 
 def test_nothing_heavy_is_needed_to_ask_the_doctor():

@@ -1,0 +1,38 @@
+"""Each dependency is asked for once, pinned, proved by the doctor and part of the conda environment."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import yaml
+
+from cortet import doctor
+
+ROOT = Path(__file__).resolve().parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+def names(requirements: list[str]) -> set[str]:
+    return {re.split(r"[<>=;\s]", requirement)[0] for requirement in requirements}
+
+
+RUNTIME = names(PROJECT["project"]["dependencies"] + PROJECT["project"]["optional-dependencies"]["published"])
+DEVELOPMENT = names(sum(PROJECT["dependency-groups"].values(), []))
+
+
+def test_the_lock_pins_every_dependency():
+    lines = (ROOT / "requirements.txt").read_text().splitlines()
+    assert names([line for line in lines if "==" in line]) >= RUNTIME | DEVELOPMENT
+
+
+def test_the_doctor_proves_every_runtime_dependency():
+    assert {library.name for library in doctor.LIBRARIES} == RUNTIME
+
+
+def test_the_conda_environment_has_every_runtime_dependency():
+    entries = yaml.safe_load((ROOT / "envs/cortet.yaml").read_text())["dependencies"]
+    conda = {"matplotlib-base": "matplotlib", "snakemake-minimal": "snakemake"}
+    installed = names([entry for entry in entries if isinstance(entry, str)])
+    by_pip = names(entries[-1]["pip"])
+    # CGAL comes as pygalmesh there, which conda-forge has compiled
+    assert {conda.get(name, name) for name in installed} | by_pip >= RUNTIME - {"cgal"}
