@@ -17,7 +17,7 @@ def names(requirements: list[str]) -> set[str]:
 
 
 RUNTIME = names(PROJECT["project"]["dependencies"] + PROJECT["project"]["optional-dependencies"]["published"])
-DEVELOPMENT = names(sum(PROJECT["dependency-groups"].values(), []))
+DEVELOPMENT = names([name for group in PROJECT["dependency-groups"].values() for name in group])
 
 
 def test_the_lock_pins_every_dependency():
