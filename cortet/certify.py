@@ -59,11 +59,11 @@ class Check:
     remedy: str
 
     @property
-    def reason(self) -> str:
-        """The finding in plain words."""
+    def finding(self) -> str:
+        """Name, value and limit in plain words."""
         unit = f" {self.unit}" if self.unit else ""
-        limit = f"{_WORDS[self.comparison]} {self.limit:g}{unit}" if self.comparison else "has no limit"
-        return f"{self.name} {self.value:.6g}{unit} {limit}"
+        limit = f"{_WORDS[self.comparison]} {self.limit:g}{unit}" if self.comparison else "no limit"
+        return f"{self.name} {self.value:.6g}{unit}, {limit}"
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ def _meshing_checks(report: Mapping[str, Any] | None) -> Iterator[Check]:
 
 
 def _reason(check: Check, place: str) -> str:
-    return "; ".join(part for part in (check.reason, place, check.remedy) if part)
+    return "; ".join(part for part in (check.finding, place, check.remedy) if part)
 
 
 def _worst_place(worst: WorstElement, bad: int) -> str:

@@ -85,6 +85,8 @@ def parser() -> argparse.ArgumentParser:
     certify = commands.add_parser("certify", parents=[common], help="judge a mesh against the surface it was made from")
     certify.add_argument("mesh", type=Path, metavar="MESH")
     certify.add_argument("surface", type=Path, metavar="SURFACE")
+    certify.add_argument("--q-max", type=float, default=0.6, metavar="Q", help="limit of the worst q (default: 0.6)")
+    certify.add_argument("--max-boundary-distance", type=float, metavar="MM", help="of boundary nodes to the surface")
     certify.add_argument("-o", "--output", type=Path, metavar="JSON", help="also write the certificate there")
     certify.set_defaults(run=_certify)
 
@@ -195,11 +197,18 @@ def _certify(args: argparse.Namespace) -> int:
     from cortet.formats.atomic import write_json
     from cortet.formats.gifti import read_surface
 
-    certificate = certify(_read_mesh(args.mesh), read_surface(args.surface), case=_stem(args.mesh), source=args.surface)
+    certificate = certify(
+        _read_mesh(args.mesh),
+        read_surface(args.surface),
+        q_max=args.q_max,
+        max_boundary_distance=args.max_boundary_distance,
+        case=_stem(args.mesh),
+        source=args.surface,
+    )
     if args.output:
         write_json(asdict(certificate), args.output)
     for check in certificate.checks:
-        print(f"{'pass' if check.passed else 'FAIL'}  {check.reason}")
+        print(f"{'pass' if check.passed else 'FAIL'}  {check.finding}")
     _print_verdict(certificate)
     return 0 if certificate.certified else 1
 

@@ -52,7 +52,7 @@ def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface: TriSu
     bad = cube_mesh(4, side=8.0, jitter=0.3)
     (reason,) = certify(bad, surface).reasons
     worst = certify(bad, surface).worst_elements[0]
-    assert f"worst q {worst.q:.6g} must be below 0.6" in reason
+    assert f"worst q {worst.q:.6g}, must be below 0.6" in reason
     assert "({:.2f}, {:.2f}, {:.2f}) mm".format(*worst.centre_mm) in reason
     assert worst.reason in reason
     assert "`clean`" in reason
@@ -124,7 +124,7 @@ def test_a_boundary_off_the_surface_is_refused_unless_there_is_no_limit(mesh: Te
     away = replace(mesh, points=mesh.points * 1.01)
     certificate = certify(away, surface, max_boundary_distance=1e-3)
     assert failed(certificate) == {"distance of a boundary node to the surface, at most"}
-    assert "0.138564 mm must not exceed 0.001 mm" in certificate.reasons[0]
+    assert "0.138564 mm, must not exceed 0.001 mm" in certificate.reasons[0]
     assert certify(away, surface, max_boundary_distance=None).certified
 
 
