@@ -29,7 +29,7 @@ rule dataset_description:
 rule cohort_quality:
     """One row per mesh: quality, fidelity, topology, verdict; a JSON file explains the columns."""
     input:
-        done(CERTIFICATE, even_uncertified=True),
+        measured_certificates(),
     output:
         table=report(
             f"{OUT}/cohort/cohort_quality.tsv",
@@ -54,7 +54,7 @@ rule cohort_quality:
 rule cohort_summary:
     """One row per cell size and mesher, as Table 1 of the CORTET paper."""
     input:
-        done(CERTIFICATE, even_uncertified=True),
+        measured_certificates(),
     output:
         table=report(
             f"{OUT}/cohort/cohort_summary.tsv",
@@ -104,8 +104,10 @@ rule cohort_figure:
 rule cohort_status:
     """Every case with its stage, state, reason and log."""
     input:
-        certificates=done(CERTIFICATE, even_uncertified=True),
-        solver_files=[path for pattern in SOLVER_FILES for path in done(pattern, even_uncertified=False)],
+        certificates=measured_certificates(),
+        solver_files=[
+            path for pattern in SOLVER_FILES for mesh, path in each_case(pattern).items() if mesh not in FAILURES
+        ],
     output:
         table=report(
             f"{OUT}/cohort/cohort_status.tsv",

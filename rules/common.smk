@@ -40,6 +40,8 @@ STAGES = {
     "solver_ready": "Solver",
 }
 
+# suffix of the file -> solver that reads it
+SOLVERS = {"mesh": "braingrowth"}
 # rules that take every mesh that is done
 OVER_ALL_CASES = ("cohort_quality", "cohort_summary", "cohort_figure", "cohort_status")
 
@@ -50,7 +52,7 @@ wildcard_constraints:
     res=r"[1-9][0-9]*",
     mesher=r"[a-z0-9]+",
     stage="|".join(STAGES.values()),
-    suffix=r"[a-z]+",
+    suffix="|".join(SOLVERS),
 
 
 def bids(suffix, datatype, **entities):
@@ -130,14 +132,14 @@ def minutes(per_million):
     return lambda wildcards: int(5 + per_million * elements(wildcards) / 1e6)
 
 
-def existing(paths):
-    """The files that are there: a missing one is for the job to complain about, so that other cases go on."""
-    return [str(path) for path in paths if path.exists()]
+def existing(path):
+    """The file if it is there: a missing one is for the job to complain about, so that other cases go on."""
+    return str(path) if path.exists() else []
 
 
 def surface_of(wildcards):
     case = CASES[wildcards.case]
-    return surface_file("phantom") if case.is_phantom else existing([case.surface])
+    return surface_file("phantom") if case.is_phantom else existing(case.surface)
 
 
 def fields_of(wildcards):
@@ -146,8 +148,6 @@ def fields_of(wildcards):
 
 
 CERTIFICATE = mesh_file("Solver", "certificate.json")
-# suffix of the file -> solver that reads it
-SOLVERS = {"mesh": "braingrowth"}
 SOLVER_FILES = [
     mesh_file("Solver", f"tetmesh.{suffix}") for suffix, solver in SOLVERS.items() if solver in CONFIG.export.formats
 ]
@@ -170,13 +170,13 @@ def quality_records():
     return [path for desc in measured for path in each_case(mesh_file(desc, "quality.json")).values()]
 
 
-def done(pattern, *, even_uncertified):
-    """Files of a pattern for all meshes that did not fail; a mesh that only its export refused is measured all the same."""
-    return [
-        path
-        for mesh, path in each_case(pattern).items()
-        if mesh not in FAILURES or (even_uncertified and FAILURES[mesh]["stage"] == "export")
-    ]
+def is_measured(mesh, failures):
+    """Whether a mesh got as far as its certificate: it did not fail, or only its export was refused."""
+    return mesh not in failures or failures[mesh]["stage"] == "export"
+
+
+def measured_certificates():
+    return [path for mesh, path in each_case(CERTIFICATE).items() if is_measured(mesh, FAILURES)]
 
 
 def status_of_all():
@@ -188,6 +188,14 @@ def status_of_all():
     for mesh, certificate in each_case(CERTIFICATE).items():
         name, res, mesher = mesh
         failure = FAILURES.get(mesh, {})
-        known = {} if failure.get("stage", "export") != "export" else {"certificate": certificate}
-        meshes.append({"case": name, "cell_size_mm": res / 1000, "mesher": mesher, **failure, **known})
+        known = {"certificate": certificate} if is_measured(mesh, FAILURES) else {}
+        meshes.append(
+            {
+                "case": name,
+                "cell_size_mm": res / 1000,
+                "mesher": mesher,
+                **failure,
+                **known,
+            }
+        )
     return meshes + excluded

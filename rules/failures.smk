@@ -38,11 +38,20 @@ def failures_of_run():
         if failed:
             log = Path(failed[0].log[0])
             reason = failure_reason(log, since=STARTED)
-            failures[mesh] = {"stage": failed[0].rule.name, "state": "failed", "reason": reason, "log": str(log)}
+            failures[mesh] = {
+                "stage": failed[0].rule.name,
+                "state": "failed",
+                "reason": reason,
+                "log": str(log),
+            }
             # what an earlier run made of this case must not pass for this one's
             delete_outputs(jobs)
         elif jobs:
-            failures[mesh] = {"stage": jobs[0].rule.name, "state": "unfinished", "reason": "the run ended before"}
+            failures[mesh] = {
+                "stage": jobs[0].rule.name,
+                "state": "unfinished",
+                "reason": "the run ended before",
+            }
     return failures
 
 
@@ -74,6 +83,8 @@ onerror:
     failures = failures_of_run()
     for (case, *_), failure in failures.items():
         logger.error(f"{case}: {failure['stage']}: {failure['reason']}")
-    targets = [path for job in workflow.dag.jobs if job.rule.name in OVER_ALL_CASES for path in job.output]
+    measured = any(is_measured(mesh, failures) for mesh in each_case(CERTIFICATE))
+    possible = OVER_ALL_CASES if measured else ["cohort_status"]
+    targets = [path for job in workflow.dag.jobs if job.rule.name in possible for path in job.output]
     if failures and targets:
         run_over_done_cases(failures, targets)

@@ -46,7 +46,7 @@ rule fields:
     """The per-vertex fields of a case on the vertices that the gate let in; S1 does not depend on them."""
     input:
         surface=surface_of,
-        fields=lambda wildcards: existing(CASES[wildcards.case].fields.values()),
+        fields=lambda wildcards: [existing(path) for path in CASES[wildcards.case].fields.values()],
     output:
         surface=surface_file("fields"),
     log:

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from cortet.formats.gifti import read_surface, write_surface
-from cortet.phantom import phantom
 
 from cortet.cohort import Case, read_sheet, write_sheet
+from cortet.formats.gifti import read_surface, write_surface
 from cortet.mesh import TriSurface
+from tests.unit.shapes import ball_surface
 
 ROOT = Path(__file__).parents[2]
 
@@ -88,8 +88,10 @@ def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(ROOT)}
 
 
-def surface(seed: int) -> TriSurface:
-    return phantom(24.0, subdivisions=3, seed=seed)
+def surface(number: int) -> TriSurface:
+    """An egg of about 24 mm, another one for each number."""
+    ball = ball_surface(3, radius=12.0)
+    return TriSurface(ball.points * [1, 1 + 0.01 * number, 0.9], ball.faces)
 
 
 def scaled(path: Path, factor: float) -> None:

@@ -12,8 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from cortet.formats.gifti import read_surface, write_surface
 
+from cortet.formats.gifti import read_surface, write_surface
 from cortet.mesh import TriSurface
 from tests.integration.study import ROOT, Study, environment, scaled, surface
 
