@@ -78,6 +78,8 @@ def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
             )  # fmt: skip
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 4))
+        figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # laid out once: every further round would shift it a little
     return figure
 
 

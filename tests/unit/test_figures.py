@@ -1,0 +1,71 @@
+"""Figures show what the table holds, and their files do not change from run to run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from cortet.figures import cohort_figure, published_cohort, save
+
+HEADER = "case\themi\tscan_age\tcell_size_mm\ttets\tq_mean\tq_max\n"
+ROWS = (
+    "sub-1_hemi-L\tL\t22\t0.6\t380000\t0.129\t0.39\n"
+    "sub-2_hemi-R\tR\t28.5\t0.6\t970000\t0.131\t0.41\n"
+    "sub-3\tn/a\t28\t1\t450000\t0.133\t0.44\n"
+)
+
+
+@pytest.fixture
+def figure(tmp_path: Path) -> Figure:
+    table = tmp_path / "cohort_quality.tsv"
+    table.write_text(HEADER + ROWS)
+    return cohort_figure(table, limit=0.6)
+
+
+def test_the_published_cohort_is_that_of_the_paper() -> None:
+    rows = published_cohort()
+    worst = np.array([float(row["q_max"]) for row in rows])
+    assert len(rows) == 194
+    assert (worst.min(), worst.max()) == pytest.approx((0.462, 0.561), abs=5e-4)
+    assert np.median(worst) == pytest.approx(0.508, abs=5e-4)
+    assert np.mean([float(row["q_mean"]) for row in rows]) == pytest.approx(0.129, abs=5e-4)
+
+
+def test_three_panels_show_every_mesh_in_front_of_the_published_ones(figure: Figure) -> None:
+    assert [axis.get_ylabel() for axis in figure.axes] == ["tetrahedra (thousands)", "mean q", r"$q_\mathrm{max}$"]
+    for axis, values in zip(figure.axes, ([380, 970, 450], [0.129, 0.131, 0.133], [0.39, 0.41, 0.44]), strict=True):
+        published, *ours = [np.asarray(points.get_offsets()) for points in axis.collections]
+        assert len(published) == 194
+        drawn = np.concatenate(ours)
+        assert sorted(drawn[:, 1]) == pytest.approx(sorted(values))
+        assert sorted(drawn[:, 0]) == [22, 28, 28.5]
+        assert axis.get_xlabel() == "gestational age (weeks)"
+
+
+def test_the_legend_counts_and_the_limit_is_drawn(figure: Figure) -> None:
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == [
+        "published, h = 0.6 mm (n = 194)",
+        "left, h = 0.6 mm (n = 1)",
+        "right, h = 0.6 mm (n = 1)",
+        "whole brain, h = 1 mm (n = 1)",
+    ]
+    (line,) = figure.axes[2].lines
+    assert list(line.get_ydata()) == [0.6, 0.6]
+
+
+def test_files_are_the_same_every_time_and_hold_no_date(figure: Figure, tmp_path: Path) -> None:
+    for suffix in ("pdf", "svg", "png"):
+        first, second = tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
+        save(figure, first, second)
+        assert first.read_bytes() == second.read_bytes()
+        assert b"CreationDate" not in first.read_bytes()
+        assert b"dc:date" not in first.read_bytes()
+
+
+def test_text_in_the_svg_stays_text(figure: Figure, tmp_path: Path) -> None:
+    save(figure, tmp_path / "a.svg")
+    assert "gestational age (weeks)" in (tmp_path / "a.svg").read_text()

@@ -1,0 +1,58 @@
+"""A picture is drawn without a display and shows the cut mesh in the colours of its q."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+from shapes import cube_mesh
+
+from cortet.mesh import TetMesh
+from cortet.render import picture
+
+
+@pytest.fixture(autouse=True)
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+
+
+def pixels(path: Path) -> np.ndarray:
+    """(height, width, 3) uint8 of the part of the picture beside the scale."""
+    image = matplotlib.image.imread(path)
+    return np.round(255 * image[:, image.shape[1] // 4 :, :3]).astype(np.uint8)
+
+
+def orange(image: np.ndarray) -> int:
+    """Number of pixels in the colour of elements beyond the limit."""
+    red, green, blue = (image[:, :, k].astype(int) for k in range(3))
+    return int(((red > 1.8 * green) & (red > 3 * blue) & (red > 60)).sum())
+
+
+def test_a_cut_mesh_fills_the_picture(tmp_path: Path) -> None:
+    picture(cube_mesh(4, side=10.0), tmp_path / "a.png", size=(400, 300))
+    image = pixels(tmp_path / "a.png")
+    drawn = (image < 250).any(axis=2)
+    assert image.shape == (300, 300, 3)
+    assert drawn.any(axis=1).mean() > 0.9  # from top to bottom
+    assert drawn[150].sum() > 150
+    assert not drawn[0].any()
+
+
+def test_elements_beyond_the_limit_stand_out(tmp_path: Path) -> None:
+    good = cube_mesh(4, side=10.0)
+    picture(good, tmp_path / "good.png", size=(400, 300))
+    flat = TetMesh(good.points * [1, 1, 0.2], good.cells)
+    picture(flat, tmp_path / "flat.png", size=(400, 300))
+    assert orange(pixels(tmp_path / "good.png")) == 0
+    assert orange(pixels(tmp_path / "flat.png")) > 1000
+
+
+def test_the_cut_can_lie_anywhere_along_any_axis(tmp_path: Path) -> None:
+    mesh = cube_mesh(4, side=10.0)
+    drawn = []
+    for axis in ("x", "y", "z"):
+        picture(mesh, tmp_path / "a.png", axis=axis, position=0.3, size=(200, 150))
+        drawn.append(pixels(tmp_path / "a.png"))
+    assert all((image < 250).any() for image in drawn)

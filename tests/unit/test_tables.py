@@ -1,0 +1,142 @@
+"""Tables hold what the certificates hold, and their sidecars explain every column."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from shapes import cube_mesh
+
+from cortet.certify import certify
+from cortet.cohort import Case
+from cortet.tables import (
+    QUALITY_COLUMNS,
+    SUMMARY_COLUMNS,
+    cell,
+    quality_rows,
+    summary_rows,
+    write_quality,
+    write_summary,
+)
+from cortet.topology import boundary_surface
+
+CASES = [
+    Case("01", "a", "L", 22.5, "phantom", extra={"site": "x"}),
+    Case("02", None, "R", 30.0, "phantom", extra={"site": "y"}),
+]
+
+
+def record(case: Case, **limits: Any) -> dict[str, Any]:
+    mesh = cube_mesh(3, side=6.0)
+    certificate = certify(
+        mesh,
+        boundary_surface(mesh)[0],
+        case=case.name,
+        parameters={"generate": {"cell_size": 1.0, "mesher": "cgal"}},
+        reports={"generate": {"topology_ok": True, "reason": "", "backend": "cgal", "facet_distance_mm": 0.5}},
+        **limits,
+    )
+    return json.loads(json.dumps(asdict(certificate)))
+
+
+@pytest.fixture(scope="module")
+def records() -> list[dict[str, Any]]:
+    return [record(CASES[0]), record(CASES[1], q_max=0.2)]
+
+
+def test_one_row_per_certificate_with_the_sheet_before_the_measures(records: list[dict[str, Any]]) -> None:
+    first, second = quality_rows(records, CASES)
+    assert (first["case"], first["participant_id"], first["session_id"]) == ("sub-01_ses-a_hemi-L", "sub-01", "ses-a")
+    assert (first["scan_age"], first["site"]) == (22.5, "x")
+    assert second["session_id"] is None
+    assert first["q_max"] == records[0]["quality"]["q"]["max"]
+    assert first["tets"] == 6 * 27
+    assert first["cell_size_mm"] == 1.0
+    assert first["nodes_to_surface_max_mm"] == records[0]["fidelity"]["nodes_to_surface_mm"]["max"]
+    assert (first["euler_number"], first["crossing_faces"]) == (2, 0)
+
+
+def test_verdicts_are_pass_and_fail_with_the_reasons(records: list[dict[str, Any]]) -> None:
+    first, second = quality_rows(records, CASES)
+    assert (first["verdict"], first["reasons"]) == ("pass", "")
+    assert second["verdict"] == "fail"
+    assert "must be below 0.2" in second["reasons"]
+
+
+def test_every_value_is_found_in_a_certificate(records: list[dict[str, Any]]) -> None:
+    absent = [column.name for column in QUALITY_COLUMNS if column.value(records[0]) is None]
+    assert absent == []
+
+
+def test_the_sidecar_explains_every_column_and_gives_units_and_thresholds(tmp_path: Path) -> None:
+    path = tmp_path / "c.json"
+    path.write_text(json.dumps(record(CASES[0])))
+    table, sidecar = tmp_path / "cohort_quality.tsv", tmp_path / "cohort_quality.json"
+    write_quality([path], CASES, table=table, sidecar=sidecar)
+    with table.open(newline="") as file:
+        (row,) = csv.DictReader(file, delimiter="\t")
+    explained = json.loads(sidecar.read_text())
+    assert list(explained) == list(row)
+    assert all(entry["Description"] for entry in explained.values())
+    assert explained["q_max"]["Threshold"] == "< 0.6"
+    assert explained["nodes_to_surface_max_mm"]["Threshold"] == "<= 0.001"
+    assert explained["scan_age"]["Units"] == "weeks"
+    assert float(row["q_max"]) == pytest.approx(json.loads(path.read_text())["quality"]["q"]["max"], rel=1e-5)
+    assert row["reasons"] == "n/a"
+
+
+def test_the_summary_has_the_format_of_the_published_table() -> None:
+    measures = [("pass", 0.1285, 0.462, 0), ("pass", 0.129, 0.508, 0), ("fail", 0.1295, 0.661, 4)]
+    rows = [
+        {
+            "cell_size_mm": 0.6,
+            "mesher": "cgal",
+            "verdict": verdict,
+            "q_mean": mean,
+            "q_max": worst,
+            "q_above_0.6": count,
+        }
+        for verdict, mean, worst, count in measures
+    ]
+    (summary,) = summary_rows(rows)
+    assert list(summary) == list(SUMMARY_COLUMNS)
+    assert summary["q_mean"] == "0.129 +- 0.001"
+    assert summary["q_max"] == "0.508 [0.462-0.661]"
+    assert summary["q_above_0.6"] == "0 [0-4]"
+    assert (summary["meshes"], summary["certified"], summary["q_above_0.6_total"]) == (3, 2, 4)
+
+
+def test_cell_sizes_and_meshers_are_summarised_apart(records: list[dict[str, Any]]) -> None:
+    rows = quality_rows(records, CASES)
+    rows[1]["cell_size_mm"] = 0.6
+    assert [(row["cell_size_mm"], row["meshes"]) for row in summary_rows(rows)] == [(0.6, 1), (1.0, 1)]
+
+
+def test_the_summary_is_written_with_its_sidecar(tmp_path: Path) -> None:
+    paths = []
+    for case in CASES:
+        paths.append(tmp_path / f"{case.name}.json")
+        paths[-1].write_text(json.dumps(record(case)))
+    table, sidecar = tmp_path / "s.tsv", tmp_path / "s.json"
+    write_summary(paths, CASES, table=table, sidecar=sidecar)
+    assert table.read_text().splitlines()[0].split("\t") == list(json.loads(sidecar.read_text()))
+
+
+def test_a_certificate_of_an_unknown_case_is_an_error(records: list[dict[str, Any]]) -> None:
+    with pytest.raises(KeyError, match="sub-01_ses-a_hemi-L"):
+        quality_rows(records, [replace(CASES[1])])
+
+
+def test_cells_have_no_tabs_and_are_never_empty() -> None:
+    assert [cell(value) for value in (0.123456789, 3, None, "", "a\tb\nc", 1e-7)] == [
+        "0.123457",
+        "3",
+        "n/a",
+        "n/a",
+        "a b c",
+        "1e-07",
+    ]
