@@ -1,48 +1,158 @@
-"""Crossing triangles, pair by pair and on whole surfaces."""
+"""Self-intersections, against a brute-force test in exact rational arithmetic."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import ball_surface
+from shapes import ball_surface, horseshoe
 
+from cortet.formats.gifti import read_surface
 from cortet.intersection import self_intersections
 from cortet.mesh import TriSurface
 
-FLAT = [[0, 0, 0], [2, 0, 0], [0, 2, 0]]
+Point = tuple[Fraction, Fraction, Fraction]
 
 
-@pytest.mark.parametrize(
-    ("points", "faces", "crossing"),
-    [
-        ([*FLAT, [0.5, 0.5, -1], [0.5, 0.5, 1], [3, 3, 1]], [[0, 1, 2], [3, 4, 5]], True),  # an edge through the inside
-        ([*FLAT, [0.5, 0.5, 1], [0.5, 0.5, 2], [3, 3, 1]], [[0, 1, 2], [3, 4, 5]], False),  # above
-        ([*FLAT, [1, 1, 1], [0.6, 0.6, -1]], [[0, 1, 2], [0, 3, 4]], True),  # one common vertex, passing through
-        ([*FLAT, [1, 1, 1], [-1, -1, -1]], [[0, 1, 2], [0, 3, 4]], False),  # one common vertex, touching only there
-        ([*FLAT, [0.5, 0.5, 0]], [[0, 1, 2], [1, 0, 3]], True),  # common edge, folded flat
-        ([*FLAT, [0.5, 0.5, 1e-6]], [[0, 1, 2], [1, 0, 3]], False),  # common edge, nearly
-        ([*FLAT, [0, -1, 0]], [[0, 1, 2], [1, 0, 3]], False),  # common edge, side by side
-        ([*FLAT], [[0, 1, 2], [0, 2, 1]], True),  # the same triangle twice
-    ],
-)
-def test_pairs(points, faces, crossing):
-    assert self_intersections(TriSurface(points, faces)).tolist() == ([0, 1] if crossing else [])
+def minus(a: Point, b: Point) -> Point:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-def test_a_sphere_does_not_cross_itself_and_two_that_overlap_do_along_a_ring():
-    sphere = ball_surface(3, 1.0)
-    assert len(self_intersections(sphere)) == 0
-    shift = np.array([0.9, 0.13, 0.07])
-    both = TriSurface(np.vstack([sphere.points, sphere.points + shift]), np.vstack([sphere.faces, sphere.faces + 642]))
+def dot(a: Point, b: Point) -> Fraction:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Point, b: Point) -> Point:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def ends_inside(p: Point, q: Point, triangle: list[Point]) -> list[Point]:
+    """Both ends of the part of the segment pq that lies in a closed triangle, exactly; none when they do not meet."""
+    normal = cross(minus(triangle[1], triangle[0]), minus(triangle[2], triangle[0]))
+    along = minus(q, p)
+    first, last = Fraction(0), Fraction(1)
+    height, slope = dot(normal, minus(p, triangle[0])), dot(normal, along)
+    if slope:
+        first = last = -height / slope
+        if not 0 <= first <= 1:
+            return []
+    elif height:
+        return []
+    for a, b in zip(triangle, triangle[1:] + triangle[:1], strict=True):
+        inward = cross(normal, minus(b, a))
+        at_p, slope = dot(inward, minus(p, a)), dot(inward, along)
+        if slope > 0:
+            first = max(first, -at_p / slope)
+        elif slope < 0:
+            last = min(last, -at_p / slope)
+        elif at_p < 0:
+            return []
+    return [tuple(x + t * d for x, d in zip(p, along, strict=True)) for t in (first, last)] if first <= last else []
+
+
+def on_segment(x: Point, a: Point, b: Point) -> bool:
+    side, from_a = minus(b, a), minus(x, a)
+    if not any(side):
+        return x == a
+    return not any(cross(side, from_a)) and 0 <= dot(side, from_a) <= dot(side, side)
+
+
+def meet(points: list[Point], one: list[int], other: list[int]) -> bool:
+    """Whether two triangles meet beyond what they share.
+
+    They meet in a convex set; each of its corners is an end of the part of some edge of one inside the other.
+    """
+    shared = [v for v in one if v in other]
+    a, b = [points[v] for v in one], [points[v] for v in other]
+    corners = [x for t, s in ((a, b), (b, a)) for k in range(3) for x in ends_inside(t[k], t[(k + 1) % 3], s)]
+    if not shared:
+        return bool(corners)
+    if len(shared) == 3:
+        return True
+    first, last = points[shared[0]], points[shared[-1]]
+    return not all(on_segment(x, first, last) for x in corners)
+
+
+def brute_force(surface: TriSurface) -> list[int]:
+    points = [tuple(map(Fraction, p)) for p in surface.points.tolist()]
+    faces = surface.faces.tolist()
+    pairs = [pair for pair in itertools.combinations(range(len(faces)), 2) if meet(points, *(faces[i] for i in pair))]
+    return sorted(set(itertools.chain(*pairs)))
+
+
+def scattered(rng: np.random.Generator) -> np.ndarray:
+    return rng.normal(size=(12, 3))
+
+
+def on_a_grid(rng: np.random.Generator) -> np.ndarray:
+    """Many points in line and in plane with others."""
+    return np.array(list(itertools.product(range(4), repeat=3)), float)[rng.choice(64, 12, replace=False)]
+
+
+def in_a_plane(rng: np.random.Generator) -> np.ndarray:
+    grid = np.array(list(itertools.product(range(4), range(4), [0])), float)
+    return grid[rng.choice(16, 12, replace=False)]
+
+
+@pytest.mark.parametrize("place", [scattered, on_a_grid, in_a_plane])
+@pytest.mark.parametrize("vertices", [6, 12])
+def test_agrees_with_exact_brute_force(place: Callable[[np.random.Generator], np.ndarray], vertices: int) -> None:
+    """Six vertices make triangles that share many vertices and edges, twelve few."""
+    rng = np.random.default_rng(0)
+    crossing = clear = 0
+    for _ in range(80):
+        points = place(rng)
+        faces = np.array([rng.choice(vertices, 3, replace=False) for _ in range(3)])
+        a, b, c = (points[faces[:, i]] for i in range(3))
+        faces = faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0.1]
+        surface = TriSurface(points, faces)
+        expected = brute_force(surface)
+        assert self_intersections(surface).tolist() == expected
+        crossing, clear = crossing + bool(expected), clear + (not expected)
+    assert crossing > 3 and clear > 3
+
+
+def test_neighbours_in_a_flat_region_do_not_cross() -> None:
+    """Its ends are fans of triangles in one plane, up to rounding, and face each other across a narrow gap."""
+    for gap in (0.3, 0.05, 0.001):
+        assert not len(self_intersections(horseshoe(gap)))
+
+
+def test_a_fold_onto_the_neighbour_is_seen_and_a_sharp_one_is_not_a_crossing() -> None:
+    faces = [[0, 1, 2], [1, 0, 3]]
+
+    def hinge(*apex: float) -> TriSurface:
+        return TriSurface([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], apex], faces)
+
+    assert self_intersections(hinge(0.4, 0.7, 0)).tolist() == [0, 1]
+    assert not len(self_intersections(hinge(0.4, 0.7, 1e-6)))
+    assert not len(self_intersections(hinge(0.4, -0.7, 0)))
+
+
+def test_every_crossing_face_of_a_large_surface_is_found() -> None:
+    ball = ball_surface(4, 10.0)
+    both = TriSurface(
+        np.concatenate([ball.points, ball.points + np.array([12.0, 0.3, 0.1])]),
+        np.concatenate([ball.faces, ball.faces + 2562]),
+    )
     found = self_intersections(both)
-    centres = both.points[both.faces[found]].mean(axis=1)
-    # the ring lies in the plane half-way between the centres
-    off = (centres - shift / 2) @ shift / np.linalg.norm(shift)
-    assert len(found) > 80 and np.abs(off).max() < 0.1
-    assert (found < len(sphere.faces)).any() and (found >= len(sphere.faces)).any()
+    centre = both.points[both.faces[found]].mean(axis=1)
+    assert len(found) > 100
+    assert np.abs(centre @ [12, 0.3, 0.1] / np.linalg.norm([12, 0.3, 0.1]) - 6).max() < 0.7
+    again = np.random.default_rng(0).permutation(len(both.faces))
+    shuffled = self_intersections(replace(both, faces=both.faces[again]))
+    assert np.array_equal(np.sort(again[shuffled]), found)
 
 
-def test_a_vertex_pushed_through_the_far_side_is_found():
-    sphere = ball_surface(2, 1.0)
-    points = sphere.points.copy()
-    points[0] *= -1.2
-    found = self_intersections(TriSurface(points, sphere.faces))
-    assert (sphere.faces[found] == 0).any() and len(found) > 3
+def test_real_surfaces() -> None:
+    data = Path(__file__).parents[2] / "../shared/data"
+    if not data.exists():
+        pytest.skip("no real surfaces in ../shared/data")
+    assert len(self_intersections(read_surface(data / "defects/macaque_lh.NMT.wm_selfintersecting.surf.gii"))) == 20
+    assert len(self_intersections(read_surface(data / "defects/cow.surf.gii"))) == 82
+    assert not len(self_intersections(read_surface(data / "fetal/CRL_STA34_left_white.surf.gii")))
