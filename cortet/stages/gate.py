@@ -36,7 +36,8 @@ logger = logging.getLogger(__name__)
 class GateReport:
     """What came in and what was mended."""
 
-    source: str
+    #: as given to the gate
+    source: str | None
     vertices: int
     faces: int
     genus: int
@@ -86,7 +87,7 @@ def gate(surface: TriSurface, *, source: Any, allow_genus: int = 0) -> tuple[Tri
     moved = np.linalg.norm(repaired.points - oriented.points, axis=1)
     moved = moved[moved > 0]
     return repaired, GateReport(
-        source=str(source),
+        source=None if source is None else str(source),
         vertices=len(repaired.points),
         faces=len(repaired.faces),
         genus=genus,
