@@ -271,18 +271,20 @@ class Progress:
     def __init__(self, config: Config, gestational_age: float | None) -> None:
         from cortet.pipeline import stages
 
+        self.live = sys.stdout.isatty()
         self.waiting = stages(config, gestational_age=gestational_age)
         print(self._row(self.HEAD))
         self._announce()
 
     def __call__(self, step: Step) -> None:
         """Print the row of a stage that has run."""
-        print("\r" + self._row((step.stage, f"{step.seconds:.1f}", *self._numbers(step.result))), flush=True)
+        row = self._row((step.stage, f"{step.seconds:.1f}", *self._numbers(step.result)))
+        print(f"\r{row}" if self.live else row, flush=True)
         self.waiting.remove(step.stage)
         self._announce()
 
     def _announce(self) -> None:
-        if sys.stdout.isatty():
+        if self.live:
             print(f"{self.waiting[0] if self.waiting else 'certify'} ...".ljust(40), end="", flush=True)
 
     @staticmethod

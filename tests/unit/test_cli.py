@@ -1,0 +1,150 @@
+"""Commands answer in words and exit codes; errors are one line without a traceback."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import ball_surface, cube_mesh
+
+from cortet.cli import main
+from cortet.cohort import read_sheet
+from cortet.formats import braingrowth, vtu
+from cortet.formats.gifti import read_surface, write_surface
+from cortet.mesh import TriSurface
+from cortet.topology import boundary_surface
+
+
+@pytest.fixture
+def ball(tmp_path: Path) -> Path:
+    write_surface(ball_surface(subdivisions=3, radius=15.0), tmp_path / "ball.surf.gii")
+    return tmp_path / "ball.surf.gii"
+
+
+def test_the_command_starts_without_loading_anything_heavy() -> None:
+    code = (
+        "import sys; from cortet.cli import parser; parser(); "
+        "print(*{'numpy', 'numba', 'gmsh', 'pyvista', 'pydantic'} & set(sys.modules))"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert shown.split() == []
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["mesh"], ["mesh", "x.gii"], ["phantom", "--ga", "old", "-o", "x"], ["cohort"], ["unknown"]]
+)
+def test_wrong_usage_exits_with_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(arguments)
+    assert stopped.value.code == 2
+    assert "usage: cortet" in capsys.readouterr().err
+
+
+def test_gate_gives_one_verdict_per_file(ball: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    surface = read_surface(ball)
+    opened = tmp_path / "open.surf.gii"
+    write_surface(TriSurface(surface.points, surface.faces[2:]), opened)
+    empty = tmp_path / "empty.surf.gii"
+    empty.touch()
+    assert main(["gate", str(ball), str(opened), str(empty)]) == 1
+    accepted, *refused = capsys.readouterr().out.splitlines()
+    assert accepted.startswith(f"accepted  {ball}: 642 vertices")
+    assert [line.split()[:2] for line in refused] == [["refused", f"{opened}:"], ["refused", f"{empty}:"]]
+    assert "open edges" in refused[0]
+    assert main(["gate", str(ball)]) == 0
+
+
+def test_gate_says_what_it_mended(ball: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    surface = read_surface(ball)
+    faces = surface.faces.copy()
+    faces[:5] = faces[:5, ::-1]
+    path = tmp_path / "turned.surf.gii"
+    write_surface(TriSurface(np.concatenate([surface.points, [[0, 0, 0]]]), faces), path)
+    assert main(["gate", str(path)]) == 0
+    assert capsys.readouterr().out.endswith("; 1 unused vertices dropped; 5 faces turned outward\n")
+
+
+def test_an_error_is_one_line_on_stderr(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["mesh", str(tmp_path / "none.surf.gii"), "-o", str(tmp_path / "x.vtu")]) == 1
+    shown = capsys.readouterr()
+    assert shown.err.startswith(f"cortet: {tmp_path / 'none.surf.gii'}: cannot be read")
+    assert len(shown.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (["-o", "x.stl"], "is of no known mesh format"),
+        (["-o", "x.vtu", "--cell-size", "0"], "generate.cell_size"),
+        (["-o", "x.vtu", "--config", "none.yaml"], "none.yaml: cannot be read"),
+        (["-o", "x.vtu", "--field", "thickness=none.shape.gii"], "none.shape.gii"),
+    ],
+)
+def test_bad_options_are_refused_before_any_work(
+    options: list[str], complaint: str, ball: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["mesh", str(ball), *options]) == 1
+    assert complaint in capsys.readouterr().err
+
+
+def test_quality_prints_the_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    vtu.write(cube_mesh(2), tmp_path / "cube.vtu")
+    assert main(["quality", str(tmp_path / "cube.vtu")]) == 0
+    assert json.loads(capsys.readouterr().out)["tets"] == 48
+
+
+def test_certify_judges_a_mesh_by_its_surface(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh = cube_mesh(3, side=6.0)
+    surface, _ = boundary_surface(mesh)
+    vtu.write(mesh, tmp_path / "cube.vtu")
+    write_surface(TriSurface(surface.points + np.array([0, 0, 0.5]), surface.faces), tmp_path / "cube.surf.gii")
+    files = [str(tmp_path / "cube.vtu"), str(tmp_path / "cube.surf.gii")]
+    assert main(["certify", *files, "-o", str(tmp_path / "c.json")]) == 0
+    assert json.loads((tmp_path / "c.json").read_text())["certified"] is True
+    assert main(["certify", *files, "--max-boundary-distance", "0.4"]) == 1
+    assert (
+        "FAIL  distance of a boundary node to the surface, at most 0.5 mm, must not exceed 0.4 mm"
+        in capsys.readouterr().out
+    )
+    assert main(["certify", *files, "--q-max", "0.1"]) == 1
+
+
+def test_verify_checks_the_written_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "cube.mesh"
+    braingrowth.write(cube_mesh(1), path)  # all eight nodes lie on the surface
+    assert main(["verify", str(path)]) == 0
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(lines[:-1]) + "\n")
+    assert main(["verify", str(path)]) == 1
+    assert str(path) in capsys.readouterr().out
+    assert main(["verify", str(tmp_path / "x.vtu")]) == 1
+
+
+def test_phantom_writes_a_surface_of_that_age(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "p.surf.gii"
+    assert main(["phantom", "--ga", "26", "--subdivisions", "3", "-o", str(path)]) == 0
+    assert len(read_surface(path).points) == 642
+    assert capsys.readouterr().out == f"{path}: 642 vertices, 1280 faces\n"
+
+
+def test_cohort_scan_writes_a_sheet_and_names_what_it_excludes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for session in ("1", "2"):
+        folder = tmp_path / "release" / "sub-A" / f"ses-{session}" / "anat"
+        folder.mkdir(parents=True)
+        (folder / f"sub-A_ses-{session}_hemi-left_wm.surf.gii").touch()
+    (tmp_path / "release" / "sub-A" / "sub-A_sessions.tsv").write_text("session_id\tscan_age\nses-1\t25.5\n")
+    sheet = tmp_path / "cohort.tsv"
+    assert main(["cohort", "scan", str(tmp_path / "release"), "-o", str(sheet)]) == 0
+    assert [(case.name, case.include) for case in read_sheet(sheet)] == [
+        ("sub-A_ses-1_hemi-L", True),
+        ("sub-A_ses-2_hemi-L", False),
+    ]
+    shown = capsys.readouterr().out
+    assert "2 surfaces, 1 of them excluded" in shown
+    assert "sub-A_ses-2_hemi-L: no scan age" in shown

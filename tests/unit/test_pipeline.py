@@ -1,0 +1,159 @@
+"""The line for one surface, from the command down to the files: a ball of 30 mm, coarsely meshed."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import ball_surface
+
+from cortet.certify import Certificate
+from cortet.cli import main
+from cortet.config import Config, load
+from cortet.errors import InputError
+from cortet.fidelity import fidelity
+from cortet.formats import vtu
+from cortet.formats.gifti import read_surface, write_surface
+from cortet.mesh import TetMesh, TriSurface
+from cortet.pipeline import mesh_surface, run, stages
+from cortet.stage_table import STAGE_COLUMNS
+from cortet.topology import boundary_nodes
+
+REAL = Path(__file__).parents[3] / "shared" / "data" / "fetal" / "CRL_STA22_left_white.surf.gii"
+FAST = {"generate": {"cell_size": 5.0, "odt": False, "lloyd": False}}
+
+
+@pytest.fixture(scope="module")
+def ball() -> TriSurface:
+    sphere = ball_surface(subdivisions=4, radius=15.0)
+    return TriSurface(sphere.points, sphere.faces, {"height": sphere.points[:, 2]})
+
+
+@pytest.fixture(scope="module")
+def file(ball: TriSurface, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("surfaces") / "ball.surf.gii"
+    write_surface(ball, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def config_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("config") / "fast.yaml"
+    path.write_text(json.dumps(FAST))  # JSON is YAML
+    return path
+
+
+@pytest.fixture(scope="module")
+def made(ball: TriSurface, file: Path) -> tuple[TetMesh, Certificate, list[str]]:
+    seen: list[str] = []
+    mesh, certificate = mesh_surface(
+        ball, load(FAST), source=file, case="ball", progress=lambda step: seen.append(step.stage)
+    )
+    return mesh, certificate, seen
+
+
+def test_the_line_has_the_stages_that_the_configuration_enables() -> None:
+    line = ["gate", "smooth_surface", "generate", "transfer", "relocate", "clean", "reconnect", "solver_ready"]
+    assert stages(Config(), gestational_age=28.0) == line
+    assert stages(Config(), gestational_age=None) == [stage for stage in line if stage != "smooth_surface"]
+    assert "reconnect" not in stages(load({"setting": "published"}), gestational_age=28.0)
+    snapping = load({"relocate": {"enabled": False}, "clean": {"enabled": False}, "snap": {"enabled": True}})
+    assert stages(snapping, gestational_age=None)[2:] == ["transfer", "reconnect", "snap", "solver_ready"]
+
+
+def test_the_mesh_is_certified_and_faithful(made: tuple[TetMesh, Certificate, list[str]], ball: TriSurface) -> None:
+    mesh, certificate, seen = made
+    assert certificate.certified, certificate.reasons
+    assert seen == stages(load(FAST), gestational_age=None)
+    assert certificate.quality.q.max < 0.6
+    assert fidelity(mesh, ball).nodes_to_surface_mm.max < 1e-3
+
+
+def test_surface_nodes_come_first_and_fields_fit_the_final_positions(
+    made: tuple[TetMesh, Certificate, list[str]],
+) -> None:
+    mesh = made[0]
+    nodes = boundary_nodes(mesh)
+    assert nodes.tolist() == list(range(len(nodes)))
+    assert np.abs(mesh.point_data["height"][nodes] - mesh.points[nodes, 2]).max() < 1e-3
+
+
+def test_the_certificate_holds_every_parameter_and_report(
+    made: tuple[TetMesh, Certificate, list[str]], file: Path
+) -> None:
+    _, certificate, seen = made
+    assert list(certificate.reports) == seen
+    assert list(certificate.parameters) == [*seen, "certify"]
+    assert certificate.parameters["generate"]["cell_size"] == 5.0
+    assert certificate.input == {"file": str(file), "sha256": hashlib.sha256(file.read_bytes()).hexdigest()}
+
+
+def test_without_an_age_the_log_says_that_nothing_is_smoothed(
+    ball: TriSurface, caplog: pytest.LogCaptureFixture
+) -> None:
+    next(run(ball, load(FAST)))
+    assert "no gestational age is given, so the surface is not smoothed" in caplog.text
+
+
+def test_the_gate_stops_an_open_surface(ball: TriSurface) -> None:
+    with pytest.raises(InputError, match="open edges"):
+        next(run(TriSurface(ball.points, ball.faces[1:]), load(FAST)))
+
+
+def test_the_command_writes_mesh_certificate_and_picture(
+    file: Path, config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, drawn = tmp_path / "out.vtu", tmp_path / "out.png"
+    code = main(["mesh", str(file), "-o", str(out), "--config", str(config_file), "--picture", str(drawn)])
+    shown = capsys.readouterr().out
+    assert code == 0
+    certificate = json.loads((tmp_path / "out.certificate.json").read_text())
+    assert certificate["certified"] is True
+    assert len(vtu.read(out).cells) == certificate["quality"]["tets"]
+    assert drawn.stat().st_size > 10_000
+    for stage in stages(load(FAST), gestational_age=None):
+        assert f"\n{stage} " in shown
+    assert "certified\n" in shown
+
+
+def test_an_uncertified_mesh_is_not_written_and_one_of_an_earlier_run_is_gone(
+    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, config = tmp_path / "out.vtu", tmp_path / "strict.yaml"
+    out.write_text("from before")
+    config.write_text(json.dumps({**FAST, "certify": {"q_max": 0.05}}))
+    code = main(["mesh", str(file), "-o", str(out), "--config", str(config)])
+    assert code == 1
+    assert not out.exists()
+    assert "must be below 0.05" in capsys.readouterr().out
+    assert json.loads((tmp_path / "out.certificate.json").read_text())["certified"] is False
+
+
+def test_the_stage_table_measures_every_stage(
+    file: Path, config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "stages.tsv"
+    assert main(["stages", str(file), "--config", str(config_file), "-o", str(table)]) == 0
+    with table.open(newline="") as opened:
+        rows = {row["stage"]: row for row in csv.DictReader(opened, delimiter="\t")}
+    assert list(rows) == stages(load(FAST), gestational_age=None)
+    assert list(rows["clean"]) == list(STAGE_COLUMNS)
+    assert rows["gate"]["tets"] == "n/a"
+    assert float(rows["generate"]["q_max"]) > float(rows["reconnect"]["q_max"])
+    assert int(rows["clean"]["q_above_0.6"]) == 0
+    assert all(float(rows[stage]["distance_max_mm"]) < 1e-3 for stage in ("generate", "clean", "solver_ready"))
+    assert all(10 < int(row["peak_memory_mb"]) < 10_000 for row in rows.values())
+    assert "reconnect" in capsys.readouterr().out
+
+
+def test_the_real_surface_of_22_weeks_is_certified(tmp_path: Path) -> None:
+    if not REAL.exists():
+        pytest.skip(f"{REAL} is not there")
+    passes = dict.fromkeys(["odt", "lloyd", "perturb", "exude"], False)  # the later stages mend what these leave out
+    config = load({"generate": {"cell_size": 2.5, **passes}})
+    _, certificate = mesh_surface(read_surface(REAL), config, gestational_age=22.0, source=REAL)
+    assert certificate.certified, certificate.reasons
