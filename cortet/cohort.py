@@ -200,6 +200,8 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
             yield f"column {column}: {row[column]!r} is no BIDS label (use letters and digits only)"
     if row["hemi"].lower() not in _HEMI and row["hemi"] not in _MISSING:
         yield f"column hemi: {row['hemi']!r} is no hemisphere (use L, R, or n/a for a whole brain)"
+    if row["surface"] == PHANTOM and row["hemi"] in _MISSING:
+        yield f"column hemi: {row['hemi']!r}, but a {PHANTOM} is one hemisphere (use L or R)"
     if row["include"].lower() not in _YES | _NO:
         yield f"column include: {row['include']!r} is no decision (use yes or no)"
     included = row["include"].lower() in _YES

@@ -15,6 +15,7 @@ import ast
 import difflib
 import textwrap
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
@@ -282,6 +283,7 @@ def load(source: Path | str | Mapping[str, Any]) -> Config:
         raise InputError("; ".join(lines), file=place) from None
 
 
+@cache
 def stage_version(name: str) -> int:
     """`VERSION` of a stage module, read from its source: importing it would load Numba or Gmsh."""
     path = next(p for p in (_PACKAGE / "stages" / f"{name}.py", _PACKAGE / f"{name}.py") if p.exists())

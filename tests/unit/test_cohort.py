@@ -65,6 +65,7 @@ def test_an_unknown_placeholder_is_named(tmp_path: Path) -> None:
         ("007\t01\tL\t190\ta.gii\tyes\tn/a", "column scan_age: '190' is no age in gestational weeks"),
         ("007\t01\tL\tnan\ta.gii\tyes\tn/a", "column scan_age: 'nan'"),
         ("007\t01\tL\tn/a\ta.gii\tyes\tn/a", "column scan_age: 'n/a'"),
+        ("007\t01\tn/a\t27\tphantom\tyes\tn/a", "column hemi: 'n/a', but a phantom is one hemisphere"),
         ("007\t01\tL\t27\tn/a\tyes\tn/a", "column surface: 'n/a' names no file"),
         ("007\t01\tL\t27\t{x}.gii\tyes\tn/a", "column surface: '{x}.gii' cannot be a file name here"),
         ("007\t01\tL\t27\ta.gii\tmaybe\tn/a", "column include: 'maybe' is no decision (use yes or no)"),
