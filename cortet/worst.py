@@ -73,15 +73,16 @@ class WorstElement:
 
 def fans(mesh: TetMesh) -> Fans:
     """Valence and opening angle of every edge."""
-    keys, of_cell, valence = np.unique(
-        packed(mesh.cells[:, TET_EDGES].reshape(-1, 2)), return_inverse=True, return_counts=True
-    )
-    of_cell = of_cell.reshape(-1, 6)
-    on_boundary = np.zeros(len(keys), bool)
-    on_boundary[np.searchsorted(keys, packed(edges(boundary_faces(mesh))))] = True
+    # packed together, since keys of two calls do not compare
+    pairs = np.concatenate([mesh.cells[:, TET_EDGES].reshape(-1, 2), edges(boundary_faces(mesh))])
+    edge = np.unique(packed(pairs), return_inverse=True)[1]
+    of_cell, outer = edge[: 6 * len(mesh.cells)].reshape(-1, 6), edge[6 * len(mesh.cells) :]
+    valence = np.bincount(of_cell.ravel())
+    on_boundary = np.zeros(len(valence), bool)
+    on_boundary[outer] = True
     touching = on_boundary[of_cell].any(axis=1)
     angles = dihedral_angles(mesh.points, mesh.cells[touching])
-    summed = np.bincount(of_cell[touching].ravel(), angles.ravel(), minlength=len(keys))
+    summed = np.bincount(of_cell[touching].ravel(), angles.ravel(), minlength=len(valence))
     opening = np.where(on_boundary, summed, 360.0)
     return Fans(of_cell, valence, on_boundary, opening)
 
@@ -161,7 +162,7 @@ def _reason(
         return f"it spans two facing banks of the boundary, {width:.2f} mm apart", bound, "banks"
     if on_boundary[nodes].all():
         return "all four nodes lie on the boundary, where they can only slide", bound, "fan"
-    return "nothing in the connectivity holds it: moving vertices can improve it", bound, "nothing"
+    return "no edge of it is the cause: moving vertices further may improve it", bound, "nothing"
 
 
 def _blade(
