@@ -1,0 +1,116 @@
+"""Speed and memory of S4 (each boundary mode) and of local reconnection, against the number of tetrahedra.
+
+    python benchmarks/optimiser.py [SURFACE] [--cells 1e5 3e5 1e6 2e6]
+
+Meshes are CGAL refinements of one surface (a 28-week phantom unless SURFACE is given), each made once and measured in
+a process of its own, kernels compiled beforehand. Memory is the peak of that process less what it had before. Machines
+are noisy: compare rows of one run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import resource
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from cortet.formats import gifti, vtu
+from cortet.mesh import TetMesh, TriSurface
+from cortet.phantom import phantom
+from cortet.stages.clean import clean
+from cortet.stages.generate import generate
+from cortet.stages.reconnect import reconnect
+from cortet.topology import enclosed_volume
+
+#: tetrahedra per cube of the cell size after refinement (measured)
+CELLS_PER_CUBE = 4.6
+
+RUNS: dict[str, Callable[[TetMesh, TriSurface], tuple[TetMesh, object]]] = {
+    "clean, slide": clean,
+    "clean, fixed": lambda mesh, surface: clean(mesh, surface, boundary="fixed"),
+    "clean, free": lambda mesh, surface: clean(mesh, surface, boundary="free"),
+    "clean, published": lambda mesh, surface: clean(mesh, surface, boundary="free", improve_mean=False),
+    "reconnect": reconnect,
+}
+
+
+def peak_megabytes() -> float:
+    """Largest resident size of this process so far."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def measure(run: str, small: Path, mesh_file: Path, surface_file: Path, answer) -> None:  # type: ignore[no-untyped-def]
+    """Time one run in this process and send back seconds, MB, and the worst and mean quality reached."""
+    surface = gifti.read_surface(surface_file)
+    RUNS[run](vtu.read(small), surface)  # load or compile the kernels
+    mesh = vtu.read(mesh_file)
+    before, start = peak_megabytes(), time.perf_counter()
+    _, report = RUNS[run](mesh, surface)
+    answer.send((time.perf_counter() - start, peak_megabytes() - before, report.q_mean, report.q_max))
+
+
+def refinement(surface: TriSurface, cells: float) -> TetMesh:
+    """A mesh of about so many tetrahedra, slivers and all."""
+    cell_size = (CELLS_PER_CUBE * enclosed_volume(surface.points, surface.faces) / cells) ** (1 / 3)
+    return generate(surface, cell_size=cell_size, backend="cgal", odt=False, lloyd=False, perturb=False, exude=False)[0]
+
+
+def in_own_process(*args: object) -> tuple[float, float, float, float]:
+    """Run `measure` in a fresh process."""
+    context = multiprocessing.get_context("spawn")
+    receive, send = context.Pipe(duplex=False)
+    process = context.Process(target=measure, args=(*args, send))
+    process.start()
+    send.close()
+    result = receive.recv()
+    process.join()
+    return result
+
+
+def main() -> None:
+    """Measure all runs and print the table, then the exponent of the growth of time for each run."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("surface", nargs="?", type=Path)
+    parser.add_argument("--cells", nargs="+", type=float, default=[1e5, 3e5, 1e6, 2e6])
+    options = parser.parse_args()
+    surface = gifti.read_surface(options.surface) if options.surface else phantom(28.0)
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        surface_file = Path(folder) / "surface.surf.gii"
+        gifti.write_surface(surface, surface_file)
+        files = []
+        for cells in [2e4, *options.cells]:
+            mesh = refinement(surface, cells)
+            files.append((len(mesh.cells), Path(folder) / f"{len(mesh.cells)}.vtu"))
+            vtu.write(mesh, files[-1][1])
+        for count, file in files[1:]:
+            for run in RUNS:
+                seconds, megabytes, q_mean, q_max = in_own_process(run, files[0][1], file, surface_file)
+                rows.append(
+                    {
+                        "run": run,
+                        "tets": count,
+                        "seconds": round(seconds, 2),
+                        "tets_per_second": round(count / seconds),
+                        "MB_per_million_tets": round(megabytes / count * 1e6),
+                        "q_mean": round(q_mean, 4),
+                        "q_max": round(q_max, 4),
+                    }
+                )
+                print(rows[-1], flush=True)
+    table = pd.DataFrame(rows)
+    print(table.to_string(index=False))
+    for run, part in table.groupby("run", sort=False):
+        if len(part) > 1:
+            exponent = np.polyfit(np.log(part["tets"]), np.log(part["seconds"]), 1)[0]
+            print(f"{run}: seconds grow as tets^{exponent:.2f}")
+
+
+if __name__ == "__main__":
+    main()
