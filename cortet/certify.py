@@ -19,10 +19,11 @@ from typing import Any, Literal
 import numpy as np
 
 from cortet import __version__
+from cortet.defects import defective_vertices
 from cortet.errors import InputError, StageError
 from cortet.fidelity import Fidelity, fidelity
 from cortet.intersection import self_intersections
-from cortet.mesh import TetMesh, TriSurface
+from cortet.mesh import FloatArray, TetMesh, TriSurface
 from cortet.quality import QualitySummary, quality, signed_volumes, summarise
 from cortet.topology import SurfaceTopology, boundary_surface, enclosed_volume, surface_topology
 from cortet.worst import ValenceBound, WorstElement, fans, valence_bound, worst_elements
@@ -79,6 +80,8 @@ class Certificate:
     #: worst first
     worst_elements: tuple[WorstElement, ...]
     valence_bound: ValenceBound
+    #: boundary vertices where it is open, pinched or fused, the first few
+    defects_mm: tuple[tuple[float, ...], ...]
     #: centres of boundary faces that cross others, the first few
     crossings_mm: tuple[tuple[float, ...], ...]
     quality: QualitySummary
@@ -134,6 +137,7 @@ def certify(
     crossing = self_intersections(boundary)
     around = fans(mesh)
     worst = worst_elements(mesh, around, count=PLACES, stages=reports)
+    defects = boundary.points[defective_vertices(boundary.faces)[:PLACES]]
     centres = boundary.points[boundary.faces[crossing[:PLACES]]].mean(axis=1)
 
     volumes = signed_volumes(mesh.points, mesh.cells)
@@ -162,7 +166,8 @@ def certify(
     )
     places = {
         "worst q": _worst_place(worst[0], int((quality(mesh.points, mesh.cells) >= q_max).sum())),
-        "boundary faces that cross others": "the first around " + ", ".join(map(_point, centres[:3])) + " mm",
+        "boundary faces that cross others": _first(centres),
+        **dict.fromkeys(_PLACED_DEFECTS, _first(defects)),
         "topology problems after S1": reports.get("generate", {}).get("reason", ""),
     }
     return Certificate(
@@ -172,6 +177,7 @@ def certify(
         checks=checks,
         worst_elements=worst,
         valence_bound=valence_bound(around),
+        defects_mm=tuple(map(tuple, defects.tolist())),
         crossings_mm=tuple(map(tuple, centres.tolist())),
         quality=measured,
         fidelity=faithful,
@@ -215,6 +221,14 @@ def _check(
     return Check(name, value, unit, comparison, limit, passed, remedy)
 
 
+#: checks whose failures have a place
+_PLACED_DEFECTS = (
+    "boundary edges in one face only",
+    "boundary edges in more than two faces",
+    "pinched boundary vertices",
+)
+
+
 def _topology_checks(boundary: SurfaceTopology, euler_number: int) -> Iterator[Check]:
     wanted = {
         "boundary components": (boundary.components, 1),
@@ -241,6 +255,10 @@ def _reason(check: Check, place: str) -> str:
 def _worst_place(worst: WorstElement, bad: int) -> str:
     count = f"{bad} element{'s' if bad > 1 else ''} at fault, the worst"
     return f"{count} at {_point(worst.centre_mm)} mm: {worst.reason}"
+
+
+def _first(places: FloatArray) -> str:
+    return "the first around " + ", ".join(map(_point, places[:3])) + " mm"
 
 
 def _point(coordinates: Iterable[float]) -> str:

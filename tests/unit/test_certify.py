@@ -101,7 +101,11 @@ def test_cubes_that_touch_in_an_edge_or_a_corner_are_refused(mesh: TetMesh, surf
             np.round(np.concatenate([mesh.points, mesh.points + shift]), 9), axis=0, return_inverse=True
         )
         touching = TetMesh(points, inverse[np.concatenate([mesh.cells, mesh.cells + len(mesh.points)])])
-        assert finding in failed(certify(touching, surface, max_boundary_distance=None))
+        certificate = certify(touching, surface, max_boundary_distance=None)
+        assert finding in failed(certificate)
+        assert (8.0, 8.0) in {place[:2] for place in certificate.defects_mm}
+        (reason,) = (reason for reason in certificate.reasons if reason.startswith(finding))
+        assert "the first around (8.00, 8.00, " in reason
 
 
 def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface: TriSurface) -> None:
