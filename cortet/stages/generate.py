@@ -30,6 +30,7 @@ import numpy as np
 
 from cortet.errors import InputError, StageError
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.ordering import ordered_along_curve
 from cortet.quality import signed_volumes
 from cortet.topology import (
     SurfaceTopology,
@@ -329,7 +330,7 @@ def _write_off(surface: TriSurface, path: Path) -> None:
 
 
 def _read_medit(path: Path) -> tuple[TetMesh, int]:
-    """Read the mesher's result as a mesh with positive volumes and no unused nodes, and count its flat tetrahedra."""
+    """Read the mesher's result as a well-ordered mesh with positive volumes; also count its flat tetrahedra."""
     result = meshio.medit.read(path)
     points, cells = result.points, result.cells_dict.get("tetra", np.empty((0, 4), np.int32))
     cells, flat = oriented(points, cells)
@@ -338,7 +339,7 @@ def _read_medit(path: Path) -> tuple[TetMesh, int]:
     if flat:
         logger.warning("%d exactly flat tetrahedra left out", flat)
     points, cells, _ = compact(points, cells)
-    return TetMesh(points, cells), flat
+    return TetMesh(*ordered_along_curve(points, cells)), flat
 
 
 def oriented(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:

@@ -1,0 +1,22 @@
+"""Renumbering changes numbers only."""
+
+import numpy as np
+from shapes import ball_mesh
+
+from cortet.ordering import curve_order, ordered_along_curve
+from cortet.quality import quality, signed_volumes
+
+
+def test_corners_of_a_cube_follow_the_z_curve():
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    assert corners[curve_order(corners)].tolist() == sorted(corners.tolist(), key=lambda corner: corner[::-1])
+
+
+def test_the_mesh_stays_the_same_and_neighbours_come_closer():
+    mesh = ball_mesh(3)
+    shuffled = np.random.default_rng(0).permutation(len(mesh.points))
+    number = np.argsort(shuffled)
+    points, cells = ordered_along_curve(mesh.points[shuffled], number[mesh.cells].astype(np.int32))
+    assert (signed_volumes(points, cells) > 0).all()
+    assert np.array_equal(np.sort(quality(points, cells)), np.sort(quality(mesh.points, mesh.cells)))
+    assert np.ptp(cells, axis=1).mean() < 0.6 * np.ptp(number[mesh.cells], axis=1).mean()
