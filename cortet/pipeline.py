@@ -20,6 +20,7 @@ from cortet.stages.gate import gate
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
 from cortet.stages.relocate import relocate
+from cortet.stages.smooth_boundary import smooth_boundary
 from cortet.stages.smooth_surface import smooth_surface
 from cortet.stages.snap import snap
 from cortet.stages.solver_ready import solver_ready
@@ -35,6 +36,7 @@ MESH_STAGES: dict[str, Callable[..., tuple[TetMesh, Any]]] = {
     "relocate": lambda mesh, _, **parameters: relocate(mesh, **parameters),
     "clean": clean,
     "reconnect": reconnect,
+    "smooth_boundary": smooth_boundary,
     "snap": snap,
     # fields once more, onto the final positions
     "solver_ready": lambda mesh, surface: solver_ready(transfer(mesh, surface)[0]),

@@ -36,6 +36,7 @@ STAGES = {
     "relocate": "Relocated",
     "clean": "Cleaned",
     "reconnect": "Reconnected",
+    "smooth_boundary": "BoundarySmoothed",
     "snap": "Snapped",
     "solver_ready": "Solver",
 }

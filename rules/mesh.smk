@@ -116,6 +116,29 @@ rule reconnect:
         "../scripts/reconnect.py"
 
 
+rule smooth_boundary:
+    """Smooth the boundary, which the elements below follow, and clean these again."""
+    input:
+        mesh=mesh_before("smooth_boundary"),
+        surface=MESHED_SURFACE,
+    output:
+        mesh=mesh_file("BoundarySmoothed"),
+        report=mesh_file("BoundarySmoothed", "tetmesh.json"),
+    log:
+        mesh_log("smooth_boundary"),
+    benchmark:
+        mesh_benchmark("smooth_boundary")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes(1500),
+        runtime=minutes(10),
+    params:
+        stage=partial(parameters_of, "smooth_boundary"),
+    script:
+        "../scripts/smooth_boundary.py"
+
+
 rule snap:
     """S6: put the boundary back onto the surface."""
     input:
