@@ -1,0 +1,107 @@
+"""A stage whose result changes must raise its VERSION: by it Snakemake sees that the package was edited.
+
+`golden.json` holds, for the present VERSION of each stage, a fingerprint of its result on a small fixed input. After a
+change that is meant: raise VERSION in the stage's module, then `python tests/unit/test_versions.py` records it anew.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import ball_mesh, ball_surface
+
+from cortet.config import stage_version
+from cortet.mesh import TetMesh, TriSurface
+from cortet.phantom import phantom
+from cortet.quality import quality
+from cortet.stages.clean import clean
+from cortet.stages.gate import gate
+from cortet.stages.generate import generate
+from cortet.stages.reconnect import reconnect
+from cortet.stages.relocate import relocate
+from cortet.stages.smooth_surface import smooth_surface
+from cortet.stages.snap import snap
+from cortet.stages.solver_ready import solver_ready
+from cortet.stages.transfer import transfer
+
+GOLDEN = Path(__file__).with_name("golden.json")
+#: relative; rounding that differs between processors stays below, a change of method does not
+TOLERANCE = 1e-5
+
+
+def rough_ball() -> TriSurface:
+    """A ball of 20 mm with a field and 0.2 % of noise on its radius."""
+    ball = ball_surface(4, radius=20.0)
+    noise = np.random.default_rng(0).normal(1, 0.002, (len(ball.points), 1))
+    return TriSurface(ball.points * noise, ball.faces, {"thickness": ball.points[:, 0]})
+
+
+def floating_ball() -> TetMesh:
+    """A mesh of good tetrahedra whose boundary nodes lie up to 0.05 mm off the sphere of 5 mm."""
+    mesh, _ = reconnect(ball_mesh(2, radius=5.0), ball_surface(4))
+    return TetMesh(mesh.points * (1 + 0.01 * np.sin(3 * mesh.points[:, :1])), mesh.cells)
+
+
+RESULTS: dict[str, Callable[[], TriSurface | TetMesh]] = {
+    "phantom": lambda: phantom(28.0, subdivisions=3),
+    "gate": lambda: gate(rough_ball(), source="rough ball")[0],
+    "smooth_surface": lambda: smooth_surface(rough_ball(), gestational_age=28.0)[0],
+    "generate": lambda: generate(ball_surface(3), cell_size=1.5, backend="cgal")[0],
+    "transfer": lambda: transfer(ball_mesh(3, radius=20.0), rough_ball())[0],
+    "relocate": lambda: relocate(ball_mesh(2, radius=5.0))[0],
+    "clean": lambda: clean(ball_mesh(2, radius=5.0), ball_surface(4))[0],
+    "reconnect": lambda: reconnect(ball_mesh(2, radius=5.0), ball_surface(4))[0],
+    "snap": lambda: snap(floating_ball(), ball_surface(4))[0],
+    "solver_ready": lambda: solver_ready(ball_mesh(2, radius=5.0))[0],
+}
+
+
+def fingerprint(result: TriSurface | TetMesh) -> dict[str, float]:
+    """Numbers that change when a vertex moves, an element changes, the numbering changes or a field changes."""
+    cells = result.cells if isinstance(result, TetMesh) else result.faces
+    corners = result.points[cells]
+    numbers = {
+        "points": float(len(result.points)),
+        "cells": float(len(cells)),
+        "distance_mm": float(np.linalg.norm(result.points, axis=1).mean()),
+        "edge_mm": float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean()),
+        "order": float(np.linalg.norm(result.points, axis=1) @ np.linspace(0, 1, len(result.points))),
+    }
+    if isinstance(result, TetMesh):
+        numbers["mean_q"] = float(quality(result.points, cells).mean())
+    return numbers | {name: float(np.abs(values).sum()) for name, values in result.point_data.items()}
+
+
+@pytest.mark.parametrize("stage", RESULTS)
+def test_a_stage_gives_what_its_version_gave(stage: str) -> None:
+    golden = json.loads(GOLDEN.read_text())[stage]
+    same = fingerprint(RESULTS[stage]()) == pytest.approx(golden["fingerprint"], rel=TOLERANCE)
+    raised = stage_version(stage) != golden["version"]
+    assert same or raised, f"{stage} gives another result: raise its VERSION, then run python {Path(__file__).name}"
+    assert not raised, f"{stage} has a new VERSION: record its result with python {Path(__file__).name}"
+
+
+def test_a_moved_vertex_changes_the_fingerprint() -> None:
+    mesh = ball_mesh()
+    points = mesh.points.copy()
+    points[-1] += 0.01
+    assert fingerprint(TetMesh(points, mesh.cells)) != pytest.approx(fingerprint(mesh), rel=TOLERANCE)
+
+
+def test_another_numbering_changes_the_fingerprint() -> None:
+    mesh = ball_mesh()
+    swap = np.arange(len(mesh.points))
+    swap[[0, -1]] = swap[[-1, 0]]
+    assert fingerprint(TetMesh(mesh.points[swap], swap[mesh.cells])) != pytest.approx(fingerprint(mesh), rel=TOLERANCE)
+
+
+if __name__ == "__main__":
+    record = {
+        stage: {"version": stage_version(stage), "fingerprint": fingerprint(result())}
+        for stage, result in RESULTS.items()
+    }
+    GOLDEN.write_text(json.dumps(record, indent=2) + "\n")
