@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import re
 import subprocess
 import sys
 import time
@@ -42,9 +42,7 @@ class Study:
 
     def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run Snakemake to its end."""
-        return subprocess.run(
-            self.command(*arguments), cwd=self.folder, env=environment(), capture_output=True, text=True, check=False
-        )
+        return subprocess.run(self.command(*arguments), cwd=self.folder, capture_output=True, text=True, check=False)
 
     def jobs_of_run(self, *arguments: str, succeeds: bool = True) -> set[tuple[str, str]]:
         """Run Snakemake; (rule, case) of the jobs that it ran, with case `-` for those over all cases."""
@@ -54,6 +52,14 @@ class Study:
         logs = [path for path in (self.folder / "logs").rglob("*.log") if path.stat().st_mtime >= began]
         parts = [path.relative_to(self.folder / "logs").parts for path in logs]
         return {(part[0].removesuffix(".log"), part[1] if len(part) > 1 else "-") for part in parts}
+
+    def planned_jobs(self, project: Path = ROOT) -> set[tuple[str, str]]:
+        """(rule, case) of the jobs that the workflow of a checkout would run, as `jobs_of_run`."""
+        result = self.run("--dry-run", "--snakefile", str(project / "Snakefile"))
+        assert result.returncode == 0, result.stdout + result.stderr
+        jobs = re.findall(r"^(?:local)?rule (\w+):\n((?: +.*\n)*)", result.stdout, flags=re.MULTILINE)
+        folders = [(rule, re.search(r"wildcards: folder=([^,\s]+)", block)) for rule, block in jobs if rule != "all"]
+        return {(rule, folder[1] if folder else "-") for rule, folder in folders}
 
     def add_case(self, case: Case, surface: TriSurface) -> None:
         """Write a surface and add its row to the sheet."""
@@ -82,10 +88,6 @@ class Study:
     def files(self, pattern: str) -> list[Path]:
         """Outputs that match a pattern, hidden ones too."""
         return sorted((self.folder / "derivatives").rglob(pattern))
-
-
-def environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(ROOT)}
 
 
 def surface(number: int) -> TriSurface:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -15,7 +16,7 @@ import pytest
 
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.mesh import TriSurface
-from tests.integration.study import ROOT, Study, environment, scaled, surface
+from tests.integration.study import ROOT, Study, scaled, surface
 
 COHORT = {("cohort_quality", "-"), ("cohort_summary", "-"), ("cohort_figure", "-"), ("cohort_status", "-")}
 FROM_CLEAN = {"clean", "reconnect", "solver_ready", "quality", "certify", "export"}
@@ -32,16 +33,11 @@ def test_the_first_run_certifies_and_exports_every_case(finished: Study) -> None
 
 
 def test_nothing_reruns_after_a_fresh_checkout_with_every_file_touched(study: Study) -> None:
-    checkout = study.folder / "checkout"
-    for name in ("Snakefile", "rules", "scripts", "cortet", "envs", "reports", "profiles"):
-        source, target = ROOT / name, checkout / name
-        checkout.mkdir(exist_ok=True)
-        shutil.copytree(source, target) if source.is_dir() else shutil.copy(source, target)
+    checkout = checked_out(study.folder / "checkout")
     for path in study.folder.rglob("*"):
         if path.is_file() and ".snakemake" not in path.parts:
             path.touch()
-    result = study.run("--dry-run", "--snakefile", str(checkout / "Snakefile"))
-    assert "Nothing to be done" in result.stdout + result.stderr
+    assert study.planned_jobs(checkout) == set()
 
 
 def test_an_edited_surface_reruns_its_case_and_the_tables(study: Study) -> None:
@@ -51,7 +47,7 @@ def test_an_edited_surface_reruns_its_case_and_the_tables(study: Study) -> None:
 
 def test_a_new_row_runs_one_case_and_the_tables(study: Study) -> None:
     study.add_case(study.case("c"), surface(2))
-    assert study.jobs_of_run() == jobs(FROM_GATE, "c") | COHORT
+    assert study.planned_jobs() == jobs(FROM_GATE, "c") | COHORT
 
 
 def test_an_excluded_row_runs_nothing_but_the_tables(study: Study) -> None:
@@ -63,12 +59,19 @@ def test_an_excluded_row_runs_nothing_but_the_tables(study: Study) -> None:
 
 def test_a_changed_threshold_of_s4_reruns_s4_onwards(study: Study) -> None:
     study.config["clean"] = {"thresholds": [0.6, 0.4]}
-    assert study.jobs_of_run() == jobs(FROM_CLEAN, "a", "b") | COHORT
+    assert study.planned_jobs() == jobs(FROM_CLEAN, "a", "b") | COHORT
+
+
+def test_a_raised_version_of_s4_reruns_s4_onwards(study: Study) -> None:
+    checkout = checked_out(study.folder / "checkout")
+    module = checkout / "cortet/stages/clean.py"
+    module.write_text(re.sub(r"VERSION: int = \d+", "VERSION: int = 1000", module.read_text()))
+    assert study.planned_jobs(checkout) == jobs(FROM_CLEAN, "a", "b") | COHORT
 
 
 def test_a_bypassed_stage_does_not_occur(study: Study) -> None:
     study.config["relocate"] = {"enabled": False}
-    assert study.jobs_of_run() == jobs(FROM_CLEAN, "a", "b") | COHORT
+    assert study.planned_jobs() == jobs(FROM_CLEAN, "a", "b") | COHORT
 
 
 def test_bad_cases_do_not_stop_the_others(study: Study) -> None:
@@ -119,7 +122,7 @@ def test_an_uncertified_mesh_is_measured_but_not_exported(study: Study) -> None:
     ran = study.jobs_of_run(succeeds=False)
     assert ran == jobs({"certify", "export"}, "a", "b") | COHORT
     assert {row["state"] for row in study.status().values()} == {"uncertified"}
-    assert "q_max" in study.status()["sub-a_hemi-L"]["reason"]
+    assert "worst q" in study.status()["sub-a_hemi-L"]["reason"]
     assert not study.files("*.mesh")
     study.config["export"] = {"uncertified": True}
     assert study.jobs_of_run() == jobs({"export"}, "a", "b") | COHORT
@@ -144,7 +147,6 @@ def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study: Study, 
     run = subprocess.Popen(
         study.command(),
         cwd=study.folder,
-        env=environment(),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
@@ -165,6 +167,15 @@ def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study: Study, 
     assert study.jobs_of_run()
     assert {row["state"] for row in study.status().values()} == {"certified"}
     assert not [path for path in study.files("*") if path.name.startswith(".") and path.name != ".bidsignore"]
+
+
+def checked_out(folder: Path) -> Path:
+    """A copy of the project."""
+    folder.mkdir()
+    for name in ("rules", "scripts", "cortet", "envs", "reports", "profiles"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "Snakefile", folder)
+    return folder
 
 
 def process_of(script: str, folder: Path) -> int | None:
