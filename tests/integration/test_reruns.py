@@ -141,8 +141,8 @@ def test_a_bad_sheet_stops_the_run_before_it_begins(study: Study) -> None:
     ("rule", "killed"), [("generate", "everything"), ("clean", "the job")], ids=["S1 with Snakemake", "S4 alone"]
 )
 def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study: Study, rule: str, killed: str) -> None:
-    study.config["generate"]["cell_size"] = [1.5]  # seconds, so that there is something to kill
-    study.config["generate"]["lloyd"] = True
+    study.write_cases(study.cases()[:1])
+    study.config["generate"] |= {"cell_size": [1.5], "lloyd": True}  # seconds, so that there is something to kill
     finals = {"generate": "*res-1500um*Generated_tetmesh.*", "clean": "*res-1500um*Cleaned_tetmesh.*"}[rule]
     run = subprocess.Popen(
         study.command(),
@@ -156,14 +156,15 @@ def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study: Study, 
     os.killpg(run.pid, signal.SIGKILL) if killed == "everything" else os.kill(job, signal.SIGKILL)
     run.wait()
 
+    assert not study.files(finals)
     if killed == "everything":
-        assert not study.files(finals)
+        assert not study.files("cohort_status.tsv")
         assert study.run("--unlock").returncode == 0
     else:
         assert run.returncode != 0
-        states = sorted(row["state"] for row in study.status().values())
-        assert states == ["certified", "failed"]
-        assert len(study.files(finals)) == 2
+        (row,) = study.status().values()
+        assert (row["stage"], row["state"]) == (rule, "failed")
+        assert "killed" in row["reason"]
     assert study.jobs_of_run()
     assert {row["state"] for row in study.status().values()} == {"certified"}
     assert not [path for path in study.files("*") if path.name.startswith(".") and path.name != ".bidsignore"]
