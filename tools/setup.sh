@@ -13,7 +13,7 @@ pygalmesh_sources=8
 
 # Shared libraries that wheels load from the system: Gmsh, PyMeshLab, VTK; GMP and MPFR for pygalmesh.
 run_packages=(libglu1-mesa libgl1 libopengl0 libegl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgmp10 libmpfr6)
-# What compiling pygalmesh takes.
+# What compiling pygalmesh takes, besides the headers of Python.
 build_packages=(g++ libcgal-dev libeigen3-dev)
 
 say() { printf 'set-up: %s\n' "$*" >&2; }
@@ -39,6 +39,19 @@ choose_python() {
     done
     [[ $fallback ]] || fail "no Python >= 3.11 found${PYTHON:+ (PYTHON=$PYTHON)}; install one, or name it: PYTHON=/path/to/python3"
     echo "$fallback"
+}
+
+# Debian keeps these parts of its Python in packages of their own.
+python_packages() {
+    "$python" -c 'import os, sys, sysconfig
+if sys.base_prefix != "/usr": sys.exit()
+package = "python%d.%d-" % sys.version_info[:2]
+try:
+    import ensurepip, venv
+except ImportError:
+    print(package + "venv")
+if not os.path.exists(sysconfig.get_path("include") + "/Python.h"):
+    print(package + "dev")'
 }
 
 # --- system packages -------------------------------------------------------------------------------------------------
@@ -78,12 +91,6 @@ install_pygalmesh() {
         $venv/bin/python -c 'import pygalmesh' 2>/dev/null
 }
 
-# Debian's Python comes without its headers; nothing to print where they are there.
-python_headers_package() {
-    $venv/bin/python -c 'import os, sys, sysconfig
-if not os.path.exists(sysconfig.get_path("include") + "/Python.h"): print("python%d.%d-dev" % sys.version_info[:2])'
-}
-
 cgal_version() { echo '#include <CGAL/version.h>' | g++ -E -dM -x c++ - 2>/dev/null | awk '$2 == "CGAL_VERSION" {print $3}'; }
 
 report_progress() {
@@ -95,24 +102,25 @@ report_progress() {
 
 # Compiles the wheel into the cache. Two set-ups at once compile it once: the second waits.
 compile_pygalmesh() {
-    local cgal log=$wheels/compile.log build progress status=0
+    local cgal flags=-g0 log=$wheels/compile.log build progress status=0
     exec 8<"$wheels"
     flock -n 8 || { say "another set-up is compiling pygalmesh; waiting for it"; flock 8; }
     if install_pygalmesh; then exec 8<&-; return; fi
 
-    install_packages "${build_packages[@]}" $(python_headers_package)
+    install_packages "${build_packages[@]}" # nothing to do, unless a wheel in the cache did not load
     cgal=$(cgal_version)
     case $cgal in
         '') say "there are no CGAL headers"; exec 8<&-; return 1 ;;
         5.*) ;;
-        *) say "the CGAL headers are version $cgal; pygalmesh needs version 5"; exec 8<&-; return 1 ;;
+        6.*) flags+=" -I$PWD/tools/cgal6" ;; # two headers that went away after version 5
+        *) say "pygalmesh is not known to compile with CGAL $cgal; trying" ;;
     esac
 
-    say "compiling $pygalmesh, which has no wheel: about ten minutes, once (log: $log)"
+    say "compiling $pygalmesh with CGAL $cgal, since it has no wheel: about ten minutes, once (log: $log)"
     build=$(mktemp -d "$wheels/.build.XXXXXX")
     : >"$log"
     report_progress "$log" 8<&- 9<&- & progress=$!
-    CFLAGS=-g0 $venv/bin/python -m pip wheel --verbose --no-deps --no-build-isolation --no-binary pygalmesh --no-cache-dir \
+    CFLAGS=$flags $venv/bin/python -m pip wheel --verbose --no-deps --no-build-isolation --no-binary pygalmesh --no-cache-dir \
         --wheel-dir "$build" "$pygalmesh" </dev/null &>"$log" || status=$?
     kill $progress 2>/dev/null || true
     ((status)) || mv "$build"/*.whl "$wheels"
@@ -130,9 +138,10 @@ flock -n 9 || { say "another set-up is running here; waiting for it"; flock 9; }
 is_ready && exit
 
 python=$(choose_python)
-venv_package=()
-makes_venvs "$python" || venv_package=("$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')")
-install_packages "${run_packages[@]}" "${venv_package[@]}"
+packages=("${run_packages[@]}" $(python_packages))
+tag=$("$python" -c 'import sys; print("cp%d%d" % sys.version_info[:2])')
+compgen -G "$wheels/pygalmesh-*-$tag-*.whl" >/dev/null || packages+=("${build_packages[@]}")
+install_packages "${packages[@]}"
 makes_venvs "$python" || fail "$python cannot make virtual environments (no module venv or ensurepip)"
 
 say "making $venv with $("$python" --version) and the packages of requirements.txt"
@@ -144,8 +153,9 @@ pip=($venv/bin/python -m pip --disable-pip-version-check --quiet)
 
 mkdir -p "$wheels"
 if ! { install_pygalmesh || compile_pygalmesh; }; then
-    "${pip[@]}" uninstall --yes pygalmesh
+    "${pip[@]}" uninstall --yes pygalmesh 2>/dev/null
     say "going on without pygalmesh: S1 uses its second backend, the \`cgal\` wheel (to try again: rm $venv/.stamp)"
+    $venv/bin/python -c 'import CGAL' 2>/dev/null || fail "but that has none for $("$python" --version): install Python 3.11 or 3.12, too"
 fi
 
 wanted_stamp >$venv/.stamp
