@@ -16,7 +16,7 @@ from cortet import config
 from cortet.errors import InputError
 
 ROOT = Path(__file__).parents[2]
-STAGES = ("gate", "smooth_surface", "generate", "relocate", "clean", "snap")
+STAGES = ("gate", "smooth_surface", "generate", "relocate", "clean", "reconnect", "smooth_boundary", "snap")
 
 
 def test_config_yaml_documents_every_key_as_the_model_does() -> None:

@@ -23,6 +23,7 @@ from cortet.stages.gate import gate
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
 from cortet.stages.relocate import relocate
+from cortet.stages.smooth_boundary import smooth_boundary
 from cortet.stages.smooth_surface import smooth_surface
 from cortet.stages.snap import snap
 from cortet.stages.solver_ready import solver_ready
@@ -40,9 +41,14 @@ def rough_ball() -> TriSurface:
     return TriSurface(ball.points * noise, ball.faces, {"thickness": ball.points[:, 0]})
 
 
+def good_ball() -> TetMesh:
+    """A mesh of good tetrahedra, its boundary nodes on the sphere of 5 mm."""
+    return reconnect(ball_mesh(2, radius=5.0), ball_surface(4))[0]
+
+
 def floating_ball() -> TetMesh:
-    """A mesh of good tetrahedra whose boundary nodes lie up to 0.05 mm off the sphere of 5 mm."""
-    mesh, _ = reconnect(ball_mesh(2, radius=5.0), ball_surface(4))
+    """The same with boundary nodes up to 0.05 mm off the sphere."""
+    mesh = good_ball()
     return TetMesh(mesh.points * (1 + 0.01 * np.sin(3 * mesh.points[:, :1])), mesh.cells)
 
 
@@ -55,6 +61,7 @@ RESULTS: dict[str, Callable[[], TriSurface | TetMesh]] = {
     "relocate": lambda: relocate(ball_mesh(2, radius=5.0))[0],
     "clean": lambda: clean(ball_mesh(2, radius=5.0), ball_surface(4))[0],
     "reconnect": lambda: reconnect(ball_mesh(2, radius=5.0), ball_surface(4))[0],
+    "smooth_boundary": lambda: smooth_boundary(good_ball(), ball_surface(4))[0],
     "snap": lambda: snap(floating_ball(), ball_surface(4))[0],
     "solver_ready": lambda: solver_ready(ball_mesh(2, radius=5.0))[0],
 }
