@@ -1,9 +1,10 @@
 """Synthetic fetal cortex surfaces of any gestational age: what the demo cohort and the tests are made of.
 
-A sphere is folded, then bent into a hemisphere. Every vertex moves along its own line from the sphere towards a flat
-core; wherever it stops, the surface stays closed, of genus 0 and free of self-intersections. Sulci are lines along which
-vertices stop deeper. They are named after real ones, appear in the order of Garel et al. (AJNR 2001;22:184) and deepen
-and narrow from then on; how deep they are together follows from the area that a real cortex of that age has.
+A sphere is made into a smooth hemisphere, and its vertices are pressed in along lines that lead to a core inside and do
+not meet before it; wherever each of them stops, the surface is closed, of genus 0, and does not cross itself. Primary
+sulci are curves of the sphere along which vertices go deeper. They appear in the order of Garel et al. (AJNR 2001;
+22:184), then deepen and narrow; from 26 weeks on secondary folds, individual to each seed, fill the places between. How
+deep they are altogether follows from the area that a real cortex of that age has.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import trimesh
+import pymeshlab
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
@@ -81,6 +82,14 @@ SULCI = {
 
 #: half extents of the hemisphere relative to its half length: lateral, anterior, superior
 _ASPECT = np.array([0.58, 1.0, 0.56])
+#: rounds of spreading the vertices over the folds
+_SPREADING_ROUNDS = 4
+#: length of the waves that secondary folds follow, mm
+_WAVELENGTH = 22.0
+#: distance that secondary folds keep from primary sulci, mm
+_APART = 7.0
+#: depth of the medial hollow, of a sphere's radius, and fall of the poles, of the half length
+_HOLLOW, _BEND = 0.8, 0.3
 #: distance of the medial wall from the plane where the hemisphere is widest, of a sphere's radius
 _MEDIAL = 0.35
 #: the core is the unfolded surface shrunk by these factors towards this point
@@ -92,7 +101,6 @@ _RELIEF = (
     ((0.10, -1.00, -0.10), 0.08, 0.45),  # occipital pole
     ((0.30, 0.95, 0.10), 0.06, 0.50),  # frontal pole
     ((0.90, 0.30, -0.12), -0.26, 0.30),  # insula
-    ((-0.70, 0.10, -0.55), -0.40, 0.36),  # between thalamus and hippocampus
 )
 
 
@@ -118,109 +126,141 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
     if hemisphere not in ("L", "R"):
         raise InputError(f"no hemisphere `{hemisphere}`", remedy="use L or R")
     volume, area = (float(x) for x in PchipInterpolator(GROWTH[:, 0], GROWTH[:, 1:])(gestational_age))
-    volume *= 1000
+    volume *= 1000  # mm3
 
     coarse, coarse_faces = _sphere(5)
+    # half the length of the hemisphere before it folds, mm
     length = (volume / topology.enclosed_volume(_bent(_unfolded(coarse)), coarse_faces)) ** (1 / 3)
-    lines = _lines(gestational_age, length, np.random.default_rng(seed))
+    pattern = _pattern(coarse, gestational_age, length, seed)
 
     def missing(depth: float) -> float:
-        points = _of_volume(_folded(coarse, lines, length, depth), coarse_faces, volume)
+        points = _of_volume(_folded(coarse, depth * pattern, length), coarse_faces, volume)
         return area - float(topology.face_areas(points, coarse_faces).sum())
 
     deepest = 0.6 * length
     depth = brentq(missing, 0, deepest, xtol=1e-3) if missing(0) * missing(deepest) < 0 else deepest
     sphere, faces = _sphere(subdivisions)
-    points = _of_volume(_folded(sphere, lines, length, depth), faces, volume)
+    for _ in range(_SPREADING_ROUNDS):
+        points = _folded(sphere, depth * _pattern(sphere, gestational_age, length, seed), length)
+        sphere = _drawn_to_long_edges(sphere, faces, points)
+    points = _of_volume(_folded(sphere, depth * _pattern(sphere, gestational_age, length, seed), length), faces, volume)
     points -= [points[:, 0].min() - 1, *points.mean(axis=0)[1:]]
     if hemisphere == "L":
-        points, faces = points * [-1, 1, 1], faces[:, ::-1]
+        points, faces = points * np.array([-1, 1, 1]), faces[:, ::-1]
     return single_precision(TriSurface(points, faces))
 
 
 def _sphere(subdivisions: int) -> tuple[FloatArray, IntArray]:
     """Unit icosphere, coordinates (lateral, anterior, superior)."""
-    sphere = trimesh.creation.icosphere(subdivisions=subdivisions)
-    return np.asarray(sphere.vertices), np.asarray(sphere.faces, np.int32)
+    meshes = pymeshlab.MeshSet()
+    meshes.create_sphere(radius=1.0, subdiv=subdivisions)
+    sphere = meshes.current_mesh()
+    return sphere.vertex_matrix(), sphere.face_matrix().astype(np.int32)
 
 
 def _unfolded(directions: FloatArray) -> FloatArray:
     """The sphere with the temporal lobe and the occipital pole raised and the medial half flattened."""
     radius = np.ones(len(directions))
     for centre, height, width in _RELIEF:
-        angle = np.arccos(np.clip(directions @ (centre / np.linalg.norm(centre)), -1, 1))
+        axis = np.array(centre) / np.linalg.norm(centre)
+        angle = np.arccos(np.clip(directions @ axis, -1, 1))
         radius += height * np.exp(-((angle / width) ** 2))
-    points = directions * radius[:, None]
+    points: FloatArray = directions * radius[:, None]
     lateral = points[:, 0]
     points[:, 0] = np.where(lateral < 0, _MEDIAL * np.tanh(lateral / _MEDIAL), lateral)
     return points
 
 
 def _bent(points: FloatArray) -> FloatArray:
-    """Proportions of a hemisphere of half length 1, its poles bent down."""
+    """Proportions of a hemisphere of half length 1: the medial wall hollowed around the thalamus, the poles bent down.
+
+    Both are shears, each monotone along its axis, so nothing that was apart comes together.
+    """
     lateral, anterior, superior = points.T
-    return np.stack([lateral, anterior, superior - 0.25 * anterior**2], axis=1) * _ASPECT
+    hollow = _HOLLOW * np.exp(-(((anterior - 0.05) / 0.5) ** 2) - ((superior + 0.35) / 0.4) ** 2)
+    lateral = lateral + hollow * np.clip(1 - lateral, 0, 1.2) / 1.2
+    bent: FloatArray = np.stack([lateral, anterior, superior - _BEND * anterior**2], axis=1) * _ASPECT
+    return bent
 
 
-class _Line(NamedTuple):
-    """One sulcus at one age."""
-
-    #: (k, 3) mm
-    points: FloatArray
-    #: (k,) depth relative to the deepest possible
-    depth: FloatArray
-    #: mm
-    width: float
+def _maturity(age: float, onset: float, weeks: float) -> float:
+    """Smoothly from 0 at `onset` to 1 some weeks later."""
+    grown = min(max((age - onset) / weeks, 0.0), 1.0)
+    return grown**2 * (3 - 2 * grown)
 
 
-def _lines(age: float, length: float, rng: np.random.Generator) -> list[_Line]:
-    """The sulci that have appeared by `age` (weeks), on the unfolded hemisphere of half length `length` mm."""
+def _width(maturity: float) -> float:
+    """Half width of a sulcus, mm: folds narrow as they deepen."""
+    return 5.0 - 3.2 * maturity
+
+
+def _pattern(directions: FloatArray, age: float, length: float, seed: int) -> FloatArray:
+    """Relative depth of the folds at `age` (weeks): (n,) for unit vectors (n, 3)."""
+    rng = np.random.default_rng(seed)
+    surface = length * _bent(_unfolded(directions))
+    primary = np.zeros(len(directions))
     lines = []
     for sulcus in SULCI.values():
         course = np.array(sulcus.course) + rng.normal(0, 0.02, (len(sulcus.course), 2))
-        depth = sulcus.depth * rng.lognormal(0, 0.1)
-        course = PchipInterpolator(np.linspace(0, 1, len(course)), course)(np.linspace(0, 1, 100))
-        courses = [(sulcus.onset, depth, course)]
-        for start in rng.uniform([0.1, 0.4, 0.7], [0.3, 0.6, 0.9]):
-            stem = course[round(99 * start)]
-            along = course[round(99 * start) + 1] - stem
-            across = np.array([-along[1], along[0]]) / np.linalg.norm(along) * rng.choice([-1, 1])
-            reach = rng.uniform(0.15, 0.25)
-            branch = stem + np.linspace(0, reach, 40)[:, None] * (across + rng.normal(0, 0.3, 2))
-            courses.append((max(sulcus.onset + 4, 27), 0.8 * depth, branch))
-        for onset, relative_depth, line in courses:
-            grown = np.clip((age - onset) / 9, 0, 1)
-            maturity = grown**2 * (3 - 2 * grown)
-            if maturity:
-                t = np.linspace(-1, 1, len(line))
-                directions = _on_sphere(line, sulcus.lateral)
-                taper = relative_depth * maturity * (1 - np.abs(t) ** 6)
-                lines.append(_Line(length * _bent(_unfolded(directions)), taper, 1.6 + 4 * (1 - maturity)))
-    return lines
+        relative_depth = sulcus.depth * rng.lognormal(0, 0.1)
+        maturity = _maturity(age, sulcus.onset, 8)
+        if not maturity:
+            continue
+        t = np.linspace(-1, 1, 200)
+        course = PchipInterpolator(np.linspace(-1, 1, len(course)), course)(t)
+        lines.append(length * _bent(_unfolded(_on_sphere(course, sulcus.lateral))))
+        width = _width(maturity)
+        distance, nearest = cKDTree(lines[-1]).query(surface, distance_upper_bound=3 * width)
+        depth = relative_depth * maturity * np.r_[1 - np.abs(t) ** 3, 0][nearest]  # 0 for those further away
+        primary += (depth * np.exp(-((distance / width) ** 2))) ** 4
+    maturity = _maturity(age, 26, 10)
+    apart = cKDTree(np.concatenate(lines)).query(surface, distance_upper_bound=3 * _APART)[0]
+    distance = _distance_to_waves(surface, rng)
+    secondary = maturity * np.exp(-((distance / _width(maturity)) ** 2)) * (1 - np.exp(-((apart / _APART) ** 2)))
+    pattern: FloatArray = (primary + (0.8 * secondary) ** 4) ** 0.25
+    return pattern
+
+
+def _distance_to_waves(points: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Distance, mm, to the nodal lines of a random wave, which wind through `points` (n, 3) half its length apart."""
+    wave = rng.normal(size=(32, 3))
+    wave *= 2 * np.pi / _WAVELENGTH / np.linalg.norm(wave, axis=1, keepdims=True)
+    phase = points @ wave.T + rng.uniform(0, 2 * np.pi, len(wave))
+    slope = np.linalg.norm(np.sin(phase) @ wave, axis=1)
+    distance: FloatArray = np.abs(np.cos(phase).sum(axis=1)) / np.hypot(slope, 0.3 * slope.mean())
+    return distance
 
 
 def _on_sphere(course: FloatArray, lateral: bool) -> FloatArray:
     """Unit vectors (lateral, anterior, superior) of points (anterior, superior) of one face."""
     height = np.sqrt(np.maximum(1 - (course**2).sum(axis=1), 0.02))
-    directions = np.c_[height if lateral else -height, course]
-    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    return _normalised(np.c_[height if lateral else -height, course])
 
 
-def _folded(directions: FloatArray, lines: list[_Line], length: float, depth: float) -> FloatArray:
-    """The hemisphere, mm, with its sulci pressed in; `depth` mm is that of one of relative depth 1."""
+def _folded(directions: FloatArray, depth: FloatArray, length: float) -> FloatArray:
+    """The hemisphere, mm, its vertices pressed towards the core by (n,) `depth` mm, but never onto it."""
     outer = _unfolded(directions)
-    surface = length * _bent(outer)
-    pressed = np.zeros(len(directions))
-    for line in lines:
-        distance, nearest = cKDTree(line.points).query(surface)
-        pressed += (line.depth[nearest] * np.exp(-((distance / line.width) ** 2))) ** 6
-    pressed = depth * pressed ** (1 / 6)
     core = _CENTRE + _CORE * (outer - _CENTRE)
     thickness = length * np.linalg.norm((outer - core) * _ASPECT, axis=1)
-    share = np.tanh(pressed / thickness / 0.8) * 0.8
+    share = 0.85 * np.tanh(depth / thickness / 0.85)
     return length * _bent(outer + share[:, None] * (core - outer))
+
+
+def _drawn_to_long_edges(directions: FloatArray, faces: IntArray, points: FloatArray) -> FloatArray:
+    """Unit vectors moved half way to the mean of their neighbours, weighted by how far those are in `points`."""
+    start, end = topology.edges(faces).T
+    one, other = np.r_[start, end], np.r_[end, start]
+    weight = np.linalg.norm(points[one] - points[other], axis=1)
+    total = np.stack([np.bincount(one, weight * directions[other, i]) for i in range(3)], axis=1)
+    return _normalised(directions + total / np.bincount(one, weight)[:, None])
+
+
+def _normalised(vectors: FloatArray) -> FloatArray:
+    unit: FloatArray = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return unit
 
 
 def _of_volume(points: FloatArray, faces: IntArray, volume: float) -> FloatArray:
     """Scaled to enclose `volume` mm3."""
-    return points * (volume / topology.enclosed_volume(points, faces)) ** (1 / 3)
+    scaled: FloatArray = points * (volume / topology.enclosed_volume(points, faces)) ** (1 / 3)
+    return scaled
