@@ -84,6 +84,8 @@ SULCI = {
 _ASPECT = np.array([0.58, 1.0, 0.56])
 #: rounds of spreading the vertices over the folds
 _SPREADING_ROUNDS = 4
+#: steps that round off creases, on a sphere of so many faces
+_ROUNDING_STEPS, _ROUNDING_FACES = 4, 20480
 #: length of the waves that secondary folds follow, mm
 _WAVELENGTH = 22.0
 #: distance that secondary folds keep from primary sulci, mm
@@ -134,7 +136,7 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
     pattern = _pattern(coarse, gestational_age, length, seed)
 
     def missing(depth: float) -> float:
-        points = _of_volume(_folded(coarse, depth * pattern, length), coarse_faces, volume)
+        points = _of_volume(_rounded(_folded(coarse, depth * pattern, length), coarse_faces), coarse_faces, volume)
         return area - float(topology.face_areas(points, coarse_faces).sum())
 
     deepest = 0.6 * length
@@ -143,7 +145,8 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
     for _ in range(_SPREADING_ROUNDS):
         points = _folded(sphere, depth * _pattern(sphere, gestational_age, length, seed), length)
         sphere = _drawn_to_long_edges(sphere, faces, points)
-    points = _of_volume(_folded(sphere, depth * _pattern(sphere, gestational_age, length, seed), length), faces, volume)
+    points = _folded(sphere, depth * _pattern(sphere, gestational_age, length, seed), length)
+    points = _of_volume(_rounded(points, faces), faces, volume)
     points -= [points[:, 0].min() - 1, *points.mean(axis=0)[1:]]
     if hemisphere == "L":
         points, faces = points * np.array([-1, 1, 1]), faces[:, ::-1]
@@ -191,7 +194,7 @@ def _maturity(age: float, onset: float, weeks: float) -> float:
 
 def _width(maturity: float) -> float:
     """Half width of a sulcus, mm: folds narrow as they deepen."""
-    return 5.0 - 3.2 * maturity
+    return 5.0 - 2.2 * maturity
 
 
 def _pattern(directions: FloatArray, age: float, length: float, seed: int) -> FloatArray:
@@ -244,6 +247,16 @@ def _folded(directions: FloatArray, depth: FloatArray, length: float) -> FloatAr
     thickness = length * np.linalg.norm((outer - core) * _ASPECT, axis=1)
     share = 0.85 * np.tanh(depth / thickness / 0.85)
     return length * _bent(outer + share[:, None] * (core - outer))
+
+
+def _rounded(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Vertices moved towards the mean of their neighbours: real sulci have round bottoms, creases are hard to mesh.
+
+    Diffusion over the same length at every resolution: a finer mesh takes more steps.
+    """
+    for _ in range(max(1, round(_ROUNDING_STEPS * len(faces) / _ROUNDING_FACES))):
+        points = (points + topology.neighbour_means(points, faces)) / 2
+    return points
 
 
 def _drawn_to_long_edges(directions: FloatArray, faces: IntArray, points: FloatArray) -> FloatArray:
