@@ -95,14 +95,14 @@ cgal_version() { echo '#include <CGAL/version.h>' | g++ -E -dM -x c++ - 2>/dev/n
 
 report_progress() {
     local log=$1 began=$SECONDS
-    while sleep 30 && kill -0 $$ 2>/dev/null; do
+    while sleep 60 && kill -0 $$ 2>/dev/null; do
         say "compiling pygalmesh: file $(grep -c -- ' -c src/' "$log") of $pygalmesh_sources, $(((SECONDS - began) / 60)) min"
     done
 }
 
 # Compiles the wheel into the cache. Two set-ups at once compile it once: the second waits.
 compile_pygalmesh() {
-    local cgal flags=-g0 log=$wheels/compile.log build progress status=0
+    local cgal headers= log=$wheels/compile.log build progress status=0
     exec 8<"$wheels"
     flock -n 8 || { say "another set-up is compiling pygalmesh; waiting for it"; flock 8; }
     if install_pygalmesh; then exec 8<&-; return; fi
@@ -112,7 +112,7 @@ compile_pygalmesh() {
     case $cgal in
         '') say "there are no CGAL headers"; exec 8<&-; return 1 ;;
         5.*) ;;
-        6.*) flags+=" -I$PWD/tools/cgal6" ;; # two headers that went away after version 5
+        6.*) headers=$PWD/tools/cgal6 ;; # two headers that went away after version 5
         *) say "pygalmesh is not known to compile with CGAL $cgal; trying" ;;
     esac
 
@@ -120,8 +120,9 @@ compile_pygalmesh() {
     build=$(mktemp -d "$wheels/.build.XXXXXX")
     : >"$log"
     report_progress "$log" 8<&- 9<&- & progress=$!
-    CFLAGS=$flags $venv/bin/python -m pip wheel --verbose --no-deps --no-build-isolation --no-binary pygalmesh --no-cache-dir \
-        --wheel-dir "$build" "$pygalmesh" </dev/null &>"$log" || status=$?
+    CXXFLAGS=-g0 CPLUS_INCLUDE_PATH=$headers${CPLUS_INCLUDE_PATH:+:$CPLUS_INCLUDE_PATH} $venv/bin/python -m pip wheel --verbose \
+        --no-deps --no-build-isolation --no-binary pygalmesh --no-cache-dir --wheel-dir "$build" "$pygalmesh" \
+        </dev/null &>"$log" || status=$?
     kill $progress 2>/dev/null || true
     ((status)) || mv "$build"/*.whl "$wheels"
     rm -rf "$build"
