@@ -120,9 +120,10 @@ compile_pygalmesh() {
     build=$(mktemp -d "$wheels/.build.XXXXXX")
     : >"$log"
     report_progress "$log" 8<&- 9<&- & progress=$!
-    CXXFLAGS=-g0 CPLUS_INCLUDE_PATH=$headers${CPLUS_INCLUDE_PATH:+:$CPLUS_INCLUDE_PATH} $venv/bin/python -m pip wheel --verbose \
-        --no-deps --no-build-isolation --no-binary pygalmesh --no-cache-dir --wheel-dir "$build" "$pygalmesh" \
-        </dev/null &>"$log" || status=$?
+    # CXXFLAGS takes the place of the flags Python was compiled with, of which -O2 and -DNDEBUG matter
+    CXXFLAGS="-O2 -DNDEBUG" CPLUS_INCLUDE_PATH=$headers${CPLUS_INCLUDE_PATH:+:$CPLUS_INCLUDE_PATH} \
+        $venv/bin/python -m pip wheel --verbose --no-deps --no-build-isolation --no-binary pygalmesh --no-cache-dir \
+        --wheel-dir "$build" "$pygalmesh" </dev/null &>"$log" || status=$?
     kill $progress 2>/dev/null || true
     ((status)) || mv "$build"/*.whl "$wheels"
     rm -rf "$build"
