@@ -117,6 +117,7 @@ compile_pygalmesh() {
     esac
 
     say "compiling $pygalmesh with CGAL $cgal, since it has no wheel: about ten minutes, once (log: $log)"
+    rm -rf "$wheels"/.build.* # of a set-up that was killed
     build=$(mktemp -d "$wheels/.build.XXXXXX")
     : >"$log"
     report_progress "$log" 8<&- 9<&- & progress=$!
