@@ -148,6 +148,8 @@ class Generate(Section):
     """Sliver exudation, last."""
     seed: NonNegativeInt = 0
     """Seed of CGAL's random numbers."""
+    fallback: Literal["tetgen"] | None = "tetgen"
+    """Where no facet distance gives the right topology: tetgen keeps the surface's own triangles; null: nothing."""
 
 
 class Relocate(Section):
@@ -275,7 +277,7 @@ class Config(Section):
 
 #: where the paper's choices differ from ours: section -> key -> value
 PUBLISHED: dict[str, dict[str, Any]] = {
-    "generate": {"facet_distance": [0.5]},
+    "generate": {"facet_distance": [0.5], "fallback": None},
     "relocate": {"boundary": "free"},
     "clean": {"boundary": "free", "improve_mean": False},
     "reconnect": {"enabled": False},

@@ -229,6 +229,15 @@ def _prove_mesher(backend: str) -> str:
     return f"a ball becomes {len(mesh.cells)} tetrahedra with {100 * share:.0f} % of its volume"
 
 
+def _prove_tetgen() -> str:
+    import tetgen
+
+    ball = _ball()
+    nodes, cells, *_ = tetgen.TetGen(ball.points.copy(), ball.faces.copy()).tetrahedralize(switches="pYQ")
+    _expect(len(cells) > 0 and len(nodes) >= len(ball.points), "a ball is not filled")
+    return f"a ball of {len(ball.faces)} triangles becomes {len(cells)} tetrahedra"
+
+
 def _prove_gmsh() -> str:
     from cortet.stages.relocate import relocate
 
@@ -349,6 +358,7 @@ LIBRARIES = (
     Library("numba", "kernels of S4", _prove_numba),
     Library("pygalmesh", "S1, as published", lambda: _prove_mesher("pygalmesh"), "libgmp10 libmpfr6"),
     Library("cgal", "S1, second backend", lambda: _prove_mesher("cgal")),
+    Library("tetgen", "S1, where CGAL cannot keep the topology", _prove_tetgen),
     Library("gmsh", "S3", _prove_gmsh, "libglu1-mesa libxft2 libxcursor1 libxinerama1 libgl1"),
     Library("pymeshlab", "smoothing of the input", _prove_pymeshlab, "libgl1 libopengl0 libegl1"),
     Library("meshio", "VTU and other mesh files", _prove_meshio),

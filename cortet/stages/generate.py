@@ -5,7 +5,9 @@ wheel (CGAL 6, no compiling). Both read an OFF file and write a Medit file, with
 
 Refinement decides the topology. With a coarse facet distance the two banks of a narrow sulcus pinch or fuse, silently,
 so the boundary is checked after refinement, before the slow passes, and again after them; when its topology is not that
-of the input, the facet distance (nothing else) is tightened.
+of the input, the facet distance (nothing else) is tightened. On surfaces with creases and banks closer than their own
+edges no distance helps. Then TetGen keeps the triangles of the surface itself as the boundary: its elements are poor
+and many, but the topology is right, and S4 with reconnection mends the elements.
 
 Reference: https://doc.cgal.org/latest/Mesh_3/index.html (criteria and passes).
 """
@@ -23,7 +25,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import meshio
 import numpy as np
@@ -47,6 +49,9 @@ VERSION: int = 1
 PASSES = ("odt", "lloyd", "perturb", "exude")
 #: CGAL's own defaults for ODT and Lloyd, which the wheel wants spelled out
 CONVERGENCE, FREEZE_BOUND = 0.02, 0.01
+#: TetGen's bounds of circumradius over shortest edge, and of an element's volume in cubes of the cell size: the mean
+#: volume of CGAL's elements
+TETGEN_RATIO, TETGEN_VOLUME = 1.5, 0.25
 #: "no limit" for the time limits, iteration limits and sliver bounds of CGAL's passes
 NO_LIMIT = 0
 
@@ -69,7 +74,8 @@ class Criteria(NamedTuple):
 class Attempt:
     """One meshing and the topology that came out of it."""
 
-    facet_distance_mm: float
+    #: None where the boundary was given
+    facet_distance_mm: float | None
     #: the passes that ran; none when only the refinement was tried
     passes: tuple[str, ...]
     nodes: int
@@ -91,8 +97,9 @@ class GenerateReport:
     #: None where the backend takes no seed
     seed: int | None
     cell_size_mm: float
-    facet_distance_mm: float
-    facet_distance_fraction: float
+    #: None where the boundary was given
+    facet_distance_mm: float | None
+    facet_distance_fraction: float | None
     passes: tuple[str, ...]
     nodes: int
     tetrahedra: int
@@ -117,6 +124,7 @@ def generate(
     perturb: bool = True,
     exude: bool = True,
     seed: int = 0,
+    fallback: Literal["tetgen"] | None = "tetgen",
 ) -> tuple[TetMesh, GenerateReport]:
     """Mesh the inside of a closed surface.
 
@@ -132,6 +140,7 @@ def generate(
     radius_edge_ratio : upper bound of circumradius over shortest edge of tetrahedra
     odt, lloyd, perturb, exude : CGAL's optimisation passes
     seed : of CGAL's random numbers; pygalmesh only
+    fallback : what to try when no facet distance gives the topology of the surface; None (published) for nothing
 
     Returns
     -------
@@ -165,7 +174,7 @@ def generate(
         _write_off(surface, off)
         for fraction in facet_distance:
             criteria = Criteria(cell_size, facet_angle, fraction * cell_size, radius_edge_ratio)
-            may_retry = bool(passes) and fraction != facet_distance[-1]
+            may_retry = bool(passes) and (fraction != facet_distance[-1] or fallback is not None)
             for trial in [(), passes] if may_retry else [passes]:
                 mesh, attempt = _attempt(off, backend, criteria, trial, seed=seed, genus=int(topology.genus))
                 attempts.append(attempt)
@@ -173,6 +182,13 @@ def generate(
                     break
             if not attempts[-1].problems:
                 break
+    if attempts[-1].problems and fallback:
+        logger.warning(
+            "no facet distance of %s h gives the topology of the surface: %s", list(facet_distance), fallback
+        )
+        mesh, attempt = _on_the_triangles_of(surface, cell_size, genus=int(topology.genus))
+        attempts.append(attempt)
+        backend, passes = fallback, ()
 
     final = attempts[-1]
     reason = "; ".join(final.problems)
@@ -185,7 +201,7 @@ def generate(
         seed=seed if backend == "pygalmesh" else None,
         cell_size_mm=cell_size,
         facet_distance_mm=final.facet_distance_mm,
-        facet_distance_fraction=final.facet_distance_mm / cell_size,
+        facet_distance_fraction=None if final.facet_distance_mm is None else final.facet_distance_mm / cell_size,
         passes=passes,
         nodes=len(mesh.points),
         tetrahedra=len(mesh.cells),
@@ -214,22 +230,47 @@ def _attempt(
     except RuntimeError as error:
         raise StageError(f"{backend} failed: {error}") from error
     mesh, flat = _read_medit(medit)
+    what = f"{backend}, facet distance {criteria.facet_distance:g} mm, {', '.join(('refinement', *passes))}"
+    attempt = _judged(mesh, genus, facet_distance=criteria.facet_distance, passes=passes, flat=flat)
+    _log(what, attempt, time.perf_counter() - began)
+    return mesh, attempt
+
+
+def _on_the_triangles_of(surface: TriSurface, cell_size: float, *, genus: int) -> tuple[TetMesh, Attempt]:
+    """Fill the surface with TetGen, which adds no node on the boundary."""
+    began = time.perf_counter()
+    try:
+        import tetgen
+
+        switches = f"pq{TETGEN_RATIO}Ya{TETGEN_VOLUME * cell_size**3:.9g}Q"
+        filled = tetgen.TetGen(surface.points.copy(), surface.faces.copy()).tetrahedralize(switches=switches)
+    except ImportError as error:
+        raise StageError(f"mesher tetgen is not installed: {error}", remedy="set generate.fallback: null") from error
+    except RuntimeError as error:
+        raise StageError(
+            f"tetgen failed: {error}", remedy="set generate.fallback: null to see the mesh of CGAL"
+        ) from error
+    cells, flat = oriented(filled[0], filled[1])
+    points, cells, _ = compact(filled[0], cells)
+    mesh = TetMesh(*ordered_along_curve(points, cells))
+    attempt = _judged(mesh, genus, facet_distance=None, passes=(), flat=flat)
+    _log("tetgen on the triangles of the surface", attempt, time.perf_counter() - began)
+    return mesh, attempt
+
+
+def _log(what: str, attempt: Attempt, seconds: float) -> None:
+    found = "; ".join(attempt.problems) or "topology of the surface"
+    logger.info("%s: %d nodes, %d tetrahedra, %s, %.1f s", what, attempt.nodes, attempt.tetrahedra, found, seconds)
+
+
+def _judged(mesh: TetMesh, genus: int, *, facet_distance: float | None, passes: tuple[str, ...], flat: int) -> Attempt:
+    """Compare the topology of a mesh with a surface of `genus` handles."""
     boundary = surface_topology(boundary_faces(mesh))
     problems = boundary.problems(genus)
     if (bodies := components(mesh.cells)) != 1:
         problems.append(f"{bodies} bodies instead of one")
-    logger.info(
-        "%s, facet distance %g mm, %s: %d nodes, %d tetrahedra, %s, %.1f s",
-        backend,
-        criteria.facet_distance,
-        ", ".join(("refinement", *passes)),
-        len(mesh.points),
-        len(mesh.cells),
-        "; ".join(problems) or "topology of the surface",
-        time.perf_counter() - began,
-    )
-    return mesh, Attempt(
-        facet_distance_mm=criteria.facet_distance,
+    return Attempt(
+        facet_distance_mm=facet_distance,
         passes=passes,
         nodes=len(mesh.points),
         tetrahedra=len(mesh.cells),

@@ -92,16 +92,27 @@ def test_a_pinched_slit_is_opened_by_a_tighter_facet_distance(backend):
 
 @each_backend
 def test_the_published_setting_does_not_retry_and_says_that_it_failed(backend):
-    mesh, report = generate(horseshoe(gap=0.4), cell_size=1.5, backend=backend, facet_distance=[0.5])
+    mesh, report = generate(horseshoe(gap=0.4), cell_size=1.5, backend=backend, facet_distance=[0.5], fallback=None)
     assert len(report.attempts) == 1 and report.attempts[0].passes == s1.PASSES
     assert not report.topology_ok
     assert report.reason == "; ".join(surface_topology(boundary_faces(mesh)).problems()) != ""
 
 
 def test_the_slow_passes_are_not_paid_for_when_refinement_shows_the_fault():
-    _, report = generate(horseshoe(gap=0.4), cell_size=1.5, backend="cgal")
+    _, report = generate(horseshoe(gap=0.4), cell_size=1.5, backend="cgal", fallback=None)
     tried = [attempt.passes for attempt in report.attempts]
     assert tried == [(), (), (), s1.PASSES]
+
+
+def test_where_no_facet_distance_helps_the_triangles_of_the_surface_become_the_boundary():
+    surface = horseshoe(gap=0.4)
+    mesh, report = generate(surface, cell_size=1.5, backend="cgal", facet_distance=[0.5, 0.4])
+    assert (report.backend, report.passes, report.facet_distance_mm) == ("tetgen", (), None)
+    assert [attempt.passes for attempt in report.attempts] == [(), (), ()]
+    assert report.topology_ok and is_sound(mesh)
+    nodes = np.unique(boundary_faces(mesh))
+    assert len(boundary_faces(mesh)) == len(surface.faces)
+    assert {tuple(point) for point in mesh.points[nodes]} == {tuple(point) for point in surface.points}
 
 
 def test_the_narrow_sulci_of_a_real_brain_are_kept_open():
