@@ -35,7 +35,7 @@ VOLUME_TOLERANCE = 1e-9
 #: how many places of one kind are listed
 PLACES = 10
 #: distributions whose versions can change a mesh or its numbers
-LIBRARIES = ("numpy", "scipy", "numba", "nibabel", "meshio", "pymeshlab", "pymeshfix", "pygalmesh", "cgal", "gmsh")
+LIBRARIES = ("numpy", "scipy", "numba", "nibabel", "meshio", "pymeshlab", "pygalmesh", "cgal", "tetgen", "gmsh")
 
 Comparison = Literal["<", "<=", "=="]
 _COMPARE: dict[Comparison, Callable[[float, float], bool]] = {"<": operator.lt, "<=": operator.le, "==": operator.eq}
