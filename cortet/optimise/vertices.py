@@ -29,8 +29,6 @@ Boundary = Literal["slide", "fixed", "free"]
 
 #: what a vertex may do
 FIXED, FREE, SLIDING = 0, 1, 2
-#: in place of a power: minimise the sum of q itself
-MEAN_Q = 0
 
 _BACKTRACKS, _SHRINK = 6, 0.4
 #: a move must lower E by this fraction, or it is not worth the visits to the neighbours that it causes
@@ -138,13 +136,13 @@ def _mu2(row, x, y, z):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _energy(star, size, x, y, z, half_power, cap):  # type: ignore[no-untyped-def]
-    """Sum of mu^p (or of q) with v at (x, y, z); infinite if some mu^2 exceeds `cap` or a volume is not positive."""
+    """Sum of mu^p with v at (x, y, z); infinite if some mu^2 exceeds `cap` or a volume is not positive."""
     total = 0.0
     for i in range(size):
         t = _mu2(star[i], x, y, z)
         if not t <= cap:
             return np.inf
-        total += t**half_power if half_power else 1 - 1 / np.sqrt(t)
+        total += t**half_power
     return total
 
 
@@ -156,7 +154,8 @@ def _derivatives(star, size, half_power):  # type: ignore[no-untyped-def]
         row = star[i]
         v6, s = row[3], row[7] / 6
         t = s * s * s / (2 * v6 * v6)
-        weight, power = (2 * half_power * t**half_power, 2.0 * half_power) if half_power else (1 / np.sqrt(t), 0.0)
+        power = 2.0 * half_power
+        weight = power * t**half_power
         nx, ny, nz = row[0] / v6, row[1] / v6, row[2] / v6
         dx, dy, dz = nx - 0.5 * row[4] / s, ny - 0.5 * row[5] / s, nz - 0.5 * row[6] / s
         gx += weight * dx
@@ -308,7 +307,7 @@ class Pass(NamedTuple):
 
     #: only vertices of tetrahedra with q above this are moved
     threshold: float
-    #: p of the energy: even, or MEAN_Q
+    #: p of the energy, even
     power: int
     #: at most this many sweeps
     sweeps: int

@@ -12,7 +12,7 @@ from cortet import topology
 from cortet.mesh import TetMesh
 from cortet.optimise import vertices
 from cortet.optimise.closest_point import closest_points, surface_tree
-from cortet.optimise.vertices import FREE, MEAN_Q, Pass, move_vertices
+from cortet.optimise.vertices import FREE, Pass, move_vertices
 from cortet.quality import quality, signed_volumes
 
 SPHERE = ball_surface(2, 1.0)
@@ -35,7 +35,7 @@ def interior_vertex(mesh: TetMesh) -> int:
     return int(np.setdiff1d(np.arange(len(mesh.points)), topology.boundary_nodes(mesh))[0])
 
 
-@pytest.mark.parametrize("power", [2, 8, MEAN_Q])
+@pytest.mark.parametrize("power", [2, 8, 32])
 def test_energy_and_gradient_agree_with_the_definition_of_q(mesh, power):
     v = interior_vertex(mesh)
     star, size = star_of(mesh, v)
@@ -45,7 +45,7 @@ def test_energy_and_gradient_agree_with_the_definition_of_q(mesh, power):
         points = mesh.points.copy()
         points[v] += offset
         q = quality(points, mine)
-        return (q if power == MEAN_Q else (1 - q) ** -power).sum()
+        return ((1 - q) ** -power).sum()
 
     offset = np.array([0.01, -0.02, 0.005])
     assert vertices._energy(star, size, *offset, power // 2, np.inf) == pytest.approx(defined(offset), rel=1e-12)
