@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cortet import verify
 from cortet.errors import StageError
 from cortet.formats import FORMATS
-from cortet.formats.atomic import atomic_path
+from cortet.formats.atomic import atomic_folder
 from cortet.mesh import TetMesh
+from cortet.verify import verify
 
 VERSION: int = 1
-
-
-#: format of a solver -> names every convention of the solver that a written file breaks
-VERIFIERS: dict[str, Callable[[Path], list[str]]] = {"braingrowth": verify.braingrowth}
 
 
 def export(
@@ -27,7 +23,7 @@ def export(
     Parameters
     ----------
     mesh : as `stages.solver_ready` leaves it
-    solver : a key of `VERIFIERS`
+    solver : a key of `verify.SOLVERS`
     certificate : content of the mesh's certificate.json
     uncertified : write it even when the certificate says no
 
@@ -42,7 +38,7 @@ def export(
             file=path,
             remedy="export.uncertified: true writes it all the same",
         )
-    with atomic_path(path) as temporary:
-        FORMATS[solver].write(mesh, temporary)
-        if problems := VERIFIERS[solver](temporary):
+    with atomic_folder(path) as folder:
+        FORMATS[solver].write(mesh, folder / path.name)
+        if problems := verify(folder / path.name, solver):
             raise StageError("the written file is not what the solver reads: " + "; ".join(problems), file=path)

@@ -59,6 +59,18 @@ class TriSurface:
 
 
 @dataclass(frozen=True, eq=False)
+class MeshSets:
+    """Named parts of a mesh, as solvers know them. A name may occur once among nodes, among faces and among cells."""
+
+    #: name -> (k,) int32, nodes, ascending
+    nodes: dict[str, IntArray] = field(default_factory=dict)
+    #: name -> (k, 3) int32, boundary faces as node triples, counter-clockwise seen from outside
+    faces: dict[str, IntArray] = field(default_factory=dict)
+    #: name -> (k,) int32, tetrahedra, ascending
+    cells: dict[str, IntArray] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
 class TetMesh:
     """A tetrahedral mesh. Every one in memory has positive signed volumes, 0-based indices and no unused nodes."""
 
@@ -70,6 +82,8 @@ class TetMesh:
     point_data: dict[str, NDArray[Any]] = field(default_factory=dict)
     #: per-element fields, name -> (m,) or (m, k)
     cell_data: dict[str, NDArray[Any]] = field(default_factory=dict)
+    #: named nodes, faces and tetrahedra; only meshes on their way to a solver have any
+    sets: MeshSets = MeshSets()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", _frozen(self.points, np.float64, 3, "points"))

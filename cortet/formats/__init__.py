@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from cortet.formats import braingrowth, carp, vtu
+from cortet.formats import abaqus, braingrowth, carp, vtu
 from cortet.mesh import TetMesh
 
 
@@ -24,4 +24,5 @@ FORMATS = {
     "vtu": Format(".vtu", vtu.read, vtu.write),
     "carp": Format(".pts", carp.read, carp.write),
     "braingrowth": Format(".mesh", braingrowth.read, braingrowth.write),
+    "abaqus": Format(".inp", abaqus.read, abaqus.write),
 }

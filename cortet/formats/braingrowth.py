@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
-from cortet.formats.text import write_rows
+from cortet.formats.surface_sets import surface_faces
+from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.mesh import FloatArray, TetMesh
-from cortet.topology import boundary_faces, boundary_nodes, compact
+from cortet.topology import boundary_nodes, compact
 
 
 class Tables(NamedTuple):
@@ -47,8 +48,9 @@ def write(mesh: TetMesh, path: str | Path) -> None:
         write_rows(file, "%.9f %.9f %.9f\n", mesh.points)
         file.write(f"{len(mesh.cells)}\n")
         write_rows(file, "1 %d %d %d %d\n", mesh.cells[:, [0, 1, 3, 2]] + 1)
-        file.write(f"{len(boundary_faces(mesh))}\n")
-        write_rows(file, "1 %d %d %d\n", boundary_faces(mesh) + 1)
+        faces = surface_faces(mesh)
+        file.write(f"{len(faces)}\n")
+        write_rows(file, "1 %d %d %d\n", faces + 1)
 
 
 def read(path: str | Path) -> TetMesh:
@@ -69,29 +71,24 @@ def read_tables(path: str | Path) -> Tables:
     InputError
         the file is missing, incomplete or too long, or a line has another number of fields than its table
     """
+    start, tables = 1, []
     try:
-        lines = Path(path).read_text(encoding="ascii").splitlines()
+        with Path(path).open(encoding="ascii") as file:
+            for kind, fields, dtype in [("node", 3, float), ("tetrahedron", 5, np.int64), ("triangle", 4, np.int64)]:
+                stated = file.readline()
+                if not stated.strip().isdecimal():
+                    raise InputError(f"line {start}: the number of {kind} lines is missing", file=path)
+                count = int(stated)
+                try:
+                    tables.append(read_rows(file, fields, dtype, rows=count))
+                except BadRowError as error:
+                    line = f"line {start + 1 + error.row}: a {kind} line {error}"
+                    raise InputError(f"{line} ({count} lines of {fields} fields belong there)", file=path) from error
+                start += 1 + count
+            if file.read().strip():
+                raise InputError(f"line {start}: more than the three tables", file=path)
     except OSError as error:
         raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
     except UnicodeDecodeError as error:
         raise InputError("is not a text file", file=path) from error
-    start, tables = 0, []
-    for kind, fields, dtype in [("node", 3, float), ("tetrahedron", 5, np.int64), ("triangle", 4, np.int64)]:
-        try:
-            count = int(lines[start])
-        except (IndexError, ValueError) as error:
-            raise InputError(f"line {start + 1}: the number of {kind} lines is missing", file=path) from error
-        rows = [line.split() for line in lines[start + 1 : start + 1 + count]]
-        for number, row in enumerate(rows, start=start + 2):
-            if len(row) != fields:
-                raise InputError(f"line {number}: a {kind} line has {fields} fields, not {len(row)}", file=path)
-        if len(rows) != count:
-            raise InputError(f"is not complete: {len(rows)} {kind} lines instead of {count}", file=path)
-        try:
-            tables.append(np.array(rows, dtype=str).reshape(count, fields).astype(dtype))
-        except ValueError as error:
-            raise InputError(f"{kind} lines from line {start + 2}: {error}", file=path) from error
-        start += 1 + count
-    if any(line.strip() for line in lines[start:]):
-        raise InputError(f"line {start + 1}: more than the three tables", file=path)
     return Tables(*tables)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from shapes import cube_mesh
 
-from cortet import verify
 from cortet.errors import InputError
 from cortet.formats import braingrowth
 from cortet.mesh import TetMesh
 from cortet.quality import signed_volumes
 from cortet.stages.solver_ready import solver_ready
+from cortet.verify import verify
 
 TALLINEN = Path(__file__).parents[3] / "shared" / "data" / "tallinen"
 
@@ -56,7 +56,7 @@ def test_a_single_tetrahedron_as_the_solver_wants_it(tmp_path):
 
 
 def test_what_is_written_verifies_and_reads_back(written):
-    assert verify.braingrowth(written) == []
+    assert verify(written, "braingrowth") == []
     mesh, back = solver_ready(cube_mesh(3, side=2.0, jitter=0.2))[0], braingrowth.read(written)
     assert np.array_equal(back.cells, mesh.cells) and np.allclose(back.points, mesh.points, atol=5e-10, rtol=0)
     assert signed_volumes(back.points, back.cells).min() > 0
@@ -126,19 +126,19 @@ def count_nodes_from_zero(file):
         (leave_out_a_face, ["1 boundary faces are missing from the triangles"]),
         (list_a_face_twice, ["1 triangles are listed more than once"]),
         (give_every_tetrahedron_a_positive_volume, ["162 of 162 tetrahedra have no negative volume"]),
-        (leave_out_the_tag, ["line 67: a tetrahedron line has 5 fields, not 4"]),
+        (leave_out_the_tag, ["line 67: a tetrahedron line has 4 fields instead of 5"]),
         (count_nodes_from_zero, ["tetrahedra name nodes outside 1..64"]),
     ],
 )
 def test_each_broken_convention_is_named_and_no_other(written, breakage, words):
     edit(written, breakage)
-    found = verify.braingrowth(written)
+    found = verify(written, "braingrowth")
     assert len(found) == len(words) and all(part in line for part, line in zip(words, found, strict=True)), found
 
 
 def test_an_inner_face_is_no_boundary_face(written):
     edit(written, name_an_inner_face)
-    found = " ".join(verify.braingrowth(written))
+    found = " ".join(verify(written, "braingrowth"))
     assert (
         "1 boundary faces are missing" in found and "1 triangles are no boundary face, the first on line 233" in found
     )
@@ -148,7 +148,7 @@ def test_every_truncation_is_refused(written):
     text = written.read_text()
     for share in np.linspace(0, 0.99, 12):
         written.write_text(text[: int(share * len(text))])
-        assert verify.braingrowth(written), share
+        assert verify(written, "braingrowth"), share
 
 
 def test_a_missing_file_is_refused_by_name(tmp_path):
@@ -160,6 +160,6 @@ def test_a_missing_file_is_refused_by_name(tmp_path):
 def test_the_solvers_own_meshes_verify(name):
     if not (TALLINEN / name).exists():
         pytest.skip("../shared/data/tallinen is not here")
-    assert verify.braingrowth(TALLINEN / name) == []
+    assert verify(TALLINEN / name, "braingrowth") == []
     mesh = braingrowth.read(TALLINEN / name)
     assert signed_volumes(mesh.points, mesh.cells).min() > 0

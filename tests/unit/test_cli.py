@@ -148,3 +148,10 @@ def test_cohort_scan_writes_a_sheet_and_names_what_it_excludes(
     shown = capsys.readouterr().out
     assert "2 surfaces, 1 of them excluded" in shown
     assert "sub-A_ses-2_hemi-L: no scan age" in shown
+
+
+def test_the_solvers_of_the_command_are_those_that_can_be_verified() -> None:
+    from cortet.cli import SOLVER_NAMES
+    from cortet.verify import SOLVERS
+
+    assert set(SOLVER_NAMES) == set(SOLVERS)

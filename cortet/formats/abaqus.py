@@ -1,0 +1,196 @@
+"""Abaqus `.inp`, which CalculiX reads too: nodes, C3D4 elements, and the named sets of nodes, elements and faces.
+
+Nodes and elements count from 1 in the order of the mesh, volumes are positive. `*SURFACE` names faces by element and
+side: S1 = 1-2-3, S2 = 1-4-2, S3 = 2-4-3, S4 = 3-4-1 (Abaqus Elements Guide, "Three-dimensional solid element library").
+There is no material and no step: a job includes the file (`*INCLUDE, INPUT=mesh.inp`) and adds both. Coordinates have
+12 significant digits, since CalculiX reads 20 characters of a number.
+
+Fields of nodes stand in a file of their own, `<name>_fields.inp`, as `*INITIAL CONDITIONS, TYPE=FIELD`, which Abaqus
+has and CalculiX has not; a field of k components takes k variables, and a comment before each names it.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.formats.atomic import atomic_path
+from cortet.formats.surface_sets import faces_of_sides, sides, with_surface
+from cortet.formats.text import BadRowError, read_rows, write_rows, write_wrapped
+from cortet.mesh import IntArray, MeshSets, TetMesh
+
+#: sets of everything
+ALL_NODES, ALL_ELEMENTS = "all_nodes", "all_elements"
+#: side by the corner opposite to it, and back
+_SIDE = np.array([3, 4, 2, 1])
+_OPPOSITE = np.array([-1, 3, 2, 0, 1])
+_PER_LINE = 16
+
+_FIELD = re.compile(rb"^\*\* variable (\d+): (\S+), component (\d+) of (\d+), (\w+)$", re.MULTILINE)
+
+
+def write(mesh: TetMesh, path: str | Path) -> None:
+    """Write `path` and, when the mesh has fields, the file of its fields; each complete or not at all."""
+    mesh = with_surface(mesh)
+    with atomic_path(path) as temporary, temporary.open("w", encoding="ascii") as file:
+        file.write("*HEADING\nTetrahedral mesh, coordinates in mm\n")
+        file.write(f"*NODE, NSET={ALL_NODES}\n")
+        write_rows(file, "%d, %.12g, %.12g, %.12g\n", np.arange(1, len(mesh.points) + 1), mesh.points)
+        file.write(f"*ELEMENT, TYPE=C3D4, ELSET={ALL_ELEMENTS}\n")
+        write_rows(file, "%d, %d, %d, %d, %d\n", np.arange(1, len(mesh.cells) + 1), mesh.cells + 1)
+        for name, nodes in mesh.sets.nodes.items():
+            file.write(f"*NSET, NSET={name}\n")
+            write_wrapped(file, nodes + 1, _PER_LINE)
+        for name, cells in mesh.sets.cells.items():
+            file.write(f"*ELSET, ELSET={name}\n")
+            write_wrapped(file, cells + 1, _PER_LINE)
+        for name, faces in mesh.sets.faces.items():
+            owners, opposite = sides(mesh, faces)
+            file.write(f"*SURFACE, TYPE=ELEMENT, NAME={name}\n")
+            write_rows(file, "%d, S%d\n", owners + 1, _SIDE[opposite])
+    if mesh.point_data:
+        with atomic_path(fields_path(path)) as temporary, temporary.open("w", encoding="ascii") as file:
+            _write_fields(file, mesh.point_data)
+
+
+def fields_path(path: str | Path) -> Path:
+    """The file of the fields beside a mesh file."""
+    return Path(path).with_name(Path(path).name.removesuffix(".inp") + "_fields.inp")
+
+
+def _write_fields(file: IO[str], fields: dict[str, NDArray[Any]]) -> None:
+    variable = 0
+    for name, values in fields.items():
+        columns = values.reshape(len(values), -1)
+        kind = "integer" if np.issubdtype(values.dtype, np.integer) else "real"
+        number = "%d" if kind == "integer" else "%.12g"
+        for component, column in enumerate(columns.T, start=1):
+            variable += 1
+            file.write(f"** variable {variable}: {name}, component {component} of {columns.shape[1]}, {kind}\n")
+            file.write(f"*INITIAL CONDITIONS, TYPE=FIELD, VARIABLE={variable}\n")
+            write_rows(file, f"%d, {number}\n", np.arange(1, len(values) + 1), column)
+
+
+def read(path: str | Path) -> TetMesh:
+    """Read a mesh of C3D4 elements with its sets, and its fields where their file is beside it.
+
+    Tetrahedra come as they are in the file, positive or not; node and element numbers may be any.
+
+    Raises
+    ------
+    InputError
+        the file is missing, holds other elements, names nodes or elements it lacks, or a line cannot be read
+    """
+    nodes, elements = np.empty((0, 4)), np.empty((0, 5), np.int64)
+    node_sets, cell_sets, surfaces = {}, {}, {}
+    for keyword, options, data, line in _blocks(path):
+        try:
+            if keyword == "NODE":
+                nodes = np.concatenate([nodes, read_rows(data, 4, float, delimiter=",")])
+            elif keyword == "ELEMENT":
+                if options.get("TYPE") != "C3D4":
+                    raise InputError(f"line {line}: elements of type {options.get('TYPE')}, not C3D4", file=path)
+                elements = np.concatenate([elements, read_rows(data, 5, np.int64, delimiter=",")])
+            elif keyword == "NSET":
+                node_sets[options["NSET"]] = _numbers(data)
+            elif keyword == "ELSET":
+                cell_sets[options["ELSET"]] = _numbers(data)
+            elif keyword == "SURFACE":
+                surfaces[options["NAME"]] = read_rows(
+                    data.replace(b"S", b"").replace(b"s", b""), 2, np.int64, delimiter=","
+                )
+        except BadRowError as error:
+            raise InputError(f"line {line + 1 + error.row} {error}", file=path) from error
+        except (KeyError, ValueError) as error:
+            raise InputError(f"line {line}: *{keyword} cannot be read: {error}", file=path) from error
+    if not len(nodes) or not len(elements):
+        raise InputError("holds no nodes or no elements", file=path)
+    number_of_node, number_of_cell = nodes[:, 0].astype(np.int64), elements[:, 0]
+    cells = _indices(elements[:, 1:], number_of_node, "node", path)
+    faces = {}
+    for name, rows in surfaces.items():
+        if len(rows) and not (rows[:, 1].min() >= 1 and rows[:, 1].max() <= 4):
+            raise InputError(f"*SURFACE {name} names a side that is not S1 to S4", file=path)
+        owners = _indices(rows[:, 0], number_of_cell, "element", path)
+        faces[name] = faces_of_sides(cells, owners, _OPPOSITE[rows[:, 1]])
+    sets = MeshSets(
+        {name: _indices(numbers, number_of_node, "node", path) for name, numbers in node_sets.items()},
+        faces,
+        {name: _indices(numbers, number_of_cell, "element", path) for name, numbers in cell_sets.items()},
+    )
+    return TetMesh(nodes[:, 1:], cells, _read_fields(fields_path(path), number_of_node), sets=sets)
+
+
+def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:
+    """Keyword, options, data lines and line number of every keyword line; comments are left out.
+
+    Keywords are in capitals, and so are options and the values that Abaqus knows; names of sets keep their case.
+    """
+    try:
+        text = Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
+    starts = [match.start() for match in re.finditer(rb"^\*", text, re.MULTILINE)]
+    blocks, line = [], 1 + text.count(b"\n", 0, starts[0] if starts else 0)
+    for start, end in zip(starts, [*starts[1:], len(text)], strict=True):
+        head, _, data = text[start:end].partition(b"\n")
+        if not head.startswith(b"**"):
+            keyword, *options = (word.strip() for word in head[1:].decode("ascii", "replace").split(","))
+            pairs = (option.partition("=") for option in options)
+            values = {key.strip().upper(): value.strip() for key, _, value in pairs}
+            if "TYPE" in values:
+                values["TYPE"] = values["TYPE"].upper()
+            blocks.append((keyword.upper(), values, data, line))
+        line += text.count(b"\n", start, end)
+    return blocks
+
+
+def _numbers(data: bytes) -> NDArray[np.int64]:
+    """The integers of lines of any length."""
+    return np.array(data.replace(b",", b" ").split(), np.int64)
+
+
+def _indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, path: str | Path) -> IntArray:
+    """Index in `known` of each number."""
+    if (
+        len(numbers)
+        and numbers.min() >= 1
+        and numbers.max() <= len(known)
+        and np.array_equal(known, np.arange(1, len(known) + 1))
+    ):
+        return (numbers - 1).astype(np.int32)
+    order = np.argsort(known, kind="stable")
+    place = order[np.minimum(np.searchsorted(known, numbers, sorter=order), len(known) - 1)]
+    missing = known[place] != numbers
+    if missing.any():
+        raise InputError(f"{kind} {numbers[missing][0]} is named but not defined", file=path)
+    return place.astype(np.int32)
+
+
+def _read_fields(path: Path, number_of_node: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+    """The fields of the file beside the mesh, none where it is missing."""
+    if not path.exists():
+        return {}
+    names = {match[1]: match for match in _FIELD.finditer(path.read_bytes())}
+    parts: dict[str, list[NDArray[Any]]] = {}
+    for keyword, options, data, line in _blocks(path):
+        found = names.get(options.get("VARIABLE", "").encode())
+        if keyword != "INITIAL CONDITIONS" or options.get("TYPE") != "FIELD" or found is None:
+            raise InputError(f"line {line}: not a field variable that a comment names", file=path)
+        kind: Any = np.int32 if found[5] == b"integer" else float
+        try:
+            rows = read_rows(data, 2, float, delimiter=",")
+        except BadRowError as error:
+            raise InputError(f"line {line + 1 + error.row} {error}", file=path) from error
+        name = found[2].decode()
+        if not np.array_equal(rows[:, 0], number_of_node):
+            raise InputError(
+                f"field {name} has {len(rows)} values for {len(number_of_node)} nodes, or other nodes", file=path
+            )
+        parts.setdefault(name, []).append(rows[:, 1].astype(kind))
+    return {name: columns[0] if len(columns) == 1 else np.stack(columns, axis=1) for name, columns in parts.items()}
