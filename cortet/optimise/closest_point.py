@@ -58,6 +58,11 @@ def closest_points(tree: SurfaceTree, queries: FloatArray) -> ClosestPoints:
     return ClosestPoints(*_closest_points(tree, np.ascontiguousarray(queries, dtype=np.float64)))
 
 
+def closer_than(tree: SurfaceTree, queries: FloatArray, distance: float) -> NDArray[np.bool_]:
+    """Whether each of `queries` (k, 3) mm is closer to the surface than `distance` mm."""
+    return _closer_than(tree, np.ascontiguousarray(queries, dtype=np.float64), distance)
+
+
 @numba.njit(cache=True)
 def _build(corners: NDArray[np.float64]):  # type: ignore[no-untyped-def]
     """Split at the median centroid of the longest side until a leaf is small enough."""
@@ -201,3 +206,32 @@ def _closest_points(tree, queries):  # type: ignore[no-untyped-def]
         faces[i] = tree.faces[hint]
         distances[i] = np.sqrt((px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2)
     return points, faces, barycentric, distances
+
+
+@numba.njit(cache=True)
+def _closer_than(tree, queries, distance):  # type: ignore[no-untyped-def]
+    near = np.zeros(len(queries), np.bool_)
+    limit = distance * distance
+    stack = np.empty(_STACK_SIZE, np.int32)
+    for i in range(len(queries)):
+        x, y, z = queries[i]
+        stack[0], top = 0, 1
+        while top and not near[i]:
+            top -= 1
+            box = stack[top]
+            if _box_distance2(tree.boxes, box, x, y, z) >= limit:
+                continue
+            if tree.size[box]:
+                for k in range(tree.child[box], tree.child[box] + tree.size[box]):
+                    c = tree.corners[k]
+                    u, v, w = on_triangle(c, x, y, z)
+                    dx = u * c[0] + v * c[3] + w * c[6] - x
+                    dy = u * c[1] + v * c[4] + w * c[7] - y
+                    dz = u * c[2] + v * c[5] + w * c[8] - z
+                    if dx * dx + dy * dy + dz * dz < limit:
+                        near[i] = True
+                        break
+            else:
+                stack[top], stack[top + 1] = tree.child[box], tree.child[box] + 1
+                top += 2
+    return near

@@ -1,14 +1,16 @@
-"""S1: fill a closed surface with tetrahedra (CGAL Mesh_3: Delaunay refinement and four optimisation passes).
+"""S1: fill a closed surface with tetrahedra.
 
-Two builds of the same library can do it: `pygalmesh` (CGAL 5, compiled from source, the published tool) and the `cgal`
-wheel (CGAL 6, no compiling). Both read an OFF file and write a Medit file, with 17 significant digits.
+Two ways. `cgal` is the published one: Delaunay refinement and four optimisation passes (CGAL Mesh_3), by either of two
+builds of the library: `pygalmesh` (CGAL 5, compiled from source, the published tool) and the `cgal` wheel (CGAL 6, no
+compiling). Both read an OFF file and write a Medit file, with 17 significant digits. Refinement decides the topology.
+With a coarse facet distance the two banks of a narrow sulcus pinch or fuse, silently, so the boundary is checked after
+refinement, before the slow passes, and again after them; when its topology is not that of the input, the facet distance
+(nothing else) is tightened. On surfaces with creases and banks closer than their own edges no distance helps; then the
+other way is taken.
 
-Refinement decides the topology. With a coarse facet distance the two banks of a narrow sulcus pinch or fuse, silently,
-so the boundary is checked after refinement, before the slow passes, and again after them; when its topology is not that
-of the input, the facet distance (nothing else) is tightened. On surfaces with creases and banks closer than their own
-edges no distance helps. Then TetGen keeps the triangles of the surface itself as the boundary: its elements are poor
-and many, but the topology is right. They are reconnected at once: on a real whole brain that ends at a worst q of 0.49,
-and at 0.79 when nodes are moved first.
+`lattice` remeshes the surface with triangles of one edge length, which keeps its topology, and fills it with a
+body-centred cubic lattice (`cortet.meshers`). The slivers between the two are reconnected at once, before anything
+moves. Where remeshed banks cross each other, the edges are shortened.
 
 Reference: https://doc.cgal.org/latest/Mesh_3/index.html (criteria and passes).
 """
@@ -32,7 +34,10 @@ import meshio
 import numpy as np
 
 from cortet.errors import InputError, StageError
+from cortet.intersection import self_intersections
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshers.lattice import fill, lattice_nodes
+from cortet.meshers.remesh import remesh
 from cortet.ordering import ordered_along_curve
 from cortet.quality import signed_volumes
 from cortet.stages.reconnect import reconnect
@@ -45,15 +50,15 @@ from cortet.topology import (
     surface_topology,
 )
 
-VERSION: int = 1
+VERSION: int = 2
 
+MESHERS = ("cgal", "lattice")
 #: CGAL's optimisation passes in the order it runs them; exude must be last, since moving a vertex undoes it
 PASSES = ("odt", "lloyd", "perturb", "exude")
 #: CGAL's own defaults for ODT and Lloyd, which the wheel wants spelled out
 CONVERGENCE, FREEZE_BOUND = 0.02, 0.01
-#: TetGen's bounds of circumradius over shortest edge, and of an element's volume in cubes of the cell size: the mean
-#: volume of CGAL's elements
-TETGEN_RATIO, TETGEN_VOLUME = 1.5, 0.25
+#: share of the surface's volume below which a remeshed boundary is too coarse to stand for it
+LEAST_VOLUME = 0.8
 #: "no limit" for the time limits, iteration limits and sliver bounds of CGAL's passes
 NO_LIMIT = 0
 
@@ -78,6 +83,8 @@ class Attempt:
 
     #: None where the boundary was given
     facet_distance_mm: float | None
+    #: of the triangles the boundary was given as; None where CGAL made it
+    edge_length_mm: float | None
     #: the passes that ran; none when only the refinement was tried
     passes: tuple[str, ...]
     nodes: int
@@ -102,6 +109,8 @@ class GenerateReport:
     #: None where the boundary was given
     facet_distance_mm: float | None
     facet_distance_fraction: float | None
+    #: None where CGAL made the boundary
+    edge_length_mm: float | None
     passes: tuple[str, ...]
     nodes: int
     tetrahedra: int
@@ -126,7 +135,10 @@ def generate(
     perturb: bool = True,
     exude: bool = True,
     seed: int = 0,
-    fallback: Literal["tetgen"] | None = "tetgen",
+    fallback: Literal["lattice"] | None = "lattice",
+    edge_length: Sequence[float] = (1.25, 1.0, 0.8, 0.6),
+    core_ratio: float = 1.0,
+    core_depth: float = 6.0,
 ) -> tuple[TetMesh, GenerateReport]:
     """Mesh the inside of a closed surface.
 
@@ -134,7 +146,7 @@ def generate(
     ----------
     surface : a closed, connected manifold of any genus, without self-intersections
     cell_size : mm, upper bound of circumradii of tetrahedra and of surface Delaunay balls
-    mesher : only ``cgal``
+    mesher : ``cgal`` or ``lattice``
     backend : ``pygalmesh``, ``cgal``, or ``auto``: pygalmesh where it is installed, else cgal
     facet_angle : degrees, lower bound of the angles of boundary triangles
     facet_distance : fractions of `cell_size`, tried in this order until the boundary has the topology of the surface;
@@ -143,6 +155,10 @@ def generate(
     odt, lloyd, perturb, exude : CGAL's optimisation passes
     seed : of CGAL's random numbers; pygalmesh only
     fallback : what to try when no facet distance gives the topology of the surface; None (published) for nothing
+    edge_length : of the boundary triangles of ``lattice``, as fractions of `cell_size`, tried in this order until no
+        two of them cross
+    core_ratio : of the cell sizes of core and cortex, ``lattice`` only
+    core_depth : mm below the surface where the core begins
 
     Returns
     -------
@@ -155,47 +171,39 @@ def generate(
     StageError
         the backend failed, is not installed, or returned nothing
     """
-    if mesher != "cgal":
-        raise InputError(f"unknown mesher {mesher!r}", remedy="use cgal")
+    if mesher not in MESHERS:
+        raise InputError(f"unknown mesher {mesher!r}", remedy=f"use {' or '.join(MESHERS)}")
     if not cell_size > 0 or not np.isfinite(cell_size):
         raise InputError(f"cell size {cell_size} mm is not a positive length")
     if not facet_distance or min(facet_distance) <= 0:
         raise InputError(f"facet distances {list(facet_distance)} are not positive fractions of the cell size")
+    if not edge_length or min(edge_length) <= 0:
+        raise InputError(f"edge lengths {list(edge_length)} are not positive fractions of the cell size")
     topology = surface_topology(surface.faces)
     if not topology.is_closed_manifold:
         raise InputError(f"surface cannot be meshed: {'; '.join(topology.problems(int(topology.genus)))}")
-
     backend = installed_backend() if backend == "auto" else backend
     if backend not in BACKENDS:
         raise InputError(f"unknown mesher backend {backend!r}", remedy=f"use auto, {' or '.join(BACKENDS)}")
-    wanted = {"odt": odt, "lloyd": lloyd, "perturb": perturb, "exude": exude}
-    passes = tuple(name for name in PASSES if wanted[name])
+
     attempts: list[Attempt] = []
-    with TemporaryDirectory(prefix="cortet-generate-") as folder:
-        off = Path(folder) / "surface.off"
-        _write_off(surface, off)
-        for fraction in facet_distance:
-            criteria = Criteria(cell_size, facet_angle, fraction * cell_size, radius_edge_ratio)
-            may_retry = bool(passes) and (fraction != facet_distance[-1] or fallback is not None)
-            for trial in [(), passes] if may_retry else [passes]:
-                mesh, attempt = _attempt(off, backend, criteria, trial, seed=seed, genus=int(topology.genus))
-                attempts.append(attempt)
-                if attempt.problems:
-                    break
-            if not attempts[-1].problems:
-                break
-    if attempts[-1].problems and fallback:
-        logger.warning(
-            "no facet distance of %s h gives the topology of the surface: %s", list(facet_distance), fallback
+    if mesher == "cgal":
+        wanted = {"odt": odt, "lloyd": lloyd, "perturb": perturb, "exude": exude}
+        passes = tuple(name for name in PASSES if wanted[name])
+        criteria = [
+            Criteria(cell_size, facet_angle, fraction * cell_size, radius_edge_ratio) for fraction in facet_distance
+        ]
+        mesh, attempts = _refined(surface, backend, criteria, passes, seed=seed, last=fallback is None)
+        if attempts[-1].problems:
+            logger.warning("facet distances of %s h: %s", list(facet_distance), "; ".join(attempts[-1].problems))
+    if mesher == "lattice" or (attempts[-1].problems and fallback):
+        backend, passes = "tetgen", ()
+        mesh, tried = _filled_with_lattice(
+            surface, cell_size, edge_length, core_ratio=core_ratio, core_depth=core_depth
         )
-        mesh, attempt = _on_the_triangles_of(surface, cell_size, genus=int(topology.genus))
-        attempts.append(attempt)
-        backend, passes = fallback, ()
+        attempts += tried
 
     final = attempts[-1]
-    reason = "; ".join(final.problems)
-    if reason:
-        logger.warning("no facet distance of %s h gives the topology of the surface: %s", list(facet_distance), reason)
     return mesh, GenerateReport(
         mesher=mesher,
         backend=backend,
@@ -204,12 +212,13 @@ def generate(
         cell_size_mm=cell_size,
         facet_distance_mm=final.facet_distance_mm,
         facet_distance_fraction=None if final.facet_distance_mm is None else final.facet_distance_mm / cell_size,
+        edge_length_mm=final.edge_length_mm,
         passes=passes,
         nodes=len(mesh.points),
         tetrahedra=len(mesh.cells),
         flat_tetrahedra_dropped=final.flat_tetrahedra_dropped,
-        topology_ok=not reason,
-        reason=reason,
+        topology_ok=not final.problems,
+        reason="; ".join(final.problems),
         attempts=tuple(attempts),
     )
 
@@ -217,6 +226,33 @@ def generate(
 def installed_backend() -> str:
     """The backend ``auto`` stands for on this machine."""
     return "pygalmesh" if importlib.util.find_spec("pygalmesh") else "cgal"
+
+
+def _refined(
+    surface: TriSurface,
+    backend: str,
+    criteria: Sequence[Criteria],
+    passes: tuple[str, ...],
+    *,
+    seed: int,
+    last: bool,
+) -> tuple[TetMesh, list[Attempt]]:
+    """Mesh by the first criteria that give the topology of the surface; `last`: nothing is tried after them."""
+    genus = int(surface_topology(surface.faces).genus)
+    attempts: list[Attempt] = []
+    with TemporaryDirectory(prefix="cortet-generate-") as folder:
+        off = Path(folder) / "surface.off"
+        _write_off(surface, off)
+        for candidate in criteria:
+            may_retry = bool(passes) and (candidate != criteria[-1] or not last)
+            for trial in [(), passes] if may_retry else [passes]:
+                mesh, attempt = _attempt(off, backend, candidate, trial, seed=seed, genus=genus)
+                attempts.append(attempt)
+                if attempt.problems:
+                    break
+            if not attempts[-1].problems:
+                break
+    return mesh, attempts
 
 
 def _attempt(
@@ -238,26 +274,47 @@ def _attempt(
     return mesh, attempt
 
 
-def _on_the_triangles_of(surface: TriSurface, cell_size: float, *, genus: int) -> tuple[TetMesh, Attempt]:
-    """Fill the surface with TetGen, which adds no node on the boundary, and reconnect what it made."""
-    began = time.perf_counter()
-    try:
-        import tetgen
+def _filled_with_lattice(
+    surface: TriSurface, cell_size: float, edge_length: Sequence[float], *, core_ratio: float, core_depth: float
+) -> tuple[TetMesh, list[Attempt]]:
+    """Mesh by the longest edges with which no two boundary triangles cross.
 
-        switches = f"pq{TETGEN_RATIO}Ya{TETGEN_VOLUME * cell_size**3:.9g}Q"
-        filled = tetgen.TetGen(surface.points.copy(), surface.faces.copy()).tetrahedralize(switches=switches)
-    except ImportError as error:
-        raise StageError(f"mesher tetgen is not installed: {error}", remedy="set generate.fallback: null") from error
-    except RuntimeError as error:
-        raise StageError(
-            f"tetgen failed: {error}", remedy="set generate.fallback: null to see the mesh of CGAL"
-        ) from error
-    cells, flat = oriented(filled[0], filled[1])
-    points, cells, _ = compact(filled[0], cells)
-    mesh, _ = reconnect(TetMesh(*ordered_along_curve(points, cells)), surface)
-    attempt = _judged(mesh, genus, facet_distance=None, passes=(), flat=flat)
-    _log("tetgen on the triangles of the surface", attempt, time.perf_counter() - began)
-    return mesh, attempt
+    Raises `StageError` when they cross with all of them.
+    """
+    genus = int(surface_topology(surface.faces).genus)
+    attempts: list[Attempt] = []
+    for fraction in edge_length:
+        began = time.perf_counter()
+        boundary = remesh(surface, fraction * cell_size)
+        if problem := _fault(boundary, surface):
+            topology = surface_topology(boundary.faces)
+            attempt = Attempt(None, fraction * cell_size, (), len(boundary.points), 0, 0, topology, (problem,))
+        else:
+            nodes = lattice_nodes(boundary, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth)
+            points, cells = fill(boundary, nodes)
+            cells, flat = oriented(points, cells)
+            mesh, _ = reconnect(TetMesh(*ordered_along_curve(*compact(points, cells)[:2])), surface)
+            attempt = _judged(mesh, genus, edge_length=fraction * cell_size, passes=(), flat=flat)
+        attempts.append(attempt)
+        _log(f"lattice, edges of {fraction * cell_size:g} mm", attempt, time.perf_counter() - began)
+        if not attempt.problems:
+            return mesh, attempts
+    raise StageError(
+        f"no edge length of {list(edge_length)} h gives a boundary to fill: {'; '.join(attempts[-1].problems)}",
+        remedy="choose a smaller cell size, add a smaller generate.edge_length, or smooth the surface there",
+    )
+
+
+def _fault(boundary: TriSurface, surface: TriSurface) -> str:
+    """Why a remeshed boundary cannot be filled, or nothing."""
+    crossing = self_intersections(boundary)
+    if len(crossing):
+        x, y, z = boundary.points[boundary.faces[crossing[0]]].mean(axis=0)
+        return f"{len(crossing)} boundary triangles cross, the first at ({x:.1f}, {y:.1f}, {z:.1f}) mm"
+    share = enclosed_volume(boundary.points, boundary.faces) / enclosed_volume(surface.points, surface.faces)
+    if share < LEAST_VOLUME:
+        return f"the remeshed boundary encloses {100 * share:.0f} % of the volume"
+    return ""
 
 
 def _log(what: str, attempt: Attempt, seconds: float) -> None:
@@ -265,7 +322,15 @@ def _log(what: str, attempt: Attempt, seconds: float) -> None:
     logger.info("%s: %d nodes, %d tetrahedra, %s, %.1f s", what, attempt.nodes, attempt.tetrahedra, found, seconds)
 
 
-def _judged(mesh: TetMesh, genus: int, *, facet_distance: float | None, passes: tuple[str, ...], flat: int) -> Attempt:
+def _judged(
+    mesh: TetMesh,
+    genus: int,
+    *,
+    facet_distance: float | None = None,
+    edge_length: float | None = None,
+    passes: tuple[str, ...],
+    flat: int,
+) -> Attempt:
     """Compare the topology of a mesh with a surface of `genus` handles."""
     boundary = surface_topology(boundary_faces(mesh))
     problems = boundary.problems(genus)
@@ -273,6 +338,7 @@ def _judged(mesh: TetMesh, genus: int, *, facet_distance: float | None, passes: 
         problems.append(f"{bodies} bodies instead of one")
     return Attempt(
         facet_distance_mm=facet_distance,
+        edge_length_mm=edge_length,
         passes=passes,
         nodes=len(mesh.points),
         tetrahedra=len(mesh.cells),

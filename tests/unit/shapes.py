@@ -53,6 +53,18 @@ def horseshoe(gap: float, ring: float = 5.0, tube: float = 2.0, sections: int = 
     return TriSurface(np.concatenate([points, ends]), np.concatenate(walls + caps))
 
 
+def bowl(thickness: float, radius: float = 5.0) -> TriSurface:
+    """A bowl of an opening of 72 degrees, `thickness` mm thick: genus 0, its sides cross when triangles are coarse."""
+    ball = ball_surface(5, radius=1.0)
+    polar = np.arccos(np.clip(ball.points[:, 2], -1, 1))
+    around = np.arctan2(ball.points[:, 1], ball.points[:, 0])
+    side = np.sign(np.round(np.pi / 2 - polar, 9))  # 1 outside, -1 inside, 0 on the rim
+    angle = 0.8 * np.pi * np.minimum(polar, np.pi - polar) / (np.pi / 2)
+    r = radius + side * thickness / 2
+    points = np.c_[np.sin(angle) * np.cos(around), np.sin(angle) * np.sin(around), -np.cos(angle)] * r[:, None]
+    return TriSurface(points, ball.faces)
+
+
 def ball_mesh(subdivisions: int = 2, radius: float = 1.0) -> TetMesh:
     """The inside of `ball_surface`, filled with jittered grid points: valid, with bad tetrahedra."""
     skin = ball_surface(subdivisions, radius).points

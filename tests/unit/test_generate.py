@@ -10,12 +10,12 @@ import nibabel
 import numpy as np
 import pytest
 import trimesh
-from shapes import ball_surface, horseshoe
+from shapes import ball_surface, bowl, horseshoe
 
 from cortet.errors import InputError, StageError
 from cortet.mesh import TetMesh, TriSurface
 from cortet.optimise.closest_point import closest_points, surface_tree
-from cortet.quality import quality, signed_volumes
+from cortet.quality import circumradii, quality, signed_volumes
 from cortet.stages import generate as s1
 from cortet.stages.generate import generate
 from cortet.topology import boundary_faces, enclosed_volume, surface_topology
@@ -105,17 +105,62 @@ def test_the_slow_passes_are_not_paid_for_when_refinement_shows_the_fault():
     assert tried == [(), (), (), s1.PASSES]
 
 
-def test_where_no_facet_distance_helps_the_triangles_of_the_surface_become_the_boundary():
+def test_where_no_facet_distance_helps_a_lattice_fills_the_surface():
     surface = horseshoe(gap=0.4)
     mesh, report = generate(surface, cell_size=1.5, backend="cgal", facet_distance=[0.5, 0.4])
-    assert (report.backend, report.passes, report.facet_distance_mm) == ("tetgen", (), None)
-    assert [attempt.passes for attempt in report.attempts] == [(), (), ()]
+    assert (report.mesher, report.backend, report.passes) == ("cgal", "tetgen", ())
+    assert report.facet_distance_mm is None and report.edge_length_mm is not None
+    assert [attempt.edge_length_mm is None for attempt in report.attempts[:3]] == [True, True, False]
     assert report.topology_ok and is_sound(mesh)
-    nodes = np.unique(boundary_faces(mesh))
-    assert len(nodes) == len(surface.points) and len(boundary_faces(mesh)) == len(surface.faces)
-    tree = surface_tree(surface.points, surface.faces)
-    assert closest_points(tree, mesh.points[nodes]).distances.max() < 1e-9
-    assert quality(mesh.points, mesh.cells).max() < 0.8
+
+
+def test_a_lattice_fills_a_ball_with_better_tetrahedra_and_keeps_its_boundary_on_it():
+    ball = ball_surface(4)
+    mesh, report = generate(ball, cell_size=0.8, mesher="lattice")
+    assert is_sound(mesh) and report.topology_ok and report.seed is None
+    assert surface_topology(boundary_faces(mesh)).problems() == []
+    q = quality(mesh.points, mesh.cells)
+    assert q.mean() < 0.13 and q.max() < 0.45
+    tree = surface_tree(ball.points, ball.faces)
+    assert closest_points(tree, mesh.points[np.unique(boundary_faces(mesh))]).distances.max() < 1e-12
+    again, _ = generate(ball, cell_size=0.8, mesher="lattice")
+    assert np.array_equal(mesh.points, again.points) and np.array_equal(mesh.cells, again.cells)
+
+
+def test_the_cell_size_of_a_lattice_is_its_circumradius_but_for_a_few_cells():
+    mesh, _ = generate(ball_surface(4), cell_size=0.8, mesher="lattice")
+    radii = circumradii(mesh.points, mesh.cells) / 0.8
+    assert 0.8 < np.median(radii) < 0.9 and np.quantile(radii, 0.98) < 1.0 and radii.max() < 1.3
+
+
+def test_a_coarser_core_leaves_the_cortex_as_fine():
+    def cells_per_mm3(mesh: TetMesh, inner: float, outer: float) -> float:
+        radii = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1)
+        return np.sum((radii >= inner) & (radii < outer)) / (4 / 3 * np.pi * (outer**3 - inner**3))
+
+    ball = ball_surface(4)
+    even, _ = generate(ball, cell_size=0.5, mesher="lattice")
+    graded, _ = generate(ball, cell_size=0.5, mesher="lattice", core_ratio=2.0, core_depth=2.0)
+    assert is_sound(graded) and quality(graded.points, graded.cells).max() < 0.5
+    assert cells_per_mm3(graded, 3.6, 5.0) == pytest.approx(cells_per_mm3(even, 3.6, 5.0), rel=0.1)
+    assert cells_per_mm3(graded, 0.0, 2.0) < cells_per_mm3(even, 0.0, 2.0) / 5
+
+
+def test_where_remeshed_sides_cross_the_edges_are_shortened():
+    mesh, report = generate(bowl(thickness=0.5), cell_size=1.2, mesher="lattice")
+    assert "boundary triangles cross, the first at (" in report.attempts[0].problems[0]
+    assert report.attempts[0].tetrahedra == 0 and report.edge_length_mm < 1.25 * 1.2
+    assert report.topology_ok and is_sound(mesh)
+
+
+def test_sides_that_cross_at_every_edge_length_are_an_error_that_says_where():
+    with pytest.raises(StageError, match=r"cross, the first at \(.*smaller generate.edge_length"):
+        generate(bowl(thickness=0.5), cell_size=1.2, mesher="lattice", edge_length=[1.25])
+
+
+def test_cells_larger_than_the_surface_are_an_error_that_says_so():
+    with pytest.raises(StageError, match=r"encloses \d+ % of the volume.*smaller cell size"):
+        generate(ball_surface(4, radius=1.0), cell_size=3.0, mesher="lattice", edge_length=[1.25])
 
 
 def test_the_narrow_sulci_of_a_real_brain_are_kept_open():
@@ -152,7 +197,8 @@ def test_an_open_surface_is_refused():
         ({"cell_size": 0.0}, "cell size 0.0 mm"),
         ({"cell_size": float("nan")}, "cell size nan mm"),
         ({"cell_size": 1.0, "facet_distance": []}, "facet distances"),
-        ({"cell_size": 1.0, "mesher": "gmsh"}, "unknown mesher 'gmsh'"),
+        ({"cell_size": 1.0, "edge_length": [0.0]}, "edge lengths"),
+        ({"cell_size": 1.0, "mesher": "hexes"}, "unknown mesher 'hexes'"),
         ({"cell_size": 1.0, "backend": "tbb"}, "unknown mesher backend 'tbb'"),
     ],
 )

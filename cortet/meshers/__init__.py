@@ -1,0 +1,1 @@
+"""Ways to fill a surface with tetrahedra, which `cortet.stages.generate` chooses from."""

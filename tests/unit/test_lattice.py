@@ -1,0 +1,101 @@
+"""A body-centred cubic lattice fills what given triangles enclose, and these triangles stay."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from shapes import ball_surface
+
+from cortet.formats.gifti import read_surface
+from cortet.mesh import TetMesh, TriSurface
+from cortet.meshers import lattice
+from cortet.meshers.lattice import fill, lattice_nodes
+from cortet.meshers.remesh import remesh
+from cortet.optimise.closest_point import closer_than, closest_points, surface_tree
+from cortet.quality import signed_volumes
+from cortet.stages.generate import oriented
+from cortet.topology import boundary_faces, enclosed_volume, surface_topology
+
+
+def box(size: float) -> TriSurface:
+    cube = trimesh.creation.box(extents=[size] * 3).subdivide().subdivide()
+    return TriSurface(cube.vertices, cube.faces)
+
+
+def nodes_in(surface: TriSurface, cell_size: float = 1.0) -> np.ndarray:
+    return lattice_nodes(surface, cell_size=cell_size, core_ratio=1.0, core_depth=1.0)
+
+
+def test_nodes_are_a_body_centred_cubic_lattice():
+    nodes = nodes_in(ball_surface(3, radius=6.0))
+    apart = np.linalg.norm(nodes[:, None] - nodes, axis=2)
+    np.fill_diagonal(apart, np.inf)
+    inner = np.linalg.norm(nodes, axis=1) < 3
+    nearest = np.sort(apart[inner], axis=1)[:, :15] / lattice.CONSTANT
+    assert (
+        np.allclose(nearest[:, :8], np.sqrt(3) / 2)
+        and np.allclose(nearest[:, 8:14], 1)
+        and (nearest[:, 14] > 1.4).all()
+    )
+
+
+def test_there_are_two_nodes_per_cube_of_the_lattice_and_none_outside_or_near_the_boundary():
+    ball = ball_surface(4, radius=10.0)
+    nodes = nodes_in(ball, cell_size=0.8)
+    tree = surface_tree(ball.points, ball.faces)
+    assert np.linalg.norm(nodes, axis=1).max() < 10
+    assert closest_points(tree, nodes).distances.min() >= lattice.GAP * 0.8
+    volume = 4 / 3 * np.pi * (10 - lattice.GAP * 0.8) ** 3
+    assert len(nodes) == pytest.approx(2 * volume / (lattice.CONSTANT * 0.8) ** 3, rel=0.01)
+
+
+def test_lines_through_edges_and_corners_cross_the_boundary_once(monkeypatch):
+    monkeypatch.setattr(lattice, "_ORIGIN", np.zeros(3))  # puts nodes on corners, edges and diagonals of the box
+    monkeypatch.setattr(lattice, "GAP", 1e-3)
+    nodes = nodes_in(box(4 * lattice.CONSTANT))
+    assert (np.abs(nodes) < 2 * lattice.CONSTANT).all() and len(nodes) == 3**3 + 4**3
+
+
+@pytest.mark.parametrize("distance", [0.1, 0.5, 2.0])
+def test_closer_than_agrees_with_the_distance(distance):
+    ball = ball_surface(2, radius=3.0)
+    tree = surface_tree(ball.points, ball.faces)
+    queries = np.random.default_rng(0).uniform(-4, 4, (500, 3))
+    assert np.array_equal(closer_than(tree, queries, distance), closest_points(tree, queries).distances < distance)
+
+
+def test_the_given_triangles_are_the_boundary():
+    ball = ball_surface(3, radius=4.0)
+    points, cells = fill(ball, nodes_in(ball, cell_size=0.7))
+    assert np.array_equal(points[: len(ball.points)], ball.points)
+    mesh = TetMesh(points, oriented(points, cells)[0])
+    as_sets = [np.unique(np.sort(faces, axis=1), axis=0) for faces in (boundary_faces(mesh), ball.faces)]
+    assert np.array_equal(*as_sets)
+    assert signed_volumes(mesh.points, mesh.cells).sum() == pytest.approx(enclosed_volume(ball.points, ball.faces))
+
+
+def test_remeshed_triangles_have_the_edge_length_and_stay_on_the_surface():
+    ball = ball_surface(5, radius=10.0)
+    made = remesh(ball, 1.0)
+    edges = np.linalg.norm(made.points[made.faces] - made.points[np.roll(made.faces, 1, axis=1)], axis=2)
+    assert edges.mean() == pytest.approx(1.0, rel=0.1) and edges.min() > 0.5 and edges.max() < 1.75
+    assert closest_points(surface_tree(ball.points, ball.faces), made.points).distances.max() < 1e-12
+    assert surface_topology(made.faces).problems() == []
+    assert enclosed_volume(made.points, made.faces) == pytest.approx(enclosed_volume(ball.points, ball.faces), rel=0.01)
+
+
+def test_remeshing_keeps_handles_and_ignores_unused_vertices():
+    torus = trimesh.creation.torus(major_radius=5, minor_radius=2)
+    made = remesh(TriSurface(np.concatenate([torus.vertices, [[99.0, 0, 0]]]), torus.faces), 1.0)
+    assert surface_topology(made.faces).genus == 1 and np.abs(made.points).max() < 8
+
+
+def test_a_real_cortex_is_remeshed_and_filled():
+    path = Path(__file__).parents[3] / "shared" / "data" / "fetal" / "fetomorph_GW25_left.surf.gii"
+    if not path.exists():
+        pytest.skip("../shared/data/fetal is not here")
+    boundary = remesh(read_surface(path), 2.5)
+    points, cells = fill(boundary, nodes_in(boundary, cell_size=2.0))
+    made = boundary_faces(TetMesh(points, oriented(points, cells)[0]))
+    assert len(made) == len(boundary.faces) and surface_topology(made).problems() == []
