@@ -55,7 +55,9 @@ def parser() -> argparse.ArgumentParser:
     line.add_argument(
         "--ga", type=float, metavar="WEEKS", help="gestational age; without it the surface is not smoothed"
     )
-    line.add_argument("--setting", choices=["default", "published"], help="our parameters, or those of the paper")
+    line.add_argument(
+        "--setting", choices=["default", "published", "fast"], help="our parameters, the paper's, or the fast mesher"
+    )
     line.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see config.yaml")
     line.add_argument(
         "--field",

@@ -66,6 +66,12 @@ def test_stage_parameters_are_plain_data_with_the_version_of_the_stage() -> None
     assert parameters["version"] == import_module("cortet.stages.generate").VERSION
 
 
+def test_fast_setting_is_the_lattice_mesher_without_gmsh() -> None:
+    fast = config.load({"setting": "fast", "generate": {"cell_size": 1.0}})
+    assert fast.generate.meshers == ["lattice"] and fast.generate.cell_size == [1.0]
+    assert not fast.enabled("relocate") and fast.enabled("clean") and fast.enabled("reconnect")
+
+
 def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
     published = config.load({"setting": "published", "clean": {"boundary": "fixed"}})
     assert published.generate.facet_distance == [0.5]
@@ -85,7 +91,7 @@ def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
         ({"generate": {"cell_size": -1}}, "generate.cell_size.0 = -1: Input should be greater than 0"),
         ({"generate": {"cell_size": 0.00051}}, "multiple of 0.001 mm"),
         ({"generate": {"facet_angle": float("nan")}}, "generate.facet_angle = nan"),
-        ({"setting": "paper"}, "setting = 'paper': Input should be 'default' or 'published'"),
+        ({"setting": "paper"}, "setting = 'paper': Input should be 'default', 'published' or 'fast'"),
     ],
 )
 def test_a_bad_key_is_named_with_its_remedy(data: dict[str, object], words: str) -> None:
