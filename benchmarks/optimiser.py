@@ -3,14 +3,16 @@
     python benchmarks/optimiser.py [SURFACE] [--cells 1e5 3e5 1e6 2e6]
 
 Meshes are CGAL refinements of one surface (a 28-week phantom unless SURFACE is given), each made once and measured in
-a process of its own, kernels compiled beforehand. Memory is the peak of that process less what it had before. Machines
-are noisy: compare rows of one run.
+a process of its own, kernels compiled beforehand. Seconds are those of the CPU, which other work on the machine changes
+least; memory is the peak of that process less what it had before. Last, a profile of the largest mesh.
 """
 
 from __future__ import annotations
 
 import argparse
+import cProfile
 import multiprocessing
+import pstats
 import resource
 import tempfile
 import time
@@ -18,7 +20,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from cortet.formats import gifti, vtu
 from cortet.mesh import TetMesh, TriSurface
@@ -50,15 +51,24 @@ def measure(run: str, small: Path, mesh_file: Path, surface_file: Path, answer) 
     surface = gifti.read_surface(surface_file)
     RUNS[run](vtu.read(small), surface)  # load or compile the kernels
     mesh = vtu.read(mesh_file)
-    before, start = peak_megabytes(), time.perf_counter()
+    before, start = peak_megabytes(), time.process_time()
     _, report = RUNS[run](mesh, surface)
-    answer.send((time.perf_counter() - start, peak_megabytes() - before, report.q_mean, report.q_max))
+    answer.send((time.process_time() - start, peak_megabytes() - before, report.q_mean, report.q_max))
 
 
 def refinement(surface: TriSurface, cells: float) -> TetMesh:
     """A mesh of about so many tetrahedra, slivers and all."""
     cell_size = (CELLS_PER_CUBE * enclosed_volume(surface.points, surface.faces) / cells) ** (1 / 3)
     return generate(surface, cell_size=cell_size, backend="cgal", odt=False, lloyd=False, perturb=False, exude=False)[0]
+
+
+def profile(mesh: TetMesh, surface: TriSurface) -> None:
+    """Print where sliding and reconnection spend their time; a kernel is one line."""
+    for run in ("clean, slide", "reconnect"):
+        profiler = cProfile.Profile(time.process_time)
+        mesh, _ = profiler.runcall(RUNS[run], mesh, surface)
+        print(f"\nprofile of {run}, {len(mesh.cells)} tetrahedra")
+        pstats.Stats(profiler).sort_stats("tottime").print_stats(10)
 
 
 def in_own_process(*args: object) -> tuple[float, float, float, float]:
@@ -96,20 +106,25 @@ def main() -> None:
                     {
                         "run": run,
                         "tets": count,
-                        "seconds": round(seconds, 2),
+                        "cpu_seconds": round(seconds, 2),
                         "tets_per_second": round(count / seconds),
                         "MB_per_million_tets": round(megabytes / count * 1e6),
                         "q_mean": round(q_mean, 4),
                         "q_max": round(q_max, 4),
                     }
                 )
-                print(rows[-1], flush=True)
-    table = pd.DataFrame(rows)
-    print(table.to_string(index=False))
-    for run, part in table.groupby("run", sort=False):
+                print(*rows[-1].values(), sep="\t", flush=True)
+        for run in RUNS.values():
+            run(vtu.read(files[0][1]), surface)  # compile before profiling
+        profile(vtu.read(files[-1][1]), surface)
+    print("\t".join(rows[0]))
+    for row in rows:
+        print("\t".join(map(str, row.values())))
+    for name in RUNS:
+        part = [row for row in rows if row["run"] == name]
         if len(part) > 1:
-            exponent = np.polyfit(np.log(part["tets"]), np.log(part["seconds"]), 1)[0]
-            print(f"{run}: seconds grow as tets^{exponent:.2f}")
+            cells, seconds = ([row[key] for row in part] for key in ("tets", "cpu_seconds"))
+            print(f"{name}: CPU seconds grow as tets^{np.polyfit(np.log(cells), np.log(seconds), 1)[0]:.2f}")
 
 
 if __name__ == "__main__":

@@ -35,11 +35,11 @@ def stage_rows(steps: Iterable[Step]) -> Iterator[dict[str, Any]]:
     """One row per stage, as the stages run; columns as in `STAGE_COLUMNS`, None where they do not apply."""
     waiting = iter(steps)
     while True:
-        _reset_peak_memory()
+        reset_peak_memory()
         step = next(waiting, None)
         if step is None:
             return
-        row = {"stage": step.stage, "seconds": round(step.seconds, 1), "peak_memory_mb": _peak_memory_mb()}
+        row = {"stage": step.stage, "seconds": round(step.seconds, 1), "peak_memory_mb": peak_memory_mb()}
         yield dict.fromkeys(STAGE_COLUMNS) | row | _measures(step)
 
 
@@ -61,13 +61,13 @@ def _measures(step: Step) -> dict[str, Any]:
     }
 
 
-def _reset_peak_memory() -> None:
+def reset_peak_memory() -> None:
     """Start a new measurement of the peak (Linux: proc(5), clear_refs); elsewhere nothing."""
     if (_PROCESS / "clear_refs").exists():
         (_PROCESS / "clear_refs").write_text("5")
 
 
-def _peak_memory_mb() -> int | None:
+def peak_memory_mb() -> int | None:
     """Peak resident memory since the last reset, MB; None where the system does not tell."""
     if not (_PROCESS / "status").exists():
         return None
