@@ -16,6 +16,8 @@ include: "rules/surface.smk"
 include: "rules/mesh.smk"
 include: "rules/quality.smk"
 include: "rules/cohort.smk"
+include: "rules/experiments_common.smk"
+include: "rules/experiments.smk"
 include: "rules/failures.smk"
 
 
@@ -23,6 +25,7 @@ localrules:
     all,
     meshes,
     cohort,
+    tables,
 
 
 rule all:
@@ -45,3 +48,10 @@ rule cohort:
     """Cohort tables and figures."""
     input:
         COHORT_FILES,
+
+
+rule tables:
+    """Tables of the paper's experiments."""
+    input:
+        COHORT_FILES,
+        TABLES,

@@ -16,7 +16,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from cortet.config import Scan
 from cortet.errors import InputError
@@ -112,6 +112,28 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
     if problems:
         raise InputError(f"{len(problems)} problem(s)\n  " + "\n  ".join(problems), file=path)
     return cases
+
+
+def chosen(cases: Sequence[Case], which: Literal["all"] | int | Sequence[str]) -> list[Case]:
+    """Some of the cases: all, those that are named, or so many of them, spread evenly over the order of their ages.
+
+    Raises
+    ------
+    InputError : a name that no case has
+    """
+    if which == "all":
+        return list(cases)
+    if isinstance(which, int):
+        by_age = sorted(cases, key=lambda case: (case.scan_age or 0, case.name))
+        count = min(which, len(by_age))
+        places = [round(i * (len(by_age) - 1) / max(count - 1, 1)) for i in range(count)]
+        return [by_age[place] for place in places]
+    known = {case.name: case for case in cases}
+    if unknown := [name for name in which if name not in known]:
+        raise InputError(
+            f"no included case is named {', '.join(unknown)}", remedy=f"the sheet has {', '.join(known) or 'none'}"
+        )
+    return [known[name] for name in which]
 
 
 def write_sheet(cases: Sequence[Case], path: Path) -> None:

@@ -40,6 +40,9 @@ Fraction = Annotated[float, Field(gt=0, le=1)]
 Threshold = Annotated[float, Field(gt=0, lt=1)]
 Boundary = Literal["fixed", "slide", "free"]
 Mesher = Literal["cgal", "lattice"]
+#: meshers of others, to compare with
+Baseline = Literal["tetgen", "ftetwild", "gmsh", "netgen"]
+Setting = Literal["default", "published", "fast"]
 Solver = Literal["braingrowth"]
 #: stages that make one mesh out of another, in the order in which they run
 StageName = Literal["generate", "transfer", "relocate", "clean", "reconnect", "smooth_boundary", "snap", "solver_ready"]
@@ -56,6 +59,8 @@ def _whole_micrometres(value: float) -> float:
 
 
 CellSize = Annotated[Positive, AfterValidator(_whole_micrometres)]
+#: `all` cases of the sheet, so many of them, spread over the ages, or those that are named
+Cases = Literal["all"] | NonNegativeInt | list[str]
 
 
 class Section(BaseModel):
@@ -127,8 +132,9 @@ class Generate(Section):
 
     cell_size: Annotated[list[CellSize], BeforeValidator(_as_list), Field(min_length=1)] = [0.6]
     """Cell size h, mm, a multiple of 0.001: bound of circumradius and surface ball. A list makes one mesh per size."""
-    meshers: Annotated[list[Mesher], BeforeValidator(_as_list), Field(min_length=1)] = ["cgal"]
-    """Meshers: cgal (published), lattice (ten times faster); every stage after S1 is the same for all of them."""
+    meshers: Annotated[list[Mesher | Baseline], BeforeValidator(_as_list), Field(min_length=1)] = ["cgal"]
+    """Meshers: cgal (published), lattice (ten times faster), or one of others, as it comes (tetgen, ftetwild, gmsh,
+    netgen); every stage after S1 is the same for all of them."""
     backend: Literal["auto", "pygalmesh", "cgal"] = "auto"
     """Package that runs CGAL: pygalmesh (compiled from source), cgal (wheel), auto: pygalmesh where installed."""
     facet_angle: Annotated[float, Field(gt=0, le=30)] = 25.0
@@ -244,10 +250,61 @@ class Export(Section):
     """true also exports meshes that are not certified."""
 
 
+class Ablation(Section):
+    """What each stage does (the paper's Table 1, and the pooled quality of its Fig. 2), beside other meshers."""
+
+    cases: Cases = "all"
+    """Cases at the cell sizes of `generate`: all, a number of them spread over the ages, or a list of their names."""
+    further: dict[CellSize, Cases] = {}
+    """Further cell sizes, mm, and the cases that are meshed with each, e.g. {0.6: [sub-01_hemi-L]}."""
+    meshers: list[Mesher | Baseline] = ["lattice", "tetgen"]
+    """Meshers beside those of `generate`, through the same S3 and S4: lattice, or one of others as it comes (tetgen,
+    ftetwild, gmsh, netgen); where one of others fails, a row says so."""
+    time_limit: PositiveInt = 60
+    """Minutes a mesher of others may take for one surface."""
+
+
+class Resolution(Section):
+    """Element count and quality against the cell size (the paper's Table 2)."""
+
+    cases: Cases = 3
+    """Cases: all, a number of them spread over the ages, or a list of their names."""
+    cell_size: list[CellSize] = [0.4, 0.6, 0.8]
+    """Cell sizes h, mm."""
+
+
+class Measures(Section):
+    """Worst element by three further measures of the literature."""
+
+    cases: Cases = 3
+    """Cases at the first cell size of `generate`: all, a number of them spread over the ages, or their names."""
+
+
+class Series(Section):
+    """Pictures of meshes over the ages, on one scale."""
+
+    cases: Cases = 4
+    """Cases at the first cell size of `generate`: all, a number of them spread over the ages, or their names. Both
+    hemispheres are drawn where the sheet has them."""
+
+
+class Experiments(Section):
+    """The experiments of the paper, on this cohort: `snakemake tables figures report`."""
+
+    settings: list[Setting] = ["published"]
+    """Settings that are run beside that of the line, from S3 on and on the same meshes of S1."""
+    reference_meshes: list[Path] = []
+    """Tetrahedral meshes in the format of BrainGrowth (Tallinen), measured beside ours."""
+    ablation: Ablation = Ablation()
+    resolution: Resolution = Resolution()
+    measures: Measures = Measures()
+    series: Series = Series()
+
+
 class Config(Section):
     """The whole configuration."""
 
-    setting: Literal["default", "published", "fast"] = "default"
+    setting: Setting = "default"
     """Named set of stage parameters: `default` (ours), `published` (the CORTET paper's) or `fast` (the lattice mesher
     and no Gmsh: ten times faster). Keys below override it."""
     output: Path = Path("derivatives/cortet")
@@ -265,6 +322,7 @@ class Config(Section):
     certify: Certify = Certify()
     quality: Quality = Quality()
     export: Export = Export()
+    experiments: Experiments = Experiments()
 
     def enabled(self, stage: str) -> bool:
         """Whether the line of stages contains `stage`."""

@@ -3,19 +3,28 @@
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from typing import get_args
 
 from snakemake.exceptions import WorkflowError
 
 from cortet import __version__
 from cortet.cohort import read_sheet
-from cortet.config import load, stage_version
+from cortet.config import Baseline, Mesher, load, stage_version
 from cortet.errors import CortetError
 
-# (case, res, mesher) of the meshes that failed, and how: what rules/failures.smk hands over
+# what rules/failures.smk hands over: (case, res, mesher) of the meshes that failed, and how; reasons why files that the
+# experiments measure are missing
 FAILURES = {tuple(record["mesh"]): record["failure"] for record in config.pop("failures", [])}
+MISSING = config.pop("missing", {})
 
 try:
     CONFIG = load(config)
+    # by the name that files carry: the line's own setting carries none, others run beside it on the same meshes of S1
+    SETTINGS = {"": CONFIG} | {
+        name.capitalize(): load({**config, "setting": name})
+        for name in CONFIG.experiments.settings
+        if name != CONFIG.setting
+    }
     # read here and never an input of a rule: a new row then runs one new case
     SHEET = read_sheet(CONFIG.cohort.sheet, CONFIG.cohort.fields)
 except CortetError as error:
@@ -27,6 +36,12 @@ CASES = {case.name: case for case in SHEET if case.include}
 BACKEND = CONFIG.generate.backend
 if BACKEND == "auto":
     BACKEND = "pygalmesh" if find_spec("pygalmesh") else "cgal"
+# meshers of others that are only compared with: where one fails, its report says so and the run goes on
+BASELINES = [
+    mesher
+    for mesher in CONFIG.experiments.ablation.meshers
+    if mesher in get_args(Baseline) and mesher not in CONFIG.generate.meshers
+]
 RESOLUTIONS = [round(1000 * size) for size in CONFIG.generate.cell_size]
 
 # S1 to S6 in the order in which they run; S6 comes before S5, so that the mesh that is exported is the last one
@@ -41,10 +56,13 @@ STAGES = {
     "solver_ready": "Solver",
 }
 
+# stages whose mesh is the same in every setting
+IN_EVERY_SETTING = ("generate", "transfer")
+
 # suffix of the file -> solver that reads it
 SOLVERS = {"mesh": "braingrowth"}
 # rules that take every mesh that is done
-OVER_ALL_CASES = ("cohort_quality", "cohort_summary", "cohort_figure", "cohort_status")
+OVER_ALL_CASES = ("cohort_quality", "cohort_summary", "cohort_figure", "cohort_status", "table_ablation")
 
 
 wildcard_constraints:
@@ -52,6 +70,7 @@ wildcard_constraints:
     case=r"sub-[A-Za-z0-9]+(_ses-[A-Za-z0-9]+)?(_hemi-[LR])?",
     res=r"[1-9][0-9]*",
     mesher=r"[a-z0-9]+",
+    setting="|".join(SETTINGS),
     stage="|".join(STAGES.values()),
     suffix="|".join(SOLVERS),
 
@@ -67,7 +86,9 @@ def surface_file(desc, suffix="white.surf.gii"):
 
 
 def mesh_file(desc, suffix="tetmesh.vtu"):
-    return bids(suffix, "mesh", res="{res}um", desc=f"{{mesher}}{desc}")
+    """File of a stage's mesh: its name tells mesher, setting where it matters, and stage."""
+    setting = "" if desc in [STAGES[stage] for stage in IN_EVERY_SETTING] else "{setting}"
+    return bids(suffix, "mesh", res="{res}um", desc=f"{{mesher}}{setting}{desc}")
 
 
 def surface_log(rule, suffix="log"):
@@ -76,28 +97,43 @@ def surface_log(rule, suffix="log"):
 
 
 def mesh_log(rule, suffix="log", desc=""):
-    return surface_log(rule, suffix).replace("{case}", f"{{case}}_res-{{res}}um_desc-{{mesher}}{desc}")
+    setting = "" if rule in (*IN_EVERY_SETTING, "baseline") else "{setting}"
+    return surface_log(rule, suffix).replace("{case}", f"{{case}}_res-{{res}}um_desc-{{mesher}}{setting}{desc}")
 
 
 surface_benchmark = partial(surface_log, suffix="tsv")
 mesh_benchmark = partial(mesh_log, suffix="tsv")
 
 
+def file_of(pattern, case, res, mesher, setting=""):
+    """A file of a pattern for one mesh."""
+    return pattern.format(folder=case.folder, case=case.name, res=res, mesher=mesher, setting=setting)
+
+
 def each_case(pattern):
     """Files of a pattern for all included cases, cell sizes and meshers, keyed by (case, res, mesher)."""
     return {
-        (case.name, res, mesher): pattern.format(folder=case.folder, case=case.name, res=res, mesher=mesher)
+        (case.name, res, mesher): file_of(pattern, case, res, mesher)
         for case in CASES.values()
         for res in RESOLUTIONS
         for mesher in CONFIG.generate.meshers
     }
 
 
+def setting_of(wildcards):
+    """Configuration of the setting that a file was made in."""
+    return SETTINGS[wildcards.get("setting", "")]
+
+
 def mesh_before(stage):
     """File of the last enabled stage before `stage`: a bypassed stage does not occur."""
     stages = list(STAGES)
-    before = [name for name in stages[: stages.index(stage)] if CONFIG.enabled(name)]
-    return mesh_file(STAGES[before[-1]])
+
+    def file(wildcards):
+        before = [name for name in stages[: stages.index(stage)] if setting_of(wildcards).enabled(name)]
+        return mesh_file(STAGES[before[-1]]).format(**{"setting": "", **wildcards})
+
+    return file
 
 
 def parameters_of(stage, wildcards):
@@ -113,7 +149,8 @@ def parameters_of(stage, wildcards):
             "backend": BACKEND,
         },
     }
-    return CONFIG.stage(stage, **chosen.get(stage, dict)())
+    setting = CONFIG if stage in IN_EVERY_SETTING else setting_of(wildcards)
+    return setting.stage(stage, **chosen.get(stage, dict)())
 
 
 # the surface that is meshed, and that every later stage measures against
@@ -153,13 +190,16 @@ SOLVER_FILES = [
     mesh_file("Solver", f"tetmesh.{suffix}") for suffix, solver in SOLVERS.items() if solver in CONFIG.export.formats
 ]
 
-# what the stages of the line reported, by stage
-REPORTS = {
-    "gate": surface_file("gated", "white.json"),
-    "smooth_surface": surface_file("smoothed", "white.json"),
-    **{stage: mesh_file(desc, "tetmesh.json") for stage, desc in STAGES.items()},
-}
-REPORTS = {stage: path for stage, path in REPORTS.items() if CONFIG.enabled(stage)}
+
+def reports_of(wildcards):
+    """What the stages of a setting reported, by stage."""
+    setting = setting_of(wildcards)
+    files = {
+        "gate": surface_file("gated", "white.json"),
+        "smooth_surface": surface_file("smoothed", "white.json"),
+        **{stage: mesh_file(desc, "tetmesh.json") for stage, desc in STAGES.items()},
+    }
+    return {stage: path.format(**wildcards) for stage, path in files.items() if setting.enabled(stage)}
 
 
 def solver_files():

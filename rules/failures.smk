@@ -29,11 +29,7 @@ def failures_of_run():
     failures = {}
     for mesh in each_case(CERTIFICATE):
         case, res, mesher = mesh
-        jobs = [
-            job
-            for job in undone[case]
-            if job.wildcards.get("res", str(res)) == str(res) and job.wildcards.get("mesher", mesher) == mesher
-        ]
+        jobs = [job for job in undone[case] if is_about(job, res=res, mesher=mesher, setting="")]
         failed = [job for job in jobs if job in workflow.scheduler.failed]
         if failed:
             log = Path(failed[0].log[0])
@@ -44,8 +40,6 @@ def failures_of_run():
                 "reason": reason,
                 "log": str(log),
             }
-            # what an earlier run made of this case must not pass for this one's
-            delete_outputs(jobs)
         elif jobs:
             failures[mesh] = {
                 "stage": jobs[0].rule.name,
@@ -55,17 +49,37 @@ def failures_of_run():
     return failures
 
 
+def is_about(job, **mesh):
+    """Whether a job works for a mesh, as far as its wildcards tell: one on a surface works for all meshes in it."""
+    return all(job.wildcards.get(key, str(value)) == str(value) for key, value in mesh.items())
+
+
+def missing_of_run():
+    """Files that were not made, as `MISSING`: the reason of the failed job that theirs waited for."""
+    undone = [job for job in workflow.dag.needrun_jobs() if job.wildcards.get("case")]
+    failed = [job for job in undone if job in workflow.scheduler.failed]
+    reasons = {job: f"{job.rule.name}: {failure_reason(Path(job.log[0]), since=STARTED)}" for job in failed}
+    missing = {}
+    for job in undone:
+        keys = [key for key in ("case", "res", "mesher", "setting") if job.wildcards.get(key) is not None]
+        causes = [other for other in failed if is_about(other, **{key: job.wildcards[key] for key in keys})]
+        missing |= dict.fromkeys(job.output, reasons[causes[0]] if causes else "the run ended before")
+        if causes:  # what an earlier run made of this case must not pass for this one's
+            delete_outputs([job])
+    return missing
+
+
 def delete_outputs(jobs):
     for job in jobs:
         for path in job.output:
             Path(path).unlink(missing_ok=True)
 
 
-def run_over_done_cases(failures, targets):
+def run_over_done_cases(failures, missing, targets):
     """Run the rules over all cases with the failed ones left out."""
     records = [{"mesh": mesh, "failure": failure} for mesh, failure in failures.items()]
     with tempfile.NamedTemporaryFile("w", suffix=".json") as file:
-        json.dump({**config, "failures": records}, file, default=str)
+        json.dump({**config, "failures": records, "missing": missing}, file, default=str)
         file.flush()
         command = [sys.executable, "-m", "snakemake", "--cores", "1", "--nolock"]
         command += ["--snakefile", str(workflow.main_snakefile)]
@@ -80,11 +94,11 @@ onstart:
 
 
 onerror:
-    failures = failures_of_run()
+    failures, missing = failures_of_run(), missing_of_run()
     for (case, *_), failure in failures.items():
         logger.error(f"{case}: {failure['stage']}: {failure['reason']}")
     measured = any(is_measured(mesh, failures) for mesh in each_case(CERTIFICATE))
     possible = OVER_ALL_CASES if measured else ["cohort_status"]
     targets = [path for job in workflow.dag.jobs if job.rule.name in possible for path in job.output]
-    if failures and targets:
-        run_over_done_cases(failures, targets)
+    if missing and targets:
+        run_over_done_cases(failures, missing, targets)

@@ -12,6 +12,8 @@ rule generate:
         mesh_log("generate"),
     benchmark:
         mesh_benchmark("generate")
+    wildcard_constraints:
+        mesher="|".join({*CONFIG.generate.meshers, *get_args(Mesher)}),
     conda:
         "../envs/cortet.yaml"
     resources:

@@ -28,7 +28,7 @@ rule certify:
         mesh=mesh_file("Solver"),
         surface=MESHED_SURFACE,
         source=surface_of,
-        reports=REPORTS.values(),
+        reports=lambda wildcards: list(reports_of(wildcards).values()),
     output:
         certificate=CERTIFICATE,
     log:
@@ -41,8 +41,8 @@ rule certify:
         mem_mb=megabytes(1500),
         runtime=minutes(5),
     params:
-        stage=CONFIG.stage("certify"),
-        line=lambda wildcards: {stage: parameters_of(stage, wildcards) for stage in REPORTS},
+        stage=partial(parameters_of, "certify"),
+        line=lambda wildcards: {stage: parameters_of(stage, wildcards) for stage in reports_of(wildcards)},
     script:
         "../scripts/certify.py"
 

@@ -40,6 +40,7 @@ from cortet.meshers.lattice import fill, lattice_nodes
 from cortet.meshers.remesh import remesh
 from cortet.ordering import ordered_along_curve
 from cortet.quality import signed_volumes
+from cortet.stages import baselines
 from cortet.stages.reconnect import reconnect
 from cortet.topology import (
     SurfaceTopology,
@@ -146,7 +147,7 @@ def generate(
     ----------
     surface : a closed, connected manifold of any genus, without self-intersections
     cell_size : mm, upper bound of circumradii of tetrahedra and of surface Delaunay balls
-    mesher : ``cgal`` or ``lattice``
+    mesher : ``cgal``, ``lattice``, or one of `baselines.MESHERS`, which take the cell size and nothing else
     backend : ``pygalmesh``, ``cgal``, or ``auto``: pygalmesh where it is installed, else cgal
     facet_angle : degrees, lower bound of the angles of boundary triangles
     facet_distance : fractions of `cell_size`, tried in this order until the boundary has the topology of the surface;
@@ -171,8 +172,9 @@ def generate(
     StageError
         the backend failed, is not installed, or returned nothing
     """
-    if mesher not in MESHERS:
-        raise InputError(f"unknown mesher {mesher!r}", remedy=f"use {' or '.join(MESHERS)}")
+    if mesher not in (*MESHERS, *baselines.MESHERS):
+        known = " or ".join([*MESHERS, *baselines.MESHERS])
+        raise InputError(f"unknown mesher {mesher!r}", remedy=f"use {known}")
     if not cell_size > 0 or not np.isfinite(cell_size):
         raise InputError(f"cell size {cell_size} mm is not a positive length")
     if not facet_distance or min(facet_distance) <= 0:
@@ -182,6 +184,8 @@ def generate(
     topology = surface_topology(surface.faces)
     if not topology.is_closed_manifold:
         raise InputError(f"surface cannot be meshed: {'; '.join(topology.problems(int(topology.genus)))}")
+    if mesher in baselines.MESHERS:
+        return generate_with_baseline(surface, mesher, cell_size=cell_size)
     backend = installed_backend() if backend == "auto" else backend
     if backend not in BACKENDS:
         raise InputError(f"unknown mesher backend {backend!r}", remedy=f"use auto, {' or '.join(BACKENDS)}")
@@ -220,6 +224,41 @@ def generate(
         topology_ok=not final.problems,
         reason="; ".join(final.problems),
         attempts=tuple(attempts),
+    )
+
+
+def generate_with_baseline(
+    surface: TriSurface, mesher: str, *, cell_size: float, time_limit: float | None = None
+) -> tuple[TetMesh, GenerateReport]:
+    """Mesh the inside of a closed surface with one of `baselines.MESHERS`, as it comes; parameters as there.
+
+    Exactly flat tetrahedra are left out. Raises `StageError` when there is no mesh.
+    """
+    began = time.perf_counter()
+    points, cells = baselines.fill(surface, mesher, cell_size=cell_size, time_limit=time_limit)
+    cells, flat = oriented(points, cells)
+    points, cells, _ = compact(points, cells)
+    mesh = TetMesh(*ordered_along_curve(points, cells))
+    genus = int(surface_topology(surface.faces).genus)
+    attempt = _judged(mesh, genus, passes=(), flat=flat)
+    _log(mesher, attempt, time.perf_counter() - began)
+    distribution, _ = baselines.MESHERS[mesher]
+    return mesh, GenerateReport(
+        mesher=mesher,
+        backend=distribution,
+        backend_version=version(distribution),
+        seed=None,
+        cell_size_mm=cell_size,
+        facet_distance_mm=None,
+        facet_distance_fraction=None,
+        edge_length_mm=None,
+        passes=(),
+        nodes=len(mesh.points),
+        tetrahedra=len(mesh.cells),
+        flat_tetrahedra_dropped=flat,
+        topology_ok=not attempt.problems,
+        reason="; ".join(attempt.problems),
+        attempts=(attempt,),
     )
 
 

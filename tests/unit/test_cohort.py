@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cortet.cohort import COLUMNS, Case, read_sheet, scan, write_sheet
+from cortet.cohort import COLUMNS, Case, chosen, read_sheet, scan, write_sheet
 from cortet.config import Scan
 from cortet.errors import InputError
 
@@ -160,3 +160,14 @@ def test_scan_patterns_are_configurable(tmp_path: Path) -> None:
 def test_scan_of_a_folder_without_surfaces_says_what_it_looked_for(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"_wm\.surf\.gii"):
         scan(tmp_path)
+
+
+def test_cases_are_chosen_by_name_by_number_over_the_ages_or_all() -> None:
+    cases = [Case(str(age), None, "L", age, "phantom") for age in (30, 22, 36, 26, 34)]
+    assert chosen(cases, "all") == cases
+    assert [case.scan_age for case in chosen(cases, 3)] == [22, 30, 36]
+    assert [case.scan_age for case in chosen(cases, 1)] == [22]
+    assert len(chosen(cases, 9)) == 5 and chosen(cases, 0) == []
+    assert chosen(cases, ["sub-36_hemi-L"]) == [cases[2]]
+    with pytest.raises(InputError, match="no included case is named sub-40_hemi-L"):
+        chosen(cases, ["sub-40_hemi-L"])

@@ -1,0 +1,128 @@
+"""A table in the forms it is needed in: TSV with a JSON sidecar for machines; LaTeX, Markdown and HTML for readers."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cortet.formats.atomic import atomic_path, write_json
+from cortet.tables import MISSING, write_tsv
+
+VERSION: int = 1
+
+Row = Mapping[str, Any]
+
+#: what headings and cells hold -> how LaTeX sets it; the rest is escaped
+_LATEX = {
+    "\\": r"\textbackslash{}",
+    "&": r"\&",
+    "%": r"\%",
+    "#": r"\#",
+    "$": r"\$",
+    "{": r"\{",
+    "}": r"\}",
+    "_": r"\_",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"$<$",
+    ">": r"$>$",
+    "±": r"$\pm$",
+}  # fmt: skip
+_HTML_STYLE = (
+    "body{font:14px sans-serif;margin:1.5em}"
+    "table{border-collapse:collapse;border-top:2px solid;border-bottom:2px solid}"
+    "th{border-bottom:1px solid;text-align:left}th,td{padding:.25em .8em}tr.rule td{border-top:1px solid}"
+    "dt{font-weight:bold;margin-top:.5em}"
+)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One column for readers, which may gather several columns of the TSV."""
+
+    heading: str
+    #: text of the cell of a row
+    text: Callable[[Row], str]
+    description: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """What a table is made of besides its rows."""
+
+    title: str
+    #: column of the TSV -> its description and units, as in a BIDS sidecar
+    columns: Mapping[str, Mapping[str, Any]]
+    shown: Sequence[Shown]
+    #: readers see a line between two rows for which this differs
+    group: Callable[[Row], Any] = lambda _: None
+
+
+def write(table: Table, rows: Sequence[Row], *paths: str | Path) -> None:
+    """Write the table once per path, in the form of its suffix: tsv, json (the sidecar of the TSV), tex, md or html."""
+    cells = [[column.text(row) for column in table.shown] for row in rows]
+    headings = [column.heading for column in table.shown]
+    starts = [i > 0 and table.group(rows[i - 1]) != table.group(row) for i, row in enumerate(rows)]
+    texts = {".tex": _latex, ".md": _markdown, ".html": _html}
+    for path in map(Path, paths):
+        if path.suffix == ".tsv":
+            write_tsv(rows, list(table.columns), path)
+        elif path.suffix == ".json":
+            write_json(table.columns, path)
+        else:
+            with atomic_path(path) as temporary:
+                temporary.write_text(texts[path.suffix](table, headings, cells, starts), encoding="utf-8")
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number with so many decimals, or `n/a`."""
+    return MISSING if value is None else f"{value:.{digits}f}"
+
+
+def mean_and_sd(mean: float | None, sd: float | None, digits: int = 3) -> str:
+    """`mean ± sd`; the mean alone where there is no sd."""
+    return number(mean, digits) + ("" if sd is None else f" ± {sd:.{digits}f}")
+
+
+def median_and_range(median: float | None, low: float | None, high: float | None, digits: int = 3) -> str:
+    """`median [low-high]`; the median alone where all are the same."""
+    spread = "" if low is None or high is None or low == high else f" [{low:.{digits}f}-{high:.{digits}f}]"
+    return number(median, digits) + spread
+
+
+def _latex(table: Table, headings: Sequence[str], cells: Sequence[Sequence[str]], starts: Sequence[bool]) -> str:
+    def line(texts: Sequence[str]) -> str:
+        escaped = ["".join(_LATEX.get(letter, letter) for letter in text) for text in texts]
+        return " & ".join(re.sub(r"(?<=\d)-(?=\d)", "--", text) for text in escaped) + r" \\"  # ranges
+
+    body = [("\\midrule\n" if start else "") + line(row) for start, row in zip(starts, cells, strict=True)]
+    top = [f"% {table.title}; needs the package booktabs", rf"\begin{{tabular}}{{{'l' * len(headings)}}}", r"\toprule"]
+    return "\n".join([*top, line(headings), r"\midrule", *body, r"\bottomrule", r"\end{tabular}", ""])
+
+
+def _markdown(table: Table, headings: Sequence[str], cells: Sequence[Sequence[str]], _: Sequence[bool]) -> str:
+    def line(texts: Sequence[str]) -> str:
+        return "| " + " | ".join(text.replace("|", r"\|") for text in texts) + " |"
+
+    notes = [f"- **{column.heading}**: {column.description}" for column in table.shown]
+    lines = [f"**{table.title}**", "", line(headings), "|" + "---|" * len(headings), *map(line, cells), "", *notes]
+    return "\n".join([*lines, ""])
+
+
+def _html(table: Table, headings: Sequence[str], cells: Sequence[Sequence[str]], starts: Sequence[bool]) -> str:
+    def line(tag: str, texts: Sequence[str], start: bool = False) -> str:
+        inside = "".join(f"<{tag}>{html.escape(text)}</{tag}>" for text in texts)
+        return f"<tr{' class=rule' if start else ''}>{inside}</tr>"
+
+    body = [line("td", row, start) for start, row in zip(starts, cells, strict=True)]
+    notes = [
+        f"<dt>{html.escape(column.heading)}</dt><dd>{html.escape(column.description)}</dd>" for column in table.shown
+    ]
+    title = html.escape(table.title)
+    head = f"<!doctype html><html lang=en><meta charset=utf-8><title>{title}</title><style>{_HTML_STYLE}</style>"
+    lines = [head, f"<h3>{title}</h3>", "<table>", line("th", headings), *body, "</table>", "<dl>", *notes, "</dl>"]
+    return "\n".join([*lines, "</html>", ""])

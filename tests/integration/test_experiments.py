@@ -1,0 +1,95 @@
+"""The experiments run on any cohort; a mesher or a case that fails is told in the tables and stops nothing."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.integration.study import Study, surface
+
+SETTINGS = ("default", "published")
+
+
+def rows(study: Study, table: str) -> list[dict[str, str]]:
+    path = study.folder / f"derivatives/cortet/cohort/table-{table}.tsv"
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file, delimiter="\t"))
+
+
+def ablation(study: Study) -> dict[tuple[str, str, str], dict[str, str]]:
+    """Rows of this cohort by mesher, setting and stages."""
+    ours = [row for row in rows(study, "ablation") if row["source"] == "this cohort"]
+    return {(row["mesher"], row["setting"], row["stages"]): row for row in ours}
+
+
+@pytest.fixture(scope="module")
+def compared(finished: Study, tmp_path_factory: pytest.TempPathFactory) -> Study:
+    """Two cases and their tables, with a mesher that is not installed among those compared with, if there is one."""
+    folder = tmp_path_factory.mktemp("compared") / "study"
+    shutil.copytree(finished.folder, folder)
+    study = Study(folder)
+    study.config["experiments"] = {"ablation": {"meshers": ["tetgen", "netgen"]}}
+    result = study.run("tables")
+    assert result.returncode == 0, result.stdout + result.stderr
+    return study
+
+
+@pytest.fixture
+def study(compared: Study, tmp_path: Path) -> Study:
+    shutil.copytree(compared.folder, tmp_path / "study")
+    return Study(tmp_path / "study", compared.config)
+
+
+def test_every_stage_is_measured_in_both_settings_and_for_both_meshers(compared: Study) -> None:
+    measured = ablation(compared)
+    for mesher in ("cgal", "tetgen"):
+        assert (mesher, "n/a", "S1-S2") in measured
+        assert {(mesher, setting, stages) for setting in SETTINGS for stages in ("S1-S3", "S1-S4")} <= set(measured)
+        assert (mesher, "default", "S1-S4+") in measured and (mesher, "published", "S1-S4+") not in measured
+    assert {row["meshes"] for (mesher, *_), row in measured.items() if mesher != "netgen"} == {"2"}
+
+
+def test_settings_share_the_mesh_of_s1_and_differ_from_s3_on(compared: Study) -> None:
+    assert len(compared.files("*cgalGenerated_tetmesh.vtu")) == 2
+    assert len(compared.files("*cgalPublishedCleaned_tetmesh.vtu")) == 2
+    measured = ablation(compared)
+    ours, theirs = (measured["cgal", setting, "S1-S4"] for setting in SETTINGS)
+    assert ours["tets_total"] == theirs["tets_total"]
+    assert ours["q_mean_mean"] != theirs["q_mean_mean"]
+
+
+@pytest.mark.skipif(importlib.util.find_spec("netgen") is not None, reason="Netgen is installed")
+def test_a_mesher_that_is_not_installed_is_a_row_that_says_so(compared: Study) -> None:
+    row = ablation(compared)["netgen", "n/a", "S1-S2"]
+    assert (row["meshes"], row["failed"], row["q_max_median"]) == ("0", "2", "n/a")
+    assert "No module named 'netgen'" in row["remarks"]
+    (report, _) = compared.files("*netgenGenerated_tetmesh.json")
+    assert "failure" in json.loads(report.read_text())
+
+
+def test_nothing_of_the_experiments_is_part_of_all(finished: Study) -> None:
+    assert not finished.files("*Published*")
+    assert not finished.files("table-*")
+
+
+def test_a_second_run_does_nothing_and_a_new_row_runs_its_case_and_the_tables(study: Study) -> None:
+    assert study.jobs_of_run("tables") == set()
+    study.add_case(study.case("c"), surface(2))
+    ran = study.jobs_of_run("tables")
+    assert {case for _, case in ran} == {"sub-c", "-"}
+    assert ("table_ablation", "-") in ran and ("baseline", "sub-c") in ran
+    assert ablation(study)["tetgen", "published", "S1-S4"]["meshes"] == "3"
+
+
+def test_a_bad_case_is_told_in_the_table_and_stops_nothing(study: Study) -> None:
+    study.add_case(study.case("open"), replace(surface(3), faces=surface(3).faces[1:]))
+    study.jobs_of_run("tables", succeeds=False)
+    row = ablation(study)["cgal", "published", "S1-S4"]
+    assert (row["meshes"], row["failed"]) == ("2", "1")
+    assert "sub-open_hemi-L: gate:" in row["remarks"]

@@ -1,0 +1,99 @@
+"""Other meshers fill a surface as they come; whatever they do wrong is one error that says so."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import ball_surface
+
+from cortet.errors import StageError
+from cortet.formats import gifti
+from cortet.mesh import TriSurface
+from cortet.quality import quality, signed_volumes
+from cortet.stages import baselines
+from cortet.stages.baselines import MESHERS, fill, prepared
+from cortet.stages.generate import generate, generate_with_baseline
+from cortet.topology import boundary_faces, enclosed_volume
+
+MODULES = {"tetgen": "tetgen", "ftetwild": "pytetwild", "gmsh": "gmsh", "netgen": "netgen"}
+REAL = Path(__file__).parents[3] / "shared/data/fetal/fetomorph_GW25_left.surf.gii"
+
+
+def installed(mesher: str) -> bool:
+    return importlib.util.find_spec(MODULES[mesher]) is not None
+
+
+@pytest.mark.parametrize("mesher", MESHERS)
+def test_a_ball_is_filled(mesher: str) -> None:
+    if not installed(mesher):
+        pytest.skip(f"{mesher} is not installed")
+    mesh, report = generate(ball_surface(), cell_size=1.0, mesher=mesher)
+    assert signed_volumes(mesh.points, mesh.cells).min() > 0
+    assert signed_volumes(mesh.points, mesh.cells).sum() == pytest.approx(4 / 3 * np.pi * 5**3, rel=0.05)
+    assert report.topology_ok
+    assert (report.mesher, report.backend) == (mesher, MESHERS[mesher][0])
+
+
+@pytest.mark.parametrize("mesher", ["tetgen", "gmsh"])
+def test_the_same_surface_gives_the_same_mesh(mesher: str) -> None:
+    (first, cells), (second, again) = (fill(ball_surface(), mesher, cell_size=1.0) for _ in range(2))
+    assert np.array_equal(first, second) and np.array_equal(cells, again)
+
+
+def test_tetgen_keeps_the_boundary_and_makes_slivers_as_published() -> None:
+    surface = ball_surface(4)
+    mesh, _ = generate_with_baseline(surface, "tetgen", cell_size=1.0)
+    assert len(boundary_faces(mesh)) == len(surface.faces)
+    assert quality(mesh.points, mesh.cells).max() > 0.85
+
+
+def test_the_surface_is_turned_outward_and_merged() -> None:
+    ball = ball_surface(1)
+    soup = TriSurface(ball.points[ball.faces].reshape(-1, 3), np.arange(3 * len(ball.faces)).reshape(-1, 3)[:, ::-1])
+    points, faces = prepared(soup)
+    assert len(points) == len(ball.points)
+    assert enclosed_volume(points, faces) == pytest.approx(enclosed_volume(ball.points, ball.faces))
+
+
+def test_a_surface_that_crosses_itself_is_an_error_of_the_mesher() -> None:
+    ball = ball_surface(2)
+    shifted = TriSurface(
+        np.vstack([ball.points, ball.points + 3]), np.vstack([ball.faces, ball.faces + len(ball.points)])
+    )
+    with pytest.raises(StageError, match="tetgen failed|tetgen crashed"):
+        fill(shifted, "tetgen", cell_size=1.0)
+
+
+def test_a_mesher_that_is_not_installed_is_an_error_that_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", "/nowhere")
+    missing = [mesher for mesher in MESHERS if not installed(mesher)]
+    if not missing:
+        pytest.skip("every mesher is installed")
+    with pytest.raises(StageError, match=f"{missing[0]} failed: ModuleNotFoundError: No module named"):
+        fill(ball_surface(1), missing[0], cell_size=1.0)
+
+
+def test_a_mesher_that_takes_too_long_is_stopped() -> None:
+    with pytest.raises(StageError, match="tetgen took longer than 0.001 minutes"):
+        fill(ball_surface(1), "tetgen", cell_size=1.0, time_limit=0.001)
+
+
+def test_a_crash_of_a_mesher_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    crash = tmp_path / "python"
+    crash.write_text("#!/bin/sh\nkill -SEGV $$\n")
+    crash.chmod(0o755)
+    monkeypatch.setattr(baselines.sys, "executable", str(crash))
+    with pytest.raises(StageError, match=r"tetgen crashed \(SIGSEGV\)"):
+        fill(ball_surface(1), "tetgen", cell_size=1.0)
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="no real surfaces in ../shared/data")
+def test_on_a_real_surface_tetgen_is_as_bad_as_published() -> None:
+    mesh, report = generate_with_baseline(gifti.read_surface(REAL), "tetgen", cell_size=1.0)
+    q = quality(mesh.points, mesh.cells)
+    assert q.max() > 0.95
+    assert 0.2 < q.mean() < 0.3
+    assert report.topology_ok

@@ -1,0 +1,133 @@
+"""The tables of the experiments hold what the records hold; what failed is a row, or part of one, that says so."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+from shapes import cube_mesh
+
+from cortet.experiments import ABLATION_COLUMNS, Origin, ablation_rows, origin, write_ablation
+from cortet.quality import summarise
+
+
+def record(mean: float, worst: float, above: int) -> dict[str, Any]:
+    content = asdict(summarise(cube_mesh(2)))
+    content["q"] |= {"mean": mean, "max": worst}
+    content["count_above"]["0.6"] = above
+    return content
+
+
+def at(case: str, stage: str, setting: str | None = None, mesher: str = "cgal", size: float = 0.6) -> Origin:
+    return Origin(f"sub-{case}", size, mesher, setting, stage)
+
+
+def ours(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [row for row in rows if row["source"] == "this cohort"]
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("sub-1_hemi-L_res-600um_desc-cgalCleaned_quality.json", ("sub-1_hemi-L", 0.6, "cgal", "default", "Cleaned")),
+        ("sub-1_res-1000um_desc-tetgenPublishedCleaned_quality.json", ("sub-1", 1.0, "tetgen", "published", "Cleaned")),
+        ("sub-1_res-600um_desc-cgalGenerated_tetmesh.json", ("sub-1", 0.6, "cgal", None, "Generated")),
+    ],
+)
+def test_the_name_of_a_record_tells_its_origin(name: str, expected: tuple[Any, ...]) -> None:
+    assert origin(f"folder/{name}", "default") == Origin(*expected)
+
+
+def test_another_name_is_an_error() -> None:
+    with pytest.raises(ValueError, match="not the name of a record"):
+        origin("notes.json", "default")
+
+
+def test_stages_are_summarised_over_the_meshes_in_their_order() -> None:
+    records = {
+        at("a", "Cleaned", "published"): record(0.128, 0.50, 0),
+        at("b", "Cleaned", "published"): record(0.130, 0.52, 0),
+        at("a", "Generated"): record(0.134, 0.75, 800),
+        at("b", "Generated"): record(0.136, 0.81, 1000),
+        at("a", "Cleaned", "default"): record(0.12, 0.4, 0),
+        at("b", "Cleaned", "default"): record(0.12, 0.4, 0),
+    }
+    first, second, third = ours(ablation_rows(records, {}, {}, {}))
+    assert [(row["stages"], row["setting"]) for row in (first, second, third)] == [
+        ("S1-S2", None),
+        ("S1-S4", "default"),
+        ("S1-S4", "published"),
+    ]
+    assert first["q_mean_mean"] == pytest.approx(0.135)
+    assert first["q_mean_sd"] == pytest.approx(0.0014142, rel=1e-4)
+    assert (first["q_max_median"], first["q_max_min"], first["q_max_max"]) == (pytest.approx(0.78), 0.75, 0.81)
+    assert (first["q_above_0.6_median"], first["q_above_0.6_total"]) == (900, 1800)
+    assert (first["meshes"], first["failed"], first["tets_total"]) == (2, 0, 96)
+
+
+def test_cell_sizes_and_meshers_are_rows_of_their_own() -> None:
+    records = {
+        at("a", "Generated"): record(0.1, 0.7, 1),
+        at("a", "Generated", size=1.0): record(0.1, 0.7, 1),
+        at("a", "Generated", mesher="tetgen"): record(0.2, 0.99, 9),
+    }
+    rows = ours(ablation_rows(records, {}, {}, {}))
+    assert [(row["cell_size_mm"], row["configuration"]) for row in rows] == [
+        (0.6, "CGAL only"),
+        (0.6, "TetGen only"),
+        (1.0, "CGAL only"),
+    ]
+
+
+def test_a_mesher_that_fails_is_a_row_that_says_so() -> None:
+    made = {at("a", "Generated", mesher="netgen"): {"failure": "netgen crashed (SIGSEGV)"}}
+    (row,) = ours(ablation_rows({}, made, {}, {}))
+    assert (row["configuration"], row["meshes"], row["failed"]) == ("Netgen only", 0, 1)
+    assert row["remarks"] == "sub-a: netgen crashed (SIGSEGV)"
+    assert row["q_max_median"] is None
+
+
+def test_what_a_failed_job_left_out_is_told_with_the_reason() -> None:
+    records = {at("a", "Cleaned", "default"): record(0.12, 0.4, 0)}
+    missing = {at("b", "Cleaned", "default"): "relocate: Gmsh failed", at("c", "Cleaned", "default"): "clean: too bad"}
+    (row,) = ours(ablation_rows(records, {}, missing, {}))
+    assert (row["meshes"], row["failed"]) == (1, 2)
+    assert row["remarks"] == "sub-b: relocate: Gmsh failed; sub-c: clean: too bad"
+
+
+def test_meshes_of_the_fallback_and_of_wrong_topology_are_counted() -> None:
+    records = {at(case, "Cleaned", "default"): record(0.12, 0.4, 0) for case in "abc"}
+    made = {
+        at("a", "Generated"): {"backend": "pygalmesh", "topology_ok": True},
+        at("b", "Generated"): {"backend": "tetgen", "topology_ok": True},
+        at("c", "Generated"): {"backend": "pygalmesh", "topology_ok": False},
+    }
+    (row,) = ours(ablation_rows(records, made, {}, {}))
+    assert (row["fallback"], row["wrong_topology"]) == (1, 1)
+
+
+def test_reference_meshes_and_the_published_table_stand_below() -> None:
+    rows = ablation_rows({at("a", "Generated"): record(0.1, 0.7, 1)}, {}, {}, {"tallinen": record(0.162, 0.811, 15)})
+    assert [row["source"] for row in rows] == ["this cohort", "reference mesh"] + 5 * ["arXiv:2607.12157"]
+    assert rows[1]["q_max_median"] == 0.811
+    assert [row["q_above_0.6_median"] for row in rows[2:]] == [15955, 15, 888, 191, 0]
+
+
+def test_it_is_written_from_files_named_as_the_workflow_names_them(tmp_path: Path) -> None:
+    paths = []
+    for name, content in (
+        ("sub-a_res-600um_desc-cgalGenerated_quality.json", record(0.13, 0.7, 3)),
+        ("reference-ball_quality.json", record(0.2, 0.8, 4)),
+        ("sub-a_res-600um_desc-netgenGenerated_tetmesh.json", {"failure": "netgen failed"}),
+    ):
+        paths.append(tmp_path / name)
+        paths[-1].write_text(json.dumps(content))
+    quality, reference, failed = map(str, paths)
+    outputs = [str(tmp_path / f"table.{suffix}") for suffix in ("tsv", "json", "tex", "md", "html")]
+    write_ablation([quality], [failed], {}, [reference], outputs, setting="default")
+    lines = (tmp_path / "table.tsv").read_text().splitlines()
+    assert lines[0].split("\t") == list(ABLATION_COLUMNS) == list(json.loads((tmp_path / "table.json").read_text()))
+    assert [line.split("\t")[5] for line in lines[1:4]] == ["CGAL only", "Netgen only", "ball"]

@@ -1,0 +1,45 @@
+"""The published figures that come with the package are those of the paper, and each column is explained."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cortet import published
+
+DATA = Path(published.__file__).parent / "data"
+
+
+@pytest.mark.parametrize("table", sorted(DATA.glob("published_*.tsv")), ids=lambda path: path.stem)
+def test_every_column_is_explained_and_the_source_named(table: Path) -> None:
+    with table.open() as file:
+        columns = next(csv.reader(file, delimiter="\t"))
+    explained = json.loads(table.with_suffix(".json").read_text())
+    assert set(explained) == {"Description", "Source", *columns}
+    assert explained["Source"] == "arXiv:2607.12157"
+
+
+def test_the_pooled_distribution_agrees_with_table_1() -> None:
+    middle = (np.arange(200) + 0.5) / 200
+    rows = {row["stages"]: row for row in published.ablation() if row["mesher"] == "cgal"}
+    for stages, row in rows.items():
+        counts = published.histogram(stages)
+        assert counts.sum() == 200_379_097
+        assert counts @ middle / counts.sum() == pytest.approx(float(row["q_mean_mean"]), abs=1e-3)
+        assert counts[120:].sum() == int(row["q_above_0.6_total"])
+        assert middle[counts.nonzero()[0].max()] == pytest.approx(float(row["q_max_max"]), abs=0.0035)
+
+
+def test_table_2_has_three_subjects_at_three_cell_sizes() -> None:
+    rows = published.resolution()
+    assert len({row["case"] for row in rows}) == 3
+    assert {row["cell_size_mm"] for row in rows} == {"0.4", "0.6", "0.8"}
+
+
+def test_three_measures_have_a_range() -> None:
+    assert published.measures()["one_minus_mean_ratio"] == (0.339, 0.390)
+    assert len(published.measures()) == 3
