@@ -24,7 +24,18 @@ if TYPE_CHECKING:
 
 
 #: of `cortet.verify.SOLVERS`, which a test compares; importing that would load NumPy
-SOLVER_NAMES = ("braingrowth", "abaqus", "carp", "vtu")
+SOLVER_NAMES = (
+    "vtu",
+    "braingrowth",
+    "abaqus",
+    "febio",
+    "fenics",
+    "gmsh",
+    "carp",
+    "carp_binary",
+    "stl",
+    "gifti",
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -70,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
 
     mesh = commands.add_parser("mesh", parents=[common, line], help="mesh one surface and certify the mesh")
     mesh.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="OUT", help="OUT.vtu or OUT.mesh (BrainGrowth)"
+        "-o", "--output", type=Path, required=True, metavar="OUT", help="mesh file; its suffix says for which solver"
     )
     mesh.add_argument("--picture", type=Path, metavar="PNG", help="also draw the mesh cut open, coloured by q")
     mesh.set_defaults(run=_mesh)
@@ -103,6 +114,13 @@ def parser() -> argparse.ArgumentParser:
     verify.add_argument("--solver", choices=SOLVER_NAMES, help="solver that will read it (default: by the suffix)")
     verify.set_defaults(run=_verify)
 
+    convert = commands.add_parser("convert", parents=[common], help="write a mesh file in another solver's format")
+    convert.add_argument("source", type=Path, metavar="IN")
+    convert.add_argument("target", type=Path, metavar="OUT", help="its suffix says for which solver")
+    convert.add_argument("--unit", choices=["mm", "um"], default="um", help="of a CARP file that is written")
+    convert.add_argument("--source-unit", choices=["mm", "um"], default="um", help="of a CARP file without a sidecar")
+    convert.set_defaults(run=_convert)
+
     picture = commands.add_parser("picture", parents=[common], help="draw a mesh cut open, coloured by q")
     picture.add_argument("mesh", type=Path, metavar="MESH")
     picture.add_argument("-o", "--output", type=Path, required=True, metavar="PNG")
@@ -131,10 +149,13 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _mesh(args: argparse.Namespace) -> int:
+    from cortet.export import export
+    from cortet.fields import field_sources
     from cortet.formats.atomic import write_json
     from cortet.pipeline import mesh_surface
+    from cortet.sets import named_sets
 
-    _format(args.output)  # an unknown one is refused before the work, not after
+    solver = _format(args.output)  # an unknown one is refused before the work, not after
     config, surface = _config(args), _surface(args)
     progress = Progress(config, args.ga)
     mesh, certificate = mesh_surface(
@@ -142,7 +163,18 @@ def _mesh(args: argparse.Namespace) -> int:
     )
     record = args.output.with_suffix(".certificate.json")
     if certificate.certified:
-        _write(mesh, args.output, certificate)
+        sources = field_sources(dict(args.field), config.export.field_units)
+        labels = {name: field.labels for name, field in sources.items()}
+        export(
+            named_sets(mesh, **config.export.sets, label_names=labels),
+            args.output,
+            solver=solver,
+            certificate=asdict(certificate),
+            unit=config.export.carp_unit,
+            frame=surface.frame,
+            sources=sources,
+            interior=config.transfer.interior,
+        )
     else:
         args.output.unlink(missing_ok=True)  # one of an earlier run would pass for this one
     write_json(asdict(certificate), record)
@@ -230,6 +262,15 @@ def _verify(args: argparse.Namespace) -> int:
     if not problems:
         print(f"{args.file}: keeps every convention of {solver}")
     return 1 if problems else 0
+
+
+def _convert(args: argparse.Namespace) -> int:
+    from cortet.export import convert
+
+    for change in convert(args.source, args.target, unit=args.unit, source_unit=args.source_unit):
+        print(f"{args.target}: {change}")
+    print(f"{args.target}: written and verified")
+    return 0
 
 
 def _picture(args: argparse.Namespace) -> int:
@@ -363,32 +404,19 @@ def _stem(path: Path) -> str:
 
 
 def _format(path: Path) -> str:
-    """Name of the mesh format that the suffix of a file stands for."""
-    from cortet.formats import FORMATS
+    """Name of the mesh format that the end of a file's name stands for."""
+    from cortet.formats import format_of
 
-    names = {form.suffix: name for name, form in FORMATS.items()}
-    if path.suffix not in names:
-        raise InputError("is of no known mesh format", file=path, remedy=f"use a name ending in {', '.join(names)}")
-    return names[path.suffix]
+    return format_of(path)
 
 
 def _read_mesh(path: Path) -> TetMesh:
     from cortet.formats import FORMATS
 
-    return FORMATS[_format(path)].read(path)
-
-
-def _write(mesh: TetMesh, path: Path, certificate: Certificate) -> None:
-    """Write a mesh by the suffix of its name; solver files are verified as written."""
-    from cortet.export import export
-    from cortet.formats import FORMATS
-    from cortet.verify import SOLVERS
-
-    name = _format(path)
-    if name in SOLVERS:
-        export(mesh, path, solver=name, certificate=asdict(certificate))
-    else:
-        FORMATS[name].write(mesh, path)
+    form = FORMATS[_format(path)]
+    if form.is_surface:
+        raise InputError("holds a surface, not a mesh", file=path)
+    return form.read(path)
 
 
 def _draw(mesh: TetMesh, path: Path) -> None:

@@ -43,7 +43,7 @@ Mesher = Literal["cgal", "lattice"]
 #: meshers of others, to compare with
 Baseline = Literal["tetgen", "ftetwild", "gmsh", "netgen"]
 Setting = Literal["default", "published", "fast"]
-Solver = Literal["braingrowth"]
+Solver = Literal["braingrowth", "abaqus", "febio", "fenics", "vtu", "gmsh", "carp", "carp_binary", "stl", "gifti"]
 #: stages that make one mesh out of another, in the order in which they run
 StageName = Literal["generate", "transfer", "relocate", "clean", "reconnect", "smooth_boundary", "snap", "solver_ready"]
 
@@ -164,6 +164,14 @@ class Generate(Section):
     """lattice: depth below the surface where the core begins, mm."""
 
 
+class Transfer(Section):
+    """S2, and once more before S5: the surface's fields on the nodes of the mesh."""
+
+    interior: Literal["nearest", "harmonic"] = "nearest"
+    """Values of interior nodes: nearest takes those of the nearest boundary node, harmonic solves Laplace's equation.
+    Labels always come from the nearest boundary node."""
+
+
 class Relocate(Section):
     """S3: Gmsh Relocate3D."""
 
@@ -245,9 +253,25 @@ class Export(Section):
     """Files for solvers, each verified as written."""
 
     formats: list[Solver] = ["braingrowth"]
-    """Formats to write."""
+    """Formats to write: braingrowth (.mesh), abaqus (.inp, CalculiX reads it too), febio (.feb), fenics (.xdmf), gmsh
+    (.msh), vtu, carp (.pts), carp_binary (.bpts); and of the boundary stl and gifti (.surf.gii)."""
     uncertified: bool = False
     """true also exports meshes that are not certified."""
+    carp_unit: Literal["mm", "um"] = "um"
+    """Unit of the coordinates in CARP files: um for openCARP, mm for meshtool."""
+    cortex_depth: Positive = 1.5
+    """Tetrahedra whose centroid is less than this below the cortical surface, mm, are cortex, the others core."""
+    cortex_thickness: str | None = None
+    """Field of the cohort, mm, that takes the place of cortex_depth, e.g. thickness."""
+    medial_wall: dict[str, list[int]] = {}
+    """Label fields and their keys that mark the medial wall, e.g. {parcellation: [0]}; the rest is cortical surface."""
+    field_units: dict[str, str] = {}
+    """Units of the fields, e.g. {thickness: mm}, for the sidecars."""
+
+    @property
+    def sets(self) -> dict[str, Any]:
+        """Arguments of `cortet.sets.named_sets`."""
+        return self.model_dump(mode="json", include={"cortex_depth", "cortex_thickness", "medial_wall"})
 
 
 class Ablation(Section):
@@ -314,6 +338,7 @@ class Config(Section):
     gate: Gate = Gate()
     smooth_surface: SmoothSurface = SmoothSurface()
     generate: Generate = Generate()
+    transfer: Transfer = Transfer()
     relocate: Relocate = Relocate()
     clean: Clean = Clean()
     reconnect: Reconnect = Reconnect()
@@ -333,7 +358,8 @@ class Config(Section):
 
         `chosen` replaces what the configuration holds as a list of alternatives (cell_size, mesher).
         """
-        section = getattr(self, name, None)
+        # S5 carries the fields onto the final positions as S2 did
+        section = getattr(self, {"solver_ready": "transfer"}.get(name, name), None)
         values = section.model_dump(mode="json") if section is not None else {}
         for key in ("enabled", "cell_size", "meshers"):
             values.pop(key, None)

@@ -276,6 +276,20 @@ def _prove_meshio() -> str:
     return "a VTU file comes back bit for bit"
 
 
+def _prove_h5py() -> str:
+    import numpy as np
+
+    from cortet.formats import fenics
+
+    mesh, _ = _icosahedron()
+    with tempfile.TemporaryDirectory() as folder:
+        fenics.write(mesh, Path(folder) / "mesh.xdmf")
+        again = fenics.read(Path(folder) / "mesh.xdmf")
+    same = np.array_equal(again.points, mesh.points) and np.array_equal(again.cells, mesh.cells)
+    _expect(same, "a mesh came back changed")
+    return "an HDF5 file comes back bit for bit"
+
+
 def _prove_nibabel() -> str:
     import numpy as np
 
@@ -360,6 +374,7 @@ LIBRARIES = (
     Library("cgal", "S1, second backend", lambda: _prove_mesher("cgal")),
     Library("tetgen", "S1, where CGAL cannot keep the topology", _prove_tetgen),
     Library("gmsh", "S3", _prove_gmsh, "libglu1-mesa libxft2 libxcursor1 libxinerama1 libgl1"),
+    Library("h5py", "FEniCS files", _prove_h5py),
     Library("pymeshlab", "smoothing of the input", _prove_pymeshlab, "libgl1 libopengl0 libegl1"),
     Library("meshio", "VTU and other mesh files", _prove_meshio),
     Library("nibabel", "GIfTI", _prove_nibabel),
@@ -372,6 +387,7 @@ LIBRARIES = (
 
 PROGRAMS = (
     Program("meshtool", "S4, backend meshtool"),
+    Program("ccx", "CalculiX, which tests run on Abaqus files"),
     Program("wb_command", "Connectome Workbench"),
     Program("conda", "environments of the rules"),
     Program("sbatch", "SLURM"),

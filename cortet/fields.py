@@ -1,14 +1,33 @@
-"""Per-vertex fields that lie beside a surface in files of their own."""
+"""Per-vertex fields that lie beside a surface in files of their own, and where each came from."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+import hashlib
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.formats.gifti import read_fields
+from cortet.formats.gifti import read_fields, read_label_names
 from cortet.mesh import TriSurface
+
+
+@dataclass(frozen=True)
+class FieldSource:
+    """Where a field came from."""
+
+    file: str
+    sha256: str
+    #: of its values, as the configuration states them
+    units: str
+    kind: Literal["label", "scalar"]
+    #: key -> name of a label, as the file states them
+    labels: dict[int, str]
 
 
 def with_fields(surface: TriSurface, files: Mapping[str, str | Path]) -> TriSurface:
@@ -25,15 +44,48 @@ def with_fields(surface: TriSurface, files: Mapping[str, str | Path]) -> TriSurf
     """
     fields = dict(surface.point_data)
     for name, file in files.items():
-        arrays = read_fields(file)
-        if not arrays:
-            raise InputError("holds no per-vertex array", file=file, remedy="give a .shape, .func or .label GIfTI file")
-        for own_name, values in arrays.items():
+        for field, values in _named(name, file):
             if len(values) != len(surface.points):
                 raise InputError(
                     f"{len(values)} values for {len(surface.points)} vertices",
                     file=file,
                     remedy="give a field of this very surface",
                 )
-            fields[name if len(arrays) == 1 else f"{name}_{own_name}"] = values
+            fields[field] = values
     return replace(surface, point_data=fields)
+
+
+def field_sources(files: Mapping[str, str | Path], units: Mapping[str, str] | None = None) -> dict[str, FieldSource]:
+    """Where each field that `with_fields` makes of these files came from.
+
+    Parameters
+    ----------
+    units : field, or name of a file in `files`, -> units of its values; `unknown` for one that is not named
+
+    Raises
+    ------
+    InputError
+        a file cannot be read, or holds no array
+    """
+    units = units or {}
+    return {
+        field: FieldSource(
+            file=str(file),
+            sha256=hashlib.sha256(Path(file).read_bytes()).hexdigest(),
+            units=units.get(field, units.get(name, "unknown")),
+            kind="label" if np.issubdtype(values.dtype, np.integer) else "scalar",
+            labels=read_label_names(file),
+        )
+        for name, file in files.items()
+        for field, values in _named(name, file)
+    }
+
+
+def _named(name: str, file: str | Path) -> Iterator[tuple[str, NDArray[Any]]]:
+    """The fields of one file by the names they get, which hold no space or sign that a solver stumbles over."""
+    arrays = read_fields(file)
+    if not arrays:
+        raise InputError("holds no per-vertex array", file=file, remedy="give a .shape, .func or .label GIfTI file")
+    for own_name, values in arrays.items():
+        full = name if len(arrays) == 1 else f"{name}_{own_name}"
+        yield re.sub(r"[^A-Za-z0-9_-]+", "_", full), values

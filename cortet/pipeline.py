@@ -39,7 +39,7 @@ MESH_STAGES: dict[str, Callable[..., tuple[TetMesh, Any]]] = {
     "smooth_boundary": smooth_boundary,
     "snap": snap,
     # fields once more, onto the final positions
-    "solver_ready": lambda mesh, surface: solver_ready(transfer(mesh, surface)[0]),
+    "solver_ready": lambda mesh, surface, **transferred: solver_ready(transfer(mesh, surface, **transferred)[0]),
 }
 
 

@@ -1,5 +1,6 @@
 """The sheet and the configuration as the rules see them; the names of all files."""
 
+import re
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -59,8 +60,19 @@ STAGES = {
 # stages whose mesh is the same in every setting
 IN_EVERY_SETTING = ("generate", "transfer")
 
-# suffix of the file -> solver that reads it
-SOLVERS = {"mesh": "braingrowth"}
+# end of the file's name -> format of the solver that reads it; the stages' own files end in tetmesh.vtu
+SOLVERS = {
+    "tetmesh.mesh": "braingrowth",
+    "tetmesh.inp": "abaqus",
+    "tetmesh.feb": "febio",
+    "tetmesh.xdmf": "fenics",
+    "tetmesh.msh": "gmsh",
+    "tetmesh.pts": "carp",
+    "tetmesh.bpts": "carp_binary",
+    "sets.vtu": "vtu",
+    "boundary.stl": "stl",
+    "boundary.surf.gii": "gifti",
+}
 # rules that take every mesh that is done
 OVER_ALL_CASES = ("cohort_quality", "cohort_summary", "cohort_figure", "cohort_status", "table_ablation")
 
@@ -72,7 +84,7 @@ wildcard_constraints:
     mesher=r"[a-z0-9]+",
     setting="|".join(SETTINGS),
     stage="|".join(STAGES.values()),
-    suffix="|".join(SOLVERS),
+    suffix="|".join(map(re.escape, SOLVERS)),
 
 
 def bids(suffix, datatype, **entities):
@@ -186,9 +198,7 @@ def fields_of(wildcards):
 
 
 CERTIFICATE = mesh_file("Solver", "certificate.json")
-SOLVER_FILES = [
-    mesh_file("Solver", f"tetmesh.{suffix}") for suffix, solver in SOLVERS.items() if solver in CONFIG.export.formats
-]
+SOLVER_FILES = [mesh_file("Solver", suffix) for suffix, solver in SOLVERS.items() if solver in CONFIG.export.formats]
 
 
 def reports_of(wildcards):

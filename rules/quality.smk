@@ -48,12 +48,15 @@ rule certify:
 
 
 rule export:
-    """The mesh as a solver reads it, verified as written; refused for a mesh that is not certified."""
+    """The mesh as a solver reads it, with its sets and a sidecar, verified as written; refused when it is not certified."""
     input:
         mesh=mesh_file("Solver"),
         certificate=CERTIFICATE,
+        surface=MESHED_SURFACE,
+        fields=lambda wildcards: [existing(path) for path in CASES[wildcards.case].fields.values()],
     output:
-        mesh=mesh_file("Solver", "tetmesh.{suffix}"),
+        mesh=mesh_file("Solver", "{suffix}"),
+        sidecar=mesh_file("Solver", "{suffix}.json"),
     log:
         mesh_log("export", desc="Solver_{suffix}"),
     benchmark:
@@ -67,7 +70,12 @@ rule export:
         stage=lambda wildcards: {
             "solver": SOLVERS[wildcards.suffix],
             "uncertified": CONFIG.export.uncertified,
+            "unit": CONFIG.export.carp_unit,
+            "interior": CONFIG.transfer.interior,
             "version": stage_version("export"),
         },
+        sets=CONFIG.export.sets,
+        fields=lambda wildcards: {name: str(path) for name, path in CASES[wildcards.case].fields.items()},
+        units=CONFIG.export.field_units,
     script:
         "../scripts/export.py"

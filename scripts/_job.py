@@ -10,6 +10,7 @@ from __future__ import annotations
 import glob
 import logging
 import os
+import shutil
 import sys
 import traceback
 from pathlib import Path
@@ -51,7 +52,7 @@ def _delete_leftovers() -> None:
     """Delete the temporary files of an attempt that was killed (`cortet.formats.atomic` names them)."""
     for output in map(Path, snakemake.output):
         for leftover in output.parent.glob(f".*-*.{glob.escape(output.name)}"):
-            leftover.unlink()
+            shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
 
 
 _log_to(snakemake.log[0])

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, replace
 
-from _job import snakemake
+from _job import parameters, snakemake
 
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
@@ -12,7 +12,7 @@ from cortet.stages.transfer import transfer
 surface = gifti.read_surface(snakemake.input.surface)
 if snakemake.input.fields:
     surface = replace(surface, point_data=gifti.read_surface(snakemake.input.fields).point_data)
-mesh, _ = transfer(vtu.read(snakemake.input.mesh), surface)
+mesh, _ = transfer(vtu.read(snakemake.input.mesh), surface, **parameters())
 mesh, report = solver_ready(mesh)
 vtu.write(mesh, snakemake.output.mesh)
 write_json(asdict(report), snakemake.output.report)

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, replace
 
-from _job import snakemake
+from _job import parameters, snakemake
 
 from cortet.formats import carp, gifti, vtu
 from cortet.formats.atomic import write_json
@@ -11,7 +11,7 @@ from cortet.stages.transfer import transfer
 surface = gifti.read_surface(snakemake.input.surface)
 if snakemake.input.fields:
     surface = replace(surface, point_data=gifti.read_surface(snakemake.input.fields).point_data)
-mesh, report = transfer(vtu.read(snakemake.input.mesh), surface)
+mesh, report = transfer(vtu.read(snakemake.input.mesh), surface, **parameters())
 vtu.write(mesh, snakemake.output.mesh)
-carp.write(mesh, snakemake.output.carp[0])
+carp.write(replace(mesh, point_data={}), snakemake.output.carp[0])
 write_json(asdict(report), snakemake.output.report)

@@ -15,6 +15,8 @@ pygalmesh_sources=8
 run_packages=(libglu1-mesa libgl1 libopengl0 libegl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgmp10 libmpfr6)
 # What compiling pygalmesh takes, besides the headers of Python.
 build_packages=(g++ libcgal-dev libeigen3-dev)
+# Solvers that tests run on exported files; a test without its solver is skipped.
+test_packages=(calculix-ccx)
 
 say() { printf 'set-up: %s\n' "$*" >&2; }
 fail() { say "$@"; exit 1; }
@@ -150,6 +152,7 @@ packages=("${run_packages[@]}" $(python_packages))
 tag=$("$python" -c 'import sys; print("cp%d%d" % sys.version_info[:2])')
 compgen -G "$wheels/pygalmesh-*-$tag-*.whl" >/dev/null || packages+=("${build_packages[@]}")
 install_packages "${packages[@]}"
+(install_packages "${test_packages[@]}") || say "going on without ${test_packages[*]}: the tests that need it are skipped"
 makes_venvs "$python" || fail "$python cannot make virtual environments (no module venv or ensurepip)"
 
 say "making $venv with $("$python" --version) and the packages of requirements.txt"

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
+from cortet.formats.numbering import indices
 from cortet.formats.surface_sets import faces_of_sides, sides, with_surface
 from cortet.formats.text import BadRowError, read_rows, write_rows, write_wrapped
-from cortet.mesh import IntArray, MeshSets, TetMesh
+from cortet.mesh import MeshSets, TetMesh
 
 #: sets of everything
 ALL_NODES, ALL_ELEMENTS = "all_nodes", "all_elements"
@@ -111,17 +112,17 @@ def read(path: str | Path) -> TetMesh:
     if not len(nodes) or not len(elements):
         raise InputError("holds no nodes or no elements", file=path)
     number_of_node, number_of_cell = nodes[:, 0].astype(np.int64), elements[:, 0]
-    cells = _indices(elements[:, 1:], number_of_node, "node", path)
+    cells = indices(elements[:, 1:], number_of_node, "node", path)
     faces = {}
     for name, rows in surfaces.items():
         if len(rows) and not (rows[:, 1].min() >= 1 and rows[:, 1].max() <= 4):
             raise InputError(f"*SURFACE {name} names a side that is not S1 to S4", file=path)
-        owners = _indices(rows[:, 0], number_of_cell, "element", path)
+        owners = indices(rows[:, 0], number_of_cell, "element", path)
         faces[name] = faces_of_sides(cells, owners, _OPPOSITE[rows[:, 1]])
     sets = MeshSets(
-        {name: _indices(numbers, number_of_node, "node", path) for name, numbers in node_sets.items()},
+        {name: indices(numbers, number_of_node, "node", path) for name, numbers in node_sets.items()},
         faces,
-        {name: _indices(numbers, number_of_cell, "element", path) for name, numbers in cell_sets.items()},
+        {name: indices(numbers, number_of_cell, "element", path) for name, numbers in cell_sets.items()},
     )
     return TetMesh(nodes[:, 1:], cells, _read_fields(fields_path(path), number_of_node), sets=sets)
 
@@ -137,7 +138,7 @@ def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:
         raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
     starts = [match.start() for match in re.finditer(rb"^\*", text, re.MULTILINE)]
     blocks, line = [], 1 + text.count(b"\n", 0, starts[0] if starts else 0)
-    for start, end in zip(starts, [*starts[1:], len(text)], strict=True):
+    for start, end in zip(starts, [*starts[1:], len(text)], strict=False):
         head, _, data = text[start:end].partition(b"\n")
         if not head.startswith(b"**"):
             keyword, *options = (word.strip() for word in head[1:].decode("ascii", "replace").split(","))
@@ -153,23 +154,6 @@ def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:
 def _numbers(data: bytes) -> NDArray[np.int64]:
     """The integers of lines of any length."""
     return np.array(data.replace(b",", b" ").split(), np.int64)
-
-
-def _indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, path: str | Path) -> IntArray:
-    """Index in `known` of each number."""
-    if (
-        len(numbers)
-        and numbers.min() >= 1
-        and numbers.max() <= len(known)
-        and np.array_equal(known, np.arange(1, len(known) + 1))
-    ):
-        return (numbers - 1).astype(np.int32)
-    order = np.argsort(known, kind="stable")
-    place = order[np.minimum(np.searchsorted(known, numbers, sorter=order), len(known) - 1)]
-    missing = known[place] != numbers
-    if missing.any():
-        raise InputError(f"{kind} {numbers[missing][0]} is named but not defined", file=path)
-    return place.astype(np.int32)
 
 
 def _read_fields(path: Path, number_of_node: NDArray[np.int64]) -> dict[str, NDArray[Any]]:

@@ -1,26 +1,38 @@
-"""CARP: `.pts` (nodes), `.elem` (tetrahedra with a region tag) and `.lon` (one fibre direction each), 0-based text.
+"""CARP: `.pts` (nodes), `.elem` (tetrahedra with a region tag) and `.lon` (one fibre direction each), 0-based.
 
-openCARP expects micrometres, meshtool takes millimetres. Source: openCARP user's manual, section "Mesh files"
-(https://opencarp.org/manual). A region is the cell field `region` (1 without one), a fibre the cell field `fibre`
-(the x axis without one).
+openCARP expects micrometres, meshtool takes millimetres; the files do not say which. Text: openCARP user's manual,
+section "Mesh files" (https://opencarp.org/manual). A region tag is that of the mesh's regions (1 core, 2 cortex), else
+the cell field `region`, else 1; a fibre is the cell field `fibre`, else the x axis. Beside these stand, for each set of
+nodes `<name>.<set>.vtx`, for each set of faces `<name>.<set>.surf`, and for each field of nodes `<name>.<field>.dat`
+(scalars) or `.vec` (three components; a field of k others becomes k scalars `<field>_1` to `<field>_k`).
+
+Binary files (`.bpts`, `.belem`, `.blon`) have a text header of 1024 bytes and then float32 or int32 in little-endian
+order, as meshtool and openCARP write them; coordinates are rounded to 24 bits there.
 """
 
 from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Literal
+from typing import IO, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
-from cortet.formats.text import write_rows
-from cortet.mesh import TetMesh
+from cortet.formats.surface_sets import REGION_TAGS, region_tags
+from cortet.formats.text import BadRowError, read_rows, write_rows
+from cortet.mesh import IntArray, MeshSets, TetMesh
 
 Unit = Literal["mm", "um"]
 _PER_MM = {"mm": 1.0, "um": 1000.0}
+
+_HEADER_BYTES = 1024
+#: what follows the counts in a binary header: little-endian, and a number by which readers know their files
+_ENDIANNESS_AND_CHECKSUM = "0 666"
+#: number of the element type tetrahedron in binary files
+_TETRAHEDRON = 0
 
 
 def write(mesh: TetMesh, path: str | Path, *, unit: Unit = "um") -> None:
@@ -30,56 +42,195 @@ def write(mesh: TetMesh, path: str | Path, *, unit: Unit = "um") -> None:
     ----------
     unit : of the coordinates in the file; ``mm`` keeps every bit of the coordinates
     """
-    fibres = mesh.cell_data.get("fibre", np.broadcast_to([1.0, 0.0, 0.0], (len(mesh.cells), 3)))
-    regions = mesh.cell_data.get("region", np.ones(len(mesh.cells), np.int32))
     with ExitStack() as files:
-        pts, elem, lon = (
-            files.enter_context(files.enter_context(atomic_path(_beside(path, suffix))).open("w"))
-            for suffix in (".pts", ".elem", ".lon")
-        )
+        pts, elem, lon = (_opened(files, _beside(path, suffix)) for suffix in (".pts", ".elem", ".lon"))
         pts.write(f"{len(mesh.points)}\n")
         write_rows(pts, "%.17g %.17g %.17g\n", mesh.points * _PER_MM[unit])
         elem.write(f"{len(mesh.cells)}\n")
-        write_rows(elem, "Tt %d %d %d %d %d\n", np.column_stack([mesh.cells, regions]))
+        write_rows(elem, "Tt %d %d %d %d %d\n", mesh.cells, _regions(mesh))
         lon.write("1\n")
-        write_rows(lon, "%.9g %.9g %.9g\n", np.asarray(fibres))
+        write_rows(lon, "%.9g %.9g %.9g\n", _fibres(mesh))
+        _write_sets_and_fields(files, mesh, path)
+
+
+def write_binary(mesh: TetMesh, path: str | Path, *, unit: Unit = "um") -> None:
+    """Write `path`.bpts, .belem and .blon (an extension .bpts of `path` is ignored), each complete or not at all."""
+    elements = np.column_stack([np.full(len(mesh.cells), _TETRAHEDRON), mesh.cells, _regions(mesh)])
+    content: dict[str, tuple[str, NDArray[Any]]] = {
+        ".bpts": (f"{len(mesh.points)}", (mesh.points * _PER_MM[unit]).astype("<f4")),
+        ".belem": (f"{len(mesh.cells)}", elements.astype("<i4")),
+        ".blon": (f"1 {len(mesh.cells)}", _fibres(mesh).astype("<f4")),
+    }
+    with ExitStack() as files:
+        for suffix, (counts, values) in content.items():
+            temporary = files.enter_context(atomic_path(_beside(path, suffix)))
+            header = f"{counts} {_ENDIANNESS_AND_CHECKSUM}".encode().ljust(_HEADER_BYTES, b"\0")
+            temporary.write_bytes(header + values.tobytes())
+        _write_sets_and_fields(files, mesh, path)
+
+
+def _write_sets_and_fields(files: ExitStack, mesh: TetMesh, path: str | Path) -> None:
+    for name, nodes in mesh.sets.nodes.items():
+        file = _opened(files, _beside(path, f".{name}.vtx"))
+        file.write(f"{len(nodes)}\nextra\n")
+        write_rows(file, "%d\n", nodes)
+    for name, faces in mesh.sets.faces.items():
+        file = _opened(files, _beside(path, f".{name}.surf"))
+        file.write(f"{len(faces)}\n")
+        write_rows(file, "Tr %d %d %d\n", faces)
+    for name, values in mesh.point_data.items():
+        number = "%d" if np.issubdtype(values.dtype, np.integer) else "%.17g"
+        columns = values.reshape(len(values), -1)
+        if columns.shape[1] == 3:
+            write_rows(_opened(files, _beside(path, f".{name}.vec")), " ".join([number] * 3) + "\n", columns)
+        elif columns.shape[1] == 1:
+            write_rows(_opened(files, _beside(path, f".{name}.dat")), f"{number}\n", columns)
+        else:
+            for component, column in enumerate(columns.T, start=1):
+                write_rows(_opened(files, _beside(path, f".{name}_{component}.dat")), f"{number}\n", column)
+
+
+def _opened(files: ExitStack, path: Path) -> IO[str]:
+    """A text file that appears under `path` when the stack ends without error."""
+    return files.enter_context(files.enter_context(atomic_path(path)).open("w", encoding="ascii"))
+
+
+def _regions(mesh: TetMesh) -> IntArray:
+    if REGION_TAGS.keys() & mesh.sets.cells.keys():
+        return region_tags(mesh)
+    return mesh.cell_data.get("region", np.ones(len(mesh.cells), np.int32))
+
+
+def _fibres(mesh: TetMesh) -> NDArray[Any]:
+    return np.asarray(mesh.cell_data.get("fibre", np.broadcast_to([1.0, 0.0, 0.0], (len(mesh.cells), 3))))
 
 
 def read(path: str | Path, *, unit: Unit = "um") -> TetMesh:
     """Read what `write` writes; tetrahedra come as they are in the file, positive or not.
+
+    The cell field `region` holds the tags; where these are 1 and 2 they also name the regions.
 
     Raises
     ------
     InputError
         a file is missing or incomplete, or holds elements that are not tetrahedra
     """
-    points = _table(_beside(path, ".pts"), columns=(0, 1, 2), dtype=np.float64)
-    kinds = np.unique(_table(_beside(path, ".elem"), columns=(0,), dtype="U2"))
-    if kinds.tolist() != ["Tt"]:
-        raise InputError(f"holds elements of type {', '.join(kinds)}, not only Tt", file=_beside(path, ".elem"))
-    elements = _table(_beside(path, ".elem"), columns=(1, 2, 3, 4, 5), dtype=np.int32)
-    if elements[:, :4].min() < 0 or elements[:, :4].max() >= len(points):
-        raise InputError(f"has node indices outside 0..{len(points) - 1}", file=_beside(path, ".elem"))
-    fibres = _table(_beside(path, ".lon"), columns=(0, 1, 2), dtype=np.float64, rows=len(elements))
-    return TetMesh(points / _PER_MM[unit], elements[:, :4], cell_data={"region": elements[:, 4], "fibre": fibres})
+    points = _text(_beside(path, ".pts"), 3, float)
+    elements = _text(_beside(path, ".elem"), 5, np.int64, kind=b"Tt")
+    _check_nodes(elements[:, :4], len(points), _beside(path, ".elem"))
+    fibres = _text(_beside(path, ".lon"), 3, float, rows=len(elements))
+    return _mesh(path, points / _PER_MM[unit], elements[:, :4], elements[:, 4], fibres)
+
+
+def read_binary(path: str | Path, *, unit: Unit = "um") -> TetMesh:
+    """Read what `write_binary` writes, as `read` does."""
+    points = _values(_beside(path, ".bpts"), "<f4", 3)
+    elements = _values(_beside(path, ".belem"), "<i4", 6)
+    fibres = _values(_beside(path, ".blon"), "<f4", 3)
+    if (elements[:, 0] != _TETRAHEDRON).any():
+        raise InputError("holds elements that are not tetrahedra", file=_beside(path, ".belem"))
+    _check_nodes(elements[:, 1:5], len(points), _beside(path, ".belem"))
+    if len(fibres) != len(elements):
+        raise InputError(f"has {len(fibres)} fibres for {len(elements)} elements", file=_beside(path, ".blon"))
+    return _mesh(path, points / _PER_MM[unit], elements[:, 1:5], elements[:, 5], fibres.astype(float))
+
+
+def _mesh(
+    path: str | Path, points: NDArray[Any], cells: NDArray[Any], regions: NDArray[Any], fibres: NDArray[Any]
+) -> TetMesh:
+    """The mesh with the sets and fields that lie beside it."""
+    tags = {name: np.flatnonzero(regions == tag).astype(np.int32) for name, tag in REGION_TAGS.items()}
+    named = len(cells) == sum(map(len, tags.values())) and len(tags["cortex"]) > 0
+    node_sets = {name: _text(file, 1, np.int32, skip=1)[:, 0] for name, file in _siblings(path, ".vtx")}
+    face_sets = {name: _text(file, 3, np.int32, kind=b"Tr") for name, file in _siblings(path, ".surf")}
+    fields: dict[str, NDArray[Any]] = {}
+    for columns, suffix in ((1, ".dat"), (3, ".vec")):
+        for name, file in _siblings(path, suffix):
+            values = _text(file, columns, float, rows=len(points), headed=False)
+            fields[name] = values[:, 0] if columns == 1 else values
+    return TetMesh(
+        points,
+        cells,
+        fields,
+        {"region": regions.astype(np.int32), "fibre": fibres},
+        MeshSets(node_sets, face_sets, {name: cells for name, cells in tags.items() if len(cells)} if named else {}),
+    )
+
+
+def _check_nodes(cells: NDArray[Any], count: int, path: Path) -> None:
+    if len(cells) and (cells.min() < 0 or cells.max() >= count):
+        raise InputError(f"has node indices outside 0..{count - 1}", file=path)
 
 
 def _beside(path: str | Path, suffix: str) -> Path:
     """`path` with the suffix added: a name such as `hemi-L_res-0.6mm` may hold points of its own."""
-    return Path(str(path).removesuffix(".pts") + suffix)
+    return Path(str(path).removesuffix(".bpts").removesuffix(".pts") + suffix)
 
 
-def _table(path: Path, *, columns: tuple[int, ...], dtype: Any, rows: int | None = None) -> NDArray[Any]:
-    """The lines below the first, whose number the first line states where `rows` does not."""
+def _siblings(path: str | Path, suffix: str) -> list[tuple[str, Path]]:
+    """Name and file of the sets or fields that lie beside a mesh."""
+    stem = _beside(path, ".")
+    files = [file for file in stem.parent.glob(f"*{suffix}") if file.name.startswith(stem.name)]
+    names = [(file.name.removeprefix(stem.name).removesuffix(suffix), file) for file in sorted(files)]
+    return [(name, file) for name, file in names if "." not in name]
+
+
+def _text(
+    path: Path,
+    columns: int,
+    dtype: Any,
+    *,
+    kind: bytes = b"",
+    rows: int | None = None,
+    skip: int = 0,
+    headed: bool = True,
+) -> NDArray[Any]:
+    """The lines of a text file, each beginning with `kind`.
+
+    Their number is in the first line, unless it is given as `rows`; `headed` says whether there is a first line, and
+    `skip` how many lines come between it and the table.
+    """
     try:
-        with path.open() as file:
-            stated = int(file.readline())
-            table = np.loadtxt(file, dtype, usecols=columns, ndmin=2)
+        text = path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
-    except ValueError as error:
-        raise InputError(f"is not a CARP file: {error}", file=path) from error
-    expected = stated if rows is None else rows
+    if headed:
+        head, _, text = text.partition(b"\n")
+        try:
+            expected = int(head) if rows is None else rows
+        except ValueError as error:
+            raise InputError(f"is not a CARP file: {error}", file=path) from error
+    else:
+        expected = rows or 0
+    for _ in range(skip):
+        text = text.partition(b"\n")[2]
+    if kind:
+        count = text.count(b"\n" + kind + b" ") + text.startswith(kind + b" ")
+        lines = text.count(b"\n") + (len(text) > 0 and not text.endswith(b"\n"))
+        if count != lines:
+            raise InputError(f"holds elements of other types than {kind.decode()}", file=path)
+        text = text.replace(kind, b"")
+    try:
+        table = read_rows(text, columns, dtype)
+    except BadRowError as error:
+        raise InputError(f"is not a CARP file: line {error.row + 1 + headed + skip} {error}", file=path) from error
     if len(table) != expected:
         raise InputError(f"is not complete: {len(table)} lines instead of {expected}", file=path)
     return table
+
+
+def _values(path: Path, dtype: str, columns: int) -> NDArray[Any]:
+    """The numbers of a binary file."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
+    words = content[:_HEADER_BYTES].split(b"\0")[0].split()
+    if len(content) < _HEADER_BYTES or len(words) < 3 or not all(word.isdigit() for word in words):
+        raise InputError("is not a binary CARP file", file=path)
+    count = int(words[-3])
+    values = np.frombuffer(content, np.uint8, offset=_HEADER_BYTES)
+    expected = count * columns * np.dtype(dtype).itemsize
+    if len(values) != expected:
+        raise InputError(f"is not complete: {len(values)} bytes instead of {expected}", file=path)
+    return values.view(dtype).reshape(count, columns)

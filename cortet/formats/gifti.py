@@ -84,6 +84,20 @@ def read_fields(path: str | Path) -> dict[str, NDArray[Any]]:
     return _fields(_read(Path(path)), path)
 
 
+def read_label_names(path: str | Path) -> dict[int, str]:
+    """Key -> name of the labels in the LabelTable of a file; empty where it has none.
+
+    Raises InputError like `read_surface`.
+    """
+    try:
+        root = ElementTree.parse(path).getroot()
+        return {int(label.get("Key", "")): (label.text or "").strip() for label in root.iterfind("LabelTable/Label")}
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InputError(f"its label table cannot be read: {error}", file=path, remedy=_EXPORT_AGAIN) from error
+
+
 def write_surface(surface: TriSurface, path: str | Path) -> None:
     """Write a surface, its fields and its coordinate frame; float32 coordinates, int32 triangles, compressed base64."""
     frame = GiftiCoordSystem(

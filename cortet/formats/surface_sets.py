@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.mesh import IntArray, MeshSets, TetMesh
@@ -44,6 +45,13 @@ def region_tags(mesh: TetMesh) -> IntArray:
     for name, tag in REGION_TAGS.items():
         tags[mesh.sets.cells.get(name, [])] = tag
     return tags
+
+
+def members(count: int, indices: IntArray) -> NDArray[np.uint8]:
+    """A set as an array of 0 and 1: (count,)."""
+    flags = np.zeros(count, np.uint8)
+    flags[indices] = 1
+    return flags
 
 
 def sides(mesh: TetMesh, faces: IntArray) -> tuple[IntArray, IntArray]:

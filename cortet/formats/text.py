@@ -26,12 +26,11 @@ def write_rows(file: IO[str], template: str, *columns: NDArray[Any]) -> None:
 
 
 def write_wrapped(file: IO[str], numbers: NDArray[np.integer], per_line: int) -> None:
-    """Write integers separated by commas, so many to a line; no comma ends a line."""
-    whole = len(numbers) // per_line * per_line
+    """Write integers separated by commas, so many to a line."""
+    before_last = max(len(numbers) - 1, 0) // per_line * per_line
     template = ", ".join(["%d"] * per_line) + "\n"
-    write_rows(file, template, numbers[:whole].reshape(-1, per_line))
-    if whole < len(numbers):
-        file.write(", ".join(map(str, numbers[whole:].tolist())) + "\n")
+    write_rows(file, template, numbers[:before_last].reshape(-1, per_line))
+    file.write(", ".join(map(str, numbers[before_last:].tolist())) + "\n")
 
 
 class BadRowError(ValueError):

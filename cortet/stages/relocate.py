@@ -8,8 +8,6 @@ they are. Reference: https://gmsh.info/doc/texinfo/gmsh.html (gmsh/model/mesh/op
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -17,6 +15,7 @@ import gmsh
 import numpy as np
 
 from cortet.errors import InputError, StageError
+from cortet.formats.msh import session
 from cortet.mesh import FloatArray, IntArray, TetMesh
 from cortet.quality import quality
 from cortet.stages.backing_off import back_off
@@ -97,23 +96,11 @@ def relocate(
     )
 
 
-@contextmanager
-def _gmsh_session() -> Iterator[None]:
-    """An empty Gmsh model that reads no arguments, configuration or signals, is silent and runs on one thread."""
-    gmsh.initialize(argv=[], readConfigFiles=False, run=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("General.NumThreads", 1)
-        yield
-    finally:
-        gmsh.finalize()
-
-
 def _relocated(mesh: TetMesh, passes: int, fixed: IntArray) -> FloatArray:
     """New positions of the nodes, in the order of the mesh; those of `fixed` lie on a surface that Gmsh respects."""
     free = np.setdiff1d(np.arange(len(mesh.points)), fixed)
     faces = boundary_faces(mesh) if len(fixed) else np.empty((0, 3), np.int32)
-    with _gmsh_session():
+    with session():
         try:
             if len(fixed):
                 gmsh.model.addDiscreteEntity(*_SURFACE)

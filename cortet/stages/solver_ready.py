@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cortet.errors import StageError
-from cortet.mesh import TetMesh
+from cortet.mesh import MeshSets, TetMesh
 from cortet.quality import signed_volumes
 from cortet.topology import boundary_faces, boundary_nodes, enclosed_volume
 
@@ -31,7 +31,7 @@ class SolverReadyReport:
 
 
 def solver_ready(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
-    """Renumber nodes, surface nodes first, in their previous order otherwise; tetrahedra and fields go along.
+    """Renumber nodes, surface nodes first, in their previous order otherwise; tetrahedra, fields and sets go along.
 
     Raises
     ------
@@ -51,6 +51,11 @@ def solver_ready(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
         new_index[mesh.cells],
         {name: values[order] for name, values in mesh.point_data.items()},
         mesh.cell_data,
+        MeshSets(
+            {name: np.sort(new_index[nodes]) for name, nodes in mesh.sets.nodes.items()},
+            {name: new_index[faces] for name, faces in mesh.sets.faces.items()},
+            mesh.sets.cells,
+        ),
     )
     if unused := len(order) - len(np.unique(ready.cells)):
         raise StageError(f"{unused} nodes belong to no tetrahedron")

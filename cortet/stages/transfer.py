@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from cortet.errors import InputError
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.optimise.closest_point import closest_points, surface_tree
+from cortet.stages.harmonic import harmonic
 from cortet.topology import boundary_nodes
 
 VERSION: int = 1
@@ -31,29 +33,49 @@ class TransferReport:
     mean_distance_mm: float
     max_distance_mm: float
     nodes_further_than_1mm: int
+    #: how interior nodes got their values; labels always come from the nearest boundary node
+    interior: str
+    #: interior nodes whose values were cut off at the range of those on the boundary
+    nodes_cut_off: int
 
 
-def transfer(mesh: TetMesh, surface: TriSurface) -> tuple[TetMesh, TransferReport]:
+def transfer(
+    mesh: TetMesh, surface: TriSurface, *, interior: Literal["nearest", "harmonic"] = "nearest"
+) -> tuple[TetMesh, TransferReport]:
     """Give every node the values of `surface.point_data`.
 
     A boundary node takes the barycentric mean at the closest point of the surface; of an integer field (labels) it
-    takes the value of the vertex with the largest weight. An interior node takes those of its nearest boundary node.
+    takes the value of the vertex with the largest weight. An interior node takes those of its nearest boundary node,
+    or of an interpolated field the harmonic function of the boundary's values.
     Fields the mesh has already stay, or are replaced by those of the same name.
 
     Parameters
     ----------
     mesh : lying in the coordinates of `surface`
     surface : its `point_data` holds the fields, (n,) or (n, k)
+    interior : ``nearest``, as published, or ``harmonic``
+
+    Raises
+    ------
+    InputError
+        `interior` is neither
+    StageError
+        harmonic interpolation did not converge
     """
+    if interior not in ("nearest", "harmonic"):
+        raise InputError(f"transfer: interior {interior!r} is neither 'nearest' nor 'harmonic'")
     nodes = boundary_nodes(mesh)
-    interior = np.setdiff1d(np.arange(len(mesh.points)), nodes)
+    inner = np.setdiff1d(np.arange(len(mesh.points)), nodes)
     found = closest_points(surface_tree(surface.points, surface.faces), mesh.points[nodes])
     source = np.empty(len(mesh.points), np.int64)  # for every node, which of `nodes` it takes its values from
     source[nodes] = np.arange(len(nodes))
-    source[interior] = cKDTree(mesh.points[nodes]).query(mesh.points[interior])[1]
+    source[inner] = cKDTree(mesh.points[nodes]).query(mesh.points[inner])[1]
 
     corners = surface.faces[found.faces]
     fields = {name: _at(values, corners, found.barycentric)[source] for name, values in surface.point_data.items()}
+    cut_off = 0
+    if interior == "harmonic" and len(inner):
+        fields, cut_off = _harmonic_inside(mesh, nodes, fields)
     far = int((found.distances > FAR_MM).sum())
     if far:
         logger.warning(
@@ -67,7 +89,24 @@ def transfer(mesh: TetMesh, surface: TriSurface) -> tuple[TetMesh, TransferRepor
         mean_distance_mm=float(found.distances.mean()),
         max_distance_mm=float(found.distances.max()),
         nodes_further_than_1mm=far,
+        interior=interior,
+        nodes_cut_off=cut_off,
     )
+
+
+def _harmonic_inside(
+    mesh: TetMesh, nodes: IntArray, fields: dict[str, NDArray[Any]]
+) -> tuple[dict[str, NDArray[Any]], int]:
+    """Fields that are no labels with harmonic values inside, and the number of nodes whose values were cut off."""
+    smooth = {name: values for name, values in fields.items() if not _is_label(values)}
+    if not smooth:
+        return fields, 0
+    columns = np.column_stack(list(smooth.values())).astype(np.float64)
+    solved, cut_off = harmonic(mesh, nodes, columns[nodes], columns)
+    ends = np.cumsum([values[0].size for values in smooth.values()])
+    parts = np.split(solved, ends[:-1], axis=1)
+    harmonics = {name: part.reshape(values.shape) for (name, values), part in zip(smooth.items(), parts, strict=True)}
+    return {name: harmonics.get(name, values) for name, values in fields.items()}, cut_off
 
 
 def _is_label(values: NDArray[Any]) -> bool:

@@ -20,7 +20,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,79}$")
 def as_read(path: Path) -> AsRead:
     """The file as Abaqus and CalculiX see it; raises InputError where it cannot be read."""
     mesh = abaqus.read(path)
-    return AsRead(mesh, [*_names(mesh)])
+    return AsRead(mesh, [*_names(mesh)], directs_faces=False)
 
 
 def _names(mesh: TetMesh) -> Iterator[str]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ class AsRead:
     sign: str = "positive"
     #: whether the format lists boundary faces
     lists_faces: bool = True
+    #: whether it lists their nodes, so that a face has a direction of its own
+    directs_faces: bool = True
     #: in words, where tetrahedron or face i stands in the file
     cell: Callable[[int], str] = lambda index: f"is number {index + 1}"
     face: Callable[[int], str] = lambda index: f"is number {index + 1}"
@@ -40,7 +43,14 @@ def broken_conventions(file: AsRead) -> list[str]:
     mesh = file.mesh
     if out_of_range := list(_out_of_range(mesh)):
         return [*file.problems, *out_of_range]
-    return [*file.problems, *_volumes(file), *_surface(file), *_sets(mesh), *fields(mesh)]
+    return [
+        *file.problems,
+        *_volumes(file),
+        *_surface(file),
+        *_sets(mesh),
+        *_fields(mesh.point_data, len(mesh.points), "nodes"),
+        *_fields(mesh.cell_data, len(mesh.cells), "tetrahedra"),
+    ]
 
 
 def broken_surface(surface: TriSurface) -> list[str]:
@@ -54,7 +64,7 @@ def broken_surface(surface: TriSurface) -> list[str]:
     problems = [f"the surface has {problem}" for problem in topology.problems(genus)]
     if not problems and enclosed_volume(surface.points, surface.faces) <= 0:
         problems.append(f"{len(surface.faces)} of {len(surface.faces)} triangles face inward")
-    return problems
+    return [*problems, *_fields(surface.point_data, len(surface.points), "nodes")]
 
 
 def _out_of_range(mesh: TetMesh) -> Iterator[str]:
@@ -94,7 +104,7 @@ def _surface(file: AsRead) -> Iterator[str]:
         yield "there are no triangles"
         return
     listed = surface_faces(mesh) if file.lists_faces else boundary
-    nodes = np.unique(listed)
+    nodes = np.unique(boundary)
     if nodes[-1] != len(nodes) - 1:
         yield f"the {len(nodes)} surface nodes are not the first nodes: they reach up to node {nodes[-1] + 1}"
     key = packed(np.concatenate([boundary, listed]))
@@ -110,7 +120,7 @@ def _surface(file: AsRead) -> Iterator[str]:
     order = np.argsort(true)
     partners = boundary[order[np.searchsorted(true, found[known], sorter=order)]]
     inward = np.flatnonzero(known)[~_same_turn(listed[known], partners)]
-    if len(inward):
+    if len(inward) and file.directs_faces:
         yield f"{len(inward)} triangles face inward, the first {file.face(int(inward[0]))}"
     yield from _other_faces(mesh, true, boundary)
 
@@ -138,17 +148,13 @@ def _sets(mesh: TetMesh) -> Iterator[str]:
             yield f"{wrong} tetrahedra are in no region, or in two"
 
 
-def fields(mesh: TetMesh) -> Iterator[str]:
+def _fields(fields: dict[str, NDArray[Any]], count: int, kind: str) -> Iterator[str]:
     """Every field has one finite value for each node or tetrahedron."""
-    for kind, fields_of_kind, count in [
-        ("nodes", mesh.point_data, len(mesh.points)),
-        ("tetrahedra", mesh.cell_data, len(mesh.cells)),
-    ]:
-        for name, values in fields_of_kind.items():
-            if len(values) != count:
-                yield f"field {name} has {len(values)} values for {count} {kind}: it is of another mesh"
-            elif bad := np.count_nonzero(~np.isfinite(values)):
-                yield f"field {name} has {bad} values that are not finite"
+    for name, values in fields.items():
+        if len(values) != count:
+            yield f"field {name} has {len(values)} values for {count} {kind}: it is of another mesh"
+        elif bad := np.count_nonzero(~np.isfinite(values)):
+            yield f"field {name} has {bad} values that are not finite"
 
 
 def _same_turn(first: IntArray, second: IntArray) -> NDArray[np.bool_]:

@@ -1,15 +1,21 @@
-"""Only certified meshes are exported, and only files that keep their solver's conventions get a name."""
+"""Only certified meshes are exported, only files that keep their solver's conventions; each says what it is."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
-from shapes import ball_mesh
+from exported import full_mesh
+from shapes import ball_mesh, ball_surface
 
-from cortet.errors import StageError
-from cortet.export import export
-from cortet.formats import FORMATS
+from cortet.errors import InputError, StageError
+from cortet.export import convert, export
+from cortet.fields import FieldSource
+from cortet.formats import FORMATS, stl, vtu
+from cortet.mesh import CoordinateFrame, TetMesh
 from cortet.stages.solver_ready import solver_ready
 from cortet.verify import SOLVERS, verify
 
@@ -34,7 +40,79 @@ def test_an_uncertified_mesh_is_written_only_on_demand(tmp_path: Path) -> None:
 
 
 def test_a_file_that_breaks_a_convention_gets_no_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cortet.export.verify", lambda *_: ["4 triangles face inward"])
+    monkeypatch.setattr("cortet.export.problems", lambda _: ["4 triangles face inward"])
     with pytest.raises(StageError, match="4 triangles face inward"):
         export(solver_ready(ball_mesh())[0], tmp_path / "ball.mesh", solver="braingrowth", certificate=CERTIFIED)
     assert not list(tmp_path.iterdir())
+
+
+def test_the_sidecar_says_what_is_in_the_file_and_where_it_came_from(tmp_path: Path) -> None:
+    source = tmp_path / "thickness.shape.gii"
+    source.write_bytes(b"values")
+    sources = {
+        "thickness": FieldSource(str(source), hashlib.sha256(b"values").hexdigest(), "mm", "scalar", {}),
+        "area": FieldSource("area.label.gii", "0" * 64, "unknown", "label", {0: "Medial wall"}),
+    }
+    frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_TALAIRACH")
+    mesh, path = full_mesh(), tmp_path / "m.pts"
+    export(
+        mesh, path, solver="carp", certificate=CERTIFIED, unit="um", frame=frame, sources=sources, interior="harmonic"
+    )
+    record = json.loads((tmp_path / "m.pts.json").read_text())
+    assert record["format"] == "carp" and record["units"] == {"coordinates": "um"}
+    assert record["coordinate_system"]["dataspace"] == "NIFTI_XFORM_SCANNER_ANAT"
+    assert record["files"]["m.elem"] == hashlib.sha256((tmp_path / "m.elem").read_bytes()).hexdigest()
+    assert set(record["files"]) == {file.name for file in tmp_path.iterdir()} - {"m.pts.json", source.name}
+    assert record["volume_mm3"] == pytest.approx(8.0**3) and record["surface_area_mm2"] == pytest.approx(6 * 8.0**2)
+    assert record["sets"]["nodes"]["medial_wall"] == len(mesh.sets.nodes["medial_wall"])
+    assert record["sets"]["cells"].keys() == {"core", "cortex"}
+    thickness, area = record["fields"]["thickness"], record["fields"]["area"]
+    assert (thickness["source"], thickness["units"]) == (str(source), "mm")
+    assert thickness["source_sha256"] == hashlib.sha256(b"values").hexdigest()
+    assert (thickness["boundary"], thickness["interior"]) == ("barycentric", "harmonic")
+    assert (area["boundary"], area["interior"]) == ("label of the largest barycentric weight", "nearest")
+    assert record["fields"]["normal"]["units"] == "unknown" and record["fields"]["normal"]["components"] == 3
+
+
+def test_an_export_replaces_all_files_of_an_earlier_one(tmp_path: Path) -> None:
+    path = tmp_path / "m.pts"
+    export(full_mesh(), path, solver="carp", certificate=CERTIFIED)
+    assert (tmp_path / "m.area_V1.vtx").exists() and (tmp_path / "m.thickness.dat").exists()
+    export(solver_ready(ball_mesh())[0], path, solver="carp", certificate=CERTIFIED)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["m.elem", "m.lon", "m.pts", "m.pts.json"]
+
+
+@pytest.mark.parametrize("target", [name for name, form in FORMATS.items() if name != "vtu"])
+def test_every_format_is_made_of_another(tmp_path: Path, target: str) -> None:
+    source = tmp_path / "m.xdmf"
+    frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT")
+    sources = {"thickness": FieldSource("thickness.shape.gii", "0" * 64, "mm", "scalar", {})}
+    export(
+        full_mesh(), source, solver="fenics", certificate=CERTIFIED, frame=frame, sources=sources, interior="nearest"
+    )
+    path = tmp_path / f"n{FORMATS[target].suffix}"
+    assert convert(source, path, unit="mm") == []
+    assert verify(path, target) == []
+    record = json.loads(path.with_name(path.name + ".json").read_text())
+    assert record["coordinate_system"]["dataspace"] == "NIFTI_XFORM_SCANNER_ANAT"
+    assert record["units"] == {"coordinates": "mm"}
+    if "thickness" in record["fields"]:
+        assert record["fields"]["thickness"]["source"] == "thickness.shape.gii"
+
+
+def test_conversion_renumbers_and_names_sets_where_they_are_missing(tmp_path: Path) -> None:
+    mesh, _ = solver_ready(ball_mesh())
+    last = len(mesh.points) - 1
+    swap = np.r_[last, np.arange(1, last), 0]
+    vtu.write(TetMesh(mesh.points[swap], swap[mesh.cells]), tmp_path / "m.vtu")
+    done = convert(tmp_path / "m.vtu", tmp_path / "m.inp")
+    assert done == ["nodes were renumbered, those of the surface first", "sets were made anew"]
+    assert verify(tmp_path / "m.inp", "abaqus") == []
+
+
+def test_a_surface_becomes_no_mesh(tmp_path: Path) -> None:
+    stl.write(ball_surface(1), tmp_path / "ball.stl")
+    convert(tmp_path / "ball.stl", tmp_path / "ball.surf.gii")
+    assert verify(tmp_path / "ball.surf.gii", "gifti") == []
+    with pytest.raises(InputError, match="holds a surface"):
+        convert(tmp_path / "ball.stl", tmp_path / "ball.inp")

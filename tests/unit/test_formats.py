@@ -1,18 +1,234 @@
-"""Every registered format gives back the mesh it was given."""
+"""Every format gives back the mesh it was given: volumes, surface area, sets and fields; other programs read it too."""
 
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import gmsh
+import h5py
+import meshio
 import numpy as np
 import pytest
+import pyvista
+from exported import full_mesh
+from numpy.typing import NDArray
 from shapes import cube_mesh
 
-from cortet.formats import FORMATS
+from cortet.errors import InputError
+from cortet.export import export, write
+from cortet.formats import FORMATS, fenics, format_of, msh
+from cortet.formats.gifti import read_surface
+from cortet.mesh import CoordinateFrame, TetMesh
+from cortet.quality import signed_volumes
+from cortet.sets import named_sets
+from cortet.stages.generate import generate
 from cortet.stages.solver_ready import solver_ready
+from cortet.stages.transfer import transfer
+from cortet.topology import boundary_faces, boundary_surface, face_areas
+from cortet.verify import verify
+
+SURFACE = Path(__file__).parents[3] / "shared" / "data" / "fetal" / "CRL_STA22_left_white.surf.gii"
+VOLUMES = [name for name, form in FORMATS.items() if not form.is_surface]
+SURFACES = [name for name, form in FORMATS.items() if form.is_surface]
+#: formats whose coordinates are single precision
+SINGLE = {"carp_binary", "stl", "gifti"}
+#: what a format cannot hold
+WITHOUT_FIELDS = {"braingrowth"}
+WITHOUT_FACE_SETS = {"vtu", "braingrowth"}
+WITHOUT_NODE_SETS = {"gmsh", "braingrowth"}
+WITHOUT_REGIONS = {"braingrowth"}
+
+
+@pytest.fixture(scope="module")
+def mesh() -> TetMesh:
+    return full_mesh()
+
+
+def written(mesh: TetMesh, folder: Path, name: str) -> Path:
+    path = folder / f"hemi-L_res-0.6mm{FORMATS[name].suffix}"
+    write(mesh, path, solver=name)
+    return path
+
+
+def assert_survives(mesh: TetMesh, name: str, folder: Path) -> None:
+    """Write, verify, read back, compare."""
+    path = written(mesh, folder, name)
+    assert verify(path, name) == []
+    back = FORMATS[name].read(path)
+    precision = 1e-6 if name in SINGLE else 1e-9
+    scale = np.abs(mesh.points).max()
+    assert np.allclose(back.points, mesh.points, rtol=0, atol=precision * scale)
+    assert np.array_equal(back.cells, mesh.cells)
+    volumes, volumes_back = (signed_volumes(m.points, m.cells) for m in (mesh, back))
+    assert np.allclose(volumes_back, volumes, rtol=1e-4 if name in SINGLE else 1e-6)
+    areas = [face_areas(m.points, boundary_faces(m)).sum() for m in (mesh, back)]
+    assert areas[1] == pytest.approx(areas[0], rel=precision)
+    if name not in WITHOUT_NODE_SETS:
+        assert_same_sets(back.sets.nodes, mesh.sets.nodes)
+    if name not in WITHOUT_FACE_SETS:
+        assert_same_sets(back.sets.faces, mesh.sets.faces)
+    if name not in WITHOUT_REGIONS:
+        assert_same_sets(back.sets.cells, mesh.sets.cells)
+    if name not in WITHOUT_FIELDS:
+        assert_same_fields(back.point_data, mesh.point_data)
+
+
+def assert_same_sets(found: dict[str, NDArray[np.int32]], given: dict[str, NDArray[np.int32]]) -> None:
+    assert found.keys() == given.keys()
+    for name, members in given.items():
+        # the order of faces is the file's; that of the nodes of a face is the mesh's, up to where it begins
+        rows = [
+            np.array([min(np.roll(row, k).tolist() for k in range(3)) for row in m]) if m.ndim == 2 else m
+            for m in (found[name], members)
+        ]
+        assert np.array_equal(*(np.unique(r, axis=0) for r in rows)), name
+
+
+def assert_same_fields(found: dict[str, NDArray[np.float64]], given: dict[str, NDArray[np.float64]]) -> None:
+    assert found.keys() == given.keys()
+    for name, values in given.items():
+        assert np.allclose(found[name], values, rtol=1e-11, atol=0), name
+
+
+@pytest.mark.parametrize("name", VOLUMES)
+def test_a_mesh_survives_with_volumes_area_sets_and_fields(name, mesh, tmp_path):
+    assert_survives(mesh, name, tmp_path)
+
+
+@pytest.mark.parametrize("name", VOLUMES)
+def test_a_mesh_without_sets_and_fields_survives(name, tmp_path):
+    mesh, _ = solver_ready(cube_mesh(2, side=2.0, jitter=0.2))
+    path = written(mesh, tmp_path, name)
+    back = FORMATS[name].read(path)
+    assert verify(path, name) == [] and np.array_equal(back.cells, mesh.cells)
+    assert np.allclose(back.points, mesh.points, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_the_boundary_survives_with_its_area_and_enclosed_volume(name, mesh, tmp_path):
+    path = written(mesh, tmp_path, name)
+    assert verify(path, name) == []
+    back, (boundary, nodes) = FORMATS[name].read(path), boundary_surface(mesh)
+    assert len(back.points) == len(boundary.points) == nodes[-1] + 1
+    assert np.allclose(back.points[back.faces], boundary.points[boundary.faces], atol=1e-5)
+    if name == "gifti":
+        assert np.allclose(back.point_data["thickness"], mesh.point_data["thickness"][nodes])
+        assert np.array_equal(back.point_data["area"], mesh.point_data["area"][nodes])
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_a_solver_ready_mesh_survives(name, tmp_path):
-    mesh, _ = solver_ready(cube_mesh(2, side=2.0, jitter=0.2))
-    path = tmp_path / f"mesh{FORMATS[name].suffix}"
-    FORMATS[name].write(mesh, path)
-    back = FORMATS[name].read(path)
-    assert path.exists() and np.array_equal(back.cells, mesh.cells)
-    assert np.allclose(back.points, mesh.points, atol=1e-9)
+def test_the_same_mesh_gives_the_same_bytes(name, mesh, tmp_path):
+    for folder in ("first", "second"):
+        written(mesh, tmp_path / folder, name)
+    files = [sorted((tmp_path / folder).iterdir()) for folder in ("first", "second")]
+    assert [file.name for file in files[0]] == [file.name for file in files[1]]
+    assert all(one.read_bytes() == other.read_bytes() for one, other in zip(*files, strict=True))
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_missing_file_is_refused_by_name(name, tmp_path):
+    with pytest.raises(InputError, match=r"absent\..*(No such file|cannot be)"):
+        FORMATS[name].read(tmp_path / f"absent{FORMATS[name].suffix}")
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_file_that_is_cut_off_is_refused_or_named_by_verify(name, mesh, tmp_path):
+    path = tmp_path / f"m{FORMATS[name].suffix}"
+    export(mesh, path, solver=name, certificate={"certified": True})
+    content = path.read_bytes()
+    for share in (0, 0.1, 0.5, 0.9):
+        path.write_bytes(content[: int(share * len(content))])
+        assert verify(path, name), share
+
+
+def test_a_format_is_known_by_the_end_of_the_name(tmp_path):
+    assert format_of(Path("x.boundary.surf.gii")) == "gifti" and format_of(Path("a.b.inp")) == "abaqus"
+    with pytest.raises(InputError, match="no known mesh format"):
+        format_of(Path("x.obj"))
+
+
+def test_gifti_keeps_the_coordinate_system(mesh, tmp_path):
+    frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_MNI_152", (2, 0, 0, 5, *np.eye(4).ravel()[4:]))
+    write(mesh, tmp_path / "m.surf.gii", solver="gifti", frame=frame)
+    assert read_surface(tmp_path / "m.surf.gii").frame == frame
+
+
+def test_gmsh_lists_the_groups(mesh, tmp_path):
+    path = written(mesh, tmp_path, "gmsh")
+    with msh.session():
+        gmsh.open(str(path))
+        found = {gmsh.model.getPhysicalName(*group): group for group in gmsh.model.getPhysicalGroups()}
+        sizes = {
+            name: sum(
+                len(gmsh.model.mesh.getElements(group[0], e)[1][0])
+                for e in gmsh.model.getEntitiesForPhysicalGroup(*group)
+            )
+            for name, group in found.items()
+        }
+        nodes, _ = gmsh.model.mesh.getNodesForPhysicalGroup(*found["medial_wall"])
+    given = {**mesh.sets.faces, **mesh.sets.cells}
+    assert sizes == {name: len(members) for name, members in given.items()}
+    assert np.array_equal(np.sort(nodes) - 1, mesh.sets.nodes["medial_wall"])
+
+
+def test_meshio_reads_the_gmsh_file(mesh, tmp_path):
+    found = meshio.read(written(mesh, tmp_path, "gmsh"))
+    assert sum(len(block.data) for block in found.cells if block.type == "tetra") == len(mesh.cells)
+    assert {"cortical_surface", "medial_wall", "cortex", "core", "area_V1"} <= found.cell_sets.keys()
+    assert np.allclose(np.sort(found.point_data["thickness"]), np.sort(mesh.point_data["thickness"]))
+
+
+def test_pyvista_reads_the_vtu_file(mesh, tmp_path):
+    grid = pyvista.read(written(mesh, tmp_path, "vtu"))
+    assert grid.volume == pytest.approx(8.0**3) and set(grid.celltypes) == {pyvista.CellType.TETRA}
+    assert np.array_equal(np.flatnonzero(grid.cell_data["region"] == 2), mesh.sets.cells["cortex"])
+    assert np.array_equal(grid.point_data["normal"], mesh.point_data["normal"])
+    assert grid.extract_surface(algorithm="dataset_surface").area == pytest.approx(6 * 8.0**2)
+
+
+def test_an_xdmf_reader_reads_the_fenics_files(mesh, tmp_path):
+    path = written(mesh, tmp_path, "fenics")
+    cells, facets = meshio.read(path), meshio.read(fenics.facets_path(path))
+    assert np.array_equal(cells.points, facets.points)  # one node numbering
+    assert np.array_equal(cells.cells_dict["tetra"], mesh.cells)
+    assert np.array_equal(np.flatnonzero(cells.cell_data["region"][0] == 1), mesh.sets.cells["core"])
+    wall = facets.cells_dict["triangle"][facets.cell_data["surface"][0] == 2]
+    assert np.array_equal(wall, mesh.sets.faces["medial_wall"])
+    assert np.array_equal(cells.point_data["area"], mesh.point_data["area"])
+
+
+def test_h5py_reads_the_data_of_the_fenics_files(mesh, tmp_path):
+    path = written(mesh, tmp_path, "fenics")
+    with h5py.File(fenics.data_path(path)) as file:
+        assert np.array_equal(file["nodes"], mesh.points) and np.array_equal(file["mesh/topology"], mesh.cells)
+        assert np.array_equal(file["mesh/node/thickness"], mesh.point_data["thickness"])
+    with h5py.File(fenics.data_path(fenics.facets_path(path))) as file:
+        assert len(file["facets/topology"]) == len(file["facets/surface"]) == 192
+
+
+def test_the_tags_come_first_as_dolfinx_reads_the_first_attribute(mesh, tmp_path):
+    path = written(mesh, tmp_path, "fenics")
+    for file, name in ((path, "region"), (fenics.facets_path(path), "surface")):
+        text = file.read_text()
+        assert text.index(f'Attribute Name="{name}"') == text.index("Attribute Name=")
+
+
+@pytest.mark.parametrize("name", VOLUMES)
+def test_a_real_mesh_survives(name, real_mesh, tmp_path):
+    assert_survives(real_mesh, name, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def real_mesh() -> TetMesh:
+    """A fetal hemisphere in coarse tetrahedra, with a field, labels and sets."""
+    if not SURFACE.exists():
+        pytest.skip("../shared/data/fetal is not here")
+    surface = read_surface(SURFACE)
+    height = surface.points[:, 2]
+    fields = {"height": height, "area": np.digitize(height, np.quantile(height, [0.3, 0.7])).astype(np.int32)}
+    surface = replace(surface, point_data=fields)
+    fast = {"odt": False, "lloyd": False, "perturb": False, "exude": False}
+    mesh, _ = generate(surface, cell_size=4.0, backend="cgal", **fast)
+    ready, _ = solver_ready(transfer(mesh, surface)[0])
+    return named_sets(ready, medial_wall={"area": [0]})

@@ -4,12 +4,14 @@ import logging
 
 import numpy as np
 import pytest
-from shapes import ball_surface
+from shapes import ball_mesh, ball_surface, cube_mesh
 
+from cortet.errors import InputError
 from cortet.mesh import TetMesh, TriSurface
 from cortet.stages.generate import generate
+from cortet.stages.harmonic import harmonic
 from cortet.stages.transfer import transfer
-from cortet.topology import boundary_nodes
+from cortet.topology import boundary_nodes, boundary_surface
 
 
 @pytest.fixture(scope="module")
@@ -80,3 +82,73 @@ def test_a_surface_elsewhere_is_warned_about(ball, mesh, caplog):
         _, report = transfer(TetMesh(mesh.points + np.array([3, 0, 0]), mesh.cells), ball)
     assert "do they belong together?" in caplog.text
     assert report.nodes_further_than_1mm > 0 and report.max_distance_mm == pytest.approx(3, abs=0.05)
+
+
+def test_the_issues_linear_field_is_exact_everywhere_with_harmonic_interpolation(ball, mesh):
+    """x + 2y - 3z is linear on each triangle and harmonic inside."""
+
+    def linear(points: np.ndarray) -> np.ndarray:
+        return points @ [1, 2, -3]
+
+    surface = TriSurface(ball.points, ball.faces, {"linear": linear(ball.points)})
+    carried, report = transfer(mesh, surface, interior="harmonic")
+    assert np.allclose(carried.point_data["linear"], linear(mesh.points), atol=1e-5)  # as near as CGAL puts nodes
+    assert report.interior == "harmonic" and report.nodes_cut_off == 0
+
+
+def test_a_linear_field_is_exact_to_rounding_where_nodes_lie_on_the_surface(mesh):
+    surface, nodes = boundary_surface(mesh)
+    linear = surface.points @ [1, 2, -3]
+    carried, _ = transfer(mesh, TriSurface(surface.points, surface.faces, {"linear": linear}))
+    assert np.allclose(carried.point_data["linear"][nodes], linear, rtol=0, atol=1e-12)
+
+
+def test_a_harmonic_field_converges_to_the_harmonic_function():
+    errors = []
+    for n in (4, 8, 16):
+        cube = cube_mesh(n, side=1.0, jitter=0.1)
+        x, y, z = cube.points.T
+        exact = (x**2 - y**2 + 2 * x * y * z)[:, None]
+        nodes = boundary_nodes(cube)
+        found, _ = harmonic(cube, nodes, exact[nodes], np.zeros_like(exact))
+        errors.append(np.abs(found - exact).max())
+    assert errors[2] < errors[1] / 2 < errors[0] / 4
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_harmonic_field_stays_within_the_range_of_the_boundary(seed):
+    """Slivers, whose obtuse angles break the discrete maximum principle, and boundary values at random."""
+    mesh = squeezed(ball_mesh(3, radius=5.0))
+    nodes = boundary_nodes(mesh)
+    values = np.random.default_rng(seed).uniform(0.2, 1, (len(nodes), 2))
+    found, cut_off = harmonic(mesh, nodes, values, np.full((len(mesh.points), 2), 0.5))
+    assert (found >= values.min(axis=0)).all() and (found <= values.max(axis=0)).all()
+    inside = np.setdiff1d(np.arange(len(mesh.points)), nodes)
+    assert np.ptp(found[inside]) > 0.01 and cut_off < 0.1 * len(inside)
+
+
+def test_cutting_off_is_needed_and_told():
+    """One node inside flat tetrahedra gets a value outside the range of its neighbours, unless it is cut off."""
+    mesh = squeezed(ball_mesh(3, radius=5.0), 0.02)
+    nodes = boundary_nodes(mesh)
+    spike = np.zeros((len(nodes), 1))
+    spike[len(nodes) // 2] = 1
+    found, cut_off = harmonic(mesh, nodes, spike, np.zeros((len(mesh.points), 1)))
+    assert cut_off > 0 and found.min() == 0
+
+
+def test_labels_are_never_mixed_with_harmonic_interpolation(ball, mesh):
+    nearest, harmonics = (transfer(mesh, ball, interior=way)[0].point_data for way in ("nearest", "harmonic"))
+    assert np.array_equal(nearest["label"], harmonics["label"]) and harmonics["label"].dtype == np.int32
+    assert not np.array_equal(nearest["linear"], harmonics["linear"])
+    assert harmonics["vector"].shape == nearest["vector"].shape
+
+
+def test_an_unknown_way_inside_is_refused(ball, mesh):
+    with pytest.raises(InputError, match="'linear' is neither"):
+        transfer(mesh, ball, interior="linear")
+
+
+def squeezed(mesh: TetMesh, share: float = 0.1) -> TetMesh:
+    """Flat in one direction, which makes dihedral angles obtuse."""
+    return TetMesh(mesh.points * [1, 1, share], mesh.cells)

@@ -1,0 +1,219 @@
+"""FEBio `.feb`, specification 4.0 (FEBio User Manual 4, chapter 3, "Free Format Input"; https://febio.org/knowledgebase).
+
+Nodes and elements count from 1 in the order of the mesh; `tet4` elements have positive volume, `tri3` facets face
+outward. Every region is an `Elements` part with a `SolidDomain` and a material of its own. The materials are
+neo-Hookean with a shear modulus of 1 and a bulk modulus of 5, the ratio of the folding model (Tallinen et al. 2016):
+put yours in their place, and add `Control`, `Boundary`, `Loads` and `Output` to run it. Fields of nodes are `MeshData`;
+FEBio knows scalars and vectors of three components there, so a field of k other components becomes k scalars
+`<name>_1` to `<name>_k`.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import IO, Any
+from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.formats.atomic import atomic_path
+from cortet.formats.numbering import indices
+from cortet.formats.surface_sets import REGION_TAGS, with_surface
+from cortet.formats.text import BadRowError, read_rows, write_rows
+from cortet.mesh import IntArray, MeshSets, TetMesh
+
+#: set of all nodes, and part of a mesh without regions
+ALL_NODES, TISSUE = "all_nodes", "tissue"
+#: of the placeholder materials: Young's modulus and Poisson's ratio of shear modulus 1 and bulk modulus 5
+_YOUNG, _POISSON = 2.8125, 0.40625
+
+#: the long lists of a file: what is inside them is read as a table, what is around them as XML
+_LISTS = ("Nodes", "Elements", "Surface", "NodeData", "ElementData")
+_BLOCK = re.compile(rb"(<(?:%s)\b[^>]*>)(.*?)(</(?:%s)>)" % (("|".join(_LISTS).encode(),) * 2), re.DOTALL)
+_ROW = re.compile(rb'<(?:node|elem|tri3) +(?:id|lid) *= *"')
+
+
+def write(mesh: TetMesh, path: str | Path) -> None:
+    """Write `path`, complete or not at all."""
+    mesh = with_surface(mesh)
+    parts = _parts(mesh)
+    with atomic_path(path) as temporary, temporary.open("w", encoding="ascii") as file:
+        file.write('<?xml version="1.0" encoding="ISO-8859-1"?>\n<febio_spec version="4.0">\n')
+        file.write('<Module type="solid"/>\n<Material>\n')
+        for number, name in enumerate(parts, start=1):
+            file.write(f'<material id="{number}" name={quoteattr(name)} type="neo-Hookean">')
+            file.write(f"<density>1</density><E>{_YOUNG}</E><v>{_POISSON}</v></material>\n")
+        file.write('</Material>\n<Mesh>\n<Nodes name="nodes">\n')
+        ids = np.arange(1, len(mesh.points) + 1)
+        write_rows(file, '<node id="%d">%.12g,%.12g,%.12g</node>\n', ids, mesh.points)
+        file.write("</Nodes>\n")
+        for name, cells in parts.items():
+            file.write(f'<Elements type="tet4" name={quoteattr(name)}>\n')
+            write_rows(file, '<elem id="%d">%d,%d,%d,%d</elem>\n', cells + 1, mesh.cells[cells] + 1)
+            file.write("</Elements>\n")
+        for name, faces in mesh.sets.faces.items():
+            file.write(f"<Surface name={quoteattr(name)}>\n")
+            write_rows(file, '<tri3 id="%d">%d,%d,%d</tri3>\n', np.arange(1, len(faces) + 1), faces + 1)
+            file.write("</Surface>\n")
+        _write_sets(file, "ElementSet", {name: cells for name, cells in mesh.sets.cells.items() if name not in parts})
+        _write_sets(file, "NodeSet", {ALL_NODES: np.arange(len(mesh.points)), **mesh.sets.nodes})
+        file.write("</Mesh>\n<MeshDomains>\n")
+        for name in parts:
+            file.write(f"<SolidDomain name={quoteattr(name)} mat={quoteattr(name)}/>\n")
+        file.write("</MeshDomains>\n")
+        _write_fields(file, mesh.point_data, ids)
+        file.write("</febio_spec>\n")
+
+
+def _parts(mesh: TetMesh) -> dict[str, IntArray]:
+    """Elements of each part: the regions, or all of them."""
+    regions = {name: mesh.sets.cells[name] for name in REGION_TAGS if name in mesh.sets.cells}
+    return {name: cells for name, cells in regions.items() if len(cells)} or {
+        TISSUE: np.arange(len(mesh.cells), dtype=np.int32)
+    }
+
+
+def _write_sets(file: IO[str], tag: str, sets: dict[str, Any]) -> None:
+    for name, numbers in sets.items():
+        file.write(f"<{tag} name={quoteattr(name)}>{','.join(map(str, (numbers + 1).tolist()))}</{tag}>\n")
+
+
+def _write_fields(file: IO[str], fields: dict[str, NDArray[Any]], ids: NDArray[np.int64]) -> None:
+    if not fields:
+        return
+    file.write("<MeshData>\n")
+    for name, values in fields.items():
+        columns = values.reshape(len(values), -1)
+        number = "%d" if np.issubdtype(values.dtype, np.integer) else "%.12g"
+        if columns.shape[1] == 3:
+            variables = {name: ("vec3", columns)}
+        elif columns.shape[1] == 1:
+            variables = {name: ("scalar", columns)}
+        else:
+            variables = {f"{name}_{k}": ("scalar", column[:, None]) for k, column in enumerate(columns.T, start=1)}
+        for variable, (kind, numbers) in variables.items():
+            file.write(f'<NodeData name={quoteattr(variable)} node_set="{ALL_NODES}" data_type="{kind}">\n')
+            row = ",".join([number] * numbers.shape[1])
+            write_rows(file, f'<node lid="%d">{row}</node>\n', ids, numbers)
+            file.write("</NodeData>\n")
+    file.write("</MeshData>\n")
+
+
+def read(path: str | Path) -> TetMesh:
+    """Read the mesh of a file: `tet4` parts, sets and fields of nodes, which are real numbers here.
+
+    Tetrahedra come as they are in the file, positive or not, in the order of their ids; the parts are sets of
+    tetrahedra, except the one that `write` makes of a mesh without regions.
+
+    Raises
+    ------
+    InputError
+        the file is missing, is not XML, has another version, holds other elements, or names nodes or elements it lacks
+    """
+    root, tables = read_xml(path)
+    node_ids, points = _nodes(root, tables, path)
+    parts, ids, cells = {}, [], []
+    for part in root.iterfind("Mesh/Elements"):
+        if part.get("type") != "tet4":
+            raise InputError(f"elements of type {part.get('type')}, not tet4", file=path)
+        rows = _table(part, tables, 5, np.int64, path)
+        parts[part.get("name", "")] = rows[:, 0]
+        ids.append(rows[:, 0])
+        cells.append(rows[:, 1:])
+    if not len(points) or not cells:
+        raise InputError("holds no nodes or no elements", file=path)
+    cell_ids = np.concatenate(ids)
+    order = np.argsort(cell_ids, kind="stable")
+    cell_ids = cell_ids[order]
+    sets = MeshSets(
+        {
+            str(element.get("name")): indices(_numbers(element, path), node_ids, "node", path)
+            for element in root.iterfind("Mesh/NodeSet")
+            if element.get("name") != ALL_NODES
+        },
+        {
+            str(element.get("name")): indices(_table(element, tables, 4, np.int64, path)[:, 1:], node_ids, "node", path)
+            for element in root.iterfind("Mesh/Surface")
+        },
+        {
+            **{
+                name: indices(np.sort(rows), cell_ids, "element", path)
+                for name, rows in parts.items()
+                if name != TISSUE
+            },
+            **{
+                str(element.get("name")): indices(_numbers(element, path), cell_ids, "element", path)
+                for element in root.iterfind("Mesh/ElementSet")
+            },
+        },
+    )
+    fields = {str(data.get("name")): _field(data, tables, path) for data in root.iterfind("MeshData/NodeData")}
+    return TetMesh(points, indices(np.concatenate(cells)[order], node_ids, "node", path), fields, sets=sets)
+
+
+def read_xml(path: str | Path) -> tuple[ElementTree.Element, list[bytes]]:
+    """The file without the content of its long lists, each of which holds its number in the list of contents instead.
+
+    Raises
+    ------
+    InputError
+        the file is missing, is not well-formed XML, or is not a `febio_spec` of version 4.0
+    """
+    tables: list[bytes] = []
+
+    def put_aside(match: re.Match[bytes]) -> bytes:
+        tables.append(match[2])
+        return b"%s%d%s" % (match[1], len(tables) - 1, match[3])
+
+    try:
+        root = ElementTree.fromstring(_BLOCK.sub(put_aside, Path(path).read_bytes()))
+    except OSError as error:
+        raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
+    except ElementTree.ParseError as error:
+        raise InputError(f"is not well-formed XML: {error}", file=path) from error
+    if root.tag != "febio_spec" or root.get("version") != "4.0":
+        raise InputError(f"is <{root.tag} version={root.get('version')}>, not <febio_spec version=4.0>", file=path)
+    return root, tables
+
+
+def _table(
+    element: ElementTree.Element, tables: list[bytes], columns: int, dtype: Any, path: str | Path
+) -> NDArray[Any]:
+    """Rows of a long list: the id and what it holds."""
+    content = _ROW.sub(b"", tables[int(element.text or 0)]).replace(b'">', b",")
+    content = re.sub(rb"</(?:node|elem|tri3)>", b"\n", content)
+    try:
+        return read_rows(content, columns, dtype, delimiter=",")
+    except BadRowError as error:
+        name = f"{element.tag} {element.get('name', '')}".strip()
+        raise InputError(f"<{name}>: entry {error.row + 1} {error}", file=path) from error
+
+
+def _nodes(
+    root: ElementTree.Element, tables: list[bytes], path: str | Path
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    rows = [_table(nodes, tables, 4, float, path) for nodes in root.iterfind("Mesh/Nodes")]
+    table = np.concatenate([np.empty((0, 4)), *rows])
+    return table[:, 0].astype(np.int64), table[:, 1:]
+
+
+def _numbers(element: ElementTree.Element, path: str | Path) -> NDArray[np.int64]:
+    """Ids of a set, separated by commas."""
+    try:
+        return np.array((element.text or "").replace(",", " ").split(), np.int64)
+    except ValueError as error:
+        raise InputError(f"<{element.tag} {element.get('name')}>: {error}", file=path) from error
+
+
+def _field(data: ElementTree.Element, tables: list[bytes], path: str | Path) -> NDArray[Any]:
+    """Values of a NodeData on all nodes, in their order."""
+    columns = {"scalar": 1, "vec3": 3}.get(data.get("data_type", ""))
+    if columns is None or data.get("node_set") != ALL_NODES:
+        raise InputError(f"<NodeData {data.get('name')}> is not a scalar or vec3 on {ALL_NODES}", file=path)
+    rows = _table(data, tables, 1 + columns, float, path)
+    values = rows[np.argsort(rows[:, 0], kind="stable"), 1:]
+    return values[:, 0] if columns == 1 else values

@@ -1,0 +1,239 @@
+"""FEniCS (dolfinx): `<name>.xdmf` (tetrahedra) and `<name>_facets.xdmf` (boundary triangles), each with its `.h5` file.
+
+dolfinx opens the HDF5 file of the same name. Both XDMF files refer to one table of nodes, that of `<name>.h5`, since
+`dolfinx.io.XDMFFile.read_meshtags` finds a facet by the numbers of its nodes. Grids are named `mesh` and `facets`; the
+first attribute of each is what `read_meshtags` returns: `region` (1 core, 2 cortex) and `surface` (1 cortical surface,
+2 medial wall). Further attributes hold sets as 0 and 1, and the fields of nodes. Numbers count from 0, volumes are
+positive, triangles face outward. Sources: https://www.xdmf.org (XDMF Model and Format, version 3) and the dolfinx
+documentation of `XDMFFile`.
+
+    with XDMFFile(comm, "mesh.xdmf", "r") as file:
+        mesh = file.read_mesh(name="mesh")
+        region = file.read_meshtags(mesh, name="mesh")
+    mesh.topology.create_connectivity(2, 3)
+    with XDMFFile(comm, "mesh_facets.xdmf", "r") as file:
+        surface = file.read_meshtags(mesh, name="facets")
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.formats.atomic import atomic_path
+from cortet.formats.surface_sets import (
+    REGION_TAGS,
+    SURFACE_TAGS,
+    members,
+    region_tags,
+    surface_faces,
+    with_surface,
+)
+from cortet.mesh import IntArray, MeshSets, TetMesh
+from cortet.topology import packed
+
+_NODE_SET, _CELL_SET, _FACE_SET = "node_set_", "cell_set_", "face_set_"
+_XDMF_TYPES = {"i": "Int", "u": "UInt", "f": "Float"}
+
+
+def write(mesh: TetMesh, path: str | Path) -> None:
+    """Write `path` (.xdmf) and the three files beside it, each complete or not at all."""
+    mesh = with_surface(mesh)
+    faces = surface_faces(mesh)
+    arrays: dict[str, NDArray[Any]] = {
+        "nodes": mesh.points,
+        "mesh/topology": mesh.cells,
+        "mesh/region": region_tags(mesh),
+        "facets/topology": faces,
+        "facets/surface": np.concatenate(
+            [
+                np.full(len(mesh.sets.faces[name]), tag, np.int32)
+                for name, tag in SURFACE_TAGS.items()
+                if name in mesh.sets.faces
+            ]
+        ),
+    }
+    arrays |= {f"mesh/node/{name}": values for name, values in mesh.point_data.items()}
+    arrays |= {f"mesh/cell/{name}": values for name, values in mesh.cell_data.items()}
+    arrays |= {
+        f"mesh/node/{_NODE_SET}{name}": members(len(mesh.points), nodes) for name, nodes in mesh.sets.nodes.items()
+    }
+    arrays |= {
+        f"mesh/cell/{_CELL_SET}{name}": members(len(mesh.cells), cells)
+        for name, cells in mesh.sets.cells.items()
+        if name not in REGION_TAGS
+    }
+    arrays |= {
+        f"facets/cell/{_FACE_SET}{name}": _faces_among(faces, subset).astype(np.uint8)
+        for name, subset in mesh.sets.faces.items()
+        if name not in SURFACE_TAGS
+    }
+    files = {"mesh": Path(path), "facets": facets_path(path)}
+    place = {key: f"{data_path(files[_grid_of(key)]).name}:/{key}" for key in arrays}
+    for grid, target in files.items():
+        with atomic_path(data_path(target)) as temporary, h5py.File(temporary, "w") as file:
+            for key, values in arrays.items():
+                if _grid_of(key) == grid:
+                    file.create_dataset(key, data=values)
+        with atomic_path(target) as temporary:
+            document = ElementTree.ElementTree(_document(grid, arrays, place))
+            document.write(temporary, encoding="utf-8", xml_declaration=True)
+
+
+def _grid_of(key: str) -> str:
+    """The grid whose HDF5 file holds a dataset."""
+    return "facets" if key.startswith("facets/") else "mesh"
+
+
+def facets_path(path: str | Path) -> Path:
+    """The file of the boundary triangles beside a mesh file."""
+    return Path(path).with_name(Path(path).name.removesuffix(".xdmf") + "_facets.xdmf")
+
+
+def data_path(path: str | Path) -> Path:
+    """The HDF5 file beside an XDMF file."""
+    return Path(path).with_name(Path(path).name.removesuffix(".xdmf") + ".h5")
+
+
+def _document(grid: str, arrays: dict[str, NDArray[Any]], place: dict[str, str]) -> ElementTree.Element:
+    """XDMF of one grid: its topology, the nodes, its tags first and then its other attributes."""
+    root = ElementTree.Element("Xdmf", Version="3.0")
+    domain = ElementTree.SubElement(root, "Domain")
+    uniform = ElementTree.SubElement(domain, "Grid", Name=grid, GridType="Uniform")
+    cells = arrays[f"{grid}/topology"]
+    topology = ElementTree.SubElement(
+        uniform,
+        "Topology",
+        TopologyType={4: "Tetrahedron", 3: "Triangle"}[cells.shape[1]],
+        NumberOfElements=str(len(cells)),
+        NodesPerElement=str(cells.shape[1]),
+    )
+    _item(topology, cells, place[f"{grid}/topology"])
+    _item(ElementTree.SubElement(uniform, "Geometry", GeometryType="XYZ"), arrays["nodes"], place["nodes"])
+    for key, values in arrays.items():
+        parent, _, name = key.rpartition("/")
+        if not parent.startswith(grid) or name == "topology":
+            continue
+        attribute = ElementTree.SubElement(
+            uniform,
+            "Attribute",
+            Name=name,
+            AttributeType={1: "Scalar", 3: "Vector"}.get(values.size // len(values), "Matrix"),
+            Center="Node" if parent.endswith("/node") else "Cell",
+        )
+        _item(attribute, values, place[key])
+    ElementTree.indent(root)
+    return root
+
+
+def _item(parent: ElementTree.Element, values: NDArray[Any], where: str) -> None:
+    item = ElementTree.SubElement(
+        parent,
+        "DataItem",
+        Dimensions=" ".join(map(str, values.shape)),
+        NumberType=_XDMF_TYPES[values.dtype.kind],
+        Precision=str(values.dtype.itemsize),
+        Format="HDF",
+    )
+    item.text = where
+
+
+def read(path: str | Path) -> TetMesh:
+    """Read the four files; tetrahedra come as they are there, positive or not.
+
+    Raises
+    ------
+    InputError
+        a file is missing or cut off, an XDMF file has another grid or another shape than its data, or the two have
+        different nodes
+    """
+    cells = _grid(Path(path), "mesh", "Tetrahedron")
+    facets = _grid(facets_path(path), "facets", "Triangle")
+    if not np.array_equal(cells.points, facets.points):
+        raise InputError("has other nodes than the tetrahedra", file=facets_path(path))
+    regions = cells.cells_of.pop("region", None)
+    if regions is None:
+        raise InputError("grid mesh has no attribute region", file=path)
+    surface = facets.cells_of.pop("surface", None)
+    if surface is None:
+        raise InputError("grid facets has no attribute surface", file=facets_path(path))
+    faces = {name: facets.topology[surface == tag] for name, tag in SURFACE_TAGS.items() if (surface == tag).any()}
+    sets = MeshSets(
+        {name: np.flatnonzero(values).astype(np.int32) for name, values in _taken(cells.nodes_of, _NODE_SET).items()},
+        faces | {name: facets.topology[values > 0] for name, values in _taken(facets.cells_of, _FACE_SET).items()},
+        {
+            name: np.flatnonzero(regions == tag).astype(np.int32)
+            for name, tag in REGION_TAGS.items()
+            if (regions == tag).any()
+        }
+        | {name: np.flatnonzero(values).astype(np.int32) for name, values in _taken(cells.cells_of, _CELL_SET).items()},
+    )
+    return TetMesh(cells.points, cells.topology, cells.nodes_of, cells.cells_of, sets)
+
+
+class _Grid:
+    """What one XDMF file holds."""
+
+    def __init__(self) -> None:
+        self.points: NDArray[Any] = np.empty((0, 3))
+        self.topology: IntArray = np.empty((0, 4), np.int32)
+        self.nodes_of: dict[str, NDArray[Any]] = {}
+        self.cells_of: dict[str, NDArray[Any]] = {}
+
+
+def _grid(path: Path, name: str, kind: str) -> _Grid:
+    try:
+        root = ElementTree.parse(path).getroot()
+    except OSError as error:
+        raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
+    except ElementTree.ParseError as error:
+        raise InputError(f"is not well-formed XML: {error}", file=path) from error
+    grid = root.find(f"Domain/Grid[@Name='{name}']")
+    topology = grid.find("Topology") if grid is not None else None
+    geometry = grid.find("Geometry") if grid is not None else None
+    if grid is None or topology is None or geometry is None:
+        raise InputError(f"has no grid {name} with a topology and a geometry", file=path)
+    if topology.get("TopologyType") != kind:
+        raise InputError(f"grid {name} holds {topology.get('TopologyType')}, not {kind}", file=path)
+    found = _Grid()
+    found.points, found.topology = _values(geometry, path), _values(topology, path)
+    for attribute in grid.iterfind("Attribute"):
+        where = found.nodes_of if attribute.get("Center") == "Node" else found.cells_of
+        where[attribute.get("Name", "")] = _values(attribute, path)
+    return found
+
+
+def _values(element: ElementTree.Element, path: Path) -> NDArray[Any]:
+    """Values of the HDF5 dataset that the DataItem of an element names."""
+    item = element.find("DataItem")
+    file, _, key = (item.text or "" if item is not None else "").strip().partition(":")
+    source = path.with_name(file)
+    try:
+        with h5py.File(source, "r") as data:
+            values: NDArray[Any] = data[key][()]
+    except OSError as error:
+        raise InputError(f"cannot be read: {error}", file=source, remedy="export the mesh again") from error
+    except KeyError as error:
+        raise InputError(f"has no dataset {key}", file=source) from error
+    assert item is not None
+    if item.get("Dimensions", "").split() != [str(size) for size in values.shape]:
+        raise InputError(f"says that {key} has {item.get('Dimensions')} values, but it has {values.shape}", file=path)
+    return values
+
+
+def _faces_among(faces: IntArray, subset: IntArray) -> NDArray[np.bool_]:
+    """Which of `faces` are in `subset`, whatever the order of their nodes."""
+    key = packed(np.concatenate([faces, subset]))
+    return np.isin(key[: len(faces)], key[len(faces) :])
+
+
+def _taken(attributes: dict[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
+    """The attributes whose name begins with `prefix`, by the rest of their name; they are taken out of `attributes`."""
+    names = [name for name in attributes if name.startswith(prefix)]
+    return {name.removeprefix(prefix): attributes.pop(name) for name in names}

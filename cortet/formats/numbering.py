@@ -1,0 +1,41 @@
+"""Files name nodes and elements by numbers of their own; meshes in memory by their place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.mesh import IntArray
+
+
+def indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, path: str | Path) -> IntArray:
+    """Place in `known` of each number, in the shape of `numbers`.
+
+    Parameters
+    ----------
+    known : (n,) the number of each node or element, in the order of the file
+    kind : what is numbered, for the message
+
+    Raises
+    ------
+    InputError
+        a number is not known, or two in `known` are the same
+    """
+    count = len(known)
+    if count and known[0] == 1 and known[-1] == count and (np.diff(known) == 1).all():  # as almost every file has it
+        outside = (numbers < 1) | (numbers > count)
+        place = numbers - 1
+    else:
+        order = np.argsort(known, kind="stable")
+        if (np.diff(known[order]) == 0).any():
+            raise InputError(
+                f"two {kind}s have the number {known[order][1:][np.diff(known[order]) == 0][0]}", file=path
+            )
+        place = order[np.minimum(np.searchsorted(known, numbers, sorter=order), count - 1)]
+        outside = known[place] != numbers
+    if outside.any():
+        raise InputError(f"{kind} {numbers[outside][0]} is named but not defined", file=path)
+    return place.astype(np.int32)

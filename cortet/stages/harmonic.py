@@ -1,0 +1,77 @@
+"""Values inside a mesh from those on its boundary: the discrete harmonic function.
+
+Linear finite elements: linear functions are reproduced exactly, and the solution converges to the harmonic function as
+elements shrink. On tetrahedra with obtuse dihedral angles, which no mesh of this size is without, the discrete solution
+can leave the range of the boundary values by a little; it is cut off there, which enforces the maximum principle and
+makes the error no larger (C. Kreuzer, Numerical Methods for Partial Differential Equations 30, 2014, 994-1002).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.sparse.linalg import cg
+
+from cortet.errors import StageError
+from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.quality import signed_volumes
+from cortet.topology import TET_EDGES, TET_FACES, face_normals
+
+#: relative residual of the linear system
+_TOLERANCE = 1e-11
+_ITERATIONS = 20_000
+
+
+def harmonic(mesh: TetMesh, nodes: IntArray, values: FloatArray, guess: FloatArray) -> tuple[FloatArray, int]:
+    """Extend values from some nodes to all.
+
+    Parameters
+    ----------
+    nodes : (b,) indices of the nodes that have a value, the whole boundary among them
+    values : (b, k) their values
+    guess : (n, k) values to begin with
+
+    Returns
+    -------
+    (n, k) values of all nodes, none outside the range of its column of `values`; and how many were cut off
+
+    Raises
+    ------
+    StageError
+        the linear system was not solved
+    """
+    stiffness = _stiffness(mesh)
+    inner = np.ones(len(mesh.points), bool)
+    inner[nodes] = False
+    result = guess.astype(np.float64)
+    result[nodes] = values
+    rows = stiffness[inner]
+    matrix, coupling = rows[:, inner], rows[:, nodes]
+    preconditioner = diags(1 / matrix.diagonal())
+    for column in range(values.shape[1]):
+        right = -(coupling @ values[:, column])
+        found, failed = cg(matrix, right, result[inner, column], rtol=_TOLERANCE, maxiter=_ITERATIONS, M=preconditioner)
+        if failed:
+            raise StageError(
+                f"harmonic interpolation did not converge in {_ITERATIONS} iterations",
+                remedy="set transfer.interior to nearest",
+            )
+        result[inner, column] = found
+    within = np.clip(result, values.min(axis=0), values.max(axis=0))
+    return within, int((within != result).any(axis=1).sum())
+
+
+def _stiffness(mesh: TetMesh) -> csr_matrix:
+    """The matrix of the integrals of products of gradients, (n, n), mm.
+
+    The gradient of the hat function of a corner is -s / 3V with s the outward area vector of the face opposite to it.
+    """
+    areas = np.stack([face_normals(mesh.points, mesh.cells[:, face]) / 2 for face in TET_FACES], axis=1)
+    nine_volumes = 9 * signed_volumes(mesh.points, mesh.cells)
+    first, second = TET_EDGES.T
+    weights: NDArray[np.float64] = np.einsum("mek,mek->me", areas[:, first], areas[:, second]) / nine_volumes[:, None]
+    ends = mesh.cells[:, first].ravel(), mesh.cells[:, second].ravel()
+    upper = coo_matrix((weights.ravel(), ends), shape=(len(mesh.points),) * 2).tocsr()
+    off_diagonal = upper + upper.T
+    return (off_diagonal - diags(np.asarray(off_diagonal.sum(axis=1)).ravel())).tocsr()

@@ -1,0 +1,119 @@
+"""Named sets: the division of surface and tissue, and one set per label."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from exported import full_mesh
+from shapes import ball_mesh, cube_mesh
+
+from cortet.errors import InputError
+from cortet.mesh import TetMesh
+from cortet.quality import signed_volumes
+from cortet.sets import face_labels, named_sets, set_name
+from cortet.stages.solver_ready import solver_ready
+from cortet.topology import boundary_faces, boundary_nodes
+
+
+@pytest.fixture(scope="module")
+def ball() -> TetMesh:
+    return solver_ready(ball_mesh(3, radius=10.0))[0]
+
+
+def test_without_labels_the_whole_boundary_is_cortical_surface(ball):
+    sets = named_sets(ball).sets
+    assert np.array_equal(sets.nodes["cortical_surface"], boundary_nodes(ball))
+    assert np.array_equal(sets.faces["cortical_surface"], boundary_faces(ball))
+    assert sets.nodes.keys() == sets.faces.keys() == {"cortical_surface"}
+
+
+def test_cortex_is_what_lies_within_a_depth(ball):
+    cells = named_sets(ball, cortex_depth=3.0).sets.cells
+    radius = np.linalg.norm(ball.points[ball.cells].mean(axis=1), axis=1)
+    assert np.array_equal(np.sort(np.concatenate([*cells.values()])), np.arange(len(ball.cells)))
+    assert radius[cells["cortex"]].min() > 6.8 and radius[cells["core"]].max() < 7.2
+    volume = signed_volumes(ball.points, ball.cells)
+    assert volume[cells["core"]].sum() / volume.sum() == pytest.approx(0.7**3, rel=0.1)
+
+
+def test_cortex_by_a_field_is_as_deep_as_the_field_says_there(ball):
+    x = ball.points[:, 0]
+    mesh = replace(ball, point_data={"thickness": np.where(x > 0, 4.0, 2.0)})
+    cortex = named_sets(mesh, cortex_depth=9.0, cortex_thickness="thickness").sets.cells["cortex"]
+    centroids = mesh.points[mesh.cells].mean(axis=1)
+    radius = np.linalg.norm(centroids, axis=1)
+    inside = np.isin(np.arange(len(mesh.cells)), cortex)
+    right, left = centroids[:, 0] > 2, centroids[:, 0] < -2
+    assert not inside[right & (radius < 5.8)].any() and inside[right & (radius > 6.2)].all()
+    assert not inside[left & (radius < 7.8)].any() and inside[left & (radius > 8.2)].all()
+
+
+def test_depth_is_measured_from_the_cortical_surface_and_not_from_the_medial_wall():
+    mesh = full_mesh()
+    centroids = mesh.points[mesh.cells].mean(axis=1)
+    at_the_wall = (centroids[:, 2] < 1.5) & (np.abs(centroids[:, :2] - 4) < 2).all(axis=1)
+    assert at_the_wall.any() and np.isin(np.flatnonzero(at_the_wall), mesh.sets.cells["core"]).all()
+
+
+def test_the_medial_wall_is_where_its_label_is():
+    mesh = full_mesh()
+    wall, cortical = mesh.sets.faces["medial_wall"], mesh.sets.faces["cortical_surface"]
+    assert len(wall) + len(cortical) == len(boundary_faces(mesh))
+    bottom = boundary_faces(mesh)[(mesh.points[boundary_faces(mesh)][:, :, 2] == 0).all(axis=1)]
+    assert set(map(tuple, bottom.tolist())) <= set(map(tuple, wall.tolist()))
+    assert ((mesh.point_data["area"][wall] == 0).sum(axis=1) >= 1).all()
+    assert np.array_equal(mesh.sets.nodes["medial_wall"], np.unique(wall))
+
+
+def test_every_label_is_a_set_of_surface_nodes_and_of_faces():
+    mesh = full_mesh()
+    labels, surface = mesh.point_data["area"], boundary_nodes(mesh)
+    assert mesh.sets.nodes.keys() == {"cortical_surface", "medial_wall", "area_Medial_wall", "area_V1", "area_12"}
+    for name, key in (("area_Medial_wall", 0), ("area_V1", 3), ("area_12", 12)):
+        assert np.array_equal(mesh.sets.nodes[name], surface[labels[surface] == key])
+    faces = [mesh.sets.faces[name] for name in ("area_Medial_wall", "area_V1", "area_12")]
+    assert sum(map(len, faces)) == len(boundary_faces(mesh))
+
+
+def test_a_face_has_the_label_of_two_nodes_or_else_of_the_first():
+    values = np.array([1, 2, 3])
+    corners = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0], [1, 1, 1], [0, 1, 2], [2, 1, 0]], np.int32)
+    assert face_labels(values, corners).tolist() == [1, 1, 1, 2, 1, 3]
+
+
+@pytest.mark.parametrize(
+    ("text", "taken", "name"),
+    [
+        ("aparc_V1", [], "aparc_V1"),
+        ("aparc_Left/Right (lateral)", [], "aparc_Left_Right_lateral"),
+        ("12", [], "set_12"),
+        ("aparc_v1", ["aparc_V1"], "aparc_v1_2"),
+        ("a" * 100, [], "a" * 80),
+    ],
+)
+def test_names_are_such_that_every_solver_takes_them(text, taken, name):
+    assert set_name(text, taken) == name
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"medial_wall": {"parcels": [0]}}, "no label field parcels.*name one of area"),
+        ({"medial_wall": {"area": [0, 3, 12]}}, "every face belongs to it"),
+        ({"cortex_thickness": "area"}, "no scalar field area"),
+        ({"cortex_thickness": "thick"}, "no scalar field thick .*name one of thickness, normal, area"),
+    ],
+)
+def test_fields_that_are_not_there_are_named(arguments, words):
+    with pytest.raises(InputError, match=words):
+        named_sets(full_mesh(), **arguments)
+
+
+def test_sets_follow_when_nodes_are_renumbered():
+    cube = cube_mesh(3, side=4.0)
+    mesh = named_sets(cube, cortex_depth=1.0)
+    ready, _ = solver_ready(mesh)
+    assert np.array_equal(ready.sets.faces["cortical_surface"], boundary_faces(ready))
+    assert np.array_equal(ready.sets.nodes["cortical_surface"], boundary_nodes(ready))
