@@ -156,7 +156,17 @@ class Generate(Section):
     """Seed of CGAL's random numbers."""
     fallback: Literal["lattice"] | None = "lattice"
     """Mesher to take where no facet distance gives the right topology; null: none."""
-    edge_length: Annotated[list[Positive], BeforeValidator(_as_list), Field(min_length=1)] = [1.25, 1.0, 0.8, 0.6]
+    edge_length: Annotated[list[Positive], BeforeValidator(_as_list), Field(min_length=1)] = [
+        1.25,
+        1.2,
+        1.15,
+        1.1,
+        1.0,
+        0.9,
+        0.8,
+        0.7,
+        0.6,
+    ]
     """lattice: edges of the boundary triangles, as fractions of h, tried in this order until no triangles cross."""
     core_ratio: Annotated[float, Field(ge=1, le=8)] = 1.0
     """lattice: how many times larger cells are in the core; the cortex keeps h."""

@@ -137,7 +137,7 @@ def generate(
     exude: bool = True,
     seed: int = 0,
     fallback: Literal["lattice"] | None = "lattice",
-    edge_length: Sequence[float] = (1.25, 1.0, 0.8, 0.6),
+    edge_length: Sequence[float] = (1.25, 1.2, 1.15, 1.1, 1.0, 0.9, 0.8, 0.7, 0.6),
     core_ratio: float = 1.0,
     core_depth: float = 6.0,
 ) -> tuple[TetMesh, GenerateReport]:
