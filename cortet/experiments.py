@@ -15,7 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from cortet import published
+from cortet.formats.atomic import write_json
 from cortet.printed import Shown, Table, mean_and_sd, median_and_range, number, write
+from cortet.quality import COUNTED_LIMITS
+from cortet.tables import write_tsv
 
 VERSION: int = 1
 
@@ -68,6 +71,49 @@ def origin(path: str | Path, setting: str) -> Origin:
         raise ValueError(f"{path}: not the name of a record of a mesh")
     own = None if found["stage"] == "Generated" else found["setting"].lower() or setting
     return Origin(found["case"], int(found["res"]) / 1000, found["mesher"], own, found["stage"])
+
+
+# --- every mesh, stage by stage ---------------------------------------------------------------------------------------
+
+#: columns of `cohort_stages.tsv`
+STAGES_COLUMNS: dict[str, dict[str, Any]] = {
+    "case": {"Description": "Case"},
+    "cell_size_mm": {"Description": "Cell size h", "Units": "mm"},
+    "mesher": {"Description": "Mesher of stage S1"},
+    "stage": {"Description": "Stage whose mesh was measured, as file names give it"},
+    "nodes": {"Description": "Number of nodes"},
+    "tets": {"Description": "Number of tetrahedra"},
+    "q_mean": {"Description": "Mean q"},
+    "q_max": {"Description": "Largest q"},
+    **{f"q_above_{limit}": {"Description": f"Number of tetrahedra with q > {limit}"} for limit in COUNTED_LIMITS},
+}
+
+
+def stage_rows(records: Iterable[Path]) -> list[dict[str, Any]]:
+    """One row per quality record, in the order given; whose it is, its file name says."""
+    rows = []
+    for path in records:
+        made, record = origin(path, ""), json.loads(path.read_text(encoding="utf-8"))
+        rows.append(
+            {
+                "case": made.case,
+                "cell_size_mm": made.cell_size_mm,
+                "mesher": made.mesher,
+                "stage": made.stage,
+                "nodes": record["nodes"],
+                "tets": record["tets"],
+                "q_mean": record["q"]["mean"],
+                "q_max": record["q"]["max"],
+                **{f"q_above_{limit}": record["count_above"][str(limit)] for limit in COUNTED_LIMITS},
+            }
+        )
+    return rows
+
+
+def write_stages(records: Iterable[Path], *, table: Path, sidecar: Path) -> None:
+    """Write `cohort_stages.tsv` and the JSON file that explains it, from quality records."""
+    write_tsv(stage_rows(records), list(STAGES_COLUMNS), table)
+    write_json(STAGES_COLUMNS, sidecar)
 
 
 # --- Table 1 ---------------------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ localrules:
     dataset_description,
     cohort_quality,
     cohort_summary,
+    cohort_stages,
     cohort_figure,
     cohort_status,
 
@@ -76,6 +77,30 @@ rule cohort_summary:
         "../scripts/cohort_summary.py"
 
 
+rule cohort_stages:
+    """One row per mesh and measured stage."""
+    input:
+        stage_records(),
+    output:
+        table=report(
+            f"{OUT}/cohort/cohort_stages.tsv",
+            caption="../reports/cohort_stages.rst",
+            category="Cohort",
+            labels={"table": "stages"},
+        ),
+        sidecar=f"{OUT}/cohort/cohort_stages.json",
+    log:
+        "logs/cohort_stages.log",
+    benchmark:
+        "benchmarks/cohort_stages.tsv"
+    conda:
+        "../envs/cortet.yaml"
+    params:
+        version=stage_version("experiments"),
+    script:
+        "../scripts/cohort_stages.py"
+
+
 rule cohort_figure:
     """Element count, mean and worst q against gestational age."""
     input:
@@ -131,6 +156,7 @@ rule cohort_status:
 COHORT_FILES = [
     *rules.cohort_quality.output,
     *rules.cohort_summary.output,
+    *rules.cohort_stages.output,
     *rules.cohort_figure.output,
     *rules.cohort_status.output,
 ]

@@ -74,7 +74,7 @@ SOLVERS = {
     "boundary.surf.gii": "gifti",
 }
 # rules that take every mesh that is done
-OVER_ALL_CASES = ("cohort_quality", "cohort_summary", "cohort_figure", "cohort_status", "table_ablation")
+OVER_ALL_CASES = ("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "table_ablation")
 
 
 wildcard_constraints:
@@ -228,6 +228,13 @@ def is_measured(mesh, failures):
 
 def measured_certificates():
     return [path for mesh, path in each_case(CERTIFICATE).items() if is_measured(mesh, FAILURES)]
+
+
+def stage_records():
+    """Quality records of the meshes that got as far as their certificate, stage by stage."""
+    measured = [STAGES[stage] for stage in CONFIG.quality.stages if CONFIG.enabled(stage)]
+    records = [each_case(mesh_file(desc, "quality.json")) for desc in measured]
+    return [record[mesh] for mesh in each_case(CERTIFICATE) if is_measured(mesh, FAILURES) for record in records]
 
 
 def status_of_all():

@@ -18,7 +18,13 @@ from cortet.formats.gifti import read_surface, write_surface
 from cortet.mesh import TriSurface
 from tests.integration.study import ROOT, Study, scaled, surface
 
-COHORT = {("cohort_quality", "-"), ("cohort_summary", "-"), ("cohort_figure", "-"), ("cohort_status", "-")}
+COHORT = {
+    ("cohort_quality", "-"),
+    ("cohort_summary", "-"),
+    ("cohort_stages", "-"),
+    ("cohort_figure", "-"),
+    ("cohort_status", "-"),
+}
 FROM_CLEAN = {"clean", "reconnect", "solver_ready", "quality", "certify", "export"}
 FROM_GATE = {"gate", "smooth_surface", "generate", "transfer", "relocate"} | FROM_CLEAN
 

@@ -10,7 +10,15 @@ from typing import Any
 import pytest
 from shapes import cube_mesh
 
-from cortet.experiments import ABLATION_COLUMNS, Origin, ablation_rows, origin, write_ablation
+from cortet.experiments import (
+    ABLATION_COLUMNS,
+    STAGES_COLUMNS,
+    Origin,
+    ablation_rows,
+    origin,
+    write_ablation,
+    write_stages,
+)
 from cortet.quality import summarise
 
 
@@ -131,3 +139,19 @@ def test_it_is_written_from_files_named_as_the_workflow_names_them(tmp_path: Pat
     lines = (tmp_path / "table.tsv").read_text().splitlines()
     assert lines[0].split("\t") == list(ABLATION_COLUMNS) == list(json.loads((tmp_path / "table.json").read_text()))
     assert [line.split("\t")[5] for line in lines[1:4]] == ["CGAL only", "Netgen only", "ball"]
+
+
+def test_the_table_of_stages_has_a_row_per_record_in_the_order_given(tmp_path: Path) -> None:
+    paths = []
+    for stage, worst in [("Generated", 0.8), ("Cleaned", 0.45)]:
+        paths.append(tmp_path / f"sub-1_hemi-L_res-600um_desc-cgal{stage}_quality.json")
+        paths[-1].write_text(json.dumps(record(0.1, worst, 0)))
+    write_stages(paths, table=tmp_path / "stages.tsv", sidecar=tmp_path / "stages.json")
+    header, *rows = [line.split("\t") for line in (tmp_path / "stages.tsv").read_text().splitlines()]
+    assert header == list(STAGES_COLUMNS) == list(json.loads((tmp_path / "stages.json").read_text()))
+    told = [dict(zip(header, row, strict=True)) for row in rows]
+    assert [(row["case"], row["stage"], row["q_max"]) for row in told] == [
+        ("sub-1_hemi-L", "Generated", "0.8"),
+        ("sub-1_hemi-L", "Cleaned", "0.45"),
+    ]
+    assert told[0]["q_above_0.4"] == str(record(0.1, 0.8, 0)["count_above"]["0.4"])
