@@ -74,7 +74,14 @@ SOLVERS = {
     "boundary.surf.gii": "gifti",
 }
 # rules that take every mesh that is done
-OVER_ALL_CASES = ("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "table_ablation")
+OVER_ALL_CASES = (
+    "cohort_quality",
+    "cohort_summary",
+    "cohort_stages",
+    "cohort_figure",
+    "cohort_status",
+    "table_ablation",
+)
 
 
 wildcard_constraints:
