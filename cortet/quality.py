@@ -6,7 +6,9 @@ mean square of the six edge lengths). All functions take `points` (n, 3) float64
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 
 import numpy as np
 
@@ -22,23 +24,42 @@ HISTOGRAM_BIN_WIDTH = 0.005
 _P_WAVE_MODULUS, _DENSITY = 5 + 4 / 3, 0.01
 
 
+#: tetrahedra measured at a time: their temporary arrays then stay in the processor's cache, whatever the mesh
+_BLOCK = 1 << 14
+
+
+def _in_blocks(measure: Callable[[FloatArray, IntArray], FloatArray]) -> Callable[[FloatArray, IntArray], FloatArray]:
+    """The same measure of each tetrahedron, taken of a block of them at a time."""
+
+    @wraps(measure)
+    def in_blocks(points: FloatArray, cells: IntArray) -> FloatArray:
+        if len(cells) <= _BLOCK:
+            return measure(points, cells)
+        return np.concatenate([measure(points, cells[at : at + _BLOCK]) for at in range(0, len(cells), _BLOCK)])
+
+    return in_blocks
+
+
 def edge_vectors(points: FloatArray, cells: IntArray) -> FloatArray:
     """Vectors along the six edges, in the order of `topology.TET_EDGES`: (m, 6, 3) mm."""
     ends = points[cells[:, TET_EDGES]]
     return ends[:, :, 1] - ends[:, :, 0]
 
 
+@_in_blocks
 def edge_lengths(points: FloatArray, cells: IntArray) -> FloatArray:
     """The six edge lengths: (m, 6) mm."""
     return np.linalg.norm(edge_vectors(points, cells), axis=2)
 
 
+@_in_blocks
 def signed_volumes(points: FloatArray, cells: IntArray) -> FloatArray:
     """Signed volumes: (m,) mm3, positive when d sees a, b, c counter-clockwise from outside."""
     a, b, c, d = (points[cells[:, i]] for i in range(4))
     return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
 
 
+@_in_blocks
 def quality(points: FloatArray, cells: IntArray) -> FloatArray:
     """q = 1 - sqrt(2) 6V / l_rms^3: (m,); 1 where V <= 0."""
     volumes = signed_volumes(points, cells)
@@ -52,6 +73,7 @@ def mean_ratio(points: FloatArray, cells: IntArray) -> FloatArray:
     return 1 - (1 - quality(points, cells)) ** (2 / 3)
 
 
+@_in_blocks
 def circumradii(points: FloatArray, cells: IntArray) -> FloatArray:
     """Radius of the circumscribed sphere: (m,) mm; infinite or NaN for a flat element."""
     u, v, w = (points[cells[:, i]] - points[cells[:, 0]] for i in (1, 2, 3))
@@ -67,6 +89,7 @@ def _face_area_sums(points: FloatArray, cells: IntArray) -> FloatArray:
     return 0.5 * np.linalg.norm(normals, axis=2).sum(axis=1)
 
 
+@_in_blocks
 def radius_ratio(points: FloatArray, cells: IntArray) -> FloatArray:
     """1 - 3 inradius / circumradius: (m,); 1 where V <= 0."""
     volumes = signed_volumes(points, cells)
@@ -74,6 +97,7 @@ def radius_ratio(points: FloatArray, cells: IntArray) -> FloatArray:
     return np.where(volumes > 0, 1 - 3 * inradii / circumradii(points, cells), 1.0)
 
 
+@_in_blocks
 def radius_edge(points: FloatArray, cells: IntArray) -> FloatArray:
     """1 - sqrt(6)/4 shortest edge / circumradius: (m,); 1 where V <= 0."""
     volumes = signed_volumes(points, cells)
@@ -81,6 +105,7 @@ def radius_edge(points: FloatArray, cells: IntArray) -> FloatArray:
     return np.where(volumes > 0, 1 - np.sqrt(6) / 4 * shortest / circumradii(points, cells), 1.0)
 
 
+@_in_blocks
 def dihedral_angles(points: FloatArray, cells: IntArray) -> FloatArray:
     """Interior angle between the two faces along each edge, in the order of `topology.TET_EDGES`: (m, 6) degrees."""
     corners = points[cells]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from shapes import cube_mesh
 
 from cortet import quality
 from cortet.mesh import TetMesh
@@ -74,3 +75,11 @@ def test_summary_of_two_regular_tetrahedra():
     assert (found.nodes, found.tets, sum(found.histogram)) == (8, 2, 2)
     assert found.q.max == pytest.approx(0, abs=1e-12) and found.count_above == {"0.3": 0, "0.4": 0, "0.5": 0, "0.6": 0}
     assert found.shortest_edge_mm == pytest.approx(8**0.5) == found.longest_edge_mm
+
+
+@pytest.mark.parametrize("measure", [*MEASURES, quality.signed_volumes, quality.dihedral_angles, quality.edge_lengths])
+def test_a_mesh_is_measured_alike_in_blocks_and_at_once(measure, monkeypatch):
+    mesh = cube_mesh(4)
+    at_once = measure(mesh.points, mesh.cells)
+    monkeypatch.setattr(quality, "_BLOCK", 7)
+    assert np.array_equal(measure(mesh.points, mesh.cells), at_once)
