@@ -150,6 +150,27 @@ def test_cohort_scan_writes_a_sheet_and_names_what_it_excludes(
     assert "sub-A_ses-2_hemi-L: no scan age" in shown
 
 
+def test_convert_writes_the_format_of_the_name_and_verify_reads_it_as_any_solver(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source, target = tmp_path / "cube.vtu", tmp_path / "cube.inp"
+    vtu.write(cube_mesh(2), source)
+    assert main(["convert", str(source), str(target)]) == 0
+    assert f"{target}: written and verified" in capsys.readouterr().out
+    assert main(["verify", str(target)]) == main(["verify", str(target), "--solver", "abaqus"]) == 0
+    assert main(["verify", str(target), "--solver", "febio"]) == 1
+    assert "not well-formed XML" in capsys.readouterr().out
+    assert main(["convert", str(target), str(tmp_path / "cube.obj")]) == 1
+
+
+def test_convert_scales_carp_files_as_asked(tmp_path: Path) -> None:
+    vtu.write(cube_mesh(1, side=2.0), tmp_path / "cube.vtu")
+    assert main(["convert", str(tmp_path / "cube.vtu"), str(tmp_path / "cube.pts"), "--unit", "um"]) == 0
+    assert "2000 2000 2000" in (tmp_path / "cube.pts").read_text()
+    assert main(["convert", str(tmp_path / "cube.pts"), str(tmp_path / "back.mesh")]) == 0
+    assert "2.000000000 2.000000000 2.000000000" in (tmp_path / "back.mesh").read_text()
+
+
 def test_the_solvers_of_the_command_are_those_that_can_be_verified() -> None:
     from cortet.cli import SOLVER_NAMES
     from cortet.verify import SOLVERS
