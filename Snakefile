@@ -26,6 +26,7 @@ localrules:
     meshes,
     cohort,
     tables,
+    figures,
 
 
 rule all:
@@ -51,7 +52,13 @@ rule cohort:
 
 
 rule tables:
-    """Tables of the paper's experiments."""
+    """Tables of the paper's experiments, and a methods paragraph."""
     input:
         COHORT_FILES,
         TABLES,
+
+
+rule figures:
+    """Figures of the paper's experiments."""
+    input:
+        FIGURES,

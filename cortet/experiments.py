@@ -14,7 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cortet import published
+from cortet.figures import Pooled, pooled_quality_figure, save
 from cortet.formats.atomic import write_json
 from cortet.printed import Shown, Table, mean_and_sd, median_and_range, number, write
 from cortet.quality import COUNTED_LIMITS
@@ -170,7 +173,7 @@ ABLATION = Table(
             "deviation over the meshes",
         ),
         Shown(
-            "q max",
+            "q_max",
             lambda row: median_and_range(row["q_max_median"], row["q_max_min"], row["q_max_max"]),
             "Largest q of a mesh: median [minimum-maximum] over the meshes",
         ),
@@ -205,7 +208,7 @@ def ablation_rows(
     groups: dict[tuple[Any, ...], dict[str, Any]] = {}
     for where in [*records, *missing, *failed]:
         groups.setdefault(_group(where), {})[where.case] = where
-    settings = sorted({where.setting for where in records if where.setting})
+    settings = sorted({where.setting for where in [*records, *missing] if where.setting})
 
     def order(group: tuple[Any, ...]) -> tuple[Any, ...]:
         size, mesher, setting, stage = group
@@ -324,14 +327,52 @@ def write_ablation(
 ) -> None:
     """Write Table 1 from the files of records, reports of S1 and records of reference meshes (`..._quality.json`)."""
     rows = ablation_rows(
-        {origin(path, setting): _read(path) for path in records},
-        {origin(path, setting): _read(path) for path in made},
+        {origin(path, setting): read_record(path) for path in records},
+        {origin(path, setting): read_record(path) for path in made},
         {origin(path, setting): reason for path, reason in missing.items()},
-        {Path(path).name.removesuffix("_quality.json").removeprefix("reference-"): _read(path) for path in references},
+        {
+            Path(path).name.removesuffix("_quality.json").removeprefix("reference-"): read_record(path)
+            for path in references
+        },
     )
     write(ABLATION, rows, *outputs)
 
 
-def _read(path: str | Path) -> dict[str, Any]:
+# --- pooled quality --------------------------------------------------------------------------------------------------
+
+
+def pooled(records: Mapping[Origin, Mapping[str, Any]], settings: Iterable[str]) -> list[Pooled]:
+    """Summed histograms by setting and stage; the meshes of S1 belong to every setting."""
+    result = []
+    for setting in settings:
+        members: dict[str, list[Mapping[str, Any]]] = {}
+        for where in sorted(records, key=lambda where: _rank(where.stage)):
+            if where.setting in (None, setting):
+                members.setdefault(ABLATED[where.stage][0], []).append(records[where])
+        counts = {
+            stages: np.sum([record["histogram"] for record in group], axis=0) for stages, group in members.items()
+        }
+        result.append(Pooled(setting, max(map(len, members.values())), counts))
+    return result
+
+
+def draw_pooled(
+    records: Iterable[str], outputs: Iterable[str], *, setting: str, settings: Iterable[str], limit: float
+) -> None:
+    """Draw the pooled quality from the files of the records of one cell size and mesher.
+
+    Parameters
+    ----------
+    setting : of the line, whose files do not name it
+    settings : in the order of the rows
+    limit : of the worst q
+    """
+    content = {origin(path, setting): read_record(path) for path in records}
+    (size,) = {where.cell_size_mm for where in content}
+    save(pooled_quality_figure(pooled(content, settings), cell_size=size, limit=limit), *outputs)
+
+
+def read_record(path: str | Path) -> dict[str, Any]:
+    """Content of a record."""
     content: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
     return content

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,9 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
+from cortet import published
 from cortet.formats.atomic import atomic_path
 
 VERSION: int = 1
@@ -59,13 +61,13 @@ def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
     table : `cohort_quality.tsv`
     limit : of the worst q, drawn as a line; None draws none
     """
-    rows, published = read_tsv(table), published_cohort()
+    rows, theirs = read_tsv(table), published.cohort()
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 2.6), layout="constrained")
         axes = figure.subplots(1, 3)
         for axis, (column, label) in zip(axes, _PANELS.items(), strict=True):
             unit = 1000 if column == "tets" else 1
-            _panel(axis, rows, published, column, unit)
+            _panel(axis, rows, theirs, column, unit)
             axis.set(xlabel="gestational age (weeks)", ylabel=label)
         axes[0].set_ylim(bottom=0)
         low, high = axes[1].get_ylim()
@@ -83,6 +85,72 @@ def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
     return figure
 
 
+#: stages that have run -> colour, and the line of the published distribution
+_COLOURS = {"S1-S2": ORANGE, "S1-S3": PURPLE, "S1-S4": BLUE, "S1-S4+": GREEN}
+_PUBLISHED_LINES = {"S1-S2": "-", "S1-S3": "--", "S1-S4": ":"}
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """Distributions of q over the elements of many meshes, in one setting."""
+
+    setting: str
+    meshes: int
+    #: stages that have run -> elements (200,) per bin of q
+    counts: Mapping[str, NDArray[np.integer[Any]]]
+
+
+def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: float | None = None) -> Figure:
+    """Quality of all elements after each stage, one row per setting: distribution of q, and number of elements above q.
+
+    The published distributions (arXiv:2607.12157, Fig. 2) are thin grey lines behind. The tail is cumulative, so that
+    it can be read at the limit, also where there are few elements.
+
+    Parameters
+    ----------
+    pooled : summed histograms
+    cell_size : mm
+    limit : of the worst q, drawn as a line; None draws none
+    """
+    theirs = {stages: published.histogram(stages) for stages in _PUBLISHED_LINES}
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 2.3 * len(pooled) + 0.3), layout="constrained")
+        axes = figure.subplots(len(pooled), 2, squeeze=False, sharex="col")
+        for (bulk, tail), row in zip(axes, pooled, strict=True):
+            for stages, line in _PUBLISHED_LINES.items():
+                label = f"{stages}, published, h = {published.CELL_SIZE:g} mm"
+                _distribution(bulk, tail, theirs[stages], color=GREY, linestyle=line, linewidth=0.7, label=label)
+            for stages, counts in row.counts.items():
+                _distribution(bulk, tail, counts, color=_COLOURS[stages], linewidth=1.0, label=stages)
+            elements = max(int(counts.sum()) for counts in row.counts.values())
+            title = f"setting {row.setting}, h = {cell_size:g} mm: {row.meshes} meshes, {elements:,} elements"
+            bulk.set_title(title, loc="left")
+            bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")
+            tail.set(xlim=(0.2, 0.9), ylim=(1e-3, 1e6), yscale="log", ylabel="elements above q (per million)")
+            if limit is not None:
+                tail.axvline(limit, color="black", linestyle="--", linewidth=0.8)
+                tail.annotate(
+                    f"limit {limit:g}", (limit, 0.97), xycoords=tail.get_xaxis_transform(), xytext=(2, 0),
+                    textcoords="offset points", va="top", fontsize=6,
+                )  # fmt: skip
+        for axis in axes[-1]:
+            axis.set_xlabel("q (0 regular, 1 flat)")
+        most = max(axes[:, 0], key=lambda axis: len(axis.get_legend_handles_labels()[1]))
+        handles, labels = most.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=4)
+        figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # laid out once: every further round would shift it a little
+    return figure
+
+
+def _distribution(bulk: Axes, tail: Axes, counts: NDArray[np.integer[Any]], **style: Any) -> None:
+    """One distribution of q, as shares of its bins and as the number of elements above each edge."""
+    edges = np.linspace(0, 1, len(counts) + 1)
+    bulk.stairs(100 * counts / counts.sum(), edges, **style)
+    above = np.cumsum(counts[::-1])[::-1] * 1e6 / counts.sum()
+    tail.plot(edges[:-1][above > 0], above[above > 0], **style)
+
+
 def save(figure: Figure, *paths: str | Path) -> None:
     """Write a figure once per path, in the format of its suffix (pdf, svg, png), without date or version in it."""
     for path in map(Path, paths):
@@ -98,22 +166,16 @@ def read_tsv(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file, delimiter="\t", quoting=csv.QUOTE_NONE))
 
 
-def published_cohort() -> list[dict[str, str]]:
-    """The 194 meshes of the CORTET paper (arXiv:2607.12157, Fig. 3), cell size 0.6 mm."""
-    text = (files("cortet") / "data" / "published_cohort.tsv").read_text(encoding="utf-8")
-    return list(csv.DictReader(text.splitlines(), delimiter="\t"))
-
-
 def _panel(
-    axis: Axes, rows: Sequence[Mapping[str, str]], published: Sequence[Mapping[str, str]], column: str, unit: float
+    axis: Axes, rows: Sequence[Mapping[str, str]], theirs: Sequence[Mapping[str, str]], column: str, unit: float
 ) -> None:
     axis.scatter(
-        _numbers(published, "scan_age_weeks"),
-        _numbers(published, column) / unit,
+        _numbers(theirs, "scan_age_weeks"),
+        _numbers(theirs, column) / unit,
         s=6,
         color=GREY,
         linewidths=0,
-        label=f"published, h = 0.6 mm (n = {len(published)})",
+        label=f"published, h = {published.CELL_SIZE:g} mm (n = {len(theirs)})",
     )
     sizes = sorted({float(row["cell_size_mm"]) for row in rows})
     for rank, size in enumerate(sizes):

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import html
+import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +37,8 @@ _LATEX = {
 _HTML_STYLE = (
     "body{font:14px sans-serif;margin:1.5em}"
     "table{border-collapse:collapse;border-top:2px solid;border-bottom:2px solid}"
-    "th{border-bottom:1px solid;text-align:left}th,td{padding:.25em .8em}tr.rule td{border-top:1px solid}"
+    "th{border-bottom:1px solid;text-align:left}th,td{padding:.25em .8em;white-space:nowrap;vertical-align:top}"
+    "tr.rule td{border-top:1px solid}td:last-child{white-space:normal}p{max-width:60em}"
     "dt{font-weight:bold;margin-top:.5em}"
 )
 
@@ -76,6 +79,28 @@ def write(table: Table, rows: Sequence[Row], *paths: str | Path) -> None:
         else:
             with atomic_path(path) as temporary:
                 temporary.write_text(texts[path.suffix](table, headings, cells, starts), encoding="utf-8")
+
+
+def write_view(table: str | Path, sidecar: str | Path, path: str | Path, *, title: str) -> None:
+    """Write an HTML page of a TSV, each column explained as its sidecar does."""
+    explained = json.loads(Path(sidecar).read_text(encoding="utf-8"))
+    header, *rows = (line.split("\t") for line in Path(table).read_text(encoding="utf-8").splitlines())
+    shown = [Shown(name, itemgetter(name), _explanation(explained[name])) for name in header]
+    write(Table(title, explained, shown), [dict(zip(header, row, strict=True)) for row in rows], path)
+
+
+def write_page(text: str, path: str | Path, *, title: str) -> None:
+    """Write an HTML page of one paragraph."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(f"{_head(title)}\n<p>{html.escape(text)}</p>\n</html>\n", encoding="utf-8")
+
+
+def _explanation(entry: Mapping[str, Any]) -> str:
+    """What a sidecar says of a column, in one line."""
+    parts = [str(entry["Description"])]
+    parts += [f"{key.lower()}: {entry[key]}" for key in ("Units", "Threshold") if key in entry]
+    parts += [f"{level}: {meaning}" for level, meaning in entry.get("Levels", {}).items()]
+    return "; ".join(parts)
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -122,7 +147,11 @@ def _html(table: Table, headings: Sequence[str], cells: Sequence[Sequence[str]],
     notes = [
         f"<dt>{html.escape(column.heading)}</dt><dd>{html.escape(column.description)}</dd>" for column in table.shown
     ]
-    title = html.escape(table.title)
-    head = f"<!doctype html><html lang=en><meta charset=utf-8><title>{title}</title><style>{_HTML_STYLE}</style>"
-    lines = [head, f"<h3>{title}</h3>", "<table>", line("th", headings), *body, "</table>", "<dl>", *notes, "</dl>"]
+    lines = [_head(table.title), "<table>", line("th", headings), *body, "</table>", "<dl>", *notes, "</dl>"]
     return "\n".join([*lines, "</html>", ""])
+
+
+def _head(title: str) -> str:
+    name = html.escape(title)
+    head = f"<!doctype html><html lang=en><meta charset=utf-8><title>{name}</title><style>{_HTML_STYLE}</style>"
+    return f"{head}\n<h3>{name}</h3>"

@@ -7,12 +7,13 @@ from typing import Literal
 
 import numpy as np
 import pyvista
+from numpy.typing import NDArray
 
 from cortet.errors import StageError
 from cortet.formats.atomic import atomic_path
 from cortet.mesh import FloatArray, TetMesh
 from cortet.quality import quality
-from cortet.topology import compact
+from cortet.topology import boundary_surface, compact
 
 VERSION: int = 1
 
@@ -64,12 +65,7 @@ def picture(
     """
     k = _AXES[axis]
     along = mesh.points[:, k]
-    kept = along[mesh.cells].mean(axis=1) < along.min() + position * np.ptp(along)
-    points, cells, _ = compact(mesh.points, mesh.cells[kept])
-    grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: cells}, points)
-    grid.cell_data["q"] = quality(points, cells)
-    shell = grid.extract_surface(algorithm="dataset_surface")  # faces carry the q of their tetrahedron
-
+    shell = _skin(mesh, along[mesh.cells].mean(axis=1) < along.min() + position * np.ptp(along))
     try:
         with pyvista.vtk_verbosity("error"):  # without a display VTK first warns, then draws without one
             plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
@@ -88,12 +84,74 @@ def picture(
             diffuse=0.5,
             scalar_bar_args=SCALE,
         )
-        _aim(plotter.camera, points, k, width_to_height=size[0] / size[1])
+        _aim(plotter.camera, np.asarray(shell.points, float), k, width_to_height=size[0] / size[1])
         with atomic_path(path) as temporary:
             plotter.screenshot(temporary)
         plotter.close()
     except RuntimeError as error:
         raise StageError(f"the picture could not be drawn: {error}", remedy="install libegl1 or libosmesa6") from error
+
+
+def lateral_view(
+    mesh: TetMesh, *, side: Literal["L", "R"], cut: bool, half_width: float, half_height: float, width: int
+) -> NDArray[np.uint8]:
+    """A mesh in parallel projection from the left or the right of the head: (height, width, 3), white around it.
+
+    Parameters
+    ----------
+    mesh : RAS coordinates, x to the right and y to the front of the head
+    side : where it is seen from
+    cut : leave out the half towards the viewer and colour elements by q; else the grey surface
+    half_width, half_height : mm from the middle of the mesh to the edges of the picture
+    width : pixels
+
+    Raises
+    ------
+    StageError
+        the graphics library cannot draw here
+    """
+    towards = -1.0 if side == "L" else 1.0
+    middle = (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2
+    shell = _section(mesh, towards, middle[0]) if cut else _surface(mesh)
+    look = {"scalars": "q", "cmap": COLOURS, "clim": RANGE, "above_color": BEYOND} if cut else {"color": "#D0D0D0"}
+    light = {"ambient": 0.6, "diffuse": 0.4} if cut else {"ambient": 0.15, "diffuse": 0.85, "smooth_shading": True}
+    size = [width, round(width * half_height / half_width)]
+    try:
+        with pyvista.vtk_verbosity("error"):
+            plotter = pyvista.Plotter(off_screen=True, window_size=size)
+            plotter.render()
+        plotter.set_background("white")
+        plotter.add_mesh(shell, show_scalar_bar=False, **look, **light)
+        distance = 10 * max(half_width, half_height)
+        camera = plotter.camera
+        camera.position = middle + towards * distance * np.eye(3)[0]
+        camera.focal_point, camera.up = middle, (0, 0, 1)
+        camera.parallel_projection, camera.parallel_scale = True, half_height
+        camera.clipping_range = (0.1 * distance, 2 * distance)
+        image: NDArray[np.uint8] = plotter.screenshot(None, return_img=True)
+        plotter.close()
+    except RuntimeError as error:
+        raise StageError(f"the picture could not be drawn: {error}", remedy="install libegl1 or libosmesa6") from error
+    return image
+
+
+def _surface(mesh: TetMesh) -> pyvista.PolyData:
+    boundary, _ = boundary_surface(mesh)
+    return pyvista.PolyData.from_regular_faces(boundary.points, boundary.faces)
+
+
+def _section(mesh: TetMesh, towards: float, x: float) -> pyvista.PolyData:
+    """The skin of the elements beyond a plane across x, with the q of its elements."""
+    beyond = towards * (mesh.points[mesh.cells][:, :, 0].mean(axis=1) - x) < 0
+    return _skin(mesh, beyond)
+
+
+def _skin(mesh: TetMesh, kept: NDArray[np.bool_]) -> pyvista.PolyData:
+    """The skin of some of the elements; faces carry the q of their tetrahedron."""
+    points, cells, _ = compact(mesh.points, mesh.cells[kept])
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: cells}, points)
+    grid.cell_data["q"] = quality(points, cells)
+    return grid.extract_surface(algorithm="dataset_surface")
 
 
 def _aim(camera: pyvista.Camera, points: FloatArray, k: int, *, width_to_height: float) -> None:

@@ -32,13 +32,14 @@ rule cohort_quality:
     input:
         measured_certificates(),
     output:
-        table=report(
-            f"{OUT}/cohort/cohort_quality.tsv",
+        table=f"{OUT}/cohort/cohort_quality.tsv",
+        sidecar=f"{OUT}/cohort/cohort_quality.json",
+        view=report(
+            f"{OUT}/cohort/cohort_quality.html",
             caption="../reports/cohort_quality.rst",
             category="Cohort",
-            labels={"table": "quality"},
+            labels={"result": "table: quality"},
         ),
-        sidecar=f"{OUT}/cohort/cohort_quality.json",
     log:
         "logs/cohort_quality.log",
     benchmark:
@@ -57,13 +58,14 @@ rule cohort_summary:
     input:
         measured_certificates(),
     output:
-        table=report(
-            f"{OUT}/cohort/cohort_summary.tsv",
+        table=f"{OUT}/cohort/cohort_summary.tsv",
+        sidecar=f"{OUT}/cohort/cohort_summary.json",
+        view=report(
+            f"{OUT}/cohort/cohort_summary.html",
             caption="../reports/cohort_summary.rst",
             category="Cohort",
-            labels={"table": "summary"},
+            labels={"result": "table: summary"},
         ),
-        sidecar=f"{OUT}/cohort/cohort_summary.json",
     log:
         "logs/cohort_summary.log",
     benchmark:
@@ -82,13 +84,14 @@ rule cohort_stages:
     input:
         stage_records(),
     output:
-        table=report(
-            f"{OUT}/cohort/cohort_stages.tsv",
+        table=f"{OUT}/cohort/cohort_stages.tsv",
+        sidecar=f"{OUT}/cohort/cohort_stages.json",
+        view=report(
+            f"{OUT}/cohort/cohort_stages.html",
             caption="../reports/cohort_stages.rst",
             category="Cohort",
-            labels={"table": "stages"},
+            labels={"result": "table: stages"},
         ),
-        sidecar=f"{OUT}/cohort/cohort_stages.json",
     log:
         "logs/cohort_stages.log",
     benchmark:
@@ -110,7 +113,7 @@ rule cohort_figure:
             f"{OUT}/cohort/figure-cohort.svg",
             caption="../reports/cohort_figure.rst",
             category="Cohort",
-            labels={"figure": "quality"},
+            labels={"result": "figure: quality against age"},
         ),
         multiext(f"{OUT}/cohort/figure-cohort", ".pdf", ".png"),
     log:
@@ -134,13 +137,14 @@ rule cohort_status:
             path for pattern in SOLVER_FILES for mesh, path in each_case(pattern).items() if mesh not in FAILURES
         ],
     output:
-        table=report(
-            f"{OUT}/cohort/cohort_status.tsv",
+        table=f"{OUT}/cohort/cohort_status.tsv",
+        sidecar=f"{OUT}/cohort/cohort_status.json",
+        view=report(
+            f"{OUT}/cohort/cohort_status.html",
             caption="../reports/cohort_status.rst",
             category="Cohort",
-            labels={"table": "status"},
+            labels={"result": "table: status"},
         ),
-        sidecar=f"{OUT}/cohort/cohort_status.json",
     log:
         "logs/cohort_status.log",
     benchmark:

@@ -75,12 +75,8 @@ SOLVERS = {
 }
 # rules that take every mesh that is done
 OVER_ALL_CASES = (
-    "cohort_quality",
-    "cohort_summary",
-    "cohort_stages",
-    "cohort_figure",
-    "cohort_status",
-    "table_ablation",
+    *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status"),
+    *("table_ablation", "table_resolution", "table_measures", "figure_pooled_quality", "figure_series", "methods"),
 )
 
 

@@ -57,9 +57,9 @@ rule reference:
 rule table_ablation:
     """Table 1 of the paper: what each stage does to the quality."""
     input:
-        records=records_of_all(ablated(OWN_MESHERS)),
-        baselines=lambda _: records_of_all(mesh for mesh in ablated(BASELINES) if is_made(*mesh)),
-        made=ablation_reports(),
+        records=made(records_of_all(ablated(OWN_MESHERS))),
+        baselines=lambda _: made(records_of_all(mesh for mesh in ablated(BASELINES) if is_made(*mesh))),
+        made=made(ablation_reports()),
         references=expand(rules.reference.output.record, reference=REFERENCES),
     output:
         report(
@@ -76,11 +76,184 @@ rule table_ablation:
     conda:
         "../envs/cortet.yaml"
     params:
-        missing=missing_records(),
+        missing=unmade(records_of_all(ablated([*OWN_MESHERS, *BASELINES]))),
         setting=CONFIG.setting,
         version=[stage_version("experiments"), stage_version("printed")],
     script:
         "../scripts/table_ablation.py"
 
 
-TABLES = [*rules.table_ablation.output]
+rule table_resolution:
+    """Table 2 of the paper: element count and quality against the cell size."""
+    input:
+        records=made(RESOLUTION_RECORDS),
+    output:
+        report(
+            f"{OUT}/cohort/table-resolution.html",
+            caption="../reports/table_resolution.rst",
+            category="Tables",
+            labels={"table": "2, cell size"},
+        ),
+        multiext(f"{OUT}/cohort/table-resolution", ".tsv", ".json", ".tex", ".md"),
+    log:
+        "logs/table_resolution.log",
+    benchmark:
+        "benchmarks/table_resolution.tsv"
+    conda:
+        "../envs/cortet.yaml"
+    params:
+        table="resolution",
+        missing=unmade(RESOLUTION_RECORDS),
+        setting=CONFIG.setting,
+        ages=AGES,
+        version=[stage_version("mesh_tables"), stage_version("printed")],
+    script:
+        "../scripts/mesh_table.py"
+
+
+rule table_measures:
+    """Worst element by three further measures of the literature."""
+    input:
+        records=made(MEASURES_RECORDS),
+    output:
+        report(
+            f"{OUT}/cohort/table-measures.html",
+            caption="../reports/table_measures.rst",
+            category="Tables",
+            labels={"table": "other measures"},
+        ),
+        multiext(f"{OUT}/cohort/table-measures", ".tsv", ".json", ".tex", ".md"),
+    log:
+        "logs/table_measures.log",
+    benchmark:
+        "benchmarks/table_measures.tsv"
+    conda:
+        "../envs/cortet.yaml"
+    params:
+        table="measures",
+        missing=unmade(MEASURES_RECORDS),
+        setting=CONFIG.setting,
+        ages=AGES,
+        version=[stage_version("mesh_tables"), stage_version("printed")],
+    script:
+        "../scripts/mesh_table.py"
+
+
+rule figure_pooled_quality:
+    """Pooled per-element quality after each stage (Fig. 2 of the paper)."""
+    input:
+        lambda wildcards: made(records_at(wildcards.res)),
+    output:
+        report(
+            f"{OUT}/cohort/figure-pooled-quality_res-{{res}}um.svg",
+            caption="../reports/figure_pooled_quality.rst",
+            category="Figures",
+            labels={"figure": "pooled quality, h = {res} µm"},
+        ),
+        multiext(f"{OUT}/cohort/figure-pooled-quality_res-{{res}}um", ".pdf", ".png"),
+    log:
+        "logs/figure_pooled_quality/{res}.log",
+    benchmark:
+        "benchmarks/figure_pooled_quality/{res}.tsv"
+    conda:
+        "../envs/cortet.yaml"
+    params:
+        stage=lambda wildcards: {
+            "setting": CONFIG.setting,
+            "settings": [setting.setting for setting in SETTINGS.values()],
+            "limit": CONFIG.certify.q_max,
+            "version": [stage_version("figures"), stage_version("experiments")],
+        },
+        meshes=lambda wildcards: len(ABLATION_CASES[int(wildcards.res)]),
+    script:
+        "../scripts/pooled_quality_figure.py"
+
+
+rule figure_series:
+    """Meshes of several ages side by side."""
+    input:
+        [mesh for brain in series() for mesh in brain["meshes"].values()],
+    output:
+        report(
+            f"{OUT}/cohort/figure-series.svg",
+            caption="../reports/figure_series.rst",
+            category="Figures",
+            labels={"figure": "developmental series"},
+        ),
+        multiext(f"{OUT}/cohort/figure-series", ".pdf", ".png"),
+    log:
+        "logs/figure_series.log",
+    benchmark:
+        "benchmarks/figure_series.tsv"
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=8000,
+        runtime=30,
+    params:
+        brains=series(),
+        h=RESOLUTIONS[0] / 1000,
+        version=[stage_version("series"), stage_version("render")],
+    script:
+        "../scripts/series_figure.py"
+
+
+rule methods:
+    """A paragraph for the methods section: parameters, versions, numbers and exclusions."""
+    input:
+        measured_certificates(),
+    output:
+        text=f"{OUT}/cohort/methods.md",
+        view=report(
+            f"{OUT}/cohort/methods.html",
+            caption="../reports/methods.rst",
+            category="Methods",
+            labels={"text": "methods paragraph"},
+        ),
+    log:
+        "logs/methods.log",
+    benchmark:
+        "benchmarks/methods.tsv"
+    conda:
+        "../envs/cortet.yaml"
+    params:
+        sheet=SHEET,
+        failures={mesh[0]: failure["reason"] for mesh, failure in FAILURES.items() if not is_measured(mesh, FAILURES)},
+        version=stage_version("methods"),
+    script:
+        "../scripts/methods.py"
+
+
+TABLES = [
+    *rules.table_ablation.output,
+    *rules.table_resolution.output,
+    *rules.table_measures.output,
+    *rules.methods.output,
+]
+FIGURES = [
+    *rules.cohort_figure.output,
+    *expand(rules.figure_pooled_quality.output, res=ABLATION_CASES),
+    *rules.figure_series.output,
+]
+
+
+rule report:
+    """Every table and figure by category, in one archive to open in a browser."""
+    input:
+        COHORT_FILES,
+        TABLES,
+        FIGURES,
+    output:
+        archive=f"{OUT}/cohort/report.zip",
+    log:
+        "logs/report.log",
+    benchmark:
+        "benchmarks/report.tsv"
+    conda:
+        "../envs/cortet.yaml"
+    params:
+        config=config,
+        snakefile=str(workflow.main_snakefile),
+        captions={path.name: path.read_text() for path in sorted(Path(workflow.basedir, "reports").glob("*.rst"))},
+    script:
+        "../scripts/report.py"

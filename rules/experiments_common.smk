@@ -42,6 +42,11 @@ def records_of(mesh):
     ]
 
 
+def last_records(meshes):
+    """Quality records of the last mesh of every setting."""
+    return [file_of(mesh_file("Solver", "quality.json"), *mesh, name) for mesh in meshes for name in SETTINGS]
+
+
 def is_made(case, res, mesher):
     """Whether a mesher that is only compared with made a mesh; asking makes it try."""
     if MISSING:  # the run has ended: what is there is there
@@ -52,17 +57,47 @@ def is_made(case, res, mesher):
 
 
 def records_of_all(meshes):
-    return [path for mesh in meshes for path in records_of(mesh) if path not in MISSING]
+    return [path for mesh in meshes for path in records_of(mesh)]
 
 
 def ablation_reports():
     """What S1 reported of every mesh; with these as inputs the meshers run at once, not one after the other."""
     meshes = ablated([*OWN_MESHERS, *BASELINES])
-    reports = [file_of(mesh_file("Generated", "tetmesh.json"), *mesh) for mesh in meshes]
-    return [path for path in reports if path not in MISSING]
+    return [file_of(mesh_file("Generated", "tetmesh.json"), *mesh) for mesh in meshes]
 
 
-def missing_records():
-    """Reasons why records are missing that failed jobs should have made, by file."""
-    meshes = ablated([*OWN_MESHERS, *BASELINES])
-    return {path: MISSING[path] for mesh in meshes for path in records_of(mesh) if path in MISSING}
+# the mesher of the line, whose meshes the other experiments are about
+LINE_MESHER = CONFIG.generate.meshers[0]
+RESOLUTION_RECORDS = last_records(
+    (case, round(1000 * size), LINE_MESHER)
+    for case in cases_of(EXPERIMENTS.resolution.cases)
+    for size in EXPERIMENTS.resolution.cell_size
+)
+MEASURES_RECORDS = last_records((case, RESOLUTIONS[0], LINE_MESHER) for case in cases_of(EXPERIMENTS.measures.cases))
+AGES = {case.name: case.scan_age for case in CASES.values()}
+
+
+def records_at(res):
+    """Records of the meshes of the line's mesher that the pooled quality takes at one cell size."""
+    return records_of_all(mesh for mesh in ablated([LINE_MESHER]) if mesh[1] == int(res))
+
+
+def made(paths):
+    return [path for path in paths if path not in MISSING]
+
+
+def unmade(paths):
+    """Reasons why files are missing that failed jobs should have made."""
+    return {path: MISSING[path] for path in paths if path in MISSING}
+
+
+def series():
+    """The brains of the developmental series by age: both hemispheres where the sheet has them."""
+    chosen_brains = {(case.participant, case.session) for case in cases_of(EXPERIMENTS.series.cases)}
+    brains = {}
+    for case in CASES.values():
+        mesh = file_of(mesh_file("Solver"), case, RESOLUTIONS[0], LINE_MESHER)
+        if (case.participant, case.session) in chosen_brains and mesh not in MISSING:
+            brain = brains.setdefault((case.participant, case.session), {"age": case.scan_age, "meshes": {}})
+            brain["meshes"][case.hemi or "n/a"] = mesh
+    return sorted(brains.values(), key=lambda brain: (brain["age"], list(brain["meshes"].values())))

@@ -5,6 +5,8 @@ from pathlib import Path
 from _job import snakemake
 
 from cortet.experiments import write_stages
+from cortet.printed import write_view
 
-table, sidecar = map(Path, snakemake.output)
+table, sidecar, view = map(Path, snakemake.output)
 write_stages(map(Path, snakemake.input), table=table, sidecar=sidecar)
+write_view(table, sidecar, view, title="Every mesh, stage by stage")

@@ -4,7 +4,9 @@ from pathlib import Path
 
 from _job import snakemake
 
+from cortet.printed import write_view
 from cortet.status import write_status
 
-table, sidecar = map(Path, snakemake.output)
+table, sidecar, view = map(Path, snakemake.output)
 write_status(snakemake.params.meshes, table=table, sidecar=sidecar)
+write_view(table, sidecar, view, title="What became of every case")

@@ -6,6 +6,7 @@ import csv
 import importlib.util
 import json
 import shutil
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,12 +31,17 @@ def ablation(study: Study) -> dict[tuple[str, str, str], dict[str, str]]:
 
 @pytest.fixture(scope="module")
 def compared(finished: Study, tmp_path_factory: pytest.TempPathFactory) -> Study:
-    """Two cases and their tables, with a mesher that is not installed among those compared with, if there is one."""
+    """Two cases, their tables, figures and report; one of the meshers compared with may not be installed."""
     folder = tmp_path_factory.mktemp("compared") / "study"
     shutil.copytree(finished.folder, folder)
     study = Study(folder)
-    study.config["experiments"] = {"ablation": {"meshers": ["tetgen", "netgen"]}}
-    result = study.run("tables")
+    study.config["experiments"] = {
+        "ablation": {"meshers": ["tetgen", "netgen"]},
+        "resolution": {"cases": 1, "cell_size": [4.0, 6.0]},
+        "measures": {"cases": 1},
+        "series": {"cases": 1},
+    }
+    result = study.run("report")
     assert result.returncode == 0, result.stdout + result.stderr
     return study
 
@@ -71,6 +77,32 @@ def test_a_mesher_that_is_not_installed_is_a_row_that_says_so(compared: Study) -
     assert "No module named 'netgen'" in row["remarks"]
     (report, _) = compared.files("*netgenGenerated_tetmesh.json")
     assert "failure" in json.loads(report.read_text())
+
+
+def test_the_number_of_elements_falls_with_the_cell_size(compared: Study) -> None:
+    ours = [row for row in rows(compared, "resolution") if row["source"] == "this cohort"]
+    assert [(row["setting"], row["cell_size_mm"]) for row in ours] == [
+        (setting, size) for setting in SETTINGS for size in ("4", "6")
+    ]
+    assert all(-4 < float(row["exponent"]) < -2 for row in ours)
+
+
+def test_the_report_holds_every_table_and_figure(compared: Study) -> None:
+    with zipfile.ZipFile(compared.folder / "derivatives/cortet/cohort/report.zip") as archive:
+        names = {Path(name).name for name in archive.namelist()}
+    assert {
+        "report.html",
+        *("table-ablation.html", "table-resolution.html", "table-measures.html", "methods.html"),
+        *("figure-cohort.svg", "figure-pooled-quality_res-4000um.svg", "figure-series.svg"),
+        *("cohort_quality.html", "cohort_summary.html", "cohort_status.html"),
+    } <= names
+
+
+def test_figures_and_tables_are_written_in_every_form(compared: Study) -> None:
+    for figure in ("figure-cohort", "figure-pooled-quality_res-4000um", "figure-series"):
+        assert {path.suffix for path in compared.files(f"{figure}.*")} == {".svg", ".pdf", ".png"}
+    for table in ("table-ablation", "table-resolution", "table-measures"):
+        assert {path.suffix for path in compared.files(f"{table}.*")} == {".html", ".tsv", ".json", ".tex", ".md"}
 
 
 def test_nothing_of_the_experiments_is_part_of_all(finished: Study) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from cortet.figures import cohort_figure, published_cohort, save
+from cortet import published
+from cortet.figures import Pooled, cohort_figure, pooled_quality_figure, save
 
 HEADER = "case\themi\tscan_age\tcell_size_mm\ttets\tq_mean\tq_max\n"
 ROWS = (
@@ -26,7 +27,7 @@ def figure(tmp_path: Path) -> Figure:
 
 
 def test_the_published_cohort_is_that_of_the_paper() -> None:
-    rows = published_cohort()
+    rows = published.cohort()
     worst = np.array([float(row["q_max"]) for row in rows])
     assert len(rows) == 194
     assert (worst.min(), worst.max()) == pytest.approx((0.462, 0.561), abs=5e-4)
@@ -69,3 +70,27 @@ def test_files_are_the_same_every_time_and_hold_no_date(figure: Figure, tmp_path
 def test_text_in_the_svg_stays_text(figure: Figure, tmp_path: Path) -> None:
     save(figure, tmp_path / "a.svg")
     assert "gestational age (weeks)" in (tmp_path / "a.svg").read_text()
+
+
+def test_pooled_quality_has_a_row_per_setting_before_the_published_distributions() -> None:
+    counts = np.zeros(200, np.int32)
+    counts[[20, 100]] = 99, 1
+    figure = pooled_quality_figure(
+        [Pooled("default", 3, {"S1-S2": counts, "S1-S4": counts}), Pooled("published", 3, {"S1-S2": counts})],
+        cell_size=1.0,
+        limit=0.6,
+    )
+    (bulk, tail), (_, second) = np.reshape(figure.axes, (2, 2))
+    assert bulk.get_title(loc="left") == "setting default, h = 1 mm: 3 meshes, 100 elements"
+    assert len(bulk.patches) == 5 and len(tail.lines) == 6 and len(second.lines) == 5
+    assert bulk.patches[3].get_data().values[20] == 99  # %
+    q, above = tail.lines[3].get_data()
+    assert above[np.isclose(q, 0.3)] == 1e4 and q.max() == 0.5  # one in a hundred is above 0.3, none above 0.505
+    assert list(tail.lines[-1].get_xdata()) == [0.6, 0.6]
+
+
+def test_the_published_tail_ends_where_the_paper_says() -> None:
+    counts = np.ones(200, np.int32)
+    figure = pooled_quality_figure([Pooled("default", 1, {"S1-S2": counts})], cell_size=1.0)
+    theirs = figure.axes[1].lines[:3]
+    assert [line.get_xdata().max() for line in theirs] == pytest.approx([0.82, 0.80, 0.56], abs=0.006)

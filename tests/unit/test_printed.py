@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from cortet.printed import Shown, Table, mean_and_sd, median_and_range, number, write
+from cortet.printed import Shown, Table, mean_and_sd, median_and_range, number, write, write_view
 
 TABLE = Table(
     "Things & others",
@@ -53,3 +53,15 @@ def test_numbers_are_given_as_the_paper_gives_them() -> None:
     assert median_and_range(0.78, 0.746, 0.82) == "0.780 [0.746-0.820]"
     assert median_and_range(0, 0, 0, digits=0) == "0"
     assert median_and_range(None, None, None) == "n/a"
+
+
+def test_a_tsv_can_be_viewed_with_what_its_sidecar_says(tmp_path: Path) -> None:
+    table, sidecar = tmp_path / "t.tsv", tmp_path / "t.json"
+    table.write_text("case\tq\nsub-1\t0.4\n")
+    sidecar.write_text(
+        json.dumps({"case": {"Description": "Name"}, "q": {"Description": "Worst q", "Threshold": "< 0.6"}})
+    )
+    write_view(table, sidecar, tmp_path / "t.html", title="Quality")
+    page = (tmp_path / "t.html").read_text()
+    assert "<th>case</th><th>q</th>" in page and "<td>sub-1</td><td>0.4</td>" in page
+    assert "<dt>q</dt><dd>Worst q; threshold: &lt; 0.6</dd>" in page

@@ -1,0 +1,74 @@
+"""The developmental series shows every mesh on one scale, whole and cut, without a display."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from shapes import ball_mesh
+
+from cortet.formats import vtu
+from cortet.mesh import TetMesh
+from cortet.render import lateral_view
+from cortet.series import draw_series, series_figure
+
+
+@pytest.fixture(autouse=True)
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+
+
+def pictures(figure: Figure) -> list[list[np.ndarray]]:
+    """The pictures of each column, from the top."""
+    columns: dict[int, list[np.ndarray]] = {}
+    for axis in figure.axes:
+        for image in axis.images:
+            columns.setdefault(axis.get_subplotspec().colspan.start, []).append(np.asarray(image.get_array()))
+    return [columns[number] for number in sorted(columns)]
+
+
+def width(image: np.ndarray) -> int:
+    """Pixels between the outermost ones that are not white."""
+    drawn = np.flatnonzero((image < 250).any(axis=(0, 2)))
+    return int(np.ptp(drawn))
+
+
+def is_grey(image: np.ndarray) -> bool:
+    return int(np.ptp(image.astype(int), axis=2).max()) < 30
+
+
+def test_one_scale_for_all_ages_and_the_cut_in_colour() -> None:
+    small, large = ball_mesh(radius=10.0), ball_mesh(radius=20.0)
+    figure = series_figure([(22.0, {"L": small}), (30.5, {"R": large})])
+    (first, first_cut), (second, second_cut) = pictures(figure)
+    assert width(second) == pytest.approx(2 * width(first), rel=0.05)
+    assert is_grey(first) and is_grey(second)
+    assert not is_grey(first_cut) and not is_grey(second_cut)
+    assert [axis.get_title() for axis in figure.axes[:2]] == ["22 weeks, left", "30.5 weeks, right"]
+
+
+def test_both_hemispheres_have_rows_of_their_own_where_there_are_both() -> None:
+    ball = ball_mesh(radius=10.0)
+    figure = series_figure([(22.0, {"L": ball, "R": ball}), (30.0, {"L": ball})])
+    assert [len(column) for column in pictures(figure)] == [3, 2]
+    assert [axis.get_ylabel() for axis in figure.axes[:6:2]] == ["left", "right", "cut"]
+
+
+def test_a_hemisphere_is_seen_from_its_own_side() -> None:
+    ball = ball_mesh(radius=10.0)
+    nose = TetMesh(ball.points * np.where(ball.points[:, 1:2] > 0, [1, 2, 1], 1), ball.cells)  # longer to the front
+    view = {"cut": False, "half_width": 25.0, "half_height": 25.0, "width": 200}
+    for side, ahead in (("L", -1), ("R", 1)):
+        image = lateral_view(nose, side=side, **view)  # type: ignore[arg-type]
+        columns = (image < 250).any(axis=2).sum(axis=0)
+        tall = np.flatnonzero(columns > 0.95 * columns.max()).mean()
+        assert np.sign(np.flatnonzero(columns).mean() - tall) == ahead
+
+
+def test_it_is_drawn_from_files(tmp_path: Path) -> None:
+    vtu.write(ball_mesh(radius=10.0), tmp_path / "a.vtu")
+    draw_series([{"age": 22.0, "meshes": {"n/a": str(tmp_path / "a.vtu")}}], [tmp_path / "s.png", tmp_path / "s.svg"])
+    assert (tmp_path / "s.png").stat().st_size > 5000
+    assert "22 weeks, whole brain" in (tmp_path / "s.svg").read_text()
