@@ -73,7 +73,7 @@ def run() -> int:
     _say(f"cortet {__version__}, Python {platform.python_version()}, {system}\n")
     findings = []
     with ThreadPoolExecutor(max_workers=2) as pool:
-        for finding in pool.map(examine, LIBRARIES):
+        for finding in pool.map(examine, (*LIBRARIES, *OPTIONAL)):
             _say(_row(finding))
             findings.append(finding)
     for program in PROGRAMS:
@@ -86,10 +86,11 @@ def run() -> int:
 def problems(findings: list[Finding]) -> list[str]:
     """What failed, and what is missing without a substitute, each with its remedy."""
     has_mesher = any(finding.state == "ok" for finding in findings if finding.name in MESHERS)
+    dispensable = {*(MESHERS if has_mesher else ()), *(library.name for library in OPTIONAL)}
     return [
         f"{finding.name}: {finding.detail}\n  remedy: {finding.remedy}"
         for finding in findings
-        if finding.state == "failed" or (finding.state == "missing" and not (finding.name in MESHERS and has_mesher))
+        if finding.state == "failed" or (finding.state == "missing" and finding.name not in dispensable)
     ]
 
 
@@ -127,7 +128,7 @@ def find(program: Program) -> Finding:
 
 def _row(finding: Finding) -> str:
     mark = {"ok": "ok", "missing": "-", "failed": "FAILED"}[finding.state]
-    return f"{mark:<7} {finding.name:<11} {finding.version:<9.9} {finding.purpose:<34} {finding.detail}"
+    return f"{mark:<7} {finding.name:<13} {finding.version:<9.9} {finding.purpose:<34} {finding.detail}"
 
 
 def _say(*lines: str) -> None:
@@ -236,6 +237,13 @@ def _prove_tetgen() -> str:
     nodes, cells, *_ = tetgen.TetGen(ball.points.copy(), ball.faces.copy()).tetrahedralize(switches="pYQ")
     _expect(len(cells) > 0 and len(nodes) >= len(ball.points), "a ball is not filled")
     return f"a ball of {len(ball.faces)} triangles becomes {len(cells)} tetrahedra"
+
+
+def _prove_baseline(mesher: str) -> str:
+    from cortet.stages.baselines import fill
+
+    _, cells = fill(_ball(), mesher, cell_size=5.0)
+    return f"a ball becomes {len(cells)} tetrahedra"
 
 
 def _prove_gmsh() -> str:
@@ -385,6 +393,12 @@ LIBRARIES = (
     Library("snakemake", "the workflow", _prove_snakemake),
 )
 
+#: meshers that experiments compare with: pip install "cortet[baselines]"
+OPTIONAL = (
+    Library("pytetwild", "fTetWild, to compare with", lambda: _prove_baseline("ftetwild")),
+    Library("netgen-mesher", "Netgen, to compare with", lambda: _prove_baseline("netgen")),
+)
+
 PROGRAMS = (
     Program("meshtool", "S4, backend meshtool"),
     Program("ccx", "CalculiX, which tests run on Abaqus files"),
@@ -396,4 +410,4 @@ PROGRAMS = (
 
 if __name__ == "__main__":
     # one proof, as `examine` asks for it; what it returns is the last line on standard output
-    _say({library.name: library for library in LIBRARIES}[sys.argv[1]].proof())
+    _say({library.name: library for library in (*LIBRARIES, *OPTIONAL)}[sys.argv[1]].proof())

@@ -29,6 +29,12 @@ def test_the_doctor_proves_every_runtime_dependency():
     assert {library.name for library in doctor.LIBRARIES} == RUNTIME
 
 
+def test_the_doctor_knows_the_optional_meshers():
+    extra = names(PROJECT["project"]["optional-dependencies"]["baselines"])
+    assert {library.name for library in doctor.OPTIONAL} == extra
+    assert not doctor.problems([doctor.Finding("missing", name, "", "", "not installed") for name in extra])
+
+
 def test_the_conda_environment_has_every_runtime_dependency():
     entries = yaml.safe_load((ROOT / "envs/cortet.yaml").read_text())["dependencies"]
     conda = {"matplotlib-base": "matplotlib", "snakemake-minimal": "snakemake"}
