@@ -20,12 +20,15 @@ from cortet.optimise.vertices import Boundary, Pass, PassReport, move_vertices
 from cortet.quality import quality
 from cortet.stages.meshtool import clean_with_meshtool
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: sweeps over all vertices that improve the mean, before and after the threshold passes
 _FIRST_MEAN_SWEEPS, _LAST_MEAN_SWEEPS = 4, 3
 #: sweeps of one threshold pass, and the power of the first one, doubled from each to the next
 _THRESHOLD_SWEEPS, _FIRST_POWER = 12, 8
+#: the power of all of them where no passes for the mean make up for what higher ones cost it; the result is then the
+#: published tool's (22 weeks, h = 0.6 mm: mean q 0.129, worst 0.50, published 0.129 and 0.51)
+_POWER_ALONE = 4
 
 
 @dataclass(frozen=True)
@@ -115,13 +118,13 @@ def clean(
 
 
 def schedule(thresholds: Sequence[float], improve_mean: bool) -> list[Pass]:
-    """The passes of a run, each threshold closer to min-max than the one before."""
+    """The passes of a run: with passes for the mean around them, each threshold comes closer to min-max."""
+    if not improve_mean:
+        return [Pass(threshold=threshold, power=_POWER_ALONE, sweeps=_THRESHOLD_SWEEPS) for threshold in thresholds]
     aims = [
         Pass(threshold=threshold, power=_FIRST_POWER * 2**i, sweeps=_THRESHOLD_SWEEPS)
         for i, threshold in enumerate(thresholds)
     ]
-    if not improve_mean:
-        return aims
     first = Pass(threshold=0, power=2, sweeps=_FIRST_MEAN_SWEEPS)
     last = Pass(threshold=0, power=2, sweeps=_LAST_MEAN_SWEEPS, keep_worst=True)
     return [first, *aims, last]

@@ -50,8 +50,9 @@ def test_a_good_mesh_is_left_as_it_is():
     assert np.array_equal(result.points, mesh.points) and report.vertices_moved == 0
 
 
-def test_each_pass_comes_closer_to_min_max():
-    assert [aim.power for aim in schedule([0.7, 0.5, 0.3], improve_mean=False)] == [8, 16, 32]
+def test_each_pass_comes_closer_to_min_max_unless_the_mean_would_pay_for_it():
+    assert [aim.power for aim in schedule([0.7, 0.5, 0.3], improve_mean=True)] == [2, 8, 16, 32, 2]
+    assert [aim.power for aim in schedule([0.7, 0.5, 0.3], improve_mean=False)] == [4, 4, 4]
     assert [aim.threshold for aim in schedule([0.4], improve_mean=True)] == [0, 0.4, 0]
 
 
