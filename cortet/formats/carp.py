@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
+from cortet.formats.components import in_components
 from cortet.formats.surface_sets import REGION_TAGS, region_tags
 from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.mesh import IntArray, MeshSets, TetMesh
@@ -78,16 +79,12 @@ def _write_sets_and_fields(files: ExitStack, mesh: TetMesh, path: str | Path) ->
         file = _opened(files, _beside(path, f".{name}.surf"))
         file.write(f"{len(faces)}\n")
         write_rows(file, "Tr %d %d %d\n", faces)
-    for name, values in mesh.point_data.items():
+    for name, values in in_components(mesh.point_data, (1, 3)).items():
         number = "%d" if np.issubdtype(values.dtype, np.integer) else "%.17g"
-        columns = values.reshape(len(values), -1)
-        if columns.shape[1] == 3:
-            write_rows(_opened(files, _beside(path, f".{name}.vec")), " ".join([number] * 3) + "\n", columns)
-        elif columns.shape[1] == 1:
-            write_rows(_opened(files, _beside(path, f".{name}.dat")), f"{number}\n", columns)
-        else:
-            for component, column in enumerate(columns.T, start=1):
-                write_rows(_opened(files, _beside(path, f".{name}_{component}.dat")), f"{number}\n", column)
+        suffix = ".vec" if values.shape[1] == 3 else ".dat"
+        write_rows(
+            _opened(files, _beside(path, f".{name}{suffix}")), " ".join([number] * values.shape[1]) + "\n", values
+        )
 
 
 def _opened(files: ExitStack, path: Path) -> IO[str]:

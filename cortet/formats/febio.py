@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
+from cortet.formats.components import in_components
 from cortet.formats.numbering import indices
 from cortet.formats.surface_sets import REGION_TAGS, with_surface
 from cortet.formats.text import BadRowError, read_rows, write_rows
@@ -86,20 +87,12 @@ def _write_fields(file: IO[str], fields: dict[str, NDArray[Any]], ids: NDArray[n
     if not fields:
         return
     file.write("<MeshData>\n")
-    for name, values in fields.items():
-        columns = values.reshape(len(values), -1)
+    for name, values in in_components(fields, (1, 3)).items():
         number = "%d" if np.issubdtype(values.dtype, np.integer) else "%.12g"
-        if columns.shape[1] == 3:
-            variables = {name: ("vec3", columns)}
-        elif columns.shape[1] == 1:
-            variables = {name: ("scalar", columns)}
-        else:
-            variables = {f"{name}_{k}": ("scalar", column[:, None]) for k, column in enumerate(columns.T, start=1)}
-        for variable, (kind, numbers) in variables.items():
-            file.write(f'<NodeData name={quoteattr(variable)} node_set="{ALL_NODES}" data_type="{kind}">\n')
-            row = ",".join([number] * numbers.shape[1])
-            write_rows(file, f'<node lid="%d">{row}</node>\n', ids, numbers)
-            file.write("</NodeData>\n")
+        kind = "vec3" if values.shape[1] == 3 else "scalar"
+        file.write(f'<NodeData name={quoteattr(name)} node_set="{ALL_NODES}" data_type="{kind}">\n')
+        write_rows(file, f'<node lid="%d">{",".join([number] * values.shape[1])}</node>\n', ids, values)
+        file.write("</NodeData>\n")
     file.write("</MeshData>\n")
 
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
+from cortet.formats.components import in_components
 from cortet.formats.numbering import indices
 from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS, surface_faces, with_surface
 from cortet.mesh import IntArray, MeshSets, TetMesh
@@ -59,7 +60,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
         _add_entities(3, _TETRAHEDRON, mesh, mesh.cells, 1, cell_groups, placed, surfaces)
         gmsh.write(str(temporary))
         for kind, fields in (("NodeData", mesh.point_data), ("ElementData", mesh.cell_data)):
-            for name, values in fields.items():
+            for name, values in in_components(fields, (1, 3, 9)).items():
                 _append_field(temporary, kind, name, values)
 
 
@@ -118,17 +119,12 @@ def _add_entities(
 
 
 def _append_field(path: Path, kind: str, name: str, values: NDArray[Any]) -> None:
-    columns = values.reshape(len(values), -1).astype(float)
-    if columns.shape[1] in (1, 3, 9):
-        parts = {name: columns}
-    else:
-        parts = {f"{name}_{number}": column[:, None] for number, column in enumerate(columns.T, start=1)}
-    for part, numbers in parts.items():
-        view = gmsh.view.add(part)
-        tags = np.arange(1, len(numbers) + 1)
-        gmsh.view.addHomogeneousModelData(view, 0, "mesh", kind, tags, numbers.ravel(), numComponents=numbers.shape[1])
-        gmsh.view.write(view, str(path), append=True)
-        gmsh.view.remove(view)
+    view = gmsh.view.add(name)
+    tags = np.arange(1, len(values) + 1)
+    numbers = values.astype(float).ravel()
+    gmsh.view.addHomogeneousModelData(view, 0, "mesh", kind, tags, numbers, numComponents=values.shape[1])
+    gmsh.view.write(view, str(path), append=True)
+    gmsh.view.remove(view)
 
 
 def read(path: str | Path) -> TetMesh:

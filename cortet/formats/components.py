@@ -1,0 +1,20 @@
+"""Fields of any number of components, for formats that hold only some numbers of them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from numpy.typing import NDArray
+
+
+def in_components(fields: Mapping[str, NDArray[Any]], allowed: Collection[int]) -> dict[str, NDArray[Any]]:
+    """The fields as (n, k) arrays of an allowed k; any other becomes k scalars `<name>_1` to `<name>_k`."""
+    result: dict[str, NDArray[Any]] = {}
+    for name, values in fields.items():
+        columns = values.reshape(len(values), -1)
+        if columns.shape[1] in allowed:
+            result[name] = columns
+        else:
+            result |= {f"{name}_{number}": column[:, None] for number, column in enumerate(columns.T, start=1)}
+    return result
