@@ -1,0 +1,174 @@
+"""The reference state of a body that grows: everything about a mesh that does not change while it folds.
+
+Lengths are divided by `Scale.length`, so that the constants below, which come from whole brains of size 1, hold.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cortet.errors import InputError
+from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.quality import signed_volumes
+from cortet.topology import TET_FACES, boundary_faces, boundary_nodes, face_areas, incidence, vertex_normals
+
+#: cortical thickness at t = 0, and what it gains per unit of time
+THICKNESS, THICKENING = 0.042, 0.01
+#: the growth that is left at this radius around the corpus callosum is none, and over the next tenth it becomes whole
+_CALLOSUM_RADIUS, _CALLOSUM_RIM = 0.5, 0.1
+#: point data that replace the defaults where a mesh has them
+MASK_FIELD, THICKNESS_FIELD, LABEL_FIELD = "growth", "thickness", "label"
+
+
+class Material(NamedTuple):
+    """Constants of the model, dimensionless (Tallinen et al. 2016)."""
+
+    #: shear modulus of growing cortex, and of what does not grow
+    mu_cortex: float = 1.0
+    mu_core: float = 1.167
+    bulk: float = 5.0
+    density: float = 0.01
+    damping: float = 0.5
+
+
+class Scale(NamedTuple):
+    """x_mm = origin + length * x."""
+
+    #: (3,) mm
+    origin: FloatArray
+    #: mm
+    length: float
+
+
+class Body(NamedTuple):
+    """m tetrahedra on n nodes in their reference state; lengths are dimensionless."""
+
+    #: (m, 4) int32
+    cells: IntArray
+    #: (m, 3, 3), gradients of the shape functions of the nodes 1, 2 and 3 of each element
+    gradients: FloatArray
+    #: (m,)
+    volumes: FloatArray
+    #: (m, 3), unit vector across the cortex; the zero vector lets an element grow in all directions
+    normals: FloatArray
+    #: (m,), distance to the surface
+    depth: FloatArray
+    #: (m,), 1 where the cortex grows, 0 where it does not
+    mask: FloatArray
+    #: (m,), thickness of the cortex at the start
+    thickness: FloatArray
+    #: (m,) int32, which growth law holds
+    label: IntArray
+    #: elements around node i: around[offsets[i]:offsets[i + 1]], of which it is corner corners[...]
+    offsets: NDArray[np.int64]
+    around: IntArray
+    corners: NDArray[np.int8]
+    #: (n,), a quarter of the volumes around each node
+    node_volumes: FloatArray
+
+
+def scale_of(mesh: TetMesh, hemisphere: str | None) -> Scale:
+    """Unit of length and origin of a mesh in RAS coordinates.
+
+    A whole brain (`hemisphere` None) has its centroid as origin and its largest distance from there as length. Half a
+    brain ("L" or "R") has its longest extent as length, and the plane x = 0 touches its medial side.
+    """
+    volumes = signed_volumes(mesh.points, mesh.cells)
+    origin = volumes @ mesh.points[mesh.cells].mean(axis=1) / volumes.sum()
+    if hemisphere is None:
+        return Scale(origin, float(np.linalg.norm(mesh.points - origin, axis=1).max()))
+    origin[0] = mesh.points[:, 0].max() if hemisphere == "L" else mesh.points[:, 0].min()
+    return Scale(origin, float(np.ptp(mesh.points, axis=0).max()))
+
+
+def body_of(
+    mesh: TetMesh,
+    scale: Scale,
+    *,
+    thickness: float = THICKNESS,
+    mask: FloatArray | None = None,
+    labels: IntArray | None = None,
+) -> Body:
+    """The body of a mesh.
+
+    Parameters
+    ----------
+    thickness : of the cortex at the start, dimensionless; the point data `thickness` (mm) of the mesh replace it
+    mask : (n,) 0 to 1, how much of the growth each node takes part in; None: all of it
+    labels : (n,) int32, growth law of each node; an element has that of its node nearest the surface
+    """
+    points = (mesh.points - scale.origin) / scale.length
+    cells = mesh.cells
+    edges = points[cells[:, 1:]] - points[cells[:, :1]]
+    volumes = np.linalg.det(edges) / 6
+    if not volumes.min() > 0:
+        worst = int(np.argmin(volumes))
+        raise InputError(f"tetrahedron {worst} is inverted or flat before anything grows", remedy="mesh it again")
+    depth, normals, _ = across_cortex(points, mesh)
+    if THICKNESS_FIELD in mesh.point_data:
+        node_thickness = mesh.point_data[THICKNESS_FIELD].astype(float) / scale.length
+        if not node_thickness.min() > 0:
+            raise InputError(f"the field {THICKNESS_FIELD} falls to {node_thickness.min() * scale.length:g} mm")
+    else:
+        node_thickness = np.full(len(points), thickness)
+    nearest_corner = depth[cells].argmin(axis=1)[:, None]
+    node_label = np.zeros(len(points), np.int32) if labels is None else labels
+    around = incidence(cells, len(points))
+    node_volumes = np.bincount(cells.ravel(), np.repeat(volumes / 4, 4), minlength=len(points)).astype(float)
+    total = normals[cells].sum(axis=1)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return Body(
+        cells=cells,
+        gradients=np.ascontiguousarray(np.linalg.inv(edges).transpose(0, 2, 1)),
+        volumes=volumes,
+        normals=np.divide(total, length, out=np.zeros_like(total), where=length > 0),
+        depth=depth[cells].mean(axis=1),
+        mask=np.ones(len(cells)) if mask is None else mask[cells].mean(axis=1),
+        thickness=node_thickness[cells].mean(axis=1),
+        label=np.take_along_axis(node_label[cells], nearest_corner, axis=1)[:, 0].astype(np.int32),
+        offsets=around.offsets,
+        around=around.cells,
+        corners=around.corners,
+        node_volumes=node_volumes,
+    )
+
+
+def across_cortex(points: FloatArray, mesh: TetMesh) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Of every node: distance to the nearest surface node (n,), the unit normal there (n, 3), and which node it is."""
+    surface = boundary_nodes(mesh)
+    distance, nearest = cKDTree(points[surface]).query(points)
+    node = surface[nearest]
+    return distance, vertex_normals(points, boundary_faces(mesh))[node], node
+
+
+def growth_mask(mesh: TetMesh, scale: Scale, hemisphere: str | None) -> FloatArray:
+    """How much of the growth each node takes part in: (n,) from 0 to 1.
+
+    The point data `growth` of the mesh where there are any. Else the surface grows outside a ball around the corpus
+    callosum, taken to lie amid the medial plane, and a node below the surface does as its nearest surface node. Radii
+    are in units of half the brain's length, which for half a brain is half of `scale.length`.
+    """
+    if MASK_FIELD in mesh.point_data:
+        values = mesh.point_data[MASK_FIELD].astype(float)
+        if not (values.min() >= 0 and values.max() <= 1):
+            raise InputError(f"the field {MASK_FIELD} has values from {values.min():g} to {values.max():g}, not 0 to 1")
+        return values
+    half_length = scale.length if hemisphere is None else scale.length / 2
+    radius = np.linalg.norm(mesh.points - scale.origin, axis=1) / half_length
+    nearest = across_cortex(mesh.points, mesh)[2]
+    return np.clip((radius[nearest] - _CALLOSUM_RADIUS) / _CALLOSUM_RIM, 0, 1)
+
+
+def smallest_altitude(points: FloatArray, cells: IntArray) -> float:
+    """The smallest height of a node over the opposite face, of all tetrahedra; in the unit of `points`."""
+    areas = np.stack([face_areas(points, cells[:, face]) for face in TET_FACES], axis=1).max(axis=1)
+    return float((3 * signed_volumes(points, cells) / areas).min())
+
+
+def stable_time_step(altitude: float, material: Material) -> float:
+    """Time step for a smallest altitude, by the reference's rule for its mesh spacing: 0.05 sqrt(rho / K) altitude."""
+    return 0.05 * float(np.sqrt(material.density / material.bulk)) * altitude

@@ -1,0 +1,219 @@
+"""Fold a mesh from one gestational age to another, write what happens, and say how it ended."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from cortet.formats.atomic import write_json
+from cortet.mesh import TetMesh
+from cortet.simulation import checkpoint
+from cortet.simulation.body import smallest_altitude
+from cortet.simulation.checkpoint import Checkpoint
+from cortet.simulation.contact import listed_at
+from cortet.simulation.frames import write_frame, write_series
+from cortet.simulation.growth import age_of, time_of
+from cortet.simulation.kernels import State
+from cortet.simulation.record import COLUMNS, Record
+from cortet.simulation.run import Moment, Run, Settings, advance_to, beginning, measured, millimetres, prepared
+from cortet.tables import write_tsv
+
+VERSION: int = 1
+
+#: files in the folder of a run; seconds have a table of their own, all else is the same in every run
+TABLE, SIDECAR, SECONDS, VERDICT, SERIES = "fold.tsv", "fold.json", "seconds.tsv", "verdict.json", "fold.pvd"
+CHECKPOINT = "checkpoint.npz"
+
+_CHECKPOINT_SECONDS = 30.0
+
+logger = logging.getLogger(__name__)
+
+#: called at every record with it, the part of the steps that are done, and the seconds they took
+Progress = Callable[[Record, float, float], None]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a run ended, in plain values."""
+
+    outcome: Literal["folded", "inverted"]
+    reason: str
+    tets: int
+    #: steps taken, and those to the end
+    step: int
+    steps: int
+    gestational_age: float
+    #: dimensionless, and the length that it follows from
+    time_step: float
+    smallest_altitude_mm: float
+    #: unit of length of the simulation
+    length_mm: float
+    #: smallest of all steps
+    min_j: float
+    #: times that a tetrahedron was nearly flat
+    degenerate: int
+    #: largest of all records
+    q_max: float
+    gyrification_index_first: float
+    gyrification_index_last: float
+    #: the tetrahedron that inverted, and its centre
+    element: int | None = None
+    place_mm: tuple[float, float, float] | None = None
+
+
+def fold(mesh: TetMesh, folder: Path, settings: Settings, progress: Progress | None = None) -> Verdict:
+    """Grow the cortex of a mesh until the end, or until the first element inverts.
+
+    The folder gets the table of records with its sidecar, a table of wall seconds, frames with their series, and the
+    verdict. A run that was killed goes on from its last checkpoint there and ends with the same bits; with another mesh
+    or other settings it begins anew.
+
+    Parameters
+    ----------
+    mesh : mm, RAS coordinates; point data `growth` (0 to 1), `thickness` (mm) and `label` are used where it has them
+
+    Raises
+    ------
+    InputError : see `run.prepared`
+    """
+    run = prepared(mesh, settings)
+    journal = Journal(folder, checkpoint.fingerprint(mesh, {**asdict(settings), "version": VERSION}))
+    moment = journal.resumed(run)
+    stops = _stops(run, settings)
+    for number, stop in enumerate(stops):
+        if stop <= moment.step and journal.rows:
+            continue
+        began = time.perf_counter()
+        inverted = advance_to(run, moment, stop)
+        journal.seconds += time.perf_counter() - began
+        record = measured(run, moment)
+        last = inverted or stop == run.steps
+        if last or number % max(round(settings.frame_interval / settings.record_interval), 1) == 0:
+            journal.add_frame(run, moment, record.gestational_age)
+        journal.add_row(record)
+        moment.work.min_j[0] = np.inf
+        if progress:
+            progress(record, moment.step / run.steps, journal.seconds)
+        if last:
+            break
+        journal.save(moment)
+    verdict = _verdict(run, moment, journal.rows)
+    write_json(asdict(verdict), folder / VERDICT)
+    journal.checkpoint.unlink(missing_ok=True)
+    return verdict
+
+
+def _stops(run: Run, settings: Settings) -> list[int]:
+    """Steps at which a record is made, equally far apart in gestational age, the first and the last step among them."""
+    ages = np.arange(settings.gestational_age, settings.end, settings.record_interval)
+    steps = {round((time_of(age) - run.start) / run.time_step) for age in ages}
+    return sorted(steps | {run.steps})
+
+
+class Journal:
+    """What a run has written so far."""
+
+    def __init__(self, folder: Path, fingerprint: str) -> None:
+        self.folder, self.fingerprint = folder, fingerprint
+        self.checkpoint = folder / CHECKPOINT
+        self.rows: list[dict[str, Any]] = []
+        #: file names relative to the folder, and gestational ages
+        self.frames: list[tuple[str, float]] = []
+        self.seconds = 0.0
+        self.saved = time.monotonic()
+
+    def resumed(self, run: Run) -> Moment:
+        """Where the last checkpoint was, or the beginning, with what another run left in the folder cleared away."""
+        moment = beginning(run)
+        last = checkpoint.load(self.checkpoint, self.fingerprint)
+        if last is None:
+            rest = (self.folder / name for name in (VERDICT, SERIES, CHECKPOINT))
+            for path in (*self.folder.glob("frames/frame_*.vtu"), *rest):
+                path.unlink(missing_ok=True)
+            return moment
+        logger.info("resumed at step %d of %d", last.step, run.steps)
+        self.rows, self.frames, self.seconds = last.rows, last.frames, last.seconds
+        at_listing = last.x.copy()
+        at_listing[moment.contact.nodes] = last.listed
+        moment.work.counts[:] = last.degenerate, last.contacts
+        return Moment(last.step, State(last.x, last.v), moment.work, listed_at(moment.contact, at_listing))
+
+    def save(self, moment: Moment) -> None:
+        """Write a checkpoint, unless the last one is recent."""
+        if time.monotonic() - self.saved < _CHECKPOINT_SECONDS:
+            return
+        now = Checkpoint(
+            fingerprint=self.fingerprint,
+            step=moment.step,
+            x=moment.state.x,
+            v=moment.state.v,
+            listed=moment.contact.listed,
+            degenerate=int(moment.work.counts[0]),
+            contacts=int(moment.work.counts[1]),
+            seconds=self.seconds,
+            rows=self.rows,
+            frames=self.frames,
+        )
+        checkpoint.save(now, self.checkpoint)
+        self.saved = time.monotonic()
+
+    def add_row(self, record: Record) -> None:
+        """Append to the tables."""
+        self.rows.append({**asdict(record), "seconds": round(self.seconds, 2)})
+        write_tsv(self.rows, list(COLUMNS), self.folder / TABLE)
+        write_tsv(self.rows, ["step", "seconds"], self.folder / SECONDS)
+        columns = COLUMNS.items()
+        sidecar = {name: {"Description": text} | ({"Units": unit} if unit else {}) for name, (text, unit) in columns}
+        write_json(sidecar, self.folder / SIDECAR)
+
+    def add_frame(self, run: Run, moment: Moment, age: float) -> None:
+        """Write a frame, in the numbering of the user's mesh."""
+        name = f"frames/frame_{len(self.frames):04d}.vtu"
+        by_node, by_cell = np.argsort(run.node), np.argsort(run.cell)
+        reference = TetMesh(run.mesh.points[by_node], run.node[run.mesh.cells[by_cell]].astype(np.int32))
+        j = (moment.work.current / moment.work.grown)[by_cell]
+        points = millimetres(run, moment)[by_node]
+        write_frame(reference, points, j, moment.work.share[by_cell], self.folder / name)
+        self.frames.append((name, age))
+        write_series(self.frames, self.folder / SERIES)
+
+
+def _verdict(run: Run, moment: Moment, rows: list[dict[str, Any]]) -> Verdict:
+    age = rows[-1]["gestational_age"]
+    element, place = None, None
+    if rows[-1]["inverted"]:
+        j = moment.work.current / moment.work.grown
+        worst = int(np.argmin(np.where(np.isnan(j), -np.inf, j)))
+        element = int(run.cell[worst])
+        x, y, z = millimetres(run, moment)[run.mesh.cells[worst]].mean(axis=0).tolist()
+        place = (x, y, z)
+        reason = (
+            f"tetrahedron {element} at ({x:.2f}, {y:.2f}, {z:.2f}) mm inverted (J = {j[worst]:.3g}) "
+            f"in step {moment.step} of {run.steps}, at {age:.2f} weeks"
+        )
+    else:
+        reason = f"folded from {age_of(run.start):.2f} to {age:.2f} weeks; no element inverted in {run.steps} steps"
+    return Verdict(
+        outcome="inverted" if element is not None else "folded",
+        reason=reason,
+        tets=len(run.cell),
+        step=moment.step,
+        steps=run.steps,
+        gestational_age=age,
+        time_step=run.time_step,
+        smallest_altitude_mm=smallest_altitude(run.mesh.points, run.mesh.cells),
+        length_mm=run.scale.length,
+        min_j=min(row["min_j"] for row in rows),
+        degenerate=rows[-1]["degenerate"],
+        q_max=max(row["q_max"] for row in rows),
+        gyrification_index_first=rows[0]["gyrification_index"],
+        gyrification_index_last=rows[-1]["gyrification_index"],
+        element=element,
+        place_mm=place,
+    )

@@ -1,0 +1,352 @@
+"""One step in time, in compiled loops: first over elements, then over nodes.
+
+No loop adds into what another iteration writes: an element stores its forces, a node gathers those around it in a fixed
+order. Loops run over blocks of fixed size, so that what the compiler makes of a block's end cannot depend on the number
+of threads either: the bits of a result are the same for any.
+
+`advance` is the seam: arrays in, arrays changed in place, nothing else of the package is called from the loop in time.
+
+Constitutive law, per unit of grown volume, with F the elastic deformation gradient and B = F F^T:
+
+    W = mu / 2 (J^(-2/3) tr B - 3) + K / 2 (J_node - 1)^2,    P = mu J^(-2/3) (F - tr B / 3 F^-T) + K (J~ - 1) J F^-T
+
+J_node is the ratio of a node's current to its grown volume, J~ the mean over an element's nodes: this averaging removes
+the locking of linear tetrahedra, and the forces are still the gradient of the energy.
+"""
+# Vectors are tuples of three floats; matrices are three of them, rows first. Numba keeps both in registers.
+# Its parallel loops take no named tuples: these become plain ones on the way in and get their names back in each block.
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.mesh import FloatArray
+from cortet.simulation.body import Body, Material
+from cortet.simulation.contact import contact_forces, moved_too_far
+
+#: how `advance` ended
+DONE, INVERTED, LIST_OUTDATED = 0, 1, 2
+#: smallest stretch that the law is evaluated at
+SMALLEST_STRETCH = 0.1
+
+_BLOCK = 256
+
+
+class State(NamedTuple):
+    """What moves, (n, 3) each, dimensionless."""
+
+    x: FloatArray
+    v: FloatArray
+
+
+class Work(NamedTuple):
+    """What a step computes on its way."""
+
+    #: (m,), growth g of each element between 0 and 1; current volume; volume after growth alone
+    share: FloatArray
+    current: FloatArray
+    grown: FloatArray
+    #: (n,), ratio of current to grown volume around each node
+    ratio: FloatArray
+    #: (m, 3, 3), forces on the nodes 1, 2 and 3 of each element
+    forces: FloatArray
+    #: (n, 3), contact forces
+    external: FloatArray
+    #: per block of elements: smallest J, and elements in the degenerate branch
+    block_min: FloatArray
+    block_degenerate: NDArray[np.int64]
+    #: (1,), smallest J of all steps since it was last set to infinity
+    min_j: FloatArray
+    #: (2,), entries into the degenerate branch since the start; nodes in contact at the last step
+    counts: NDArray[np.int64]
+
+
+def workspace(body: Body) -> Work:
+    """Arrays for the steps of a body."""
+    m, n = len(body.cells), len(body.node_volumes)
+    blocks = -(-m // _BLOCK)
+    return Work(
+        share=np.zeros(m),
+        current=np.zeros(m),
+        grown=np.zeros(m),
+        ratio=np.ones(n),
+        forces=np.zeros((m, 3, 3)),
+        external=np.zeros((n, 3)),
+        block_min=np.full(blocks, np.inf),
+        block_degenerate=np.zeros(blocks, np.int64),
+        min_j=np.full(1, np.inf),
+        counts=np.zeros(2, np.int64),
+    )
+
+
+_fast = numba.njit(fastmath={"contract"}, error_model="numpy", cache=True)
+
+
+@_fast
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@_fast
+def _cross(a, b):  # type: ignore[no-untyped-def]
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@_fast
+def _sum(p, a, q, b):  # type: ignore[no-untyped-def]
+    """p a + q b."""
+    return p * a[0] + q * b[0], p * a[1] + q * b[1], p * a[2] + q * b[2]
+
+
+@_fast
+def _row(a, i):  # type: ignore[no-untyped-def]
+    return a[i, 0], a[i, 1], a[i, 2]
+
+
+@_fast
+def _edges(x, cells, e):  # type: ignore[no-untyped-def]
+    """The three edges from node 0 of an element."""
+    a = _row(x, cells[e, 0])
+    b, c, d = _row(x, cells[e, 1]), _row(x, cells[e, 2]), _row(x, cells[e, 3])
+    return _sum(1.0, b, -1.0, a), _sum(1.0, c, -1.0, a), _sum(1.0, d, -1.0, a)
+
+
+@_fast
+def _grown_gradients(body, e, alpha):  # type: ignore[no-untyped-def]
+    """Gradients of the shape functions after growth Fg = I + (I - n n^T) alpha: A_r^-1 Fg^-1."""
+    n = _row(body.normals, e)
+    across = alpha / (1 + alpha * (1 - _dot(n, n)))
+    a, b, c = _row(body.gradients[e], 0), _row(body.gradients[e], 1), _row(body.gradients[e], 2)
+    s = 1 / (1 + alpha)
+    return (
+        _sum(s, a, s * across * _dot(a, n), n),
+        _sum(s, b, s * across * _dot(b, n), n),
+        _sum(s, c, s * across * _dot(c, n), n),
+    )
+
+
+@_fast
+def _deformation(u, v, w, a, b, c):  # type: ignore[no-untyped-def]
+    """Rows of F = u a^T + v b^T + w c^T from current edges and grown gradients."""
+    return (
+        _sum(1.0, _sum(u[0], a, v[0], b), w[0], c),
+        _sum(1.0, _sum(u[1], a, v[1], b), w[1], c),
+        _sum(1.0, _sum(u[2], a, v[2], b), w[2], c),
+    )
+
+
+@_fast
+def _volumes(first, last, body, x, work, alphas, thickening):  # type: ignore[no-untyped-def]
+    """Growth, grown and current volume of a block of elements."""
+    body, work = Body(*body), Work(*work)
+    for e in range(first, last):
+        u, v, w = _edges(x, body.cells, e)
+        work.current[e] = _dot(u, _cross(v, w)) / 6
+        share = body.mask[e] / (1 + np.exp(10 * (body.depth[e] / (body.thickness[e] + thickening) - 1)))
+        alpha = share * alphas[body.label[e]]
+        n = _row(body.normals, e)
+        work.share[e] = share
+        work.grown[e] = body.volumes[e] * (1 + alpha) * (1 + alpha) * (1 + alpha * (1 - _dot(n, n)))
+
+
+@_fast
+def _ratios(first, last, body, work):  # type: ignore[no-untyped-def]
+    """Ratio of current to grown volume of a block of nodes."""
+    body, work = Body(*body), Work(*work)
+    for i in range(first, last):
+        current, grown = 0.0, 0.0
+        for k in range(body.offsets[i], body.offsets[i + 1]):
+            current += work.current[body.around[k]]
+            grown += work.grown[body.around[k]]
+        work.ratio[i] = current / grown
+
+
+@_fast
+def _forces(first, last, body, material, x, work, alphas):  # type: ignore[no-untyped-def]
+    """Forces of a block of elements; returns their smallest J and how many are degenerate.
+
+    A J that is not positive, or not a number, comes back as such, and the forces are worthless.
+    """
+    body, material, work = Body(*body), Material(*material), Work(*work)
+    smallest, degenerate = np.inf, 0
+    for e in range(first, last):
+        share = work.share[e]
+        mu = material.mu_core * (1 - share) + material.mu_cortex * share
+        u, v, w = _edges(x, body.cells, e)
+        a, b, c = _grown_gradients(body, e, share * alphas[body.label[e]])
+        f0, f1, f2 = _deformation(u, v, w, a, b, c)
+        c0, c1, c2 = _cross(f1, f2), _cross(f2, f0), _cross(f0, f1)  # cofactors: J F^-T
+        j = _dot(f0, c0)
+        trace = _dot(f0, f0) + _dot(f1, f1) + _dot(f2, f2)
+        cells = body.cells
+        mean = (
+            work.ratio[cells[e, 0]] + work.ratio[cells[e, 1]] + work.ratio[cells[e, 2]] + work.ratio[cells[e, 3]]
+        ) / 4
+        q = work.grown[e] * material.bulk * (mean - 1)
+        p = work.grown[e] * mu * j ** (-2 / 3)
+        r = q - p * trace / (3 * j)
+        p0, p1, p2 = _sum(p, f0, r, c0), _sum(p, f1, r, c1), _sum(p, f2, r, c2)
+        # the smallest stretch is at least 2 J / tr B, which spares nearly all elements its computation
+        if j > 0 and 2 * j < SMALLEST_STRETCH * trace and _smallest_stretch(f0, f1, f2) < SMALLEST_STRETCH:
+            degenerate += 1
+            s0, s1, s2 = _clamped_stress(f0, f1, f2, work.grown[e] * mu)
+            p0, p1, p2 = _sum(1.0, s0, q, c0), _sum(1.0, s1, q, c1), _sum(1.0, s2, q, c2)
+        forces = work.forces[e]
+        forces[0, 0], forces[0, 1], forces[0, 2] = -_dot(p0, a), -_dot(p1, a), -_dot(p2, a)
+        forces[1, 0], forces[1, 1], forces[1, 2] = -_dot(p0, b), -_dot(p1, b), -_dot(p2, b)
+        forces[2, 0], forces[2, 1], forces[2, 2] = -_dot(p0, c), -_dot(p1, c), -_dot(p2, c)
+        if j < smallest or j != j:  # a NaN stays
+            smallest = j
+    return smallest, degenerate
+
+
+@numba.njit(cache=True)
+def _as_array(f0, f1, f2):  # type: ignore[no-untyped-def]
+    return np.array([[f0[0], f0[1], f0[2]], [f1[0], f1[1], f1[2]], [f2[0], f2[1], f2[2]]])
+
+
+@numba.njit(cache=True)
+def _smallest_stretch(f0, f1, f2):  # type: ignore[no-untyped-def]
+    return np.linalg.svd(_as_array(f0, f1, f2))[1][2]
+
+
+@numba.njit(cache=True)
+def _clamped_stress(f0, f1, f2, mu):  # type: ignore[no-untyped-def]
+    """Rows of the deviatoric P, with the smallest stretch of F raised to the one the law is evaluated at."""
+    u, stretch, vt = np.linalg.svd(_as_array(f0, f1, f2))
+    stretch[2] = SMALLEST_STRETCH
+    principal = mu * stretch.prod() ** (-2 / 3) * (stretch - (stretch**2).sum() / (3 * stretch))
+    p = (u * principal) @ vt
+    return (p[0, 0], p[0, 1], p[0, 2]), (p[1, 0], p[1, 1], p[1, 2]), (p[2, 0], p[2, 1], p[2, 2])
+
+
+@_fast
+def _gathered(body, work, i):  # type: ignore[no-untyped-def]
+    """Elastic force on node i; on node 0 of an element acts what its other three leave over."""
+    x, y, z = 0.0, 0.0, 0.0
+    for k in range(body.offsets[i], body.offsets[i + 1]):
+        f, corner = work.forces[body.around[k]], body.corners[k]
+        if corner == 0:
+            x -= f[0, 0] + f[1, 0] + f[2, 0]
+            y -= f[0, 1] + f[1, 1] + f[2, 1]
+            z -= f[0, 2] + f[1, 2] + f[2, 2]
+        else:
+            x += f[corner - 1, 0]
+            y += f[corner - 1, 1]
+            z += f[corner - 1, 2]
+    return x, y, z
+
+
+@_fast
+def _move(first, last, body, material, state, work, dt):  # type: ignore[no-untyped-def]
+    """Step a block of nodes: v += dt (f - gamma V v) / (rho V), x += dt v."""
+    body, material, state, work = Body(*body), Material(*material), State(*state), Work(*work)
+    for i in range(first, last):
+        force, volume = _gathered(body, work, i), body.node_volumes[i]
+        for k in range(3):
+            resisted = force[k] + work.external[i, k] - material.damping * volume * state.v[i, k]
+            state.v[i, k] += dt * resisted / (material.density * volume)
+            state.x[i, k] += dt * state.v[i, k]
+
+
+@numba.njit(parallel=True, cache=True)
+def _elastic_forces(body, material, x, work, alphas, thickening, block_min, block_degenerate, nodes):  # type: ignore[no-untyped-def]
+    m = len(work[0])
+    for block in numba.prange(len(block_min)):
+        first, last = block * _BLOCK, min(m, (block + 1) * _BLOCK)
+        _volumes(first, last, body, x, work, alphas, thickening)
+    for block in numba.prange((nodes + _BLOCK - 1) // _BLOCK):
+        _ratios(block * _BLOCK, min(nodes, (block + 1) * _BLOCK), body, work)
+    for block in numba.prange(len(block_min)):
+        first, last = block * _BLOCK, min(m, (block + 1) * _BLOCK)
+        block_min[block], block_degenerate[block] = _forces(first, last, body, material, x, work, alphas)
+
+
+@numba.njit(parallel=True, cache=True)
+def _move_all(body, material, state, work, dt, nodes):  # type: ignore[no-untyped-def]
+    for block in numba.prange((nodes + _BLOCK - 1) // _BLOCK):
+        _move(block * _BLOCK, min(nodes, (block + 1) * _BLOCK), body, material, state, work, dt)
+
+
+@numba.njit(cache=True)
+def elastic_forces(body, material, x, work, alphas, thickening):  # type: ignore[no-untyped-def]
+    """Compute `work.forces` and everything before them for positions x; returns the smallest J, NaN if there is one.
+
+    Parameters
+    ----------
+    alphas : growth of each label
+    thickening : what the cortex has gained in thickness
+    """
+    plain_body, plain_work, nodes = tuple(body), tuple(work), len(body.node_volumes)
+    _elastic_forces(
+        plain_body, tuple(material), x, plain_work, alphas, thickening, work.block_min, work.block_degenerate, nodes
+    )
+    return work.block_min.min()
+
+
+@numba.njit(cache=True)
+def advance(body, material, state, work, contact, alphas, thickening, dt):  # type: ignore[no-untyped-def]
+    """As many steps as `alphas` has rows, unless an element inverts or the contact list is outdated.
+
+    Parameters
+    ----------
+    body, material, state, work, contact : `Body`, `Material`, `State`, `Work`, `Contact`
+    alphas : (steps, labels), growth of each label at each step
+    thickening : (steps,), what the cortex has gained in thickness
+    dt : time step
+
+    Returns
+    -------
+    steps taken, and DONE, INVERTED (`state` is the one with an inverted element) or LIST_OUTDATED
+    """
+    for step in range(len(alphas)):
+        if moved_too_far(contact, state.x):
+            return step, LIST_OUTDATED
+        smallest = elastic_forces(body, material, state.x, work, alphas[step], thickening[step])
+        if smallest < work.min_j[0]:
+            work.min_j[0] = smallest
+        if not smallest > 0:
+            return step, INVERTED
+        work.counts[0] += work.block_degenerate.sum()
+        work.counts[1] = contact_forces(contact, state.x, work.external)
+        _move_all(tuple(body), tuple(material), tuple(state), tuple(work), dt, len(state.x))
+    return len(alphas), DONE
+
+
+def nodal_forces(body: Body, work: Work) -> FloatArray:
+    """Elastic force on every node, as the last `elastic_forces` left it: (n, 3)."""
+    return _nodal_forces(body, work)
+
+
+@numba.njit(cache=True)
+def _nodal_forces(body, work):  # type: ignore[no-untyped-def]
+    result = np.empty((len(body.node_volumes), 3))
+    for i in range(len(result)):
+        result[i] = np.array(_gathered(body, work, i))
+    return result
+
+
+def elastic_energy(body: Body, material: Material, x: FloatArray, work: Work, alphas: FloatArray) -> float:
+    """Elastic energy of positions x (n, 3), for which `elastic_forces` must have run last."""
+    node_grown = np.bincount(body.cells.ravel(), np.repeat(work.grown / 4, 4))
+    volumetric = material.bulk / 2 * (node_grown * (work.ratio - 1) ** 2).sum()
+    return float(_deviatoric_energy(body, material, x, work, alphas).sum() + volumetric)
+
+
+@_fast
+def _deviatoric_energy(body, material, x, work, alphas):  # type: ignore[no-untyped-def]
+    """mu / 2 (J^(-2/3) tr B - 3) times the grown volume of each element: (m,)."""
+    energy = np.empty(len(body.cells))
+    for e in range(len(energy)):
+        share = work.share[e]
+        u, v, w = _edges(x, body.cells, e)
+        a, b, c = _grown_gradients(body, e, share * alphas[body.label[e]])
+        f0, f1, f2 = _deformation(u, v, w, a, b, c)
+        j, trace = _dot(f0, _cross(f1, f2)), _dot(f0, f0) + _dot(f1, f1) + _dot(f2, f2)
+        mu = material.mu_core * (1 - share) + material.mu_cortex * share
+        energy[e] = work.grown[e] * mu / 2 * (j ** (-2 / 3) * trace - 3)
+    return energy

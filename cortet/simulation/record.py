@@ -1,0 +1,59 @@
+"""What is known of a folding body at one moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from cortet.mesh import FloatArray, IntArray
+from cortet.quality import quality
+from cortet.topology import enclosed_volume, face_areas
+
+#: name -> what it means and its unit, for the sidecar of the table
+COLUMNS = {
+    "step": ("Steps taken", ""),
+    "time": ("Time of the simulation", ""),
+    "gestational_age": ("Gestational age at that time", "weeks"),
+    "kinetic_energy": ("Kinetic energy, dimensionless", ""),
+    "elastic_energy": ("Elastic energy, dimensionless", ""),
+    "min_j": ("Smallest determinant of the elastic deformation gradient in any step since the row before", ""),
+    "inverted": ("Number of tetrahedra where it is not positive", ""),
+    "degenerate": ("Times that a tetrahedron had a stretch below 0.1, all steps so far", ""),
+    "q_max": ("Largest q = 1 - sqrt(2) 6V / l_rms^3 of the deformed tetrahedra", ""),
+    "gyrification_index": ("Area of the surface over that of its convex hull", ""),
+    "area_mm2": ("Area of the surface", "mm2"),
+    "volume_mm3": ("Volume", "mm3"),
+    "contacts": ("Surface nodes in contact", ""),
+}
+
+
+@dataclass(frozen=True)
+class Record:
+    """One row of the table; `COLUMNS` says what its values mean."""
+
+    step: int
+    time: float
+    gestational_age: float
+    kinetic_energy: float
+    elastic_energy: float
+    min_j: float
+    inverted: int
+    degenerate: int
+    q_max: float
+    gyrification_index: float
+    area_mm2: float
+    volume_mm3: float
+    contacts: int
+
+
+def shape(points: FloatArray, cells: IntArray, faces: IntArray) -> dict[str, float]:
+    """Those values of a record that depend on the shape alone; `points` (n, 3) mm, `faces` the boundary."""
+    area = float(face_areas(points, faces).sum())
+    return {
+        "q_max": float(quality(points, cells).max()),
+        "gyrification_index": area / float(ConvexHull(points[np.unique(faces)]).area),
+        "area_mm2": area,
+        "volume_mm3": enclosed_volume(points, faces),
+    }

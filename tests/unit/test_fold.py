@@ -1,0 +1,247 @@
+"""A run: what it writes, that it can be killed and resumed, how it ends, and what it reads from the mesh."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import meshio
+import numba
+import numpy as np
+import pytest
+from shapes import ball_mesh
+
+from cortet.errors import InputError
+from cortet.formats import braingrowth
+from cortet.mesh import TetMesh
+from cortet.quality import signed_volumes
+from cortet.simulation import fold as fold_module
+from cortet.simulation.body import growth_mask, scale_of
+from cortet.simulation.fold import Verdict, fold
+from cortet.simulation.growth import Gompertz, Linear, age_of, growth_since, time_of
+from cortet.simulation.record import COLUMNS, Record
+from cortet.simulation.run import Settings, beginning, prepared
+from cortet.topology import boundary_nodes
+
+SPHERE5 = Path(__file__).parents[3] / "shared/data/tallinen/sphere5.mesh"
+#: a quick run: half a week, a row every tenth, a frame every fifth of one
+QUICK = Settings(gestational_age=22.0, end=22.5, thickness=3.0, record_interval=0.1, frame_interval=0.2)
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def ball() -> TetMesh:
+    """10 mm, the nodes and cells in no particular order."""
+    mesh = ball_mesh(2, radius=10.0)
+    node = np.random.default_rng(0).permutation(len(mesh.points))
+    cells = np.argsort(node)[mesh.cells].astype(np.int32)
+    return TetMesh(mesh.points[node] + [1.0, 2.0, 3.0], cells[np.random.default_rng(1).permutation(len(cells))])
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    with (folder / "fold.tsv").open() as file:
+        return list(csv.DictReader(file, delimiter="\t"))
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """All files but the one with the seconds."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name != "seconds.tsv"
+    }
+
+
+@pytest.fixture(scope="module")
+def finished(ball: TetMesh, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Verdict]:
+    folder = tmp_path_factory.mktemp("run")
+    return folder, fold(ball, folder, QUICK)
+
+
+def test_time_and_age() -> None:
+    assert time_of(22.0) == pytest.approx(0, abs=1e-3)
+    assert time_of(44.0) == pytest.approx(1, abs=0.01)
+    for age in (20.0, 22.0, 28.3, 40.0):
+        assert age_of(time_of(age)) == pytest.approx(age)
+
+
+def test_growth_is_relative_to_the_start() -> None:
+    law = Linear(1.829)
+    assert growth_since(law, 0.0, 0.5) == pytest.approx(0.9145)
+    assert growth_since(law, 0.5, 0.5) == 0
+    whole, parts = (
+        1 + growth_since(law, 0.0, 0.8),
+        (1 + growth_since(law, 0.0, 0.3)) * (1 + growth_since(law, 0.3, 0.8)),
+    )
+    assert parts == pytest.approx(whole)
+    region = Gompertz(amplitude=2.0, rate=5.0, latency=0.4)
+    assert region(0.4) == pytest.approx(2 / np.e)
+    assert region(5.0) == pytest.approx(2)
+
+
+def test_the_ball_grows_without_inversion(finished: tuple[Path, Verdict]) -> None:
+    folder, verdict = finished
+    assert verdict.outcome == "folded"
+    assert "no element inverted" in verdict.reason
+    table = rows(folder)
+    assert [float(row["gestational_age"]) for row in table] == pytest.approx(
+        [22, 22.1, 22.2, 22.3, 22.4, 22.5], abs=0.01
+    )
+    volume = [float(row["volume_mm3"]) for row in table]
+    assert np.all(np.diff(volume) > 0)
+    assert float(table[-1]["gyrification_index"]) == pytest.approx(1.0, abs=0.02)
+    assert verdict.min_j == pytest.approx(min(float(row["min_j"]) for row in table), rel=1e-5)
+    assert table[-1]["step"] == str(verdict.steps)
+
+
+def test_every_column_is_explained_and_none_holds_a_time_of_day(finished: tuple[Path, Verdict]) -> None:
+    folder, _ = finished
+    explained = json.loads((folder / "fold.json").read_text())
+    assert list(explained) == list(COLUMNS) == list(rows(folder)[0]) == list(Record.__dataclass_fields__)
+    assert (folder / "seconds.tsv").read_text().startswith("step\tseconds\n")
+
+
+def test_frames_are_meshes_in_the_users_numbering(ball: TetMesh, finished: tuple[Path, Verdict]) -> None:
+    folder, _ = finished
+    frames = sorted((folder / "frames").glob("*.vtu"))
+    assert len(frames) == 4  # 22, 22.2, 22.4 weeks and the end
+    first, last = (meshio.read(path) for path in (frames[0], frames[-1]))
+    assert first.points == pytest.approx(ball.points)
+    assert np.array_equal(first.cells[0].data, ball.cells)
+    assert last.points - ball.points == pytest.approx(last.point_data["displacement"])
+    assert signed_volumes(last.points, ball.cells).sum() == pytest.approx(
+        float(rows(folder)[-1]["volume_mm3"]), rel=1e-5
+    )
+    assert last.cell_data["J"][0].min() > 0.5
+    assert 0.9 < last.cell_data["growth"][0].max() < 1
+    series = (folder / "fold.pvd").read_text()
+    assert all(f'file="frames/{path.name}"' in series for path in frames)
+
+
+def test_a_killed_run_resumes_and_ends_with_the_same_bits(
+    ball: TetMesh, finished: tuple[Path, Verdict], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fold_module, "_CHECKPOINT_SECONDS", 0.0)
+    reached = []
+
+    def killed_at_the_fourth(record: Record, part: float, seconds: float) -> None:
+        reached.append(record.step)
+        if len(reached) == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fold(ball, tmp_path, QUICK, killed_at_the_fourth)
+    assert (tmp_path / "checkpoint.npz").exists()
+    resumed: list[int] = []
+    fold(ball, tmp_path, QUICK, lambda record, part, seconds: resumed.append(record.step))
+    assert resumed[0] == reached[3]  # not from the beginning
+    assert contents(tmp_path) == contents(finished[0])
+
+
+def test_a_checkpoint_of_another_run_is_not_used(
+    ball: TetMesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fold_module, "_CHECKPOINT_SECONDS", 0.0)
+
+    def killed(record: Record, part: float, seconds: float) -> None:
+        if part > 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fold(ball, tmp_path, QUICK, killed)
+    steps: list[int] = []
+    fold(ball, tmp_path, Settings(22.0, end=22.4, thickness=3.0), lambda record, *_: steps.append(record.step))
+    assert steps[0] == 0
+    assert len(list((tmp_path / "frames").iterdir())) == 2  # nothing is left of the first
+
+
+def test_it_ends_at_the_first_inverted_element_and_names_it(ball: TetMesh, tmp_path: Path) -> None:
+    settings = Settings(gestational_age=22.0, end=40.0, growth_rate=1000.0, record_interval=0.5)
+    verdict = fold(ball, tmp_path, settings)
+    assert verdict.outcome == "inverted"
+    assert verdict.step < verdict.steps
+    assert f"tetrahedron {verdict.element} at (" in verdict.reason
+    assert int(rows(tmp_path)[-1]["inverted"]) > 0
+    last = meshio.read(sorted((tmp_path / "frames").glob("*.vtu"))[-1])
+    assert not signed_volumes(last.points, ball.cells)[verdict.element] > 0
+    assert json.loads((tmp_path / "verdict.json").read_text())["outcome"] == "inverted"
+
+
+def test_half_a_brain_is_scaled_by_its_length_and_kept_on_its_side(ball: TetMesh) -> None:
+    for hemisphere, side in (("L", -1.0), ("R", 1.0)):
+        run = prepared(ball, Settings(22.0, hemisphere))
+        assert run.scale.length == pytest.approx(20.0, rel=0.02)
+        x = beginning(run).state.x
+        assert (side * x[:, 0]).min() == pytest.approx(0, abs=1e-12)
+        assert np.ptp(x, axis=0).max() == pytest.approx(1)
+    whole = prepared(ball, Settings(22.0))
+    assert np.linalg.norm(beginning(whole).state.x, axis=1).max() == pytest.approx(1)
+
+
+def test_the_medial_wall_does_not_grow(ball: TetMesh) -> None:
+    scale = scale_of(ball, "L")
+    mask = growth_mask(ball, scale, "L")
+    surface = boundary_nodes(ball)
+    distance = np.linalg.norm(ball.points[surface] - scale.origin, axis=1)
+    assert not mask[surface][distance < 4.9].any()
+    assert (mask[surface][distance > 6.1] == 1).all()
+
+
+def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh) -> None:
+    upper = ball.points[:, 2] > 3.0
+    fields = {
+        "growth": np.where(upper, 1.0, 0.0),
+        "thickness": np.where(upper, 2.0, 1.0),
+        "label": np.where(upper, 7, 3),
+    }
+    mesh = TetMesh(ball.points, ball.cells, fields)
+    run = prepared(mesh, Settings(22.0, regions={7: (2.0, 5.0, 0.4)}))
+    low, high = (
+        run.mesh.points[run.body.cells][:, :, 2].max(axis=1) <= 3.0,
+        run.mesh.points[run.body.cells][:, :, 2].min(axis=1) > 3.0,
+    )
+    assert not run.body.mask[low].any() and (run.body.mask[high] == 1).all()
+    assert run.body.thickness[low] * run.scale.length == pytest.approx(1.0)
+    assert run.body.thickness[high] * run.scale.length == pytest.approx(2.0)
+    assert not run.body.label[low].any() and (run.body.label[high] == 1).all()
+    assert run.laws == [Linear(1.829), Gompertz(2.0, 5.0, 0.4)]
+
+
+@pytest.mark.parametrize(
+    ("settings", "fields", "words"),
+    [
+        (Settings(40.0, end=30.0), {}, "nothing grows from 40 to 30 weeks"),
+        (Settings(22.0, regions={1: (1.0, 1.0, 1.0)}), {}, "no field label"),
+        (Settings(22.0), {"growth": 2.0}, "growth has values from 2 to 2"),
+        (Settings(22.0), {"thickness": -1.0}, "thickness falls to -1 mm"),
+    ],
+)
+def test_what_cannot_be_folded_is_refused(
+    ball: TetMesh, settings: Settings, fields: dict[str, float], words: str
+) -> None:
+    data = {name: np.full(len(ball.points), value) for name, value in fields.items()}
+    with pytest.raises(InputError, match=words):
+        prepared(TetMesh(ball.points, ball.cells, data), settings)
+
+
+def test_an_inverted_mesh_is_refused(ball: TetMesh) -> None:
+    with pytest.raises(InputError, match="inverted or flat before anything grows"):
+        prepared(TetMesh(ball.points, ball.cells[:, [1, 0, 2, 3]]), Settings(22.0))
+
+
+@pytest.mark.skipif(not SPHERE5.exists(), reason="needs ../shared/data/tallinen")
+def test_the_references_sphere_grows(tmp_path: Path) -> None:
+    verdict = fold(braingrowth.read(SPHERE5), tmp_path, Settings(22.0, end=22.1, time_step=2.236e-5))
+    assert verdict.outcome == "folded"
+    first, last = rows(tmp_path)
+    assert float(first["gyrification_index"]) == pytest.approx(1.0, abs=1e-3)
+    assert float(last["area_mm2"]) > float(first["area_mm2"])

@@ -1,0 +1,223 @@
+"""The simulation obeys what mechanics says of it: exact stress, no stress from free growth, momentum, energy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numba
+import numpy as np
+import pytest
+from shapes import ball_mesh, cube_mesh
+
+from cortet.mesh import TetMesh
+from cortet.simulation.body import Body, Material, Scale, body_of, smallest_altitude, stable_time_step
+from cortet.simulation.contact import Contact, contact_of
+from cortet.simulation.kernels import (
+    DONE,
+    INVERTED,
+    State,
+    Work,
+    advance,
+    elastic_energy,
+    elastic_forces,
+    nodal_forces,
+    workspace,
+)
+from cortet.topology import boundary_faces, boundary_nodes
+
+MATERIAL = Material()
+#: coordinates of the test meshes are taken as dimensionless
+UNIT = Scale(np.zeros(3), 1.0)
+NO_GROWTH = np.zeros(1)
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(threads)
+
+
+def at_rest(mesh: TetMesh) -> State:
+    return State(mesh.points.copy(), np.zeros_like(mesh.points))
+
+
+def no_contact(mesh: TetMesh) -> Contact:
+    """A contact that never finds anything: what is tested here is the solid."""
+    return contact_of(mesh.points, boundary_faces(mesh), bulk=0.0)._replace(radius=np.inf)
+
+
+def ungrown(mesh: TetMesh) -> tuple[Body, Work]:
+    """A body of which no part grows."""
+    body = body_of(mesh, UNIT, mask=np.zeros(len(mesh.points)))
+    return body, workspace(body)
+
+
+def steps(n: int, alpha: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Growth and thickening of n steps at constant growth."""
+    return np.full((n, 1), alpha), np.zeros(n)
+
+
+def forces(body: Body, work: Work, x: np.ndarray, alpha: float = 0.0) -> np.ndarray:
+    elastic_forces(body, MATERIAL, x, work, np.array([alpha]), 0.0)
+    return nodal_forces(body, work)
+
+
+def first_piola(f: np.ndarray, mu: float, bulk: float) -> np.ndarray:
+    """P of the model for a homogeneous deformation, by the book."""
+    j, b = np.linalg.det(f), f @ f.T
+    sigma = mu * j ** (-5 / 3) * (b - np.trace(b) / 3 * np.eye(3)) + bulk * (j - 1) * np.eye(3)
+    return j * sigma @ np.linalg.inv(f).T
+
+
+def test_an_affine_displacement_gives_the_exact_stress() -> None:
+    mesh = cube_mesh(4, jitter=0.2)
+    body, work = ungrown(mesh)
+    f = np.array([[1.1, 0.2, 0.0], [0.05, 0.9, -0.1], [0.0, 0.15, 1.2]])
+    result = forces(body, work, mesh.points @ f.T)
+    inside = np.ones(len(mesh.points), bool)
+    inside[boundary_nodes(mesh)] = False
+    assert np.abs(result[inside]).max() < 1e-14
+    side = mesh.points[:, 0] == 1
+    expected = -first_piola(f, MATERIAL.mu_core, MATERIAL.bulk) @ [1, 0, 0]  # on the unit face x = 1
+    edge = np.isin(mesh.points[:, 1:], [0, 1]).any(axis=1)
+    # nodes at the rim also carry other faces: compare those within, whose faces cover (1 - 1/4)^2 and half a ring
+    share = lumped_area(mesh, side & ~edge)
+    assert result[side & ~edge].sum(axis=0) == pytest.approx(share * expected, rel=1e-12)
+
+
+def lumped_area(mesh: TetMesh, nodes: np.ndarray) -> float:
+    """A third of the faces x = 1 around each of some nodes."""
+    faces = boundary_faces(mesh)
+    faces = faces[(mesh.points[faces][:, :, 0] == 1).all(axis=1)]
+    u, v = (mesh.points[faces[:, k]] - mesh.points[faces[:, 0]] for k in (1, 2))
+    areas = np.linalg.norm(np.cross(u, v), axis=1) / 2
+    return float((areas[:, None] / 3 * nodes[faces]).sum())
+
+
+def test_forces_are_the_gradient_of_the_energy() -> None:
+    mesh = ball_mesh(2)
+    body = body_of(mesh, UNIT, thickness=0.3)
+    work, rng, alpha = workspace(body), np.random.default_rng(1), np.array([0.4])
+    x = mesh.points * [1.1, 1.0, 0.9]
+    direction = rng.normal(size=x.shape)
+    analytic = -(forces(body, work, x, 0.4) * direction).sum()
+
+    def energy(at: float) -> float:
+        elastic_forces(body, MATERIAL, x + at * direction, work, alpha, 0.0)
+        return elastic_energy(body, MATERIAL, x + at * direction, work, alpha)
+
+    h = 1e-6
+    assert (energy(h) - energy(-h)) / (2 * h) == pytest.approx(analytic, rel=1e-7)
+
+
+def test_a_free_body_that_grows_alike_everywhere_is_without_stress() -> None:
+    mesh = ball_mesh(2)
+    m = len(mesh.cells)
+    body = body_of(mesh, UNIT)._replace(depth=np.full(m, -1e9), normals=np.zeros((m, 3)))  # g = 1, no direction
+    work = workspace(body)
+    assert np.abs(forces(body, work, 1.5 * mesh.points, 0.5)).max() < 1e-14
+    assert work.share == pytest.approx(1)
+    assert np.abs(forces(body, work, mesh.points, 0.5)).max() > 1e-3  # held at its old size it is under stress
+
+
+def test_growth_is_along_the_surface_and_near_it() -> None:
+    mesh = ball_mesh(3)
+    body = body_of(mesh, UNIT, thickness=0.2)
+    work = workspace(body)
+    forces(body, work, mesh.points, 0.5)
+    centroids = mesh.points[mesh.cells].mean(axis=1)
+    radius = np.linalg.norm(centroids, axis=1)
+    assert work.grown / body.volumes == pytest.approx((1 + 0.5 * work.share) ** 2)  # two directions of three
+    assert work.share[radius > 0.95].min() > 0.9
+    assert work.share[radius < 0.4].max() < 1e-3
+    outward = (body.normals * centroids).sum(axis=1) / radius
+    assert outward[radius > 0.8].min() > 0.8
+
+
+def test_momentum_is_conserved_without_contact_and_damping() -> None:
+    mesh = ball_mesh(2)
+    body = body_of(mesh, UNIT, thickness=0.3)
+    work, state, material = workspace(body), at_rest(mesh), MATERIAL._replace(damping=0.0)
+    state.v[:] = np.random.default_rng(0).normal(size=state.v.shape)
+    mass = material.density * body.node_volumes[:, None]
+    before = (mass * state.v).sum(axis=0), np.cross(state.x, mass * state.v).sum(axis=0)
+    dt = stable_time_step(smallest_altitude(mesh.points, mesh.cells), material)
+    ended = advance(body, material, state, work, no_contact(mesh), *steps(200, 0.3), dt)
+    assert ended == (200, DONE)
+    after = (mass * state.v).sum(axis=0), np.cross(state.x, mass * state.v).sum(axis=0)
+    scale = float(np.abs(mass * state.v).sum())
+    assert np.abs(np.subtract(before, after)).max() < 1e-13 * scale
+    assert np.abs(state.x - mesh.points).max() > 1e-3  # it did move
+
+
+def total_energy(body: Body, state: State, work: Work, alpha: float) -> float:
+    elastic_forces(body, MATERIAL, state.x, work, np.array([alpha]), 0.0)
+    kinetic = MATERIAL.density / 2 * float((body.node_volumes[:, None] * state.v**2).sum())
+    return kinetic + elastic_energy(body, MATERIAL, state.x, work, np.array([alpha]))
+
+
+def test_energy_decays_once_growth_has_stopped() -> None:
+    mesh = ball_mesh(2)
+    body = body_of(mesh, UNIT, thickness=0.3)
+    work, state = workspace(body), at_rest(mesh)
+    dt = stable_time_step(smallest_altitude(mesh.points, mesh.cells), MATERIAL)
+    energies = [total_energy(body, state, work, 0.3)]  # grown at once: it springs
+    for _ in range(10):
+        assert advance(body, MATERIAL, state, work, no_contact(mesh), *steps(200, 0.3), dt) == (200, DONE)
+        energies.append(total_energy(body, state, work, 0.3))
+    assert np.all(np.diff(energies) < 0)
+    assert energies[-1] < 0.7 * energies[0]
+
+
+def test_the_bits_are_the_same_for_any_number_of_threads() -> None:
+    if numba.config.NUMBA_NUM_THREADS < 2:
+        pytest.skip("one processor only")
+    mesh = ball_mesh(3)
+    results = []
+    for threads in (1, 2):
+        numba.set_num_threads(threads)
+        body = body_of(mesh, UNIT, thickness=0.2)
+        work, state = workspace(body), at_rest(mesh)
+        contact = contact_of(mesh.points, boundary_faces(mesh), bulk=5.0)
+        advance(body, MATERIAL, state, work, contact, *steps(50, 0.3), 1e-4)
+        results.append((state.x.tobytes(), state.v.tobytes()))
+    assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("bad", [0.0, np.nan])
+def test_it_stops_at_an_inverted_element_and_moves_nothing(bad: float) -> None:
+    mesh = cube_mesh(3)
+    body, work = ungrown(mesh)
+    state = at_rest(mesh)
+    state.x[mesh.cells[7, 3]] = state.x[mesh.cells[7, :3]].mean(axis=0) + bad  # flat, or not a number
+    x = state.x.copy()
+    assert advance(body, MATERIAL, state, work, no_contact(mesh), *steps(5), 1e-5) == (0, INVERTED)
+    assert np.array_equal(state.x, x, equal_nan=True)
+
+
+def test_a_nearly_flat_element_takes_the_degenerate_branch_and_is_counted() -> None:
+    mesh = cube_mesh(1)
+    body, work = ungrown(mesh)
+    flat = State(mesh.points * [1, 1, 0.05], np.zeros_like(mesh.points))
+    assert advance(body, MATERIAL, flat, work, no_contact(mesh), *steps(1), 1e-9) == (1, DONE)
+    assert work.counts[0] == len(mesh.cells)
+    assert work.min_j[0] == pytest.approx(0.05)
+    # as if the smallest stretch were 0.1: forces stay finite and push apart
+    top = mesh.points[:, 2] == 1
+    assert nodal_forces(body, work)[top, 2].sum() > 0
+    thin = State(mesh.points * [1, 1, 0.2], np.zeros_like(mesh.points))
+    advance(body, MATERIAL, thin, work, no_contact(mesh), *steps(1), 1e-9)
+    assert work.counts[0] == len(mesh.cells)
+
+
+def test_in_the_degenerate_branch_the_stress_is_that_of_the_smallest_stretch_allowed() -> None:
+    mesh = cube_mesh(2)
+    body, work = ungrown(mesh)
+    material = MATERIAL._replace(bulk=0.0)
+    pushes = []
+    for stretch in (0.1000001, 0.05):
+        elastic_forces(body, material, mesh.points * [1, 1, stretch], work, NO_GROWTH, 0.0)
+        pushes.append(nodal_forces(body, work))
+    assert pushes[1] == pytest.approx(pushes[0], rel=1e-4, abs=1e-9)
