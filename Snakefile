@@ -18,6 +18,7 @@ include: "rules/quality.smk"
 include: "rules/cohort.smk"
 include: "rules/experiments_common.smk"
 include: "rules/experiments.smk"
+include: "rules/simulation.smk"
 include: "rules/failures.smk"
 
 
@@ -37,6 +38,7 @@ rule all:
         solver_files(),
         quality_records(),
         COHORT_FILES,
+        fold_files(),
 
 
 rule meshes:

@@ -9,7 +9,15 @@ from cortet.formats.atomic import atomic_path, write_json
 
 BIDS_VERSION = "1.10.0"
 #: what the specification has no names for: tetrahedral meshes and what is known of them, tables over all cases
-IGNORED = ("*_tetmesh.*", "*_quality.json", "*_certificate.json", "*_white.json", "*.surf.gii", "cohort/")
+IGNORED = (
+    "*_tetmesh.*",
+    "*_quality.json",
+    "*_certificate.json",
+    "*_white.json",
+    "*.surf.gii",
+    "cohort/",
+    "simulation/",
+)
 
 
 def write_dataset_description(description: Path, ignore: Path) -> None:

@@ -126,6 +126,17 @@ def parser() -> argparse.ArgumentParser:
     picture.add_argument("-o", "--output", type=Path, required=True, metavar="PNG")
     picture.set_defaults(run=_picture)
 
+    fold = commands.add_parser("fold", parents=[common], help="grow the cortex of a mesh until it folds")
+    fold.add_argument("mesh", type=Path, metavar="MESH")
+    fold.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    fold.add_argument("--ga", type=float, required=True, metavar="WEEKS", help="gestational age of the mesh")
+    fold.add_argument("--hemi", choices=["L", "R"], help="half a brain: scaled and held by its medial plane as such")
+    fold.add_argument("--end", type=float, metavar="WEEKS", help="gestational age at the end (default: 40)")
+    fold.add_argument("--time-step", type=float, metavar="DT", help="dimensionless (default: from smallest altitude)")
+    fold.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section fold says the rest")
+    fold.add_argument("--threads", type=int, metavar="N", help="default: one per core; the result is the same")
+    fold.set_defaults(run=_fold)
+
     phantom = commands.add_parser("phantom", parents=[common], help="make a synthetic cortex of any gestational age")
     phantom.add_argument("--ga", type=float, required=True, metavar="WEEKS", help="gestational age")
     phantom.add_argument("--hemi", choices=["L", "R"], default="L")
@@ -276,6 +287,36 @@ def _convert(args: argparse.Namespace) -> int:
 def _picture(args: argparse.Namespace) -> int:
     _draw(_read_mesh(args.mesh), args.output)
     return 0
+
+
+def _fold(args: argparse.Namespace) -> int:
+    from numba import get_num_threads, set_num_threads
+
+    from cortet.config import load
+    from cortet.simulation.fold import fold
+    from cortet.simulation.fold_figures import draw
+    from cortet.simulation.progress import status
+    from cortet.simulation.run import Settings
+
+    if args.threads:
+        set_num_threads(min(args.threads, get_num_threads()))
+    values = load(args.config or {}).stage("fold")
+    chosen = {"gestational_age": args.ga, "hemisphere": args.hemi, "end": args.end, "time_step": args.time_step}
+    values |= {key: value for key, value in chosen.items() if value is not None}
+    values.pop("version")
+    live = sys.stdout.isatty()
+    verdict = fold(
+        _read_mesh(args.mesh),
+        args.output,
+        Settings(**values),
+        lambda *progress: print(
+            f"\r{status(*progress)}" if live else status(*progress), end="" if live else "\n", flush=True
+        ),
+    )
+    print(f"\n{verdict.reason}")
+    for path in draw(args.output, args.hemi):
+        print(f"{path}: drawn")
+    return 0 if verdict.outcome == "folded" else 1
 
 
 def _phantom(args: argparse.Namespace) -> int:

@@ -335,6 +335,29 @@ class Experiments(Section):
     series: Series = Series()
 
 
+class Fold(Section):
+    """Folding simulation of meshes: growth of the cortex until it buckles (the model of the BrainGrowth solver)."""
+
+    cases: list[str] = []
+    """Cases whose meshes are folded, as file names begin: sub-01_ses-02_hemi-L. Each from its scan_age on, as half a
+    brain where hemi is L or R. Point data of the mesh named growth (0 to 1), thickness (mm) and label are used."""
+    end: Positive = 40.0
+    """Gestational age at which a run ends, weeks."""
+    growth_rate: Positive = 1.829
+    """Tangential growth of the cortex per unit of time (0 at 22 weeks, 1 at 44)."""
+    regions: dict[int, Annotated[list[float], Field(min_length=3, max_length=3)]] = {}
+    """Growth of single regions: value of the field label, then amplitude, rate and latency of a Gompertz law."""
+    thickness: Positive | None = None
+    """Thickness of the growing cortex at the start, mm; null: 0.042 of the length of half a brain, or of the radius of
+    a whole one."""
+    time_step: Positive | None = None
+    """Dimensionless time step; null: from the smallest altitude of the mesh."""
+    record_interval: Positive = 0.1
+    """Weeks between two rows of the table of a run."""
+    frame_interval: Positive = 1.0
+    """Weeks between two frames (.vtu) of a run."""
+
+
 class Config(Section):
     """The whole configuration."""
 
@@ -357,6 +380,7 @@ class Config(Section):
     certify: Certify = Certify()
     quality: Quality = Quality()
     export: Export = Export()
+    fold: Fold = Fold()
     experiments: Experiments = Experiments()
 
     def enabled(self, stage: str) -> bool:
@@ -371,7 +395,7 @@ class Config(Section):
         # S5 carries the fields onto the final positions as S2 did
         section = getattr(self, {"solver_ready": "transfer"}.get(name, name), None)
         values = section.model_dump(mode="json") if section is not None else {}
-        for key in ("enabled", "cell_size", "meshers"):
+        for key in ("enabled", "cell_size", "meshers", "cases"):
             values.pop(key, None)
         return {**values, **chosen, "version": stage_version(name)}
 
@@ -411,7 +435,8 @@ def load(source: Path | str | Mapping[str, Any]) -> Config:
 @cache
 def stage_version(name: str) -> int:
     """`VERSION` of a stage module, read from its source: importing it would load Numba or Gmsh."""
-    path = next(p for p in (_PACKAGE / "stages" / f"{name}.py", _PACKAGE / f"{name}.py") if p.exists())
+    rooms = (_PACKAGE / "stages", _PACKAGE, _PACKAGE / "simulation")
+    path = next(room / f"{name}.py" for room in rooms if (room / f"{name}.py").exists())
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
         if any(isinstance(target, ast.Name) and target.id == "VERSION" for target in targets):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
@@ -66,11 +68,7 @@ def picture(
     k = _AXES[axis]
     along = mesh.points[:, k]
     shell = _skin(mesh, along[mesh.cells].mean(axis=1) < along.min() + position * np.ptp(along))
-    try:
-        with pyvista.vtk_verbosity("error"):  # without a display VTK first warns, then draws without one
-            plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
-            plotter.render()
-        plotter.set_background("white")
+    with off_screen(size) as plotter:
         plotter.add_mesh(
             shell,
             scalars="q",
@@ -87,6 +85,23 @@ def picture(
         _aim(plotter.camera, np.asarray(shell.points, float), k, width_to_height=size[0] / size[1])
         with atomic_path(path) as temporary:
             plotter.screenshot(temporary)
+
+
+@contextmanager
+def off_screen(size: tuple[int, int]) -> Iterator[pyvista.Plotter]:
+    """A white picture of `size` pixels to draw in, without a display.
+
+    Raises
+    ------
+    StageError
+        the graphics library cannot draw here
+    """
+    try:
+        with pyvista.vtk_verbosity("error"):  # without a display VTK first warns, then draws without one
+            plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
+            plotter.render()
+        plotter.set_background("white")
+        yield plotter
         plotter.close()
     except RuntimeError as error:
         raise StageError(f"the picture could not be drawn: {error}", remedy="install libegl1 or libosmesa6") from error
@@ -115,12 +130,7 @@ def lateral_view(
     shell = _section(mesh, towards, middle[0]) if cut else _surface(mesh)
     look = {"scalars": "q", "cmap": COLOURS, "clim": RANGE, "above_color": BEYOND} if cut else {"color": "#D0D0D0"}
     light = {"ambient": 0.6, "diffuse": 0.4} if cut else {"ambient": 0.15, "diffuse": 0.85, "smooth_shading": True}
-    size = [width, round(width * half_height / half_width)]
-    try:
-        with pyvista.vtk_verbosity("error"):
-            plotter = pyvista.Plotter(off_screen=True, window_size=size)
-            plotter.render()
-        plotter.set_background("white")
+    with off_screen((width, round(width * half_height / half_width))) as plotter:
         plotter.add_mesh(shell, show_scalar_bar=False, **look, **light)
         distance = 10 * max(half_width, half_height)
         camera = plotter.camera
@@ -129,9 +139,6 @@ def lateral_view(
         camera.parallel_projection, camera.parallel_scale = True, half_height
         camera.clipping_range = (0.1 * distance, 2 * distance)
         image: NDArray[np.uint8] = plotter.screenshot(None, return_img=True)
-        plotter.close()
-    except RuntimeError as error:
-        raise StageError(f"the picture could not be drawn: {error}", remedy="install libegl1 or libosmesa6") from error
     return image
 
 

@@ -106,6 +106,11 @@ def mesh_file(desc, suffix="tetmesh.vtu"):
     return bids(suffix, "mesh", res="{res}um", desc=f"{{mesher}}{setting}{desc}")
 
 
+def fold_file(name):
+    """File of a simulation: a run has a folder of its own."""
+    return f"{OUT}/{{folder}}/simulation/{{case}}_res-{{res}}um_desc-{{mesher}}{{setting}}Folded/{name}"
+
+
 def surface_log(rule, suffix="log"):
     """Log of a job on a surface, or with suffix `tsv` its benchmark; both are named as the files they are about."""
     return f"{'logs' if suffix == 'log' else 'benchmarks'}/{rule}/{{folder}}/{{case}}.{suffix}"
@@ -158,6 +163,7 @@ def parameters_of(stage, wildcards):
         "phantom": lambda: {"gestational_age": case.scan_age, "hemisphere": case.hemi},
         "gate": lambda: {"source": str(case.surface)},
         "smooth_surface": lambda: {"gestational_age": case.scan_age},
+        "fold": lambda: {"gestational_age": case.scan_age, "hemisphere": case.hemi},
         "generate": lambda: {
             "cell_size": int(wildcards.res) / 1000,
             "mesher": wildcards.mesher,
@@ -224,9 +230,19 @@ def quality_records():
     return [path for desc in measured for path in each_case(mesh_file(desc, "quality.json")).values()]
 
 
+if unknown := set(CONFIG.fold.cases) - set(CASES):
+    raise WorkflowError(f"fold.cases: {', '.join(sorted(unknown))}: not among {', '.join(CASES)}")
+
+
+def fold_files():
+    """What is drawn of the runs that the configuration asks for."""
+    files = [fold_file(name) for name in ("folding.svg", "folded.png", "folding.gif")]
+    return [path for name in files for mesh, path in each_case(name).items() if mesh[0] in CONFIG.fold.cases]
+
+
 def is_measured(mesh, failures):
-    """Whether a mesh got as far as its certificate: it did not fail, or only its export was refused."""
-    return mesh not in failures or failures[mesh]["stage"] == "export"
+    """Whether a mesh got as far as its certificate: it did not fail, or only in what comes after."""
+    return mesh not in failures or failures[mesh]["stage"] in ("export", "fold", "fold_figures")
 
 
 def measured_certificates():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 from collections.abc import Iterator
+from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from pydantic import BaseModel
 
 from cortet import config
 from cortet.errors import InputError
+from cortet.simulation.run import Settings
 
 ROOT = Path(__file__).parents[2]
 STAGES = ("gate", "smooth_surface", "generate", "relocate", "clean", "reconnect", "smooth_boundary", "snap")
@@ -58,6 +60,11 @@ def test_a_stage_gets_exactly_the_parameters_its_function_takes(stage: str) -> N
     given = set(config.Config().stage(stage)) - {"version"}
     assert given <= keywords
     assert keywords - given <= {"cell_size", "mesher", "source", "gestational_age"}  # chosen per case
+
+
+def test_the_folding_section_holds_the_settings_of_a_run() -> None:
+    given = set(config.Config().stage("fold")) - {"version"}
+    assert given | {"gestational_age", "hemisphere"} == {field.name for field in fields(Settings)}
 
 
 def test_stage_parameters_are_plain_data_with_the_version_of_the_stage() -> None:

@@ -7,6 +7,7 @@ change that is meant: raise VERSION in the stage's module, then `python tests/un
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,9 +16,12 @@ import pytest
 from shapes import ball_mesh, ball_surface
 
 from cortet.config import stage_version
+from cortet.formats import vtu
 from cortet.mesh import TetMesh, TriSurface
 from cortet.phantom import phantom
 from cortet.quality import quality
+from cortet.simulation.fold import fold
+from cortet.simulation.run import Settings
 from cortet.stages.clean import clean
 from cortet.stages.gate import gate
 from cortet.stages.generate import generate
@@ -52,6 +56,13 @@ def floating_ball() -> TetMesh:
     return TetMesh(mesh.points * (1 + 0.01 * np.sin(3 * mesh.points[:, :1])), mesh.cells)
 
 
+def folded_ball() -> TetMesh:
+    """A ball whose skin has grown for a week."""
+    with tempfile.TemporaryDirectory() as folder:
+        fold(ball_mesh(2, radius=10.0), Path(folder), Settings(22.0, end=23.0, thickness=3.0))
+        return vtu.read(sorted(Path(folder).glob("frames/*.vtu"))[-1])
+
+
 RESULTS: dict[str, Callable[[], TriSurface | TetMesh]] = {
     "phantom": lambda: phantom(28.0, subdivisions=3),
     "gate": lambda: gate(rough_ball(), source="rough ball")[0],
@@ -64,6 +75,7 @@ RESULTS: dict[str, Callable[[], TriSurface | TetMesh]] = {
     "reconnect": lambda: reconnect(ball_mesh(2, radius=5.0), ball_surface(4))[0],
     "smooth_boundary": lambda: smooth_boundary(good_ball(), ball_surface(4))[0],
     "snap": lambda: snap(floating_ball(), ball_surface(4))[0],
+    "fold": folded_ball,
     "solver_ready": lambda: solver_ready(ball_mesh(2, radius=5.0))[0],
 }
 

@@ -1,0 +1,86 @@
+"""Figures and film of a run, and the command that makes a run; all without a display."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+from PIL import Image
+from shapes import ball_mesh
+
+from cortet.cli import main
+from cortet.errors import InputError
+from cortet.formats import vtu
+from cortet.simulation.fold_figures import numbers, series
+from cortet.simulation.progress import status
+from cortet.simulation.record import Record
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A ball folded for two tenths of a week by the command."""
+    folder = tmp_path_factory.mktemp("run")
+    vtu.write(ball_mesh(2, radius=10.0), folder / "ball.vtu")
+    (folder / "fold.yaml").write_text("fold: {thickness: 3, frame_interval: 0.1}\n")
+    options = ["--ga", "22", "--hemi", "L", "--end", "22.2", "--config", str(folder / "fold.yaml"), "--threads", "1"]
+    assert main(["fold", str(folder / "ball.vtu"), "-o", str(folder / "out"), *options]) == 0
+    return folder / "out"
+
+
+def test_the_command_makes_everything(run: Path) -> None:
+    assert {path.name for path in run.iterdir()} == {
+        "fold.tsv", "fold.json", "fold.pvd", "frames", "seconds.tsv", "verdict.json",
+        "folding.svg", "folded.png", "folding.gif",
+    }  # fmt: skip
+
+
+def test_the_figure_shows_what_the_table_holds(run: Path) -> None:
+    figure = numbers(run / "fold.tsv")
+    assert [axis.get_ylabel() for axis in figure.axes] == ["smallest J", r"$q_\mathrm{max}$", "gyrification index"]
+    ages = figure.axes[0].lines[0].get_xdata()
+    assert np.asarray(ages) == pytest.approx([22, 22.1, 22.2], abs=0.02)
+
+
+def test_before_and_after_stand_side_by_side_in_colour(run: Path) -> None:
+    image = matplotlib.image.imread(run / "folded.png")[:, :, :3]
+    left, right = np.array_split(image[:, : int(0.8 * image.shape[1])], 2, axis=1)
+    for half in (left, right):
+        coloured = np.ptp(half, axis=2) > 0.2
+        assert 0.05 < coloured.mean() < 0.9
+
+
+def test_the_film_has_an_image_per_frame(run: Path) -> None:
+    with Image.open(run / "folding.gif") as film:
+        assert film.n_frames >= 3
+        assert film.size == (800, 640)
+
+
+def test_drawing_again_gives_the_same_files(run: Path, tmp_path: Path) -> None:
+    from cortet.simulation.fold_figures import draw
+
+    before = {name: (run / name).read_bytes() for name in ("folding.svg", "folded.png", "folding.gif")}
+    draw(run, "L")
+    assert {name: (run / name).read_bytes() for name in before} == before
+
+
+def test_a_missing_series_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"fold\.pvd: cannot be read"):
+        series(tmp_path / "fold.pvd")
+
+
+def test_an_inverted_element_shows_in_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    vtu.write(ball_mesh(2, radius=10.0), tmp_path / "ball.vtu")
+    (tmp_path / "fold.yaml").write_text("fold: {growth_rate: 1000}\n")
+    options = ["--ga", "22", "--config", str(tmp_path / "fold.yaml"), "--threads", "1"]
+    assert main(["fold", str(tmp_path / "ball.vtu"), "-o", str(tmp_path / "out"), *options]) == 1
+    assert "inverted (J = " in capsys.readouterr().out
+
+
+def test_the_progress_line_says_how_far_and_how_long() -> None:
+    record = Record(10, 0.25, 27.1, 0.0, 0.0, 0.712, 0, 0, 0.5, 1.234, 1.0, 1.0, 0)
+    assert status(record, 0.25, 60.0) == (
+        "[#####...............]  25%  t 0.250  27.10 weeks  min J 0.712  gyrification 1.234  3 min left"
+    )
+    assert status(record, 0.0, 0.0).endswith("? left")
