@@ -4,8 +4,8 @@
 
 A stiff layer of thickness H on a soft core buckles with a wavelength of about 2 pi H (mu_c / 3 mu_s)^(1/3) (Allen
 1969); a ball's curvature and the softness of its layer change the factor, not the trend. The ball grows until the
-radius of its surface varies by some per cent; the wavelength is that of the mean degree of this variation in spherical
-harmonics, each weighted by its power.
+distances of its surface from the centre, divided by those at the start, vary by some per cent; the wavelength is that of
+the mean degree of this variation in spherical harmonics, each weighted by its power.
 """
 
 from __future__ import annotations
@@ -89,21 +89,21 @@ def fold_ball(mesh: TetMesh, *, thickness: float, stiffness: float, rate: float 
             contact = listed_at(contact, state.x)
         elif how != DONE:
             raise RuntimeError(f"an element inverted at t = {step * dt:.3f}")
-        radius = np.linalg.norm(state.x[surface], axis=1)
-        if radius.std() > _AMPLITUDE * radius.mean():
-            degree = mean_degree(state.x[surface])
+        stretch = np.linalg.norm(state.x[surface], axis=1) / np.linalg.norm(mesh.points[surface], axis=1)
+        if stretch.std() > _AMPLITUDE * stretch.mean():
+            degree = mean_degree(mesh.points[surface], stretch)
             return Folds(step * dt, degree, 2 * np.pi / degree)
     raise RuntimeError(f"no folds until t = {end}")
 
 
-def mean_degree(points: FloatArray) -> float:
-    """Power-weighted mean degree, from 2 on, of the distance of points (n, 3) from the origin."""
-    radius = np.linalg.norm(points, axis=1)
-    polar, azimuth = np.arccos(points[:, 2] / radius), np.arctan2(points[:, 1], points[:, 0])
+def mean_degree(points: FloatArray, heights: FloatArray) -> float:
+    """Power-weighted mean degree, from 2 on, of heights (n,) in the directions of points (n, 3)."""
+    polar = np.arccos(points[:, 2] / np.linalg.norm(points, axis=1))
+    azimuth = np.arctan2(points[:, 1], points[:, 0])
     terms = [(degree, order) for degree in range(_MAX_DEGREE + 1) for order in range(degree + 1)]
     values = [sph_harm_y(degree, order, polar, azimuth) for degree, order in terms]
     columns = [value.real for value in values] + [value.imag for value in values]
-    weights = np.linalg.lstsq(np.stack(columns, axis=1), radius, rcond=None)[0] ** 2
+    weights = np.linalg.lstsq(np.stack(columns, axis=1), heights, rcond=None)[0] ** 2
     degrees = np.array([degree for degree, _ in terms] * 2)
     power = np.bincount(degrees, weights)[2:]
     return float((power * np.arange(2, _MAX_DEGREE + 1)).sum() / power.sum())

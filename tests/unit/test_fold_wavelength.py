@@ -1,0 +1,41 @@
+"""A growing ball folds, with longer waves for a thicker and for a stiffer cortex."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numba
+import numpy as np
+import pytest
+from scipy.special import sph_harm_y
+
+from benchmarks.fold_wavelength import ball, fold_ball, mean_degree
+from cortet.mesh import TetMesh
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def mesh() -> TetMesh:
+    return ball(800)
+
+
+@pytest.mark.parametrize("degree", [3, 6])
+def test_the_degree_of_a_known_wave_is_found(degree: int) -> None:
+    directions = np.random.default_rng(0).normal(size=(2000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    polar, azimuth = np.arccos(directions[:, 2]), np.arctan2(directions[:, 1], directions[:, 0])
+    heights = 1 + 0.05 * sph_harm_y(degree, 2, polar, azimuth).real
+    assert mean_degree(directions, heights) == pytest.approx(degree, rel=1e-6)
+
+
+def test_waves_are_longer_in_a_thicker_and_in_a_stiffer_cortex(mesh: TetMesh) -> None:
+    reference = fold_ball(mesh, thickness=THIN, stiffness=SOFT).wavelength
+    assert fold_ball(mesh, thickness=THICK, stiffness=SOFT).wavelength > 1.2 * reference
+    assert fold_ball(mesh, thickness=THIN, stiffness=STIFF).wavelength > 1.2 * reference
