@@ -51,6 +51,8 @@ def ball(nodes: int) -> TetMesh:
     height = (np.arange(count) + 0.5) * 2 / count - 1
     angle, ring = np.pi * (1 + 5**0.5) * np.arange(count), np.sqrt(1 - height**2)
     skin = np.stack([ring * np.cos(angle), ring * np.sin(angle), height], axis=1)
+    # displaced at random: a lattice would prefer folds of its own symmetry
+    lattice = lattice + np.random.default_rng(0).uniform(-0.25, 0.25, lattice.shape) * spacing
     points = np.vstack([skin, lattice[np.linalg.norm(lattice, axis=1) < 1 - 0.5 * spacing]])
     cells = Delaunay(points).simplices
     volumes = signed_volumes(points, cells)
@@ -62,13 +64,14 @@ def ball(nodes: int) -> TetMesh:
     return reconnect(rough, TriSurface(skin, hull))[0]
 
 
-def fold_ball(mesh: TetMesh, *, thickness: float, stiffness: float, rate: float = 1.829, end: float = 1.5) -> Folds:
+def fold_ball(mesh: TetMesh, *, thickness: float, stiffness: float, rate: float = 0.4, end: float = 3.0) -> Folds:
     """Let the cortex of a ball of radius 1 grow until it folds.
 
     Parameters
     ----------
     thickness : of the cortex
     stiffness : shear modulus of the cortex over that of the core
+    rate : of growth; slow, so that a soft core has the time to follow
 
     Raises
     ------
