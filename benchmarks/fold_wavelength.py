@@ -4,8 +4,8 @@
 
 A stiff layer of thickness H on a soft core buckles with a wavelength of about 2 pi H (mu_c / 3 mu_s)^(1/3) (Allen
 1969); a ball's curvature and the softness of its layer change the factor, not the trend. The ball grows until the
-distances of its surface from the centre, divided by those at the start, vary by some per cent; the wavelength is that of
-the mean degree of this variation in spherical harmonics, each weighted by its power.
+distances of its surface from the centre, divided by those at the start, vary by some per cent; the wavelength is that
+of the mean degree of this variation in spherical harmonics, each weighted by its power.
 """
 
 from __future__ import annotations

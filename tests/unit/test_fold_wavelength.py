@@ -12,7 +12,6 @@ from scipy.special import sph_harm_y
 from benchmarks.fold_wavelength import ball, fold_ball, mean_degree
 from cortet.mesh import TetMesh
 
-
 #: of a ball of radius 1, and shear modulus over that of the core
 THIN, THICK, SOFT, STIFF = 0.15, 0.3, 3.0, 24.0
 
