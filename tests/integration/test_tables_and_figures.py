@@ -62,8 +62,8 @@ def test_every_stage_is_measured_in_both_settings_and_for_both_meshers(compared:
 
 
 def test_settings_share_the_mesh_of_s1_and_differ_from_s3_on(compared: Study) -> None:
-    assert len(compared.files("*cgalGenerated_tetmesh.vtu")) == 2
-    assert len(compared.files("*cgalPublishedCleaned_tetmesh.vtu")) == 2
+    assert len(compared.files("*res-4000um_desc-cgalGenerated_tetmesh.vtu")) == 2
+    assert len(compared.files("*res-4000um_desc-cgalPublishedCleaned_tetmesh.vtu")) == 2
     measured = ablation(compared)
     ours, theirs = (measured["cgal", setting, "S1-S4"] for setting in SETTINGS)
     assert ours["tets_total"] == theirs["tets_total"]
