@@ -18,7 +18,7 @@ from cortet.topology import TET_FACES, boundary_faces, boundary_nodes, face_area
 
 #: cortical thickness at t = 0, and what it gains per unit of time
 THICKNESS, THICKENING = 0.042, 0.01
-#: the growth that is left at this radius around the corpus callosum is none, and over the next tenth it becomes whole
+#: no cortex grows within the first radius around the corpus callosum, all of it does beyond the sum of both
 _CALLOSUM_RADIUS, _CALLOSUM_RIM = 0.5, 0.1
 #: point data that replace the defaults where a mesh has them
 MASK_FIELD, THICKNESS_FIELD, LABEL_FIELD = "growth", "thickness", "label"
