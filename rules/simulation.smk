@@ -19,7 +19,8 @@ rule fold:
         mesh_benchmark("fold", desc="Folded")
     conda:
         "../envs/cortet.yaml"
-    threads: 2
+    # two threads that wait for each other after every loop are no gain on a small mesh
+    threads: lambda wildcards: 1 if elements(wildcards) < 2e5 else 2
     resources:
         mem_mb=megabytes(1500),
         runtime=minutes(600),
