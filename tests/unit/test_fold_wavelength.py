@@ -1,4 +1,4 @@
-"""A growing ball folds, with longer waves for a thicker and for a stiffer cortex."""
+"""A growing ball folds, with longer waves for a thicker cortex."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchmarks.fold_wavelength import ball, fold_ball, mean_degree
 from cortet.mesh import TetMesh
 
 #: of a ball of radius 1, and shear modulus over that of the core
-THIN, THICK, SOFT, STIFF = 0.15, 0.3, 3.0, 24.0
+THIN, THICK, STIFFNESS = 0.15, 0.3, 3.0
 
 
 @pytest.fixture(autouse=True)
@@ -38,7 +38,6 @@ def test_the_degree_of_a_known_wave_is_found(degree: int) -> None:
     assert mean_degree(directions, heights) == pytest.approx(degree, rel=1e-6)
 
 
-def test_waves_are_longer_in_a_thicker_and_in_a_stiffer_cortex(mesh: TetMesh) -> None:
-    reference = fold_ball(mesh, thickness=THIN, stiffness=SOFT).wavelength
-    assert fold_ball(mesh, thickness=THICK, stiffness=SOFT).wavelength > 1.2 * reference
-    assert fold_ball(mesh, thickness=THIN, stiffness=STIFF).wavelength > 1.2 * reference
+def test_waves_are_longer_in_a_thicker_cortex(mesh: TetMesh) -> None:
+    thin, thick = (fold_ball(mesh, thickness=thickness, stiffness=STIFFNESS) for thickness in (THIN, THICK))
+    assert thick.wavelength > 1.2 * thin.wavelength
