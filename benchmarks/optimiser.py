@@ -13,7 +13,6 @@ import argparse
 import cProfile
 import multiprocessing
 import pstats
-import resource
 import tempfile
 import time
 from collections.abc import Callable
@@ -24,6 +23,7 @@ import numpy as np
 from cortet.formats import gifti, vtu
 from cortet.mesh import TetMesh, TriSurface
 from cortet.phantom import phantom
+from cortet.stage_table import peak_memory_mb, reset_peak_memory
 from cortet.stages.clean import clean
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
@@ -41,19 +41,16 @@ RUNS: dict[str, Callable[[TetMesh, TriSurface], tuple[TetMesh, object]]] = {
 }
 
 
-def peak_megabytes() -> float:
-    """Largest resident size of this process so far."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-
-
 def measure(run: str, small: Path, mesh_file: Path, surface_file: Path, answer) -> None:  # type: ignore[no-untyped-def]
     """Time one run in this process and send back seconds, MB, and the worst and mean quality reached."""
     surface = gifti.read_surface(surface_file)
     RUNS[run](vtu.read(small), surface)  # load or compile the kernels
     mesh = vtu.read(mesh_file)
-    before, start = peak_megabytes(), time.process_time()
+    reset_peak_memory()
+    before, start = peak_memory_mb() or 0, time.process_time()
     _, report = RUNS[run](mesh, surface)
-    answer.send((time.process_time() - start, peak_megabytes() - before, report.q_mean, report.q_max))
+    seconds, megabytes = time.process_time() - start, (peak_memory_mb() or 0) - before
+    answer.send((seconds, megabytes, report.q_mean, report.q_max))
 
 
 def refinement(surface: TriSurface, cells: float) -> TetMesh:
