@@ -23,7 +23,7 @@ from cortet.printed import Shown, Table, mean_and_sd, median_and_range, number, 
 from cortet.quality import COUNTED_LIMITS
 from cortet.tables import write_tsv
 
-VERSION: int = 1
+VERSION: int = 2
 
 Row = dict[str, Any]
 
@@ -152,6 +152,12 @@ def _meshes(row: Mapping[str, Any]) -> str:
     return str(row["meshes"]) + (f" ({row['failed']} failed)" if row.get("failed") else "")
 
 
+def _told(row: Row) -> str:
+    """Remarks as printed."""
+    fallback = f"{row['fallback']} by S1's fallback" if row.get("fallback") else ""
+    return "; ".join(part for part in (row["remarks"], fallback) if part)
+
+
 ABLATION = Table(
     "Element quality after each stage",
     ABLATION_COLUMNS,
@@ -183,7 +189,7 @@ ABLATION = Table(
             "Number of elements above the limit of a solver-ready mesh: median [minimum-maximum] over the meshes",
         ),
         Shown("total", lambda row: number(row["q_above_0.6_total"], 0), "The same, in all meshes together"),
-        Shown("Remarks", lambda row: row["remarks"] or "", "Why meshes are missing, or where the row is from"),
+        Shown("Remarks", _told, "Why meshes are missing, how many S1 made by its fallback, or where the row is from"),
     ),
     group=lambda row: (row["source"], row["cell_size_mm"], row["mesher"]),
 )

@@ -11,6 +11,7 @@ import pytest
 from shapes import cube_mesh
 
 from cortet.experiments import (
+    ABLATION,
     ABLATION_COLUMNS,
     STAGES_COLUMNS,
     Origin,
@@ -115,6 +116,8 @@ def test_meshes_of_the_fallback_and_of_wrong_topology_are_counted() -> None:
     }
     (row,) = ours(ablation_rows(records, made, {}, {}))
     assert (row["fallback"], row["wrong_topology"]) == (1, 1)
+    (remark,) = (column.text(row) for column in ABLATION.shown if column.heading == "Remarks")
+    assert remark == "1 by S1's fallback"
 
 
 def test_reference_meshes_and_the_published_table_stand_below() -> None:
