@@ -152,7 +152,7 @@ def _meshes(row: Mapping[str, Any]) -> str:
     return str(row["meshes"]) + (f" ({row['failed']} failed)" if row.get("failed") else "")
 
 
-def _told(row: Row) -> str:
+def _told(row: Mapping[str, Any]) -> str:
     """Remarks as printed."""
     fallback = f"{row['fallback']} by S1's fallback" if row.get("fallback") else ""
     return "; ".join(part for part in (row["remarks"], fallback) if part)

@@ -53,7 +53,7 @@ def with_ftetwild(points: FloatArray, faces: IntArray, cell_size: float) -> Fill
     """fTetWild; its boundary only stays within an envelope around the surface."""
     import pytetwild
 
-    return pytetwild.tetrahedralize(points, faces, edge_length_abs=cell_size, quiet=True, num_threads=1)[:2]
+    return pytetwild.tetrahedralize(points, faces, edge_length_abs=cell_size, quiet=True, num_threads=1)[:2]  # type: ignore[attr-defined, unused-ignore]
 
 
 def with_gmsh(points: FloatArray, faces: IntArray, cell_size: float) -> Filled:

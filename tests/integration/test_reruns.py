@@ -197,7 +197,7 @@ def process_of(script: str, folder: Path) -> int | None:
     return None
 
 
-def wait_for(found: Callable[[], int | None], run: subprocess.Popen[bytes], seconds: float = 60) -> int:
+def wait_for(found: Callable[[], int | None], run: subprocess.Popen[bytes], seconds: float = 600) -> int:
     end = time.time() + seconds
     while time.time() < end and run.poll() is None:
         if (result := found()) is not None:
