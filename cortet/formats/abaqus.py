@@ -136,7 +136,9 @@ def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:
         text = Path(path).read_bytes()
     except OSError as error:
         raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
-    starts = [match.start() for match in re.finditer(rb"^\*", text, re.MULTILINE)]
+    starts = [0] if text.startswith(b"*") else []
+    while (newline := text.find(b"\n*", starts[-1] if starts else 0)) >= 0:
+        starts.append(newline + 1)
     blocks, line = [], 1 + text.count(b"\n", 0, starts[0] if starts else 0)
     for start, end in zip(starts, [*starts[1:], len(text)], strict=False):
         head, _, data = text[start:end].partition(b"\n")

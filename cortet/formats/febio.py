@@ -32,10 +32,17 @@ ALL_NODES, TISSUE = "all_nodes", "tissue"
 #: of the placeholder materials: Young's modulus and Poisson's ratio of shear modulus 1 and bulk modulus 5
 _YOUNG, _POISSON = 2.8125, 0.40625
 
-#: the long lists of a file: what is inside them is read as a table, what is around them as XML
-_LISTS = ("Nodes", "Elements", "Surface", "NodeData", "ElementData")
-_BLOCK = re.compile(rb"(<(?:%s)\b[^>]*>)(.*?)(</(?:%s)>)" % (("|".join(_LISTS).encode(),) * 2), re.DOTALL)
-_ROW = re.compile(rb'<(?:node|elem|tri3) +(?:id|lid) *= *"')
+#: the long lists of a file, the element of a row and its number: they are read as tables, what is around them as XML
+_LISTS = {
+    "Nodes": ("node", "id"),
+    "Elements": ("elem", "id"),
+    "Surface": ("tri3", "id"),
+    "NodeData": ("node", "lid"),
+    "ElementData": ("elem", "lid"),
+}
+_BEGIN = re.compile(rb"<(%s)\b[^>]*>" % "|".join(_LISTS).encode())
+_ANY_BEFORE = re.compile(rb"""<(?:node|elem|tri3)\s+(?:id|lid)\s*=\s*["']\s*(\d+)\s*["']\s*>""")
+_ANY_AFTER = re.compile(rb"</(?:node|elem|tri3)\s*>")
 
 
 def write(mesh: TetMesh, path: str | Path) -> None:
@@ -157,13 +164,17 @@ def read_xml(path: str | Path) -> tuple[ElementTree.Element, list[bytes]]:
         the file is missing, is not well-formed XML, or is not a `febio_spec` of version 4.0
     """
     tables: list[bytes] = []
-
-    def put_aside(match: re.Match[bytes]) -> bytes:
-        tables.append(match[2])
-        return b"%s%d%s" % (match[1], len(tables) - 1, match[3])
-
+    around, begin = [], 0
     try:
-        root = ElementTree.fromstring(_BLOCK.sub(put_aside, Path(path).read_bytes()))
+        text = Path(path).read_bytes()
+        while opening := _BEGIN.search(text, begin):
+            end = text.find(b"</%s>" % opening[1], opening.end())
+            if end < 0:
+                break
+            around += [text[begin : opening.end()], str(len(tables)).encode()]
+            tables.append(text[opening.end() : end])
+            begin = end
+        root = ElementTree.fromstring(b"".join([*around, text[begin:]]))
     except OSError as error:
         raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
     except ElementTree.ParseError as error:
@@ -177,8 +188,12 @@ def _table(
     element: ElementTree.Element, tables: list[bytes], columns: int, dtype: Any, path: str | Path
 ) -> NDArray[Any]:
     """Rows of a long list: the id and what it holds."""
-    content = _ROW.sub(b"", tables[int(element.text or 0)]).replace(b'">', b",")
-    content = re.sub(rb"</(?:node|elem|tri3)>", b"\n", content)
+    given, (tag, number) = tables[int(element.text or 0)], _LISTS[element.tag]
+    content = (
+        given.replace(f'<{tag} {number}="'.encode(), b"").replace(b'">', b",").replace(f"</{tag}>".encode(), b"\n")
+    )
+    if b"<" in content:  # written otherwise than almost everybody does
+        content = _ANY_AFTER.sub(b"\n", _ANY_BEFORE.sub(rb"\1,", given))
     try:
         return read_rows(content, columns, dtype, delimiter=",")
     except BadRowError as error:

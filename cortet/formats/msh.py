@@ -97,25 +97,27 @@ def _add_entities(
     boundary: list[int],
 ) -> list[int]:
     """One discrete entity for each combination of groups, with the nodes that are not `placed` yet; their tags."""
-    membership = np.stack(list(groups.values()), axis=1)
-    combinations, entity = np.unique(membership, axis=0, return_inverse=True)
+    combination = np.zeros(len(elements), np.int64)
+    for belongs in groups.values():
+        combination = np.unique(2 * combination + belongs, return_inverse=True)[1]
     entities: dict[str, list[int]] = {name: [] for name in groups}
-    for number, combination in enumerate(combinations):
+    count = int(combination.max(initial=-1)) + 1
+    for number in range(count):
         tag = number + 1
-        mine = np.flatnonzero(entity.ravel() == number)
+        mine = np.flatnonzero(combination == number)
         gmsh.model.addDiscreteEntity(dimension, tag, boundary)
         nodes = np.unique(elements[mine])
         nodes = nodes[~placed[nodes]]
         placed[nodes] = True
         gmsh.model.mesh.addNodes(dimension, tag, nodes + 1, mesh.points[nodes].ravel())
         gmsh.model.mesh.addElementsByType(tag, kind, mine + first_tag, elements[mine].ravel() + 1)
-        for name, belongs in zip(groups, combination, strict=True):
-            if belongs:
+        for name, belongs in groups.items():
+            if belongs[mine[0]]:
                 entities[name].append(tag)
     for name, tags in entities.items():
         if tags:
             gmsh.model.addPhysicalGroup(dimension, tags, name=name)
-    return list(range(1, len(combinations) + 1))
+    return list(range(1, count + 1))
 
 
 def _append_field(path: Path, kind: str, name: str, values: NDArray[Any]) -> None:
