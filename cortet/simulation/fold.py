@@ -24,7 +24,7 @@ from cortet.simulation.record import COLUMNS, Record
 from cortet.simulation.run import Moment, Run, Settings, advance_to, beginning, measured, millimetres, prepared
 from cortet.tables import write_tsv
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: files in the folder of a run; seconds have a table of their own, all else is the same in every run
 TABLE, SIDECAR, SECONDS, VERDICT, SERIES = "fold.tsv", "fold.json", "seconds.tsv", "verdict.json", "fold.pvd"

@@ -12,6 +12,11 @@ Constitutive law, per unit of grown volume, with F the elastic deformation gradi
 
 J_node is the ratio of a node's current to its grown volume, J~ the mean over an element's nodes: this averaging removes
 the locking of linear tetrahedra, and the forces are still the gradient of the energy.
+
+No time step could follow W where an element is nearly flat, for it grows without limit there. Written in the stretches
+s of F, J^(-2/3) is the product of phi(s) = s^(-2/3); below a stretch of 0.1, phi is replaced by its second-order Taylor
+polynomial there, which also takes the negative stretch of an inverted element (after Stomakhin et al., SCA 2012). The
+energy stays smooth, and the flatter the element, the harder it is pushed open. Every entry into this branch is counted.
 """
 # Vectors are tuples of three floats; matrices are three of them, rows first. Numba keeps both in registers.
 # Its parallel loops take no named tuples: these become plain ones on the way in and get their names back in each block.
@@ -30,7 +35,7 @@ from cortet.simulation.contact import contact_forces, moved_too_far
 
 #: how `advance` ended
 DONE, INVERTED, LIST_OUTDATED = 0, 1, 2
-#: smallest stretch that the law is evaluated at
+#: stretch below which the law is continued by a polynomial
 SMALLEST_STRETCH = 0.1
 
 _BLOCK = 256
@@ -167,10 +172,7 @@ def _ratios(first, last, body, work):  # type: ignore[no-untyped-def]
 
 @_fast
 def _forces(first, last, body, material, x, work, alphas):  # type: ignore[no-untyped-def]
-    """Forces of a block of elements; returns their smallest J and how many are degenerate.
-
-    A J that is not positive, or not a number, comes back as such, and the forces are worthless.
-    """
+    """Forces of a block of elements; returns their smallest J, NaN if there is one, and how many are degenerate."""
     body, material, work = Body(*body), Material(*material), Work(*work)
     smallest, degenerate = np.inf, 0
     for e in range(first, last):
@@ -190,11 +192,12 @@ def _forces(first, last, body, material, x, work, alphas):  # type: ignore[no-un
         p = work.grown[e] * mu * j ** (-2 / 3)
         r = q - p * trace / (3 * j)
         p0, p1, p2 = _sum(p, f0, r, c0), _sum(p, f1, r, c1), _sum(p, f2, r, c2)
-        # the smallest stretch is at least 2 J / tr B, which spares nearly all elements its computation
-        if j > 0 and 2 * j < SMALLEST_STRETCH * trace and _smallest_stretch(f0, f1, f2) < SMALLEST_STRETCH:
-            degenerate += 1
-            s0, s1, s2 = _clamped_stress(f0, f1, f2, work.grown[e] * mu)
-            p0, p1, p2 = _sum(1.0, s0, q, c0), _sum(1.0, s1, q, c1), _sum(1.0, s2, q, c2)
+        if _may_be_degenerate(j, trace):
+            left, stretch, right = _stretches(f0, f1, f2)
+            if stretch[2] < SMALLEST_STRETCH:
+                degenerate += 1
+                s0, s1, s2 = _degenerate_stress(left, stretch, right, work.grown[e] * mu)
+                p0, p1, p2 = _sum(1.0, s0, q, c0), _sum(1.0, s1, q, c1), _sum(1.0, s2, q, c2)
         forces = work.forces[e]
         forces[0, 0], forces[0, 1], forces[0, 2] = -_dot(p0, a), -_dot(p1, a), -_dot(p2, a)
         forces[1, 0], forces[1, 1], forces[1, 2] = -_dot(p0, b), -_dot(p1, b), -_dot(p2, b)
@@ -204,22 +207,37 @@ def _forces(first, last, body, material, x, work, alphas):  # type: ignore[no-un
     return smallest, degenerate
 
 
-@numba.njit(cache=True)
-def _as_array(f0, f1, f2):  # type: ignore[no-untyped-def]
-    return np.array([[f0[0], f0[1], f0[2]], [f1[0], f1[1], f1[2]], [f2[0], f2[1], f2[2]]])
+@_fast
+def _may_be_degenerate(j, trace):  # type: ignore[no-untyped-def]
+    """False for nearly all elements, which spares them their stretches: the smallest is at least 2 J / tr B."""
+    return 2 * j < SMALLEST_STRETCH * trace
 
 
 @numba.njit(cache=True)
-def _smallest_stretch(f0, f1, f2):  # type: ignore[no-untyped-def]
-    return np.linalg.svd(_as_array(f0, f1, f2))[1][2]
+def _stretches(f0, f1, f2):  # type: ignore[no-untyped-def]
+    """U, s and V^T of F = U diag(s) V^T, s falling; of an inverted element the last is negative, not U or V^T."""
+    f = np.array([[f0[0], f0[1], f0[2]], [f1[0], f1[1], f1[2]], [f2[0], f2[1], f2[2]]])
+    u, s, vt = np.linalg.svd(f)
+    if _dot(f0, _cross(f1, f2)) < 0:
+        u[:, 2] *= -1
+        s[2] *= -1
+    return u, s, vt
+
+
+@_fast
+def _phi(s):  # type: ignore[no-untyped-def]
+    """s^(-2/3), continued below the smallest stretch, and its derivative."""
+    if s >= SMALLEST_STRETCH:
+        return s ** (-2 / 3), -2 / 3 * s ** (-5 / 3)
+    phi, r = SMALLEST_STRETCH ** (-2 / 3), s / SMALLEST_STRETCH - 1
+    return phi * (1 - 2 / 3 * r + 5 / 9 * r * r), phi / SMALLEST_STRETCH * (-2 / 3 + 10 / 9 * r)
 
 
 @numba.njit(cache=True)
-def _clamped_stress(f0, f1, f2, mu):  # type: ignore[no-untyped-def]
-    """Rows of the deviatoric P, with the smallest stretch of F raised to the one the law is evaluated at."""
-    u, stretch, vt = np.linalg.svd(_as_array(f0, f1, f2))
-    stretch[2] = SMALLEST_STRETCH
-    principal = mu * stretch.prod() ** (-2 / 3) * (stretch - (stretch**2).sum() / (3 * stretch))
+def _degenerate_stress(u, s, vt, mu):  # type: ignore[no-untyped-def]
+    """Rows of the deviatoric P from the stretches of F."""
+    (a, da), (b, db), (c, dc) = _phi(s[0]), _phi(s[1]), _phi(s[2])
+    principal = mu / 2 * (s**2).sum() * np.array([da * b * c, a * db * c, a * b * dc]) + mu * a * b * c * s
     p = (u * principal) @ vt
     return (p[0, 0], p[0, 1], p[0, 2]), (p[1, 0], p[1, 1], p[1, 2]), (p[2, 0], p[2, 1], p[2, 2])
 
@@ -347,6 +365,10 @@ def _deviatoric_energy(body, material, x, work, alphas):  # type: ignore[no-unty
         a, b, c = _grown_gradients(body, e, share * alphas[body.label[e]])
         f0, f1, f2 = _deformation(u, v, w, a, b, c)
         j, trace = _dot(f0, _cross(f1, f2)), _dot(f0, f0) + _dot(f1, f1) + _dot(f2, f2)
+        factor = j ** (-2 / 3)
+        if _may_be_degenerate(j, trace):
+            stretch = _stretches(f0, f1, f2)[1]
+            factor = _phi(stretch[0])[0] * _phi(stretch[1])[0] * _phi(stretch[2])[0]
         mu = material.mu_core * (1 - share) + material.mu_cortex * share
-        energy[e] = work.grown[e] * mu / 2 * (j ** (-2 / 3) * trace - 3)
+        energy[e] = work.grown[e] * mu / 2 * (factor * trace - 3)
     return energy

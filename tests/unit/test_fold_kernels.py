@@ -99,14 +99,26 @@ def lumped_area(mesh: TetMesh, nodes: np.ndarray) -> float:
 def test_forces_are_the_gradient_of_the_energy() -> None:
     mesh = ball_mesh(2)
     body = body_of(mesh, UNIT, thickness=0.3)
-    work, rng, alpha = workspace(body), np.random.default_rng(1), np.array([0.4])
-    x = mesh.points * [1.1, 1.0, 0.9]
-    direction = rng.normal(size=x.shape)
-    analytic = -(forces(body, work, x, 0.4) * direction).sum()
+    assert_forces_follow_from_energy(body, mesh.points * [1.1, 1.0, 0.9], 0.4)
+
+
+@pytest.mark.parametrize("stretches", [(1.0, 1.1, 0.05), (1.0, 0.06, 0.05), (1.0, 0.9, 0.0), (1.1, 1.0, -0.05)])
+def test_so_they_are_in_flat_and_inverted_elements(stretches: tuple[float, float, float]) -> None:
+    mesh = cube_mesh(1)
+    body, _ = ungrown(mesh)
+    x = mesh.points * stretches @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    assert_forces_follow_from_energy(body, x, 0.0)
+
+
+def assert_forces_follow_from_energy(body: Body, x: np.ndarray, alpha: float) -> None:
+    """Compare the forces along a direction with the difference of the energy."""
+    work, growth = workspace(body), np.array([alpha])
+    direction = np.random.default_rng(1).normal(size=x.shape)
+    analytic = -(forces(body, work, x, alpha) * direction).sum()
 
     def energy(at: float) -> float:
-        elastic_forces(body, MATERIAL, x + at * direction, work, alpha, 0.0)
-        return elastic_energy(body, MATERIAL, x + at * direction, work, alpha)
+        elastic_forces(body, MATERIAL, x + at * direction, work, growth, 0.0)
+        return elastic_energy(body, MATERIAL, x + at * direction, work, growth)
 
     h = 1e-6
     assert (energy(h) - energy(-h)) / (2 * h) == pytest.approx(analytic, rel=1e-7)
@@ -204,20 +216,20 @@ def test_a_nearly_flat_element_takes_the_degenerate_branch_and_is_counted() -> N
     assert advance(body, MATERIAL, flat, work, no_contact(mesh), *steps(1), 1e-9) == (1, DONE)
     assert work.counts[0] == len(mesh.cells)
     assert work.min_j[0] == pytest.approx(0.05)
-    # as if the smallest stretch were 0.1: forces stay finite and push apart
-    top = mesh.points[:, 2] == 1
-    assert nodal_forces(body, work)[top, 2].sum() > 0
     thin = State(mesh.points * [1, 1, 0.2], np.zeros_like(mesh.points))
     advance(body, MATERIAL, thin, work, no_contact(mesh), *steps(1), 1e-9)
     assert work.counts[0] == len(mesh.cells)
 
 
-def test_in_the_degenerate_branch_the_stress_is_that_of_the_smallest_stretch_allowed() -> None:
-    mesh = cube_mesh(2)
+def test_the_flatter_an_element_the_harder_it_is_pushed_open() -> None:
+    mesh = cube_mesh(1)
     body, work = ungrown(mesh)
-    material = MATERIAL._replace(bulk=0.0)
-    pushes = []
-    for stretch in (0.1000001, 0.05):
-        elastic_forces(body, material, mesh.points * [1, 1, stretch], work, NO_GROWTH, 0.0)
-        pushes.append(nodal_forces(body, work))
-    assert pushes[1] == pytest.approx(pushes[0], rel=1e-4, abs=1e-9)
+    top = mesh.points[:, 2] == 1
+
+    def push(stretch: float) -> float:
+        elastic_forces(body, MATERIAL._replace(bulk=0.0), mesh.points * [1, 1, stretch], work, NO_GROWTH, 0.0)
+        return float(nodal_forces(body, work)[top, 2].sum())
+
+    assert push(0.1 - 1e-9) == pytest.approx(push(0.1 + 1e-9), rel=1e-6)
+    pushes = [push(stretch) for stretch in (0.2, 0.1, 0.05, 0.0, -0.05)]
+    assert np.all(np.diff(pushes) > 0)
