@@ -1,21 +1,26 @@
 """Whole chains from surface to certificate: seconds per stage, memory, quality and fidelity.
 
     python benchmarks/chains.py SURFACE... [--cell-sizes 1.0 0.8] [--chains published default fast default:tetgen]
+                                [--threads 1 2] [--core-ratio 2] [--profile]
 
 A chain is a setting, or `setting:mesher` for another mesher in S1. Each runs in a process of its own with kernels
-compiled, on surfaces that are not smoothed. Seconds are those of the CPU, which other work on the machine changes
-least. Prints one line per stage as it ends, then one per mesh, and where a chain ran on several meshes, how its time
-grows with their size.
+compiled, on surfaces that are not smoothed. CPU seconds are those of all threads; other work on the machine changes
+them least. Prints one line per stage as it ends, then one per mesh, with a hash of its nodes and tetrahedra, and where
+a chain ran on several meshes, how its time grows with their size. A profile lists the slowest functions of a chain.
 """
 
 from __future__ import annotations
 
 import argparse
+import cProfile
+import hashlib
 import multiprocessing
+import pstats
 import time
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 
 from cortet.config import load
@@ -27,26 +32,33 @@ from cortet.pipeline import Step, mesh_surface
 from cortet.quality import quality
 from cortet.stage_table import peak_memory_mb, reset_peak_memory
 
-STAGE_COLUMNS = ("surface", "h_mm", "chain", "stage", "cpu_seconds", "tets", "q_mean", "q_max", "above_0.6")
+STAGE_COLUMNS = ("surface", "h_mm", "chain", "threads", "stage", "cpu_seconds", "tets", "q_mean", "q_max", "above_0.6")
 MESH_COLUMNS = (
-    *("surface", "h_mm", "chain", "tets", "q_mean", "q_max", "valence_bound", "cpu_seconds", "tets_per_second"),
-    *("MB_per_million_tets", "nodes_off_mm", "surface_off_mm", "volume_change", "euler", "certified", "why_not"),
+    *("surface", "h_mm", "chain", "threads", "tets", "q_mean", "q_max", "valence_bound"),
+    *("cpu_seconds", "wall_seconds", "tets_per_cpu_second", "MB_per_million_tets"),
+    *("nodes_off_mm", "surface_off_mm", "volume_change", "euler", "certified", "why_not", "sha256"),
 )
 
 
-def run_chain(surface_file: Path, cell_size: float, chain: str, answer) -> None:  # type: ignore[no-untyped-def]
+def run_chain(  # type: ignore[no-untyped-def]
+    surface_file: Path, cell_size: float, chain: str, threads: int, core_ratio: float, profiled: bool, answer
+) -> None:
     """Run one chain in this process, print its stages and send back the row of its mesh."""
+    numba.set_num_threads(threads)
     setting, _, mesher = chain.partition(":")
-    generate: dict[str, Any] = {"cell_size": cell_size, **({"meshers": [mesher]} if mesher else {})}
+    generate: dict[str, Any] = {"cell_size": cell_size, "core_ratio": core_ratio}
+    generate |= {"meshers": [mesher]} if mesher else {}
     config = load({"setting": setting, "generate": generate})
     # loads or compiles the kernels, and is no part of what is measured
     coarse = load({"setting": setting, "generate": {**generate, "cell_size": 4.0}})
     mesh_surface(phantom(24.0, subdivisions=3), coarse)
     surface = read_surface(surface_file)
-    row: dict[str, Any] = {"surface": surface_file.name.removesuffix(".surf.gii"), "h_mm": cell_size, "chain": chain}
+    name = surface_file.name.removesuffix(".surf.gii")
+    row: dict[str, Any] = {"surface": name, "h_mm": cell_size, "chain": chain, "threads": threads}
     reset_peak_memory()
     idle_mb = peak_memory_mb() or 0
     began = last = time.process_time()
+    wall_began = time.perf_counter()
 
     def progress(step: Step) -> None:
         nonlocal began, last
@@ -60,11 +72,17 @@ def run_chain(surface_file: Path, cell_size: float, chain: str, answer) -> None:
         began += time.process_time() - last - seconds
         last = time.process_time()
 
+    profiler = cProfile.Profile(time.process_time)
+    if profiled:
+        profiler.enable()
     try:
         mesh, found = mesh_surface(surface, config, progress=progress)
     except CortetError as error:
         answer.send(row | {"certified": False, "why_not": str(error)})
         return
+    if profiled:
+        profiler.disable()
+        pstats.Stats(profiler).sort_stats("tottime").print_stats(16)
     cells = len(mesh.cells)
     answer.send(
         row
@@ -74,7 +92,8 @@ def run_chain(surface_file: Path, cell_size: float, chain: str, answer) -> None:
             "q_max": found.quality.q.max,
             "valence_bound": found.valence_bound.q,
             "cpu_seconds": last - began,
-            "tets_per_second": cells / (last - began),
+            "wall_seconds": time.perf_counter() - wall_began,
+            "tets_per_cpu_second": cells / (last - began),
             "MB_per_million_tets": ((peak_memory_mb() or 0) - idle_mb) / cells * 1e6,
             "nodes_off_mm": found.fidelity.nodes_to_surface_mm.max,
             "surface_off_mm": found.fidelity.surface_to_boundary_mm.mean,
@@ -82,6 +101,7 @@ def run_chain(surface_file: Path, cell_size: float, chain: str, answer) -> None:
             "euler": found.topology.euler_number,
             "certified": found.certified,
             "why_not": "; ".join(found.reasons),
+            "sha256": hashlib.sha256(mesh.points.tobytes() + mesh.cells.tobytes()).hexdigest()[:16],
         }
     )
 
@@ -110,13 +130,17 @@ def main() -> None:
     parser.add_argument("surfaces", nargs="+", type=Path)
     parser.add_argument("--cell-sizes", nargs="+", type=float, default=[1.0])
     parser.add_argument("--chains", nargs="+", default=["published", "default", "fast"])
+    parser.add_argument("--threads", nargs="+", type=int, default=[1])
+    parser.add_argument("--core-ratio", type=float, default=1.0, help="lattice: coarser core")
+    parser.add_argument("--profile", action="store_true")
     options = parser.parse_args()
     print(*STAGE_COLUMNS, sep="\t")
     rows = [
-        in_own_process(surface, cell_size, chain)
+        in_own_process(surface, cell_size, chain, threads, options.core_ratio, options.profile)
         for surface in options.surfaces
         for cell_size in options.cell_sizes
         for chain in options.chains
+        for threads in options.threads
     ]
     print()
     print(*MESH_COLUMNS, sep="\t")

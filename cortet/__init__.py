@@ -1,3 +1,10 @@
 """cortet: from cortical surfaces to certified simulation meshes (method: CORTET, arXiv:2607.12157)."""
 
+import os
+
+# Numba's first choice, TBB, warns in many environments that theirs is too old, and is not used anyway
+os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")
+# threads that wait must not take a core from other work; read when OpenMP is loaded
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
 __version__ = "0.1.0"

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import wraps
 
+import numba
 import numpy as np
 
 from cortet.mesh import FloatArray, IntArray, TetMesh
@@ -59,13 +60,27 @@ def signed_volumes(points: FloatArray, cells: IntArray) -> FloatArray:
     return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
 
 
-@_in_blocks
 def quality(points: FloatArray, cells: IntArray) -> FloatArray:
     """q = 1 - sqrt(2) 6V / l_rms^3: (m,); 1 where V <= 0."""
-    volumes = signed_volumes(points, cells)
-    mean_square = (edge_vectors(points, cells) ** 2).sum(axis=(1, 2)) / 6
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(volumes > 0, 1 - np.sqrt(2) * 6 * volumes / mean_square**1.5, 1.0)
+    return _quality(np.ascontiguousarray(points, np.float64), np.ascontiguousarray(cells, np.int32))
+
+
+@numba.njit(parallel=True, cache=True)
+def _quality(points, cells):  # type: ignore[no-untyped-def]
+    q = np.empty(len(cells))
+    for e in numba.prange(len(cells)):
+        a, b, c, d = cells[e, 0], cells[e, 1], cells[e, 2], cells[e, 3]
+        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+        vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+        wx, wy, wz = points[d, 0] - points[a, 0], points[d, 1] - points[a, 1], points[d, 2] - points[a, 2]
+        v6 = (uy * vz - uz * vy) * wx + (uz * vx - ux * vz) * wy + (ux * vy - uy * vx) * wz
+        squares = ux * ux + uy * uy + uz * uz + vx * vx + vy * vy + vz * vz + wx * wx + wy * wy + wz * wz
+        squares += (vx - ux) ** 2 + (vy - uy) ** 2 + (vz - uz) ** 2
+        squares += (wx - ux) ** 2 + (wy - uy) ** 2 + (wz - uz) ** 2
+        squares += (wx - vx) ** 2 + (wy - vy) ** 2 + (wz - vz) ** 2
+        square = squares / 6
+        q[e] = 1 - np.sqrt(2) * v6 / (square * np.sqrt(square)) if v6 > 0 else 1.0
+    return q
 
 
 def mean_ratio(points: FloatArray, cells: IntArray) -> FloatArray:

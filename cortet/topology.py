@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from cortet.counting import behind_faces, cells_around
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 
 #: corners of the face opposite each corner of a tetrahedron, outward for positive volume
@@ -123,14 +124,8 @@ def packed(simplices: NDArray[np.integer]) -> NDArray[np.int64]:
 @_once_per_mesh
 def boundary(mesh: TetMesh) -> BoundaryFaces:
     """Boundary faces of a mesh, outward, with the tetrahedron that owns each, in the order of the tetrahedra."""
-    faces = mesh.cells[:, TET_FACES].reshape(-1, 3)
-    key = packed(faces)
-    order = np.argsort(key, kind="stable")
-    new = np.empty(len(key) + 1, bool)
-    new[0] = new[-1] = True
-    np.not_equal(key[order[1:]], key[order[:-1]], out=new[1:-1])
-    single = np.sort(order[new[:-1] & new[1:]])
-    return BoundaryFaces(np.ascontiguousarray(faces[single]), (single // 4).astype(np.int32))
+    cell, corner = np.nonzero(cell_neighbours(mesh.cells) < 0)
+    return BoundaryFaces(mesh.cells[cell[:, None], TET_FACES[corner]], cell.astype(np.int32))
 
 
 def boundary_faces(mesh: TetMesh) -> IntArray:
@@ -151,14 +146,14 @@ def boundary_surface(mesh: TetMesh) -> tuple[TriSurface, IntArray]:
     return TriSurface(mesh.points[nodes], faces), nodes
 
 
+def cell_neighbours(cells: IntArray) -> IntArray:
+    """The tetrahedron behind the face opposite each corner: (m, 4) int32, -1 outside."""
+    return behind_faces(np.ascontiguousarray(cells, np.int32), TET_FACES, int(cells.max(initial=-1)) + 1)
+
+
 def incidence(cells: IntArray, vertex_count: int) -> Incidence:
     """Cells (triangles or tetrahedra) around every vertex."""
-    width = cells.shape[1]
-    flat = cells.ravel()
-    order = np.argsort(flat, kind="stable")
-    offsets = np.zeros(vertex_count + 1, np.int64)
-    np.cumsum(np.bincount(flat, minlength=vertex_count), out=offsets[1:])
-    return Incidence(offsets, (order // width).astype(np.int32), (order % width).astype(np.int8))
+    return Incidence(*cells_around(np.ascontiguousarray(cells, np.int32), vertex_count))
 
 
 def edges(simplices: IntArray) -> IntArray:

@@ -16,6 +16,8 @@ from cortet.mesh import FloatArray, IntArray
 
 _LEAF_SIZE = 4
 _STACK_SIZE = 64
+#: queries that one thread answers one after the other; what comes out does not depend on how many threads there are
+_BLOCK = 256
 
 
 class SurfaceTree(NamedTuple):
@@ -55,12 +57,12 @@ def surface_tree(points: FloatArray, faces: IntArray) -> SurfaceTree:
 
 def closest_points(tree: SurfaceTree, queries: FloatArray) -> ClosestPoints:
     """Nearest point of the surface to each of `queries` (k, 3) mm."""
-    return ClosestPoints(*_closest_points(tree, np.ascontiguousarray(queries, dtype=np.float64)))
+    return ClosestPoints(*_closest_points(tuple(tree), np.ascontiguousarray(queries, dtype=np.float64)))
 
 
 def closer_than(tree: SurfaceTree, queries: FloatArray, distance: float) -> NDArray[np.bool_]:
     """Whether each of `queries` (k, 3) mm is closer to the surface than `distance` mm."""
-    return _closer_than(tree, np.ascontiguousarray(queries, dtype=np.float64), distance)
+    return _closer_than(tuple(tree), np.ascontiguousarray(queries, dtype=np.float64), distance)
 
 
 @numba.njit(cache=True)
@@ -90,14 +92,38 @@ def _build(corners: NDArray[np.float64]):  # type: ignore[no-untyped-def]
             child[box], size[box] = lo, hi - lo
         else:
             axis = np.argmax(boxes[box, 3:] - boxes[box, :3])
-            order[lo:hi] = order[lo:hi][np.argsort(centroids[order[lo:hi], axis], kind="mergesort")]
             middle = (lo + hi) // 2
+            _partition(order, centroids, axis, lo, hi, middle)
             child[box] = used
             first[used], last[used] = lo, middle
             first[used + 1], last[used + 1] = middle, hi
             used += 2
         box += 1
     return order, boxes[:used].copy(), child[:used].copy(), size[:used].copy()
+
+
+@numba.njit(cache=True)
+def _partition(order, centroids, axis, lo, hi, middle):  # type: ignore[no-untyped-def]
+    """Arrange order[lo:hi] so that no centroid before `middle` is greater than one from there on (Hoare, FIND)."""
+    hi -= 1
+    while lo < hi:
+        pivot = centroids[order[(lo + hi) // 2], axis]
+        i, j = lo, hi
+        while i <= j:
+            while centroids[order[i], axis] < pivot:
+                i += 1
+            while centroids[order[j], axis] > pivot:
+                j -= 1
+            if i <= j:
+                order[i], order[j] = order[j], order[i]
+                i += 1
+                j -= 1
+        if middle <= j:
+            hi = j
+        elif middle >= i:
+            lo = i
+        else:
+            return
 
 
 @numba.njit(cache=True, inline="always")
@@ -192,46 +218,51 @@ def closest_point(tree, x, y, z, hint):  # type: ignore[no-untyped-def]
     return px, py, pz, face, u, v, w
 
 
-@numba.njit(cache=True)
+@numba.njit(parallel=True, cache=True)
 def _closest_points(tree, queries):  # type: ignore[no-untyped-def]
     k = len(queries)
     points, barycentric = np.empty((k, 3)), np.empty((k, 3))
     faces, distances = np.empty(k, np.int32), np.empty(k)
-    hint = -1  # consecutive queries tend to be neighbours
-    for i in range(k):
-        x, y, z = queries[i]
-        px, py, pz, hint, u, v, w = closest_point(tree, x, y, z, hint)
-        points[i, 0], points[i, 1], points[i, 2] = px, py, pz
-        barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = u, v, w
-        faces[i] = tree.faces[hint]
-        distances[i] = np.sqrt((px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2)
+    for block in numba.prange((k + _BLOCK - 1) // _BLOCK):
+        hint = -1  # consecutive queries tend to be neighbours
+        for i in range(block * _BLOCK, min(k, (block + 1) * _BLOCK)):
+            x, y, z = queries[i, 0], queries[i, 1], queries[i, 2]
+            px, py, pz, hint, u, v, w = closest_point(SurfaceTree(*tree), x, y, z, hint)
+            points[i, 0], points[i, 1], points[i, 2] = px, py, pz
+            barycentric[i, 0], barycentric[i, 1], barycentric[i, 2] = u, v, w
+            faces[i] = tree[1][hint]
+            distances[i] = np.sqrt((px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2)
     return points, faces, barycentric, distances
 
 
-@numba.njit(cache=True)
+@numba.njit(parallel=True, cache=True)
 def _closer_than(tree, queries, distance):  # type: ignore[no-untyped-def]
-    near = np.zeros(len(queries), np.bool_)
-    limit = distance * distance
-    stack = np.empty(_STACK_SIZE, np.int32)
-    for i in range(len(queries)):
-        x, y, z = queries[i]
-        stack[0], top = 0, 1
-        while top and not near[i]:
-            top -= 1
-            box = stack[top]
-            if _box_distance2(tree.boxes, box, x, y, z) >= limit:
-                continue
-            if tree.size[box]:
-                for k in range(tree.child[box], tree.child[box] + tree.size[box]):
-                    c = tree.corners[k]
-                    u, v, w = on_triangle(c, x, y, z)
-                    dx = u * c[0] + v * c[3] + w * c[6] - x
-                    dy = u * c[1] + v * c[4] + w * c[7] - y
-                    dz = u * c[2] + v * c[5] + w * c[8] - z
-                    if dx * dx + dy * dy + dz * dz < limit:
-                        near[i] = True
-                        break
-            else:
-                stack[top], stack[top + 1] = tree.child[box], tree.child[box] + 1
-                top += 2
+    near = np.empty(len(queries), np.bool_)
+    for i in numba.prange(len(queries)):
+        near[i] = _is_closer(SurfaceTree(*tree), queries[i, 0], queries[i, 1], queries[i, 2], distance * distance)
     return near
+
+
+@numba.njit(cache=True)
+def _is_closer(tree, x, y, z, limit):  # type: ignore[no-untyped-def]
+    """Whether the squared distance from (x, y, z) to the surface is below `limit`."""
+    stack = np.empty(_STACK_SIZE, np.int32)
+    stack[0], top = 0, 1
+    while top:
+        top -= 1
+        box = stack[top]
+        if _box_distance2(tree.boxes, box, x, y, z) >= limit:
+            continue
+        if tree.size[box]:
+            for k in range(tree.child[box], tree.child[box] + tree.size[box]):
+                c = tree.corners[k]
+                u, v, w = on_triangle(c, x, y, z)
+                dx = u * c[0] + v * c[3] + w * c[6] - x
+                dy = u * c[1] + v * c[4] + w * c[7] - y
+                dz = u * c[2] + v * c[5] + w * c[8] - z
+                if dx * dx + dy * dy + dz * dz < limit:
+                    return True
+        else:
+            stack[top], stack[top + 1] = tree.child[box], tree.child[box] + 1
+            top += 2
+    return False

@@ -20,7 +20,7 @@ import numpy as np
 
 from cortet.mesh import FloatArray, IntArray
 from cortet.optimise.closest_point import SurfaceTree, closest_point
-from cortet.topology import TET_FACES, packed
+from cortet.topology import TET_FACES, cell_neighbours
 
 #: largest number of tetrahedra around an edge that is tried: beyond it a better filling is rarely found
 _MAX_RING = 10
@@ -73,17 +73,6 @@ class SwapCount(NamedTuple):
     peeled: int
     #: volume between the old and the new boundary, mm3, positive where it was cut off
     volume_cut: float
-
-
-def cell_neighbours(cells: IntArray) -> IntArray:
-    """The tetrahedron behind the face opposite each corner: (m, 4) int32, -1 outside."""
-    key = packed(cells[:, TET_FACES].reshape(-1, 3))
-    order = np.argsort(key, kind="stable")
-    pair = np.flatnonzero(key[order[1:]] == key[order[:-1]])
-    first, second = order[pair], order[pair + 1]
-    behind = np.full(len(key), -1, np.int32)
-    behind[first], behind[second] = second // 4, first // 4
-    return behind.reshape(-1, 4)
 
 
 def swappable(points: FloatArray, cells: IntArray, mu2: FloatArray, region: IntArray, held: np.ndarray) -> Swappable:

@@ -10,11 +10,13 @@ import numba
 import numpy as np
 
 _STACK_SIZE = 64
+#: triangles that one thread looks at one after the other
+_BLOCK = 64
 #: sine of the angle below which a vertex is in the plane of a triangle: well above rounding, well below any shape
 _FLAT = 1e-12
 
 
-@numba.njit(cache=True)
+@numba.njit(parallel=True, cache=True)
 def crossing(vertices, corners, boxes, child, size):  # type: ignore[no-untyped-def]
     """Flag the triangles that meet others.
 
@@ -23,9 +25,17 @@ def crossing(vertices, corners, boxes, child, size):  # type: ignore[no-untyped-
     """
     m = len(corners)
     flagged = np.zeros(m, np.bool_)
+    # threads may flag the same triangle; flags are only ever raised, so their order does not matter
+    for block in numba.prange((m + _BLOCK - 1) // _BLOCK):
+        _flag_block(block, vertices, corners, boxes, child, size, flagged)
+    return flagged
+
+
+@numba.njit(cache=True)
+def _flag_block(block, vertices, corners, boxes, child, size, flagged):  # type: ignore[no-untyped-def]
     stack = np.empty(_STACK_SIZE, np.int64)
     low, high = np.empty(3), np.empty(3)
-    for i in range(m):
+    for i in range(block * _BLOCK, min(len(corners), (block + 1) * _BLOCK)):
         for k in range(3):
             low[k] = min(corners[i, k], corners[i, k + 3], corners[i, k + 6])
             high[k] = max(corners[i, k], corners[i, k + 3], corners[i, k + 6])
@@ -43,7 +53,6 @@ def crossing(vertices, corners, boxes, child, size):  # type: ignore[no-untyped-
             else:
                 stack[top], stack[top + 1] = child[box], child[box] + 1
                 top += 2
-    return flagged
 
 
 @numba.njit(cache=True, inline="always")

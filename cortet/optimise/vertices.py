@@ -1,13 +1,17 @@
 """Move vertices so that the worst tetrahedron improves; connectivity stays.
 
-One vertex v at a time, in index order, minimise E(x) = sum of mu^p over its tetrahedra, mu = 1 / (1 - q) =
-l_rms^3 / (sqrt(2) 6V), by a Newton step with the positive-definite part of the Hessian and backtracking; a move is
+One vertex v at a time, minimise E(x) = sum of mu^p over its tetrahedra, mu = 1 / (1 - q) = l_rms^3 / (sqrt(2) 6V), by
+a Newton step with the positive-definite part of the Hessian and backtracking; a move is
 kept only if E falls and every volume stays positive. Large p approaches min-max. A boundary vertex that slides takes
 its step in the tangent plane of the input surface and is put back onto that surface before E is compared.
 
 With d = grad log mu = 1.5 grad S / S - grad V' / V' (S mean squared edge, V' = 6V), grad E = sum of p mu^p d, and the
 Hessian used is the sum of p mu^p (1.5 I / S + grad V' grad V'^T / V'^2 + p d d^T).
+
+Vertices are visited in runs of consecutive indices. Runs that share no tetrahedron have one colour and are visited at
+the same time; neither reads what the other writes, so the bits of a result are the same for any number of threads.
 """
+# Numba's parallel loops take no named tuples: these become plain ones on the way in and get their names back in a run.
 
 from __future__ import annotations
 
@@ -18,11 +22,14 @@ from typing import Literal, NamedTuple
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from cortet import topology
 from cortet.mesh import FloatArray, IntArray, TetMesh
 from cortet.optimise.closest_point import SurfaceTree, closest_point
 from cortet.quality import quality
+from cortet.topology import TET_EDGES
 
 #: what the boundary may do
 Boundary = Literal["slide", "fixed", "free"]
@@ -35,6 +42,8 @@ _BACKTRACKS, _SHRINK = 6, 0.4
 _MIN_GAIN = 1e-5
 #: a sliding move keeps each boundary face within acos(this) of the surface under its vertex, or where it was
 _MIN_FACE_COSINE = 0.3
+#: vertices in a run: many, to stay in one place of memory; few, to have many runs of one colour
+_RUN = 512
 
 logger = logging.getLogger(__name__)
 
@@ -53,6 +62,8 @@ class Patches(NamedTuple):
     rims: IntArray
     #: (n,) int8, FIXED, FREE or SLIDING
     freedom: np.ndarray
+    #: (1,), largest number of tetrahedra around a vertex
+    widest: np.ndarray
 
 
 class State(NamedTuple):
@@ -78,13 +89,12 @@ def q_of(mu2: FloatArray) -> FloatArray:
     return 1 - 1 / np.sqrt(mu2)
 
 
-@numba.njit(cache=True)
+@numba.njit(parallel=True, cache=True)
 def _locate(points, tree, freedom, place):  # type: ignore[no-untyped-def]
     """Find the surface triangle under every sliding vertex."""
-    for v in range(len(points)):
+    for v in numba.prange(len(points)):
         if freedom[v] == SLIDING:
-            x, y, z = points[v]
-            place[v] = closest_point(tree, x, y, z, -1)[3]
+            place[v] = closest_point(SurfaceTree(*tree), points[v, 0], points[v, 1], points[v, 2], -1)[3]
 
 
 @numba.njit(cache=True)
@@ -274,21 +284,41 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
     return False
 
 
+@numba.njit(parallel=True, cache=True)
+def _choose(wanted, state, patches, threshold):  # type: ignore[no-untyped-def]
+    """Set `wanted` for the stale vertices of the tetrahedra with mu^2 above `threshold`."""
+    for run in numba.prange((len(wanted) + _RUN - 1) // _RUN):
+        _choose_run(run, wanted, State(*state), Patches(*patches), threshold)
+
+
 @numba.njit(cache=True)
-def _sweep(state, p, tree, half_power, threshold, cap):  # type: ignore[no-untyped-def]
-    """Visit once, in index order, the stale vertices of the tetrahedra with mu^2 above `threshold`.
+def _choose_run(run, wanted, state, p, threshold):  # type: ignore[no-untyped-def]
+    for v in range(run * _RUN, min(len(wanted), (run + 1) * _RUN)):
+        wanted[v] = False
+        if state.stale[v] and p.freedom[v] != FIXED:
+            for i in range(p.offsets[v], p.offsets[v + 1]):
+                wanted[v] |= state.mu2[p.around[i]] > threshold
+
+
+@numba.njit(parallel=True, cache=True)
+def _visit(wanted, state, patches, tree, runs, half_power, cap):  # type: ignore[no-untyped-def]
+    """Visit once the wanted and stale vertices of some runs that share no tetrahedron; returns the number of moves."""
+    moved = 0
+    for i in numba.prange(len(runs)):
+        moved += _visit_run(runs[i], wanted, State(*state), Patches(*patches), SurfaceTree(*tree), half_power, cap)
+    return moved
+
+
+@numba.njit(cache=True)
+def _visit_run(run, wanted, state, p, tree, half_power, cap):  # type: ignore[no-untyped-def]
+    """Visit the vertices of one run in index order.
 
     A tetrahedron with mu^2 at or below `cap` stays there; one above must not get worse. Returns the number of moves.
     """
-    star = np.empty((np.max(np.diff(p.offsets)), 8))
-    wanted = np.zeros(len(state.points), np.bool_)
-    for e in range(len(p.cells)):
-        if state.mu2[e] > threshold:
-            for j in range(4):
-                wanted[p.cells[e, j]] = True
+    star = np.empty((p.widest[0], 8))
     moved = 0
-    for v in range(len(state.points)):
-        if not (wanted[v] and state.stale[v]) or p.freedom[v] == FIXED:
+    for v in range(run * _RUN, min(len(wanted), (run + 1) * _RUN)):
+        if not (wanted[v] and state.stale[v]):
             continue
         state.stale[v] = False
         worst = 0.0
@@ -300,6 +330,21 @@ def _sweep(state, p, tree, half_power, threshold, cap):  # type: ignore[no-untyp
                 for j in range(4):
                     state.stale[p.cells[p.around[i], j]] = True
     return moved
+
+
+def _colours(cells: IntArray, vertex_count: int) -> list[NDArray[np.int64]]:
+    """Runs of each colour: no tetrahedron has vertices in two runs of one colour."""
+    count = -(-vertex_count // _RUN)
+    run = cells // _RUN
+    pairs = np.concatenate([run[:, first].astype(np.int64) * count + run[:, second] for first, second in TET_EDGES])
+    pairs = np.unique(pairs[pairs // count != pairs % count])
+    neighbours = csr_array((np.ones(len(pairs), np.int8), (pairs // count, pairs % count)), shape=(count, count))
+    neighbours = neighbours + neighbours.T
+    colour = np.full(count, -1, np.int64)
+    for i in range(count):
+        taken = set(colour[neighbours.indices[neighbours.indptr[i] : neighbours.indptr[i + 1]]])
+        colour[i] = next(number for number in range(count) if number not in taken)
+    return [np.flatnonzero(colour == number) for number in range(colour.max() + 1)]
 
 
 class Pass(NamedTuple):
@@ -350,8 +395,9 @@ def move_vertices(
     points = mesh.points.copy()
     mu2 = np.asarray(mu2_of(quality(points, mesh.cells)))
     state = State(points, mu2, np.full(count, -1, np.int32), np.empty(count, np.bool_))
-    _locate(points, tree, freedom, state.place)
-    done = tuple(_run(aim, state, patches, tree) for aim in passes)
+    _locate(points, tuple(tree), freedom, state.place)
+    colours = _colours(mesh.cells, count)
+    done = tuple(_run(aim, state, patches, tree, colours) for aim in passes)
     return replace(mesh, points=state.points), done
 
 
@@ -361,17 +407,35 @@ def _patches(mesh: TetMesh, freedom: np.ndarray) -> Patches:
     fans = topology.incidence(faces, len(mesh.points))
     turn = (fans.corners[:, None] + np.array([1, 2])) % 3
     rims = np.ascontiguousarray(faces[fans.cells[:, None], turn])
-    return Patches(mesh.cells, tets.offsets, tets.cells, tets.corners, fans.offsets, rims, freedom)
+    widest = np.diff(tets.offsets).max(keepdims=True)
+    return Patches(mesh.cells, tets.offsets, tets.cells, tets.corners, fans.offsets, rims, freedom, widest)
 
 
-def _run(aim: Pass, state: State, patches: Patches, tree: SurfaceTree) -> PassReport:
+def _sweep(
+    state: State,
+    patches: Patches,
+    tree: SurfaceTree,
+    colours: Sequence[NDArray[np.int64]],
+    half_power: int,
+    threshold: float,
+    cap: float,
+) -> int:
+    """Visit once the stale vertices of the tetrahedra with mu^2 above `threshold`; returns the number of moves."""
+    wanted = np.empty(len(state.points), np.bool_)
+    _choose(wanted, tuple(state), tuple(patches), threshold)
+    return sum(_visit(wanted, tuple(state), tuple(patches), tuple(tree), runs, half_power, cap) for runs in colours)
+
+
+def _run(
+    aim: Pass, state: State, patches: Patches, tree: SurfaceTree, colours: Sequence[NDArray[np.int64]]
+) -> PassReport:
     """Sweep until nothing moves any more or `aim.sweeps` are done. Changes `state`."""
     state.stale[:] = True
     threshold = mu2_of(aim.threshold) if aim.threshold > 0 else 0.0
     cap = state.mu2.max() if aim.keep_worst else np.inf
     sweeps, moved = 0, 1
     while moved and sweeps < aim.sweeps:
-        moved = _sweep(state, patches, tree, aim.power // 2, threshold, cap)
+        moved = _sweep(state, patches, tree, colours, aim.power // 2, threshold, cap)
         sweeps += 1
     q = q_of(state.mu2)
     logger.info("vertices with q > %g, p = %d: %d sweeps, q mean %.4f, max %.4f", *aim[:2], sweeps, q.mean(), q.max())

@@ -51,7 +51,7 @@ from cortet.topology import (
     surface_topology,
 )
 
-VERSION: int = 2
+VERSION: int = 3
 
 MESHERS = ("cgal", "lattice")
 #: CGAL's optimisation passes in the order it runs them; exude must be last, since moving a vertex undoes it

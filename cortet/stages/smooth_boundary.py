@@ -30,7 +30,7 @@ from cortet.quality import quality, signed_volumes
 from cortet.stages.clean import clean, require_positive
 from cortet.topology import boundary_surface, edges
 
-VERSION: int = 2
+VERSION: int = 3
 
 Method = Literal["laplacian", "workbench"]
 

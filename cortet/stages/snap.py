@@ -20,7 +20,7 @@ from cortet.stages.backing_off import back_off
 from cortet.stages.clean import clean
 from cortet.topology import boundary_nodes
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: boundary nodes nearer than this (mm) lie on the surface; CGAL leaves them up to 2e-6 mm off
 ON_SURFACE_MM = 1e-4

@@ -7,7 +7,7 @@ from shapes import ball_mesh, ball_surface
 from cortet import topology
 from cortet.mesh import TetMesh
 from cortet.optimise.closest_point import surface_tree
-from cortet.optimise.swaps import cell_neighbours, improve, live_cells, swappable
+from cortet.optimise.swaps import improve, live_cells, swappable
 from cortet.optimise.vertices import mu2_of
 from cortet.quality import quality, signed_volumes
 
@@ -33,7 +33,7 @@ def swap(points, cells, threshold=0.0, *, region=None, boundary=False, tree=TREE
     cells, origin = live_cells(work)
     rows = np.flatnonzero(work.cells[: work.counters[0], 0] >= 0)
     kept = np.where(work.neighbours[rows] >= 0, np.searchsorted(rows, work.neighbours[rows]), -1)
-    assert np.array_equal(kept, cell_neighbours(cells)), "neighbours kept up to date"
+    assert np.array_equal(kept, topology.cell_neighbours(cells)), "neighbours kept up to date"
     return cells, origin, count
 
 

@@ -4,9 +4,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
-from shapes import ball_mesh, ball_surface
+from shapes import ball_mesh, ball_surface, cube_mesh
 
 from cortet import topology
 from cortet.mesh import TetMesh
@@ -130,3 +131,26 @@ def test_the_same_bits_in_another_process(mesh):
     ]
     first, second = (run.communicate()[0] for run in runs)
     assert first == second and len(first.strip()) == 64
+
+
+@pytest.mark.parametrize("boundary", ["free", "slide"])
+def test_the_same_bits_for_any_number_of_threads(boundary):
+    mesh = cube_mesh(16, jitter=0.2)
+    surface, _ = topology.boundary_surface(mesh)
+    tree, results = surface_tree(surface.points, surface.faces), []
+    for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
+        numba.set_num_threads(threads)
+        results.append(move_vertices(mesh, tree, PASSES, boundary=boundary)[0].points)
+    numba.set_num_threads(1)
+    assert np.array_equal(*results) and not np.array_equal(results[0], mesh.points)
+
+
+def test_runs_of_one_colour_share_no_tetrahedron():
+    mesh = cube_mesh(16)
+    colours = vertices._colours(mesh.cells, len(mesh.points))
+    runs = np.concatenate(colours)
+    assert np.array_equal(np.sort(runs), np.arange(-(-len(mesh.points) // vertices._RUN)))
+    assert 1 < len(colours) < len(runs)
+    for same in colours:
+        for cell in mesh.cells // vertices._RUN:
+            assert len(set(cell) & set(same)) < 2

@@ -1,0 +1,66 @@
+"""What surrounds each vertex and each tetrahedron, by counting instead of sorting: linear in the number of cells."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+
+@numba.njit(cache=True)
+def cells_around(cells, vertex_count):  # type: ignore[no-untyped-def]
+    """Offsets (n + 1,), cells and corners (total,) of `topology.Incidence` for cells (m, k)."""
+    offsets = np.zeros(vertex_count + 1, np.int64)
+    for cell in range(len(cells)):
+        for corner in range(cells.shape[1]):
+            offsets[cells[cell, corner] + 1] += 1
+    offsets = np.cumsum(offsets)
+    free = offsets[:-1].copy()
+    around, corners = np.empty(cells.size, np.int32), np.empty(cells.size, np.int8)
+    for cell in range(len(cells)):
+        for corner in range(cells.shape[1]):
+            at = free[cells[cell, corner]]
+            around[at], corners[at] = cell, corner
+            free[cells[cell, corner]] += 1
+    return offsets, around, corners
+
+
+@numba.njit(cache=True)
+def behind_faces(cells, faces, vertex_count):  # type: ignore[no-untyped-def]
+    """The tetrahedron behind the face opposite each corner: (m, 4) int32, -1 outside.
+
+    Faces are sorted into one bucket per smallest vertex; the two sides of a face meet in a bucket of a few dozen.
+
+    Parameters
+    ----------
+    cells : (m, 4) int32
+    faces : (4, 3), corners of the face opposite each corner
+    """
+    m = len(cells)
+    offsets = np.zeros(vertex_count + 1, np.int64)
+    for e in range(m):
+        for k in range(4):
+            offsets[_sorted(cells, faces, e, k)[0] + 1] += 1
+    offsets = np.cumsum(offsets)
+    free = offsets[:-1].copy()
+    bucket = np.empty((4 * m, 2), np.int32)  # the other two vertices of each face
+    number = np.empty(4 * m, np.int64)
+    for e in range(m):
+        for k in range(4):
+            low, middle, high = _sorted(cells, faces, e, k)
+            at = free[low]
+            bucket[at, 0], bucket[at, 1], number[at] = middle, high, 4 * e + k
+            free[low] += 1
+    behind = np.full(4 * m, -1, np.int32)
+    for v in range(vertex_count):
+        for i in range(offsets[v], offsets[v + 1]):
+            for j in range(i + 1, offsets[v + 1]):
+                if bucket[i, 0] == bucket[j, 0] and bucket[i, 1] == bucket[j, 1]:
+                    behind[number[i]], behind[number[j]] = number[j] // 4, number[i] // 4
+    return behind.reshape(m, 4)
+
+
+@numba.njit(cache=True)
+def _sorted(cells, faces, e, k):  # type: ignore[no-untyped-def]
+    """Vertices of a face, ascending."""
+    a, b, c = cells[e, faces[k, 0]], cells[e, faces[k, 1]], cells[e, faces[k, 2]]
+    return min(a, b, c), max(min(a, b), min(max(a, b), c)), max(a, b, c)
