@@ -29,13 +29,21 @@ from cortet.formats.gifti import read_surface
 from cortet.mesh import TetMesh
 from cortet.phantom import phantom
 from cortet.pipeline import Step, mesh_surface
-from cortet.quality import quality
+from cortet.quality import circumradii, edge_lengths, quality
 from cortet.stage_table import peak_memory_mb, reset_peak_memory
 
 STAGE_COLUMNS = ("surface", "h_mm", "chain", "threads", "stage", "cpu_seconds", "tets", "q_mean", "q_max", "above_0.6")
 MESH_COLUMNS = (
     *("surface", "h_mm", "chain", "threads", "tets", "q_mean", "q_max", "valence_bound"),
-    *("cpu_seconds", "wall_seconds", "tets_per_cpu_second", "MB_per_million_tets"),
+    *(
+        "circumradius_mean_h",
+        "circumradius_max_h",
+        "edge_mean_h",
+        "cpu_seconds",
+        "wall_seconds",
+        "tets_per_cpu_second",
+        "MB_per_million_tets",
+    ),
     *("nodes_off_mm", "surface_off_mm", "volume_change", "euler", "certified", "why_not", "sha256"),
 )
 
@@ -83,18 +91,25 @@ def run_chain(  # type: ignore[no-untyped-def]
     if profiled:
         profiler.disable()
         pstats.Stats(profiler).sort_stats("tottime").print_stats(16)
-    cells = len(mesh.cells)
+    used = {
+        "cpu_seconds": last - began,
+        "wall_seconds": time.perf_counter() - wall_began,
+        "peak_MB": peak_memory_mb() or 0,
+    }
+    cells, radii = len(mesh.cells), circumradii(mesh.points, mesh.cells) / cell_size
     answer.send(
         row
+        | used
         | {
             "tets": cells,
             "q_mean": found.quality.q.mean,
             "q_max": found.quality.q.max,
             "valence_bound": found.valence_bound.q,
-            "cpu_seconds": last - began,
-            "wall_seconds": time.perf_counter() - wall_began,
-            "tets_per_cpu_second": cells / (last - began),
-            "MB_per_million_tets": ((peak_memory_mb() or 0) - idle_mb) / cells * 1e6,
+            "circumradius_mean_h": radii.mean(),
+            "circumradius_max_h": radii.max(),
+            "edge_mean_h": edge_lengths(mesh.points, mesh.cells).mean() / cell_size,
+            "tets_per_cpu_second": cells / used["cpu_seconds"],
+            "MB_per_million_tets": (used["peak_MB"] - idle_mb) / cells * 1e6,
             "nodes_off_mm": found.fidelity.nodes_to_surface_mm.max,
             "surface_off_mm": found.fidelity.surface_to_boundary_mm.mean,
             "volume_change": found.fidelity.relative_volume_change,

@@ -431,8 +431,8 @@ def _run(
 ) -> PassReport:
     """Sweep until nothing moves any more or `aim.sweeps` are done. Changes `state`."""
     state.stale[:] = True
-    threshold = mu2_of(aim.threshold) if aim.threshold > 0 else 0.0
-    cap = state.mu2.max() if aim.keep_worst else np.inf
+    threshold = float(mu2_of(aim.threshold)) if aim.threshold > 0 else 0.0
+    cap = float(state.mu2.max()) if aim.keep_worst else np.inf
     sweeps, moved = 0, 1
     while moved and sweeps < aim.sweeps:
         moved = _sweep(state, patches, tree, colours, aim.power // 2, threshold, cap)
