@@ -47,6 +47,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except CortetError as error:
         print(f"cortet: {error}", file=sys.stderr)
         return 1
+    except OSError as error:  # no space left, no permission
+        print(f"cortet: {error.filename or 'a file'}: {error.strerror or error}", file=sys.stderr)
+        return 1
+    except MemoryError:
+        print("cortet: there is not enough memory for this (use a larger machine or cell size)", file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         print("cortet: interrupted", file=sys.stderr)
         return 130

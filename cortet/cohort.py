@@ -5,6 +5,10 @@ A sheet is a table of tab-separated values, one hemisphere (or whole brain) per 
     participant_id  session_id  hemi  scan_age  surface  include  exclude_reason  [further columns]
 
 Missing values are `n/a`, as in BIDS. Labels stay strings: participant `007` is not 7.
+
+Names of files that are written are made of `participant_id`, `session_id` and `hemi` alone, which are therefore ASCII
+letters and digits and nothing else. `surface` and `field_...` name files that are only read: they may be relative or
+absolute and lead anywhere the user may read, and are never part of a command.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from typing import Any, Literal
 
 from cortet.config import Scan
 from cortet.errors import InputError
+from cortet.formats.untrusted import content
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
 #: value of column `surface` that stands for a synthetic cortex of the row's age and hemisphere
@@ -27,6 +32,12 @@ PHANTOM = "phantom"
 #: ages a surface can plausibly have, gestational weeks: below there is no cortical plate to mesh, above lies infancy
 SCAN_AGE_RANGE = (12.0, 60.0)
 FIELD_PREFIX = "field_"
+#: characters of a label: names of files are made of two of them and more, and have at most 255
+LONGEST_LABEL = 40
+
+_LONGEST_FILE = 100_000_000
+_MOST_PROBLEMS = 100
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 _MISSING = {"", "n/a"}
 _YES, _NO = {"yes", "true", "1"}, {"no", "false", "0"}
@@ -82,7 +93,7 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
 
     Raises
     ------
-    InputError : naming every problem of the sheet with its line, column, value and remedy
+    InputError : naming the problems of the sheet, each with its line, column, value and remedy
     """
     header, rows = _read_table(path)
     absent = [name for name in COLUMNS if name not in header]
@@ -110,7 +121,9 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
     if not rows:
         problems.append("no rows below the header (add one row per hemisphere)")
     if problems:
-        raise InputError(f"{len(problems)} problem(s)\n  " + "\n  ".join(problems), file=path)
+        more = [f"and {len(problems) - _MOST_PROBLEMS} more"] if len(problems) > _MOST_PROBLEMS else []
+        told = "\n  ".join([*problems[:_MOST_PROBLEMS], *more])
+        raise InputError(f"{len(problems)} problem(s)\n  {told}", file=path)
     return cases
 
 
@@ -193,8 +206,8 @@ def scan(directory: Path, patterns: Scan | None = None) -> list[Case]:
 def _read_table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Header and (line number, values) of every row of a TSV file; blank lines are skipped."""
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = re.split("\r\n|\n|\r", content(path, largest=_LONGEST_FILE).decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
         raise InputError(f"cannot be read: {error}", file=path, remedy="give a UTF-8 TSV file") from None
     table = [
         (number, [value.strip() for value in line.split("\t")])
@@ -220,6 +233,8 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
         optional = column == "session_id" and label in _MISSING
         if not optional and not re.fullmatch("[A-Za-z0-9]+", label):
             yield f"column {column}: {row[column]!r} is no BIDS label (use letters and digits only)"
+        if len(label) > LONGEST_LABEL:
+            yield f"column {column}: {len(label)} characters are too many (use at most {LONGEST_LABEL})"
     if row["hemi"].lower() not in _HEMI and row["hemi"] not in _MISSING:
         yield f"column hemi: {row['hemi']!r} is no hemisphere (use L, R, or n/a for a whole brain)"
     if row["surface"] == PHANTOM and row["hemi"] in _MISSING:
@@ -239,8 +254,15 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
     for column, value in row.items():
         if column == "surface" and value in _MISSING:
             yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
-        if (column == "surface" or column.startswith(FIELD_PREFIX)) and re.search(r"[\x00-\x1f{}*?]", value):
+        if (column == "surface" or column.startswith(FIELD_PREFIX)) and not _is_file_name(value):
             yield f"column {column}: {value!r} cannot be a file name here (avoid braces, wildcards, control characters)"
+        elif _CONTROL.search(value):
+            yield f"column {column}: {value!r} holds a control character (delete it)"
+
+
+def _is_file_name(text: str) -> bool:
+    """Whether the workflow can have a file of this name for an input."""
+    return not re.search(r"[{}*?]", text) and not _CONTROL.search(text) and len(os.fsencode(text)) < 4096
 
 
 def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str]) -> Case:
@@ -263,14 +285,21 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
     )
 
 
-def _formatted(pattern: str, row: Mapping[str, Any]) -> str:
-    try:
-        return pattern.format_map(row)
-    except (KeyError, IndexError, ValueError, AttributeError) as error:
+def _formatted(pattern: str, values: Mapping[str, Any]) -> str:
+    """A pattern with its placeholders filled in; nothing but `{name}` means anything there.
+
+    Raises
+    ------
+    InputError : a placeholder is not among the values, or what comes out is no file name
+    """
+    unknown = [name for name in re.findall(r"\{([^{}]*)\}", pattern) if name not in values]
+    filled = re.sub(r"\{([^{}]*)\}", lambda match: str(values.get(match[1])), pattern)
+    if unknown or not _is_file_name(filled):
         raise InputError(
-            f"cohort.fields: {pattern!r} cannot be filled in: {error!r}",
-            remedy="placeholders are columns of the sheet, such as {participant_id}",
-        ) from None
+            f"{pattern!r} cannot be filled in: " + (f"no {unknown[0]!r}" if unknown else f"{filled!r} is no file name"),
+            remedy=f"placeholders here are {', '.join(f'{{{name}}}' for name in values)}",
+        )
+    return filled
 
 
 def _located(name: str, folder: Path) -> Path:
@@ -294,6 +323,11 @@ def _number(text: str | None) -> float | None:
 
 def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, str]]]:
     """Files below `directory` that fit a pattern, with the values of its placeholders."""
+    if "{participant}" not in pattern or not pattern.strip() or Path(pattern).is_absolute() or "\0" in pattern:
+        raise InputError(
+            f"cohort.scan.surfaces: {pattern!r} finds nothing",
+            remedy="give a pattern below the folder with the placeholder {participant}",
+        )
     parts = re.split(r"\{(participant|session|hemi)\}", pattern)
     expression, seen = "", set[str]()
     for text, name in zip(parts[::2], [*parts[1::2], ""], strict=True):
@@ -311,7 +345,7 @@ def _scan_age(
     """Age of a session from the sessions table, else from the participants table; `tables` caches what was read."""
     keys = {"participant_id": participant, "session_id": session}
     for name in (patterns.sessions, patterns.participants):
-        path = directory / name.format(participant=participant, session=session)
+        path = directory / _formatted(name, {"participant": participant, "session": session})
         if path not in tables:
             header, rows = _read_table(path) if path.exists() else ([], [])
             tables[path] = [dict(zip(header, values, strict=False)) for _, values in rows]

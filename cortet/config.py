@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import ast
 import difflib
+import itertools
+import reprlib
 import textwrap
 from collections.abc import Iterator, Mapping
 from functools import cache
@@ -34,6 +36,7 @@ from pydantic.fields import FieldInfo
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
+from cortet.formats.untrusted import content
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Fraction = Annotated[float, Field(gt=0, le=1)]
@@ -423,11 +426,13 @@ def load(source: Path | str | Mapping[str, Any]) -> Config:
     Raises `InputError` naming every offending key with its value and, for an unknown key, the nearest known one.
     """
     data = _read(Path(source)) if isinstance(source, (str, Path)) else dict(source)
+    place = source if isinstance(source, (str, Path)) else "configuration"
+    if sum(1 for _ in itertools.islice(_values(data), _MOST_VALUES + 1)) > _MOST_VALUES:
+        raise InputError(f"holds more than {_MOST_VALUES:,} values", file=place, remedy="use fewer aliases (*name)")
     data = _overlaid(SETTINGS.get(str(data.get("setting")), {}), data)
     try:
         return Config.model_validate({key: value for key, value in data.items() if value is not None})
     except ValidationError as error:
-        place = source if isinstance(source, (str, Path)) else "configuration"
         lines = [_complaint(problem) for problem in error.errors(include_url=False)]
         raise InputError("; ".join(lines), file=place) from None
 
@@ -461,16 +466,31 @@ def refresh(path: Path | str) -> None:
 
 
 _PACKAGE = Path(__file__).parent
+#: of a configuration: bytes, and values when aliases are written out
+_LONGEST_FILE, _MOST_VALUES = 10_000_000, 100_000
 
 
 def _read(path: Path) -> dict[str, Any]:
+    remedy = "give a YAML file of keys and values"
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"cannot be read: {error}", file=path, remedy="give a YAML file of keys and values") from None
+        data = yaml.safe_load(content(path, largest=_LONGEST_FILE).decode("utf-8"))
+    except (ValueError, RecursionError, yaml.YAMLError) as error:  # ValueError: a number or date that is none
+        raise InputError(f"cannot be read: {error}", file=path, remedy=remedy) from None
     if not isinstance(data, dict):
-        raise InputError("holds no keys", file=path, remedy="give a YAML file of keys and values")
+        raise InputError("holds no keys", file=path, remedy=remedy)
     return data
+
+
+def _values(data: Any) -> Iterator[Any]:
+    """All values, with everything that an alias stands for; without end where it stands for itself."""
+    waiting = [data]
+    while waiting:
+        value = waiting.pop()
+        yield value
+        if isinstance(value, Mapping):
+            waiting += [*value.values(), *value]
+        elif isinstance(value, (list, set, tuple)):
+            waiting += value
 
 
 def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -487,7 +507,7 @@ def _complaint(problem: Any) -> str:
     *parents, last = [str(part) for part in problem["loc"]]
     name = ".".join([*parents, last])
     if problem["type"] != "extra_forbidden":
-        return f"{name} = {problem['input']!r}: {problem['msg']}"
+        return f"{name} = {reprlib.repr(problem['input'])}: {problem['msg']}"
     model: Any = Config
     for parent in parents:
         model = model.model_fields[parent].annotation

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+#: characters of a message: a value may be as long as the file it is in
+_LONGEST = 10_000
+
+
+def _shortened(text: str) -> str:
+    if len(text) <= _LONGEST:
+        return text
+    return f"{text[: _LONGEST // 2]} [... {len(text) - _LONGEST:,} characters ...] {text[-_LONGEST // 2 :]}"
+
 
 class CortetError(Exception):
     """Something the user can mend; printed without a traceback.
 
     Parameters
     ----------
-    what : the finding, with the offending value
+    what : the finding, with the offending value; of a very long one only the beginning and the end are kept
     file : the file (and, for tables, line and column) it was found in
     remedy : what to do about it
     """
 
     def __init__(self, what: str, *, file: object = None, remedy: str | None = None) -> None:
+        what = _shortened(what)
         self.what, self.file, self.remedy = what, file, remedy
-        place = f"{file}: " if file is not None else ""
+        place = f"{_shortened(str(file))}: " if file is not None else ""
         hint = f" ({remedy})" if remedy else ""
         super().__init__(f"{place}{what}{hint}")
 

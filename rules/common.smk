@@ -1,5 +1,6 @@
 """The sheet and the configuration as the rules see them; the names of all files."""
 
+import os
 import re
 from functools import partial
 from importlib.util import find_spec
@@ -193,7 +194,7 @@ def minutes(per_million):
 
 def existing(path):
     """The file if it is there: a missing one is for the job to complain about, so that other cases go on."""
-    return str(path) if path.exists() else []
+    return str(path) if os.path.isfile(path) else []
 
 
 def surface_of(wildcards):

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
-from cortet.formats.numbering import indices
+from cortet.formats.numbering import indices, whole
 from cortet.formats.surface_sets import faces_of_sides, sides, with_surface
 from cortet.formats.text import BadRowError, read_rows, write_rows, write_wrapped
+from cortet.formats.untrusted import content, sound
 from cortet.mesh import MeshSets, TetMesh
 
 #: sets of everything
@@ -87,16 +88,16 @@ def read(path: str | Path) -> TetMesh:
     InputError
         the file is missing, holds other elements, names nodes or elements it lacks, or a line cannot be read
     """
-    nodes, elements = np.empty((0, 4)), np.empty((0, 5), np.int64)
+    node_rows, element_rows = [np.empty((0, 4))], [np.empty((0, 5), np.int64)]
     node_sets, cell_sets, surfaces = {}, {}, {}
     for keyword, options, data, line in _blocks(path):
         try:
             if keyword == "NODE":
-                nodes = np.concatenate([nodes, read_rows(data, 4, float, delimiter=",")])
+                node_rows.append(read_rows(data, 4, float, delimiter=","))
             elif keyword == "ELEMENT":
                 if options.get("TYPE") != "C3D4":
                     raise InputError(f"line {line}: elements of type {options.get('TYPE')}, not C3D4", file=path)
-                elements = np.concatenate([elements, read_rows(data, 5, np.int64, delimiter=",")])
+                element_rows.append(read_rows(data, 5, np.int64, delimiter=","))
             elif keyword == "NSET":
                 node_sets[options["NSET"]] = _numbers(data)
             elif keyword == "ELSET":
@@ -107,11 +108,12 @@ def read(path: str | Path) -> TetMesh:
                 )
         except BadRowError as error:
             raise InputError(f"line {line + 1 + error.row} {error}", file=path) from error
-        except (KeyError, ValueError) as error:
+        except (KeyError, ValueError, OverflowError) as error:
             raise InputError(f"line {line}: *{keyword} cannot be read: {error}", file=path) from error
+    nodes, elements = np.concatenate(node_rows), np.concatenate(element_rows)
     if not len(nodes) or not len(elements):
         raise InputError("holds no nodes or no elements", file=path)
-    number_of_node, number_of_cell = nodes[:, 0].astype(np.int64), elements[:, 0]
+    number_of_node, number_of_cell = whole(nodes[:, 0], "node", path), elements[:, 0]
     cells = indices(elements[:, 1:], number_of_node, "node", path)
     faces = {}
     for name, rows in surfaces.items():
@@ -124,7 +126,7 @@ def read(path: str | Path) -> TetMesh:
         faces,
         {name: indices(numbers, number_of_cell, "element", path) for name, numbers in cell_sets.items()},
     )
-    return TetMesh(nodes[:, 1:], cells, _read_fields(fields_path(path), number_of_node), sets=sets)
+    return sound(TetMesh(nodes[:, 1:], cells, _read_fields(fields_path(path), number_of_node), sets=sets), path)
 
 
 def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:
@@ -132,10 +134,7 @@ def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:
 
     Keywords are in capitals, and so are options and the values that Abaqus knows; names of sets keep their case.
     """
-    try:
-        text = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
+    text = content(path)
     starts = [0] if text.startswith(b"*") else []
     while (newline := text.find(b"\n*", starts[-1] if starts else 0)) >= 0:
         starts.append(newline + 1)
@@ -162,21 +161,22 @@ def _read_fields(path: Path, number_of_node: NDArray[np.int64]) -> dict[str, NDA
     """The fields of the file beside the mesh, none where it is missing."""
     if not path.exists():
         return {}
-    names = {match[1]: match for match in _FIELD.finditer(path.read_bytes())}
+    names = {match[1]: match for match in _FIELD.finditer(content(path))}
     parts: dict[str, list[NDArray[Any]]] = {}
     for keyword, options, data, line in _blocks(path):
         found = names.get(options.get("VARIABLE", "").encode())
         if keyword != "INITIAL CONDITIONS" or options.get("TYPE") != "FIELD" or found is None:
             raise InputError(f"line {line}: not a field variable that a comment names", file=path)
-        kind: Any = np.int32 if found[5] == b"integer" else float
+        integer = found[5] == b"integer"
         try:
             rows = read_rows(data, 2, float, delimiter=",")
         except BadRowError as error:
             raise InputError(f"line {line + 1 + error.row} {error}", file=path) from error
-        name = found[2].decode()
+        name = found[2].decode(errors="replace")
         if not np.array_equal(rows[:, 0], number_of_node):
             raise InputError(
                 f"field {name} has {len(rows)} values for {len(number_of_node)} nodes, or other nodes", file=path
             )
-        parts.setdefault(name, []).append(rows[:, 1].astype(kind))
+        values = rows[:, 1]
+        parts.setdefault(name, []).append(whole(values, "value", path).astype(np.int32) if integer else values)
     return {name: columns[0] if len(columns) == 1 else np.stack(columns, axis=1) for name, columns in parts.items()}

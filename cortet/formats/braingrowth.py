@@ -7,6 +7,7 @@ triangles face outward, all tags are 1. (The solver's loader swaps x with y and 
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import surface_faces
 from cortet.formats.text import BadRowError, read_rows, write_rows
+from cortet.formats.untrusted import check_file, sound
 from cortet.mesh import FloatArray, TetMesh
 from cortet.topology import boundary_nodes, compact
 
@@ -56,11 +58,11 @@ def write(mesh: TetMesh, path: str | Path) -> None:
 def read(path: str | Path) -> TetMesh:
     """Read a file that keeps the conventions above (`verify.braingrowth` checks them); unused nodes are left out."""
     tables = read_tables(path)
-    nodes = tables.tetrahedra[:, 1:] - 1
-    if len(nodes) == 0 or nodes.min() < 0 or nodes.max() >= len(tables.points):
+    nodes = tables.tetrahedra[:, [1, 2, 4, 3]]
+    if len(nodes) == 0 or nodes.min() < 1 or nodes.max() > len(tables.points):
         raise InputError(f"has no tetrahedra, or node indices outside 1..{len(tables.points)}", file=path)
-    points, cells, _ = compact(tables.points, nodes[:, [0, 1, 3, 2]].astype(np.int32))
-    return TetMesh(points, cells)
+    points, cells, _ = compact(tables.points, (nodes - 1).astype(np.int32))
+    return sound(TetMesh(points, cells), path)
 
 
 def read_tables(path: str | Path) -> Tables:
@@ -72,11 +74,12 @@ def read_tables(path: str | Path) -> Tables:
         the file is missing, incomplete or too long, or a line has another number of fields than its table
     """
     start, tables = 1, []
+    check_file(path)
     try:
         with Path(path).open(encoding="ascii") as file:
             for kind, fields, dtype in [("node", 3, float), ("tetrahedron", 5, np.int64), ("triangle", 4, np.int64)]:
                 stated = file.readline()
-                if not stated.strip().isdecimal():
+                if not re.fullmatch(r"\s*\d{1,12}\s*", stated):
                     raise InputError(f"line {start}: the number of {kind} lines is missing", file=path)
                 count = int(stated)
                 try:

@@ -24,6 +24,7 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
 from cortet.formats.surface_sets import REGION_TAGS, region_tags
 from cortet.formats.text import BadRowError, read_rows, write_rows
+from cortet.formats.untrusted import content, in_range, sound
 from cortet.mesh import IntArray, MeshSets, TetMesh
 
 Unit = Literal["mm", "um"]
@@ -57,13 +58,13 @@ def write(mesh: TetMesh, path: str | Path, *, unit: Unit = "um") -> None:
 def write_binary(mesh: TetMesh, path: str | Path, *, unit: Unit = "um") -> None:
     """Write `path`.bpts, .belem and .blon (an extension .bpts of `path` is ignored), each complete or not at all."""
     elements = np.column_stack([np.full(len(mesh.cells), _TETRAHEDRON), mesh.cells, _regions(mesh)])
-    content: dict[str, tuple[str, NDArray[Any]]] = {
+    files_of: dict[str, tuple[str, NDArray[Any]]] = {
         ".bpts": (f"{len(mesh.points)}", (mesh.points * _PER_MM[unit]).astype("<f4")),
         ".belem": (f"{len(mesh.cells)}", elements.astype("<i4")),
         ".blon": (f"1 {len(mesh.cells)}", _fibres(mesh).astype("<f4")),
     }
     with ExitStack() as files:
-        for suffix, (counts, values) in content.items():
+        for suffix, (counts, values) in files_of.items():
             temporary = files.enter_context(atomic_path(_beside(path, suffix)))
             header = f"{counts} {_ENDIANNESS_AND_CHECKSUM}".encode().ljust(_HEADER_BYTES, b"\0")
             temporary.write_bytes(header + values.tobytes())
@@ -110,13 +111,14 @@ def read(path: str | Path, *, unit: Unit = "um") -> TetMesh:
     Raises
     ------
     InputError
-        a file is missing or incomplete, or holds elements that are not tetrahedra
+        a file is missing or incomplete, holds elements that are not tetrahedra or coordinates that are not finite, or
+        names nodes it lacks
     """
     points = _text(_beside(path, ".pts"), 3, float)
     elements = _text(_beside(path, ".elem"), 5, np.int64, kind=b"Tt")
-    _check_nodes(elements[:, :4], len(points), _beside(path, ".elem"))
+    cells = in_range(elements[:, :4], len(points), "node", _beside(path, ".elem"))
     fibres = _text(_beside(path, ".lon"), 3, float, rows=len(elements))
-    return _mesh(path, points / _PER_MM[unit], elements[:, :4], elements[:, 4], fibres)
+    return _mesh(path, points / _PER_MM[unit], cells, elements[:, 4], fibres)
 
 
 def read_binary(path: str | Path, *, unit: Unit = "um") -> TetMesh:
@@ -126,10 +128,10 @@ def read_binary(path: str | Path, *, unit: Unit = "um") -> TetMesh:
     fibres = _values(_beside(path, ".blon"), "<f4", 3)
     if (elements[:, 0] != _TETRAHEDRON).any():
         raise InputError("holds elements that are not tetrahedra", file=_beside(path, ".belem"))
-    _check_nodes(elements[:, 1:5], len(points), _beside(path, ".belem"))
+    cells = in_range(elements[:, 1:5], len(points), "node", _beside(path, ".belem"))
     if len(fibres) != len(elements):
         raise InputError(f"has {len(fibres)} fibres for {len(elements)} elements", file=_beside(path, ".blon"))
-    return _mesh(path, points / _PER_MM[unit], elements[:, 1:5], elements[:, 5], fibres.astype(float))
+    return _mesh(path, points / _PER_MM[unit], cells, elements[:, 5], fibres.astype(float))
 
 
 def _mesh(
@@ -145,18 +147,14 @@ def _mesh(
         for name, file in _siblings(path, suffix):
             values = _text(file, columns, float, rows=len(points), headed=False)
             fields[name] = values[:, 0] if columns == 1 else values
-    return TetMesh(
+    mesh = TetMesh(
         points,
         cells,
         fields,
         {"region": regions.astype(np.int32), "fibre": fibres},
         MeshSets(node_sets, face_sets, {name: cells for name, cells in tags.items() if len(cells)} if named else {}),
     )
-
-
-def _check_nodes(cells: NDArray[Any], count: int, path: Path) -> None:
-    if len(cells) and (cells.min() < 0 or cells.max() >= count):
-        raise InputError(f"has node indices outside 0..{count - 1}", file=path)
+    return sound(mesh, path)
 
 
 def _beside(path: str | Path, suffix: str) -> Path:
@@ -187,10 +185,7 @@ def _text(
     Their number is in the first line, unless it is given as `rows`; `headed` says whether there is a first line, and
     `skip` how many lines come between it and the table.
     """
-    try:
-        text = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
+    text = content(path)
     if headed:
         head, _, text = text.partition(b"\n")
         try:
@@ -218,15 +213,12 @@ def _text(
 
 def _values(path: Path, dtype: str, columns: int) -> NDArray[Any]:
     """The numbers of a binary file."""
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
-    words = content[:_HEADER_BYTES].split(b"\0")[0].split()
-    if len(content) < _HEADER_BYTES or len(words) < 3 or not all(word.isdigit() for word in words):
+    data = content(path)
+    words = data[:_HEADER_BYTES].split(b"\0")[0].split()
+    if len(data) < _HEADER_BYTES or len(words) < 3 or not all(word.isdigit() for word in words):
         raise InputError("is not a binary CARP file", file=path)
     count = int(words[-3])
-    values = np.frombuffer(content, np.uint8, offset=_HEADER_BYTES)
+    values = np.frombuffer(data, np.uint8, offset=_HEADER_BYTES)
     expected = count * columns * np.dtype(dtype).itemsize
     if len(values) != expected:
         raise InputError(f"is not complete: {len(values)} bytes instead of {expected}", file=path)

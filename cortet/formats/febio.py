@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
-from cortet.formats.numbering import indices
+from cortet.formats.numbering import indices, whole
 from cortet.formats.surface_sets import REGION_TAGS, with_surface
 from cortet.formats.text import BadRowError, read_rows, write_rows
+from cortet.formats.untrusted import content, sound, xml_root
 from cortet.mesh import IntArray, MeshSets, TetMesh
 
 #: set of all nodes, and part of a mesh without regions
@@ -40,7 +41,7 @@ _LISTS = {
     "NodeData": ("node", "lid"),
     "ElementData": ("elem", "lid"),
 }
-_BEGIN = re.compile(rb"<(%s)\b[^>]*>" % "|".join(_LISTS).encode())
+_BEGIN = re.compile(rb"<(%s)\b[^<>]*(?<!/)>" % "|".join(_LISTS).encode())
 _ANY_BEFORE = re.compile(rb"""<(?:node|elem|tri3)\s+(?:id|lid)\s*=\s*["']\s*(\d+)\s*["']\s*>""")
 _ANY_AFTER = re.compile(rb"</(?:node|elem|tri3)\s*>")
 
@@ -152,7 +153,8 @@ def read(path: str | Path) -> TetMesh:
         },
     )
     fields = {str(data.get("name")): _field(data, tables, path) for data in root.iterfind("MeshData/NodeData")}
-    return TetMesh(points, indices(np.concatenate(cells)[order], node_ids, "node", path), fields, sets=sets)
+    corners = indices(np.concatenate(cells)[order], node_ids, "node", path)
+    return sound(TetMesh(points, corners, fields, sets=sets), path)
 
 
 def read_xml(path: str | Path) -> tuple[ElementTree.Element, list[bytes]]:
@@ -165,20 +167,15 @@ def read_xml(path: str | Path) -> tuple[ElementTree.Element, list[bytes]]:
     """
     tables: list[bytes] = []
     around, begin = [], 0
-    try:
-        text = Path(path).read_bytes()
-        while opening := _BEGIN.search(text, begin):
-            end = text.find(b"</%s>" % opening[1], opening.end())
-            if end < 0:
-                break
-            around += [text[begin : opening.end()], str(len(tables)).encode()]
-            tables.append(text[opening.end() : end])
-            begin = end
-        root = ElementTree.fromstring(b"".join([*around, text[begin:]]))
-    except OSError as error:
-        raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
-    except ElementTree.ParseError as error:
-        raise InputError(f"is not well-formed XML: {error}", file=path) from error
+    text = content(path)
+    while opening := _BEGIN.search(text, begin):
+        end = text.find(b"</%s>" % opening[1], opening.end())
+        if end < 0:
+            break
+        around += [text[begin : opening.end()], str(len(tables)).encode()]
+        tables.append(text[opening.end() : end])
+        begin = end
+    root = xml_root(b"".join([*around, text[begin:]]), path)
     if root.tag != "febio_spec" or root.get("version") != "4.0":
         raise InputError(f"is <{root.tag} version={root.get('version')}>, not <febio_spec version=4.0>", file=path)
     return root, tables
@@ -188,14 +185,16 @@ def _table(
     element: ElementTree.Element, tables: list[bytes], columns: int, dtype: Any, path: str | Path
 ) -> NDArray[Any]:
     """Rows of a long list: the id and what it holds."""
-    given, (tag, number) = tables[int(element.text or 0)], _LISTS[element.tag]
-    content = (
-        given.replace(f'<{tag} {number}="'.encode(), b"").replace(b'">', b",").replace(f"</{tag}>".encode(), b"\n")
-    )
-    if b"<" in content:  # written otherwise than almost everybody does
-        content = _ANY_AFTER.sub(b"\n", _ANY_BEFORE.sub(rb"\1,", given))
+    if not element.text:
+        return np.empty((0, columns), dtype)
+    if not re.fullmatch(r"\d{1,9}", element.text) or int(element.text) >= len(tables):
+        raise InputError(f"<{element.tag} {element.get('name', '')}> is no list", file=path)
+    given, (tag, number) = tables[int(element.text)], _LISTS[element.tag]
+    rows = given.replace(f'<{tag} {number}="'.encode(), b"").replace(b'">', b",").replace(f"</{tag}>".encode(), b"\n")
+    if b"<" in rows:  # written otherwise than almost everybody does
+        rows = _ANY_AFTER.sub(b"\n", _ANY_BEFORE.sub(rb"\1,", given))
     try:
-        return read_rows(content, columns, dtype, delimiter=",")
+        return read_rows(rows, columns, dtype, delimiter=",")
     except BadRowError as error:
         name = f"{element.tag} {element.get('name', '')}".strip()
         raise InputError(f"<{name}>: entry {error.row + 1} {error}", file=path) from error
@@ -206,14 +205,14 @@ def _nodes(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     rows = [_table(nodes, tables, 4, float, path) for nodes in root.iterfind("Mesh/Nodes")]
     table = np.concatenate([np.empty((0, 4)), *rows])
-    return table[:, 0].astype(np.int64), table[:, 1:]
+    return whole(table[:, 0], "node", path), table[:, 1:]
 
 
 def _numbers(element: ElementTree.Element, path: str | Path) -> NDArray[np.int64]:
     """Ids of a set, separated by commas."""
     try:
         return np.array((element.text or "").replace(",", " ").split(), np.int64)
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise InputError(f"<{element.tag} {element.get('name')}>: {error}", file=path) from error
 
 

@@ -35,6 +35,7 @@ from cortet.formats.surface_sets import (
     surface_faces,
     with_surface,
 )
+from cortet.formats.untrusted import check_file, content, sound, xml_root
 from cortet.mesh import IntArray, MeshSets, TetMesh
 from cortet.topology import packed
 
@@ -174,7 +175,7 @@ def read(path: str | Path) -> TetMesh:
         }
         | {name: np.flatnonzero(values).astype(np.int32) for name, values in _taken(cells.cells_of, _CELL_SET).items()},
     )
-    return TetMesh(cells.points, cells.topology, cells.nodes_of, cells.cells_of, sets)
+    return sound(TetMesh(cells.points, cells.topology, cells.nodes_of, cells.cells_of, sets), path)
 
 
 class _Grid:
@@ -188,12 +189,7 @@ class _Grid:
 
 
 def _grid(path: Path, name: str, kind: str) -> _Grid:
-    try:
-        root = ElementTree.parse(path).getroot()
-    except OSError as error:
-        raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
-    except ElementTree.ParseError as error:
-        raise InputError(f"is not well-formed XML: {error}", file=path) from error
+    root = xml_root(content(path), path)
     grid = root.find(f"Domain/Grid[@Name='{name}']")
     topology = grid.find("Topology") if grid is not None else None
     geometry = grid.find("Geometry") if grid is not None else None
@@ -212,18 +208,51 @@ def _grid(path: Path, name: str, kind: str) -> _Grid:
 def _values(element: ElementTree.Element, path: Path) -> NDArray[Any]:
     """Values of the HDF5 dataset that the DataItem of an element names."""
     item = element.find("DataItem")
-    file, _, key = (item.text or "" if item is not None else "").strip().partition(":")
+    if item is None:
+        raise InputError(f"<{element.tag} {element.get('Name', '')}> has no DataItem", file=path)
+    file, _, key = (item.text or "").strip().partition(":")
+    if file != data_path(path).name and file != data_path(path.with_name(f"{_first(path)}.xdmf")).name:
+        raise InputError(f"names the data file `{file}`, not one beside it of its own name", file=path)
     source = path.with_name(file)
+    check_file(source)
     try:
         with h5py.File(source, "r") as data:
-            values: NDArray[Any] = data[key][()]
-    except OSError as error:
+            values = _dataset(data, key, source)
+    except (
+        OSError,
+        RuntimeError,
+        ValueError,
+        TypeError,
+        AttributeError,
+    ) as error:  # what h5py raises for damaged files
         raise InputError(f"cannot be read: {error}", file=source, remedy="export the mesh again") from error
     except KeyError as error:
         raise InputError(f"has no dataset {key}", file=source) from error
-    assert item is not None
     if item.get("Dimensions", "").split() != [str(size) for size in values.shape]:
         raise InputError(f"says that {key} has {item.get('Dimensions')} values, but it has {values.shape}", file=path)
+    return values
+
+
+def _first(path: Path) -> str:
+    """Name of the file of the tetrahedra, without its suffix, to a file of facets."""
+    return path.name.removesuffix(".xdmf").removesuffix("_facets")
+
+
+def _dataset(data: h5py.File, key: str, source: Path) -> NDArray[Any]:
+    """The numbers of a dataset of this very file, having seen that they are in it.
+
+    Links lead out of a file, and so does external storage; a dataset without storage takes its whole size all the same.
+    """
+    if not isinstance(data.get(key, getlink=True), h5py.HardLink):
+        raise KeyError(key)
+    dataset = data[key]
+    if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind not in _XDMF_TYPES or not dataset.shape:
+        raise InputError(f"{key} is no array of numbers", file=source)
+    if dataset.external or dataset.is_virtual or dataset.compression or dataset.scaleoffset is not None:
+        raise InputError(f"the values of {key} are compressed, or in another file", file=source)
+    if dataset.nbytes > dataset.id.get_storage_size():
+        raise InputError(f"{key} declares {dataset.nbytes:,} bytes, which the file does not hold", file=source)
+    values: NDArray[Any] = dataset[()]
     return values
 
 

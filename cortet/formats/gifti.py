@@ -27,6 +27,18 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
+from cortet.formats.untrusted import (
+    MOST_ELEMENTS,
+    XML_ERRORS,
+    check_file,
+    content,
+    inflated,
+    numbers,
+    refuse_declarations,
+    safe_name,
+    safely_named,
+    xml_root,
+)
 from cortet.mesh import CoordinateFrame, TriSurface
 
 _EXPORT_AGAIN = "export the surface again as GIfTI (.surf.gii)"
@@ -36,7 +48,12 @@ _TYPES = {
 }
 #: deflate cannot shrink data more than this (https://zlib.net/zlib_tech.html), so no array claims more per stored byte
 _MAX_COMPRESSION = 1032
+#: of all arrays of a file; 40 million vertices with their triangles have less
 _MAX_BYTES = 2**31
+#: of an array (GIfTI 1.0, section 5)
+_MAX_DIMENSIONS = 6
+#: bytes that are looked at in one go
+_PART = 1 << 16
 _GEOMETRY = ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
 
 
@@ -51,7 +68,8 @@ def read_surface(path: str | Path) -> TriSurface:
     """Read a triangulated surface; further per-vertex arrays in the file become its `point_data`.
 
     Any valid GIfTI will do: arrays in either order, row- or column-major, either endianness, ASCII, base64, compressed
-    or in an external file, integer triangles of any type. Memory is bounded by what the file can hold.
+    or in an external file, integer triangles of any type. Memory is bounded by what the file can hold, and by 2 GiB of
+    values; names of fields that no file could be named by are changed (`untrusted.safe_name`).
 
     Raises
     ------
@@ -90,11 +108,11 @@ def read_label_names(path: str | Path) -> dict[int, str]:
     Raises InputError like `read_surface`.
     """
     try:
-        root = ElementTree.parse(path).getroot()
-        return {int(label.get("Key", "")): (label.text or "").strip() for label in root.iterfind("LabelTable/Label")}
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
-    except (ElementTree.ParseError, ValueError) as error:
+        return {
+            int(label.get("Key", "")): safe_name(label.text or "")
+            for label in xml_root(content(path), path).iterfind("LabelTable/Label")
+        }
+    except ValueError as error:
         raise InputError(f"its label table cannot be read: {error}", file=path, remedy=_EXPORT_AGAIN) from error
 
 
@@ -140,7 +158,7 @@ def _geometry(arrays: list[_Array], intent: str, path: str | Path) -> _Array:
 
 def _fields(arrays: list[_Array], path: str | Path, count: int | None = None) -> dict[str, NDArray[Any]]:
     """Arrays that are not geometry, all with one value (or row) for each of `count` vertices."""
-    fields: dict[str, NDArray[Any]] = {}
+    fields = []
     for array in arrays:
         if array.intent in _GEOMETRY:
             continue
@@ -148,68 +166,72 @@ def _fields(arrays: list[_Array], path: str | Path, count: int | None = None) ->
         if len(array.values) != count:
             what = f"field `{array.name}` has {len(array.values)} values for {count} vertices"
             raise InputError(what, file=path, remedy="use fields of this very surface")
-        name = array.name
-        while name in fields:
-            name += "_"
         values = array.values[:, 0] if array.values.ndim == 2 and array.values.shape[1] == 1 else array.values
-        fields[name] = values.astype(np.int32) if array.intent == "NIFTI_INTENT_LABEL" else values
-    return fields
+        fields.append((array.name, values.astype(np.int32) if array.intent == "NIFTI_INTENT_LABEL" else values))
+    return safely_named(fields)
 
 
 def _read(path: Path) -> list[_Array]:
     """All arrays of a file."""
+    size = check_file(path)
+    if not size:
+        raise InputError("the file is empty", file=path, remedy=_EXPORT_AGAIN)
+    arrays: list[_Array] = []
+    left = _MAX_BYTES
     try:
-        size = path.stat().st_size
-        if not size:
-            raise InputError("the file is empty", file=path, remedy=_EXPORT_AGAIN)
-        parser = ElementTree.iterparse(path, events=("start", "end"))
-        root = next(parser)[1].tag
-        if root != "GIFTI":
-            raise InputError(f"not GIfTI: its XML begins with <{root}>", file=path, remedy=_EXPORT_AGAIN)
-        arrays = []
-        for event, element in parser:
-            if event == "end" and element.tag == "DataArray":
-                arrays.append(_array(element, path))
-                element.clear()
+        with path.open("rb") as file:
+            refuse_declarations(iter(lambda: file.read(_PART), b""), path)
+            file.seek(0)
+            parser = ElementTree.iterparse(file, events=("start", "end"))
+            root = next(parser)[1].tag
+            if root != "GIFTI":
+                raise InputError(f"not GIfTI: its XML begins with <{root}>", file=path, remedy=_EXPORT_AGAIN)
+            for number, (event, element) in enumerate(parser):
+                if number > 2 * MOST_ELEMENTS:
+                    raise InputError(f"has more than {MOST_ELEMENTS:,} XML elements", file=path, remedy=_EXPORT_AGAIN)
+                if event == "end" and element.tag == "DataArray":
+                    arrays.append(_array(element, path, left))
+                    left -= arrays[-1].values.nbytes
+                    element.clear()
     except OSError as error:
         remedy = "check the path and its permissions"
         raise InputError(f"cannot be read: {error.strerror}", file=path, remedy=remedy) from error
-    except ElementTree.ParseError as error:
+    except XML_ERRORS as error:
         what = f"truncated or not GIfTI: {error} (the file has {size:,} bytes)"
         raise InputError(what, file=path, remedy=_EXPORT_AGAIN) from error
     return arrays
 
 
-def _array(element: ElementTree.Element, path: Path) -> _Array:
-    """Decode one <DataArray>, having checked that it holds what it declares."""
+def _array(element: ElementTree.Element, path: Path, most: int) -> _Array:
+    """Decode one <DataArray> of at most so many bytes, having checked that it holds what it declares."""
     get = element.attrib.get
     intent = get("Intent", "NIFTI_INTENT_NONE")
     name = next((_text(md, "Value") for md in element.iter("MD") if _text(md, "Name") == "Name"), "") or _stem(path)
     try:
-        shape = [int(get(f"Dim{i}", "")) for i in range(int(get("Dimensionality", "")))]
+        shape = [int(get(f"Dim{i}", "")) for i in range(min(int(get("Dimensionality", "")), _MAX_DIMENSIONS + 1))]
         dtype = _TYPES[get("DataType", "")].newbyteorder(">" if get("Endian") == "BigEndian" else "<")
-        if not shape or min(shape) < 0:
+        if not shape or min(shape) < 0 or len(shape) > _MAX_DIMENSIONS:
             raise ValueError(f"dimensions {shape}")
-        flat = _decode(element, math.prod(shape), dtype, path.parent)
+        flat = _decode(element, math.prod(shape), dtype, path.parent, most)
         values = flat.reshape(shape, order="F" if get("ArrayIndexingOrder") == "ColumnMajorOrder" else "C")
         frame = _frame(element)
     except KeyError as error:
         raise InputError(f"{intent} array: {error} is not known", file=path, remedy=_EXPORT_AGAIN) from error
-    except (ValueError, OSError, zlib.error) as error:
+    except (ValueError, OverflowError, OSError, zlib.error) as error:
         raise InputError(f"{intent} array: {error}", file=path, remedy=_EXPORT_AGAIN) from error
     return _Array(intent, name, values.astype(dtype.newbyteorder("=")), frame)
 
 
-def _decode(element: ElementTree.Element, count: int, dtype: np.dtype[Any], folder: Path) -> NDArray[Any]:
+def _decode(element: ElementTree.Element, count: int, dtype: np.dtype[Any], folder: Path, most: int) -> NDArray[Any]:
     """The `count` values of a <DataArray>, in the order they are stored in; ValueError when it holds fewer or more."""
     text, encoding, expected = _text(element, "Data"), element.get("Encoding", ""), count * dtype.itemsize
-    if expected > _MAX_BYTES:
-        raise ValueError(f"declares {expected:,} bytes, more than the {_MAX_BYTES:,} that are read")
+    if expected > most:
+        raise ValueError(f"declares {expected:,} bytes, more than the {most:,} that are read")
     if encoding == "ASCII":
-        words = text.split()
-        if len(words) != count:
-            raise ValueError(f"declares {count:,} values, holds {len(words):,}")
-        return np.array(words).astype(dtype)
+        values = numbers(text, dtype)
+        if len(values) != count:
+            raise ValueError(f"declares {count:,} values, holds {len(values):,}")
+        return values
     if encoding == "ExternalFileBinary":
         data = _external(element, folder, expected)
     elif encoding in ("Base64Binary", "GZipBase64Binary"):
@@ -219,7 +241,7 @@ def _decode(element: ElementTree.Element, count: int, dtype: np.dtype[Any], fold
     if encoding == "GZipBase64Binary":
         if expected > _MAX_COMPRESSION * len(data):
             raise ValueError(f"declares {expected:,} bytes, which {len(data):,} compressed ones cannot hold")
-        data = zlib.decompressobj(wbits=47).decompress(data, expected + 1)  # zlib or gzip header
+        data = inflated(data, expected)
     if len(data) != expected:
         raise ValueError(f"declares {expected:,} bytes, holds {'more' if len(data) > expected else f'{len(data):,}'}")
     return np.frombuffer(data, dtype)
@@ -228,8 +250,9 @@ def _decode(element: ElementTree.Element, count: int, dtype: np.dtype[Any], fold
 def _external(element: ElementTree.Element, folder: Path, size: int) -> bytes:
     """`size` bytes of the binary file that stands beside the GIfTI file."""
     name = element.get("ExternalFileName", "")
-    if Path(name).name != name:
+    if Path(name).name != name or not name:
         raise ValueError(f"external file `{name}` is not beside the file")
+    check_file(folder / name)
     with (folder / name).open("rb") as file:
         file.seek(int(element.get("ExternalFileOffset") or 0))
         return file.read(size)

@@ -10,9 +10,12 @@ real numbers.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import json
+import signal
+import subprocess
+import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import gmsh
@@ -20,28 +23,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.formats import gmsh_reader
 from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
+from cortet.formats.gmsh_reader import FIELDS, KINDS, TETRAHEDRON, TRIANGLE, session
 from cortet.formats.numbering import indices
 from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS, surface_faces, with_surface
+from cortet.formats.untrusted import check_file, sound
 from cortet.mesh import IntArray, MeshSets, TetMesh
 from cortet.topology import packed
 
+__all__ = ["TISSUE", "check_version", "read", "session", "write"]
+
 #: group of all tetrahedra of a mesh without regions
 TISSUE = "tissue"
-_TRIANGLE, _TETRAHEDRON = 2, 4  # Gmsh's element types
-
-
-@contextmanager
-def session() -> Iterator[None]:
-    """An empty Gmsh model that reads no arguments, configuration or signals, is silent and runs on one thread."""
-    gmsh.initialize(argv=[], readConfigFiles=False, run=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("General.NumThreads", 1)
-        yield
-    finally:
-        gmsh.finalize()
+#: what Gmsh may take: bytes of address space and seconds of processor time, and more for a larger file
+_MEMORY, _MEMORY_PER_BYTE = 2**32, 100
+_SECONDS, _BYTES_PER_SECOND = 30, 500_000
 
 
 def write(mesh: TetMesh, path: str | Path) -> None:
@@ -56,8 +54,8 @@ def write(mesh: TetMesh, path: str | Path) -> None:
         gmsh.model.add("mesh")
         placed = np.zeros(len(mesh.points), bool)
         first_tag = len(mesh.cells) + 1
-        surfaces = _add_entities(2, _TRIANGLE, mesh, faces, first_tag, face_groups, placed, [])
-        _add_entities(3, _TETRAHEDRON, mesh, mesh.cells, 1, cell_groups, placed, surfaces)
+        surfaces = _add_entities(2, TRIANGLE, mesh, faces, first_tag, face_groups, placed, [])
+        _add_entities(3, TETRAHEDRON, mesh, mesh.cells, 1, cell_groups, placed, surfaces)
         gmsh.write(str(temporary))
         for kind, fields in (("NodeData", mesh.point_data), ("ElementData", mesh.cell_data)):
             for name, values in in_components(fields, (1, 3, 9)).items():
@@ -132,76 +130,80 @@ def _append_field(path: Path, kind: str, name: str, values: NDArray[Any]) -> Non
 def read(path: str | Path) -> TetMesh:
     """Read a file with Gmsh; tetrahedra come as they are in the file, positive or not, in the order of their tags.
 
+    Gmsh runs in a process of its own, in an empty folder: it would also read `<name>.msh.opt`, which may hold commands.
+
     Raises
     ------
     InputError
-        the file is missing, Gmsh cannot read it, or it holds no tetrahedra
+        the file is missing, Gmsh cannot read it or breaks down over it, it holds no tetrahedra, or names nodes it lacks
     """
     check_version(path)
-    with session():
-        try:
-            gmsh.open(str(path))
-        except Exception as error:  # what the Gmsh API raises
-            raise InputError(f"Gmsh cannot read it: {error}", file=path) from error
-        node_tags, coordinates, _ = gmsh.model.mesh.getNodes()
-        order = np.argsort(node_tags)
-        tags = node_tags[order].astype(np.int64)
-        if len(tags) == 0:
-            raise InputError("holds no nodes", file=path)
-        face_tags, faces = _elements(_TRIANGLE, 3, tags, path)
-        cell_tags, cells = _elements(_TETRAHEDRON, 4, tags, path)
-        groups = {dimension: _groups(dimension, kind) for dimension, kind in ((2, _TRIANGLE), (3, _TETRAHEDRON))}
-        fields = {kind: dict(_fields(kind)) for kind in ("NodeData", "ElementData")}
+    arrays, names = _read_by_gmsh(path)
+    order = np.argsort(arrays["node_tags"])
+    tags = arrays["node_tags"][order].astype(np.int64)
+    if len(tags) == 0:
+        raise InputError("holds no nodes", file=path)
+    (face_tags, faces), (cell_tags, cells) = (_elements(kind, arrays, tags, path) for kind in KINDS)
     if len(cells) == 0:
         raise InputError("holds no tetrahedra", file=path)
-    sets = MeshSets(
-        faces={name: faces[indices(members, face_tags, "triangle", path)] for name, members in groups[2].items()},
-        cells={
-            name: indices(members, cell_tags, "tetrahedron", path)
-            for name, members in groups[3].items()
+    groups = {
+        kind: {
+            name: indices(np.sort(arrays[f"{kind}_group_{number}"]).astype(np.int64), known, kind, path)
+            for number, name in enumerate(names[kind])
             if name != TISSUE
-        },
-    )
-    return TetMesh(coordinates.reshape(-1, 3)[order], cells, fields["NodeData"], fields["ElementData"], sets)
+        }
+        for kind, known in (("triangle", face_tags), ("tetrahedron", cell_tags))
+    }
+    fields = {
+        kind: {name: _field(arrays[f"{kind}_{number}"]) for number, name in enumerate(names[kind])} for kind in FIELDS
+    }
+    sets = MeshSets(faces={name: faces[rows] for name, rows in groups["triangle"].items()}, cells=groups["tetrahedron"])
+    mesh = TetMesh(arrays["coordinates"][order], cells, fields["NodeData"], fields["ElementData"], sets)
+    return sound(mesh, path)
 
 
 def check_version(path: str | Path) -> None:
     """Raises InputError unless the file begins as one of version 4.1."""
+    check_file(path)
     try:
         with Path(path).open("rb") as file:
-            first, second = file.readline().strip(), file.readline().split()
+            first, second = file.readline(100).strip(), file.readline(100).split()
     except OSError as error:
         raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
     if first != b"$MeshFormat" or second[:1] != [b"4.1"]:
         raise InputError("is not a Gmsh file of version 4.1", file=path, remedy="save it as version 4.1 in Gmsh")
 
 
+def _read_by_gmsh(path: str | Path) -> tuple[dict[str, NDArray[Any]], dict[str, list[str]]]:
+    """Arrays and names of `gmsh_reader.arrays_of`."""
+    size = Path(path).stat().st_size
+    limits = [str(_MEMORY + _MEMORY_PER_BYTE * size), str(_SECONDS + size // _BYTES_PER_SECOND)]
+    with TemporaryDirectory(prefix="cortet-gmsh-") as folder:
+        source, target = Path(folder) / "mesh.msh", Path(folder) / "mesh.npz"
+        source.symlink_to(Path(path).resolve())
+        command = [sys.executable, "-P", gmsh_reader.__file__, str(source), str(target), *limits]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
+        if done.returncode < 0:
+            reason = f"Gmsh broke down reading it ({signal.Signals(-done.returncode).name})"
+            raise InputError(reason, file=path, remedy="it is damaged: save it again in Gmsh")
+        if done.returncode:
+            said = (done.stderr.strip() or "no message").splitlines()[-1]
+            raise InputError(f"Gmsh cannot read it: {said}", file=path)
+        with np.load(target) as arrays:
+            found = dict(arrays)
+    return found, json.loads(str(found.pop("names")))
+
+
 def _elements(
-    kind: int, corners: int, node_tags: NDArray[np.int64], path: str | Path
+    kind: str, arrays: dict[str, NDArray[Any]], node_tags: NDArray[np.int64], path: str | Path
 ) -> tuple[NDArray[np.int64], IntArray]:
     """Tags, ascending, and nodes of all elements of a kind."""
-    tags, nodes = gmsh.model.mesh.getElementsByType(kind)
+    tags = arrays[f"{kind}_tags"]
     order = np.argsort(tags)
-    return tags[order].astype(np.int64), indices(
-        nodes.astype(np.int64).reshape(-1, corners)[order], node_tags, "node", path
-    )
+    nodes = arrays[f"{kind}_nodes"].astype(np.int64).reshape(-1, KINDS[kind][1] + 1)[order]
+    return tags[order].astype(np.int64), indices(nodes, node_tags, "node", path)
 
 
-def _groups(dimension: int, kind: int) -> dict[str, NDArray[np.int64]]:
-    """Name -> tags of its elements, ascending."""
-    groups = {}
-    for _, number in gmsh.model.getPhysicalGroups(dimension):
-        entities = gmsh.model.getEntitiesForPhysicalGroup(dimension, number)
-        tags = [gmsh.model.mesh.getElementsByType(kind, entity)[0] for entity in entities]
-        name = gmsh.model.getPhysicalName(dimension, number) or str(number)
-        groups[name] = np.sort(np.concatenate(tags)).astype(np.int64)
-    return groups
-
-
-def _fields(kind: str) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Name and values of the views of a kind, in the order of tags."""
-    for view in gmsh.view.getTags():
-        found, tags, values, _, components = gmsh.view.getHomogeneousModelData(view, 0)
-        if found == kind:
-            rows = values.reshape(-1, components)[np.argsort(tags)]
-            yield gmsh.view.option.getString(view, "Name"), rows[:, 0] if components == 1 else rows
+def _field(rows: NDArray[Any]) -> NDArray[Any]:
+    """Values of a view, in the order of tags."""
+    return rows[:, 0] if rows.shape[1] == 1 else rows

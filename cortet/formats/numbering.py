@@ -28,6 +28,8 @@ def indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, pat
     if count and known[0] == 1 and known[-1] == count and (np.diff(known) == 1).all():  # as almost every file has it
         outside = (numbers < 1) | (numbers > count)
         place = numbers - 1
+    elif not count:
+        outside, place = np.ones(numbers.shape, bool), numbers
     else:
         order = np.argsort(known, kind="stable")
         if (np.diff(known[order]) == 0).any():
@@ -39,3 +41,11 @@ def indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, pat
     if outside.any():
         raise InputError(f"{kind} {numbers[outside][0]} is named but not defined", file=path)
     return place.astype(np.int32)
+
+
+def whole(values: NDArray[np.float64], kind: str, path: str | Path) -> NDArray[np.int64]:
+    """Whole numbers that were read as real ones. Raises InputError for any other, and for those of ten digits."""
+    bad = ~(np.abs(values) < 2**31) | (values != np.round(values))
+    if bad.any():
+        raise InputError(f"{values[bad][0]:g} is no number of a {kind}", file=path)
+    return values.astype(np.int64)

@@ -11,6 +11,7 @@ import numpy as np
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
+from cortet.formats.untrusted import content
 from cortet.mesh import TriSurface
 from cortet.topology import face_normals
 
@@ -36,17 +37,16 @@ def read(path: str | Path) -> TriSurface:
     Raises
     ------
     InputError
-        the file is missing, or its size is not what its number of triangles asks for
+        the file is missing, its size is not what its number of triangles asks for, or a coordinate is not finite
     """
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
+    data = content(path)
     start = _HEADER_BYTES + 4
-    count = int(np.frombuffer(content[_HEADER_BYTES:start].ljust(4, b"\0"), "<u4")[0])
-    if len(content) != start + count * _TRIANGLE.itemsize:
-        raise InputError(f"is no binary STL file of {count} triangles: it has {len(content)} bytes", file=path)
-    corners = np.frombuffer(content, _TRIANGLE, offset=start)["corners"].reshape(-1, 3)
+    count = int(np.frombuffer(data[_HEADER_BYTES:start].ljust(4, b"\0"), "<u4")[0])
+    if len(data) != start + count * _TRIANGLE.itemsize:
+        raise InputError(f"is no binary STL file of {count} triangles: it has {len(data)} bytes", file=path)
+    corners = np.frombuffer(data, _TRIANGLE, offset=start)["corners"].reshape(-1, 3)
+    if not np.isfinite(corners).all():
+        raise InputError("has corners whose coordinates are not finite", file=path)
     points, first, vertex = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     number = np.empty(len(order), np.int32)

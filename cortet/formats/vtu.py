@@ -2,15 +2,19 @@
 
 Binary, zlib-compressed, float64: every array comes back bit for bit, fields included, and ParaView opens the file at
 every stage. Sets of nodes and tetrahedra are arrays of 0 and 1, and `region` is 1 in the core and 2 in the cortex;
-there are no faces, so none in sets. Read and written by meshio; format: https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html
+there are no faces, so none in sets. Written by meshio; read here, where the size of every array is known from the
+numbers of nodes and tetrahedra before anything is unpacked, in every form that VTK writes: text, base64 or raw, in
+place or appended, with zlib or not (https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html).
 """
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
+import base64
+import re
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, NamedTuple
+from xml.etree import ElementTree
 
 import meshio
 import numpy as np
@@ -19,48 +23,180 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import members, region_tags
+from cortet.formats.untrusted import LARGEST, content, inflated, numbers, sound, xml_root
 from cortet.mesh import IntArray, MeshSets, TetMesh
 
 #: what the names of arrays begin with that hold a set, as 0 and 1
 _NODE_SET, _CELL_SET = "node_set_", "cell_set_"
 
-#: what meshio lets through when a file is cut off or damaged
-_DAMAGED = (
-    meshio.ReadError,
-    ET.ParseError,
-    zlib.error,
-    AssertionError,
-    ValueError,
-    KeyError,
-    IndexError,
-    TypeError,
-)
+_TYPES = {
+    name: np.dtype(name.lower())
+    for name in ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Float32", "Float64")
+}
+_TETRAHEDRON = 10
+#: of other types, for the message
+_OTHERS = {3: "line", 5: "triangle", 9: "quad", 12: "hexahedron", 13: "wedge", 24: "quadratic tetra"}
+_RAW = re.compile(rb"<AppendedData\s[^<>]*encoding\s*=\s*[\"']raw[\"'][^<>]*>\s*_")
+_DAMAGED = (zlib.error, ValueError, KeyError, OverflowError)
+
+
+class _File(NamedTuple):
+    """What the arrays of a file have in common."""
+
+    header: np.dtype[Any]
+    byte_order: Literal["<", ">"]
+    compressed: bool
+    #: appended data; as bytes when raw, else as base64
+    appended: bytes
+    raw: bool
 
 
 def read(path: str | Path) -> TetMesh:
-    """Read a tetrahedral mesh.
+    """Read a tetrahedral mesh; memory is bounded by what the file can hold, and by `untrusted.LARGEST`.
 
     Raises
     ------
     InputError
-        the file is missing, is not a complete VTU file, holds cells that are not tetrahedra, or indexes nodes it lacks
+        the file is missing, is not a complete VTU file, holds cells that are not tetrahedra, indexes nodes it lacks, or
+        has a coordinate that is not finite
     """
+    text = content(path)
+    raw = _RAW.search(text)
+    root = xml_root(text if raw is None else text[: raw.start()] + b"</VTKFile>", path)
     try:
-        mesh = meshio.vtu.read(path)
-    except OSError as error:
-        raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
+        pieces = [_piece(piece, path, file) for file in [_file(root, text, raw)] for piece in _pieces(root)]
+        mesh = _joined(pieces)
     except _DAMAGED as error:
         raise InputError(f"is not a readable VTU file: {error}", file=path, remedy="delete it and run again") from error
-    kinds = sorted({block.type for block in mesh.cells})
-    if kinds != ["tetra"]:
-        raise InputError(f"holds cells of type {', '.join(kinds) or 'none'}, not only tetrahedra", file=path)
-    cells = np.concatenate([block.data for block in mesh.cells])
-    if cells.min() < 0 or cells.max() >= len(mesh.points):
-        raise InputError(f"has node indices outside 0..{len(mesh.points) - 1}", file=path)
-    point_data = dict(mesh.point_data)
-    cell_data = {name: np.concatenate(blocks) for name, blocks in mesh.cell_data.items()}
+    return sound(mesh, path)
+
+
+def _file(root: ElementTree.Element, text: bytes, raw: re.Match[bytes] | None) -> _File:
+    if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
+        raise ValueError(f"it is <{root.tag} type={root.get('type')}>, not <VTKFile type=UnstructuredGrid>")
+    order: Literal["<", ">"] = ">" if root.get("byte_order") == "BigEndian" else "<"
+    compressor = root.get("compressor")
+    if compressor not in (None, "", "vtkZLibDataCompressor"):
+        raise ValueError(f"compressor {compressor} is not known, save it with ZLib")
+    appended = text[raw.end() :] if raw else "".join((root.findtext("AppendedData") or "").split()).encode()[1:]
+    return _File(
+        _TYPES[root.get("header_type", "UInt32")].newbyteorder(order), order, bool(compressor), appended, bool(raw)
+    )
+
+
+def _pieces(root: ElementTree.Element) -> list[ElementTree.Element]:
+    found = root.findall("UnstructuredGrid/Piece")
+    if not found:
+        raise ValueError("it has no <Piece>")
+    stated = [int(piece.get(name, "")) for piece in found for name in ("NumberOfPoints", "NumberOfCells")]
+    if min(stated) < 0 or 24 * sum(stated) > LARGEST:
+        raise ValueError(f"it states {sum(stated):,} nodes and cells, more than are read or fewer than none")
+    return found
+
+
+def _piece(piece: ElementTree.Element, path: str | Path, file: _File) -> TetMesh:
+    nodes, cells = int(piece.get("NumberOfPoints", "")), int(piece.get("NumberOfCells", ""))
+    arrays = {array.get("Name", ""): array for array in piece.iterfind("Cells/DataArray")}
+    kinds = np.unique(_values(arrays["types"], cells, file))
+    if kinds.tolist() != [_TETRAHEDRON]:
+        names = ", ".join(_OTHERS.get(int(kind), str(kind)) for kind in kinds)
+        raise InputError(f"holds cells of type {names or 'none'}, not only tetrahedra", file=path)
+    if not np.array_equal(_values(arrays["offsets"], cells, file), 4 * np.arange(1, cells + 1)):
+        raise ValueError("its offsets are not those of tetrahedra")
+    corners = _values(arrays["connectivity"], 4 * cells, file)
+    if corners.min() < 0 or corners.max() >= nodes:
+        raise InputError(f"has node indices outside 0..{nodes - 1}", file=path)
+    (points,) = piece.findall("Points/DataArray")
+    point_data, cell_data = (
+        {str(array.get("Name", "")): _values(array, count, file) for array in piece.iterfind(f"{place}/DataArray")}
+        for place, count in (("PointData", nodes), ("CellData", cells))
+    )
+    if sum(values.nbytes for fields in (point_data, cell_data) for values in fields.values()) > LARGEST:
+        raise ValueError(f"its fields take more than the {LARGEST:,} bytes that are read")
+    return TetMesh(_values(points, nodes, file).reshape(-1, 3), corners.reshape(-1, 4), point_data, cell_data)
+
+
+def _joined(pieces: list[TetMesh]) -> TetMesh:
+    """One mesh of all pieces, with its sets."""
+    first = np.cumsum([0, *(len(piece.points) for piece in pieces)])
+    points = np.concatenate([piece.points for piece in pieces])
+    cells = np.concatenate([piece.cells + start for piece, start in zip(pieces, first[:-1], strict=True)])
+    point_data = {name: np.concatenate([piece.point_data[name] for piece in pieces]) for name in pieces[0].point_data}
+    cell_data = {name: np.concatenate([piece.cell_data[name] for piece in pieces]) for name in pieces[0].cell_data}
     nodes, named = _taken(point_data, _NODE_SET), _taken(cell_data, _CELL_SET)
-    return TetMesh(mesh.points, cells, point_data, cell_data, MeshSets(nodes, {}, named))
+    return TetMesh(points, cells, point_data, cell_data, MeshSets(nodes, {}, named))
+
+
+def _values(array: ElementTree.Element, rows: int, file: _File) -> NDArray[Any]:
+    """The values of a <DataArray> of so many rows; ValueError when it holds fewer or more."""
+    stated = array.get("NumberOfComponents")
+    shape = (rows, int(stated)) if stated else (rows,)
+    dtype = _TYPES[array.get("type", "")]
+    size = int(np.prod(shape, dtype=object)) * dtype.itemsize
+    if not 0 <= size <= LARGEST:
+        raise ValueError(f"array {array.get('Name')} would take {size:,} bytes")
+    form = array.get("format", "ascii")
+    if form == "ascii":
+        values = numbers(array.text or "", dtype)
+    elif form == "binary":
+        values = _decoded("".join((array.text or "").split()).encode(), size, dtype, file, raw=False)
+    elif form == "appended":
+        offset = int(array.get("offset", ""))
+        if not 0 <= offset < len(file.appended):
+            raise ValueError(f"array {array.get('Name')} begins outside the data")
+        values = _decoded(file.appended[offset:], size, dtype, file, raw=file.raw)
+    else:
+        raise ValueError(f"format {form} is not known")
+    return values.reshape(shape)
+
+
+def _decoded(data: bytes, size: int, dtype: np.dtype[Any], file: _File, *, raw: bool) -> NDArray[Any]:
+    """The `size` bytes behind a header at the beginning of the data, as numbers."""
+    width = file.header.itemsize
+    count = int(np.frombuffer(_bytes(data, width, raw), file.header)[0])
+    if file.compressed:
+        unpacked = _unpacked(data, count, size, file, raw)
+    elif count == size:
+        separate = not raw and data[: _length(width, raw)].endswith(b"=")
+        unpacked = (
+            _bytes(data[_length(width, raw) :], size, raw) if separate else _bytes(data, width + size, raw)[width:]
+        )
+    else:
+        raise ValueError(f"{count:,} bytes instead of {size:,}")
+    return np.frombuffer(unpacked, dtype.newbyteorder(file.byte_order)).astype(dtype)
+
+
+def _unpacked(data: bytes, blocks: int, size: int, file: _File, raw: bool) -> bytes:
+    """What compressed blocks hold, whose header is (their number, size of a block and of the last, packed sizes)."""
+    if blocks > size:
+        raise ValueError(f"{blocks:,} blocks for {size:,} bytes")
+    width = (3 + blocks) * file.header.itemsize
+    _, block, last, *packed = np.frombuffer(_bytes(data, width, raw), file.header).tolist()
+    sizes = [block] * blocks
+    if blocks and last:
+        sizes[-1] = last
+    if sum(sizes) != size:
+        raise ValueError(f"{sum(sizes):,} bytes instead of {size:,}")
+    body = _bytes(data[_length(width, raw) :], sum(packed), raw)
+    parts, start = [], 0
+    for length, unpacked in zip(packed, sizes, strict=True):
+        parts.append(inflated(body[start : start + length], unpacked))
+        start += length
+    return b"".join(parts)
+
+
+def _length(size: int, raw: bool) -> int:
+    """Length of so many bytes as they are stored."""
+    return size if raw else (size + 2) // 3 * 4
+
+
+def _bytes(data: bytes, size: int, raw: bool) -> bytes:
+    """The first `size` bytes of what is stored raw or in base64; ValueError when there are fewer."""
+    stored = data[: _length(size, raw)]
+    found = stored if raw else base64.b64decode(stored, validate=True)[:size]
+    if len(found) != size:
+        raise ValueError(f"ends after {len(found):,} of {size:,} bytes")
+    return found
 
 
 def write(mesh: TetMesh, path: str | Path) -> None:

@@ -48,7 +48,7 @@ def test_a_truncated_file_is_refused_by_name(tmp_path, suffix):
     ("suffix", "text", "words"),
     [
         (".elem", "1\nHx 0 1 2 3 4 5 6 7 1\n", "elements of other types than Tt"),
-        (".elem", "1\nTt 0 1 2 99 1\n", "indices outside"),
+        (".elem", "1\nTt 0 1 2 99 1\n", "node 99 is not among the 27"),
         (".pts", "twenty\n", "not a CARP file"),
         (".pts", "1\n0 0\n", "not a CARP file"),
     ],

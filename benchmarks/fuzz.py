@@ -1,0 +1,457 @@
+"""Hostile input: damage valid files at random and look what each reader makes of them.
+
+    python benchmarks/fuzz.py --minutes 10 --seed 1
+
+Every input is read in a process of its own, whose memory and processor time are limited. The only outcomes that are
+not faults are a valid result and an error of `cortet.errors`. Prints the inputs tried and the faults by kind; files
+that caused one are kept under `--keep`. The unit tests run the same damages, a few of each.
+"""
+
+# ruff: noqa: E402
+
+from __future__ import annotations
+
+import argparse
+import base64
+import itertools
+import os
+import random
+import re
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import traceback
+import zlib
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+for variable in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ[variable] = "1"  # before NumPy and Numba are imported: a process that forks must have one thread
+
+import numpy as np
+import yaml
+
+from cortet.cohort import Case, read_sheet, scan, write_sheet
+from cortet.config import Config, load
+from cortet.errors import CortetError
+from cortet.export import write
+from cortet.fields import with_fields
+from cortet.formats import FORMATS
+from cortet.formats.gifti import read_fields, read_label_names, read_surface, write_surface
+from cortet.mesh import TetMesh, TriSurface
+from cortet.phantom import phantom
+from cortet.sets import named_sets
+from cortet.stages.gate import gate
+from cortet.stages.generate import generate
+from cortet.stages.solver_ready import solver_ready
+from cortet.stages.transfer import transfer
+from cortet.verify import verify
+
+ROOT = Path(__file__).parents[1]
+#: beyond what the process has before it reads
+MEMORY = 1 << 30
+SECONDS = 20
+
+Damage = Callable[[bytes, random.Random], bytes]
+
+NUMBERS = [
+    *(b"0", b"-1", b"1", b"255", b"65536", b"2147483647", b"2147483648", b"4294967297", b"1000000000000"),
+    *(b"9223372036854775807", b"-9223372036854775808", b"18446744073709551616", b"9" * 400, b"9" * 5000),
+    *(b"nan", b"-inf", b"inf", b"1e308", b"1e-320", b"1e999", b"-0.0", b"1.5", b"0x10", b"1_0", b"", b"\xb2", b"1,5"),
+]
+WORDS = [
+    *(b"", b"../../../tmp/evil", b"/etc/passwd", b"/dev/zero", b"$(reboot)", b"; rm -rf x", b"`id`", b"a\nb", b"a\0b"),
+    *(b"{x}", b"*", b"%s%n", b"sub-\xd0\xb0", b"\xef\xbc\x8f", b"\xff\xfe", b"x" * 5000, b"true", b"null", b"None"),
+    *(b"n/a", b"NIFTI_INTENT_TRIANGLE", b"NIFTI_TYPE_FLOAT64", b"ASCII", b"GZipBase64Binary", b"ExternalFileBinary"),
+    *(b"binary", b"appended", b"raw", b"UInt8", b"Float64", b"UInt64", b"C3D8", b"\xe2\x80\xa8", b"&lol9;", b"&x;"),
+]
+_BOMB = zlib.compress(bytes(300_000_000), 9)
+_ENTITIES = b"".join(b'<!ENTITY lol%d "%s">' % (n, b"&lol%d;" % (n - 1) * 10) for n in range(1, 10))
+DOCTYPES = [
+    b'<!DOCTYPE x [<!ENTITY lol0 "lolololol">' + _ENTITIES + b"]>",
+    b'<!DOCTYPE x [<!ENTITY x SYSTEM "file:///etc/passwd">]>',
+    b'<!DOCTYPE x [<!ENTITY x "' + b"a" * 100_000 + b'">]>',
+    b'<!DOCTYPE x [<!ATTLIST Data y CDATA "' + b"a" * 10_000 + b'">]>',
+    b'<!DOCTYPE x SYSTEM "http://localhost:9/x.dtd">',
+]
+
+
+def _span(data: bytes, rng: random.Random, longest: int = 2000) -> tuple[int, int]:
+    start = rng.randrange(len(data) + 1)
+    return start, min(len(data), start + rng.randint(1, rng.choice([4, 64, longest])))
+
+
+def _replaced(data: bytes, rng: random.Random, pattern: bytes, by: Callable[[bytes], bytes]) -> bytes:
+    """The data with one match of the pattern replaced."""
+    found = list(itertools.islice(re.finditer(pattern, data), 5000))
+    if not found:
+        return data
+    # half of the time among the first: heads of files say how long everything is
+    match = rng.choice(found[:20] if rng.random() < 0.5 else found)
+    return data[: match.start()] + by(match[0]) + data[match.end() :]
+
+
+def flip_a_bit(data: bytes, rng: random.Random) -> bytes:
+    """One bit turned."""
+    place = rng.randrange(max(len(data), 1))
+    return data[:place] + bytes(byte ^ 1 << rng.randrange(8) for byte in data[place : place + 1]) + data[place + 1 :]
+
+
+def cut_off(data: bytes, rng: random.Random) -> bytes:
+    """Only the beginning, as of a copy that was interrupted."""
+    return data[: rng.randrange(len(data) + 1)]
+
+
+def cut_out(data: bytes, rng: random.Random) -> bytes:
+    """A span missing."""
+    start, end = _span(data, rng)
+    return data[:start] + data[end:]
+
+
+def repeat(data: bytes, rng: random.Random) -> bytes:
+    """A span repeated, up to a megabyte."""
+    start, end = _span(data, rng)
+    times = rng.choice([2, 3, 50, max(1, 1_000_000 // (end - start + 1))])
+    return data[:start] + data[start:end] * times + data[end:]
+
+
+def insert_bytes(data: bytes, rng: random.Random) -> bytes:
+    """Random bytes, a trap for a number or for a word put in."""
+    start, _ = _span(data, rng)
+    return data[:start] + rng.choice([rng.randbytes(rng.randint(1, 40)), *WORDS, *NUMBERS]) + data[start:]
+
+
+def change_a_number(data: bytes, rng: random.Random) -> bytes:
+    """A number replaced by one that is too large, too small or none."""
+    return _replaced(data, rng, rb"-?\d+(\.\d+)?([eE][-+]?\d+)?", lambda _: rng.choice(NUMBERS))
+
+
+def change_a_word(data: bytes, rng: random.Random) -> bytes:
+    """A word, a quoted string or a cell replaced."""
+    pattern = rng.choice([rb'(?<=")[^"\n]{0,80}(?=")', rb"(?<=[\t\n])[^\t\n]{1,80}(?=[\t\n])", rb"[A-Za-z_]{2,40}"])
+    others = [match[0] for match in itertools.islice(re.finditer(pattern, data), 300)]
+    return _replaced(data, rng, pattern, lambda _: rng.choice(WORDS + NUMBERS + others))
+
+
+def change_lines(data: bytes, rng: random.Random) -> bytes:
+    """A line deleted, swapped, repeated or longer."""
+    lines = data.split(b"\n")
+    place, other = rng.randrange(len(lines)), rng.randrange(len(lines))
+    choice = rng.randrange(4)
+    if choice == 0:
+        del lines[place]
+    elif choice == 1:
+        lines[place], lines[other] = lines[other], lines[place]
+    elif choice == 2:
+        lines.insert(place, lines[other])
+    else:
+        lines[place] += rng.choice([b" ", b",", b"\t"]) + rng.choice(NUMBERS)
+    return b"\n".join(lines)
+
+
+def change_a_tag(data: bytes, rng: random.Random) -> bytes:
+    """An XML tag deleted, repeated or replaced."""
+    tags = [match[0] for match in itertools.islice(re.finditer(rb"<[^<>]{1,300}>", data), 300)]
+    return _replaced(data, rng, rb"<[^<>]{1,300}>", lambda tag: rng.choice([b"", tag * 2, tag * 20_000, *tags]))
+
+
+def add_a_doctype(data: bytes, rng: random.Random) -> bytes:
+    """Entities: a billion laughs, a file of this machine, one that is long, and default attributes."""
+    data = re.sub(rb"<!DOCTYPE[^>]*>", b"", data, count=1)
+    place = re.search(rb"<[A-Za-z]", data)
+    start = place.start() if place else 0
+    data = data[:start] + rng.choice(DOCTYPES) + data[start:]
+    entity = rng.choice([b"&lol9;", b"&x;", b"&x;" * 20_000])
+    return _replaced(data, rng, rb"(?<=>)[^<]*(?=<)", lambda text: entity + text)
+
+
+def change_an_encoding(data: bytes, rng: random.Random) -> bytes:
+    """Another encoding, declared or real."""
+    name = rng.choice([b"utf-16", b"latin-1", b"ascii", b"utf-7", b"shift_jis", b"none", b"idna", b"cp037"])
+    declared = re.sub(rb"<\?xml[^>]*\?>", b'<?xml version="1.0" encoding="' + name + b'"?>', data)
+    choice = rng.randrange(4)
+    if choice == 0:
+        return data.decode("latin-1").encode("utf-16")
+    return [declared, b"\xef\xbb\xbf" + data, data.replace(b"\n", rng.choice([b"\r\n", b"\r"]))][choice - 1]
+
+
+def change_packed_data(data: bytes, rng: random.Random) -> bytes:
+    """Damage what stands there in base64, also what is compressed in it, or put a bomb in its place."""
+
+    def damaged(text: bytes) -> bytes:
+        try:
+            packed = base64.b64decode(text)
+        except ValueError:
+            return text
+        if rng.random() < 0.1:
+            return base64.b64encode(_BOMB)
+        try:
+            content = zlib.decompress(packed)
+        except zlib.error:
+            return base64.b64encode(change_a_binary_number(packed, rng))
+        return base64.b64encode(zlib.compress(change_a_binary_number(content, rng)))
+
+    return _replaced(data, rng, rb"[A-Za-z0-9+/]{20,}=*", damaged)
+
+
+def change_a_binary_number(data: bytes, rng: random.Random) -> bytes:
+    """Four or eight bytes replaced by another number."""
+    values = (0, 1, 2, -1, 255, 2**31 - 1, -(2**31), 10**12, 2**62)
+    kind = rng.choice(["<i4", "<i8", "<f4", "<f8", ">i4"])
+    number = rng.choice([*values, np.nan, np.inf, 1e30] if "f" in kind else values)
+    if "i4" in kind:
+        number = (int(number) + 2**31) % 2**32 - 2**31
+    raw = np.array([number], kind).tobytes()
+    place = rng.randrange(max(min(len(data), rng.choice([64, 2048, 1 << 30])) // len(raw), 1)) * len(raw)
+    return data[:place] + raw + data[place + len(raw) :]
+
+
+DAMAGES: list[Damage] = [
+    *(flip_a_bit, cut_off, cut_out, repeat, insert_bytes, change_a_number, change_a_number, change_a_word),
+    *(change_a_word, change_lines, change_a_tag, add_a_doctype, change_an_encoding, change_packed_data),
+    *(change_packed_data, change_a_binary_number),
+]
+
+
+def damaged(data: bytes, rng: random.Random) -> bytes:
+    """The data with one to three damages, at most 4 MB of it."""
+    for _ in range(rng.choice([1, 1, 1, 2, 3])):
+        data = rng.choice(DAMAGES)(data, rng)[: 4 << 20]
+    return data
+
+
+#: values that a key of the configuration can be given
+VALUES: list[Any] = [
+    *(None, True, False, 0, -1, 1, 10**30, 1.5, float("nan"), float("inf"), "", "x", "../../x", "{case}", "a\nb", "\0"),
+    *([], [[]], {}, [1, 2, 3], ["x"], {"x": 1}, {1: 2}, [None], "x" * 100_000, list(range(10_000)), {"output": "x"}),
+]
+YAMLS = [
+    b"a: &a [x,x,x,x,x,x,x,x,x]\n"
+    + b"".join(b"%c: &%c [%s]\n" % (c, c, b",".join([b"*%c" % (c - 1)] * 9)) for c in range(98, 108)),
+    *(b"cohort: &c {sheet: *c}\n", b"a: &a [*a]\n", b"generate: &g\n  cell_size: *g\n", b"[" * 20_000, b"{a: " * 5000),
+    *(
+        b"fold: !!python/object/apply:os.system ['true']\n",
+        b"fold: 2026-13-45\n",
+        b"fold: !!binary x\n",
+        b"? [a]\n: b\n",
+    ),
+    *(b"output: " + b"9" * 5000 + b"\n", b"output: !!int x\n", b"output: \x07\n", b"%YAML 9.9\n---\n", b"a: b: c\n"),
+    *(b"<<: [{a: 1}, {b: 2}]\n", b"output: !!timestamp x\n", b"output: !!set {a}\n", b"--- 1\n--- 2\n", b"&a *a : 1\n"),
+]
+
+
+def damaged_config(data: bytes, rng: random.Random) -> bytes:
+    """A configuration with one value replaced by another kind, with YAML that is a trap, or damaged as any text."""
+    choice = rng.random()
+    if choice < 0.2:
+        return rng.choice([data + rng.choice(YAMLS), rng.choice(YAMLS)])
+    if choice < 0.5:
+        return damaged(data, rng)
+    tree = yaml.safe_load(data)
+    here = tree
+    while True:
+        key = rng.choice(list(here))
+        if isinstance(here[key], dict) and here[key] and rng.random() < 0.8:
+            here = here[key]
+            continue
+        here[rng.choice([key, key, key, rng.choice(["x", 1, None, "surfaces", "cell_sizes"])])] = rng.choice(VALUES)
+        return yaml.safe_dump(tree).encode()
+
+
+def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
+    """A valid file of every kind in a folder of its own, and what reads it."""
+    surface = phantom(24, subdivisions=2)
+    fields = {"thickness": np.linspace(1, 2, len(surface.points)), "area": np.arange(len(surface.points)) // 60}
+    surface = replace(surface, point_data={name: values.astype("f4") for name, values in fields.items()})
+    surface.point_data["area"] = surface.point_data["area"].astype(np.int32)
+    plain = {"odt": False, "lloyd": False, "perturb": False, "exude": False}
+    mesh, _ = generate(surface, cell_size=10.0, backend="cgal", facet_distance=[0.5], **plain)
+    mesh = named_sets(solver_ready(transfer(mesh, surface)[0])[0], cortex_depth=5.0, medial_wall={"area": [0]})
+    found: dict[str, tuple[Path, Callable[[Path], Any]]] = {}
+    for name, form in FORMATS.items():
+        path = folder / name / f"m{form.suffix}"
+        write(mesh, path, solver=name)
+        found[name] = (path, lambda path, name=name: read_and_verify(path, name))
+    write_surface(surface, folder / "gate" / "s.surf.gii")
+    found["gate"] = (folder / "gate" / "s.surf.gii", lambda path: gate(read_surface(path), source=str(path))[0])
+    write_surface(replace(surface, points=surface.points), folder / "fields" / "s.shape.gii")
+    found["fields"] = (folder / "fields" / "s.shape.gii", lambda path: read_all_fields(path, surface))
+    (folder / "sheet").mkdir()
+    cases = [Case(f"0{n}", "1", "L", 24.5, folder / f"s{n}.surf.gii", extra={"site": "x"}) for n in range(4)]
+    cases[2] = replace(cases[2], include=False, exclude_reason="motion", fields={"sulc": folder / "s.gii"})
+    write_sheet(cases, folder / "sheet" / "cohort.tsv")
+    patterns = {"thickness": "../{participant_id}/{site}.shape.gii"}
+    found["sheet"] = (folder / "sheet" / "cohort.tsv", lambda path: read_sheet(path, patterns))
+    (folder / "config").mkdir()
+    everything = yaml.safe_dump(Config().model_dump(mode="json"))
+    (folder / "config" / "config.yaml").write_text(everything)
+    found["config"] = (folder / "config" / "config.yaml", load)
+    anat = folder / "release" / "sub-A" / "anat"
+    anat.mkdir(parents=True)
+    (anat / "sub-A_hemi-L_wm.surf.gii").touch()
+    (folder / "release" / "participants.tsv").write_text("participant_id\tscan_age\nsub-A\t28.5\nsub-B\tn/a\n")
+    found["release"] = (folder / "release" / "participants.tsv", lambda path: scan(path.parent))
+    return found
+
+
+def read_and_verify(path: Path, name: str) -> Any:
+    """What a reader makes of a file, after a look by `cortet verify`, which refuses nothing by an error."""
+    verify(path, name)
+    return FORMATS[name].read(path)
+
+
+def read_all_fields(path: Path, surface: TriSurface) -> Any:
+    """What is read of a file that holds fields only."""
+    read_label_names(path)
+    read_fields(path)
+    return with_fields(surface, {"thickness": path})
+
+
+def check(result: Any) -> None:
+    """A result that the rest of cortet can rely on; ValueError otherwise."""
+    if isinstance(result, TriSurface):
+        _check_indices(result.faces, len(result.points), "faces")
+    if isinstance(result, TetMesh):
+        _check_indices(result.cells, len(result.points), "cells")
+        for name, members in {**result.sets.nodes, **result.sets.faces}.items():
+            _check_indices(members, len(result.points), f"set {name}")
+        for name, members in result.sets.cells.items():
+            _check_indices(members, len(result.cells), f"set {name}")
+    if isinstance(result, TriSurface | TetMesh):
+        if not np.isfinite(result.points).all():
+            raise ValueError("coordinates are not finite")
+        for name, values in result.point_data.items():
+            if len(values) != len(result.points):
+                raise ValueError(f"field of {len(values)} values for {len(result.points)} nodes")
+            if not re.fullmatch(r"[^\x00-\x1f/\\]{1,200}", name) or ".." in name:
+                raise ValueError("field of a name that no file can be named by")
+    if isinstance(result, list):
+        for case in result:
+            if not re.fullmatch(r"(sub-[A-Za-z0-9]{1,64})(/ses-[A-Za-z0-9]{1,64})?", case.folder):
+                raise ValueError("folder outside the output folder")
+            for path in [case.surface, *case.fields.values()]:
+                Path(path).exists()
+
+
+def _check_indices(indices: Any, count: int, what: str) -> None:
+    if len(indices) and not (indices.min() >= 0 and indices.max() < count):
+        raise ValueError(f"indices of {what.partition(' ')[0]} out of range")
+
+
+def outcome(read: Callable[[Path], Any], path: Path) -> str:
+    """`valid`, `refused`, or what went wrong and where."""
+    try:
+        check(read(path))
+    except CortetError as error:
+        return "refused" if len(str(error)) < 20_000 else f"a message of {len(str(error)):,} characters"
+    except BaseException as error:
+        frames = traceback.extract_tb(error.__traceback__)
+        ours = [frame for frame in frames if "/cortet/" in frame.filename] or frames
+        return f"{type(error).__name__} in {Path(ours[-1].filename).name}:{ours[-1].name}: {str(error)[:70]}"
+    return "valid"
+
+
+def limited(read: Callable[[Path], Any], path: Path, memory: int = MEMORY, seconds: int = SECONDS) -> str:
+    """The outcome in a process of its own, which may be: killed by a signal, too large, or too slow."""
+    out, into = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(out)
+        silent = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(silent, 1)
+        os.dup2(silent, 2)
+        size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (size + memory, size + memory))
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        signal.alarm(3 * seconds)
+        os.write(into, outcome(read, path).encode())
+        os._exit(0)
+    os.close(into)
+    said = b""
+    while part := os.read(out, 4096):
+        said += part
+    os.close(out)
+    _, status = os.waitpid(child, 0)
+    if os.WIFSIGNALED(status):
+        number = os.WTERMSIG(status)
+        slow = number in (signal.SIGXCPU, signal.SIGALRM, signal.SIGKILL)
+        return f"took more than {seconds} s" if slow else f"killed by {signal.Signals(number).name}"
+    return said.decode() or f"left with exit code {os.waitstatus_to_exitcode(status)}"
+
+
+def inputs(chosen: list[str], seed: int) -> Iterator[tuple[str, int]]:
+    """Kind and number of one input after the other, in turn; those that start a process of their own more seldom."""
+    for number in itertools.count(seed * 10_000_000):
+        yield from ((name, number) for name in chosen if name != "gmsh" or number % 10 == 0)
+
+
+def place_damaged(name: str, valid: Path, rng: random.Random, folder: Path) -> Path:
+    """A copy of a valid file and of those beside it, one of which is damaged; its path."""
+    shutil.copytree(valid.parent, folder)
+    files = sorted(path for path in folder.iterdir() if path.is_file())
+    target = rng.choice(files) if rng.random() < 0.5 else folder / valid.name
+    damage = damaged_config if name == "config" else damaged
+    target.write_bytes(damage(target.read_bytes(), rng))
+    return folder / valid.name
+
+
+def main() -> None:
+    """Run for some minutes and print what was found."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=1.0)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--kinds", nargs="*", help="default: all")
+    parser.add_argument("--keep", type=Path, help="folder for the files that caused a fault")
+    parser.add_argument("--memory", type=int, default=MEMORY >> 20, help="MiB that reading one input may take")
+    parser.add_argument("--seconds", type=int, default=SECONDS, help="of processor time for one input")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        found = seeds(folder / "valid")
+        chosen = args.kinds or list(found)
+        for name in chosen:
+            path, read = found[name]
+            assert outcome(read, path) == "valid", (name, outcome(read, path))
+        tried: Counter[tuple[str, str]] = Counter()
+        began = time.time()
+        for name, number in inputs(chosen, args.seed):
+            if time.time() - began > 60 * args.minutes:
+                break
+            valid, read = found[name]
+            path = place_damaged(name, valid, random.Random(f"{name} {number}"), folder / "damaged")
+            result = limited(read, path, args.memory << 20, args.seconds)
+            if args.keep and result not in ("valid", "refused") and not tried[name, result]:
+                shutil.copytree(path.parent, args.keep / f"{name}-{number}")
+                print(f"{name} {number}: {result}", flush=True)
+            tried[name, result] += 1
+            shutil.rmtree(folder / "damaged")
+        report(tried, chosen, time.time() - began)
+
+
+def report(tried: Counter[tuple[str, str]], chosen: list[str], seconds: float) -> None:
+    """Inputs by kind and outcome, then the faults."""
+    print(f"{'kind':<14}{'inputs':>10}{'refused':>10}{'valid':>10}{'faults':>10}")
+    for name in [*chosen, "all"]:
+        counts: Counter[str] = Counter()
+        for (kind, result), count in tried.items():
+            if name in (kind, "all"):
+                counts[result] += count
+        faults = counts.total() - counts["refused"] - counts["valid"]
+        print(f"{name:<14}{counts.total():>10}{counts['refused']:>10}{counts['valid']:>10}{faults:>10}")
+    spent = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    processor = sum(usage.ru_utime + usage.ru_stime for usage in spent)
+    print(f"{seconds / 60:.1f} minutes, {processor / 60:.1f} of them of a processor")
+    for (kind, result), count in sorted(tried.items(), key=lambda item: -item[1]):
+        if result not in ("valid", "refused"):
+            print(f"{count:>8}  {kind}: {result}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

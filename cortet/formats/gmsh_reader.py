@@ -1,0 +1,81 @@
+"""Gmsh reads a file in a process of its own: a damaged one can crash it, or have it take any memory and time.
+
+Run as a program by `cortet.formats.msh`, and free of other modules of cortet so that it starts at once. Arrays go into
+an .npz file, names of groups and fields beside them as JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import gmsh
+import numpy as np
+from numpy.typing import NDArray
+
+TRIANGLE, TETRAHEDRON = 2, 4  # Gmsh's element types
+KINDS = {"triangle": (TRIANGLE, 2), "tetrahedron": (TETRAHEDRON, 3)}
+FIELDS = ("NodeData", "ElementData")
+
+
+@contextmanager
+def session() -> Iterator[None]:
+    """An empty Gmsh model that reads no arguments, configuration or signals, is silent and runs on one thread."""
+    gmsh.initialize(argv=[], readConfigFiles=False, run=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("General.NumThreads", 1)
+        yield
+    finally:
+        gmsh.finalize()
+
+
+def arrays_of(path: str) -> dict[str, NDArray[Any]]:
+    """Tags and coordinates of nodes, tags and nodes of elements, tags of groups and fields, as Gmsh gives them."""
+    with session():
+        gmsh.open(path)
+        tags, coordinates, _ = gmsh.model.mesh.getNodes()
+        arrays: dict[str, NDArray[Any]] = {"node_tags": tags, "coordinates": coordinates.reshape(-1, 3)}
+        names: dict[str, list[str]] = {}
+        for name, (kind, dimension) in KINDS.items():
+            arrays[f"{name}_tags"], arrays[f"{name}_nodes"] = gmsh.model.mesh.getElementsByType(kind)
+            names[name] = []
+            for _, number in gmsh.model.getPhysicalGroups(dimension):
+                entities = gmsh.model.getEntitiesForPhysicalGroup(dimension, number)
+                members = [gmsh.model.mesh.getElementsByType(kind, entity)[0] for entity in entities]
+                arrays[f"{name}_group_{len(names[name])}"] = np.concatenate([np.empty(0, np.uint64), *members])
+                names[name].append(gmsh.model.getPhysicalName(dimension, number) or str(number))
+        names |= {kind: [] for kind in FIELDS}
+        for view in gmsh.view.getTags():
+            kind, tags, values, _, components = gmsh.view.getHomogeneousModelData(view, 0)
+            if kind in FIELDS:
+                arrays[f"{kind}_{len(names[kind])}"] = values.reshape(-1, components)[np.argsort(tags)]
+                names[kind].append(gmsh.view.option.getString(view, "Name"))
+        return {**arrays, "names": np.array(json.dumps(names))}
+
+
+def limit(kind: int, most: int) -> None:
+    """Lower a limit of this process, as far as it is not lower already."""
+    _, hard = resource.getrlimit(kind)
+    most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+    resource.setrlimit(kind, (most, most))
+
+
+def main(source: str, target: str, memory: str, seconds: str) -> None:
+    """Read one file into another; bytes of address space and seconds of processor time are limited."""
+    limit(resource.RLIMIT_AS, int(memory))
+    limit(resource.RLIMIT_CPU, int(seconds))
+    limit(resource.RLIMIT_CORE, 0)
+    try:
+        arrays = arrays_of(source)
+    except Exception as error:  # what the Gmsh API raises
+        sys.exit(f"{error}")
+    np.savez(target, allow_pickle=False, **arrays)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,171 @@
+"""Reading files that nobody vouches for: what they may cost, and what is looked at before their content is believed.
+
+A file has at most `LARGEST` bytes and so has what is unpacked from it; its size is looked at before it is read, that of
+packed data before they are unpacked. An XML file declares nothing of its own: entities and default attributes, which
+make a few bytes into many, can only stand in the part of a DOCTYPE that is refused here, and nothing outside the file
+is ever fetched.
+"""
+
+from __future__ import annotations
+
+import re
+import stat
+import zlib
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.mesh import MeshSets, TetMesh
+
+#: bytes of a file, and of what is unpacked from it: a mesh of 50 million tetrahedra has less
+LARGEST = 2**32
+#: XML elements of a file; the long lists of the formats here do not consist of elements, or are read apart
+MOST_ELEMENTS = 5_000_000
+_LONGEST_NAME = 80
+#: what parsers raise for XML that is cut off, not well-formed, or in an encoding that is not known
+XML_ERRORS = (ElementTree.ParseError, LookupError, ValueError)
+
+_T = TypeVar("_T")
+
+
+def check_file(path: str | Path, largest: int = LARGEST) -> int:
+    """Size of a file in bytes, having seen that it is one: devices and pipes have no end.
+
+    Raises
+    ------
+    InputError
+        it is missing or may not be read, is no regular file, or has more than `largest` bytes
+    """
+    try:
+        found = Path(path).stat()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read: {reason}", file=path, remedy="check the path and its permissions") from error
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError("is not a file", file=path, remedy="name a file, not a folder or a device")
+    if found.st_size > largest:
+        what = f"has {found.st_size:,} bytes, more than the {largest:,} that are read"
+        raise InputError(what, file=path, remedy="give a smaller mesh or surface")
+    return found.st_size
+
+
+def content(path: str | Path, largest: int = LARGEST) -> bytes:
+    """All bytes of a file. Raises InputError as `check_file`."""
+    check_file(path, largest)
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+
+
+def refuse_declarations(parts: Iterable[bytes], path: str | Path) -> None:
+    """InputError when the DOCTYPE of an XML text declares anything; whether it is XML at all is not looked at."""
+    parser = expat.ParserCreate()
+
+    def doctype(_name: str, _system: str | None, _public: str | None, declares: bool) -> None:
+        if declares:
+            raise InputError("its XML declares entities or attributes", file=path, remedy="export it again without")
+
+    def root(_name: str, _attributes: Any) -> NoReturn:
+        raise StopIteration
+
+    parser.StartDoctypeDeclHandler, parser.StartElementHandler = doctype, root
+    try:
+        for part in parts:
+            parser.Parse(part)
+    except (StopIteration, expat.ExpatError, LookupError, ValueError):
+        return
+
+
+def xml_root(text: bytes, path: str | Path) -> ElementTree.Element:
+    """The tree of an XML text.
+
+    Raises
+    ------
+    InputError
+        it is not well-formed, declares anything, or has more than `MOST_ELEMENTS` elements
+    """
+    refuse_declarations([text], path)
+    if text.count(b"<") > 2 * MOST_ELEMENTS:
+        raise InputError(f"has more than {MOST_ELEMENTS:,} XML elements", file=path, remedy="export it again")
+    try:
+        return ElementTree.fromstring(text)
+    except XML_ERRORS as error:
+        raise InputError(f"is not well-formed XML: {error}", file=path) from error
+
+
+def inflated(data: bytes, size: int) -> bytes:
+    """The `size` bytes that zlib or gzip data unpack to; ValueError or zlib.error when they do not."""
+    unpacked = zlib.decompressobj(wbits=47).decompress(data, size + 1)
+    if len(unpacked) != size:
+        raise ValueError(f"declares {size:,} bytes, holds {'more' if len(unpacked) > size else f'{len(unpacked):,}'}")
+    return unpacked
+
+
+def numbers(text: str, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """The numbers of a text, separated by white space; ValueError where one is none of `dtype`."""
+    kind = int if np.issubdtype(dtype, np.integer) else float
+    try:
+        return np.fromiter(map(kind, text.split()), dtype)
+    except OverflowError as error:
+        raise ValueError(f"a number is too large for {dtype}") from error
+
+
+def safe_name(text: str) -> str:
+    """A name of a field or set that may become part of a file's name: without slashes, `..` and control characters."""
+    return re.sub(r"[\x00-\x1f\x7f/\\\u2028\u2029\ud800-\udfff]+|\.\.+", "_", text).strip()[:_LONGEST_NAME] or "unnamed"
+
+
+def safely_named(values: Mapping[str, _T] | Iterable[tuple[str, _T]]) -> dict[str, _T]:
+    """The same by safe names; what comes later under a name that is taken gets a number."""
+    result: dict[str, _T] = {}
+    times: Counter[str] = Counter()
+    for text, value in values.items() if isinstance(values, Mapping) else values:
+        name = base = safe_name(text)
+        while name in result:
+            times[base] += 1
+            name = f"{base}_{times[base] + 1}"
+        result[name] = value
+    return result
+
+
+def in_range(indices: NDArray[Any], count: int, what: str, path: str | Path) -> NDArray[np.int32]:
+    """Indices as int32, having seen that they are from 0 to below `count`; InputError otherwise."""
+    outside = (indices < 0) | (indices >= count)
+    if outside.any():
+        raise InputError(f"{what} {indices[outside][0]} is not among the {count:,} there are", file=path)
+    return indices.astype(np.int32)
+
+
+def sound(mesh: TetMesh, path: str | Path) -> TetMesh:
+    """A mesh as it was read, with safe names.
+
+    Raises
+    ------
+    InputError
+        a coordinate is not finite, a tetrahedron, set or field does not fit the nodes or tetrahedra there are
+    """
+    bad = np.flatnonzero(~np.isfinite(mesh.points).all(axis=1))
+    if len(bad):
+        what = f"{len(bad)} nodes have coordinates that are not finite, the first is {mesh.points[bad[0]].tolist()}"
+        raise InputError(what, file=path, remedy="export the mesh again")
+    nodes, cells = len(mesh.points), len(mesh.cells)
+    in_range(mesh.cells, nodes, "node", path)
+    for fields, count in ((mesh.point_data, nodes), (mesh.cell_data, cells)):
+        for name, values in fields.items():
+            if len(values) != count:
+                raise InputError(f"field {name} has {len(values)} values instead of {count}", file=path)
+    sets = MeshSets(
+        {name: in_range(members, nodes, "node", path) for name, members in safely_named(mesh.sets.nodes).items()},
+        {name: in_range(members, nodes, "node", path) for name, members in safely_named(mesh.sets.faces).items()},
+        {name: in_range(members, cells, "element", path) for name, members in safely_named(mesh.sets.cells).items()},
+    )
+    return replace(mesh, point_data=safely_named(mesh.point_data), cell_data=safely_named(mesh.cell_data), sets=sets)

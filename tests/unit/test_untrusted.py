@@ -1,0 +1,379 @@
+"""Files that nobody vouches for: bounded in memory and time, and refused in words that name file and remedy."""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import time
+import zlib
+from base64 import b64encode
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import h5py
+import nibabel
+import numpy as np
+import pytest
+import pyvista
+from exported import full_mesh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from shapes import ball_surface
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+from benchmarks.fuzz import DOCTYPES, outcome, place_damaged, seeds
+from cortet.cohort import COLUMNS, LONGEST_LABEL, read_sheet, scan
+from cortet.config import Scan, load
+from cortet.errors import InputError
+from cortet.export import convert, write
+from cortet.formats import FORMATS, fenics
+from cortet.formats.gifti import read_fields, read_surface, write_surface
+from cortet.formats.untrusted import LARGEST, safely_named
+from cortet.mesh import TetMesh
+from cortet.verify import verify
+
+KINDS = [*FORMATS, "gate", "fields", "sheet", "config", "release"]
+XML = {"vtu": "m.vtu", "febio": "m.feb", "fenics": "m.xdmf", "gifti": "m.surf.gii"}
+
+
+@pytest.fixture(scope="module")
+def valid(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
+    return seeds(tmp_path_factory.mktemp("valid"))
+
+
+@pytest.fixture(scope="module")
+def mesh() -> TetMesh:
+    return full_mesh()
+
+
+def written(mesh: TetMesh, folder: Path, name: str) -> Path:
+    path = folder / f"m{FORMATS[name].suffix}"
+    write(mesh, path, solver=name)
+    return path
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_damaged_files_are_refused_or_give_a_sound_result(kind: str, valid, tmp_path: Path) -> None:
+    file, read = valid[kind]
+
+    @settings(
+        max_examples=2 if kind == "gmsh" else 25,
+        derandomize=True,
+        deadline=None,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(st.integers(0, 2**32))
+    def holds(number: int) -> None:
+        folder = tmp_path / str(number)
+        if not folder.exists():
+            found = outcome(read, place_damaged(kind, file, random.Random(number), folder))
+            assert found in ("valid", "refused"), f"{kind} {number}"
+
+    holds()
+
+
+@pytest.mark.parametrize("name", XML)
+@pytest.mark.parametrize("doctype", DOCTYPES[:4], ids=["laughs", "external", "long", "default attribute"])
+def test_xml_that_declares_anything_is_refused(name: str, doctype: bytes, mesh, tmp_path: Path) -> None:
+    path = written(mesh, tmp_path, name)
+    text = re.sub(rb"<!DOCTYPE[^>]*>", b"", path.read_bytes())
+    start = re.search(rb"<[A-Za-z]", text).start()
+    path.write_bytes(text[:start] + b" " * 100_000 + doctype + text[start:])
+    with pytest.raises(InputError, match="declares entities"):
+        FORMATS[name].read(path)
+
+
+@pytest.mark.parametrize("name", XML)
+@pytest.mark.parametrize("encoding", ["none", "shift_jis", "idna"])
+def test_xml_in_an_encoding_that_cannot_be_read_is_refused(name: str, encoding: str, mesh, tmp_path: Path) -> None:
+    path = written(mesh, tmp_path, name)
+    text = re.sub(rb"<\?xml[^>]*\?>", b"", path.read_bytes())
+    path.write_bytes(f'<?xml version="1.0" encoding="{encoding}"?>'.encode() + text)
+    with pytest.raises(InputError, match=path.name):
+        FORMATS[name].read(path)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_devices_pipes_folders_and_files_without_end_are_refused(name: str, mesh, tmp_path: Path) -> None:
+    path = written(mesh, tmp_path, name)
+    if name == "carp":
+        path = path.with_suffix(".elem")
+    made: list[Callable[[], Any]] = [
+        lambda: path.symlink_to("/dev/zero"),
+        lambda: os.mkfifo(path),
+        path.mkdir,
+        lambda: os.truncate(os.open(path, os.O_CREAT | os.O_WRONLY), LARGEST + 1),
+    ]
+    for make in made:
+        path.unlink()
+        make()
+        with pytest.raises(InputError, match="is not a file|more than the"):
+            FORMATS[name].read(path.with_suffix(".pts") if name == "carp" else path)
+        if path.is_dir():
+            path.rmdir()
+            path.touch()
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != "gmsh"])
+def test_coordinates_that_are_not_finite_are_refused(name: str, mesh, tmp_path: Path) -> None:
+    points = mesh.points.copy()
+    points[-1, 1] = points[0, 1] = np.nan
+    path = tmp_path / f"m{FORMATS[name].suffix}"
+    broken = replace(mesh, points=points)
+    FORMATS[name].write(broken if not FORMATS[name].is_surface else replace(ball_surface(1), points=_nan(1)), path)
+    with pytest.raises(InputError, match="finite|other nodes"):
+        FORMATS[name].read(path)
+
+
+def _nan(subdivisions: int) -> Any:
+    points = ball_surface(subdivisions).points.copy()
+    points[3, 2] = np.nan
+    return points
+
+
+def test_a_field_named_as_a_path_writes_nothing_elsewhere(mesh, tmp_path: Path) -> None:
+    name = "../../evil"
+    surface = replace(ball_surface(1), point_data={name: np.ones(len(ball_surface(1).points), np.float32)})
+    write_surface(surface, tmp_path / "s.surf.gii")
+    assert list(read_surface(tmp_path / "s.surf.gii").point_data) == ["____evil"]
+    folder = tmp_path / "deep" / "er"
+    source = folder / "m.vtu"
+    FORMATS["vtu"].write(replace(mesh, point_data={name: mesh.point_data["thickness"]}), source)
+    convert(source, folder / "out.pts")
+    outside = [path for path in tmp_path.rglob("*") if path.is_file() and path.parent != folder]
+    assert outside == [tmp_path / "s.surf.gii"]
+
+
+def test_names_stay_apart_and_many_of_the_same_take_no_time() -> None:
+    assert list(safely_named([("a", 1), ("a", 2), ("a_2", 3), ("x/../y\n", 4), ("", 5)])) == [
+        *("a", "a_2", "a_2_2", "x___y_", "unnamed")
+    ]
+    began = time.process_time()
+    assert len(safely_named([("a", 1)] * 100_000)) == 100_000
+    assert time.process_time() - began < 5
+
+
+def test_numbers_of_gifti_text_are_read_without_a_table_of_words(tmp_path: Path) -> None:
+    def file(words: str, kind: str = "INT32") -> Path:
+        path = tmp_path / "x.shape.gii"
+        attributes = f'Dimensionality="1" Dim0="{len(words.split())}" Encoding="ASCII" DataType="NIFTI_TYPE_{kind}"'
+        array = f'<DataArray Intent="NIFTI_INTENT_SHAPE" {attributes}><Data>{words}</Data></DataArray>'
+        path.write_text(f"<GIFTI>{array}</GIFTI>")
+        return path
+
+    assert read_fields(file("1 -2 3"))["x"].tolist() == [1, -2, 3]
+    assert read_fields(file("1.5 nan", "FLOAT32"))["x"][0] == 1.5
+    long = "0." + "0" * 1_000_000
+    assert len(read_fields(file(f"{long} " + "1 " * 100_000, "FLOAT64"))["x"]) == 100_001
+    for words in ("99999999999", "1.5", "9" * 5000, "x"):
+        with pytest.raises(InputError, match="SHAPE array"):
+            read_fields(file(words))
+
+
+@pytest.mark.parametrize("mode", ["ascii", "binary", "appended", "raw"])
+@pytest.mark.parametrize("compressed", [True, False])
+@pytest.mark.parametrize("wide", [True, False])
+def test_every_form_that_vtk_writes_is_read(mode: str, compressed: bool, wide: bool, mesh, tmp_path: Path) -> None:
+    path = tmp_path / "m.vtu"
+    FORMATS["vtu"].write(mesh, path)
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetFileName(str(tmp_path / "again.vtu"))
+    writer.SetInputData(pyvista.read(path))
+    {
+        "ascii": writer.SetDataModeToAscii,
+        "binary": writer.SetDataModeToBinary,
+        "appended": writer.SetDataModeToAppended,
+        "raw": writer.SetDataModeToAppended,
+    }[mode]()
+    writer.SetEncodeAppendedData(mode == "appended")
+    writer.SetHeaderType(64 if wide else 32)
+    writer.SetBlockSize(4096)
+    if not compressed:
+        writer.SetCompressorTypeToNone()
+    assert writer.Write()
+    back = FORMATS["vtu"].read(tmp_path / "again.vtu")
+    assert np.allclose(back.points, mesh.points, rtol=1e-5) and np.array_equal(back.cells, mesh.cells)
+    assert np.allclose(back.point_data["normal"], mesh.point_data["normal"], rtol=1e-5, atol=1e-6)
+    assert np.array_equal(back.point_data["area"], mesh.point_data["area"])
+    assert np.array_equal(back.sets.cells["cortex"], mesh.sets.cells["cortex"])
+
+
+def test_a_vtu_file_unpacks_to_what_it_states_and_no_more(mesh, tmp_path: Path) -> None:
+    path = written(mesh, tmp_path, "vtu")
+    text = path.read_text()
+    bomb = zlib.compress(bytes(200_000_000))
+    header = np.array([1, mesh.points.nbytes, 0, len(bomb)], np.uint32).tobytes()
+    packed = (b64encode(header) + b64encode(bomb)).decode()
+    first = re.search(r"(?<=>\n)[A-Za-z0-9+/=]{100,}", text)
+    path.write_text(text[: first.start()] + packed + text[first.end() :])
+    with pytest.raises(InputError, match="holds more"):
+        FORMATS["vtu"].read(path)
+    for number in ("1000000000000", "-1", "9" * 5000):
+        path.write_text(re.sub(r'NumberOfPoints="\d+"', f'NumberOfPoints="{number}"', text))
+        with pytest.raises(InputError, match="readable VTU"):
+            FORMATS["vtu"].read(path)
+
+
+def test_hdf5_data_that_are_not_in_the_file_are_refused(mesh, tmp_path: Path) -> None:
+    path = written(mesh, tmp_path, "fenics")
+    data = fenics.data_path(path)
+    other = tmp_path / "other.h5"
+    with h5py.File(other, "w") as file:
+        file["nodes"] = mesh.points
+    shape = mesh.points.shape
+
+    def replaced(make: Callable[[h5py.File], Any]) -> None:
+        with h5py.File(data, "r+") as file:
+            del file["nodes"]
+            make(file)
+
+    makes: list[Callable[[h5py.File], Any]] = [
+        lambda file: file.create_dataset("nodes", (10**12, 3), "f8", chunks=(1000, 3)),
+        lambda file: file.create_dataset("nodes", data=np.zeros((1000, 3)), compression="gzip"),
+        lambda file: file.__setitem__("nodes", h5py.ExternalLink("other.h5", "nodes")),
+        lambda file: file.__setitem__("nodes", h5py.SoftLink("/nodes")),
+        lambda file: file.create_dataset("nodes", shape, "f8", external=[("/dev/zero", 0, 8 * mesh.points.size)]),
+        lambda file: file.create_group("nodes"),
+        lambda file: file.create_dataset("nodes", data="text"),
+    ]
+    for make in makes:
+        replaced(make)
+        with pytest.raises(InputError, match=r"m\.h5"):
+            fenics.read(path)
+    path.write_text(path.read_text().replace("m.h5:", "../m.h5:"))
+    with pytest.raises(InputError, match="names the data file"):
+        fenics.read(path)
+
+
+def test_gmsh_may_break_down_and_reads_no_commands(mesh, tmp_path: Path) -> None:
+    path = written(mesh, tmp_path, "gmsh")
+    (tmp_path / "m.msh.opt").write_text(f'SystemCall "touch {tmp_path}/evil";\n')
+    assert len(FORMATS["gmsh"].read(path).cells) == len(mesh.cells)
+    assert not (tmp_path / "evil").exists()
+    content = path.read_bytes()
+    entities = content.index(b"$Entities") + len(b"$Entities\n")
+    for number in (2**40, 2**62):
+        path.write_bytes(content[:entities] + np.array([number] * 4, np.uint64).tobytes() + content[entities + 32 :])
+        with pytest.raises(InputError, match="Gmsh"):
+            FORMATS["gmsh"].read(path)
+        assert verify(path, "gmsh")
+
+
+def test_many_open_lists_or_small_blocks_take_no_time(mesh, tmp_path: Path) -> None:
+    began = time.process_time()
+    febio = tmp_path / "m.feb"
+    febio.write_bytes(b'<febio_spec version="4.0">' + b"<Nodes" * 200_000)
+    with pytest.raises(InputError, match="not well-formed"):
+        FORMATS["febio"].read(febio)
+    abaqus = tmp_path / "m.inp"
+    abaqus.write_text("".join(f"*NODE\n{n}, 0, 0, 0\n" for n in range(1, 20_000)))
+    with pytest.raises(InputError, match="no elements"):
+        FORMATS["abaqus"].read(abaqus)
+    assert time.process_time() - began < 20
+
+
+#: nine lists of nine of the one before: 10^10 values in 600 bytes
+ALIASES = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
+    f"{letter}: &{letter} [{','.join([f'*{before}'] * 9)}]\n" for before, letter in pairwise("abcdefghij")
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (ALIASES, "values"),
+        ("cohort: &c {sheet: *c}\n", "values"),
+        ("output: &a [*a]\n", "values"),
+        ("[" * 20_000, "cannot be read"),
+        ("output: " + "9" * 5000, "cannot be read"),
+        ("output: 2026-13-45", "cannot be read"),
+        ("output: !!python/object/apply:os.system ['true']", "cannot be read"),
+        ("setting: " + "x" * 1_000_000, "setting"),
+        ("output: {a: b}", "output"),
+        ("1: 2", "1"),
+    ],
+    ids=["aliases", "itself", "list of itself", "deep", "digits", "date", "python", "long", "kind", "key"],
+)
+def test_a_configuration_that_is_a_trap_is_refused_in_a_short_message(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=words) as caught:
+        load(path)
+    assert len(str(caught.value)) < 25_000
+
+
+def sheet(folder: Path, *values: str) -> Path:
+    row = dict(zip(COLUMNS, ("007", "01", "L", "27.5", "a.surf.gii", "yes", "n/a"), strict=True))
+    names = [*COLUMNS, "site"]
+    row |= {"site": "x"} | dict(zip(values[::2], values[1::2], strict=True))
+    path = folder / "cohort.tsv"
+    path.write_text("\t".join(names) + "\n" + "\t".join(row[name] for name in names) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("column", ["participant_id", "session_id", "hemi"])
+@pytest.mark.parametrize(
+    "value",
+    [
+        *("../x", "/etc/x", "..", ".", "a/b", "a\\b", "$(reboot)", "`id`", "a;b", "a b", "a\x00b", "a\x0bb"),
+        *("{case}", "*", "~", "-rf", "a.b", "\u0430bc", "\uff11\uff12", "a\u202eb", "a\u2028b", "%2e%2e"),
+        *("a\ud7ffb", "con:", "x" * 41),
+    ],
+)
+def test_labels_that_become_names_of_files_are_letters_and_digits(column: str, value: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"line 2, column {column}"):
+        read_sheet(sheet(tmp_path, column, value))
+
+
+def test_the_longest_names_of_files_fit() -> None:
+    label = "x" * LONGEST_LABEL
+    name = f"sub-{label}_ses-{label}_hemi-L_res-10000um_desc-latticePublishedBoundarySmoothed_tetmesh.quality.json"
+    assert len(f".1234567-12345678.{name}") < 255
+
+
+def test_surfaces_may_lie_anywhere_and_are_only_read(tmp_path: Path) -> None:
+    (case,) = read_sheet(sheet(tmp_path, "surface", "../../release/$(x) `y`; z/a.surf.gii"))
+    assert case.surface == Path(os.path.normpath(tmp_path / "../../release/$(x) `y`; z/a.surf.gii"))
+    (case,) = read_sheet(sheet(tmp_path, "surface", "/data/a.surf.gii"))
+    assert case.surface == Path("/data/a.surf.gii")
+    for value in ("a\x00b", "a\x1bb", "{x}", "*", "x" * 5000, "a\u2028b"):
+        with pytest.raises(InputError, match="column surface"):
+            read_sheet(sheet(tmp_path, "surface", value))
+    with pytest.raises(InputError, match="column site: .* control character"):
+        read_sheet(sheet(tmp_path, "site", "a\x1b[2Jb"))
+
+
+@pytest.mark.parametrize("pattern", ["{site:>9999999999}", "{site.__class__}", "{0}", "{}", "a\0{site}", "{{site}}"])
+def test_patterns_of_fields_are_filled_in_and_nothing_else(pattern: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot be filled in"):
+        read_sheet(sheet(tmp_path), {"thickness": pattern})
+
+
+def test_patterns_of_a_release_stay_below_it(tmp_path: Path) -> None:
+    for pattern in ("/etc/{participant}", "", "x", "\0{participant}"):
+        with pytest.raises(InputError, match=r"cohort\.scan\.surfaces"):
+            scan(tmp_path, Scan(surfaces=[pattern]))
+
+
+def test_a_sheet_of_many_bad_rows_or_columns_is_refused_in_a_short_message(tmp_path: Path) -> None:
+    path = tmp_path / "cohort.tsv"
+    path.write_text("\t".join(COLUMNS) + "\n" + "x\n" * 100_000)
+    with pytest.raises(InputError, match=r"100000 problem\(s\)"):
+        read_sheet(path)
+    path.write_text("\t".join([*COLUMNS, *map(str, range(1_000_000))]) + "\nx\n")
+    with pytest.raises(InputError) as caught:
+        read_sheet(path)
+    assert len(str(caught.value)) < 25_000
+
+
+def test_nibabel_gifti_with_its_doctype_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "x.shape.gii"
+    array = nibabel.gifti.GiftiDataArray(np.ones(3, np.float32), "NIFTI_INTENT_SHAPE")
+    nibabel.save(nibabel.GiftiImage(darrays=[array]), path)
+    assert b"<!DOCTYPE GIFTI SYSTEM" in path.read_bytes()
+    assert read_fields(path)["x"].tolist() == [1, 1, 1]
