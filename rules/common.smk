@@ -232,7 +232,10 @@ def quality_records():
 
 
 if unknown := set(CONFIG.fold.cases) - set(CASES):
-    raise WorkflowError(f"fold.cases: {', '.join(sorted(unknown))}: not among {', '.join(CASES)}")
+    raise WorkflowError(
+        f"fold.cases: {', '.join(sorted(unknown))}: not among the cases {', '.join(CASES)} (name some of these, or none: "
+        "fold.cases: [])"
+    )
 
 
 def fold_files():

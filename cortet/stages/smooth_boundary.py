@@ -85,8 +85,8 @@ def smooth_boundary(
     ----------
     mesh : positive volumes
     surface : the surface that was meshed
-    method : `laplacian`, PyMeshLab's surface-preserving one, or `workbench`, Connectome Workbench's `wb_command
-        -surface-smoothing`
+    method : `laplacian`, PyMeshLab's surface-preserving one, or `workbench`, that of Connectome Workbench
+        (`wb_command -surface-smoothing`)
     iterations : of the method; halved, up to four times, when an element inverts; published: 10
     onto_surface : put the boundary back onto the surface after each iteration, and let it slide there when elements are
         cleaned; published: False, and the boundary moves freely
