@@ -1,22 +1,23 @@
 """Wavelength of the folds of a growing ball against thickness and stiffness of its cortex.
 
-    python benchmarks/fold_wavelength.py [--nodes 3000] [--thickness 0.1 0.2] [--stiffness 3 24]
+    python benchmarks/fold_wavelength.py [--nodes 12000] [--thickness 0.12 0.18] [--stiffness 4 16]
 
-A stiff layer of thickness H on a soft core buckles with a wavelength of about 2 pi H (mu_c / 3 mu_s)^(1/3) (Allen
-1969); a ball's curvature and the softness of its layer change the factor, not the trend. The ball grows until the
-distances of its surface from the centre, divided by those at the start, vary by some per cent; the wavelength is that
-of the mean degree of this variation in spherical harmonics, each weighted by its power.
+A flat layer would buckle as `fold_wrinkles` says; a ball's curvature changes the factor, not the trend. The ball grows
+until the distances of its surface from the centre, divided by those at the start, vary by some per cent; the wavelength
+is that of the mean degree of this variation in spherical harmonics, each weighted by its power.
 """
 
 from __future__ import annotations
 
 import argparse
+import time
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.special import sph_harm_y
 
+from benchmarks.fold_wrinkles import TIME_STEP, theory
 from cortet.mesh import FloatArray, TetMesh, TriSurface
 from cortet.quality import signed_volumes
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
@@ -29,13 +30,16 @@ from cortet.topology import boundary_faces, boundary_nodes
 #: relative variation of the radius at which the wavelength is measured
 _AMPLITUDE = 0.03
 _MAX_DEGREE = 16
+#: time until the cortex has grown enough to buckle, in wavelengths over the core's shear wave speed
+_PERIODS = 2
+_LARGEST_GROWTH = 1.5
 
 
 @dataclass(frozen=True)
 class Folds:
     """What a ball of radius 1 had become when its folds were measured."""
 
-    time: float
+    growth: float
     #: power-weighted mean degree of the spherical harmonics, and the wavelength 2 pi / degree
     degree: float
     wavelength: float
@@ -64,39 +68,40 @@ def ball(nodes: int) -> TetMesh:
     return reconnect(rough, TriSurface(skin, hull))[0]
 
 
-def fold_ball(mesh: TetMesh, *, thickness: float, stiffness: float, rate: float = 0.4, end: float = 3.0) -> Folds:
+def fold_ball(mesh: TetMesh, thickness: float, stiffness: float) -> Folds:
     """Let the cortex of a ball of radius 1 grow until it folds.
 
     Parameters
     ----------
     thickness : of the cortex
     stiffness : shear modulus of the cortex over that of the core
-    rate : of growth; slow, so that a soft core has the time to follow
 
     Raises
     ------
     RuntimeError : an element inverted, or there were no folds in the end
     """
-    material = Material(mu_cortex=1.0, mu_core=1.0 / stiffness)
+    material = Material(mu_cortex=1.0, mu_core=1.0 / stiffness, damping=0.05)
     body = body_of(mesh, Scale(np.zeros(3), 1.0), thickness=thickness)
     work, state = workspace(body), State(mesh.points.copy(), np.zeros_like(mesh.points))
     contact = contact_of(state.x, boundary_faces(mesh), bulk=material.bulk)
-    dt = stable_time_step(smallest_altitude(mesh.points, mesh.cells), material)
+    dt = TIME_STEP * stable_time_step(smallest_altitude(mesh.points, mesh.cells), material)
+    wavelength, buckling = theory(thickness, material)
+    rate = buckling / (_PERIODS * wavelength * np.sqrt(material.density / material.mu_core))
     surface = boundary_nodes(mesh)
     step = 0
-    while step * dt < end:
-        times = (step + np.arange(100)) * dt
-        done, how = advance(body, material, state, work, contact, Linear(rate)(times)[:, None], np.zeros(100), dt)
+    while rate * step * dt < _LARGEST_GROWTH:
+        times = (step + np.arange(20)) * dt
+        done, how = advance(body, material, state, work, contact, Linear(rate)(times)[:, None], np.zeros(20), dt)
         step += done
         if how == LIST_OUTDATED:
             contact = listed_at(contact, state.x)
         elif how != DONE:
-            raise RuntimeError(f"an element inverted at t = {step * dt:.3f}")
+            raise RuntimeError(f"an element inverted at a growth of {rate * step * dt:.3f}")
         stretch = np.linalg.norm(state.x[surface], axis=1) / np.linalg.norm(mesh.points[surface], axis=1)
         if stretch.std() > _AMPLITUDE * stretch.mean():
             degree = mean_degree(mesh.points[surface], stretch)
-            return Folds(step * dt, degree, 2 * np.pi / degree)
-    raise RuntimeError(f"no folds until t = {end}")
+            return Folds(rate * step * dt, degree, 2 * np.pi / degree)
+    raise RuntimeError(f"no folds until a growth of {_LARGEST_GROWTH}")
 
 
 def mean_degree(points: FloatArray, heights: FloatArray) -> float:
@@ -115,20 +120,22 @@ def mean_degree(points: FloatArray, heights: FloatArray) -> float:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--nodes", type=int, default=3000)
-    parser.add_argument("--thickness", nargs="+", type=float, default=[0.1, 0.2])
-    parser.add_argument("--stiffness", nargs="+", type=float, default=[3.0, 24.0])
+    parser.add_argument("--nodes", type=int, default=12000)
+    parser.add_argument("--thickness", nargs="+", type=float, default=[0.12, 0.18])
+    parser.add_argument("--stiffness", nargs="+", type=float, default=[4.0, 16.0])
     options = parser.parse_args()
     mesh = ball(options.nodes)
     print(f"{len(mesh.points)} nodes, {len(mesh.cells)} tetrahedra")
-    print("thickness  stiffness   time  degree  wavelength  2 pi H (mu_c / 3 mu_s)^(1/3)")
+    print("thickness  stiffness  growth  degree  wavelength  theory  quotient  CPU s")
     for thickness in options.thickness:
         for stiffness in options.stiffness:
-            found = fold_ball(mesh, thickness=thickness, stiffness=stiffness)
-            theory = 2 * np.pi * thickness * (stiffness / 3) ** (1 / 3)
+            began = time.process_time()
+            found = fold_ball(mesh, thickness, stiffness)
+            seconds = time.process_time() - began
+            flat = theory(thickness, Material(mu_core=1 / stiffness))[0]
             print(
-                f"{thickness:9.3f}  {stiffness:9.1f}  {found.time:5.2f}  {found.degree:6.2f}  {found.wavelength:10.3f}"
-                f"  {theory:10.3f}",
+                f"{thickness:9.3f}  {stiffness:9.1f}  {found.growth:6.3f}  {found.degree:6.2f}"
+                f"  {found.wavelength:10.3f}  {flat:6.3f}  {found.wavelength / flat:8.2f}  {seconds:5.0f}",
                 flush=True,
             )
 

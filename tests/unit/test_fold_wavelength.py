@@ -39,5 +39,5 @@ def test_the_degree_of_a_known_wave_is_found(degree: int) -> None:
 
 
 def test_waves_are_longer_in_a_thicker_cortex(mesh: TetMesh) -> None:
-    thin, thick = (fold_ball(mesh, thickness=thickness, stiffness=STIFFNESS) for thickness in (THIN, THICK))
+    thin, thick = (fold_ball(mesh, thickness, STIFFNESS) for thickness in (THIN, THICK))
     assert thick.wavelength > 1.2 * thin.wavelength

@@ -1,0 +1,42 @@
+"""A growing film on a softer base wrinkles as theory says: longer when it is thicker, and when it is stiffer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numba
+import numpy as np
+import pytest
+
+from benchmarks.fold_wrinkles import Wrinkles, material_of, mean_wavelength, strip, theory, wrinkle
+
+LENGTH, DEPTH, SPACING = 40.0, 20.0, 1.0
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(threads)
+
+
+def wrinkles(thickness: float, stiffness: float) -> Wrinkles:
+    return wrinkle(strip(LENGTH, DEPTH, thickness, SPACING), thickness, material_of(stiffness))
+
+
+def test_the_wavelength_of_a_known_wave_is_found() -> None:
+    x = np.linspace(0, LENGTH, 41)
+    assert mean_wavelength(3 + np.cos(2 * np.pi * x / 10), LENGTH) == pytest.approx(10)
+
+
+def test_theory() -> None:
+    incompressible = material_of(3.0)._replace(bulk=1e9)
+    assert theory(1.0, incompressible) == pytest.approx((2 * np.pi, 0.25))
+
+
+def test_waves_are_longer_in_a_thicker_and_in_a_stiffer_film() -> None:
+    plain, thick, stiff = (wrinkles(thickness, stiffness) for thickness, stiffness in ((1, 8), (2, 8), (1, 32)))
+    assert thick.wavelength / plain.wavelength == pytest.approx(2, rel=0.3)
+    assert stiff.wavelength / plain.wavelength == pytest.approx(4 ** (1 / 3), rel=0.3)
+    assert stiff.growth < 0.7 * plain.growth  # and they come earlier
