@@ -374,6 +374,14 @@ def _prove_snakemake() -> str:
     return "a rule makes its file"
 
 
+def _prove_slurm_executor() -> str:
+    from snakemake.cli import get_argument_parser
+
+    arguments = get_argument_parser().parse_args(["--executor", "slurm", "--jobs", "7"])
+    _expect(arguments.executor == "slurm" and arguments.jobs == 7, "Snakemake does not know the executor")
+    return "Snakemake knows the executor"
+
+
 LIBRARIES = (
     Library("numpy", "arrays", _prove_numpy),
     Library("scipy", "topology, distances", _prove_scipy),
@@ -393,8 +401,9 @@ LIBRARIES = (
     Library("snakemake", "the workflow", _prove_snakemake),
 )
 
-#: meshers that experiments compare with: pip install "cortet[baselines]"
+#: the extras `slurm` and `baselines` (meshers that experiments compare with)
 OPTIONAL = (
+    Library("snakemake-executor-plugin-slurm", "jobs on SLURM", _prove_slurm_executor),
     Library("pytetwild", "fTetWild, to compare with", lambda: _prove_baseline("ftetwild")),
     Library("netgen-mesher", "Netgen, to compare with", lambda: _prove_baseline("netgen")),
 )
@@ -404,7 +413,7 @@ PROGRAMS = (
     Program("ccx", "CalculiX, which tests run on Abaqus files"),
     Program("wb_command", "Connectome Workbench"),
     Program("conda", "environments of the rules"),
-    Program("sbatch", "SLURM"),
+    Program("sbatch", "SLURM, for profiles/slurm"),
 )
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -33,14 +35,44 @@ COLUMNS: dict[str, dict[str, Any]] = {
 
 def failure_reason(log: Path, *, since: float) -> str:
     """Why a job failed: the last error in its log, if the log was written after `since` (seconds since the epoch)."""
-    lines = []
-    if log.exists() and log.stat().st_mtime >= since:
-        lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
+    lines = _lines(log) if log.exists() and log.stat().st_mtime >= since else []
+    if error := _last_error(lines):
+        return error
+    if stopped := _place_of_stop(lines):
+        return f"stopped from outside, at its time limit or by hand, {stopped}"
+    return "ended without a message: killed, or out of memory or time"
+
+
+def was_killed(log: Path) -> bool:
+    """Whether the job that wrote a log was killed, as for want of memory, or says itself that memory was short.
+
+    One that failed by itself left an error, one that was told to stop (time limit) the place where it was.
+    """
+    lines = _lines(log) if log.exists() else []
+    error = _last_error(lines)
+    return error.startswith("MemoryError") if error else not _place_of_stop(lines)
+
+
+def _lines(log: Path) -> list[str]:
+    return log.read_text(encoding="utf-8", errors="replace").splitlines()
+
+
+def _last_error(lines: Sequence[str]) -> str:
     errors = [number for number, line in enumerate(lines) if " ERROR " in line]
     if not errors:
-        return "ended without a message: killed, or out of memory or time"
+        return ""
     first, *more = lines[errors[-1] :]
     return "; ".join([first.partition(" ERROR ")[2], *more])
+
+
+def _place_of_stop(lines: Sequence[str]) -> str:
+    """First line of the stack that Python's faulthandler writes on a signal: `in FUNCTION, line N of FILE`."""
+    for header, line in itertools.pairwise(lines):
+        if header.endswith("(most recent call first):") and (
+            found := re.match(r'  File "(.+)", line (\d+) in (.+)', line)
+        ):
+            return f"in {found[3]}, line {found[2]} of {found[1]}"
+    return ""
 
 
 def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

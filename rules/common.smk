@@ -1,5 +1,6 @@
 """The sheet and the configuration as the rules see them; the names of all files."""
 
+import json
 import os
 import re
 from functools import partial
@@ -13,6 +14,7 @@ from cortet import __version__
 from cortet.cohort import read_sheet
 from cortet.config import Baseline, Mesher, load, stage_version
 from cortet.errors import CortetError
+from cortet.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
 
 # what rules/failures.smk hands over: (case, res, mesher) of the meshes that failed, and how; reasons why files that the
 # experiments measure are missing
@@ -179,17 +181,30 @@ def parameters_of(stage, wildcards):
 MESHED_SURFACE = surface_file("smoothed" if CONFIG.enabled("smooth_surface") else "gated")
 
 
-def elements(wildcards):
-    """Tetrahedra to expect at most: 4.2 per cube of the cell size (measured) in the 80 mL of a 36-week hemisphere."""
-    return 4.2 * 80_000 / (int(wildcards.res) / 1000) ** 3
+def tets(wildcards):
+    """Tetrahedra to expect: from the volume that the gate found, before it has run from the age; 0 on a surface."""
+    if "res" not in wildcards.keys():
+        return 0
+    case = CASES[wildcards.case]
+    try:
+        gated = Path(surface_file("gated", "white.json").format(**wildcards)).read_text(encoding="utf-8")
+        volume = json.loads(gated)["volume_ml"]
+    except (OSError, ValueError):
+        volume = expected_volume_ml(case.scan_age, whole=case.hemi is None)
+    return expected_tets(volume, int(wildcards.res) / 1000, wildcards.mesher)
 
 
-def megabytes(per_million):
-    return lambda wildcards: int(500 + per_million * elements(wildcards) / 1e6)
+def cost_of(rule, wildcards):
+    return cost(rule, wildcards.get("mesher", ""))
 
 
-def minutes(per_million):
-    return lambda wildcards: int(5 + per_million * elements(wildcards) / 1e6)
+def megabytes(rule):
+    """Memory that a job asks for, as a function of its wildcards and of how often it was killed."""
+    return lambda wildcards, attempt: memory_to_ask_mb(cost_of(rule, wildcards).memory_mb(tets(wildcards)), attempt)
+
+
+def minutes(rule):
+    return lambda wildcards: minutes_to_ask(cost_of(rule, wildcards).cpu_seconds(tets(wildcards)))
 
 
 def existing(path):

@@ -20,7 +20,7 @@ checkpoint baseline:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(4000),
+        mem_mb=megabytes("generate"),
         runtime=EXPERIMENTS.ablation.time_limit + 5,
     params:
         stage=lambda wildcards: {

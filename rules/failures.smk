@@ -15,13 +15,27 @@ from collections import defaultdict
 
 from snakemake.logging import logger
 
-from cortet.status import failure_reason
+from cortet.status import failure_reason, was_killed
 
 STARTED = time.time()
 
 
+def failed_jobs():
+    """Jobs that failed. A cluster's profile groups jobs; of a group it is those that say why, or the last that ran."""
+    found = set()
+    for job in workflow.scheduler.failed:
+        members = list(job.jobs) if job.is_group() else [job]
+        logs = {member: Path(member.log[0]) for member in members}
+        written = [member for member in members if logs[member].exists() and logs[member].stat().st_mtime >= STARTED]
+        says_why = [member for member in written if not was_killed(logs[member])]
+        last = [max(written, key=lambda member: logs[member].stat().st_mtime)] if written else members
+        found.update(says_why or last)
+    return found
+
+
 def failures_of_run():
     """What keeps a mesh from being done, as `FAILURES`, from the jobs that failed or never ran."""
+    failed_in_run = failed_jobs()
     order = {rule.name: number for number, rule in enumerate(workflow.rules)}
     undone = defaultdict(list)
     for job in sorted(workflow.dag.needrun_jobs(), key=lambda job: order[job.rule.name]):
@@ -30,7 +44,7 @@ def failures_of_run():
     for mesh in each_case(CERTIFICATE):
         case, res, mesher = mesh
         jobs = [job for job in undone[case] if is_about(job, res=res, mesher=mesher, setting="")]
-        failed = [job for job in jobs if job in workflow.scheduler.failed]
+        failed = [job for job in jobs if job in failed_in_run]
         if failed:
             log = Path(failed[0].log[0])
             reason = failure_reason(log, since=STARTED)
@@ -57,13 +71,18 @@ def is_about(job, **mesh):
 def missing_of_run():
     """Files that were not made, as `MISSING`: the reason of the failed job that theirs waited for."""
     undone = [job for job in workflow.dag.needrun_jobs() if job.wildcards.get("case")]
-    failed = [job for job in undone if job in workflow.scheduler.failed]
-    reasons = {job: f"{job.rule.name}: {failure_reason(Path(job.log[0]), since=STARTED)}" for job in failed}
+    found = failed_jobs()
+    failed = defaultdict(list)
+    for job in undone:
+        if job in found:
+            failed[job.wildcards["case"]].append(job)
     missing = {}
     for job in undone:
-        keys = [key for key in ("case", "res", "mesher", "setting") if job.wildcards.get(key) is not None]
-        causes = [other for other in failed if is_about(other, **{key: job.wildcards[key] for key in keys})]
-        missing |= dict.fromkeys(job.output, reasons[causes[0]] if causes else "the run ended before")
+        keys = [key for key in ("res", "mesher", "setting") if job.wildcards.get(key) is not None]
+        mesh = {key: job.wildcards[key] for key in keys}
+        causes = [other for other in failed[job.wildcards["case"]] if is_about(other, **mesh)]
+        reasons = [f"{cause.rule.name}: {failure_reason(Path(cause.log[0]), since=STARTED)}" for cause in causes[:1]]
+        missing |= dict.fromkeys(job.output, reasons[0] if reasons else "the run ended before")
         if causes:  # what an earlier run made of this case must not pass for this one's
             delete_outputs([job])
     return missing

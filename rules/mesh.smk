@@ -17,8 +17,8 @@ rule generate:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(2500),
-        runtime=minutes(30),
+        mem_mb=megabytes("generate"),
+        runtime=minutes("generate"),
     params:
         stage=partial(parameters_of, "generate"),
     script:
@@ -42,8 +42,8 @@ rule transfer:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(1000),
-        runtime=minutes(5),
+        mem_mb=megabytes("transfer"),
+        runtime=minutes("transfer"),
     params:
         stage=partial(parameters_of, "transfer"),
     script:
@@ -64,8 +64,8 @@ rule relocate:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(3000),
-        runtime=minutes(10),
+        mem_mb=megabytes("relocate"),
+        runtime=minutes("relocate"),
     params:
         stage=partial(parameters_of, "relocate"),
     script:
@@ -87,8 +87,8 @@ rule clean:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(1500),
-        runtime=minutes(10),
+        mem_mb=megabytes("clean"),
+        runtime=minutes("clean"),
     params:
         stage=partial(parameters_of, "clean"),
     script:
@@ -110,8 +110,8 @@ rule reconnect:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(1500),
-        runtime=minutes(10),
+        mem_mb=megabytes("reconnect"),
+        runtime=minutes("reconnect"),
     params:
         stage=partial(parameters_of, "reconnect"),
     script:
@@ -133,8 +133,8 @@ rule smooth_boundary:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(1500),
-        runtime=minutes(10),
+        mem_mb=megabytes("smooth_boundary"),
+        runtime=minutes("smooth_boundary"),
     params:
         stage=partial(parameters_of, "smooth_boundary"),
     script:
@@ -156,8 +156,8 @@ rule snap:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(1500),
-        runtime=minutes(10),
+        mem_mb=megabytes("snap"),
+        runtime=minutes("snap"),
     params:
         stage=partial(parameters_of, "snap"),
     script:
@@ -180,8 +180,8 @@ rule solver_ready:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(1000),
-        runtime=minutes(5),
+        mem_mb=megabytes("solver_ready"),
+        runtime=minutes("solver_ready"),
     params:
         stage=partial(parameters_of, "solver_ready"),
     script:

@@ -14,8 +14,8 @@ rule quality:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(1000),
-        runtime=minutes(5),
+        mem_mb=megabytes("quality"),
+        runtime=minutes("quality"),
     params:
         stage=CONFIG.stage("quality"),
     script:
@@ -38,8 +38,8 @@ rule certify:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(1500),
-        runtime=minutes(5),
+        mem_mb=megabytes("certify"),
+        runtime=minutes("certify"),
     params:
         stage=partial(parameters_of, "certify"),
         line=lambda wildcards: {stage: parameters_of(stage, wildcards) for stage in reports_of(wildcards)},
@@ -64,8 +64,8 @@ rule export:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(1000),
-        runtime=minutes(5),
+        mem_mb=megabytes("export"),
+        runtime=minutes("export"),
     params:
         stage=lambda wildcards: {
             "solver": SOLVERS[wildcards.suffix],

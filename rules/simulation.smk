@@ -20,10 +20,10 @@ rule fold:
     conda:
         "../envs/cortet.yaml"
     # two threads that wait for each other after every loop are no gain on a small mesh
-    threads: lambda wildcards: 1 if elements(wildcards) < 2e5 else 2
+    threads: lambda wildcards: 1 if tets(wildcards) < 2e5 else 2
     resources:
-        mem_mb=megabytes(1500),
-        runtime=minutes(600),
+        mem_mb=megabytes("fold"),
+        runtime=minutes("fold"),
     params:
         stage=partial(parameters_of, "fold"),
     script:
@@ -61,8 +61,8 @@ rule fold_figures:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(1000),
-        runtime=minutes(10),
+        mem_mb=megabytes("fold_figures"),
+        runtime=minutes("fold_figures"),
     params:
         hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
         version=stage_version("fold_figures"),

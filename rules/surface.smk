@@ -12,8 +12,8 @@ rule phantom:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=1000,
-        runtime=5,
+        mem_mb=megabytes("phantom"),
+        runtime=minutes("phantom"),
     params:
         stage=partial(parameters_of, "phantom"),
     script:
@@ -34,8 +34,8 @@ rule gate:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=2000,
-        runtime=10,
+        mem_mb=megabytes("gate"),
+        runtime=minutes("gate"),
     params:
         stage=partial(parameters_of, "gate"),
     script:
@@ -56,8 +56,8 @@ rule fields:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=2000,
-        runtime=10,
+        mem_mb=megabytes("fields"),
+        runtime=minutes("fields"),
     params:
         stage=partial(parameters_of, "gate"),
         files=lambda wildcards: {name: str(path) for name, path in CASES[wildcards.case].fields.items()},
@@ -79,8 +79,8 @@ rule smooth_surface:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=2000,
-        runtime=10,
+        mem_mb=megabytes("smooth_surface"),
+        runtime=minutes("smooth_surface"),
     params:
         stage=partial(parameters_of, "smooth_surface"),
     script:

@@ -1,16 +1,19 @@
 """What every script does first: importing this module prepares the job.
 
 The job logs to its rule's log file (libraries that print do so too), keeps to its rule's threads, and when it fails
-leaves a last line `ERROR reason` there, which `cohort_status.tsv` quotes. Import it before anything of cortet: Numba
-reads its number of threads once.
+leaves a last line `ERROR reason` there, which `cohort_status.tsv` quotes. Stopped by SIGTERM, as at the end of its time
+on a cluster, it leaves the place where it was. Import it before anything of cortet: Numba reads its number of threads
+once.
 """
 
 from __future__ import annotations
 
+import faulthandler
 import glob
 import logging
 import os
 import shutil
+import signal
 import sys
 import traceback
 from pathlib import Path
@@ -40,6 +43,16 @@ def _log_to(path: str) -> None:
     logger.info("%s of %s with %s", snakemake.rule, dict(snakemake.wildcards), dict(snakemake.params))
 
 
+def _end_hopeless_attempt(log: Path) -> None:
+    """Another attempt, which a cluster's profile numbers, has more memory: no help to a job that was not killed."""
+    if snakemake.resources.get("attempt", 1) == 1:
+        return
+    from cortet.status import was_killed
+
+    if not was_killed(log):
+        sys.exit(f"not tried again, the reason stands in {log}")
+
+
 def _log_failure(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
     if isinstance(error, CortetError):
         logger.error("%s", error)
@@ -55,7 +68,9 @@ def _delete_leftovers() -> None:
             shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
 
 
+_end_hopeless_attempt(Path(snakemake.log[0]))
 _log_to(snakemake.log[0])
+faulthandler.register(signal.SIGTERM, file=2, chain=True)
 sys.excepthook = _log_failure
 _delete_leftovers()
 

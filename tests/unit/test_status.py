@@ -5,9 +5,14 @@ from __future__ import annotations
 import csv
 import json
 import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
-from cortet.status import COLUMNS, failure_reason, status_rows, write_status
+import pytest
+
+from cortet.status import COLUMNS, failure_reason, status_rows, was_killed, write_status
 
 
 def test_the_verdict_of_the_certificate_is_the_state(tmp_path: Path) -> None:
@@ -57,3 +62,36 @@ def test_the_log_of_an_earlier_run_gives_no_reason(tmp_path: Path) -> None:
     log.write_text("10:01 ERROR a.gii: is open\n")
     os.utime(log, (1000, 1000))
     assert "killed" in failure_reason(log, since=2000)
+
+
+STOPPED = 'Current thread 0x00007f (most recent call first):\n  File "/x/a.py", line 3 in fill\n  File "b.py", line 4\n'
+
+
+def test_a_job_that_was_told_to_stop_says_where_it_was(tmp_path: Path) -> None:
+    log = tmp_path / "job.log"
+    log.write_text(f"10:00 INFO begun\n{STOPPED}")
+    assert failure_reason(log, since=0).endswith("in fill, line 3 of /x/a.py")
+
+
+@pytest.mark.parametrize(
+    ("text", "killed"),
+    [
+        ("10:00 INFO begun\n", True),
+        ("10:00 INFO begun\n10:01 ERROR MemoryError: 3 GiB\n", True),
+        ("10:00 INFO begun\n10:01 ERROR a.gii: is open\n", False),
+        (f"10:00 INFO begun\n{STOPPED}", False),
+    ],
+)
+def test_only_a_job_that_was_killed_is_worth_more_memory(tmp_path: Path, text: str, killed: bool) -> None:
+    log = tmp_path / "job.log"
+    log.write_text(text)
+    assert was_killed(log) is killed
+
+
+def test_faulthandler_leaves_the_place_where_a_process_was_stopped(tmp_path: Path) -> None:
+    log = tmp_path / "job.log"
+    code = "import faulthandler, os, signal; faulthandler.register(signal.SIGTERM, file=2, chain=True)\n"
+    code += "def fill(): os.kill(os.getpid(), signal.SIGTERM)\nfill()\n"
+    with log.open("w") as file:
+        assert subprocess.run([sys.executable, "-c", code], stderr=file, check=False).returncode == -signal.SIGTERM
+    assert "in fill, line 2" in failure_reason(log, since=0)
