@@ -95,9 +95,8 @@ def main() -> None:
             measured[rule] += found
     print(f"{'rule':<18}" + "".join(f"{column:>8}" for column in COLUMNS))
     for rule in sorted(measured):
-        print(
-            f"{rule:<18}" + "".join(f"{value:8.0f}" if value > 2 else f"{value:8.2f}" for value in line(measured[rule]))
-        )
+        count, megabytes, seconds, *shares = line(measured[rule])
+        print(f"{rule:<18}{count:8.0f}{megabytes:8.0f}{seconds:8.0f}" + "".join(f"{share:8.2f}" for share in shares))
 
 
 if __name__ == "__main__":
