@@ -18,6 +18,7 @@ from collections import defaultdict
 from pathlib import Path
 from typing import NamedTuple
 
+from cortet.errors import InputError
 from cortet.resources import MEMORY_MARGIN, Cost, cost, minutes_to_ask
 
 #: logs and benchmarks are named as the files they are about
@@ -54,7 +55,7 @@ def jobs(folder: Path, tets: dict[tuple[str, ...], int]) -> dict[str, list[Job]]
         mesh = match.groups() if match else ()
         try:
             estimate = cost(rule, mesh[2] if mesh else "")
-        except KeyError:  # over all cases, or by a mesher of others
+        except InputError:  # over all cases, or by a mesher of others
             continue
         if mesh and mesh not in tets:
             continue

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cortet.errors import InputError
+
 #: tetrahedra per cube of the cell size; measured 4.13 to 4.19 (cgal), 3.34 to 3.56 (lattice)
 TETS_PER_CUBE = {"cgal": 4.2, "lattice": 3.6}
 #: resident memory of Snakemake itself, MB, which in a cluster's job runs twice beside the script
@@ -88,8 +90,19 @@ def expected_tets(volume_ml: float, cell_size: float, mesher: str = "cgal") -> f
 
 
 def cost(rule: str, mesher: str = "cgal") -> Cost:
-    """Cost of a rule, which for S1 depends on the mesher."""
-    return COSTS.get(f"{rule}:{mesher}") or COSTS[rule]
+    """Cost of a rule, which for S1 depends on the mesher.
+
+    Raises
+    ------
+    InputError
+        nothing is known of the rule
+    """
+    found = COSTS.get(f"{rule}:{mesher}") or COSTS.get(rule)
+    if found is None:
+        raise InputError(
+            f"nothing is known of what rule `{rule}` takes", remedy="add it to COSTS in cortet/resources.py"
+        )
+    return found
 
 
 def memory_to_ask_mb(measured: float, attempt: int = 1) -> int:

@@ -1,0 +1,82 @@
+"""What jobs ask for follows from what was measured."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from cortet.errors import InputError
+from cortet.resources import (
+    COSTS,
+    Cost,
+    cost,
+    disk_mb,
+    expected_tets,
+    expected_volume_ml,
+    memory_to_ask_mb,
+    minutes_to_ask,
+)
+from cortet.stages.generate import generate
+from cortet.topology import enclosed_volume
+from tests.unit.shapes import ball_surface
+
+RULES = Path(__file__).parents[2] / "rules"
+
+
+def test_tetrahedra_grow_with_the_volume_and_the_cube_of_the_cell_size() -> None:
+    assert expected_tets(50.0, 1.0) == pytest.approx(4.2 * 50_000)
+    assert expected_tets(100.0, 1.0) == 2 * expected_tets(50.0, 1.0)
+    assert expected_tets(50.0, 0.5) == pytest.approx(8 * expected_tets(50.0, 1.0))
+    assert expected_tets(50.0, 1.0, "netgen") == expected_tets(50.0, 1.0, "cgal") > expected_tets(50.0, 1.0, "lattice")
+
+
+@pytest.mark.parametrize("mesher", ["cgal", "lattice"])
+def test_a_ball_has_about_as_many_tetrahedra_as_expected(mesher: str) -> None:
+    ball = ball_surface(3, radius=10.0)
+    volume_ml = enclosed_volume(ball.points, ball.faces) / 1000
+    mesh, _ = generate(ball, cell_size=1.25, mesher=mesher, odt=False, lloyd=False, perturb=False, exude=False)
+    assert len(mesh.cells) == pytest.approx(expected_tets(volume_ml, 1.25, mesher), rel=0.25)
+
+
+@pytest.mark.parametrize(
+    ("weeks", "volume_ml"), [(22, 29.0), (25, 39.3), (28, 52.2), (30, 69.6), (33, 87.4), (40, 94.1)]
+)
+def test_no_template_is_larger_than_expected_of_its_age(weeks: float, volume_ml: float) -> None:
+    assert volume_ml <= expected_volume_ml(weeks) == expected_volume_ml(weeks, whole=True) / 2
+
+
+def test_a_killed_job_asks_for_twice_the_memory() -> None:
+    first = memory_to_ask_mb(1000.0)
+    assert isinstance(first, int) and first > 1000
+    assert [memory_to_ask_mb(1000.0, attempt) for attempt in (2, 3)] == [2 * first, 4 * first]
+
+
+def test_a_mesh_that_was_measured_fits_into_what_is_asked_for() -> None:
+    """34 weeks at 0.6 mm, 1,527,842 tetrahedra, the largest that was measured: MB and CPU seconds of its jobs."""
+    measured = {"generate": (959, 553), "relocate": (478, 113), "certify": (1403, 11), "quality": (1453, 10)}
+    for rule, (megabytes, seconds) in measured.items():
+        assert megabytes < memory_to_ask_mb(cost(rule).memory_mb(1_527_842)) < 3 * megabytes + 1000
+        assert seconds / 60 < minutes_to_ask(cost(rule).cpu_seconds(1_527_842))
+
+
+def test_the_lattice_has_a_cost_of_its_own_in_s1_only() -> None:
+    assert cost("generate", "lattice") is COSTS["generate:lattice"]
+    assert cost("clean", "lattice") is cost("clean", "cgal") is COSTS["clean"]
+    assert Cost((100, 10), (1, 5)).memory_mb(2e6) == 120
+
+
+def test_a_rule_without_a_cost_is_an_error_that_names_it() -> None:
+    with pytest.raises(InputError, match="polish"):
+        cost("polish")
+
+
+def test_intermediates_take_most_of_the_disk() -> None:
+    assert 3 * disk_mb(1e6, keep_intermediates=False) < disk_mb(1e6) == pytest.approx(164.5)
+
+
+def test_every_rule_on_a_case_has_a_cost() -> None:
+    text = "".join(path.read_text() for path in RULES.glob("*.smk"))
+    asking = re.findall(r'(?:megabytes|minutes)\("(\w+)"\)', text)
+    assert set(asking) == {rule.partition(":")[0] for rule in COSTS}
