@@ -1,0 +1,61 @@
+"""The workflow through a SLURM of its own, where one is installed: the same files, and retries that make sense."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from tests.integration.study import ROOT, Study
+
+PROGRAMS = ("slurmctld", "slurmd", "slurmdbd", "munged", "mariadbd")
+missing = [name for name in PROGRAMS if not shutil.which(name, path=f"{os.environ['PATH']}:/usr/sbin:/sbin")]
+if not find_spec("snakemake_executor_plugin_slurm"):
+    missing.append("snakemake-executor-plugin-slurm")
+pytestmark = pytest.mark.skipif(bool(missing), reason=f"not installed: {', '.join(missing)}")
+
+
+def hashes(study: Study) -> dict[str, str]:
+    """SHA-256 of every output, but for tables of the cohort, which here know of one more case."""
+    root = study.folder / "derivatives"
+    return {
+        str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(root.rglob("*"))
+        if path.is_file() and "cohort" not in path.parts
+    }
+
+
+def test_slurm_makes_the_same_files_and_retries_only_what_was_killed(finished: Study, tmp_path: Path) -> None:
+    study = Study(tmp_path / "study")
+    shutil.copytree(finished.folder / "surfaces", study.folder / "surfaces")
+    bad = study.folder / "surfaces/c.surf.gii"
+    bad.write_text("no surface")
+    study.write_cases([study.case(participant) for participant in "abc"])
+    arguments = study.command()
+    arguments[arguments.index("--cores") :] = ["--profile", str(ROOT / "profiles/slurm")]
+    arguments += ["--slurm-init-seconds-before-status-checks", "3"]
+    columns = {"SLURM_COLUMNS": "JobID,State,Comment%-80"}
+    result = subprocess.run(
+        [str(ROOT / "tools/slurm.sh"), *arguments],
+        cwd=study.folder,
+        env={**os.environ, **columns},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    jobs = [line.split() for line in result.stdout.splitlines() if "group" in line or "rule_" in line]
+    assert result.returncode == 1, result.stdout + result.stderr
+    assert {case: row["state"] for case, row in study.status().items()} == {
+        "sub-a_hemi-L": "certified",
+        "sub-b_hemi-L": "certified",
+        "sub-c_hemi-L": "failed",
+    }
+    assert "not GIfTI" in study.status()["sub-c_hemi-L"]["reason"]
+    assert hashes(study) == hashes(finished)
+    # two cases in three jobs each, and the bad one, whose second and third attempts end at once
+    assert sorted(state for _, state, *_ in jobs) == ["COMPLETED"] * 6 + ["FAILED"] * 3
