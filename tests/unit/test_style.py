@@ -26,6 +26,6 @@ def test_nothing_to_say(command: list[str]) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("script", ["tools/setup.sh", "tools/lock.sh", ".ci/run"])
+@pytest.mark.parametrize("script", ["tools/setup.sh", "tools/lock.sh", "tools/slurm.sh", ".ci/run"])
 def test_shell_scripts_parse(script: str) -> None:
     assert subprocess.run(["bash", "-n", ROOT / script], check=False).returncode == 0
