@@ -369,6 +369,10 @@ class Config(Section):
     and no Gmsh: ten times faster). Keys below override it."""
     output: Path = Path("derivatives/cortet")
     """Folder of everything that is made (BIDS derivative)."""
+    keep_intermediates: bool = True
+    """false deletes the mesh of every stage but the last as soon as nothing needs it any more, CARP files of S2
+    included: a third of the disk, but a changed parameter of any stage runs the line from S1 on.
+    `snakemake --delete-temp-output` deletes those of earlier runs."""
     cohort: Cohort = Cohort()
     phantom: Phantom = Phantom()
     gate: Gate = Gate()

@@ -109,6 +109,11 @@ def mesh_file(desc, suffix="tetmesh.vtu"):
     return bids(suffix, "mesh", res="{res}um", desc=f"{{mesher}}{setting}{desc}")
 
 
+def intermediate(files):
+    """Output that only later stages read."""
+    return files if CONFIG.keep_intermediates else temp(files)
+
+
 def fold_file(name):
     """File of a simulation: a run has a folder of its own."""
     return f"{OUT}/{{folder}}/simulation/{{case}}_res-{{res}}um_desc-{{mesher}}{{setting}}Folded/{name}"

@@ -6,7 +6,7 @@ rule generate:
     input:
         surface=MESHED_SURFACE,
     output:
-        mesh=mesh_file("Generated"),
+        mesh=intermediate(mesh_file("Generated")),
         report=mesh_file("Generated", "tetmesh.json"),
     log:
         mesh_log("generate"),
@@ -32,9 +32,9 @@ rule transfer:
         surface=MESHED_SURFACE,
         fields=fields_of,
     output:
-        mesh=mesh_file("Transferred"),
+        mesh=intermediate(mesh_file("Transferred")),
         report=mesh_file("Transferred", "tetmesh.json"),
-        carp=multiext(mesh_file("Transferred", "tetmesh"), ".pts", ".elem", ".lon"),
+        carp=intermediate(multiext(mesh_file("Transferred", "tetmesh"), ".pts", ".elem", ".lon")),
     log:
         mesh_log("transfer"),
     benchmark:
@@ -55,7 +55,7 @@ rule relocate:
     input:
         mesh=mesh_before("relocate"),
     output:
-        mesh=mesh_file("Relocated"),
+        mesh=intermediate(mesh_file("Relocated")),
         report=mesh_file("Relocated", "tetmesh.json"),
     log:
         mesh_log("relocate"),
@@ -78,7 +78,7 @@ rule clean:
         mesh=mesh_before("clean"),
         surface=MESHED_SURFACE,
     output:
-        mesh=mesh_file("Cleaned"),
+        mesh=intermediate(mesh_file("Cleaned")),
         report=mesh_file("Cleaned", "tetmesh.json"),
     log:
         mesh_log("clean"),
@@ -101,7 +101,7 @@ rule reconnect:
         mesh=mesh_before("reconnect"),
         surface=MESHED_SURFACE,
     output:
-        mesh=mesh_file("Reconnected"),
+        mesh=intermediate(mesh_file("Reconnected")),
         report=mesh_file("Reconnected", "tetmesh.json"),
     log:
         mesh_log("reconnect"),
@@ -124,7 +124,7 @@ rule smooth_boundary:
         mesh=mesh_before("smooth_boundary"),
         surface=MESHED_SURFACE,
     output:
-        mesh=mesh_file("BoundarySmoothed"),
+        mesh=intermediate(mesh_file("BoundarySmoothed")),
         report=mesh_file("BoundarySmoothed", "tetmesh.json"),
     log:
         mesh_log("smooth_boundary"),
@@ -147,7 +147,7 @@ rule snap:
         mesh=mesh_before("snap"),
         surface=MESHED_SURFACE,
     output:
-        mesh=mesh_file("Snapped"),
+        mesh=intermediate(mesh_file("Snapped")),
         report=mesh_file("Snapped", "tetmesh.json"),
     log:
         mesh_log("snap"),
