@@ -39,6 +39,9 @@ _LONGEST_FILE = 100_000_000
 _MOST_PROBLEMS = 100
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
+#: rows of a table, column -> value, by the participant's label
+_RowsByParticipant = dict[str, list[dict[str, str]]]
+
 _MISSING = {"", "n/a"}
 _YES, _NO = {"yes", "true", "1"}, {"no", "false", "0"}
 _HEMI = {"l": "L", "left": "L", "lh": "L", "r": "R", "right": "R", "rh": "R"}
@@ -194,7 +197,7 @@ def scan(directory: Path, patterns: Scan | None = None) -> list[Case]:
             file=directory,
             remedy="check the folder, or set cohort.scan.surfaces; looked for " + ", ".join(patterns.surfaces),
         )
-    tables: dict[Path, list[dict[str, str]]] = {}
+    tables: dict[Path, _RowsByParticipant] = {}
     cases = []
     for (participant, session, hemi), path in sorted(found.items(), key=lambda item: [part or "" for part in item[0]]):
         age = _scan_age(directory, participant, session, patterns, tables)
@@ -340,20 +343,31 @@ def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, st
 
 
 def _scan_age(
-    directory: Path, participant: str, session: str | None, patterns: Scan, tables: dict[Path, list[dict[str, str]]]
+    directory: Path, participant: str, session: str | None, patterns: Scan, tables: dict[Path, _RowsByParticipant]
 ) -> float | None:
     """Age of a session from the sessions table, else from the participants table; `tables` caches what was read."""
     keys = {"participant_id": participant, "session_id": session}
     for name in (patterns.sessions, patterns.participants):
         path = directory / _formatted(name, {"participant": participant, "session": session})
         if path not in tables:
-            header, rows = _read_table(path) if path.exists() else ([], [])
-            tables[path] = [dict(zip(header, values, strict=False)) for _, values in rows]
-        for row in tables[path]:
-            fits = all(
-                re.sub("^(sub|ses)-", "", row[key]) == label for key, label in keys.items() if label and key in row
-            )
+            tables[path] = _rows_by_participant(path) if path.exists() else {}
+        for row in tables[path].get(participant, []) + tables[path].get("", []):
+            fits = all(_label(row[key]) == label for key, label in keys.items() if label and key in row)
             ages = [_number(row[column]) for column in patterns.age_columns if column in row]
             if fits and ages and ages[0] is not None:
                 return ages[0]
     return None
+
+
+def _rows_by_participant(path: Path) -> _RowsByParticipant:
+    """Rows of a table by the participant's label, which is empty where the table has no such column."""
+    header, rows = _read_table(path)
+    found: _RowsByParticipant = {}
+    for _, values in rows:
+        row = dict(zip(header, values, strict=False))
+        found.setdefault(_label(row.get("participant_id", "")), []).append(row)
+    return found
+
+
+def _label(text: str) -> str:
+    return re.sub("^(sub|ses)-", "", text)

@@ -158,4 +158,23 @@ status=0
 
 sleep 2 # the database hears of the last job a little later
 sacct --allusers --format="${SLURM_COLUMNS:-JobID,State,Comment%-40,Elapsed,TotalCPU,AllocCPUS,ReqMem,MaxRSS}"
+sacct --allusers --parsable2 --noheader --units=M --format=JobID,CPUTimeRAW,TotalCPU,ReqMem,MaxRSS | awk -F'|' '
+    function seconds(text,    part, count, i, sum) { # [days-][hours:]minutes:seconds
+        count = split(text, part, /[-:]/)
+        for (i = 1; i <= count; i++) sum = sum * (i == 2 && text ~ /-/ ? 24 : 60) + part[i]
+        return sum
+    }
+    $1 !~ /[.]/ { allocated += $2; used += seconds($3); asked[$1] = $4 + 0 }
+    $1 ~ /[.]/ { split($1, id, "."); resident[id[1]] += $5 }
+    END {
+        for (job in resident) {
+            share = resident[job] / asked[job]
+            sum += share
+            if (share > most) most = share
+            count++
+        }
+        if (!count) exit
+        printf "%d jobs; CPU: %d s used of %d s allocated (%.0f %%); ", count, used, allocated, 100 * used / allocated
+        printf "memory: %.0f %% of what was asked for on average, %.0f %% at most\n", 100 * sum / count, 100 * most
+    }'
 exit $status
