@@ -2,12 +2,15 @@
 
 The job logs to its rule's log file (libraries that print do so too), keeps to its rule's threads, and when it fails
 leaves a last line `ERROR reason` there, which `cohort_status.tsv` quotes. Stopped by SIGTERM, as at the end of its time
-on a cluster, it leaves the place where it was. Import it before anything of cortet: Numba reads its number of threads
+on a cluster, it leaves the place where it was. Where a profile numbers attempts (resource `attempt`), only a job that
+was killed is tried again. Import it before anything of cortet: Numba reads its number of threads
 once.
 """
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import faulthandler
 import glob
 import logging
@@ -34,7 +37,7 @@ from cortet.errors import CortetError  # noqa: E402
 logger = logging.getLogger("cortet")
 
 
-def _log_to(path: str) -> None:
+def _log_to(path: Path) -> None:
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND)
     os.dup2(descriptor, 1)
     os.dup2(descriptor, 2)
@@ -43,14 +46,22 @@ def _log_to(path: str) -> None:
     logger.info("%s of %s with %s", snakemake.rule, dict(snakemake.wildcards), dict(snakemake.params))
 
 
-def _end_hopeless_attempt(log: Path) -> None:
-    """Another attempt, which a cluster's profile numbers, has more memory: no help to a job that was not killed."""
-    if snakemake.resources.get("attempt", 1) == 1:
-        return
+def _end_hopeless_attempt(log: Path, earlier: Path) -> None:
+    """Another attempt, with more memory, is no help to a job that was not killed."""
     from cortet.status import was_killed
 
-    if not was_killed(log):
+    if earlier.exists() and not was_killed(earlier):
+        shutil.copyfile(earlier, log)
         sys.exit(f"not tried again, the reason stands in {log}")
+
+
+def _remember(log: Path, earlier: Path) -> None:
+    """Keep the log, which Snakemake deletes before it tries again, under a second name until the job has succeeded."""
+    earlier.unlink(missing_ok=True)
+    with contextlib.suppress(OSError):  # a file system without links: every failure is tried again
+        os.link(log, earlier)
+    # the interpreter sets sys.last_value when an exception ends it
+    atexit.register(lambda: hasattr(sys, "last_value") or earlier.unlink(missing_ok=True))
 
 
 def _log_failure(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
@@ -68,8 +79,15 @@ def _delete_leftovers() -> None:
             shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
 
 
-_end_hopeless_attempt(Path(snakemake.log[0]))
-_log_to(snakemake.log[0])
+_log = Path(snakemake.log[0])
+_earlier = _log.with_name(f".{_log.name}.attempt")
+# 0: it is not said, and a failure is final
+_attempt = snakemake.resources.get("attempt", 0)
+if _attempt > 1:
+    _end_hopeless_attempt(_log, _earlier)
+_log_to(_log)
+if _attempt:
+    _remember(_log, _earlier)
 faulthandler.register(signal.SIGTERM, file=2, chain=True)
 sys.excepthook = _log_failure
 _delete_leftovers()
