@@ -3,8 +3,7 @@
 The job logs to its rule's log file (libraries that print do so too), keeps to its rule's threads, and when it fails
 leaves a last line `ERROR reason` there, which `cohort_status.tsv` quotes. Stopped by SIGTERM, as at the end of its time
 on a cluster, it leaves the place where it was. Where a profile numbers attempts (resource `attempt`), only a job that
-was killed is tried again. Import it before anything of cortet: Numba reads its number of threads
-once.
+was killed is tried again. Import it before anything of cortet: Numba reads its number of threads once.
 """
 
 from __future__ import annotations
@@ -60,8 +59,12 @@ def _remember(log: Path, earlier: Path) -> None:
     earlier.unlink(missing_ok=True)
     with contextlib.suppress(OSError):  # a file system without links: every failure is tried again
         os.link(log, earlier)
-    # the interpreter sets sys.last_value when an exception ends it
-    atexit.register(lambda: hasattr(sys, "last_value") or earlier.unlink(missing_ok=True))
+    atexit.register(_forget, earlier)
+
+
+def _forget(earlier: Path) -> None:
+    if not hasattr(sys, "last_value"):  # which the interpreter sets when an exception ends it
+        earlier.unlink(missing_ok=True)
 
 
 def _log_failure(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
