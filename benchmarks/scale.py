@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parents[1]
 #: jobs of a mesh by rule, in the default configuration
 RULES = ("gate", "smooth_surface", "generate", "transfer", "relocate", "clean", "reconnect", "solver_ready", "certify")
 JOBS = {**dict.fromkeys(RULES, 1), "quality": 4, "export": 1}
-#: CPU seconds that Snakemake takes in each of the three jobs of SLURM that make a mesh, and in each stage in them
+#: CPU seconds that Snakemake takes in each of the four jobs of SLURM that make a mesh, and in each stage in them
 JOB_SECONDS, STAGE_SECONDS = 4.0, 2.0
 #: mL of a hemisphere: mean of the fetal and neonatal templates at hand
 VOLUME_ML = 60.0
@@ -146,7 +146,7 @@ def print_plan(counts: list[int], cell_size: float) -> None:
         seconds = sum(number * costs[rule].cpu_seconds(tets) for rule, number in JOBS.items())
         memory = max(memory_to_ask_mb(found.memory_mb(tets)) for found in costs.values())
         for count in counts:
-            hours = count * (seconds + 3 * JOB_SECONDS + sum(JOBS.values()) * STAGE_SECONDS) / 3600
+            hours = count * (seconds + 4 * JOB_SECONDS + sum(JOBS.values()) * STAGE_SECONDS) / 3600
             disk, final = (count * disk_mb(tets, keep_intermediates=keep) / 1000 for keep in (True, False))
             row = (mesher, count, count * tets / 1e6, hours, disk, final, memory)
             print("".join(f"{value:>18.0f}" if isinstance(value, float) else f"{value:>18}" for value in row))

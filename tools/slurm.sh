@@ -4,7 +4,7 @@
 #
 #   tools/slurm.sh snakemake --profile profiles/slurm
 #
-#   SLURM_CPUS=2  SLURM_MEMORY=4000   what the node offers (default: what the machine has; MB)
+#   SLURM_CPUS=2  SLURM_MEMORY=4000   what the node is said to have (default: what the machine has; MB)
 #   SLURM_PORTS=36817                 first of three free ports
 #
 # Needs Debian's slurm-wlm, slurmdbd, munge, mariadb-server-core and mariadb-client-core; no root and no systemd. Memory
@@ -127,6 +127,7 @@ AccountingStorageType=accounting_storage/slurmdbd
 AccountingStorageHost=localhost
 AccountingStoragePort=$((port + 2))
 AccountingStoragePass=$munge_socket
+SlurmdParameters=config_overrides
 KillWait=5
 MinJobAge=3600
 ReturnToService=2
