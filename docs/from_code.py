@@ -402,6 +402,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("messages", Messages)
     app.add_object_type("message", "message", objname="message", ref_nodeclass=nodes.inline)
     app.add_object_type("check", "check", objname="check of the certificate", ref_nodeclass=nodes.inline)
+    app.setup_extension("sphinx.ext.autodoc")
     app.connect("autodoc-process-docstring", describe_below, priority=400)  # before napoleon parses it
     app.connect("env-check-consistency", check_explanations)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

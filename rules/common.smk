@@ -88,7 +88,7 @@ wildcard_constraints:
     case=r"sub-[A-Za-z0-9]+(_ses-[A-Za-z0-9]+)?(_hemi-[LR])?",
     res=r"[1-9][0-9]*",
     mesher=r"[a-z0-9]+",
-    setting="|".join(SETTINGS),
+    setting="|".join(["", *SETTINGS]),  # an empty expression alone would be none
     stage="|".join(STAGES.values()),
     suffix="|".join(map(re.escape, SOLVERS)),
 

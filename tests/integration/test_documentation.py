@@ -1,0 +1,142 @@
+"""The documentation builds without a warning, loads nothing from elsewhere, and every command in it runs.
+
+The blocks of a page run in their order, in one folder that looks like a checkout. A block that is not run says why in a
+comment before it: `<!-- not run: REASON -->`; its `cortet` commands are parsed all the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cortet.cli import main, parser
+from tests.integration.documented import PAGES, ROOT, Block, blocks, coarse, like, make_checkout
+from tests.integration.study import Study
+
+BLOCKS = list(blocks())
+#: characters that make a line more than a program and its arguments
+SHELL = re.compile(r"[|&;<>$`*]")
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", str(folder / "cache"), "docs"]
+    done = subprocess.run([*command, str(folder / "html")], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder / "html"
+
+
+def test_the_site_loads_nothing_from_elsewhere(site: Path) -> None:
+    loads = re.compile(r"""<(?:script|img|iframe|source)[^>]*\ssrc="(?:https?:)?//|<link[^>]*\shref="(?:https?:)?//""")
+    pages = list(site.rglob("*.html"))
+    assert len(pages) > len(PAGES)  # those of the index and the search, too
+    assert not [page.name for page in pages if loads.search(page.read_text(encoding="utf-8"))]
+    sheets = [path for path in site.rglob("*.css") if re.search(r"(url\(|@import)[^;]*//", path.read_text())]
+    assert not sheets
+
+
+def test_an_explained_message_that_the_code_does_not_have_stops_the_build(tmp_path: Path) -> None:
+    (tmp_path / "conf.py").write_text('extensions = ["myst_parser", "from_code"]\n')
+    (tmp_path / "index.md").write_text("# Page\n\n```{message} the moon is made of cheese\n\nEat it.\n```\n")
+    environment = os.environ | {"PYTHONPATH": f"{ROOT / 'docs'}{os.pathsep}{ROOT}"}
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", str(tmp_path), str(tmp_path / "html")]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "the code has no message 'the moon is made of cheese'" in done.stderr
+    assert "no page explains the check 'worst q'" in done.stderr
+
+
+def test_messages_are_found_with_their_remedies() -> None:
+    code = "import from_code; print(*(m[1:] for m in from_code.messages() if m.module == 'stages.generate'), sep='\\n')"
+    environment = os.environ | {"PYTHONPATH": f"{ROOT / 'docs'}{os.pathsep}{ROOT}"}
+    found = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert "('the mesher returned no tetrahedra', ('use a smaller cell size',))" in found.stdout.splitlines()
+
+
+def test_every_picture_has_words_instead(site: Path) -> None:
+    for page in site.rglob("*.html"):
+        for image in re.findall(r"<img[^>]*>", page.read_text(encoding="utf-8")):
+            assert re.search(r'alt="[^"]', image), (page.name, image)
+
+
+@pytest.fixture(scope="module")
+def checkout(finished: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that looks like a checkout, with the results of a tiny cohort and a mesh."""
+    folder = tmp_path_factory.mktemp("checkout")
+    make_checkout(folder)
+    shutil.copytree(finished.folder / "derivatives", folder / "derivatives")
+    run("cortet mesh x.surf.gii --ga 28 --cell-size 4 --field thickness=x.shape.gii -o x.vtu", folder)
+    return folder
+
+
+@pytest.mark.parametrize("block", [pytest.param(block, id=block.name) for block in BLOCKS])
+def test_what_a_page_shows_is_what_happens(block: Block, checkout: Path) -> None:
+    if block.needs and not shutil.which(block.needs):
+        pytest.skip(f"{block.needs} is not installed")
+    if block.file:
+        (checkout / block.file).write_text(coarse(block.text))
+        return
+    for command, shown in block.commands:
+        if block.not_run:
+            if command.startswith("cortet "):
+                parser().parse_args(shlex.split(command)[1:])
+            continue
+        output = run(coarse(command), checkout)
+        alike = like if command.startswith(("cortet", "cat")) else str.strip  # coarse meshes have other numbers
+        missing = [line for line in shown if alike(line) not in map(alike, output.splitlines())]
+        assert not missing, f"`{command}` does not print {missing}, but\n{output}"
+
+
+def run(command: str, folder: Path) -> str:
+    """Output of a command that must end well; those of cortet run in this process, which has its libraries loaded."""
+    command, *_ = re.split(r"\s+#\s", command)
+    if command.startswith("cortet ") and not SHELL.search(command):
+        output = io.StringIO()
+        with contextlib.chdir(folder), contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
+            status = main(shlex.split(command)[1:])
+        assert status == 0, f"{command}: exit code {status}\n{output.getvalue()}"
+        return output.getvalue()
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    environment = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        ["sh", "-c", command], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, f"{command}: exit code {done.returncode}\n{done.stdout}{done.stderr}"
+    return done.stdout
+
+
+def test_few_blocks_are_not_run() -> None:
+    excused = [block.name for block in BLOCKS if block.not_run]
+    assert len(excused) <= 8, excused
+
+
+def options(command: argparse.ArgumentParser, name: str = "cortet") -> dict[str, set[str]]:
+    """Command -> its options; a group of commands, as `cohort`, has none."""
+    found = {name: {flag for action in command._actions for flag in action.option_strings}}
+    for action in command._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for word, below in action.choices.items():
+                found |= options(below, f"{name} {word}")
+    return found
+
+
+@pytest.mark.parametrize("page", [pytest.param(page, id=str(page.relative_to(ROOT))) for page in PAGES])
+def test_commands_within_a_sentence_exist(page: Path) -> None:
+    known = options(parser())
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for command in re.findall(r"`(cortet [a-z][^`]*|cortet --[^`]*)`", text):
+        name = max((name for name in known if f"{command} ".startswith(f"{name} ")), key=len)
+        words = command.removeprefix(name).split()
+        assert name != "cortet" or command.startswith("cortet --"), f"no command of that name: {command}"
+        assert set(re.findall(r"(?<!\w)--?[a-z][a-z-]*", " ".join(words))) <= known[name], command
