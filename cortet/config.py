@@ -373,6 +373,8 @@ class Config(Section):
     """false deletes the mesh of every stage but the last as soon as nothing needs it any more, CARP files of S2
     included: a third of the disk, but a changed parameter of any stage runs the line from S1 on.
     `snakemake --delete-temp-output` deletes those of earlier runs."""
+    time_limit: Positive | None = 1440.0
+    """Minutes a job may take before it is ended and its case has failed; null: no limit."""
     cohort: Cohort = Cohort()
     phantom: Phantom = Phantom()
     gate: Gate = Gate()
@@ -478,7 +480,7 @@ def _read(path: Path) -> dict[str, Any]:
     remedy = "give a YAML file of keys and values"
     try:
         data = yaml.safe_load(content(path, largest=_LONGEST_FILE).decode("utf-8"))
-    except (ValueError, RecursionError, yaml.YAMLError) as error:  # ValueError: a number or date that is none
+    except (ValueError, TypeError, AttributeError, RecursionError, yaml.YAMLError) as error:  # what PyYAML lets through
         raise InputError(f"cannot be read: {error}", file=path, remedy=remedy) from None
     if not isinstance(data, dict):
         raise InputError("holds no keys", file=path, remedy=remedy)

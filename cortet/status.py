@@ -34,8 +34,13 @@ COLUMNS: dict[str, dict[str, Any]] = {
 
 
 def failure_reason(log: Path, *, since: float) -> str:
-    """Why a job failed: the last error in its log, if the log was written after `since` (seconds since the epoch)."""
+    """Why a job failed: the last error in its log, if the log was written after `since` (seconds since the epoch).
+
+    A job that took longer than `time_limit` leaves `Timeout (0:01:00)!` and its stack there (`faulthandler`).
+    """
     lines = _lines(log) if log.exists() and log.stat().st_mtime >= since else []
+    if too_long := [found[1] for line in lines if (found := re.fullmatch(r"Timeout \((.+)\)!", line))]:
+        return f"took longer than {too_long[-1]} (hours:minutes:seconds), the time_limit, {_place_of_stop(lines)}"
     if error := _last_error(lines):
         return error
     if stopped := _place_of_stop(lines):

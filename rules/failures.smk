@@ -4,6 +4,7 @@ A failed case makes its job fail: the log says why, the others go on (`keep-goin
 over all cases cannot run when one of its inputs was not made. So when a run ends with failures, the rules over all cases
 run once more over those that are done, with the failures as a parameter; the next run, which has other inputs and
 parameters, makes them again. What an earlier run left of a failed case, or of the tables of an unfinished run, is deleted.
+From its start to its end a run holds the lock of the output folder.
 """
 
 import json
@@ -15,9 +16,11 @@ from collections import defaultdict
 
 from snakemake.logging import logger
 
+from cortet.lock import hold
 from cortet.status import failure_reason, was_killed
 
 STARTED = time.time()
+HELD = []  # files whose locks last until the end of this process
 
 
 def failed_jobs():
@@ -108,6 +111,10 @@ def run_over_done_cases(failures, missing, targets):
 
 
 onstart:
+    try:
+        HELD.append(hold(CONFIG.output))
+    except CortetError as error:
+        raise WorkflowError(str(error)) from None
     # a table of an earlier run must not pass for this one's, should this one be killed
     delete_outputs(job for job in workflow.dag.needrun_jobs() if job.rule.name in OVER_ALL_CASES)
 

@@ -2,14 +2,16 @@
 
 The job logs to its rule's log file (libraries that print do so too), keeps to its rule's threads, and when it fails
 leaves a last line `ERROR reason` there, which `cohort_status.tsv` quotes. Stopped by SIGTERM, as at the end of its time
-on a cluster, it leaves the place where it was. Where a profile numbers attempts (resource `attempt`), only a job that
-was killed is tried again. Import it before anything of cortet: Numba reads its number of threads once.
+on a cluster, or ended because it takes longer than `time_limit`, it leaves the place where it was. It ends with the
+Snakemake that started it. Where a profile numbers attempts (resource `attempt`), only a job that was killed is tried
+again. Import it before anything of cortet: Numba reads its number of threads once.
 """
 
 from __future__ import annotations
 
 import atexit
 import contextlib
+import ctypes
 import faulthandler
 import glob
 import logging
@@ -34,6 +36,18 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from cortet.errors import CortetError  # noqa: E402
 
 logger = logging.getLogger("cortet")
+
+
+def _end_with_snakemake() -> None:
+    """Die when the parent dies, so that what an interrupted run began never replaces what a later one made (Linux)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG, man 2 prctl
+
+
+def _limit_time() -> None:
+    """End after this many minutes, with the stack in the log, also inside a library that never returns."""
+    if minutes := float(os.environ.get("CORTET_TIME_LIMIT", "0")):
+        faulthandler.dump_traceback_later(60 * minutes, exit=True)
 
 
 def _log_to(path: Path) -> None:
@@ -82,6 +96,7 @@ def _delete_leftovers() -> None:
             shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
 
 
+_end_with_snakemake()
 _log = Path(snakemake.log[0])
 _earlier = _log.with_name(f".{_log.name}.attempt")
 # 0: it is not said, and a failure is final
@@ -91,6 +106,7 @@ if _attempt > 1:
 _log_to(_log)
 if _attempt:
     _remember(_log, _earlier)
+_limit_time()
 faulthandler.register(signal.SIGTERM, file=2, chain=True)
 sys.excepthook = _log_failure
 _delete_leftovers()

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from cortet.formats.gifti import read_surface, write_surface
+from cortet.lock import NAME
 from cortet.mesh import TriSurface
 from tests.integration.study import ROOT, Study, scaled, surface
 
@@ -173,7 +174,9 @@ def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study: Study, 
         assert "killed" in row["reason"]
     assert study.jobs_of_run()
     assert {row["state"] for row in study.status().values()} == {"certified"}
-    assert not [path for path in study.files("*") if path.name.startswith(".") and path.name != ".bidsignore"]
+    assert not [
+        path for path in study.files("*") if path.name.startswith(".") and path.name not in (".bidsignore", NAME)
+    ]
 
 
 def checked_out(folder: Path) -> Path:

@@ -292,12 +292,13 @@ ALIASES = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
         ("[" * 20_000, "cannot be read"),
         ("output: " + "9" * 5000, "cannot be read"),
         ("output: 2026-13-45", "cannot be read"),
+        ("output: !!timestamp x", "cannot be read"),
         ("output: !!python/object/apply:os.system ['true']", "cannot be read"),
         ("setting: " + "x" * 1_000_000, "setting"),
         ("output: {a: b}", "output"),
         ("1: 2", "1"),
     ],
-    ids=["aliases", "itself", "list of itself", "deep", "digits", "date", "python", "long", "kind", "key"],
+    ids=["aliases", "itself", "list of itself", "deep", "digits", "date", "no date", "python", "long", "kind", "key"],
 )
 def test_a_configuration_that_is_a_trap_is_refused_in_a_short_message(text: str, words: str, tmp_path: Path) -> None:
     path = tmp_path / "config.yaml"

@@ -1,0 +1,49 @@
+"""Every Python process of a run loads this module when the folder it is in is on PYTHONPATH.
+
+`SABOTAGE` holds a folder and, by what is done, the names of rules with a part of the names of their first outputs:
+
+    kill    kill -9 of the job when its last output is about to get its name, the first time
+    wait    the same moment, until the file `go` is in the folder
+    hang    the same moment, for good, inside C code that keeps the interpreter
+
+What was done leaves a file `<done>-<rule>-<first output>` in the folder, which says whether the last output was there.
+"""
+
+import ctypes
+import json
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+PLAN = json.loads(os.environ.get("SABOTAGE", "{}"))
+
+
+def _at_a_rename(event: str, arguments: tuple[object, ...]) -> None:
+    job = getattr(sys.modules.get("__main__"), "snakemake", None) if event == "os.rename" else None
+    if job is None or not hasattr(job, "rule"):
+        return
+    outputs = [Path(output).absolute() for output in job.output]
+    if Path(os.fsdecode(arguments[1])).absolute() != outputs[-1]:
+        return
+    for what in ("kill", "wait", "hang"):
+        for rule, part in PLAN.get(what, []):
+            mark = Path(PLAN["folder"]) / f"{what}-{job.rule}-{outputs[0].name}"
+            if rule in ("*", job.rule) and part in outputs[0].name and not mark.exists():
+                mark.write_text("there" if outputs[-1].exists() else "not there")
+                _do(what)
+
+
+def _do(what: str) -> None:
+    if what == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    elif what == "hang":
+        ctypes.PyDLL(None).sleep(3600)
+    else:
+        while not (Path(PLAN["folder"]) / "go").exists():
+            time.sleep(0.1)
+
+
+if PLAN:
+    sys.addaudithook(_at_a_rename)

@@ -1,0 +1,170 @@
+"""Bad days: killed, full, read-only, twice at once, hanging. Nothing is lost, and nothing passes for what it is not."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cortet.lock import NAME
+from tests.integration.study import Study, surface
+
+SABOTAGE = Path(__file__).parent / "sabotage"
+STAGES = ("gate", "smooth_surface", "generate", "transfer", "relocate", "clean", "reconnect", "solver_ready")
+JOBS = (*STAGES, "quality", "certify", "export")
+
+
+def sabotaged(study: Study, **plan: list[tuple[str, str]]) -> dict[str, str]:
+    """Environment in which jobs are killed, wait or hang: rule and part of the name of its first output."""
+    folder = study.folder / "sabotage"
+    folder.mkdir(exist_ok=True)
+    return {**os.environ, "PYTHONPATH": str(SABOTAGE), "SABOTAGE": json.dumps({"folder": str(folder), **plan})}
+
+
+def run(study: Study, *arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        study.command(*arguments), cwd=study.folder, capture_output=True, text=True, check=False, **options
+    )
+
+
+def sums(folder: Path, pattern: str = "*") -> dict[str, str]:
+    """SHA-256 of every output of a study, by its name."""
+    outputs = folder / "derivatives/cortet"
+    files = [path for path in outputs.rglob(pattern) if path.is_file() and path.name != NAME]
+    return {str(path.relative_to(outputs)): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(files)}
+
+
+def wait_for(path: Path, process: subprocess.Popen[Any]) -> None:
+    end = time.time() + 600
+    while not path.exists() and time.time() < end and process.poll() is None:
+        time.sleep(0.05)
+    assert path.exists(), "the job never came there"
+
+
+def test_every_job_killed_in_its_last_moment_is_done_again_with_the_same_bits(finished: Study, tmp_path: Path) -> None:
+    study = Study(tmp_path / "study")
+    (tmp_path / "study").mkdir()
+    study.add_case(study.case("a"), surface(0))
+    result = run(study, "--retries", "1", "meshes", *_records(finished), env=sabotaged(study, kill=[("*", "sub-a")]))
+    assert result.returncode == 0, result.stdout + result.stderr
+    marks = {path.name.split("-")[1]: path.read_text() for path in (study.folder / "sabotage").glob("kill-*")}
+    assert marks == dict.fromkeys(JOBS, "not there")  # though complete under another name
+    assert sums(study.folder, "sub-a*") == sums(finished.folder, "sub-a*")
+    assert not [name for name in sums(study.folder) if "/." in name]
+
+
+def _records(finished: Study) -> list[str]:
+    """Outputs of case a that are no solver files: quality records."""
+    outputs = finished.folder
+    return [str(path.relative_to(outputs)) for path in finished.files("sub-a*quality.json")]
+
+
+def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study: Study, tmp_path: Path) -> None:
+    before = sums(study.folder, "sub-*")
+    study.config["export"] = {"uncertified": True}  # another parameter, the same result
+    environment = sabotaged(study, wait=[("export", "sub-a")])
+    first = subprocess.Popen(study.command(), cwd=study.folder, env=environment, stdout=subprocess.DEVNULL, stderr=-3)
+    mark = next(iter(f"wait-export-{path.name}" for path in study.files("sub-a*.mesh")))
+    wait_for(study.folder / "sabotage" / mark, first)
+
+    again = run(study)
+    assert again.returncode != 0 and "cannot be locked" in again.stdout + again.stderr
+
+    (tmp_path / "clone").mkdir()
+    clone = Study(tmp_path / "clone", {**study.config, "output": str(study.folder / "derivatives/cortet")})
+    clone.config["cohort"] = {"sheet": str(study.folder / "cohort.tsv")}
+    other = run(clone)
+    assert other.returncode != 0
+    assert f"another run writes to it: process {first.pid} on" in other.stdout + other.stderr
+    assert "Traceback" not in other.stdout + other.stderr
+
+    first.send_signal(signal.SIGKILL)
+    first.wait()
+    (study.folder / "sabotage/go").touch()  # a job that outlived its Snakemake would now write
+    locked = run(study)
+    assert locked.returncode != 0 and "--unlock" in locked.stdout + locked.stderr
+    assert run(study, "--unlock").returncode == 0
+    done = run(study)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert sums(study.folder, "sub-*") == before
+    assert {row["state"] for row in study.status().values()} == {"certified"}
+    assert not [path for path in study.files(".*") if path.name not in (NAME, ".bidsignore")]
+
+
+@pytest.fixture
+def small_disk(study: Study) -> Iterator[Path]:
+    """The outputs of the study on a file system of their own, which is almost full."""
+    outputs = study.folder / "derivatives"
+    aside = study.folder / "aside"
+    outputs.rename(aside)
+    outputs.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=64m", "tmpfs", outputs], capture_output=True, check=False
+    )
+    if mounted.returncode:
+        pytest.skip(f"needs to mount a file system: {mounted.stderr.decode().strip()}")
+    try:
+        subprocess.run(["cp", "-a", f"{aside}/.", outputs], check=True)
+        yield outputs
+    finally:
+        subprocess.run(["umount", "-l", outputs], check=True)
+
+
+def remount(folder: Path, options: str) -> None:
+    subprocess.run(["mount", "-o", f"remount,{options}", folder], check=True)
+
+
+def test_a_full_disk_and_one_that_cannot_be_written_to(study: Study, small_disk: Path) -> None:
+    before = sums(study.folder, "sub-*")
+    study.config["export"] = {"uncertified": True}
+
+    remount(small_disk, "ro")
+    refused = run(study)
+    assert refused.returncode != 0
+    assert "Write-protected output files" in refused.stdout + refused.stderr  # Snakemake's own, before any job
+    assert sums(study.folder, "sub-*") == before
+
+    remount(small_disk, "rw")
+    filler = small_disk / "filler"
+    space = os.statvfs(small_disk)
+    filler.write_bytes(bytes(space.f_bavail * space.f_frsize - 12_000))  # a table has room, a mesh has not
+    full = run(study)
+    assert full.returncode != 0
+    row = study.status()["sub-a_hemi-L"]
+    assert (row["stage"], row["state"]) == ("export", "failed") and "No space left on device" in row["reason"]
+    lost = before.keys() - sums(study.folder, "sub-*").keys()
+    assert all(name.endswith((".mesh", ".mesh.json")) for name in lost)  # those of the jobs that failed, no others
+    assert not [path for path in study.files(".*") if path.name not in (NAME, ".bidsignore")]
+
+    filler.unlink()
+    assert run(study).returncode == 0
+    assert sums(study.folder, "sub-*") == before
+
+
+def test_a_case_that_hangs_and_a_surface_that_was_cut_off_fail_and_the_others_stay(study: Study) -> None:
+    before = sums(study.folder, "sub-a*")
+    study.add_case(study.case("hangs"), surface(2))
+    cut = study.folder / "surfaces/b.surf.gii"
+    cut.write_bytes(cut.read_bytes()[:3000])
+    study.config["time_limit"] = 1.0
+    result = run(study, env=sabotaged(study, hang=[("gate", "sub-hangs")]))
+    assert result.returncode != 0
+    status = {case.removeprefix("sub-").removesuffix("_hemi-L"): row for case, row in study.status().items()}
+    assert {name: (row["stage"], row["state"]) for name, row in status.items()} == {
+        "a": ("certify", "certified"),
+        "b": ("gate", "failed"),
+        "hangs": ("gate", "failed"),
+    }
+    assert "truncated" in status["b"]["reason"] and "b.surf.gii" in status["b"]["reason"]
+    assert "took longer than 0:01:00" in status["hangs"]["reason"]
+    assert "write_json" in (study.folder / status["hangs"]["log"]).read_text()  # where it was
+    assert not study.files("sub-b*certificate.json") and not study.files("sub-b*.mesh")
+    assert sums(study.folder, "sub-a*") == before

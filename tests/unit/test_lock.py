@@ -1,0 +1,50 @@
+"""One run at a time writes to an output folder."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cortet.errors import InputError
+from cortet.lock import NAME, hold
+
+HOLD = """
+import subprocess, sys, time
+from pathlib import Path
+from cortet.lock import hold
+file = hold(Path(sys.argv[1]))
+child = subprocess.Popen(["sleep", "60"], stdout=subprocess.DEVNULL)
+print(child.pid, flush=True)
+time.sleep(60)
+"""
+
+
+def holder(folder: Path) -> tuple[subprocess.Popen[str], int]:
+    """A process that has the lock of a folder, and the number of its child."""
+    process = subprocess.Popen([sys.executable, "-c", HOLD, folder], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    return process, int(process.stdout.readline())
+
+
+def test_a_second_run_is_told_who_is_first_and_kill_9_leaves_nothing_to_remove(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "out"
+    first, child = holder(folder)
+    owner = f"another run writes to it: process {first.pid} on .*, started in {Path.cwd()}"
+    with pytest.raises(InputError, match=owner):
+        hold(folder)
+    first.kill()
+    first.wait()
+    with hold(folder):  # though a child of the process that was killed lives on
+        assert str(os.getpid()) in (folder / NAME).read_text()
+    os.kill(child, signal.SIGKILL)
+
+
+def test_a_folder_that_cannot_be_written_to_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"file/out: cannot be written to: Not a directory"):
+        hold(tmp_path / "file" / "out")
