@@ -35,7 +35,7 @@ except CortetError as error:
     raise WorkflowError(str(error)) from None
 
 # scripts/_job.py keeps to it; no parameter of a rule, since another limit makes no other result
-os.environ["CORTET_TIME_LIMIT"] = str(CONFIG.time_limit or 0)
+os.environ.update(CORTET_TIME_LIMIT=str(CONFIG.time_limit or 0))
 
 OUT = CONFIG.output.as_posix()
 CASES = {case.name: case for case in SHEET if case.include}

@@ -104,5 +104,7 @@ def test_a_job_that_hangs_in_a_library_ends_and_says_so(tmp_path: Path) -> None:
         log.flush()
         assert subprocess.run([sys.executable, "-c", hang], stderr=log, check=False).returncode == 1
     reason = failure_reason(tmp_path / "job.log", since=0)
-    assert reason.startswith("took longer than 0:00:01 (hours:minutes:seconds), the time_limit, in <module>, line 1 of ")
+    assert reason.startswith(
+        "took longer than 0:00:01 (hours:minutes:seconds), the time_limit, in <module>, line 1 of "
+    )
     assert not was_killed(tmp_path / "job.log")
