@@ -4,8 +4,8 @@
 
 The body is a cube of Kuhn tetrahedra with displaced inner nodes that grows as a cortex does, its surface in contact
 search; each row is a process of its own, kernels compiled beforehand. On a busy machine wall time says little: compare
-the CPU seconds, and element-steps per CPU second and core. Memory is the peak of the process, and that above what it
-held before the body was made.
+the CPU seconds, and element-steps per CPU second and core. Memory is the peak of the process from the making of the
+body on, and what of it is above that before.
 """
 
 from __future__ import annotations
@@ -18,14 +18,13 @@ from typing import Any
 
 import numba
 import numpy as np
-import pandas as pd
 
-from benchmarks.optimiser import peak_megabytes
 from cortet.mesh import TetMesh
 from cortet.ordering import ordered_along_curve
 from cortet.simulation.body import Material, body_of, scale_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
 from cortet.simulation.kernels import DONE, State, advance, workspace
+from cortet.stage_table import peak_memory_mb, reset_peak_memory
 from cortet.topology import boundary_faces
 from tests.unit.shapes import cube_mesh
 
@@ -39,8 +38,10 @@ def measure(cells: float, threads: int, steps: int, answer: Any) -> None:
     run(cube_mesh(3, jitter=0.2), 1)  # load or compile the kernels
     mesh = cube_mesh(round((cells / 6) ** (1 / 3)), jitter=0.2)
     mesh = TetMesh(*ordered_along_curve(mesh.points, mesh.cells))
-    before = peak_megabytes()
+    reset_peak_memory()
+    before = peak_memory_mb() or 0
     wall, cpu = run(mesh, steps)
+    peak = peak_memory_mb() or 0
     work = len(mesh.cells) * steps / 1e6
     answer.send(
         {
@@ -50,8 +51,8 @@ def measure(cells: float, threads: int, steps: int, answer: Any) -> None:
             "cpu_s": round(cpu, 2),
             "million_element_steps_per_s": round(work / wall, 2),
             "per_cpu_s": round(work / cpu, 2),
-            "peak_MB": round(peak_megabytes()),
-            "MB_per_million_tets": round((peak_megabytes() - before) / len(mesh.cells) * 1e6),
+            "peak_MB": peak,
+            "MB_per_million_tets": round((peak - before) / len(mesh.cells) * 1e6),
         }
     )
 
@@ -81,17 +82,18 @@ def main() -> None:
     options = parser.parse_args()
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that wait do not count as work
     context = multiprocessing.get_context("spawn")
-    rows = []
+    header = ""
     for cells in options.cells:
         for threads in options.threads:
             receive, send = context.Pipe(duplex=False)
             process = context.Process(target=measure, args=(cells, threads, options.steps, send))
             process.start()
             send.close()
-            rows.append(receive.recv())
+            row = receive.recv()
             process.join()
-            print(rows[-1], flush=True)
-    print(pd.DataFrame(rows).to_string(index=False))
+            if not header:
+                print(header := "  ".join(row))
+            print("  ".join(f"{value:{len(name)}}" for name, value in row.items()), flush=True)
 
 
 if __name__ == "__main__":
