@@ -31,7 +31,7 @@ localrules:
 
 
 rule all:
-    """Everything: meshes with their records, solver files, cohort tables and figures."""
+    """Everything: meshes with their records and pages, solver files, cohort tables and figures."""
     default_target: True
     input:
         rules.dataset_description.output,
@@ -48,7 +48,7 @@ rule meshes:
 
 
 rule cohort:
-    """Cohort tables and figures."""
+    """Cohort tables and figures, a page per case and one on all."""
     input:
         COHORT_FILES,
 

@@ -13,6 +13,7 @@ IGNORED = (
     "*_tetmesh.*",
     "*_quality.json",
     "*_certificate.json",
+    "*_report.html",
     "*_white.json",
     "*.surf.gii",
     "cohort/",

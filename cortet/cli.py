@@ -90,6 +90,7 @@ def parser() -> argparse.ArgumentParser:
         "-o", "--output", type=Path, required=True, metavar="OUT", help="mesh file; its suffix says for which solver"
     )
     mesh.add_argument("--picture", type=Path, metavar="PNG", help="also draw the mesh cut open, coloured by q")
+    mesh.add_argument("--page", type=Path, metavar="HTML", help="also write a page on the mesh for a browser")
     mesh.set_defaults(run=_mesh)
 
     table = commands.add_parser("stages", parents=[common, line], help="run the line and tabulate what each stage does")
@@ -197,6 +198,12 @@ def _mesh(args: argparse.Namespace) -> int:
     write_json(asdict(certificate), record)
     if args.picture:
         _draw(mesh, args.picture)
+    if args.page:
+        from cortet.case_page import about, write_case_page
+
+        chosen = {"scan_age": args.ga, "cell_size": config.generate.cell_size[0], "mesher": config.generate.meshers[0]}
+        write_case_page(mesh, surface, asdict(certificate), args.page, facts=about(chosen))
+        print(f"{args.page}: written")
     print()
     _print_verdict(certificate)
     print(f"{record}: every number beside its limit")

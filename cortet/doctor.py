@@ -365,6 +365,23 @@ def _colours(picture: Path) -> int:
     return len(np.unique(matplotlib.image.imread(picture).reshape(-1, 3), axis=0))
 
 
+def _prove_jinja2() -> str:
+    from cortet.case_page import write_failure_page
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "page.html"
+        failure = {"stage": "gate", "state": "failed", "reason": "<script>"}
+        write_failure_page("a case", failure, path, surface=None)
+        _expect("&lt;script&gt;" in path.read_text(encoding="utf-8"), "a page does not escape what it quotes")
+    return "a page escapes what it quotes"
+
+
+def _prove_trimesh() -> str:
+    from cortet.boundary_view import three_js
+
+    return f"it brings three.js, {len(three_js()) / 1e6:.2f} MB"
+
+
 def _prove_snakemake() -> str:
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "Snakefile").write_text("rule:\n    output: 'made'\n    shell: 'touch {output}'\n")
@@ -398,6 +415,8 @@ LIBRARIES = (
     Library("pyyaml", "configuration", _prove_yaml),
     Library("matplotlib", "figures", _prove_matplotlib),
     Library("pyvista", "pictures of meshes", _prove_pyvista, "libgl1 libegl1 libxrender1"),
+    Library("jinja2", "pages for a browser", _prove_jinja2),
+    Library("trimesh", "three.js for the view in them", _prove_trimesh),
     Library("snakemake", "the workflow", _prove_snakemake),
 )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -143,12 +144,56 @@ def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: 
     return figure
 
 
+def mesh_quality_figures(counts: NDArray[np.integer[Any]], *, limit: float) -> tuple[Figure, Figure]:
+    """Quality of one mesh on the published distribution after S4: distribution of q, and number of elements above q.
+
+    Parameters
+    ----------
+    counts : elements (200,) per bin of q
+    limit : of the worst q, drawn as a line
+    """
+    theirs = published.histogram("S1-S4")
+    with mpl.rc_context(STYLE):
+        figures = (
+            Figure(figsize=(COLUMN, 2.4), layout="constrained"),
+            Figure(figsize=(COLUMN, 2.4), layout="constrained"),
+        )
+        bulk, tail = (figure.subplots() for figure in figures)
+        bulk.stairs(100 * theirs / theirs.sum(), np.linspace(0, 1, len(theirs) + 1), fill=True, color=GREY, alpha=0.35)
+        label = f"published, h = {published.CELL_SIZE:g} mm"
+        _distribution(bulk, tail, theirs, color="#8C8C8C", linewidth=0.8, label=label)
+        _distribution(bulk, tail, counts, color=BLUE, linewidth=1.2, label="this mesh")
+        bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")
+        tail.set(xlim=(0, 0.9), ylim=(1e-3, 2e6), yscale="log", ylabel="elements above q (per million)")
+        tail.axvline(limit, color="black", linestyle="--", linewidth=0.8)
+        tail.annotate(
+            f"limit {limit:g}", (limit, 0.97), xycoords=tail.get_xaxis_transform(), xytext=(2, 0),
+            textcoords="offset points", va="top", fontsize=6,
+        )  # fmt: skip
+        for axis in (bulk, tail):
+            axis.set_xlabel("q (0 regular, 1 flat)")
+            axis.legend(loc="upper right" if axis is bulk else "lower left")
+        for figure in figures:
+            figure.patch.set_visible(False)
+            for axis in figure.axes:
+                axis.patch.set_visible(False)
+    return figures
+
+
 def _distribution(bulk: Axes, tail: Axes, counts: NDArray[np.integer[Any]], **style: Any) -> None:
     """One distribution of q, as shares of its bins and as the number of elements above each edge."""
     edges = np.linspace(0, 1, len(counts) + 1)
     bulk.stairs(100 * counts / counts.sum(), edges, **style)
     above = np.cumsum(counts[::-1])[::-1] * 1e6 / counts.sum()
     tail.plot(edges[:-1][above > 0], above[above > 0], **style)
+
+
+def svg(figure: Figure) -> str:
+    """A figure as the text of an SVG file, without date in it."""
+    file = io.StringIO()
+    with mpl.rc_context(STYLE):
+        figure.savefig(file, format="svg", metadata={"Date": None})
+    return file.getvalue()
 
 
 def save(figure: Figure, *paths: str | Path) -> None:

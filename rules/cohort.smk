@@ -8,6 +8,7 @@ localrules:
     cohort_stages,
     cohort_figure,
     cohort_status,
+    cohort_page,
 
 
 rule dataset_description:
@@ -157,10 +158,36 @@ rule cohort_status:
         "../scripts/cohort_status.py"
 
 
+rule cohort_page:
+    """All cases on one page for a browser, with their key numbers, failures and outliers first."""
+    input:
+        status=rules.cohort_status.output.table,
+        quality=[*rules.cohort_quality.output[:2]] if measured_certificates() else [],
+        figure=rules.cohort_figure.output[0] if measured_certificates() else [],
+    output:
+        page=COHORT_PAGE,
+    log:
+        "logs/cohort_page.log",
+    benchmark:
+        "benchmarks/cohort_page.tsv"
+    conda:
+        "../envs/cortet.yaml"
+    params:
+        meshes=[
+            {"case": case, "cell_size_mm": res / 1000, "mesher": mesher, "page": beside(page, COHORT_PAGE)}
+            for (case, res, mesher), page in each_case(CASE_PAGE).items()
+        ],
+        version=stage_version("pages"),
+    script:
+        "../scripts/cohort_page.py"
+
+
 COHORT_FILES = [
     *rules.cohort_quality.output,
     *rules.cohort_summary.output,
     *rules.cohort_stages.output,
     *rules.cohort_figure.output,
     *rules.cohort_status.output,
+    *rules.cohort_page.output,
+    *each_case(CASE_PAGE).values(),
 ]

@@ -81,7 +81,7 @@ SOLVERS = {
 }
 # rules that take every mesh that is done
 OVER_ALL_CASES = (
-    *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status"),
+    *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "cohort_page"),
     *("table_ablation", "table_resolution", "table_measures", "figure_pooled_quality", "figure_series", "methods"),
 )
 
@@ -231,6 +231,7 @@ def fields_of(wildcards):
 
 
 CERTIFICATE = mesh_file("Solver", "certificate.json")
+CASE_PAGE, COHORT_PAGE = mesh_file("Solver", "report.html"), f"{OUT}/cohort/index.html"
 SOLVER_FILES = [mesh_file("Solver", suffix) for suffix, solver in SOLVERS.items() if solver in CONFIG.export.formats]
 
 
@@ -269,11 +270,31 @@ def fold_files():
 
 def is_measured(mesh, failures):
     """Whether a mesh got as far as its certificate: it did not fail, or only in what comes after."""
-    return mesh not in failures or failures[mesh]["stage"] in ("export", "fold", "fold_figures")
+    return mesh not in failures or failures[mesh]["stage"] in ("export", "case_page", "fold", "fold_figures")
 
 
 def measured_certificates():
     return [path for mesh, path in each_case(CERTIFICATE).items() if is_measured(mesh, FAILURES)]
+
+
+def failure_of(wildcards):
+    """What kept the mesh of a page from its certificate; nothing when it has one."""
+    mesh = (wildcards.case, int(wildcards.res), wildcards.mesher)
+    return None if wildcards.setting or is_measured(mesh, FAILURES) else FAILURES[mesh]
+
+
+def shown_on_page(wildcards):
+    """Inputs of the page of a mesh: of one that failed, the input surface if it is there."""
+    if failure_of(wildcards):
+        case = CASES[wildcards.case]
+        phantom = Path(surface_file("phantom").format(**wildcards))
+        return {"surface": existing(phantom if case.is_phantom else case.surface)}
+    return {"surface": surface_of(wildcards), "mesh": mesh_file("Solver"), "certificate": CERTIFICATE}
+
+
+def beside(path, page):
+    """Address of a file as seen from a page."""
+    return Path(os.path.relpath(path, Path(page).parent)).as_posix()
 
 
 def stage_records():

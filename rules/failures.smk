@@ -106,7 +106,7 @@ def run_over_done_cases(failures, missing, targets):
         command = [sys.executable, "-m", "snakemake", "--cores", "1", "--nolock"]
         command += ["--snakefile", str(workflow.main_snakefile)]
         command += ["--configfile", file.name, "--no-hooks", "--quiet", "all"]
-        command += ["--allowed-rules", *OVER_ALL_CASES, "--", *targets]
+        command += ["--allowed-rules", *OVER_ALL_CASES, "case_page", "--", *targets]
         subprocess.run(command, check=False)
 
 
@@ -124,7 +124,9 @@ onerror:
     for (case, *_), failure in failures.items():
         logger.error(f"{case}: {failure['stage']}: {failure['reason']}")
     measured = any(is_measured(mesh, failures) for mesh in each_case(CERTIFICATE))
-    possible = OVER_ALL_CASES if measured else ["cohort_status"]
+    possible = OVER_ALL_CASES if measured else ["cohort_status", "cohort_page"]
     targets = [path for job in workflow.dag.jobs if job.rule.name in possible for path in job.output]
+    pages = {page for mesh, page in each_case(CASE_PAGE).items() if not is_measured(mesh, failures)}
+    targets += sorted(pages & {path for job in workflow.dag.jobs for path in job.output})
     if missing and targets:
         run_over_done_cases(failures, missing, targets)

@@ -47,6 +47,35 @@ rule certify:
         "../scripts/certify.py"
 
 
+rule case_page:
+    """A page on one mesh for a browser; of one that failed, what failed and why."""
+    input:
+        unpack(shown_on_page),
+    output:
+        page=CASE_PAGE,
+    log:
+        mesh_log("case_page"),
+    benchmark:
+        mesh_benchmark("case_page")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes(1500),
+        runtime=minutes(5),
+    params:
+        about=lambda wildcards: {
+            "scan_age": CASES[wildcards.case].scan_age,
+            "hemi": CASES[wildcards.case].hemi,
+            "cell_size": int(wildcards.res) / 1000,
+            "mesher": wildcards.mesher,
+        },
+        failure=failure_of,
+        cohort=lambda wildcards: beside(COHORT_PAGE, CASE_PAGE.format(**wildcards)),
+        version=stage_version("pages"),
+    script:
+        "../scripts/case_page.py"
+
+
 rule export:
     """The mesh as a solver reads it, with its sets and a sidecar, verified as written; refused when it is not certified."""
     input:

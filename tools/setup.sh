@@ -15,8 +15,8 @@ pygalmesh_sources=8
 run_packages=(libglu1-mesa libgl1 libopengl0 libegl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgmp10 libmpfr6)
 # What compiling pygalmesh takes, besides the headers of Python.
 build_packages=(g++ libcgal-dev libeigen3-dev)
-# Solvers that tests run on exported files; a test without its solver is skipped.
-test_packages=(calculix-ccx)
+# Solvers that tests run on exported files, and the browser they open pages in; a test without its own is skipped.
+test_packages=(calculix-ccx chromium)
 
 say() { printf 'set-up: %s\n' "$*" >&2; }
 fail() { say "$@"; exit 1; }

@@ -25,8 +25,9 @@ COHORT = {
     ("cohort_stages", "-"),
     ("cohort_figure", "-"),
     ("cohort_status", "-"),
+    ("cohort_page", "-"),
 }
-FROM_CLEAN = {"clean", "reconnect", "solver_ready", "quality", "certify", "export"}
+FROM_CLEAN = {"clean", "reconnect", "solver_ready", "quality", "certify", "case_page", "export"}
 FROM_GATE = {"gate", "smooth_surface", "generate", "transfer", "relocate"} | FROM_CLEAN
 
 
@@ -90,7 +91,7 @@ def test_bad_cases_do_not_stop_the_others(study: Study) -> None:
     (study.folder / "surfaces/missing.surf.gii").unlink()
     study.add_case(study.case("good"), surface(6))
 
-    bad = jobs({"gate"}, "open", "truncated", "missing")
+    bad = jobs({"gate", "case_page"}, "open", "truncated", "missing")
     assert study.jobs_of_run(succeeds=False) == bad | jobs(FROM_GATE, "good") | COHORT
     status = {case.removeprefix("sub-").removesuffix("_hemi-L"): row for case, row in study.status().items()}
     assert {name: row["state"] for name, row in status.items()} == {
@@ -127,12 +128,12 @@ def test_nothing_of_an_earlier_run_passes_for_this_one(study: Study) -> None:
 def test_an_uncertified_mesh_is_measured_but_not_exported(study: Study) -> None:
     study.config["certify"] = {"q_max": 0.01}
     ran = study.jobs_of_run(succeeds=False)
-    assert ran == jobs({"certify", "export"}, "a", "b") | COHORT - {("cohort_stages", "-")}
+    assert ran == jobs({"certify", "case_page", "export"}, "a", "b") | COHORT - {("cohort_stages", "-")}
     assert {row["state"] for row in study.status().values()} == {"uncertified"}
     assert "worst q" in study.status()["sub-a_hemi-L"]["reason"]
     assert not study.files("*.mesh")
     study.config["export"] = {"uncertified": True}
-    assert study.jobs_of_run() == jobs({"export"}, "a", "b") | {("cohort_status", "-")}
+    assert study.jobs_of_run() == jobs({"export"}, "a", "b") | {("cohort_status", "-"), ("cohort_page", "-")}
     assert len(study.files("*.mesh")) == 2
 
 

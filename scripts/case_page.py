@@ -1,0 +1,33 @@
+"""The page of one mesh; of one that failed, what failed and why."""
+
+import json
+from pathlib import Path
+
+from _job import snakemake
+
+from cortet.case_page import about, write_case_page, write_failure_page
+from cortet.errors import CortetError
+from cortet.formats import gifti, vtu
+
+given, params, page = snakemake.input, snakemake.params, Path(snakemake.output.page)
+shown = {"facts": about(params.about), "cohort": params.cohort}
+if params.failure is None:
+    write_case_page(
+        vtu.read(given.mesh),
+        gifti.read_surface(given.surface),
+        json.loads(Path(given.certificate).read_text(encoding="utf-8")),
+        page,
+        files=[
+            (Path(given.certificate).name, "certificate (JSON)"),
+            (Path(given.mesh).name, "mesh (VTU, for ParaView)"),
+        ],
+        **shown,
+    )
+else:
+    surface, trouble = None, "There is no such file."
+    if given.surface:
+        try:
+            surface = gifti.read_surface(given.surface)
+        except CortetError as error:
+            trouble = f"It cannot be drawn: {error}"
+    write_failure_page(snakemake.wildcards.case, params.failure, page, surface=surface, trouble=trouble, **shown)

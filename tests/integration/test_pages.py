@@ -1,0 +1,59 @@
+"""Every case of a run has its page, also one that failed, and one page leads to all of them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from tests.integration.study import Study, surface
+
+
+def page_of(study: Study, participant: str) -> Path:
+    (page,) = study.files(f"sub-{participant}_*_report.html")
+    return page
+
+
+def linked(study: Study) -> dict[str, Path]:
+    """Case -> page that the cohort's page leads to."""
+    index = study.folder / "derivatives/cortet/cohort/index.html"
+    links = re.findall(r'<th scope="row"><a href="([^"]*)">(.*?)</a>', index.read_text())
+    return {name.replace("<wbr>", ""): (index.parent / address).resolve() for address, name in links}
+
+
+def test_every_case_has_a_page_and_the_cohort_one_that_leads_to_them(finished: Study) -> None:
+    assert linked(finished) == {f"sub-{name}_hemi-L": page_of(finished, name).resolve() for name in "ab"}
+    text = page_of(finished, "a").read_text()
+    (back,) = re.findall(r'<nav aria-label="Cohort"><a href="([^"]*)">', text)
+    assert (page_of(finished, "a").parent / back).resolve().name == "index.html"
+    for file in re.findall(r'<a href="(sub-[^"]*)">', text):
+        assert (page_of(finished, "a").parent / file).exists()
+
+
+def test_pages_hold_no_time_and_are_made_alike_again(study: Study) -> None:
+    before = {path: path.read_bytes() for path in (*study.files("*_report.html"), *study.files("index.html"))}
+    for path in before:
+        path.unlink()
+    assert study.jobs_of_run() == {("case_page", "sub-a"), ("case_page", "sub-b"), ("cohort_page", "-")}
+    assert {path: path.read_bytes() for path in before} == before
+
+
+def test_a_failed_case_has_a_page_until_it_is_mended(study: Study) -> None:
+    good = surface(3)
+    study.add_case(study.case("open"), replace(good, faces=good.faces[1:]))
+    assert ("case_page", "sub-open") in study.jobs_of_run(succeeds=False)
+    text = page_of(study, "open").read_text()
+    assert "What went wrong" in text and "<code>gate</code>" in text and "open edges" in text
+    assert "Input surface from the left" in text
+    assert linked(study)["sub-open_hemi-L"] == page_of(study, "open").resolve()
+    study.write_cases([case for case in study.cases() if case.participant != "open"])
+    study.add_case(study.case("open"), good)
+    study.jobs_of_run()
+    assert "What went wrong" not in page_of(study, "open").read_text()
+
+
+def test_a_cohort_in_which_every_case_failed_has_its_pages(study: Study) -> None:
+    study.write_cases([replace(case, surface=study.folder / "none.surf.gii") for case in study.cases()])
+    study.jobs_of_run(succeeds=False)
+    assert set(linked(study)) == {"sub-a_hemi-L", "sub-b_hemi-L"}
+    assert "no such file" in page_of(study, "a").read_text()

@@ -1,0 +1,103 @@
+"""The page of a cohort: failures, then outliers, then the rest; every case leads to its page."""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cortet.cohort_page import modified_z_scores, ordered, with_outliers, write_cohort_page
+from cortet.formats.atomic import write_json
+from cortet.status import COLUMNS
+from cortet.tables import write_tsv
+
+WORST = {"a": 0.50, "b": 0.51, "c": 0.49, "d": 0.50, "e": 0.58, "f": 0.505}
+MESH = {"cell_size_mm": "0.6", "mesher": "cgal", "state": "certified", "q_mean": "0.129"}
+
+
+def measured(**values: float) -> list[dict[str, str]]:
+    return [{**MESH, "case": case, "q_max": str(q)} for case, q in values.items()]
+
+
+def other(case: str, state: str) -> dict[str, str]:
+    return {"case": case, "state": state, "cell_size_mm": "0.6", "mesher": "cgal"}
+
+
+def written(folder: Path, rows: list[dict[str, Any]], quality: list[dict[str, Any]] | None = None) -> str:
+    """The page of a cohort of these rows of the status and of the quality table."""
+    write_tsv(rows, list(COLUMNS), folder / "status.tsv")
+    tables = None
+    if quality:
+        tables = folder / "quality.tsv", folder / "quality.json"
+        write_tsv(quality, list(quality[0]), tables[0])
+        write_json({"q_max": {"Description": "Largest q", "Threshold": "< 0.6"}}, tables[1])
+    pages = [
+        {**row, "cell_size_mm": 0.6, "page": f"../{row['case']}.html"} for row in rows if row["state"] != "excluded"
+    ]
+    write_cohort_page(folder / "status.tsv", tables, folder / "index.html", meshes=pages)
+    return (folder / "index.html").read_text(encoding="utf-8")
+
+
+def cases(page: str) -> list[str]:
+    return re.findall(r'<th scope="row">(?:<a [^>]*>)?(\w+)', page)
+
+
+def test_scores_are_those_of_iglewicz_and_hoaglin() -> None:
+    # median 3, absolute deviations 2, 1, 0, 1, 97 with median 1
+    assert modified_z_scores([1, 2, 3, 4, 100]) == pytest.approx([-1.349, -0.6745, 0, 0.6745, 65.4265])
+
+
+def test_where_most_values_are_equal_the_mean_deviation_is_the_measure() -> None:
+    assert modified_z_scores([1, 1, 1, 1, 6]) == pytest.approx([0, 0, 0, 0, 5 / 1.2533])
+    assert modified_z_scores([2, 2, 2]) == [0, 0, 0]
+
+
+def test_failures_come_first_then_the_farthest_outlier() -> None:
+    rows = [*measured(**WORST), other("x", "excluded"), other("y", "failed"), other("z", "uncertified")]
+    names = [row["case"] for row in ordered(with_outliers(rows))]
+    assert names[:3] == ["y", "z", "e"] and names[-1] == "x"
+
+
+def test_an_outlier_says_what_makes_it_one() -> None:
+    rows = {row["case"]: row for row in with_outliers(measured(**WORST))}
+    assert re.fullmatch(r"worst q \+\d+\.\d", rows["e"]["outlying"])
+    assert not rows["a"]["outlying"] and float(rows["a"]["outlier"]) < 1
+
+
+def test_few_meshes_and_those_of_other_cell_sizes_are_not_compared() -> None:
+    few = measured(a=0.5, b=0.5, c=0.5, d=0.9)
+    assert {row["outlier"] for row in with_outliers(few)} == {"n/a"}
+    coarse = [{**row, "cell_size_mm": "1"} for row in measured(g=0.9)]
+    assert {row["case"] for row in with_outliers([*measured(**WORST), *coarse]) if row["outlying"]} == {"e"}
+
+
+def test_every_case_leads_to_its_page(tmp_path: Path) -> None:
+    rows = [{**MESH, "case": name, "stage": "certify"} for name in WORST]
+    page = written(tmp_path, rows, measured(**WORST))
+    assert set(re.findall(r'<a href="\.\./(\w+)\.html">', page)) == set(WORST)
+    assert cases(page)[0] == "e"
+    assert "limit &lt; 0.6" in page
+
+
+def test_a_cohort_in_which_everything_failed_has_a_page_too(tmp_path: Path) -> None:
+    failed = {**other("a", "failed"), "stage": "gate", "reason": "<script>alert(1)</script> (mend it)"}
+    page = written(tmp_path, [failed, {"case": "b", "state": "excluded", "reason": "motion"}])
+    assert cases(page) == ["a", "b"]
+    assert "gate: &lt;script&gt;alert(1)&lt;/script&gt; (mend it)" in page and "motion" in page
+    assert "<script>alert" not in page
+
+
+def test_the_page_is_the_same_file_every_time(tmp_path: Path) -> None:
+    rows = [{**MESH, "case": name, "stage": "certify"} for name in WORST]
+    assert written(tmp_path, rows, measured(**WORST)) == written(tmp_path, rows[::-1], measured(**WORST))
+
+
+def test_numbers_can_be_sorted_as_numbers(tmp_path: Path) -> None:
+    page = written(tmp_path, [{**MESH, "case": name} for name in WORST], measured(**WORST))
+    values = re.findall(r'data-value="([\d.]+)">0\.\d{4}</td>', page)
+    assert sorted({float(value) for value in values} - {0.129}) == sorted(set(WORST.values()))
+    with (tmp_path / "quality.tsv").open(newline="") as file:
+        assert len(list(csv.DictReader(file, delimiter="\t"))) == len(WORST)
