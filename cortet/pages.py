@@ -20,8 +20,8 @@ from cortet import __version__
 from cortet.figures import BLUE
 from cortet.formats.atomic import atomic_path
 
+#: of the pages of cases and of the cohort, and of their templates
 VERSION: int = 1
-
 
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("cortet", "templates"),

@@ -104,17 +104,20 @@ def test_the_gate_stops_an_open_surface(ball: TriSurface) -> None:
         next(run(TriSurface(ball.points, ball.faces[1:]), load(FAST)))
 
 
-def test_the_command_writes_mesh_certificate_and_picture(
+def test_the_command_writes_mesh_certificate_picture_and_page(
     file: Path, config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, drawn = tmp_path / "out.vtu", tmp_path / "out.png"
-    code = main(["mesh", str(file), "-o", str(out), "--config", str(config_file), "--picture", str(drawn)])
+    page = tmp_path / "out.html"
+    views = ["--picture", str(drawn), "--page", str(page)]
+    code = main(["mesh", str(file), "-o", str(out), "--config", str(config_file), *views])
     shown = capsys.readouterr().out
     assert code == 0
     certificate = json.loads((tmp_path / "out.certificate.json").read_text())
     assert certificate["certified"] is True
     assert len(vtu.read(out).cells) == certificate["quality"]["tets"]
     assert drawn.stat().st_size > 10_000
+    assert "Every number is within its limit." in page.read_text(encoding="utf-8")
     for stage in stages(load(FAST), gestational_age=None):
         assert f"\n{stage} " in shown
     assert "certified\n" in shown
