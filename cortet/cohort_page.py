@@ -39,8 +39,8 @@ class Column:
 
 
 _SCORE = (
-    "Larger of the absolute modified z-scores of worst q and mean q (Iglewicz and Hoaglin 1993) among the meshes of one "
-    f"cell size and mesher, where there are at least {FEWEST}; above {OUTLIER} a mesh is called an outlier"
+    "Larger of the absolute modified z-scores of worst q and mean q (Iglewicz and Hoaglin 1993) among the meshes of "
+    f"one cell size and mesher, where there are at least {FEWEST}; above {OUTLIER} a mesh is called an outlier"
 )
 COLUMNS = (
     Column("case", "Case"),
