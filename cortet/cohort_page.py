@@ -84,17 +84,18 @@ def write_cohort_page(
     ----------
     status : `cohort_status.tsv`
     quality : `cohort_quality.tsv` and its sidecar; None where no mesh was measured
-    meshes : `case`, `cell_size_mm`, `mesher`, and `page`, the address of its page as seen from this one
+    meshes : `case`, `cell_size_mm`, `mesher`, and `page`, the address of its page as seen from this one; and what is
+        known of a mesh that was not measured, `scan_age` and `hemi`
     figure : SVG file of the cohort against age
     """
-    rows, explained = read_tsv(status), dict[str, Any](STATUS)
+    known = {key(mesh): mesh for mesh in ({name: cell(value) for name, value in mesh.items()} for mesh in meshes)}
+    rows, explained = [{**known.get(key(row), {}), **row} for row in read_tsv(status)], dict[str, Any](STATUS)
     if quality:
         table, sidecar = quality
         explained |= json.loads(sidecar.read_text(encoding="utf-8"))
         measured = {key(row): row for row in read_tsv(table)}
         rows = [{**measured.get(key(row), {}), **row} for row in rows]
     rows = ordered(with_outliers(rows))
-    addresses = {key({name: cell(value) for name, value in mesh.items()}): mesh["page"] for mesh in meshes}
     shown = [column for column in COLUMNS if any(row.get(column.name, MISSING) != MISSING for row in rows)]
     pages.write(
         "cohort.html.j2",
@@ -102,7 +103,7 @@ def write_cohort_page(
         scripts=(pages.source("table.js"),),
         title="All cases",
         columns=[{"column": column, "text": _explanation(column, explained)} for column in shown],
-        rows=[_shown(row, shown, addresses.get(key(row), "")) for row in rows],
+        rows=[_shown(row, shown) for row in rows],
         counts=_counts(rows),
         outliers=sum(bool(row["outlying"]) for row in rows),
         figure=pages.embedded(figure.read_text(encoding="utf-8"), "age") if figure else "",
@@ -174,7 +175,7 @@ def _number(text: str | None) -> float | None:
         return None
 
 
-def _shown(row: Row, columns: Sequence[Column], page: str) -> dict[str, Any]:
+def _shown(row: Row, columns: Sequence[Column]) -> dict[str, Any]:
     cells = []
     for column in columns:
         text = row.get(column.name, MISSING)
@@ -187,7 +188,7 @@ def _shown(row: Row, columns: Sequence[Column], page: str) -> dict[str, Any]:
             }
         )
     why = ": ".join(row[name] for name in ("stage", "reason") if row["reason"] != MISSING and row[name] != MISSING)
-    return {"page": page, "state": row["state"], "outlying": row["outlying"], "why": why, "cells": cells}
+    return {"page": row.get("page", ""), "state": row["state"], "outlying": row["outlying"], "why": why, "cells": cells}
 
 
 def _counts(rows: Sequence[Row]) -> list[tuple[str, int]]:

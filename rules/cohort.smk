@@ -174,7 +174,14 @@ rule cohort_page:
         "../envs/cortet.yaml"
     params:
         meshes=[
-            {"case": case, "cell_size_mm": res / 1000, "mesher": mesher, "page": beside(page, COHORT_PAGE)}
+            {
+                "case": case,
+                "scan_age": CASES[case].scan_age,
+                "hemi": CASES[case].hemi,
+                "cell_size_mm": res / 1000,
+                "mesher": mesher,
+                "page": beside(page, COHORT_PAGE),
+            }
             for (case, res, mesher), page in each_case(CASE_PAGE).items()
         ],
         version=stage_version("pages"),

@@ -35,7 +35,9 @@ def written(folder: Path, rows: list[dict[str, Any]], quality: list[dict[str, An
         write_tsv(quality, list(quality[0]), tables[0])
         write_json({"q_max": {"Description": "Largest q", "Threshold": "< 0.6"}}, tables[1])
     pages = [
-        {**row, "cell_size_mm": 0.6, "page": f"../{row['case']}.html"} for row in rows if row["state"] != "excluded"
+        {**row, "cell_size_mm": 0.6, "scan_age": 26.0, "page": f"../{row['case']}.html"}
+        for row in rows
+        if row["state"] != "excluded"
     ]
     write_cohort_page(folder / "status.tsv", tables, folder / "index.html", meshes=pages)
     return (folder / "index.html").read_text(encoding="utf-8")
@@ -88,6 +90,7 @@ def test_a_cohort_in_which_everything_failed_has_a_page_too(tmp_path: Path) -> N
     assert cases(page) == ["a", "b"]
     assert "gate: &lt;script&gt;alert(1)&lt;/script&gt; (mend it)" in page and "motion" in page
     assert "<script>alert" not in page
+    assert '<td class="n" data-value="26.0">26</td>' in page
 
 
 def test_the_page_is_the_same_file_every_time(tmp_path: Path) -> None:
