@@ -56,6 +56,7 @@ COSTS = {
     "solver_ready": Cost((300, 280), (2, 5)),
     "quality": Cost((350, 820), (2, 6)),
     "certify": Cost((300, 820), (3, 7)),
+    "case_page": Cost((600, 100), (4, 2)),
     "export": Cost((550, 400), (2, 4)),
     "fold": Cost((500, 1200), (60, 9000)),
     "fold_figures": Cost((500, 800), (60, 120)),

@@ -60,8 +60,8 @@ rule case_page:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes(1500),
-        runtime=minutes(5),
+        mem_mb=megabytes("case_page"),
+        runtime=minutes("case_page"),
     params:
         about=lambda wildcards: {
             "scan_age": CASES[wildcards.case].scan_age,
