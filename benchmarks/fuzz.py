@@ -34,13 +34,15 @@ from typing import Any
 for variable in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ[variable] = "1"  # before NumPy and Numba are imported: a process that forks must have one thread
 
+os.environ["NUMBA_THREADING_LAYER"] = "workqueue"  # OpenMP ends a process that has forked
+
 import numpy as np
 import yaml
 
 from cortet.cohort import Case, read_sheet, scan, write_sheet
 from cortet.config import Config, load
 from cortet.errors import CortetError
-from cortet.export import write
+from cortet.export import convert, export
 from cortet.fields import with_fields
 from cortet.formats import FORMATS
 from cortet.formats.gifti import read_fields, read_label_names, read_surface, write_surface
@@ -276,7 +278,7 @@ def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
     found: dict[str, tuple[Path, Callable[[Path], Any]]] = {}
     for name, form in FORMATS.items():
         path = folder / name / f"m{form.suffix}"
-        write(mesh, path, solver=name)
+        export(mesh, path, solver=name, certificate={"certified": True})
         found[name] = (path, lambda path, name=name: read_and_verify(path, name))
     write_surface(surface, folder / "gate" / "s.surf.gii")
     found["gate"] = (folder / "gate" / "s.surf.gii", lambda path: gate(read_surface(path), source=str(path))[0])
@@ -301,9 +303,12 @@ def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
 
 
 def read_and_verify(path: Path, name: str) -> Any:
-    """What a reader makes of a file, after a look by `cortet verify`, which refuses nothing by an error."""
+    """What a reader makes of a file, which `cortet verify` and `cortet convert` have to do with as well."""
     verify(path, name)
-    return FORMATS[name].read(path)
+    found = FORMATS[name].read(path)
+    check(found)
+    convert(path, path.with_name("other.stl"))
+    return found
 
 
 def read_all_fields(path: Path, surface: TriSurface) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from cortet.sets import named_sets
 from cortet.stages.solver_ready import solver_ready
 from cortet.topology import boundary_nodes, boundary_surface
 from cortet.verify import problems, read_as
-from cortet.verify.sidecar import file_digest, sidecar, sidecar_path
+from cortet.verify.sidecar import file_digest, read_sidecar, sidecar, sidecar_path
 
 VERSION: int = 2
 
@@ -129,7 +128,7 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
         the mesh has tetrahedra without volume, or the written file breaks a convention of its solver
     """
     read_from, solver = FORMATS[format_of(source)], format_of(target)
-    record = json.loads(sidecar_path(source).read_text(encoding="utf-8")) if sidecar_path(source).exists() else {}
+    record = read_sidecar(source)
     done = []
     if read_from.is_surface:
         if not FORMATS[solver].is_surface:
@@ -166,6 +165,6 @@ def _source(field: Mapping[str, Any]) -> FieldSource:
 
 def _delete_earlier(path: Path) -> None:
     """Delete what an earlier export of the same name left, as its sidecar lists it: its sets may be others."""
-    if sidecar_path(path).exists():
-        for name in json.loads(sidecar_path(path).read_text(encoding="utf-8")).get("files", {}):
-            path.with_name(Path(name).name).unlink(missing_ok=True)
+    for name in read_sidecar(path).get("files", {}):
+        if Path(name).name == name and name.startswith(path.name.partition(".")[0]):
+            path.with_name(name).unlink(missing_ok=True)

@@ -9,19 +9,25 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, Field
 
 from cortet.errors import InputError
 from cortet.fields import FieldSource
+from cortet.formats.untrusted import content
 from cortet.mesh import CoordinateFrame, TetMesh, TriSurface
 from cortet.quality import signed_volumes
 from cortet.topology import boundary_faces, face_areas
+
+#: bytes of a sidecar
+_LONGEST_FILE = 10_000_000
 
 
 def sidecar_path(path: Path) -> Path:
@@ -50,7 +56,7 @@ def sidecar(
     sources : name of a field -> where it came from
     interior : how interior nodes got their values; None where that is not known
     """
-    content: dict[str, Any] = {
+    record: dict[str, Any] = {
         "format": solver,
         "files": dict(files),
         "units": {"coordinates": unit},
@@ -60,7 +66,7 @@ def sidecar(
     }
     if isinstance(as_read, TetMesh):
         faces = boundary_faces(as_read)
-        content |= {
+        record |= {
             "tetrahedra": len(as_read.cells),
             "volume_mm3": float(signed_volumes(as_read.points, as_read.cells).sum()),
             "sets": {
@@ -70,23 +76,67 @@ def sidecar(
         }
     else:
         faces = as_read.faces
-    content |= {
+    record |= {
         "boundary_faces": len(faces),
         "surface_area_mm2": float(face_areas(as_read.points, faces).sum()),
         "fields": {name: _field(name, values, sources, interior) for name, values in as_read.point_data.items()},
     }
-    return content
+    return record
+
+
+class _Field(BaseModel):
+    """What is read of the record of a field."""
+
+    source: str
+    source_sha256: str
+    units: str
+    kind: Literal["label", "scalar", "unknown"]
+    interior: str
+    values_sha256: str
+
+
+class _Frame(BaseModel, extra="forbid"):
+    dataspace: str
+    xformspace: str
+    matrix: Annotated[list[float], Field(min_length=16, max_length=16)]
+
+
+class _Record(BaseModel):
+    """What is read of a sidecar, of whatever origin."""
+
+    fields_: dict[str, _Field] = Field(alias="fields")
+    nodes_sha256: str
+    files: dict[str, str] = {}
+    units: dict[str, str] = {}
+    sets: dict[str, dict[str, int]] = {}
+    coordinate_system: _Frame | None = None
+
+
+def read_sidecar(path: Path) -> dict[str, Any]:
+    """Content of the sidecar of a mesh file; empty where there is none.
+
+    Raises
+    ------
+    InputError
+        what is there is no sidecar
+    """
+    file = sidecar_path(path)
+    if not file.exists():
+        return {}
+    try:
+        record: dict[str, Any] = json.loads(content(file, largest=_LONGEST_FILE))
+        _Record.model_validate(record)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"is no sidecar: {error}", file=file, remedy="export the mesh again") from error
+    return record
 
 
 def stale(path: Path, as_read: TetMesh | TriSurface) -> Iterator[str]:
     """What in a file is not as its sidecar records it; nothing where there is no sidecar."""
-    if not sidecar_path(path).exists():
+    record = read_sidecar(path)
+    if not record:
         return
-    try:
-        record = json.loads(sidecar_path(path).read_text(encoding="utf-8"))
-        fields, nodes, sets = record["fields"], record["nodes_sha256"], record.get("sets", {})
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"is no sidecar: {error}", file=sidecar_path(path), remedy="export the mesh again") from error
+    fields, nodes, sets = record["fields"], record["nodes_sha256"], record.get("sets", {})
     if nodes != digest(as_read.points):
         yield "the nodes are not those that the sidecar records: the fields belong to other nodes"
     for kind, recorded in sets.items():
@@ -103,7 +153,7 @@ def stale(path: Path, as_read: TetMesh | TriSurface) -> Iterator[str]:
             yield f"field {name} is stale: its values are not those that the sidecar records"
         elif (
             field["source"]
-            and Path(field["source"]).exists()
+            and os.path.isfile(field["source"])  # noqa: PTH113, false of names that are too long; no device, which has no end
             and file_digest(field["source"]) != field["source_sha256"]
         ):
             yield f"field {name} is stale: {field['source']} has changed since"

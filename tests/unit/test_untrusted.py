@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import re
@@ -29,12 +30,13 @@ from benchmarks.fuzz import DOCTYPES, outcome, place_damaged, seeds
 from cortet.cohort import COLUMNS, LONGEST_LABEL, read_sheet, scan
 from cortet.config import Scan, load
 from cortet.errors import InputError
-from cortet.export import convert, write
+from cortet.export import convert, export, write
 from cortet.formats import FORMATS, fenics
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.formats.untrusted import LARGEST, safely_named
 from cortet.mesh import TetMesh
 from cortet.verify import verify
+from cortet.verify.sidecar import sidecar_path
 
 KINDS = [*FORMATS, "gate", "fields", "sheet", "config", "release"]
 XML = {"vtu": "m.vtu", "febio": "m.feb", "fenics": "m.xdmf", "gifti": "m.surf.gii"}
@@ -147,6 +149,40 @@ def test_a_field_named_as_a_path_writes_nothing_elsewhere(mesh, tmp_path: Path) 
     convert(source, folder / "out.pts")
     outside = [path for path in tmp_path.rglob("*") if path.is_file() and path.parent != folder]
     assert outside == [tmp_path / "s.surf.gii"]
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("fields", []),
+        ("fields", {"thickness": 3}),
+        ("sets", {"nodes": 3}),
+        ("units", 3),
+        ("coordinate_system", {"matrix": [1]}),
+        ("nodes_sha256", None),
+    ],
+)
+def test_a_sidecar_of_another_kind_is_refused(key: str, value: object, mesh, tmp_path: Path) -> None:
+    path = tmp_path / "m.vtu"
+    export(mesh, path, solver="vtu", certificate={"certified": True})
+    record = json.loads(sidecar_path(path).read_text())
+    sidecar_path(path).write_text(json.dumps({**record, key: value}))
+    assert "is no sidecar" in verify(path, "vtu")[0]
+    with pytest.raises(InputError, match="is no sidecar"):
+        convert(path, tmp_path / "n.mesh")
+
+
+def test_a_sidecar_deletes_no_other_files_and_leads_to_no_device(mesh, tmp_path: Path) -> None:
+    path, other = tmp_path / "m.vtu", tmp_path / "precious.gii"
+    other.touch()
+    export(mesh, path, solver="vtu", certificate={"certified": True})
+    record = json.loads(sidecar_path(path).read_text())
+    record["files"] |= {"precious.gii": "", "../precious.gii": ""}
+    record["fields"]["thickness"] |= {"source": "/dev/zero"}
+    sidecar_path(path).write_text(json.dumps(record))
+    assert verify(path, "vtu") == []
+    export(mesh, path, solver="vtu", certificate={"certified": True})
+    assert other.exists()
 
 
 def test_names_stay_apart_and_many_of_the_same_take_no_time() -> None:
