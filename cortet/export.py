@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -166,5 +167,6 @@ def _source(field: Mapping[str, Any]) -> FieldSource:
 def _delete_earlier(path: Path) -> None:
     """Delete what an earlier export of the same name left, as its sidecar lists it: its sets may be others."""
     for name in read_sidecar(path).get("files", {}):
-        if Path(name).name == name and name.startswith(path.name.partition(".")[0]):
-            path.with_name(name).unlink(missing_ok=True)
+        own = Path(name).name == name and name.startswith(path.name.partition(".")[0])
+        if own and os.path.lexists(path.with_name(name)):  # false of names that no file can have
+            path.with_name(name).unlink()

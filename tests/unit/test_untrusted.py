@@ -177,7 +177,7 @@ def test_a_sidecar_deletes_no_other_files_and_leads_to_no_device(mesh, tmp_path:
     other.touch()
     export(mesh, path, solver="vtu", certificate={"certified": True})
     record = json.loads(sidecar_path(path).read_text())
-    record["files"] |= {"precious.gii": "", "../precious.gii": ""}
+    record["files"] |= {"precious.gii": "", "../precious.gii": "", "m" * 300: "", "m\0": ""}
     record["fields"]["thickness"] |= {"source": "/dev/zero"}
     sidecar_path(path).write_text(json.dumps(record))
     assert verify(path, "vtu") == []
