@@ -76,13 +76,29 @@ def jobs_in(text: str) -> int:
     return int(total[1]) if total else 0
 
 
+def named(text: str, *keys: str) -> list[Path]:
+    """Files that a dry run named as `output`, `log` or `benchmark` of its jobs."""
+    lines = re.findall(rf"^    (?:{'|'.join(keys)}): (.+)$", text, re.MULTILINE)
+    return [Path(name) for line in lines for name in line.split(", ")]
+
+
 def make_everything(folder: Path, text: str) -> None:
     """Empty files for every output that a dry run named, for Snakemake to touch."""
-    for line in re.findall(r"^    output: (.+)$", text, re.MULTILINE):
-        for name in line.split(", "):
-            path = folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.touch()
+    for name in named(text, "output"):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+
+
+def inodes(text: str, count: int) -> str:
+    """Files and folders of a hemisphere, from the files that a dry run named."""
+    outputs, logs = (named(text, *keys) for keys in (["output"], ["log", "benchmark"]))
+    folders = [len({parent for path in files for parent in path.parents}) for files in (outputs, logs)]
+    return (
+        f"inodes per hemisphere: {len(outputs) / count:.1f} outputs in {folders[0] / count:.1f} folders, "
+        f"{len(logs) / count:.1f} logs and benchmarks in {folders[1] / count:.1f}, "
+        f"{len(outputs) / count:.1f} records of Snakemake, one per output"
+    )
 
 
 def change_a_row(folder: Path) -> None:
@@ -94,45 +110,37 @@ def change_a_row(folder: Path) -> None:
     write_sheet([changed, *others], folder / "cohort.tsv")
 
 
-def plan(folder: Path, minutes: float) -> Iterator[tuple[str, int, float, float]]:
-    """Steps: name, jobs, CPU seconds, MB."""
-    text, *used = snakemake(folder, "--dry-run", minutes=minutes)
-    yield ("dry run", jobs_in(text), *used)
+def plan(folder: Path, count: int, minutes: float) -> Iterator[str]:
+    """Lines of the first table for one size of the cohort."""
+
+    def line(step: str, text: str, seconds: float, megabytes: float) -> str:
+        return f"{count:>12}  {step:<26}{jobs_in(text):>9}{seconds:>9.0f}{megabytes:>8.0f}"
+
+    everything, *used = snakemake(folder, "--dry-run", minutes=minutes)
+    yield line("dry run", everything, *used)
+    yield f"{count:>12}  {inodes(everything, count)}"
     batch, *used = snakemake(folder, "--dry-run", "meshes", "--batch", "meshes=1/10", minutes=minutes)
-    yield ("dry run, batch 1/10", jobs_in(batch), *used)
-    make_everything(folder, text)
+    yield line("dry run, batch 1/10", batch, *used)
+    make_everything(folder, everything)
     _, *used = snakemake(folder, "--touch", "--quiet", "all", minutes=minutes)
-    yield ("touch", jobs_in(text), *used)
-    text, *used = snakemake(folder, "--dry-run", minutes=minutes)
-    yield ("dry run, all done", jobs_in(text), *used)
+    yield line("touch", everything, *used)
+    yield line("dry run, all done", *snakemake(folder, "--dry-run", minutes=minutes))
     change_a_row(folder)
-    text, *used = snakemake(folder, "--dry-run", minutes=minutes)
-    yield ("dry run, one row changed", jobs_in(text), *used)
+    yield line("dry run, one row changed", *snakemake(folder, "--dry-run", minutes=minutes))
 
 
 def print_planning(count: int, cell_size: float, minutes: float) -> None:
-    """Lines of the first table for one size of the cohort; then the files, if all were made."""
+    """Lines of the first table for one size of the cohort, each as soon as it is known."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         links(folder, count)
         settings = {"cohort": {"sheet": "cohort.tsv"}, "generate": {"cell_size": [cell_size]}}
         (folder / "config.yaml").write_text(yaml.safe_dump(settings))
-        jobs = 0
         try:
-            for step, found, seconds, megabytes in plan(folder, minutes):
-                jobs = jobs or found
-                print(f"{count:>12}  {step:<26}{found:>9}{seconds:>9.0f}{megabytes:>8.0f}", flush=True)
+            for line in plan(folder, count, minutes):
+                print(line, flush=True)
         except GivenUpError as error:
             print(f"{count:>12}  {error}", flush=True)
-            return
-        outputs = list((folder / "derivatives").rglob("*"))
-        files = sum(path.is_file() for path in outputs) / count
-        records = sum(path.is_file() for path in (folder / ".snakemake").rglob("*")) / count
-        print(
-            f"{count:>12}  inodes per hemisphere: {files:.1f} outputs in {len(outputs) / count - files:.1f} folders, "
-            f"{2 * jobs / count:.1f} logs and benchmarks, {records:.1f} records of Snakemake",
-            flush=True,
-        )
 
 
 def print_plan(counts: list[int], cell_size: float) -> None:
