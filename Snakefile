@@ -35,16 +35,16 @@ rule all:
     default_target: True
     input:
         rules.dataset_description.output,
-        solver_files(),
-        quality_records(),
+        lambda _: solver_files(),
+        lambda _: quality_records(),
         COHORT_FILES,
-        fold_files(),
+        lambda _: fold_files(),
 
 
 rule meshes:
     """Certified solver files of every case, without cohort tables and figures."""
     input:
-        solver_files(),
+        lambda _: solver_files(),
 
 
 rule cohort:

@@ -1,4 +1,7 @@
-"""Tables and figures over all cases."""
+"""Tables and figures over all cases.
+
+Their inputs are functions: every job of a cluster reads these rules, and should not list the files of all cases.
+"""
 
 
 localrules:
@@ -31,7 +34,7 @@ rule dataset_description:
 rule cohort_quality:
     """One row per mesh: quality, fidelity, topology, verdict; a JSON file explains the columns."""
     input:
-        measured_certificates(),
+        lambda _: measured_certificates(),
     output:
         table=f"{OUT}/cohort/cohort_quality.tsv",
         sidecar=f"{OUT}/cohort/cohort_quality.json",
@@ -57,7 +60,7 @@ rule cohort_quality:
 rule cohort_summary:
     """One row per cell size and mesher, as Table 1 of the CORTET paper."""
     input:
-        measured_certificates(),
+        lambda _: measured_certificates(),
     output:
         table=f"{OUT}/cohort/cohort_summary.tsv",
         sidecar=f"{OUT}/cohort/cohort_summary.json",
@@ -83,7 +86,7 @@ rule cohort_summary:
 rule cohort_stages:
     """One row per mesh and measured stage."""
     input:
-        stage_records(),
+        lambda _: stage_records(),
     output:
         table=f"{OUT}/cohort/cohort_stages.tsv",
         sidecar=f"{OUT}/cohort/cohort_stages.json",
@@ -133,8 +136,8 @@ rule cohort_figure:
 rule cohort_status:
     """Every case with its stage, state, reason and log."""
     input:
-        certificates=measured_certificates(),
-        solver_files=[
+        certificates=lambda _: measured_certificates(),
+        solver_files=lambda _: [
             path for pattern in SOLVER_FILES for mesh, path in each_case(pattern).items() if mesh not in FAILURES
         ],
     output:
@@ -153,7 +156,7 @@ rule cohort_status:
     conda:
         "../envs/cortet.yaml"
     params:
-        meshes=status_of_all(),
+        meshes=lambda _: status_of_all(),
     script:
         "../scripts/cohort_status.py"
 

@@ -57,9 +57,9 @@ rule reference:
 rule table_ablation:
     """Table 1 of the paper: what each stage does to the quality."""
     input:
-        records=made(records_of_all(ablated(OWN_MESHERS))),
+        records=lambda _: made(records_of_all(ablated(OWN_MESHERS))),
         baselines=lambda _: made(records_of_all(mesh for mesh in ablated(BASELINES) if is_made(*mesh))),
-        made=made(ablation_reports()),
+        made=lambda _: made(ablation_reports()),
         references=expand(rules.reference.output.record, reference=REFERENCES),
     output:
         report(
@@ -76,7 +76,7 @@ rule table_ablation:
     conda:
         "../envs/cortet.yaml"
     params:
-        missing=unmade(records_of_all(ablated([*OWN_MESHERS, *BASELINES]))),
+        missing=lambda _: unmade(records_of_all(ablated([*OWN_MESHERS, *BASELINES]))),
         setting=CONFIG.setting,
         version=[stage_version("experiments"), stage_version("printed")],
     script:
@@ -201,7 +201,7 @@ rule figure_series:
 rule methods:
     """A paragraph for the methods section: parameters, versions, numbers and exclusions."""
     input:
-        measured_certificates(),
+        lambda _: measured_certificates(),
     output:
         text=f"{OUT}/cohort/methods.md",
         view=report(
