@@ -14,7 +14,7 @@ from cortet.errors import InputError
 #: tetrahedra per cube of the cell size; measured 4.13 to 4.19 (cgal), 3.34 to 3.56 (lattice)
 TETS_PER_CUBE = {"cgal": 4.2, "lattice": 3.6}
 #: resident memory of Snakemake itself, MB, which in a cluster's job runs twice beside the script
-SNAKEMAKE_MB = 450
+SNAKEMAKE_MB = 600
 #: what is asked for, as a multiple of what was measured at most: memory that lacks kills the job, and so does time
 MEMORY_MARGIN, TIME_MARGIN = 1.25, 4.0
 #: minutes a job may wait for its file system and its interpreter
