@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 from cortet.errors import InputError
 from cortet.resources import (
@@ -22,7 +23,7 @@ from cortet.stages.generate import generate
 from cortet.topology import enclosed_volume
 from tests.unit.shapes import ball_surface
 
-RULES = Path(__file__).parents[2] / "rules"
+ROOT = Path(__file__).parents[2]
 
 
 def test_tetrahedra_grow_with_the_volume_and_the_cube_of_the_cell_size() -> None:
@@ -77,6 +78,14 @@ def test_intermediates_take_most_of_the_disk() -> None:
 
 
 def test_every_rule_on_a_case_has_a_cost() -> None:
-    text = "".join(path.read_text() for path in RULES.glob("*.smk"))
+    text = "".join(path.read_text() for path in (ROOT / "rules").glob("*.smk"))
     asking = re.findall(r'(?:megabytes|minutes)\("(\w+)"\)', text)
     assert set(asking) == {rule.partition(":")[0] for rule in COSTS}
+
+
+def test_the_profile_groups_every_rule_on_a_case_but_the_long_ones() -> None:
+    profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text())
+    grouped = {line.partition("=")[0] for line in profile["groups"]}
+    rules = {rule.partition(":")[0] for rule in COSTS}
+    assert rules - grouped == {"generate", "fold", "fold_figures"} and grouped <= rules
+    assert profile["retries"] > 0 and "attempt=attempt" in profile["default-resources"]
