@@ -165,8 +165,8 @@ rule cohort_page:
     """All cases on one page for a browser, with their key numbers, failures and outliers first."""
     input:
         status=rules.cohort_status.output.table,
-        quality=[*rules.cohort_quality.output[:2]] if measured_certificates() else [],
-        figure=rules.cohort_figure.output[0] if measured_certificates() else [],
+        quality=lambda _: [*rules.cohort_quality.output[:2]] if measured_certificates() else [],
+        figure=lambda _: rules.cohort_figure.output[0] if measured_certificates() else [],
     output:
         page=COHORT_PAGE,
     log:
@@ -176,7 +176,7 @@ rule cohort_page:
     conda:
         "../envs/cortet.yaml"
     params:
-        meshes=[
+        meshes=lambda _: [
             {
                 "case": case,
                 "scan_age": CASES[case].scan_age,
