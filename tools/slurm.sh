@@ -166,10 +166,12 @@ sacct --allusers --parsable2 --noheader --units=M --format=JobID,CPUTimeRAW,Tota
         return sum
     }
     $1 !~ /[.]/ { allocated += $2; used += seconds($3); asked[$1] = $4 + 0 }
-    $1 ~ /[.]/ { split($1, id, "."); resident[id[1]] += $5 }
+    # steps follow each other, beside the batch script
+    $1 ~ /[.]batch/ { split($1, id, "."); batch[id[1]] = $5 + 0 }
+    $1 ~ /[.][0-9]/ { split($1, id, "."); if ($5 + 0 > step[id[1]]) step[id[1]] = $5 + 0 }
     END {
-        for (job in resident) {
-            share = resident[job] / asked[job]
+        for (job in batch) {
+            share = (batch[job] + step[job]) / asked[job]
             sum += share
             if (share > most) most = share
             count++
