@@ -57,7 +57,8 @@ def test_every_job_killed_in_its_last_moment_is_done_again_with_the_same_bits(fi
     assert result.returncode == 0, result.stdout + result.stderr
     marks = {path.name.split("-")[1]: path.read_text() for path in (study.folder / "sabotage").glob("kill-*")}
     assert marks == dict.fromkeys(JOBS, "not there")  # though complete under another name
-    assert sums(study.folder, "sub-a*") == sums(finished.folder, "sub-a*")
+    made = sums(study.folder, "sub-a*")
+    assert len(made) > 20 and made.items() <= sums(finished.folder, "sub-a*").items()
     assert not [name for name in sums(study.folder) if "/." in name]
 
 
@@ -123,30 +124,28 @@ def remount(folder: Path, options: str) -> None:
 
 
 def test_a_full_disk_and_one_that_cannot_be_written_to(study: Study, small_disk: Path) -> None:
-    before = sums(study.folder, "sub-*")
+    before = sums(study.folder, "*tetmesh*")
     study.config["export"] = {"formats": ["braingrowth", "abaqus"]}
 
     remount(small_disk, "ro")
     refused = run(study)
     assert refused.returncode != 0
     assert "Write-protected output files" in refused.stdout + refused.stderr  # Snakemake's own, before any job
-    assert sums(study.folder, "sub-*") == before
+    assert sums(study.folder, "*tetmesh*") == before
 
     remount(small_disk, "rw")
-    filler = small_disk / "filler"
-    space = os.statvfs(small_disk)
-    filler.write_bytes(bytes(space.f_bavail * space.f_frsize - 12_000))  # a table has room, a mesh has not
-    full = run(study)
+    full = run(study, env=sabotaged(study, fill=[("export", "sub-a")]))
     assert full.returncode != 0
-    row = study.status()["sub-a_hemi-L"]
-    assert (row["stage"], row["state"]) == ("export", "failed") and "No space left on device" in row["reason"]
-    assert sums(study.folder, "sub-*") == before
-    assert not [path for path in study.files(".*") if path.name not in (NAME, ".bidsignore")]
+    # the table of states finds no room either
+    assert "sub-a_hemi-L: export: OSError: [Errno 28] No space left on device" in full.stdout + full.stderr
+    assert before.items() <= sums(study.folder, "*tetmesh*").items()
 
-    filler.unlink()
+    for filler in study.files("filler"):
+        filler.unlink()
     assert run(study).returncode == 0
-    assert before.items() < sums(study.folder, "sub-*").items()
+    assert before.items() < sums(study.folder, "*tetmesh*").items()
     assert len(study.files("*.inp")) == len(study.cases())
+    assert not [path for path in study.files(".*") if path.name not in (NAME, ".bidsignore")]
 
 
 def test_a_case_that_hangs_and_a_surface_that_was_cut_off_fail_and_the_others_stay(study: Study) -> None:

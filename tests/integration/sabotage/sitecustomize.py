@@ -5,10 +5,12 @@
     kill    kill -9 of the job when its last output is about to get its name, the first time
     wait    the same moment, until the file `go` is in the folder
     hang    the same moment, for good, inside C code that keeps the interpreter
+    fill    the disk of the outputs is filled when the job opens its first output for writing
 
 What was done leaves a file `<done>-<rule>-<first output>` in the folder, which says whether the last output was there.
 """
 
+import contextlib
 import ctypes
 import json
 import os
@@ -18,6 +20,16 @@ import time
 from pathlib import Path
 
 PLAN = json.loads(os.environ.get("SABOTAGE", "{}"))
+
+
+def _at_an_open(event: str, arguments: tuple[object, ...]) -> None:
+    job = getattr(sys.modules.get("__main__"), "snakemake", None) if event == "open" else None
+    if job is None or not hasattr(job, "rule") or not str(arguments[0]).endswith(Path(job.output[0]).name):
+        return
+    if any(rule == job.rule and part in job.output[0] for rule, part in PLAN.get("fill", [])):
+        with Path(job.output[0]).with_name("filler").open("wb") as file, contextlib.suppress(OSError):
+            while file.write(bytes(4096)):
+                file.flush()
 
 
 def _at_a_rename(event: str, arguments: tuple[object, ...]) -> None:
@@ -47,3 +59,4 @@ def _do(what: str) -> None:
 
 if PLAN:
     sys.addaudithook(_at_a_rename)
+    sys.addaudithook(_at_an_open)
