@@ -125,6 +125,7 @@ JobAcctGatherFrequency=1
 JobAcctGatherParams=OverMemoryKill
 AccountingStorageType=accounting_storage/slurmdbd
 AccountingStorageHost=localhost
+AccountingStoreFlags=job_comment
 AccountingStoragePort=$((port + 2))
 AccountingStoragePass=$munge_socket
 SlurmdParameters=config_overrides
