@@ -31,10 +31,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-for variable in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[variable] = "1"  # before NumPy and Numba are imported: a process that forks must have one thread
-
-os.environ["NUMBA_THREADING_LAYER"] = "workqueue"  # OpenMP ends a process that has forked
+if __name__ == "__main__":  # before NumPy and Numba are imported: a process that forks must have one thread
+    for variable in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ[variable] = "1"
+    os.environ["NUMBA_THREADING_LAYER"] = "workqueue"  # OpenMP ends a process that has forked
 
 import numpy as np
 import yaml
