@@ -7,7 +7,6 @@ not faults are a valid result and an error of `cortet.errors`. Prints the inputs
 that caused one are kept under `--keep`. The unit tests run the same damages, a few of each.
 """
 
-
 from __future__ import annotations
 
 import argparse
