@@ -56,7 +56,7 @@ def clean_with_meshtool(mesh: TetMesh, *, thresholds: Sequence[float]) -> TetMes
     if not np.array_equal(np.sort(result.cells, axis=1), np.sort(mesh.cells, axis=1)):
         raise StageError("meshtool changed the connectivity, though cleaning moves vertices only")
     # judged by the orientation they came with: meshtool turns inverted tetrahedra round and calls them positive
-    inverted = int((~(signed_volumes(result.points, mesh.cells) > 0)).sum())  # NaN counts too
+    inverted = int((~(signed_volumes(result.points, mesh.cells) > 0)).sum())
     if inverted:
         raise StageError(f"meshtool inverted {inverted} tetrahedra", remedy="set clean.backend: cortet")
     return replace(mesh, points=result.points)
