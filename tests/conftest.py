@@ -1,6 +1,10 @@
 """What holds for all tests."""
 
 import numba
+import pytest
 
-# tests are small, and threads that wait for each other on a busy machine take longer than one alone
-numba.set_num_threads(1)
+
+@pytest.fixture(autouse=True)
+def one_thread() -> None:
+    """Tests are small, and threads that wait for each other on a busy machine take longer than one alone."""
+    numba.set_num_threads(1)

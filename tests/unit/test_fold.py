@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import meshio
-import numba
 import numpy as np
 import pytest
 from shapes import ball_mesh
@@ -28,14 +26,6 @@ from cortet.topology import boundary_nodes
 SPHERE5 = Path(__file__).parents[3] / "shared/data/tallinen/sphere5.mesh"
 #: a quick run: half a week, a row every tenth, a frame every fifth of one
 QUICK = Settings(gestational_age=22.0, end=22.5, thickness=3.0, record_interval=0.1, frame_interval=0.2)
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(threads)
 
 
 @pytest.fixture(scope="module")

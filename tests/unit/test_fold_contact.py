@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-import numba
 import numpy as np
 import pytest
 from shapes import ball_mesh, cube_mesh
@@ -16,14 +13,6 @@ from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, 
 from cortet.simulation.contact import Contact, contact_forces, contact_of, listed_at, moved_too_far
 from cortet.simulation.kernels import DONE, LIST_OUTDATED, State, advance, workspace
 from cortet.topology import TRI_EDGES, boundary_faces, boundary_nodes, face_normals, vertex_normals
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(threads)
 
 
 def two_blocks(gap: float, n: int = 4) -> TetMesh:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numba
 import numpy as np
 import pytest
@@ -29,14 +27,6 @@ MATERIAL = Material()
 #: coordinates of the test meshes are taken as dimensionless
 UNIT = Scale(np.zeros(3), 1.0)
 NO_GROWTH = np.zeros(1)
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(threads)
 
 
 def at_rest(mesh: TetMesh) -> State:

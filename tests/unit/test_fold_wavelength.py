@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-import numba
 import numpy as np
 import pytest
 from scipy.special import sph_harm_y
@@ -14,14 +11,6 @@ from cortet.mesh import TetMesh
 
 #: of a ball of radius 1, and shear modulus over that of the core
 THIN, THICK, STIFFNESS = 0.15, 0.3, 3.0
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(threads)
 
 
 @pytest.fixture(scope="module")

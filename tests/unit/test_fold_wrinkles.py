@@ -2,23 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-import numba
 import numpy as np
 import pytest
 
 from benchmarks.fold_wrinkles import Wrinkles, material_of, mean_wavelength, strip, theory, wrinkle
 
 LENGTH, DEPTH, SPACING = 40.0, 20.0, 1.0
-
-
-@pytest.fixture(autouse=True)
-def one_thread() -> Iterator[None]:
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(threads)
 
 
 def wrinkles(thickness: float, stiffness: float) -> Wrinkles:

@@ -13,7 +13,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Locator, Page, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 from shapes import ball_mesh, ball_surface
 
 from cortet.case_page import write_case_page, write_failure_page
@@ -166,7 +166,7 @@ def test_words_states_and_outliers_filter_and_the_number_is_told(opened: Callabl
     page.get_by_label("State").select_option("excluded")
     assert cases(page) == ["z"]
     page.get_by_role("button", name="Show all").press("Enter")
-    page.wait_for_function("document.getElementById('count').textContent === '8 of 8 shown'")
+    expect(told).to_have_text("8 of 8 shown")
     page.get_by_label("outliers only").press("Space")
     assert cases(page) == ["e"]
     assert told.get_attribute("aria-live") == "polite"

@@ -141,7 +141,6 @@ def test_the_same_bits_for_any_number_of_threads(boundary):
     for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
         numba.set_num_threads(threads)
         results.append(move_vertices(mesh, tree, PASSES, boundary=boundary)[0].points)
-    numba.set_num_threads(1)
     assert np.array_equal(*results) and not np.array_equal(results[0], mesh.points)
 
 
