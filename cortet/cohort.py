@@ -258,14 +258,20 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
         if column == "surface" and value in _MISSING:
             yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
         if (column == "surface" or column.startswith(FIELD_PREFIX)) and not _is_file_name(value):
-            yield f"column {column}: {value!r} cannot be a file name here (avoid braces, wildcards, control characters)"
+            yield (
+                f"column {column}: {value!r} cannot be a file name here "
+                "(avoid braces, wildcards, control characters and long names)"
+            )
         elif _CONTROL.search(value):
             yield f"column {column}: {value!r} holds a control character (delete it)"
 
 
 def _is_file_name(text: str) -> bool:
     """Whether the workflow can have a file of this name for an input."""
-    return not re.search(r"[{}*?]", text) and not _CONTROL.search(text) and len(os.fsencode(text)) < 4096
+    if re.search(r"[{}*?]", text) or _CONTROL.search(text):
+        return False
+    name = os.fsencode(text)
+    return len(name) < 4096 and max(map(len, name.split(b"/"))) < 256  # what Linux takes
 
 
 def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str]) -> Case:

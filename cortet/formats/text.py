@@ -55,23 +55,38 @@ def read_rows(
     if rows == 0 or (rows is None and isinstance(lines, bytes) and not lines.strip()):
         return np.empty((0, columns), dtype)
     source = io.BytesIO(lines) if isinstance(lines, bytes) else lines
+    if rows is None:
+        return _next_rows(source, columns, dtype, None, delimiter, 0)
+    # NumPy makes room for as many rows as it is told of before it has seen one, and a file may promise anything
+    parts: list[NDArray[Any]] = []
+    done = 0
+    while done < rows:
+        parts.append(_next_rows(source, columns, dtype, min(_CHUNK, rows - done), delimiter, done))
+        done += len(parts[-1])
+        if done < rows and len(parts[-1]) < _CHUNK:
+            raise BadRowError(done, f"is missing: {done} lines instead of {rows}")
+    return np.concatenate(parts)
+
+
+def _next_rows(
+    source: IO[Any], columns: int, dtype: Any, most: int | None, delimiter: str | None, done: int
+) -> NDArray[Any]:
+    """Read at most so many rows, or all; `done` were read before."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # no line at all is told below
-            table = np.loadtxt(source, dtype, comments=None, delimiter=delimiter, max_rows=rows, ndmin=2)
+            warnings.simplefilter("ignore", UserWarning)  # no line at all is told by the caller
+            table = np.loadtxt(source, dtype, comments=None, delimiter=delimiter, max_rows=most, ndmin=2)
     except ValueError as error:
-        raise _bad_row(str(error)) from error
+        raise _bad_row(str(error), done) from error
     if len(table) and table.shape[1] != columns:
-        raise BadRowError(0, f"has {table.shape[1]} fields instead of {columns}")
-    if rows is not None and len(table) != rows:
-        raise BadRowError(len(table), f"is missing: {len(table)} lines instead of {rows}")
+        raise BadRowError(done, f"has {table.shape[1]} fields instead of {columns}")
     return table.reshape(-1, columns)
 
 
-def _bad_row(message: str) -> BadRowError:
+def _bad_row(message: str, done: int) -> BadRowError:
     """What NumPy complains about, in our words."""
     if found := re.search(r"changed from (\d+) to (\d+) at row (\d+)", message):
-        return BadRowError(int(found[3]) - 1, f"has {found[2]} fields instead of {found[1]}")
+        return BadRowError(done + int(found[3]) - 1, f"has {found[2]} fields instead of {found[1]}")
     if found := re.search(r"could not convert string ' *(.*)' to \w+ at row (\d+)", message):
-        return BadRowError(int(found[2]), f"holds {found[1]!r}, which is no number of its kind")
-    return BadRowError(0, message)
+        return BadRowError(done + int(found[2]), f"holds {found[1]!r}, which is no number of its kind")
+    return BadRowError(done, message)

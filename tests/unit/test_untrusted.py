@@ -27,11 +27,11 @@ from shapes import ball_surface
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
 from benchmarks.fuzz import DOCTYPES, outcome, place_damaged, seeds
-from cortet.cohort import COLUMNS, LONGEST_LABEL, read_sheet, scan
+from cortet.cohort import COLUMNS, LONGEST_LABEL, Case, read_sheet, scan, write_sheet
 from cortet.config import Scan, load
 from cortet.errors import InputError
 from cortet.export import convert, export, write
-from cortet.formats import FORMATS, fenics
+from cortet.formats import FORMATS, fenics, text
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.formats.untrusted import LARGEST, safely_named
 from cortet.mesh import TetMesh
@@ -414,3 +414,20 @@ def test_nibabel_gifti_with_its_doctype_is_read(tmp_path: Path) -> None:
     nibabel.save(nibabel.GiftiImage(darrays=[array]), path)
     assert b"<!DOCTYPE GIFTI SYSTEM" in path.read_bytes()
     assert read_fields(path)["x"].tolist() == [1, 1, 1]
+
+
+def test_a_table_is_read_in_parts_and_its_bad_row_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text, "_CHUNK", 3)
+    lines = b"".join(b"%d %d\n" % (row, row) for row in range(8))
+    assert np.array_equal(text.read_rows(lines, 2, int, rows=8), np.arange(8).repeat(2).reshape(8, 2))
+    with pytest.raises(text.BadRowError, match="holds 'x'") as caught:
+        text.read_rows(lines.replace(b"4 4", b"4 x"), 2, int, rows=8)
+    assert caught.value.row == 4
+    with pytest.raises(text.BadRowError, match="8 lines instead of 2147483647"):
+        text.read_rows(lines, 2, int, rows=2147483647)
+
+
+def test_a_name_longer_than_a_file_can_have_is_no_surface(tmp_path: Path) -> None:
+    write_sheet([Case("a", None, "L", 24.5, Path(f"{'s' * 256}.surf.gii"))], tmp_path / "cohort.tsv")
+    with pytest.raises(InputError, match="cannot be a file name here"):
+        read_sheet(tmp_path / "cohort.tsv")
