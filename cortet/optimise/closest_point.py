@@ -172,6 +172,16 @@ def on_triangle(c, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
+def triangle_normal(c):  # type: ignore[no-untyped-def]
+    """Unit normal of triangle `c` (9 coordinates); NaN if it has no area."""
+    ux, uy, uz = c[3] - c[0], c[4] - c[1], c[5] - c[2]
+    vx, vy, vz = c[6] - c[0], c[7] - c[1], c[8] - c[2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    return nx / length, ny / length, nz / length
+
+
+@numba.njit(cache=True)
 def closest_point(tree, x, y, z, hint):  # type: ignore[no-untyped-def]
     """Nearest point of the surface to (x, y, z).
 

@@ -27,7 +27,7 @@ from scipy.sparse import csr_array
 
 from cortet import topology
 from cortet.mesh import FloatArray, IntArray, TetMesh
-from cortet.optimise.closest_point import SurfaceTree, closest_point
+from cortet.optimise.closest_point import SurfaceTree, closest_point, triangle_normal
 from cortet.quality import quality
 from cortet.topology import TET_EDGES
 
@@ -220,15 +220,6 @@ def _tangent_step(d, nx, ny, nz):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _triangle_normal(c):  # type: ignore[no-untyped-def]
-    ux, uy, uz = c[3] - c[0], c[4] - c[1], c[5] - c[2]
-    vx, vy, vz = c[6] - c[0], c[7] - c[1], c[8] - c[2]
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    length = np.sqrt(nx * nx + ny * ny + nz * nz)
-    return nx / length, ny / length, nz / length
-
-
-@numba.njit(cache=True)
 def _lowest_cosine(points, p, v, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Smallest cosine between n and the boundary faces around v, were v at (x, y, z)."""
     lowest = 1.0
@@ -254,7 +245,7 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
     sliding = p.freedom[v] == SLIDING
     nx = ny = nz = lowest = 0.0
     if sliding:
-        nx, ny, nz = _triangle_normal(tree.corners[place])
+        nx, ny, nz = triangle_normal(tree.corners[place])
         lowest = min(_MIN_FACE_COSINE, _lowest_cosine(points, p, v, ox, oy, oz, nx, ny, nz))
         sx, sy, sz = _tangent_step(derivatives, nx, ny, nz)
     else:
@@ -269,7 +260,7 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
         if not _energy(star, size, x, y, z, half_power, cap) < before * (1 - _MIN_GAIN):
             continue
         if sliding:
-            mx, my, mz = _triangle_normal(tree.corners[place])
+            mx, my, mz = triangle_normal(tree.corners[place])
             across = nx * mx + ny * my + nz * mz <= 0  # the step ended on the opposite bank of a sulcus or blade
             if across or _lowest_cosine(points, p, v, ox + x, oy + y, oz + z, mx, my, mz) < lowest:
                 continue

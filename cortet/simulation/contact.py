@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.mesh import FloatArray, IntArray
-from cortet.optimise.closest_point import on_triangle
+from cortet.optimise.closest_point import on_triangle, triangle_normal
 from cortet.topology import edges, face_normals, vertex_normals
 
 #: in mean edges of the undeformed surface: where the force begins, and how far the list looks (Wang et al. 2021)
@@ -202,7 +202,7 @@ def _touch(contact, x, i):  # type: ignore[no-untyped-def]
         distance2 = d0 * d0 + d1 * d1 + d2 * d2
         if not distance2 < nearest2:
             continue
-        n0, n1, n2 = _unit_normal(corners)
+        n0, n1, n2 = triangle_normal(corners)
         in_front = d0 * n0 + d1 * n1 + d2 * n2 > 0
         if not in_front and not (a > 0 and b > 0 and c > 0):
             continue  # beyond an edge, where another triangle is nearer or the node is outside
@@ -214,15 +214,6 @@ def _touch(contact, x, i):  # type: ignore[no-untyped-def]
         contact.touched[i] = face
         contact.weights[i, 0], contact.weights[i, 1], contact.weights[i, 2] = a, b, c
         contact.force[i, 0], contact.force[i, 1], contact.force[i, 2] = size * n0, size * n1, size * n2
-
-
-@numba.njit(cache=True)
-def _unit_normal(c):  # type: ignore[no-untyped-def]
-    u0, u1, u2 = c[3] - c[0], c[4] - c[1], c[5] - c[2]
-    v0, v1, v2 = c[6] - c[0], c[7] - c[1], c[8] - c[2]
-    n0, n1, n2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
-    length = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-    return n0 / length, n1 / length, n2 / length
 
 
 @numba.njit(cache=True)
