@@ -26,11 +26,11 @@ import numpy as np
 from cortet.config import load
 from cortet.errors import CortetError
 from cortet.formats.gifti import read_surface
+from cortet.measure.quality import circumradii, edge_lengths, quality
 from cortet.mesh import TetMesh
 from cortet.phantom import phantom
 from cortet.pipeline import Step, mesh_surface
-from cortet.quality import circumradii, edge_lengths, quality
-from cortet.stage_table import peak_memory_mb, reset_peak_memory
+from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 
 STAGE_COLUMNS = ("surface", "h_mm", "chain", "threads", "stage", "cpu_seconds", "tets", "q_mean", "q_max", "above_0.6")
 MESH_COLUMNS = (

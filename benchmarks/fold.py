@@ -19,13 +19,13 @@ from typing import Any
 import numba
 import numpy as np
 
+from cortet.geometry.ordering import ordered_along_curve
+from cortet.geometry.topology import boundary_faces
 from cortet.mesh import TetMesh
-from cortet.ordering import ordered_along_curve
+from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 from cortet.simulation.body import Material, body_of, scale_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
 from cortet.simulation.kernels import DONE, State, advance, workspace
-from cortet.stage_table import peak_memory_mb, reset_peak_memory
-from cortet.topology import boundary_faces
 from tests.unit.shapes import cube_mesh
 
 #: growth at every step: enough that no term of the forces is zero

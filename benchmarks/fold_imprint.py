@@ -22,13 +22,13 @@ import pyvista
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from cortet.figures import read_tsv
 from cortet.formats import vtu
+from cortet.formats.tsv import read_tsv
+from cortet.geometry.topology import boundary_surface
 from cortet.mesh import FloatArray, IntArray
 from cortet.meshers.lattice import CONSTANT
+from cortet.report.fold_figures import series
 from cortet.simulation.fold import SERIES, TABLE
-from cortet.simulation.fold_figures import series
-from cortet.topology import boundary_surface
 
 _TURNS = 200
 #: shortest reciprocal vectors of a body-centred cubic lattice of constant 1, over 2 pi, one of each opposite pair

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numba
 
-from cortet.figures import read_tsv
 from cortet.formats import braingrowth
+from cortet.formats.tsv import read_tsv
+from cortet.report.fold_figures import draw
 from cortet.simulation.body import Material, stable_time_step
 from cortet.simulation.fold import TABLE, fold
-from cortet.simulation.fold_figures import draw
 from cortet.simulation.growth import age_of
 from cortet.simulation.run import Settings
 

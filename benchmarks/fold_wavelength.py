@@ -18,14 +18,14 @@ from scipy.spatial import ConvexHull, Delaunay
 from scipy.special import sph_harm_y
 
 from benchmarks.fold_wrinkles import TIME_STEP, theory
+from cortet.geometry.topology import boundary_faces, boundary_nodes
+from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, TetMesh, TriSurface
-from cortet.quality import signed_volumes
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of, listed_at
 from cortet.simulation.growth import Linear
 from cortet.simulation.kernels import DONE, LIST_OUTDATED, State, advance, workspace
 from cortet.stages.reconnect import reconnect
-from cortet.topology import boundary_faces, boundary_nodes
 
 #: relative variation of the radius at which the wavelength is measured
 _AMPLITUDE = 0.03

@@ -18,11 +18,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.fft import dct
 
+from cortet.geometry.topology import boundary_faces
 from cortet.mesh import FloatArray, TetMesh
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
 from cortet.simulation.kernels import DONE, State, advance, workspace
-from cortet.topology import boundary_faces
 from tests.unit.shapes import KUHN
 
 #: time step, in units of the one that a run would take: nothing is compressed much here

@@ -20,14 +20,14 @@ from pathlib import Path
 
 import numpy as np
 
-from cortet.export import write
 from cortet.formats import FORMATS
 from cortet.formats.atomic import atomic_path
+from cortet.geometry.topology import boundary_faces
 from cortet.mesh import TetMesh
-from cortet.sets import named_sets
-from cortet.stages.solver_ready import solver_ready
-from cortet.topology import boundary_faces
-from cortet.verify import problems, read_as
+from cortet.solver_files.export import write
+from cortet.solver_files.sets import named_sets
+from cortet.solver_files.verify import problems
+from cortet.stages.solver_ready import surface_nodes_first
 
 #: corners of the six tetrahedra of a cube, corner i having the bits of i as coordinates
 _KUHN = np.array([[0, 1, 3, 7], [0, 5, 1, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 6, 4, 7]])
@@ -53,7 +53,7 @@ def cube(tets: float, side: float = 60.0) -> TetMesh:
     grid = np.stack([x, y, z], axis=1)
     corner = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
     hexahedra = (grid[(grid < n).all(axis=1)][:, None] + corner) @ [1, n + 1, (n + 1) ** 2]
-    mesh, _ = solver_ready(TetMesh(grid * (side / n), hexahedra[:, _KUHN].reshape(-1, 4)))
+    mesh, _ = surface_nodes_first(TetMesh(grid * (side / n), hexahedra[:, _KUHN].reshape(-1, 4)))
     fields = {
         "thickness": 1 + np.sin(mesh.points[:, 0]) / 3,
         "area": (mesh.points[:, 2] // (side / 4)).astype(np.int32),
@@ -66,7 +66,7 @@ def measure(task: str, name: str, path: Path, mesh_file: Path, answer) -> None: 
     mesh = load(mesh_file) if task == "write" else None
     if mesh is not None:
         boundary_faces(mesh)  # the mesh has them by then: the named sets need them
-    file = read_as(path, name) if task == "check" else None
+    file = FORMATS[name].as_read(path) if task == "check" else None
     tasks: dict[str, Callable[[], object]] = {
         "write": lambda: write(mesh, path, solver=name),
         "read": lambda: FORMATS[name].read(path),

@@ -37,21 +37,21 @@ if __name__ == "__main__":  # before NumPy and Numba are imported: a process tha
 import numpy as np
 import yaml
 
-from cortet.cohort import Case, read_sheet, scan, write_sheet
+from cortet.cohort.sheet import Case, read_sheet, scan, write_sheet
 from cortet.config import Config, load
 from cortet.errors import CortetError
-from cortet.export import convert, export
-from cortet.fields import with_fields
 from cortet.formats import FORMATS
 from cortet.formats.gifti import read_fields, read_label_names, read_surface, write_surface
 from cortet.mesh import TetMesh, TriSurface
 from cortet.phantom import phantom
-from cortet.sets import named_sets
+from cortet.solver_files.export import convert, export
+from cortet.solver_files.fields import with_fields
+from cortet.solver_files.sets import named_sets
+from cortet.solver_files.verify import verify
 from cortet.stages.gate import gate
 from cortet.stages.generate import generate
-from cortet.stages.solver_ready import solver_ready
+from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
-from cortet.verify import verify
 
 ROOT = Path(__file__).parents[1]
 #: beyond what the process has before it reads
@@ -272,7 +272,7 @@ def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
     surface.point_data["area"] = surface.point_data["area"].astype(np.int32)
     plain = {"odt": False, "lloyd": False, "perturb": False, "exude": False}
     mesh, _ = generate(surface, cell_size=10.0, backend="cgal", facet_distance=[0.5], **plain)
-    mesh = named_sets(solver_ready(transfer(mesh, surface)[0])[0], cortex_depth=5.0, medial_wall={"area": [0]})
+    mesh = named_sets(surface_nodes_first(transfer(mesh, surface)[0])[0], cortex_depth=5.0, medial_wall={"area": [0]})
     found: dict[str, tuple[Path, Callable[[Path], Any]]] = {}
     for name, form in FORMATS.items():
         path = folder / name / f"m{form.suffix}"

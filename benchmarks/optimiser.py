@@ -21,13 +21,13 @@ from pathlib import Path
 import numpy as np
 
 from cortet.formats import gifti, vtu
+from cortet.geometry.topology import enclosed_volume
 from cortet.mesh import TetMesh, TriSurface
 from cortet.phantom import phantom
-from cortet.stage_table import peak_memory_mb, reset_peak_memory
+from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 from cortet.stages.clean import clean
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
-from cortet.topology import enclosed_volume
 
 #: tetrahedra per cube of the cell size after refinement (measured)
 CELLS_PER_CUBE = 4.6

@@ -1,4 +1,4 @@
-"""What jobs took, beside what `cortet.resources` says of them: a table from the benchmark files of finished runs.
+"""What jobs took beside what `cortet.cohort.resources` expects: a table from the benchmark files of finished runs.
 
     python benchmarks/resources.py FOLDER... [--derivatives FOLDER...]
 
@@ -18,8 +18,8 @@ from collections import defaultdict
 from pathlib import Path
 from typing import NamedTuple
 
+from cortet.cohort.resources import MEMORY_MARGIN, Cost, cost, minutes_to_ask
 from cortet.errors import InputError
-from cortet.resources import MEMORY_MARGIN, Cost, cost, minutes_to_ask
 
 #: logs and benchmarks are named as the files they are about
 NAME = re.compile(r"(?P<case>.+)_res-(?P<res>\d+)um_desc-(?P<mesher>[a-z0-9]+)")

@@ -5,7 +5,7 @@
 Writes cohort sheets whose surfaces are links to one phantom and has Snakemake plan them: as a whole, one batch of ten,
 then with everything done (empty files and `--touch`), and with the surface of one row changed. Time is that of the CPU;
 a step that takes more than so many minutes is given up. Then come the files of a hemisphere and, by the model of
-`cortet.resources`, core hours, disk and memory of the cohort.
+`cortet.cohort.resources`, core hours, disk and memory of the cohort.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from pathlib import Path
 
 import yaml
 
-from cortet.cohort import Case, read_sheet, write_sheet
+from cortet.cohort.resources import cost, disk_mb, expected_tets, memory_to_ask_mb
+from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.formats.gifti import write_surface
 from cortet.phantom import phantom
-from cortet.resources import cost, disk_mb, expected_tets, memory_to_ask_mb
 
 ROOT = Path(__file__).resolve().parents[1]
 #: jobs of a mesh by rule, in the default configuration

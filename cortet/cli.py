@@ -14,28 +14,14 @@ from typing import TYPE_CHECKING
 
 from cortet import __version__
 from cortet.errors import CortetError, InputError
+from cortet.formats import FORMATS, format_of
 
 if TYPE_CHECKING:
-    from cortet.certify import Certificate
     from cortet.config import Config
+    from cortet.measure.certify import Certificate
     from cortet.mesh import TetMesh, TriSurface
     from cortet.pipeline import Step
     from cortet.stages.gate import GateReport
-
-
-#: of `cortet.verify.SOLVERS`, which a test compares; importing that would load NumPy
-SOLVER_NAMES = (
-    "vtu",
-    "braingrowth",
-    "abaqus",
-    "febio",
-    "fenics",
-    "gmsh",
-    "carp",
-    "carp_binary",
-    "stl",
-    "gifti",
-)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -118,7 +104,7 @@ def parser() -> argparse.ArgumentParser:
         "verify", parents=[common], help="check a solver file against its solver's conventions"
     )
     verify.add_argument("file", type=Path, metavar="FILE")
-    verify.add_argument("--solver", choices=SOLVER_NAMES, help="solver that will read it (default: by the suffix)")
+    verify.add_argument("--solver", choices=list(FORMATS), help="solver that will read it (default: by the suffix)")
     verify.set_defaults(run=_verify)
 
     convert = commands.add_parser("convert", parents=[common], help="write a mesh file in another solver's format")
@@ -167,13 +153,13 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _mesh(args: argparse.Namespace) -> int:
-    from cortet.export import export
-    from cortet.fields import field_sources
     from cortet.formats.atomic import write_json
     from cortet.pipeline import mesh_surface
-    from cortet.sets import named_sets
+    from cortet.solver_files.export import export
+    from cortet.solver_files.fields import field_sources
+    from cortet.solver_files.sets import named_sets
 
-    solver = _format(args.output)  # an unknown one is refused before the work, not after
+    solver = format_of(args.output).name  # an unknown one is refused before the work, not after
     config, surface = _config(args), _surface(args)
     progress = Progress(config, args.ga)
     mesh, certificate = mesh_surface(
@@ -199,7 +185,7 @@ def _mesh(args: argparse.Namespace) -> int:
     if args.picture:
         _draw(mesh, args.picture)
     if args.page:
-        from cortet.case_page import about, write_case_page
+        from cortet.report.case_page import about, write_case_page
 
         chosen = {"scan_age": args.ga, "cell_size": config.generate.cell_size[0], "mesher": config.generate.meshers[0]}
         write_case_page(mesh, surface, asdict(certificate), args.page, facts=about(chosen))
@@ -215,9 +201,9 @@ def _mesh(args: argparse.Namespace) -> int:
 
 
 def _stages(args: argparse.Namespace) -> int:
+    from cortet.formats.tsv import cell, write_tsv
     from cortet.pipeline import run
-    from cortet.stage_table import STAGE_COLUMNS, stage_rows
-    from cortet.tables import cell, write_tsv
+    from cortet.report.stage_table import STAGE_COLUMNS, stage_rows
 
     config, surface = _config(args), _surface(args)
     rows = []
@@ -249,16 +235,16 @@ def _gate(args: argparse.Namespace) -> int:
 
 
 def _quality(args: argparse.Namespace) -> int:
-    from cortet.quality import summarise
+    from cortet.measure.quality import summarise
 
     print(json.dumps(asdict(summarise(_read_mesh(args.mesh))), indent=2, allow_nan=False))
     return 0
 
 
 def _certify(args: argparse.Namespace) -> int:
-    from cortet.certify import certify
     from cortet.formats.atomic import write_json
     from cortet.formats.gifti import read_surface
+    from cortet.measure.certify import certify
 
     certificate = certify(
         _read_mesh(args.mesh),
@@ -277,9 +263,9 @@ def _certify(args: argparse.Namespace) -> int:
 
 
 def _verify(args: argparse.Namespace) -> int:
-    from cortet.verify import verify
+    from cortet.solver_files.verify import verify
 
-    solver = args.solver or _format(args.file)
+    solver = args.solver or format_of(args.file).name
     problems = verify(args.file, solver)
     for problem in problems:
         print(f"{args.file}: {problem}")
@@ -289,7 +275,7 @@ def _verify(args: argparse.Namespace) -> int:
 
 
 def _convert(args: argparse.Namespace) -> int:
-    from cortet.export import convert
+    from cortet.solver_files.export import convert
 
     for change in convert(args.source, args.target, unit=args.unit, source_unit=args.source_unit):
         print(f"{args.target}: {change}")
@@ -306,17 +292,16 @@ def _fold(args: argparse.Namespace) -> int:
     from numba import get_num_threads, set_num_threads
 
     from cortet.config import load
+    from cortet.report.fold_figures import draw
     from cortet.simulation.fold import fold
-    from cortet.simulation.fold_figures import draw
     from cortet.simulation.progress import status
     from cortet.simulation.run import Settings
 
     if args.threads:
         set_num_threads(min(args.threads, get_num_threads()))
-    values = load(args.config or {}).stage("fold")
-    chosen = {"gestational_age": args.ga, "hemisphere": args.hemi, "end": args.end, "time_step": args.time_step}
+    values = load(args.config or {}).arguments("fold", {"gestational_age": args.ga, "hemisphere": args.hemi})
+    chosen = {"end": args.end, "time_step": args.time_step}
     values |= {key: value for key, value in chosen.items() if value is not None}
-    values.pop("version")
     live = sys.stdout.isatty()
     verdict = fold(
         _read_mesh(args.mesh),
@@ -343,7 +328,7 @@ def _phantom(args: argparse.Namespace) -> int:
 
 
 def _scan(args: argparse.Namespace) -> int:
-    from cortet.cohort import scan, write_sheet
+    from cortet.cohort.sheet import scan, write_sheet
     from cortet.config import load
 
     cases = scan(args.folder, load(args.config).cohort.scan if args.config else None)
@@ -370,7 +355,7 @@ class Progress:
         from cortet.pipeline import stages
 
         self.live = sys.stdout.isatty()
-        self.waiting = stages(config, gestational_age=gestational_age)
+        self.waiting = [stage.name for stage in stages(config, gestational_age=gestational_age)]
         print(self._row(self.HEAD))
         self._announce()
 
@@ -387,8 +372,8 @@ class Progress:
 
     @staticmethod
     def _numbers(result: TriSurface | TetMesh) -> Iterable[str]:
+        from cortet.measure.quality import quality
         from cortet.mesh import TetMesh
-        from cortet.quality import quality
 
         if not isinstance(result, TetMesh):
             return str(len(result.points)), "", "", "", ""
@@ -440,8 +425,8 @@ def _config(args: argparse.Namespace) -> Config:
 
 
 def _surface(args: argparse.Namespace) -> TriSurface:
-    from cortet.fields import with_fields
     from cortet.formats.gifti import read_surface
+    from cortet.solver_files.fields import with_fields
 
     return with_fields(read_surface(args.surface), dict(args.field))
 
@@ -457,24 +442,15 @@ def _stem(path: Path) -> str:
     return path.name.removesuffix(path.suffix)
 
 
-def _format(path: Path) -> str:
-    """Name of the mesh format that the end of a file's name stands for."""
-    from cortet.formats import format_of
-
-    return format_of(path)
-
-
 def _read_mesh(path: Path) -> TetMesh:
-    from cortet.formats import FORMATS
-
-    form = FORMATS[_format(path)]
+    form = format_of(path)
     if form.is_surface:
         raise InputError("holds a surface, not a mesh", file=path)
     return form.read(path)
 
 
 def _draw(mesh: TetMesh, path: Path) -> None:
-    from cortet.render import picture
+    from cortet.report.render import picture
 
     picture(mesh, path)
     print(f"{path}: drawn")

@@ -19,7 +19,7 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import yaml
 from pydantic import (
@@ -35,20 +35,25 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from cortet.errors import InputError
+from cortet.formats import FORMATS
 from cortet.formats.atomic import atomic_path
 from cortet.formats.untrusted import content
+from cortet.meshers import BASELINES, MESHERS, installed_backend
+from cortet.stages import MESH_STAGES, STAGES, Stage
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Fraction = Annotated[float, Field(gt=0, le=1)]
 Threshold = Annotated[float, Field(gt=0, lt=1)]
 Boundary = Literal["fixed", "slide", "free"]
-Mesher = Literal["cgal", "lattice"]
-#: meshers of others, to compare with
-Baseline = Literal["tetgen", "ftetwild", "gmsh", "netgen"]
 Setting = Literal["default", "published", "fast"]
-Solver = Literal["braingrowth", "abaqus", "febio", "fenics", "vtu", "gmsh", "carp", "carp_binary", "stl", "gifti"]
-#: stages that make one mesh out of another, in the order in which they run
-StageName = Literal["generate", "transfer", "relocate", "clean", "reconnect", "smooth_boundary", "snap", "solver_ready"]
+if TYPE_CHECKING:
+    Mesher = str
+    Solver = str
+    StageName = str
+else:  # what may be chosen from the lists of meshers, formats and stages
+    Mesher = Literal[tuple(MESHERS | BASELINES)]
+    Solver = Literal[tuple(FORMATS)]
+    StageName = Literal[tuple(MESH_STAGES)]
 
 
 def _as_list(value: Any) -> Any:
@@ -135,7 +140,7 @@ class Generate(Section):
 
     cell_size: Annotated[list[CellSize], BeforeValidator(_as_list), Field(min_length=1)] = [0.6]
     """Cell size h, mm, a multiple of 0.001: bound of circumradius and surface ball. A list makes one mesh per size."""
-    meshers: Annotated[list[Mesher | Baseline], BeforeValidator(_as_list), Field(min_length=1)] = ["cgal"]
+    meshers: Annotated[list[Mesher], BeforeValidator(_as_list), Field(min_length=1)] = ["cgal"]
     """Meshers: cgal (published), lattice (ten times faster), or one of others, as it comes (tetgen, ftetwild, gmsh,
     netgen); every stage after S1 is the same for all of them."""
     backend: Literal["auto", "pygalmesh", "cgal"] = "auto"
@@ -283,7 +288,7 @@ class Export(Section):
 
     @property
     def sets(self) -> dict[str, Any]:
-        """Arguments of `cortet.sets.named_sets`."""
+        """Arguments of `cortet.solver_files.sets.named_sets`."""
         return self.model_dump(mode="json", include={"cortex_depth", "cortex_thickness", "medial_wall"})
 
 
@@ -294,7 +299,7 @@ class Ablation(Section):
     """Cases at the cell sizes of `generate`: all, a number of them spread over the ages, or a list of their names."""
     further: dict[CellSize, Cases] = {}
     """Further cell sizes, mm, and the cases that are meshed with each, e.g. {0.6: [sub-01_hemi-L]}."""
-    meshers: list[Mesher | Baseline] = ["lattice", "tetgen"]
+    meshers: list[Mesher] = ["lattice", "tetgen"]
     """Meshers beside those of `generate`, through the same S3 and S4: lattice, or one of others as it comes (tetgen,
     ftetwild, gmsh, netgen); where one of others fails, a row says so."""
     time_limit: PositiveInt = 60
@@ -396,17 +401,48 @@ class Config(Section):
         """Whether the line of stages contains `stage`."""
         return bool(getattr(getattr(self, stage, None), "enabled", True))
 
-    def stage(self, name: str, **chosen: Any) -> dict[str, Any]:
-        """Plain, JSON-able keyword arguments of one stage function, and its `version`.
+    def line(self) -> list[Stage]:
+        """The stages that run, in their order."""
+        return [stage for stage in STAGES.values() if self.enabled(stage.name)]
 
-        `chosen` replaces what the configuration holds as a list of alternatives (cell_size, mesher).
+    def arguments(self, step: str, facts: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Plain, JSON-able keyword arguments of the function of a stage, or of another step of the workflow.
+
+        Parameters
+        ----------
+        step : name of its section
+        facts : what is known of the mesh that is asked for, by the names in `_FACTS`
         """
         # S5 carries the fields onto the final positions as S2 did
-        section = getattr(self, {"solver_ready": "transfer"}.get(name, name), None)
-        values = section.model_dump(mode="json") if section is not None else {}
-        for key in ("enabled", "cell_size", "meshers", "cases"):
-            values.pop(key, None)
-        return {**values, **chosen, "version": stage_version(name)}
+        section = getattr(self, {"solver_ready": "transfer"}.get(step, step), None)
+        values = section.model_dump(mode="json", exclude=_CHOICES) if section is not None else {}
+        if values.get("backend") == "auto":  # meshes of a cohort must come from one backend
+            values["backend"] = installed_backend()
+        return {**values, **{name: (facts or {})[name] for name in _FACTS.get(step, ())}}
+
+    def record(self, step: str, facts: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """The arguments of a step beside the version of its code, as certificates record them."""
+        return {**self.arguments(step, facts), "version": version_of(_MODULES.get(step, f"stages.{step}"))}
+
+
+#: keys that choose what is run, and are arguments of no function
+_CHOICES = {"enabled", "cell_size", "meshers", "cases", "stages"}
+#: arguments that differ from mesh to mesh, and stand in no section
+_FACTS = {
+    "phantom": ("gestational_age", "hemisphere"),
+    "gate": ("source",),
+    "smooth_surface": ("gestational_age",),
+    "generate": ("cell_size", "mesher"),
+    "fold": ("gestational_age", "hemisphere"),
+}
+#: modules of the steps that are no stages
+_MODULES = {
+    "phantom": "phantom",
+    "quality": "measure.quality",
+    "certify": "measure.certify",
+    "export": "solver_files.export",
+    "fold": "simulation.fold",
+}
 
 
 #: where the paper's choices differ from ours: section -> key -> value
@@ -444,10 +480,9 @@ def load(source: Path | str | Mapping[str, Any]) -> Config:
 
 
 @cache
-def stage_version(name: str) -> int:
-    """`VERSION` of a stage module, read from its source: importing it would load Numba or Gmsh."""
-    rooms = (_PACKAGE / "stages", _PACKAGE, _PACKAGE / "simulation")
-    path = next(room / f"{name}.py" for room in rooms if (room / f"{name}.py").exists())
+def version_of(module: str) -> int:
+    """`VERSION` of a module of cortet (`stages.clean`), read from its source: importing it would load Numba or Gmsh."""
+    path = _PACKAGE.joinpath(*module.split(".")).with_suffix(".py")
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
         if any(isinstance(target, ast.Name) and target.id == "VERSION" for target in targets):

@@ -189,7 +189,7 @@ def _expect(truth: object, otherwise: str) -> None:
 def _prove_numpy() -> str:
     import numpy as np
 
-    from cortet.quality import quality
+    from cortet.measure.quality import quality
 
     corners = np.array([[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]], dtype=float)
     q = float(quality(corners, np.array([[0, 1, 2, 3]], np.int32))[0])
@@ -198,7 +198,7 @@ def _prove_numpy() -> str:
 
 
 def _prove_scipy() -> str:
-    from cortet.topology import surface_topology
+    from cortet.geometry.topology import surface_topology
 
     topology = surface_topology(_ball().faces)
     _expect(topology.is_closed_manifold and topology.euler_number == 2, f"a sphere is found to be {topology}")
@@ -220,7 +220,7 @@ def _prove_numba() -> str:
 def _prove_mesher(backend: str) -> str:
     import numpy as np
 
-    from cortet.quality import signed_volumes
+    from cortet.measure.quality import signed_volumes
     from cortet.stages.generate import generate
 
     mesh, report = generate(_ball(), cell_size=5.0, backend=backend)
@@ -240,7 +240,7 @@ def _prove_tetgen() -> str:
 
 
 def _prove_baseline(mesher: str) -> str:
-    from cortet.stages.baselines import fill
+    from cortet.meshers.baselines import fill
 
     _, cells = fill(_ball(), mesher, cell_size=5.0)
     return f"a ball becomes {len(cells)} tetrahedra"
@@ -347,7 +347,7 @@ def _prove_matplotlib() -> str:
 
 
 def _prove_pyvista() -> str:
-    from cortet.render import picture
+    from cortet.report.render import picture
 
     mesh, _ = _icosahedron()
     with tempfile.TemporaryDirectory() as folder:
@@ -366,7 +366,7 @@ def _colours(picture: Path) -> int:
 
 
 def _prove_jinja2() -> str:
-    from cortet.case_page import write_failure_page
+    from cortet.report.case_page import write_failure_page
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "page.html"
@@ -377,7 +377,7 @@ def _prove_jinja2() -> str:
 
 
 def _prove_trimesh() -> str:
-    from cortet.boundary_view import three_js
+    from cortet.report.boundary_view import three_js
 
     return f"it brings three.js, {len(three_js()) / 1e6:.2f} MB"
 

@@ -1,7 +1,7 @@
 """The two things that flow through cortet: a closed triangulated surface and a tetrahedral mesh.
 
 Both are frozen dataclasses of NumPy arrays; a stage returns a new one (`dataclasses.replace`) and the arrays
-of an existing one are read-only. Quantities derived from the connectivity live in `cortet.topology`.
+of an existing one are read-only. Quantities derived from the connectivity live in `cortet.geometry.topology`.
 """
 
 from __future__ import annotations

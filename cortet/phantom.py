@@ -17,9 +17,9 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
-from cortet import topology
 from cortet.errors import InputError
 from cortet.formats.gifti import single_precision
+from cortet.geometry import topology
 from cortet.mesh import FloatArray, IntArray, TriSurface
 
 VERSION: int = 1

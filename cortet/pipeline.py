@@ -1,6 +1,6 @@
 """The whole line for one surface, in memory: gate, smoothing, S1 to S6, certificate.
 
-The workflow runs the same stage functions with the same parameters in the same order, one file at a time.
+The workflow runs the same stages with the same arguments in the same order, one file at a time.
 """
 
 from __future__ import annotations
@@ -12,35 +12,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from cortet.certify import Certificate, certify
 from cortet.config import Config
+from cortet.measure.certify import Certificate, certify
 from cortet.mesh import TetMesh, TriSurface
-from cortet.stages.clean import clean
-from cortet.stages.gate import gate
-from cortet.stages.generate import generate
-from cortet.stages.reconnect import reconnect
-from cortet.stages.relocate import relocate
-from cortet.stages.smooth_boundary import smooth_boundary
-from cortet.stages.smooth_surface import smooth_surface
-from cortet.stages.snap import snap
-from cortet.stages.solver_ready import solver_ready
-from cortet.stages.transfer import transfer
+from cortet.stages import Stage
 
 logger = logging.getLogger(__name__)
-
-#: stages that make a surface out of a surface, then those that make a mesh out of a mesh and the surface, in the order
-#: in which they run; S6 comes before S5, so that the mesh that is certified and exported is the last one
-SURFACE_STAGES: dict[str, Callable[..., tuple[TriSurface, Any]]] = {"gate": gate, "smooth_surface": smooth_surface}
-MESH_STAGES: dict[str, Callable[..., tuple[TetMesh, Any]]] = {
-    "transfer": transfer,
-    "relocate": lambda mesh, _, **parameters: relocate(mesh, **parameters),
-    "clean": clean,
-    "reconnect": reconnect,
-    "smooth_boundary": smooth_boundary,
-    "snap": snap,
-    # fields once more, onto the final positions
-    "solver_ready": lambda mesh, surface, **transferred: solver_ready(transfer(mesh, surface, **transferred)[0]),
-}
 
 
 @dataclass(frozen=True)
@@ -52,19 +29,16 @@ class Step:
     result: TriSurface | TetMesh
     #: the surface that is meshed, as far as it is made
     surface: TriSurface
-    #: keyword arguments of the stage and its version
+    #: its arguments and its version
     parameters: dict[str, Any]
     #: what the stage reported, plain values
     report: dict[str, Any]
     seconds: float
 
 
-def stages(config: Config, *, gestational_age: float | None) -> list[str]:
-    """Names of the stages that run; without a gestational age (weeks) there is no smoothing."""
-    line = [*SURFACE_STAGES, "generate", *MESH_STAGES]
-    return [
-        stage for stage in line if config.enabled(stage) and (stage != "smooth_surface" or gestational_age is not None)
-    ]
+def stages(config: Config, *, gestational_age: float | None) -> list[Stage]:
+    """The stages that run; without a gestational age (weeks) there is no smoothing."""
+    return [stage for stage in config.line() if stage.name != "smooth_surface" or gestational_age is not None]
 
 
 def run(
@@ -88,26 +62,27 @@ def run(
     """
     if config.enabled("smooth_surface") and gestational_age is None:
         logger.warning("no gestational age is given, so the surface is not smoothed")
-    chosen: dict[str, dict[str, Any]] = {
-        "gate": {"source": str(source) if source is not None else None},
-        "smooth_surface": {"gestational_age": gestational_age},
-        "generate": {"cell_size": config.generate.cell_size[0], "mesher": config.generate.meshers[0]},
+    facts = {
+        "source": str(source) if source is not None else None,
+        "gestational_age": gestational_age,
+        "cell_size": config.generate.cell_size[0],
+        "mesher": config.generate.meshers[0],
     }
-    result: TriSurface | TetMesh = surface
+    latest: dict[str, Any] = {"surface": surface}
     for stage in stages(config, gestational_age=gestational_age):
-        parameters = config.stage(stage, **chosen.get(stage, {}))
-        arguments = {key: value for key, value in parameters.items() if key != "version"}
+        taken = [latest[kind] for kind in stage.takes]
         began = time.perf_counter()
-        if stage in SURFACE_STAGES:
-            surface, report = SURFACE_STAGES[stage](surface, **arguments)
-            result = surface
-        elif stage == "generate":
-            result, report = generate(surface, **arguments)
-        else:
-            result, report = MESH_STAGES[stage](result, surface, **arguments)
+        latest[stage.gives], report = stage.function(*taken, **config.arguments(stage.name, facts))
         seconds = time.perf_counter() - began
-        logger.info("%s: %.1f s", stage, seconds)
-        yield Step(stage, result, surface, parameters, asdict(report), seconds)
+        logger.info("%s: %.1f s", stage.name, seconds)
+        yield Step(
+            stage.name,
+            latest[stage.gives],
+            latest["surface"],
+            config.record(stage.name, facts),
+            asdict(report),
+            seconds,
+        )
 
 
 def mesh_surface(
@@ -131,14 +106,13 @@ def mesh_surface(
         parameters[step.stage], reports[step.stage] = step.parameters, step.report
         mesh, meshed = step.result, step.surface
     assert isinstance(mesh, TetMesh)  # the line ends with solver_ready
-    judged = config.stage("certify")
     certificate = certify(
         mesh,
         meshed,
-        **{key: value for key, value in judged.items() if key != "version"},
+        **config.arguments("certify"),
         case=case,
         source=source,
-        parameters={**parameters, "certify": judged},
+        parameters={**parameters, "certify": config.record("certify")},
         reports=reports,
     )
     return mesh, certificate

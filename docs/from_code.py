@@ -32,15 +32,15 @@ PACKAGE = Path(__file__).resolve().parents[1] / "cortet"
 ERRORS = ("InputError", "StageError", "WorkflowError")
 #: functions whose strings are messages though they raise none
 SPEAKERS = {
-    "cohort": ("_row_problems", "_miscounted", "read_sheet", "scan"),
+    "cohort.sheet": ("_row_problems", "_miscounted", "read_sheet", "scan"),
     "config": ("_complaint", "_whole_micrometres"),
-    "topology": ("problems",),
-    "status": ("failure_reason",),
+    "geometry.topology": ("problems",),
+    "cohort.status": ("failure_reason",),
     "stages.generate": ("_fault",),
     "stages.smooth_surface": ("_candidate",),
-    "worst": ("_reason",),
-    "verify.conventions": None,
-    "verify.sidecar": ("stale",),
+    "measure.worst": ("_reason",),
+    "solver_files.conventions": None,
+    "solver_files.sidecar": ("stale",),
     "simulation.fold": ("_verdict",),
 }
 #: what a message says at this place depends on the case
@@ -210,8 +210,8 @@ _SIGNS = {"<": "below", "<=": "at most", "==": "exactly"}
 @cache
 def checks() -> tuple[Any, ...]:
     """The checks of a small mesh that has been through S1."""
-    from cortet.certify import certify
     from cortet.doctor import _icosahedron
+    from cortet.measure.certify import certify
 
     return certify(*_icosahedron(), reports={"generate": {"topology_ok": True}}).checks
 
@@ -221,14 +221,14 @@ def checks() -> tuple[Any, ...]:
 
 #: parts of cortet as users know them, and their modules; what is not named here is listed last
 PARTS = {
-    "Cohort sheet": ("cohort",),
+    "Cohort sheet": ("cohort.sheet",),
     "Configuration": ("config",),
-    "Surfaces and fields": ("formats.gifti", "fields", "phantom"),
-    "Gate": ("stages.gate", "topology"),
-    "Stages": ("stages",),
-    "Certificate and export": ("certify", "worst", "export", "sets", "status"),
+    "Surfaces and fields": ("formats.gifti", "solver_files.fields", "phantom"),
+    "Gate": ("stages.gate", "geometry.topology"),
+    "Stages": ("stages", "meshers"),
+    "Certificate and export": ("measure", "solver_files.export", "solver_files.sets", "cohort.status"),
     "Solver files": ("formats",),
-    "Verification of solver files": ("verify",),
+    "Verification of solver files": ("solver_files",),
     "Folding": ("simulation",),
     "Everything else": ("",),
 }
@@ -295,7 +295,7 @@ def _messages_of(path: Path) -> list[Message]:
                         found[node.lineno, text] = Message(module, text, hints)
         if function.name in (SPEAKERS.get(module, ()) or (function.name,) * (module in SPEAKERS)):
             for line, text in _said(function, known):
-                what, remedy = _split(text) if module == "cohort" else (text, ())
+                what, remedy = _split(text) if module == "cohort.sheet" else (text, ())
                 found.setdefault((line, what), Message(module, what, remedy))
     return [message for _, message in sorted(found.items(), key=lambda item: item[0])]
 

@@ -20,9 +20,9 @@ rule dataset_description:
         description=f"{OUT}/dataset_description.json",
         ignore=f"{OUT}/.bidsignore",
     log:
-        "logs/dataset_description.log",
+        run_log("dataset_description"),
     benchmark:
-        "benchmarks/dataset_description.tsv"
+        run_benchmark("dataset_description")
     conda:
         "../envs/cortet.yaml"
     params:
@@ -45,14 +45,14 @@ rule cohort_quality:
             labels={"result": "table: quality"},
         ),
     log:
-        "logs/cohort_quality.log",
+        run_log("cohort_quality"),
     benchmark:
-        "benchmarks/cohort_quality.tsv"
+        run_benchmark("cohort_quality")
     conda:
         "../envs/cortet.yaml"
     params:
         cases=list(CASES.values()),
-        version=stage_version("tables"),
+        version=version_of("report.cohort_tables"),
     script:
         "../scripts/cohort_quality.py"
 
@@ -71,14 +71,14 @@ rule cohort_summary:
             labels={"result": "table: summary"},
         ),
     log:
-        "logs/cohort_summary.log",
+        run_log("cohort_summary"),
     benchmark:
-        "benchmarks/cohort_summary.tsv"
+        run_benchmark("cohort_summary")
     conda:
         "../envs/cortet.yaml"
     params:
         cases=list(CASES.values()),
-        version=stage_version("tables"),
+        version=version_of("report.cohort_tables"),
     script:
         "../scripts/cohort_summary.py"
 
@@ -97,13 +97,13 @@ rule cohort_stages:
             labels={"result": "table: stages"},
         ),
     log:
-        "logs/cohort_stages.log",
+        run_log("cohort_stages"),
     benchmark:
-        "benchmarks/cohort_stages.tsv"
+        run_benchmark("cohort_stages")
     conda:
         "../envs/cortet.yaml"
     params:
-        version=stage_version("experiments"),
+        version=version_of("report.ablation"),
     script:
         "../scripts/cohort_stages.py"
 
@@ -121,14 +121,14 @@ rule cohort_figure:
         ),
         multiext(f"{OUT}/cohort/figure-cohort", ".pdf", ".png"),
     log:
-        "logs/cohort_figure.log",
+        run_log("cohort_figure"),
     benchmark:
-        "benchmarks/cohort_figure.tsv"
+        run_benchmark("cohort_figure")
     conda:
         "../envs/cortet.yaml"
     params:
         limit=CONFIG.certify.q_max,
-        version=stage_version("figures"),
+        version=version_of("report.figures"),
     script:
         "../scripts/cohort_figure.py"
 
@@ -150,9 +150,9 @@ rule cohort_status:
             labels={"result": "table: status"},
         ),
     log:
-        "logs/cohort_status.log",
+        run_log("cohort_status"),
     benchmark:
-        "benchmarks/cohort_status.tsv"
+        run_benchmark("cohort_status")
     conda:
         "../envs/cortet.yaml"
     params:
@@ -170,9 +170,9 @@ rule cohort_page:
     output:
         page=COHORT_PAGE,
     log:
-        "logs/cohort_page.log",
+        run_log("cohort_page"),
     benchmark:
-        "benchmarks/cohort_page.tsv"
+        run_benchmark("cohort_page")
     conda:
         "../envs/cortet.yaml"
     params:
@@ -187,7 +187,7 @@ rule cohort_page:
             }
             for (case, res, mesher), page in each_case(CASE_PAGE).items()
         ],
-        version=stage_version("pages"),
+        version=version_of("report.pages"),
     script:
         "../scripts/cohort_page.py"
 

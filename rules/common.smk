@@ -4,17 +4,18 @@ import json
 import os
 import re
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
-from typing import get_args
 
 from snakemake.exceptions import WorkflowError
 
 from cortet import __version__
-from cortet.cohort import read_sheet
-from cortet.config import Baseline, Mesher, load, stage_version
+from cortet.cohort.sheet import read_sheet
+from cortet.config import load, version_of
 from cortet.errors import CortetError
-from cortet.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
+from cortet.formats import FORMATS
+from cortet.meshers import BASELINES, MESHERS
+from cortet.stages import MESH_STAGES, STAGES
+from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
 
 # what rules/failures.smk hands over: (case, res, mesher) of the meshes that failed, and how; reasons why files that the
 # experiments measure are missing
@@ -39,46 +40,25 @@ os.environ.update(CORTET_TIME_LIMIT=str(CONFIG.time_limit or 0))
 
 OUT = CONFIG.output.as_posix()
 CASES = {case.name: case for case in SHEET if case.include}
-# what `auto` stands for here: meshes of a cohort must come from one backend
-BACKEND = CONFIG.generate.backend
-if BACKEND == "auto":
-    BACKEND = "pygalmesh" if find_spec("pygalmesh") else "cgal"
 # meshers of others that are only compared with: where one fails, its report says so and the run goes on
-BASELINES = [
+COMPARED_MESHERS = [
     mesher
     for mesher in CONFIG.experiments.ablation.meshers
-    if mesher in get_args(Baseline) and mesher not in CONFIG.generate.meshers
+    if mesher in BASELINES and mesher not in CONFIG.generate.meshers
 ]
 RESOLUTIONS = [round(1000 * size) for size in CONFIG.generate.cell_size]
 
-# S1 to S6 in the order in which they run; S6 comes before S5, so that the mesh that is exported is the last one
-STAGES = {
-    "generate": "Generated",
-    "transfer": "Transferred",
-    "relocate": "Relocated",
-    "clean": "Cleaned",
-    "reconnect": "Reconnected",
-    "smooth_boundary": "BoundarySmoothed",
-    "snap": "Snapped",
-    "solver_ready": "Solver",
-}
+# what the names of meshes call the result of each stage; stages whose mesh is the same in every setting
+LABELS = {name: stage.label for name, stage in MESH_STAGES.items()}
+SHARED = [name for name, stage in MESH_STAGES.items() if stage.shared_by_settings]
 
-# stages whose mesh is the same in every setting
-IN_EVERY_SETTING = ("generate", "transfer")
 
-# end of the file's name -> format of the solver that reads it; the stages' own files end in tetmesh.vtu
-SOLVERS = {
-    "tetmesh.mesh": "braingrowth",
-    "tetmesh.inp": "abaqus",
-    "tetmesh.feb": "febio",
-    "tetmesh.xdmf": "fenics",
-    "tetmesh.msh": "gmsh",
-    "tetmesh.pts": "carp",
-    "tetmesh.bpts": "carp_binary",
-    "sets.vtu": "vtu",
-    "boundary.stl": "stl",
-    "boundary.surf.gii": "gifti",
-}
+def exported_suffix(form):
+    """End of the name of an exported file; the stages' own files end in tetmesh.vtu."""
+    return f"{'boundary' if form.is_surface else 'sets' if form.name == 'vtu' else 'tetmesh'}{form.suffix}"
+
+
+SOLVERS = {exported_suffix(form): name for name, form in FORMATS.items()}
 # rules that take every mesh that is done
 OVER_ALL_CASES = (
     *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "cohort_page"),
@@ -92,7 +72,7 @@ wildcard_constraints:
     res=r"[1-9][0-9]*",
     mesher=r"[a-z0-9]+",
     setting="|".join(["", *SETTINGS]),  # an empty expression alone would be none
-    stage="|".join(STAGES.values()),
+    stage="|".join(LABELS.values()),
     suffix="|".join(map(re.escape, SOLVERS)),
 
 
@@ -108,7 +88,7 @@ def surface_file(desc, suffix="white.surf.gii"):
 
 def mesh_file(desc, suffix="tetmesh.vtu"):
     """File of a stage's mesh: its name tells mesher, setting where it matters, and stage."""
-    setting = "" if desc in [STAGES[stage] for stage in IN_EVERY_SETTING] else "{setting}"
+    setting = "" if desc in [LABELS[stage] for stage in SHARED] else "{setting}"
     return bids(suffix, "mesh", res="{res}um", desc=f"{{mesher}}{setting}{desc}")
 
 
@@ -122,16 +102,22 @@ def fold_file(name):
     return f"{OUT}/{{folder}}/simulation/{{case}}_res-{{res}}um_desc-{{mesher}}{{setting}}Folded/{name}"
 
 
+def run_log(name, suffix="log"):
+    """Log of a job, or with suffix `tsv` its benchmark: seconds and memory."""
+    return f"{OUT}/{'logs' if suffix == 'log' else 'benchmarks'}/{name}.{suffix}"
+
+
 def surface_log(rule, suffix="log"):
-    """Log of a job on a surface, or with suffix `tsv` its benchmark; both are named as the files they are about."""
-    return f"{'logs' if suffix == 'log' else 'benchmarks'}/{rule}/{{folder}}/{{case}}.{suffix}"
+    """Log or benchmark of a job on a surface, named as the files they are about."""
+    return run_log(f"{rule}/{{folder}}/{{case}}", suffix)
 
 
 def mesh_log(rule, suffix="log", desc=""):
-    setting = "" if rule in (*IN_EVERY_SETTING, "baseline") else "{setting}"
-    return surface_log(rule, suffix).replace("{case}", f"{{case}}_res-{{res}}um_desc-{{mesher}}{setting}{desc}")
+    setting = "" if rule in (*SHARED, "baseline") else "{setting}"
+    return run_log(f"{rule}/{{folder}}/{{case}}_res-{{res}}um_desc-{{mesher}}{setting}{desc}", suffix)
 
 
+run_benchmark = partial(run_log, suffix="tsv")
 surface_benchmark = partial(surface_log, suffix="tsv")
 mesh_benchmark = partial(mesh_log, suffix="tsv")
 
@@ -158,35 +144,46 @@ def setting_of(wildcards):
 
 def mesh_before(stage):
     """File of the last enabled stage before `stage`: a bypassed stage does not occur."""
-    stages = list(STAGES)
 
     def file(wildcards):
-        before = [name for name in stages[: stages.index(stage)] if setting_of(wildcards).enabled(name)]
-        return mesh_file(STAGES[before[-1]]).format(**{"setting": "", **wildcards})
+        meshes = [other.name for other in setting_of(wildcards).line() if other.gives == "mesh"]
+        earlier = [name for name in meshes if list(LABELS).index(name) < list(LABELS).index(stage)]
+        return mesh_file(LABELS[earlier[-1]]).format(**{"setting": "", **wildcards})
 
     return file
 
 
-def parameters_of(stage, wildcards):
-    """Arguments and version of a stage, as far as they come from the configuration and the sheet."""
+def facts_of(wildcards):
+    """What is known of the surface or mesh that a job is about, as `Config.arguments` wants it."""
     case = CASES[wildcards.case]
-    chosen = {
-        "phantom": lambda: {"gestational_age": case.scan_age, "hemisphere": case.hemi},
-        "gate": lambda: {"source": str(case.surface)},
-        "smooth_surface": lambda: {"gestational_age": case.scan_age},
-        "fold": lambda: {"gestational_age": case.scan_age, "hemisphere": case.hemi},
-        "generate": lambda: {
-            "cell_size": int(wildcards.res) / 1000,
-            "mesher": wildcards.mesher,
-            "backend": BACKEND,
-        },
-    }
-    setting = CONFIG if stage in IN_EVERY_SETTING else setting_of(wildcards)
-    return setting.stage(stage, **chosen.get(stage, dict)())
+    facts = {"source": str(case.surface), "gestational_age": case.scan_age, "hemisphere": case.hemi}
+    if "res" in wildcards.keys():
+        facts |= {"cell_size": int(wildcards.res) / 1000, "mesher": wildcards.mesher}
+    return facts
+
+
+def config_of(step, wildcards):
+    """Configuration of the setting that a job works in; stages that all settings share work in that of the line."""
+    return CONFIG if step in SHARED else setting_of(wildcards)
+
+
+def arguments_of(step, wildcards):
+    """Keyword arguments of a stage or another step: with its VERSION, they decide whether it runs again."""
+    return config_of(step, wildcards).arguments(step, facts_of(wildcards))
+
+
+def origin_of(stage, wildcards):
+    """Whose record a job writes; `stage` is the one that made the mesh or surface, by its label."""
+    origin = {"case": wildcards.case, "stage": stage}
+    if "res" in wildcards.keys():
+        shared = stage in [LABELS[name] for name in SHARED]
+        setting = None if shared else setting_of(wildcards).setting
+        origin |= {"cell_size_mm": int(wildcards.res) / 1000, "mesher": wildcards.mesher, "setting": setting}
+    return origin
 
 
 # the surface that is meshed, and that every later stage measures against
-MESHED_SURFACE = surface_file("smoothed" if CONFIG.enabled("smooth_surface") else "gated")
+MESHED_SURFACE = surface_file([stage.label for stage in CONFIG.line() if stage.gives == "surface"][-1])
 
 
 def tets(wildcards):
@@ -237,13 +234,21 @@ SOLVER_FILES = [mesh_file("Solver", suffix) for suffix, solver in SOLVERS.items(
 
 def reports_of(wildcards):
     """What the stages of a setting reported, by stage."""
-    setting = setting_of(wildcards)
     files = {
-        "gate": surface_file("gated", "white.json"),
-        "smooth_surface": surface_file("smoothed", "white.json"),
-        **{stage: mesh_file(desc, "tetmesh.json") for stage, desc in STAGES.items()},
+        stage.name: (
+            surface_file(stage.label, "white.json")
+            if stage.gives == "surface"
+            else mesh_file(stage.label, "tetmesh.json")
+        )
+        for stage in setting_of(wildcards).line()
     }
-    return {stage: path.format(**wildcards) for stage, path in files.items() if setting.enabled(stage)}
+    return {stage: path.format(**wildcards) for stage, path in files.items()}
+
+
+def recorded_line(wildcards):
+    """Arguments and versions of the stages of a setting and of the certificate, for the certificate."""
+    steps = [*reports_of(wildcards), "certify"]
+    return {step: config_of(step, wildcards).record(step, facts_of(wildcards)) for step in steps}
 
 
 def solver_files():
@@ -251,7 +256,7 @@ def solver_files():
 
 
 def quality_records():
-    measured = [STAGES[stage] for stage in CONFIG.quality.stages if CONFIG.enabled(stage)]
+    measured = [LABELS[stage] for stage in CONFIG.quality.stages if CONFIG.enabled(stage)]
     return [path for desc in measured for path in each_case(mesh_file(desc, "quality.json")).values()]
 
 
@@ -299,7 +304,7 @@ def beside(path, page):
 
 def stage_records():
     """Quality records of the meshes that got as far as their certificate, stage by stage."""
-    measured = [STAGES[stage] for stage in CONFIG.quality.stages if CONFIG.enabled(stage)]
+    measured = [LABELS[stage] for stage in CONFIG.quality.stages if CONFIG.enabled(stage)]
     records = [each_case(mesh_file(desc, "quality.json")) for desc in measured]
     return [record[mesh] for mesh in each_case(CERTIFICATE) if is_measured(mesh, FAILURES) for record in records]
 

@@ -16,19 +16,20 @@ checkpoint baseline:
     benchmark:
         mesh_benchmark("baseline")
     wildcard_constraints:
-        mesher="|".join(BASELINES) or "none",
+        mesher="|".join(COMPARED_MESHERS) or "none",
     conda:
         "../envs/cortet.yaml"
     resources:
         mem_mb=megabytes("generate"),
         runtime=EXPERIMENTS.ablation.time_limit + 5,
     params:
-        stage=lambda wildcards: {
+        arguments=lambda wildcards: {
             "mesher": wildcards.mesher,
             "cell_size": int(wildcards.res) / 1000,
             "time_limit": EXPERIMENTS.ablation.time_limit,
-            "version": stage_version("baselines"),
         },
+        version=version_of("meshers.baselines"),
+        origin=partial(origin_of, LABELS["generate"]),
     script:
         "../scripts/baseline.py"
 
@@ -40,16 +41,17 @@ rule reference:
     output:
         record=f"{OUT}/cohort/reference-{{reference}}_quality.json",
     log:
-        "logs/reference/{reference}.log",
+        run_log("reference/{reference}"),
     benchmark:
-        "benchmarks/reference/{reference}.tsv"
+        run_benchmark("reference/{reference}")
     conda:
         "../envs/cortet.yaml"
     resources:
         mem_mb=2000,
         runtime=5,
     params:
-        version=stage_version("quality"),
+        version=version_of("measure.quality"),
+        origin=lambda wildcards: {"reference": wildcards.reference},
     script:
         "../scripts/reference.py"
 
@@ -58,7 +60,7 @@ rule table_ablation:
     """Table 1 of the paper: what each stage does to the quality."""
     input:
         records=lambda _: made(records_of_all(ablated(OWN_MESHERS))),
-        baselines=lambda _: made(records_of_all(mesh for mesh in ablated(BASELINES) if is_made(*mesh))),
+        baselines=lambda _: made(records_of_all(mesh for mesh in ablated(COMPARED_MESHERS) if is_made(*mesh))),
         made=lambda _: made(ablation_reports()),
         references=expand(rules.reference.output.record, reference=REFERENCES),
     output:
@@ -70,15 +72,15 @@ rule table_ablation:
         ),
         multiext(f"{OUT}/cohort/table-ablation", ".tsv", ".json", ".tex", ".md"),
     log:
-        "logs/table_ablation.log",
+        run_log("table_ablation"),
     benchmark:
-        "benchmarks/table_ablation.tsv"
+        run_benchmark("table_ablation")
     conda:
         "../envs/cortet.yaml"
     params:
-        missing=lambda _: unmade(records_of_all(ablated([*OWN_MESHERS, *BASELINES]))),
+        missing=lambda _: unmade(records_of_all(ablated([*OWN_MESHERS, *COMPARED_MESHERS]))),
         setting=CONFIG.setting,
-        version=[stage_version("experiments"), stage_version("printed")],
+        version=[version_of("report.ablation"), version_of("report.table_files")],
     script:
         "../scripts/table_ablation.py"
 
@@ -96,9 +98,9 @@ rule table_resolution:
         ),
         multiext(f"{OUT}/cohort/table-resolution", ".tsv", ".json", ".tex", ".md"),
     log:
-        "logs/table_resolution.log",
+        run_log("table_resolution"),
     benchmark:
-        "benchmarks/table_resolution.tsv"
+        run_benchmark("table_resolution")
     conda:
         "../envs/cortet.yaml"
     params:
@@ -106,7 +108,7 @@ rule table_resolution:
         missing=unmade(RESOLUTION_RECORDS),
         setting=CONFIG.setting,
         ages=AGES,
-        version=[stage_version("mesh_tables"), stage_version("printed")],
+        version=[version_of("report.mesh_tables"), version_of("report.table_files")],
     script:
         "../scripts/mesh_table.py"
 
@@ -124,9 +126,9 @@ rule table_measures:
         ),
         multiext(f"{OUT}/cohort/table-measures", ".tsv", ".json", ".tex", ".md"),
     log:
-        "logs/table_measures.log",
+        run_log("table_measures"),
     benchmark:
-        "benchmarks/table_measures.tsv"
+        run_benchmark("table_measures")
     conda:
         "../envs/cortet.yaml"
     params:
@@ -134,7 +136,7 @@ rule table_measures:
         missing=unmade(MEASURES_RECORDS),
         setting=CONFIG.setting,
         ages=AGES,
-        version=[stage_version("mesh_tables"), stage_version("printed")],
+        version=[version_of("report.mesh_tables"), version_of("report.table_files")],
     script:
         "../scripts/mesh_table.py"
 
@@ -152,18 +154,17 @@ rule figure_pooled_quality:
         ),
         multiext(f"{OUT}/cohort/figure-pooled-quality_res-{{res}}um", ".pdf", ".png"),
     log:
-        "logs/figure_pooled_quality/{res}.log",
+        run_log("figure_pooled_quality/{res}"),
     benchmark:
-        "benchmarks/figure_pooled_quality/{res}.tsv"
+        run_benchmark("figure_pooled_quality/{res}")
     conda:
         "../envs/cortet.yaml"
     params:
-        stage=lambda wildcards: {
-            "setting": CONFIG.setting,
+        arguments=lambda wildcards: {
             "settings": [setting.setting for setting in SETTINGS.values()],
             "limit": CONFIG.certify.q_max,
-            "version": [stage_version("figures"), stage_version("experiments")],
         },
+        version=[version_of("report.figures"), version_of("report.ablation")],
         meshes=lambda wildcards: len(ABLATION_CASES[int(wildcards.res)]),
     script:
         "../scripts/pooled_quality_figure.py"
@@ -182,9 +183,9 @@ rule figure_series:
         ),
         multiext(f"{OUT}/cohort/figure-series", ".pdf", ".png"),
     log:
-        "logs/figure_series.log",
+        run_log("figure_series"),
     benchmark:
-        "benchmarks/figure_series.tsv"
+        run_benchmark("figure_series")
     conda:
         "../envs/cortet.yaml"
     resources:
@@ -193,7 +194,7 @@ rule figure_series:
     params:
         brains=series(),
         h=RESOLUTIONS[0] / 1000,
-        version=[stage_version("series"), stage_version("render")],
+        version=[version_of("report.series"), version_of("report.render")],
     script:
         "../scripts/series_figure.py"
 
@@ -211,15 +212,15 @@ rule methods:
             labels={"text": "methods paragraph"},
         ),
     log:
-        "logs/methods.log",
+        run_log("methods"),
     benchmark:
-        "benchmarks/methods.tsv"
+        run_benchmark("methods")
     conda:
         "../envs/cortet.yaml"
     params:
         sheet=SHEET,
         failures={mesh[0]: failure["reason"] for mesh, failure in FAILURES.items() if not is_measured(mesh, FAILURES)},
-        version=stage_version("methods"),
+        version=version_of("report.methods"),
     script:
         "../scripts/methods.py"
 
@@ -246,9 +247,9 @@ rule report:
     output:
         archive=f"{OUT}/cohort/report.zip",
     log:
-        "logs/report.log",
+        run_log("report"),
     benchmark:
-        "benchmarks/report.tsv"
+        run_benchmark("report")
     conda:
         "../envs/cortet.yaml"
     params:

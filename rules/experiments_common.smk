@@ -2,13 +2,13 @@
 
 import json
 
-from cortet.cohort import chosen
-from cortet.experiments import ABLATED
+from cortet.cohort.sheet import chosen
+from cortet.report.ablation import ABLATED
 
 EXPERIMENTS = CONFIG.experiments
 # meshers whose failure is that of the case
 OWN_MESHERS = list(
-    dict.fromkeys(m for m in [*CONFIG.generate.meshers, *EXPERIMENTS.ablation.meshers] if m not in BASELINES)
+    dict.fromkeys(m for m in [*CONFIG.generate.meshers, *EXPERIMENTS.ablation.meshers] if m not in COMPARED_MESHERS)
 )
 
 
@@ -33,11 +33,11 @@ def ablated(meshers):
 
 def records_of(mesh):
     """Quality records of one mesh, after each stage that the ablation looks at, in each setting."""
-    desc_of = {desc: stage for stage, desc in STAGES.items() if desc in ABLATED}
+    desc_of = {desc: stage for stage, desc in LABELS.items() if desc in ABLATED}
     return [
         file_of(mesh_file(desc, "quality.json"), *mesh, name)
         for desc, stage in desc_of.items()
-        for name, setting in ({"": CONFIG} if stage in IN_EVERY_SETTING else SETTINGS).items()
+        for name, setting in ({"": CONFIG} if stage in SHARED else SETTINGS).items()
         if setting.enabled(stage)
     ]
 
@@ -62,7 +62,7 @@ def records_of_all(meshes):
 
 def ablation_reports():
     """What S1 reported of every mesh; with these as inputs the meshers run at once, not one after the other."""
-    meshes = ablated([*OWN_MESHERS, *BASELINES])
+    meshes = ablated([*OWN_MESHERS, *COMPARED_MESHERS])
     return [file_of(mesh_file("Generated", "tetmesh.json"), *mesh) for mesh in meshes]
 
 

@@ -16,8 +16,8 @@ from collections import defaultdict
 
 from snakemake.logging import logger
 
-from cortet.lock import hold
-from cortet.status import failure_reason, was_killed
+from cortet.cohort.lock import hold
+from cortet.cohort.status import failure_reason, was_killed
 
 STARTED = time.time()
 HELD = []  # files whose locks last until the end of this process

@@ -13,14 +13,16 @@ rule generate:
     benchmark:
         mesh_benchmark("generate")
     wildcard_constraints:
-        mesher="|".join({*CONFIG.generate.meshers, *get_args(Mesher)}),
+        mesher="|".join({*CONFIG.generate.meshers, *MESHERS}),
     conda:
         "../envs/cortet.yaml"
     resources:
         mem_mb=megabytes("generate"),
         runtime=minutes("generate"),
     params:
-        stage=partial(parameters_of, "generate"),
+        arguments=partial(arguments_of, "generate"),
+        version=version_of("stages.generate"),
+        origin=partial(origin_of, LABELS["generate"]),
     script:
         "../scripts/generate.py"
 
@@ -45,7 +47,9 @@ rule transfer:
         mem_mb=megabytes("transfer"),
         runtime=minutes("transfer"),
     params:
-        stage=partial(parameters_of, "transfer"),
+        arguments=partial(arguments_of, "transfer"),
+        version=version_of("stages.transfer"),
+        origin=partial(origin_of, LABELS["transfer"]),
     script:
         "../scripts/transfer.py"
 
@@ -67,9 +71,11 @@ rule relocate:
         mem_mb=megabytes("relocate"),
         runtime=minutes("relocate"),
     params:
-        stage=partial(parameters_of, "relocate"),
+        arguments=partial(arguments_of, "relocate"),
+        version=version_of("stages.relocate"),
+        origin=partial(origin_of, LABELS["relocate"]),
     script:
-        "../scripts/relocate.py"
+        "../scripts/mesh_stage.py"
 
 
 rule clean:
@@ -90,9 +96,11 @@ rule clean:
         mem_mb=megabytes("clean"),
         runtime=minutes("clean"),
     params:
-        stage=partial(parameters_of, "clean"),
+        arguments=partial(arguments_of, "clean"),
+        version=version_of("stages.clean"),
+        origin=partial(origin_of, LABELS["clean"]),
     script:
-        "../scripts/clean.py"
+        "../scripts/mesh_stage.py"
 
 
 rule reconnect:
@@ -113,9 +121,11 @@ rule reconnect:
         mem_mb=megabytes("reconnect"),
         runtime=minutes("reconnect"),
     params:
-        stage=partial(parameters_of, "reconnect"),
+        arguments=partial(arguments_of, "reconnect"),
+        version=version_of("stages.reconnect"),
+        origin=partial(origin_of, LABELS["reconnect"]),
     script:
-        "../scripts/reconnect.py"
+        "../scripts/mesh_stage.py"
 
 
 rule smooth_boundary:
@@ -136,9 +146,11 @@ rule smooth_boundary:
         mem_mb=megabytes("smooth_boundary"),
         runtime=minutes("smooth_boundary"),
     params:
-        stage=partial(parameters_of, "smooth_boundary"),
+        arguments=partial(arguments_of, "smooth_boundary"),
+        version=version_of("stages.smooth_boundary"),
+        origin=partial(origin_of, LABELS["smooth_boundary"]),
     script:
-        "../scripts/smooth_boundary.py"
+        "../scripts/mesh_stage.py"
 
 
 rule snap:
@@ -159,9 +171,11 @@ rule snap:
         mem_mb=megabytes("snap"),
         runtime=minutes("snap"),
     params:
-        stage=partial(parameters_of, "snap"),
+        arguments=partial(arguments_of, "snap"),
+        version=version_of("stages.snap"),
+        origin=partial(origin_of, LABELS["snap"]),
     script:
-        "../scripts/snap.py"
+        "../scripts/mesh_stage.py"
 
 
 rule solver_ready:
@@ -183,6 +197,8 @@ rule solver_ready:
         mem_mb=megabytes("solver_ready"),
         runtime=minutes("solver_ready"),
     params:
-        stage=partial(parameters_of, "solver_ready"),
+        arguments=partial(arguments_of, "solver_ready"),
+        version=version_of("stages.solver_ready"),
+        origin=partial(origin_of, LABELS["solver_ready"]),
     script:
-        "../scripts/solver_ready.py"
+        "../scripts/mesh_stage.py"

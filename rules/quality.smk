@@ -17,7 +17,8 @@ rule quality:
         mem_mb=megabytes("quality"),
         runtime=minutes("quality"),
     params:
-        stage=CONFIG.stage("quality"),
+        version=version_of("measure.quality"),
+        origin=lambda wildcards: origin_of(wildcards.stage, wildcards),
     script:
         "../scripts/quality.py"
 
@@ -41,8 +42,9 @@ rule certify:
         mem_mb=megabytes("certify"),
         runtime=minutes("certify"),
     params:
-        stage=partial(parameters_of, "certify"),
-        line=lambda wildcards: {stage: parameters_of(stage, wildcards) for stage in reports_of(wildcards)},
+        arguments=partial(arguments_of, "certify"),
+        version=version_of("measure.certify"),
+        line=recorded_line,
     script:
         "../scripts/certify.py"
 
@@ -71,7 +73,7 @@ rule case_page:
         },
         failure=failure_of,
         cohort=lambda wildcards: beside(COHORT_PAGE, CASE_PAGE.format(**wildcards)),
-        version=stage_version("pages"),
+        version=version_of("report.pages"),
     script:
         "../scripts/case_page.py"
 
@@ -96,13 +98,13 @@ rule export:
         mem_mb=megabytes("export"),
         runtime=minutes("export"),
     params:
-        stage=lambda wildcards: {
+        arguments=lambda wildcards: {
             "solver": SOLVERS[wildcards.suffix],
             "uncertified": CONFIG.export.uncertified,
             "unit": CONFIG.export.carp_unit,
             "interior": CONFIG.transfer.interior,
-            "version": stage_version("export"),
         },
+        version=version_of("solver_files.export"),
         sets=CONFIG.export.sets,
         fields=lambda wildcards: {name: str(path) for name, path in CASES[wildcards.case].fields.items()},
         units=CONFIG.export.field_units,

@@ -25,7 +25,8 @@ rule fold:
         mem_mb=megabytes("fold"),
         runtime=minutes("fold"),
     params:
-        stage=partial(parameters_of, "fold"),
+        arguments=partial(arguments_of, "fold"),
+        version=version_of("simulation.fold"),
     script:
         "../scripts/fold.py"
 
@@ -65,6 +66,6 @@ rule fold_figures:
         runtime=minutes("fold_figures"),
     params:
         hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
-        version=stage_version("fold_figures"),
+        version=version_of("report.fold_figures"),
     script:
         "../scripts/fold_figures.py"

@@ -15,7 +15,8 @@ rule phantom:
         mem_mb=megabytes("phantom"),
         runtime=minutes("phantom"),
     params:
-        stage=partial(parameters_of, "phantom"),
+        arguments=partial(arguments_of, "phantom"),
+        version=version_of("phantom"),
     script:
         "../scripts/phantom.py"
 
@@ -37,7 +38,9 @@ rule gate:
         mem_mb=megabytes("gate"),
         runtime=minutes("gate"),
     params:
-        stage=partial(parameters_of, "gate"),
+        arguments=partial(arguments_of, "gate"),
+        version=version_of("stages.gate"),
+        origin=partial(origin_of, STAGES["gate"].label),
     script:
         "../scripts/gate.py"
 
@@ -59,7 +62,8 @@ rule fields:
         mem_mb=megabytes("fields"),
         runtime=minutes("fields"),
     params:
-        stage=partial(parameters_of, "gate"),
+        arguments=partial(arguments_of, "gate"),
+        version=version_of("stages.gate"),
         files=lambda wildcards: {name: str(path) for name, path in CASES[wildcards.case].fields.items()},
     script:
         "../scripts/fields.py"
@@ -82,6 +86,8 @@ rule smooth_surface:
         mem_mb=megabytes("smooth_surface"),
         runtime=minutes("smooth_surface"),
     params:
-        stage=partial(parameters_of, "smooth_surface"),
+        arguments=partial(arguments_of, "smooth_surface"),
+        version=version_of("stages.smooth_surface"),
+        origin=partial(origin_of, STAGES["smooth_surface"].label),
     script:
         "../scripts/smooth_surface.py"

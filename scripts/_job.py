@@ -1,10 +1,14 @@
-"""What every script does first: importing this module prepares the job.
+"""What every script does first: `job = start(snakemake)`.
 
 The job logs to its rule's log file (libraries that print do so too), keeps to its rule's threads, and when it fails
 leaves a last line `ERROR reason` there, which `cohort_status.tsv` quotes. Stopped by SIGTERM, as at the end of its time
 on a cluster, or ended because it takes longer than `time_limit`, it leaves the place where it was. It ends with the
 Snakemake that started it. Where a profile numbers attempts (resource `attempt`), only a job that was killed is tried
-again. Import it before anything of cortet: Numba reads its number of threads once.
+again.
+
+A job can be run again in a debugger. `CORTET_SAVE_JOBS=FOLDER snakemake ...` saves each job that starts as
+`FOLDER/RULE.CASE.job`, and `python -m pdb scripts/_job.py FILE.job` runs it, in the folder of the workflow and with its
+messages on the terminal.
 """
 
 from __future__ import annotations
@@ -16,26 +20,86 @@ import faulthandler
 import glob
 import logging
 import os
+import pickle
+import runpy
 import shutil
 import signal
 import sys
 import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import __main__
-
-# what Snakemake puts into the script: input, output, params, log, ...
-snakemake: Any = __main__.snakemake
-
-os.environ["NUMBA_NUM_THREADS"] = str(snakemake.threads)
 # the workflow runs the package beside it, also in a conda environment that has another one or none
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from cortet.errors import CortetError  # noqa: E402
+from cortet.errors import CortetError
 
 logger = logging.getLogger("cortet")
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a script needs of its job; the first four are Snakemake's."""
+
+    input: Any
+    output: Any
+    params: Any
+    wildcards: Any
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Keyword arguments of the function that the script calls."""
+        return dict(self.params.arguments)
+
+    def record(self, report: Mapping[str, Any]) -> dict[str, Any]:
+        """A report that says whose it is."""
+        return {"origin": self.params.origin, **report}
+
+
+def start(snakemake: Any) -> Job:
+    """Prepare the process for a job: log, limits, what happens when it fails. Call it before Numba is imported."""
+    os.environ["NUMBA_NUM_THREADS"] = str(snakemake.threads)  # which is read once
+    if folder := os.environ.get("CORTET_SAVE_JOBS"):
+        _save(snakemake, Path(folder))
+    if snakemake.log:
+        _guard(snakemake)
+    _delete_leftovers(snakemake.output)
+    return Job(snakemake.input, snakemake.output, snakemake.params, snakemake.wildcards)
+
+
+def _guard(snakemake: Any) -> None:
+    """Tie the job to the Snakemake that started it, to its log and to its limits."""
+    _end_with_snakemake()
+    log = Path(snakemake.log[0])
+    earlier = log.with_name(f".{log.name}.attempt")
+    attempt = snakemake.resources.get("attempt", 0)  # 0: it is not said, and a failure is final
+    if attempt > 1:
+        _end_hopeless_attempt(log, earlier)
+    _log_to(log)
+    logger.info("%s of %s with %s", snakemake.rule, dict(snakemake.wildcards), dict(snakemake.params))
+    if attempt:
+        _remember(log, earlier)
+    _limit_time()
+    faulthandler.register(signal.SIGTERM, file=2, chain=True)
+    sys.excepthook = _log_failure
+
+
+def _save(snakemake: Any, folder: Path) -> None:
+    """Save a job for a debugger; `_run_saved` runs it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    name = ".".join([snakemake.rule, *snakemake.wildcards]).replace("/", "_")
+    (folder / f"{name}.job").write_bytes(pickle.dumps(snakemake))
+
+
+def _run_saved(path: Path) -> None:
+    """Run a saved job in this process, without a log, so that a debugger and its messages have the terminal."""
+    job = pickle.loads(path.read_bytes())
+    job.log = []
+    script = Path(__file__).with_name(Path(job.scriptfile).name)
+    runpy.run_path(str(script), init_globals={"snakemake": job}, run_name="__main__")
 
 
 def _end_with_snakemake() -> None:
@@ -56,12 +120,11 @@ def _log_to(path: Path) -> None:
     os.dup2(descriptor, 2)
     os.close(descriptor)
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
-    logger.info("%s of %s with %s", snakemake.rule, dict(snakemake.wildcards), dict(snakemake.params))
 
 
 def _end_hopeless_attempt(log: Path, earlier: Path) -> None:
     """Another attempt, with more memory, is no help to a job that was not killed."""
-    from cortet.status import was_killed
+    from cortet.cohort.status import was_killed
 
     if earlier.exists() and not was_killed(earlier):
         shutil.copyfile(earlier, log)
@@ -89,29 +152,12 @@ def _log_failure(kind: type[BaseException], error: BaseException, trace: Traceba
         logger.error("%s: %s", kind.__name__, error)
 
 
-def _delete_leftovers() -> None:
+def _delete_leftovers(outputs: Any) -> None:
     """Delete the temporary files of an attempt that was killed (`cortet.formats.atomic` names them)."""
-    for output in map(Path, snakemake.output):
+    for output in map(Path, outputs):
         for leftover in output.parent.glob(f".*-*.{glob.escape(output.name)}"):
             shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
 
 
-_end_with_snakemake()
-_log = Path(snakemake.log[0])
-_earlier = _log.with_name(f".{_log.name}.attempt")
-# 0: it is not said, and a failure is final
-_attempt = snakemake.resources.get("attempt", 0)
-if _attempt > 1:
-    _end_hopeless_attempt(_log, _earlier)
-_log_to(_log)
-if _attempt:
-    _remember(_log, _earlier)
-_limit_time()
-faulthandler.register(signal.SIGTERM, file=2, chain=True)
-sys.excepthook = _log_failure
-_delete_leftovers()
-
-
-def parameters() -> dict[str, Any]:
-    """Arguments of the stage function: the rule's `stage` parameter without the version, which Snakemake compares."""
-    return {key: value for key, value in snakemake.params.stage.items() if key != "version"}
+if __name__ == "__main__":
+    _run_saved(Path(sys.argv[1]))

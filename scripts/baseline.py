@@ -1,9 +1,12 @@
 """S1 by another mesher; where it fails, the mesh has no elements and the report says why."""
 
+import logging
 from dataclasses import asdict
 
 import numpy as np
-from _job import logger, parameters, snakemake
+from _job import start
+
+job = start(snakemake)
 
 from cortet.errors import StageError
 from cortet.formats import gifti, vtu
@@ -12,11 +15,11 @@ from cortet.mesh import TetMesh
 from cortet.stages.generate import generate_with_baseline
 
 try:
-    mesh, made = generate_with_baseline(gifti.read_surface(snakemake.input.surface), **parameters())
+    mesh, made = generate_with_baseline(gifti.read_surface(job.input.surface), **job.arguments)
     report = asdict(made)
 except StageError as error:
-    logger.warning("%s", error)
+    logging.getLogger("cortet").warning("%s", error)
     mesh = TetMesh(np.empty((0, 3)), np.empty((0, 4), np.int32))
-    report = {"mesher": parameters()["mesher"], "failure": str(error)}
-vtu.write(mesh, snakemake.output.mesh)
-write_json(report, snakemake.output.report)
+    report = {"mesher": job.arguments["mesher"], "failure": str(error)}
+vtu.write(mesh, job.output.mesh)
+write_json(job.record(report), job.output.report)

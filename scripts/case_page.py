@@ -3,13 +3,15 @@
 import json
 from pathlib import Path
 
-from _job import snakemake
+from _job import start
 
-from cortet.case_page import about, write_case_page, write_failure_page
+job = start(snakemake)
+
 from cortet.errors import CortetError
 from cortet.formats import gifti, vtu
+from cortet.report.case_page import about, write_case_page, write_failure_page
 
-given, params, page = snakemake.input, snakemake.params, Path(snakemake.output.page)
+given, params, page = job.input, job.params, Path(job.output.page)
 shown = {"facts": about(params.about), "cohort": params.cohort}
 if params.failure is None:
     write_case_page(
@@ -30,4 +32,4 @@ else:
             surface = gifti.read_surface(given.surface)
         except CortetError as error:
             trouble = f"It cannot be drawn: {error}"
-    write_failure_page(snakemake.wildcards.case, params.failure, page, surface=surface, trouble=trouble, **shown)
+    write_failure_page(job.wildcards.case, params.failure, page, surface=surface, trouble=trouble, **shown)

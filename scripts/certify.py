@@ -4,22 +4,27 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
-from _job import parameters, snakemake
+from _job import start
 
-from cortet.certify import certify
+job = start(snakemake)
+
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
+from cortet.measure.certify import certify
 
-line = snakemake.params.line
+stages = [step for step in job.params.line if step != "certify"]
+reports = [json.loads(Path(path).read_text(encoding="utf-8")) for path in job.input.reports]
 certificate = certify(
-    vtu.read(snakemake.input.mesh),
-    gifti.read_surface(snakemake.input.surface),
-    **parameters(),
-    case=snakemake.wildcards.case,
-    source=snakemake.input.source,
-    parameters=line,
+    vtu.read(job.input.mesh),
+    gifti.read_surface(job.input.surface),
+    **job.arguments,
+    case=job.wildcards.case,
+    source=job.input.source,
+    parameters=job.params.line,
+    # the certificate says itself whose it is
     reports={
-        stage: json.loads(Path(path).read_text()) for stage, path in zip(line, snakemake.input.reports, strict=True)
+        stage: {key: value for key, value in report.items() if key != "origin"}
+        for stage, report in zip(stages, reports, strict=True)
     },
 )
-write_json(asdict(certificate), snakemake.output.certificate)
+write_json(asdict(certificate), job.output.certificate)

@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
-from _job import snakemake
+from _job import start
 
-from cortet.figures import cohort_figure, save
+job = start(snakemake)
 
-save(cohort_figure(Path(snakemake.input.table), limit=snakemake.params.limit), *snakemake.output)
+from cortet.report.figures import cohort_figure, save
+
+save(cohort_figure(Path(job.input.table), limit=job.params.limit), *job.output)

@@ -2,15 +2,17 @@
 
 from pathlib import Path
 
-from _job import snakemake
+from _job import start
 
-from cortet.cohort_page import write_cohort_page
+job = start(snakemake)
 
-given = snakemake.input
+from cortet.report.cohort_page import write_cohort_page
+
+given = job.input
 write_cohort_page(
     Path(given.status),
     (Path(given.quality[0]), Path(given.quality[1])) if given.quality else None,
-    snakemake.output.page,
-    meshes=snakemake.params.meshes,
+    job.output.page,
+    meshes=job.params.meshes,
     figure=Path(given.figure) if given.figure else None,
 )

@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
-from _job import snakemake
+from _job import start
 
-from cortet.printed import write_view
-from cortet.tables import write_quality
+job = start(snakemake)
 
-table, sidecar, view = map(Path, snakemake.output)
-write_quality([Path(path) for path in snakemake.input], snakemake.params.cases, table=table, sidecar=sidecar)
+from cortet.report.cohort_tables import write_quality
+from cortet.report.table_files import write_view
+
+table, sidecar, view = map(Path, job.output)
+write_quality([Path(path) for path in job.input], job.params.cases, table=table, sidecar=sidecar)
 write_view(table, sidecar, view, title="Quality, fidelity and topology of every mesh")

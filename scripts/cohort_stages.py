@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
-from _job import snakemake
+from _job import start
 
-from cortet.experiments import write_stages
-from cortet.printed import write_view
+job = start(snakemake)
 
-table, sidecar, view = map(Path, snakemake.output)
-write_stages(map(Path, snakemake.input), table=table, sidecar=sidecar)
+from cortet.report.ablation import write_stages
+from cortet.report.table_files import write_view
+
+table, sidecar, view = map(Path, job.output)
+write_stages(map(Path, job.input), table=table, sidecar=sidecar)
 write_view(table, sidecar, view, title="Every mesh, stage by stage")

@@ -2,11 +2,13 @@
 
 from pathlib import Path
 
-from _job import snakemake
+from _job import start
 
-from cortet.printed import write_view
-from cortet.status import write_status
+job = start(snakemake)
 
-table, sidecar, view = map(Path, snakemake.output)
-write_status(snakemake.params.meshes, table=table, sidecar=sidecar)
+from cortet.cohort.status import write_status
+from cortet.report.table_files import write_view
+
+table, sidecar, view = map(Path, job.output)
+write_status(job.params.meshes, table=table, sidecar=sidecar)
 write_view(table, sidecar, view, title="What became of every case")

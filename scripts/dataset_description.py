@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
-from _job import snakemake
+from _job import start
 
-from cortet.bids import write_dataset_description
+job = start(snakemake)
 
-write_dataset_description(Path(snakemake.output.description), Path(snakemake.output.ignore))
+from cortet.cohort.bids import write_dataset_description
+
+write_dataset_description(Path(job.output.description), Path(job.output.ignore))

@@ -3,21 +3,23 @@
 import json
 from pathlib import Path
 
-from _job import parameters, snakemake
+from _job import start
 
-from cortet.export import export
-from cortet.fields import field_sources
+job = start(snakemake)
+
 from cortet.formats import gifti, vtu
-from cortet.sets import named_sets
+from cortet.solver_files.export import export
+from cortet.solver_files.fields import field_sources
+from cortet.solver_files.sets import named_sets
 
-sources = field_sources(snakemake.params.fields, snakemake.params.units)
+sources = field_sources(job.params.fields, job.params.units)
 labels = {name: source.labels for name, source in sources.items()}
-mesh = named_sets(vtu.read(snakemake.input.mesh), **snakemake.params.sets, label_names=labels)
+mesh = named_sets(vtu.read(job.input.mesh), **job.params.sets, label_names=labels)
 export(
     mesh,
-    Path(snakemake.output.mesh),
-    certificate=json.loads(Path(snakemake.input.certificate).read_text()),
-    frame=gifti.read_surface(snakemake.input.surface).frame,
+    Path(job.output.mesh),
+    certificate=json.loads(Path(job.input.certificate).read_text()),
+    frame=gifti.read_surface(job.input.surface).frame,
     sources=sources,
-    **parameters(),
+    **job.arguments,
 )

@@ -1,11 +1,13 @@
 """The per-vertex fields of a case on the vertices that the gate lets in."""
 
-from _job import parameters, snakemake
+from _job import start
 
-from cortet.fields import with_fields
+job = start(snakemake)
+
 from cortet.formats import gifti
+from cortet.solver_files.fields import with_fields
 from cortet.stages.gate import gate
 
-surface = with_fields(gifti.read_surface(snakemake.input.surface), snakemake.params.files)
-surface, _ = gate(surface, **parameters())
-gifti.write_surface(surface, snakemake.output.surface)
+surface = with_fields(gifti.read_surface(job.input.surface), job.params.files)
+surface, _ = gate(surface, **job.arguments)
+gifti.write_surface(surface, job.output.surface)

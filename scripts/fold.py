@@ -3,7 +3,9 @@
 import logging
 from pathlib import Path
 
-from _job import parameters, snakemake
+from _job import start
+
+job = start(snakemake)
 
 from cortet.formats import vtu
 from cortet.simulation.fold import fold
@@ -11,9 +13,9 @@ from cortet.simulation.progress import status
 from cortet.simulation.run import Settings
 
 verdict = fold(
-    vtu.read(snakemake.input.mesh),
-    Path(snakemake.output.verdict).parent,
-    Settings(**parameters()),
+    vtu.read(job.input.mesh),
+    Path(job.output.verdict).parent,
+    Settings(**job.arguments),
     lambda *progress: logging.getLogger("cortet").info("%s", status(*progress)),
 )
 logging.getLogger("cortet").info("%s", verdict.reason)

@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
-from _job import snakemake
+from _job import start
 
-from cortet.simulation.fold_figures import draw
+job = start(snakemake)
 
-draw(Path(snakemake.input.series).parent, snakemake.params.hemisphere)
+from cortet.report.fold_figures import draw
+
+draw(Path(job.input.series).parent, job.params.hemisphere)

@@ -2,15 +2,17 @@
 
 from dataclasses import asdict
 
-from _job import parameters, snakemake
+from _job import start
+
+job = start(snakemake)
 
 from cortet.errors import InputError
 from cortet.formats import gifti
 from cortet.formats.atomic import write_json
 from cortet.stages.gate import gate
 
-if not snakemake.input:
-    raise InputError("no such file", file=parameters()["source"], remedy="mend the column surface of the cohort sheet")
-surface, report = gate(gifti.read_surface(snakemake.input.surface), **parameters())
-gifti.write_surface(surface, snakemake.output.surface)
-write_json(asdict(report), snakemake.output.report)
+if not job.input:
+    raise InputError("no such file", file=job.arguments["source"], remedy="mend the column surface of the cohort sheet")
+surface, report = gate(gifti.read_surface(job.input.surface), **job.arguments)
+gifti.write_surface(surface, job.output.surface)
+write_json(job.record(asdict(report)), job.output.report)

@@ -2,12 +2,14 @@
 
 from dataclasses import asdict
 
-from _job import parameters, snakemake
+from _job import start
+
+job = start(snakemake)
 
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.stages.generate import generate
 
-mesh, report = generate(gifti.read_surface(snakemake.input.surface), **parameters())
-vtu.write(mesh, snakemake.output.mesh)
-write_json(asdict(report), snakemake.output.report)
+mesh, report = generate(gifti.read_surface(job.input.surface), **job.arguments)
+vtu.write(mesh, job.output.mesh)
+write_json(job.record(asdict(report)), job.output.report)

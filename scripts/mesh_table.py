@@ -1,14 +1,16 @@
 """One of the tables with one row per mesh."""
 
-from _job import snakemake
+from _job import start
 
-from cortet.mesh_tables import write_mesh_table
+job = start(snakemake)
+
+from cortet.report.mesh_tables import write_mesh_table
 
 write_mesh_table(
-    snakemake.params.table,
-    snakemake.input.records,
-    snakemake.params.missing,
-    snakemake.output,
-    setting=snakemake.params.setting,
-    ages=snakemake.params.ages,
+    job.params.table,
+    job.input.records,
+    job.params.missing,
+    job.output,
+    setting=job.params.setting,
+    ages=job.params.ages,
 )

@@ -1,7 +1,9 @@
 """A paragraph for the methods section of a paper."""
 
-from _job import snakemake
+from _job import start
 
-from cortet.methods import write_methods
+job = start(snakemake)
 
-write_methods(snakemake.input, snakemake.params.sheet, snakemake.params.failures, *snakemake.output)
+from cortet.report.methods import write_methods
+
+write_methods(job.input, job.params.sheet, job.params.failures, *job.output)

@@ -1,8 +1,10 @@
 """A synthetic cortex of the case's age."""
 
-from _job import parameters, snakemake
+from _job import start
+
+job = start(snakemake)
 
 from cortet.formats.gifti import write_surface
 from cortet.phantom import phantom
 
-write_surface(phantom(**parameters()), snakemake.output.surface)
+write_surface(phantom(**job.arguments), job.output.surface)

@@ -1,7 +1,9 @@
 """Pooled per-element quality of the meshes of one cell size."""
 
-from _job import parameters, snakemake
+from _job import start
 
-from cortet.experiments import draw_pooled
+job = start(snakemake)
 
-draw_pooled(snakemake.input, snakemake.output, **parameters())
+from cortet.report.ablation import draw_pooled
+
+draw_pooled(job.input, job.output, **job.arguments)

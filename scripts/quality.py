@@ -2,10 +2,12 @@
 
 from dataclasses import asdict
 
-from _job import snakemake
+from _job import start
+
+job = start(snakemake)
 
 from cortet.formats import vtu
 from cortet.formats.atomic import write_json
-from cortet.quality import summarise
+from cortet.measure.quality import summarise
 
-write_json(asdict(summarise(vtu.read(snakemake.input.mesh))), snakemake.output.record)
+write_json(job.record(asdict(summarise(vtu.read(job.input.mesh)))), job.output.record)

@@ -7,15 +7,17 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from _job import snakemake
+from _job import start
+
+job = start(snakemake)
 
 from cortet.formats.atomic import atomic_path
 
 with TemporaryDirectory() as folder:
     config, archive = Path(folder) / "config.json", Path(folder) / "report.zip"  # Snakemake names its root by the file
-    config.write_text(json.dumps(snakemake.params.config, default=str))
-    command = [sys.executable, "-m", "snakemake", "--nolock", "--no-hooks", "--snakefile", snakemake.params.snakefile]
+    config.write_text(json.dumps(job.params.config, default=str))
+    command = [sys.executable, "-m", "snakemake", "--nolock", "--no-hooks", "--snakefile", job.params.snakefile]
     targets = ["cohort", "tables", "figures"]
     subprocess.run([*command, "--configfile", config, "--report", archive, "--", *targets], check=True)
-    with atomic_path(snakemake.output.archive) as complete:
+    with atomic_path(job.output.archive) as complete:
         shutil.copy(archive, complete)

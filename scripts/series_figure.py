@@ -1,7 +1,9 @@
 """Meshes of several ages side by side."""
 
-from _job import snakemake
+from _job import start
 
-from cortet.series import draw_series
+job = start(snakemake)
 
-draw_series(snakemake.params.brains, snakemake.output)
+from cortet.report.series import draw_series
+
+draw_series(job.params.brains, job.output)

@@ -1,14 +1,16 @@
 """Table 1 of the paper: what each stage does to the quality."""
 
-from _job import snakemake
+from _job import start
 
-from cortet.experiments import write_ablation
+job = start(snakemake)
+
+from cortet.report.ablation import write_ablation
 
 write_ablation(
-    [*snakemake.input.records, *snakemake.input.baselines],
-    snakemake.input.made,
-    snakemake.params.missing,
-    snakemake.input.references,
-    snakemake.output,
-    setting=snakemake.params.setting,
+    [*job.input.records, *job.input.baselines],
+    job.input.made,
+    job.params.missing,
+    job.input.references,
+    job.output,
+    setting=job.params.setting,
 )

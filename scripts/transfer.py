@@ -2,16 +2,18 @@
 
 from dataclasses import asdict, replace
 
-from _job import parameters, snakemake
+from _job import start
+
+job = start(snakemake)
 
 from cortet.formats import carp, gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.stages.transfer import transfer
 
-surface = gifti.read_surface(snakemake.input.surface)
-if snakemake.input.fields:
-    surface = replace(surface, point_data=gifti.read_surface(snakemake.input.fields).point_data)
-mesh, report = transfer(vtu.read(snakemake.input.mesh), surface, **parameters())
-vtu.write(mesh, snakemake.output.mesh)
-carp.write(replace(mesh, point_data={}), snakemake.output.carp[0])
-write_json(asdict(report), snakemake.output.report)
+surface = gifti.read_surface(job.input.surface)
+if job.input.fields:
+    surface = replace(surface, point_data=gifti.read_surface(job.input.fields).point_data)
+mesh, report = transfer(vtu.read(job.input.mesh), surface, **job.arguments)
+vtu.write(mesh, job.output.mesh)
+carp.write(replace(mesh, point_data={}), job.output.carp[0])
+write_json(job.record(asdict(report)), job.output.report)

@@ -1,56 +1,91 @@
-"""File formats of tetrahedral meshes and of their boundary by name: one module each, none of which knows another."""
+"""File formats of tetrahedral meshes and of their boundary, by name: one module each, none of which knows another.
+
+This list is the only one: the configuration, the command line, export and verification read it. A module is loaded
+when its format is first used, so that naming formats costs nothing.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from cortet.errors import InputError
-from cortet.formats import abaqus, braingrowth, carp, febio, fenics, gifti, msh, stl, vtu
+
+if TYPE_CHECKING:
+    from cortet.formats.as_read import AsRead
+    from cortet.mesh import TetMesh, TriSurface
 
 
 @dataclass(frozen=True)
 class Format:
-    """How a format is written and read."""
+    """A format: its module has the functions `read`, `write` and, where its solver sees more than a mesh, `as_read`."""
 
+    name: str
     #: with the dot, of the file it is known by
     suffix: str
-    #: file -> TetMesh, or the boundary as a TriSurface
-    read: Callable[..., Any]
-    #: (TetMesh, or TriSurface, file) -> None
-    write: Callable[..., None]
+    #: module below `cortet.formats`
+    module: str
+    #: what the names of its functions end in, where the module has several formats
+    variant: str = ""
     #: whether reading and writing take a `unit` of the coordinates, mm or um, that the file does not state
     has_unit: bool = False
     #: whether it holds the boundary alone, as a TriSurface
     is_surface: bool = False
 
+    def read(self, path: Path, **options: Any) -> Any:
+        """The TetMesh of a file, or the boundary as a TriSurface; raises InputError where it cannot be read."""
+        return getattr(self._loaded, f"read{self.variant}")(path, **options)
 
-FORMATS = {
-    "vtu": Format(".vtu", vtu.read, vtu.write),
-    "braingrowth": Format(".mesh", braingrowth.read, braingrowth.write),
-    "abaqus": Format(".inp", abaqus.read, abaqus.write),
-    "febio": Format(".feb", febio.read, febio.write),
-    "fenics": Format(".xdmf", fenics.read, fenics.write),
-    "gmsh": Format(".msh", msh.read, msh.write),
-    "carp": Format(".pts", carp.read, carp.write, has_unit=True),
-    "carp_binary": Format(".bpts", carp.read_binary, carp.write_binary, has_unit=True),
-    "stl": Format(".stl", stl.read, stl.write, is_surface=True),
-    "gifti": Format(".surf.gii", gifti.read_surface, gifti.write_surface, is_surface=True),
+    def write(self, content: TetMesh | TriSurface, path: Path, **options: Any) -> None:
+        """Write a TetMesh, or of a surface format a TriSurface."""
+        getattr(self._loaded, f"write{self.variant}")(content, path, **options)
+
+    def as_read(self, path: Path) -> AsRead | TriSurface:
+        """The file as its solver reads it; raises InputError where that cannot be."""
+        from cortet.formats.as_read import AsRead
+
+        own = getattr(self._loaded, f"as_read{self.variant}", None)
+        if own is None:
+            content = self.read(path)
+            return content if self.is_surface else AsRead(content)
+        seen: AsRead = own(path)
+        return seen
+
+    @property
+    def _loaded(self) -> ModuleType:
+        return import_module(f"{__name__}.{self.module}")
+
+
+FORMATS: dict[str, Format] = {
+    form.name: form
+    for form in (
+        Format("vtu", ".vtu", "vtu"),
+        Format("braingrowth", ".mesh", "braingrowth"),
+        Format("abaqus", ".inp", "abaqus"),
+        Format("febio", ".feb", "febio"),
+        Format("fenics", ".xdmf", "fenics"),
+        Format("gmsh", ".msh", "msh"),
+        Format("carp", ".pts", "carp", has_unit=True),
+        Format("carp_binary", ".bpts", "carp", "_binary", has_unit=True),
+        Format("stl", ".stl", "stl", is_surface=True),
+        Format("gifti", ".surf.gii", "gifti", "_surface", is_surface=True),
+    )
 }
 
 
-def format_of(path: Path) -> str:
-    """Name of the format that the end of a file's name stands for.
+def format_of(path: Path) -> Format:
+    """The format that the end of a file's name stands for.
 
     Raises
     ------
     InputError
         it stands for none
     """
-    for name, form in FORMATS.items():
+    for form in FORMATS.values():
         if path.name.endswith(form.suffix):
-            return name
+            return form
     endings = ", ".join(form.suffix for form in FORMATS.values())
     raise InputError("is of no known mesh format", file=path, remedy=f"use a name ending in {endings}")

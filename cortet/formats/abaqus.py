@@ -12,6 +12,7 @@ has and CalculiX has not; a field of k components takes k variables, and a comme
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
 
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.numbering import indices, whole
 from cortet.formats.surface_sets import faces_of_sides, sides, with_surface
@@ -32,6 +34,8 @@ ALL_NODES, ALL_ELEMENTS = "all_nodes", "all_elements"
 _SIDE = np.array([3, 4, 2, 1])
 _OPPOSITE = np.array([-1, 3, 2, 0, 1])
 _PER_LINE = 16
+#: names that Abaqus accepts (Analysis User's Guide, "Input syntax rules"); upper and lower case are the same to it
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,79}$")
 
 _FIELD = re.compile(rb"^\*\* variable (\d+): (\S+), component (\d+) of (\d+), (\w+)$", re.MULTILINE)
 
@@ -180,3 +184,19 @@ def _read_fields(path: Path, number_of_node: NDArray[np.int64]) -> dict[str, NDA
         values = rows[:, 1]
         parts.setdefault(name, []).append(whole(values, "value", path).astype(np.int32) if integer else values)
     return {name: columns[0] if len(columns) == 1 else np.stack(columns, axis=1) for name, columns in parts.items()}
+
+
+def as_read(path: Path) -> AsRead:
+    """The file as Abaqus and CalculiX see it; raises InputError where it cannot be read."""
+    mesh = read(path)
+    return AsRead(mesh, [*_names(mesh)], directs_faces=False)
+
+
+def _names(mesh: TetMesh) -> Iterator[str]:
+    for names in (mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells):
+        for name in names:
+            if not _NAME.match(name):
+                yield f"set {name!r} has a name that Abaqus does not take"
+        folded = [name.lower() for name in names]
+        for name in sorted({name for name in folded if folded.count(name) > 1}):
+            yield f"two sets are named {name}: Abaqus does not tell upper from lower case"

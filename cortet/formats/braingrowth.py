@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
-from cortet.formats.surface_sets import surface_faces
+from cortet.formats.surface_sets import CORTICAL_SURFACE, surface_faces
 from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.formats.untrusted import check_file, sound
-from cortet.mesh import FloatArray, TetMesh
-from cortet.topology import boundary_nodes, compact
+from cortet.geometry.topology import boundary_nodes, compact
+from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
 
 
 class Tables(NamedTuple):
@@ -95,3 +96,24 @@ def read_tables(path: str | Path) -> Tables:
     except UnicodeDecodeError as error:
         raise InputError("is not a text file", file=path) from error
     return Tables(*tables)
+
+
+def as_read(path: Path) -> AsRead:
+    """The file in its own coordinates, with the last two nodes of every tetrahedron swapped.
+
+    Raises InputError where the tables cannot be read.
+    """
+    tables = read_tables(path)
+    faces, cells = _from_0(tables.triangles[:, 1:]), _from_0(tables.tetrahedra[:, [1, 2, 4, 3]])
+    first_cell, first_face = len(tables.points) + 3, len(tables.points) + len(cells) + 4
+    return AsRead(
+        TetMesh(tables.points, cells, sets=MeshSets(faces={CORTICAL_SURFACE: faces} if len(faces) else {})),
+        sign="negative",
+        cell=lambda index: f"on line {first_cell + index}",
+        face=lambda index: f"on line {first_face + index}",
+    )
+
+
+def _from_0(numbers: NDArray[np.int64]) -> IntArray:
+    """Nodes counted from 0; any that are too large for an index stay too large, and so out of range."""
+    return np.clip(numbers, 0, np.iinfo(np.int32).max).astype(np.int32) - 1

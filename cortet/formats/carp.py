@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
 from cortet.formats.surface_sets import REGION_TAGS, region_tags
@@ -223,3 +224,17 @@ def _values(path: Path, dtype: str, columns: int) -> NDArray[Any]:
     if len(values) != expected:
         raise InputError(f"is not complete: {len(values)} bytes instead of {expected}", file=path)
     return values.view(dtype).reshape(count, columns)
+
+
+def as_read(path: Path) -> AsRead:
+    """The file as openCARP sees it: surfaces are files beside it, which there need not be."""
+    return _as_read(read(path))
+
+
+def as_read_binary(path: Path) -> AsRead:
+    """The binary file as openCARP sees it."""
+    return _as_read(read_binary(path))
+
+
+def _as_read(mesh: TetMesh) -> AsRead:
+    return AsRead(mesh, lists_faces=bool(mesh.sets.faces))

@@ -36,8 +36,8 @@ from cortet.formats.surface_sets import (
     with_surface,
 )
 from cortet.formats.untrusted import check_file, content, sound, xml_root
+from cortet.geometry.topology import packed
 from cortet.mesh import IntArray, MeshSets, TetMesh
-from cortet.topology import packed
 
 _NODE_SET, _CELL_SET, _FACE_SET = "node_set_", "cell_set_", "face_set_"
 _XDMF_TYPES = {"i": "Int", "u": "UInt", "f": "Float"}

@@ -30,8 +30,8 @@ from cortet.formats.gmsh_reader import FIELDS, KINDS, TETRAHEDRON, TRIANGLE, ses
 from cortet.formats.numbering import indices
 from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS, surface_faces, with_surface
 from cortet.formats.untrusted import check_file, sound
+from cortet.geometry.topology import packed
 from cortet.mesh import IntArray, MeshSets, TetMesh
-from cortet.topology import packed
 
 __all__ = ["TISSUE", "check_version", "read", "session", "write"]
 

@@ -12,8 +12,8 @@ import numpy as np
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.untrusted import content
+from cortet.geometry.topology import face_normals
 from cortet.mesh import TriSurface
-from cortet.topology import face_normals
 
 _HEADER_BYTES = 80
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import members, region_tags
 from cortet.formats.untrusted import LARGEST, content, inflated, numbers, sound, xml_root
@@ -219,3 +220,8 @@ def _taken(fields: dict[str, NDArray[Any]], prefix: str) -> dict[str, IntArray]:
     """Sets by name, from the arrays whose name begins with `prefix`; these are taken out of `fields`."""
     names = [name for name in fields if name.startswith(prefix)]
     return {name.removeprefix(prefix): np.flatnonzero(fields.pop(name)).astype(np.int32) for name in names}
+
+
+def as_read(path: Path) -> AsRead:
+    """The file as ParaView sees it: it lists no boundary faces."""
+    return AsRead(read(path), lists_faces=False)

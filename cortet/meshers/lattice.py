@@ -13,8 +13,8 @@ import numba
 import numpy as np
 import tetgen
 
+from cortet.geometry.closest_point import closer_than, surface_tree
 from cortet.mesh import FloatArray, IntArray, TriSurface
-from cortet.optimise.closest_point import closer_than, surface_tree
 
 #: side of the lattice's cubes over the cell size: circumradii are sqrt(5) / 4 of it, 0.86 of the cell size
 CONSTANT = 1.54

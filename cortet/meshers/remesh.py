@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pymeshlab
 
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.topology import compact
 from cortet.mesh import TriSurface
-from cortet.optimise.closest_point import closest_points, surface_tree
-from cortet.topology import compact
 
 #: rounds of splits, collapses, flips and tangential smoothing; more change little (triangles' mean quality 0.96)
 ITERATIONS = 6
@@ -19,7 +19,7 @@ def remesh(surface: TriSurface, edge_length: float) -> TriSurface:
     """The same closed surface made of nearly equilateral triangles, with all vertices on it.
 
     Only local operations are made, each of which keeps the topology; but where two banks are closer than the triangles
-    are coarse, these may cross: `cortet.intersection.self_intersections` tells.
+    are coarse, these may cross: `cortet.geometry.intersection.self_intersections` tells.
 
     Parameters
     ----------

@@ -12,8 +12,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from cortet import topology
-from cortet.intersection import self_intersections
+from cortet.geometry import topology
+from cortet.geometry.intersection import self_intersections
 from cortet.mesh import IntArray, TetMesh
 
 _ROUNDS = 5

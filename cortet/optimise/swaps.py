@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from cortet.geometry.closest_point import SurfaceTree, closest_point
+from cortet.geometry.topology import TET_FACES, cell_neighbours
 from cortet.mesh import FloatArray, IntArray
-from cortet.optimise.closest_point import SurfaceTree, closest_point
-from cortet.topology import TET_FACES, cell_neighbours
 
 #: largest number of tetrahedra around an edge that is tried: beyond it a better filling is rarely found
 _MAX_RING = 10

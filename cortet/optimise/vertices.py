@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from cortet import topology
+from cortet.geometry import topology
+from cortet.geometry.closest_point import SurfaceTree, closest_point, triangle_normal
+from cortet.geometry.topology import TET_EDGES
+from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh
-from cortet.optimise.closest_point import SurfaceTree, closest_point, triangle_normal
-from cortet.quality import quality
-from cortet.topology import TET_EDGES
 
 #: what the boundary may do
 Boundary = Literal["slide", "fixed", "free"]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
+from cortet.geometry.topology import TET_FACES, boundary_faces, boundary_nodes, face_areas, incidence, vertex_normals
+from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh
-from cortet.quality import signed_volumes
-from cortet.topology import TET_FACES, boundary_faces, boundary_nodes, face_areas, incidence, vertex_normals
 
 #: cortical thickness at t = 0, and what it gains per unit of time
 THICKNESS, THICKENING = 0.042, 0.01

@@ -17,9 +17,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.geometry.closest_point import on_triangle, triangle_normal
+from cortet.geometry.topology import edges, face_normals, vertex_normals
 from cortet.mesh import FloatArray, IntArray
-from cortet.optimise.closest_point import on_triangle, triangle_normal
-from cortet.topology import edges, face_normals, vertex_normals
 
 #: in mean edges of the undeformed surface: where the force begins, and how far the list looks (Wang et al. 2021)
 REACH, RADIUS = 0.2, 0.6

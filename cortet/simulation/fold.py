@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cortet.formats.atomic import write_json
+from cortet.formats.tsv import write_tsv
 from cortet.mesh import TetMesh
 from cortet.simulation import checkpoint
 from cortet.simulation.body import smallest_altitude
@@ -22,7 +23,6 @@ from cortet.simulation.growth import age_of, time_of
 from cortet.simulation.kernels import State
 from cortet.simulation.record import COLUMNS, Record
 from cortet.simulation.run import Moment, Run, Settings, advance_to, beginning, measured, millimetres, prepared
-from cortet.tables import write_tsv
 
 VERSION: int = 2
 

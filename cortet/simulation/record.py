@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from cortet.geometry.topology import enclosed_volume, face_areas
+from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray
-from cortet.quality import quality
-from cortet.topology import enclosed_volume, face_areas
 
 #: name -> what it means and its unit, for the sidecar of the table
 COLUMNS = {

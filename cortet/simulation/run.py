@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.geometry.ordering import curve_order
+from cortet.geometry.topology import boundary_faces
 from cortet.mesh import FloatArray, IntArray, TetMesh
-from cortet.ordering import curve_order
 from cortet.simulation.body import (
     LABEL_FIELD,
     THICKENING,
@@ -38,7 +39,6 @@ from cortet.simulation.kernels import (
     workspace,
 )
 from cortet.simulation.record import Record, shape
-from cortet.topology import boundary_faces
 
 #: steps for which growth is computed at a time
 _CHUNK = 500

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import FloatArray, IntArray
-from cortet.quality import quality, signed_volumes
 
 #: after this many halvings a node goes back to its start
 HALVINGS = 8

@@ -13,11 +13,11 @@ from typing import Literal
 import numpy as np
 
 from cortet.errors import InputError, StageError
+from cortet.geometry.closest_point import surface_tree
+from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.optimise.closest_point import surface_tree
 from cortet.optimise.crossing import without_crossing
 from cortet.optimise.vertices import Boundary, Pass, PassReport, move_vertices
-from cortet.quality import quality
 from cortet.stages.meshtool import clean_with_meshtool
 
 VERSION: int = 3

@@ -11,10 +11,10 @@ import pymeshlab
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from cortet import topology
 from cortet.errors import InputError
 from cortet.formats.gifti import single_precision
-from cortet.intersection import self_intersections
+from cortet.geometry import topology
+from cortet.geometry.intersection import self_intersections
 from cortet.mesh import FloatArray, IntArray, TriSurface
 
 VERSION: int = 1

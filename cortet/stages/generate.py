@@ -1,48 +1,33 @@
 """S1: fill a closed surface with tetrahedra.
 
-Two ways. `cgal` is the published one: Delaunay refinement and four optimisation passes (CGAL Mesh_3), by either of two
-builds of the library: `pygalmesh` (CGAL 5, compiled from source, the published tool) and the `cgal` wheel (CGAL 6, no
-compiling). Both read an OFF file and write a Medit file, with 17 significant digits. Refinement decides the topology.
-With a coarse facet distance the two banks of a narrow sulcus pinch or fuse, silently, so the boundary is checked after
-refinement, before the slow passes, and again after them; when its topology is not that of the input, the facet distance
-(nothing else) is tightened. On surfaces with creases and banks closer than their own edges no distance helps; then the
-other way is taken.
+There are two meshers of our own line. `cgal` is the published one (`cortet.meshers.cgal`). Its refinement decides the
+topology: with a coarse facet distance the two banks of a narrow sulcus pinch or fuse, silently. So the boundary is
+checked after refinement, before the slow passes, and again after them; when its topology is not that of the input, the
+facet distance (nothing else) is tightened. On surfaces with creases, or with banks closer than their own edges, no
+distance helps; then the fallback is taken.
 
 `lattice` remeshes the surface with triangles of one edge length, which keeps its topology, and fills it with a
-body-centred cubic lattice (`cortet.meshers`). The slivers between the two are reconnected at once, before anything
-moves. Where remeshed banks cross each other, the edges are shortened.
-
-Reference: https://doc.cgal.org/latest/Mesh_3/index.html (criteria and passes).
+body-centred cubic lattice (`cortet.meshers.lattice`). The slivers between the two are reconnected at once, before
+anything moves. Where remeshed banks cross each other, the edges are shortened.
 """
 
 from __future__ import annotations
 
-import ctypes
-import importlib.util
 import logging
-import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Literal, NamedTuple
+from typing import Literal
 
-import meshio
 import numpy as np
 
 from cortet.errors import InputError, StageError
-from cortet.intersection import self_intersections
-from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.meshers.lattice import fill, lattice_nodes
-from cortet.meshers.remesh import remesh
-from cortet.ordering import ordered_along_curve
-from cortet.quality import signed_volumes
-from cortet.stages import baselines
-from cortet.stages.reconnect import reconnect
-from cortet.topology import (
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.ordering import ordered_along_curve
+from cortet.geometry.topology import (
     SurfaceTopology,
     boundary_faces,
     compact,
@@ -50,32 +35,19 @@ from cortet.topology import (
     enclosed_volume,
     surface_topology,
 )
+from cortet.measure.quality import signed_volumes
+from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshers import BASELINES, MESHERS, baselines, cgal, installed_backend
+from cortet.meshers.cgal import BACKENDS, PASSES, Criteria, write_off
+from cortet.meshers.lattice import fill, lattice_nodes
+from cortet.meshers.remesh import remesh
+from cortet.stages.reconnect import reconnect
 
 VERSION: int = 3
 
-MESHERS = ("cgal", "lattice")
-#: CGAL's optimisation passes in the order it runs them; exude must be last, since moving a vertex undoes it
-PASSES = ("odt", "lloyd", "perturb", "exude")
-#: CGAL's own defaults for ODT and Lloyd, which the wheel wants spelled out
-CONVERGENCE, FREEZE_BOUND = 0.02, 0.01
 #: share of the surface's volume below which a remeshed boundary is too coarse to stand for it
 LEAST_VOLUME = 0.8
-#: "no limit" for the time limits, iteration limits and sliver bounds of CGAL's passes
-NO_LIMIT = 0
-
-#: time for the system to move this thread to an idle core before it is confined to where it is
-_SETTLING_S = 0.05
-
 logger = logging.getLogger(__name__)
-
-
-class Criteria(NamedTuple):
-    """What CGAL refines for; lengths in mm, the angle in degrees."""
-
-    cell_size: float
-    facet_angle: float
-    facet_distance: float
-    radius_edge_ratio: float
 
 
 @dataclass(frozen=True)
@@ -147,7 +119,7 @@ def generate(
     ----------
     surface : a closed, connected manifold of any genus, without self-intersections
     cell_size : mm, upper bound of circumradii of tetrahedra and of surface Delaunay balls
-    mesher : ``cgal``, ``lattice``, or one of `baselines.MESHERS`, which take the cell size and nothing else
+    mesher : ``cgal``, ``lattice``, or one of `meshers.BASELINES`, which take the cell size and nothing else
     backend : ``pygalmesh``, ``cgal``, or ``auto``: pygalmesh where it is installed, else cgal
     facet_angle : degrees, lower bound of the angles of boundary triangles
     facet_distance : fractions of `cell_size`, tried in this order until the boundary has the topology of the surface;
@@ -172,8 +144,8 @@ def generate(
     StageError
         the backend failed, is not installed, or returned nothing
     """
-    if mesher not in (*MESHERS, *baselines.MESHERS):
-        known = " or ".join([*MESHERS, *baselines.MESHERS])
+    if mesher not in MESHERS | BASELINES:
+        known = " or ".join(MESHERS | BASELINES)
         raise InputError(f"unknown mesher {mesher!r}", remedy=f"use {known}")
     if not cell_size > 0 or not np.isfinite(cell_size):
         raise InputError(f"cell size {cell_size} mm is not a positive length")
@@ -184,7 +156,7 @@ def generate(
     topology = surface_topology(surface.faces)
     if not topology.is_closed_manifold:
         raise InputError(f"surface cannot be meshed: {'; '.join(topology.problems(int(topology.genus)))}")
-    if mesher in baselines.MESHERS:
+    if mesher in BASELINES:
         return generate_with_baseline(surface, mesher, cell_size=cell_size)
     backend = installed_backend() if backend == "auto" else backend
     if backend not in BACKENDS:
@@ -230,19 +202,17 @@ def generate(
 def generate_with_baseline(
     surface: TriSurface, mesher: str, *, cell_size: float, time_limit: float | None = None
 ) -> tuple[TetMesh, GenerateReport]:
-    """Mesh the inside of a closed surface with one of `baselines.MESHERS`, as it comes; parameters as there.
+    """Mesh the inside of a closed surface with one of `meshers.BASELINES`, as it comes; parameters as there.
 
     Exactly flat tetrahedra are left out. Raises `StageError` when there is no mesh.
     """
     began = time.perf_counter()
     points, cells = baselines.fill(surface, mesher, cell_size=cell_size, time_limit=time_limit)
-    cells, flat = oriented(points, cells)
-    points, cells, _ = compact(points, cells)
-    mesh = TetMesh(*ordered_along_curve(points, cells))
+    mesh, flat = _well_ordered(points, cells)
     genus = int(surface_topology(surface.faces).genus)
     attempt = _judged(mesh, genus, passes=(), flat=flat)
     _log(mesher, attempt, time.perf_counter() - began)
-    distribution, _ = baselines.MESHERS[mesher]
+    distribution, _ = baselines.TOOLS[mesher]
     return mesh, GenerateReport(
         mesher=mesher,
         backend=distribution,
@@ -262,11 +232,6 @@ def generate_with_baseline(
     )
 
 
-def installed_backend() -> str:
-    """The backend ``auto`` stands for on this machine."""
-    return "pygalmesh" if importlib.util.find_spec("pygalmesh") else "cgal"
-
-
 def _refined(
     surface: TriSurface,
     backend: str,
@@ -281,7 +246,7 @@ def _refined(
     attempts: list[Attempt] = []
     with TemporaryDirectory(prefix="cortet-generate-") as folder:
         off = Path(folder) / "surface.off"
-        _write_off(surface, off)
+        write_off(surface, off)
         for candidate in criteria:
             may_retry = bool(passes) and (candidate != criteria[-1] or not last)
             for trial in [(), passes] if may_retry else [passes]:
@@ -299,14 +264,9 @@ def _attempt(
 ) -> tuple[TetMesh, Attempt]:
     """Mesh once and compare the topology of the result with a surface of `genus` handles."""
     began = time.perf_counter()
-    medit = off.with_suffix(".mesh")
-    try:
-        BACKENDS[backend](off, medit, criteria, passes, seed)
-    except ImportError as error:
-        raise StageError(f"mesher backend {backend} is not installed: {error}", remedy="run cortet doctor") from error
-    except RuntimeError as error:
-        raise StageError(f"{backend} failed: {error}") from error
-    mesh, flat = _read_medit(medit)
+    mesh, flat = _well_ordered(*cgal.fill(off, backend=backend, criteria=criteria, passes=passes, seed=seed))
+    if flat:
+        logger.warning("%d exactly flat tetrahedra left out", flat)
     what = f"{backend}, facet distance {criteria.facet_distance:g} mm, {', '.join(('refinement', *passes))}"
     attempt = _judged(mesh, genus, facet_distance=criteria.facet_distance, passes=passes, flat=flat)
     _log(what, attempt, time.perf_counter() - began)
@@ -331,8 +291,8 @@ def _filled_with_lattice(
         else:
             nodes = lattice_nodes(boundary, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth)
             points, cells = fill(boundary, nodes)
-            cells, flat = oriented(points, cells)
-            mesh, _ = reconnect(TetMesh(*ordered_along_curve(*compact(points, cells)[:2])), surface)
+            mesh, flat = _well_ordered(points, cells)
+            mesh, _ = reconnect(mesh, surface)
             attempt = _judged(mesh, genus, edge_length=fraction * cell_size, passes=(), flat=flat)
         attempts.append(attempt)
         _log(f"lattice, edges of {fraction * cell_size:g} mm", attempt, time.perf_counter() - began)
@@ -387,105 +347,9 @@ def _judged(
     )
 
 
-def _with_pygalmesh(off: Path, medit: Path, criteria: Criteria, passes: Sequence[str], seed: int) -> None:
-    # Imported here, as CGAL is below, since either may be missing. pygalmesh's public function only wraps this one,
-    # through temporary files of its own that outlive a failure.
-    from _pygalmesh import _generate_from_off
-
-    _generate_from_off(
-        str(off),
-        str(medit),
-        **{name: name in passes for name in PASSES},
-        min_facet_angle=criteria.facet_angle,
-        max_radius_surface_delaunay_ball=criteria.cell_size,
-        max_facet_distance=criteria.facet_distance,
-        max_circumradius_edge_ratio=criteria.radius_edge_ratio,
-        max_cell_circumradius=criteria.cell_size,
-        verbose=False,
-        seed=seed,
-    )
-
-
-def _with_cgal(off: Path, medit: Path, criteria: Criteria, passes: Sequence[str], _seed: int) -> None:
-    from CGAL import CGAL_Mesh_3 as mesh_3
-    from CGAL.CGAL_Polyhedron_3 import Polyhedron_3
-
-    wanted = mesh_3.Default_mesh_criteria()
-    wanted.facet_angle(criteria.facet_angle)
-    wanted.facet_size(criteria.cell_size)
-    wanted.facet_distance(criteria.facet_distance)
-    wanted.cell_radius_edge_ratio(criteria.radius_edge_ratio)
-    wanted.cell_size(criteria.cell_size)
-    refinement_only = mesh_3.Mesh_3_parameters()
-    refinement_only.no_perturb()
-    refinement_only.no_exude()
-    limits = (NO_LIMIT, NO_LIMIT, CONVERGENCE, FREEZE_BOUND)
-
-    # the polyhedron must outlive the domain, which only refers to it
-    polyhedron = Polyhedron_3(str(off))
-    domain = mesh_3.Polyhedral_mesh_domain_3(polyhedron)
-    with one_core():
-        complex_3 = mesh_3.make_mesh_3(domain, wanted, refinement_only)
-    run: dict[str, Callable[[], object]] = {
-        "odt": lambda: mesh_3.odt_optimize_mesh_3(complex_3, domain, *limits),
-        "lloyd": lambda: mesh_3.lloyd_optimize_mesh_3(complex_3, domain, *limits),
-        "perturb": lambda: mesh_3.perturb_mesh_3(complex_3, domain, NO_LIMIT, NO_LIMIT),
-        "exude": lambda: mesh_3.exude_mesh_3(complex_3, NO_LIMIT, NO_LIMIT),
-    }
-    for name in passes:
-        began = time.perf_counter()
-        with one_core():
-            run[name]()
-        logger.info("cgal: %s, %.1f s", name, time.perf_counter() - began)
-    complex_3.output_to_medit(str(medit))
-
-
-#: name of the distribution -> function that meshes an OFF file into a Medit file
-BACKENDS: dict[str, Callable[[Path, Path, Criteria, Sequence[str], int], None]] = {
-    "pygalmesh": _with_pygalmesh,
-    "cgal": _with_cgal,
-}
-
-
-@contextmanager
-def one_core() -> Iterator[None]:
-    """Confine this thread, and the threads it starts, to the core it is running on, and undo that at the end.
-
-    The `cgal` wheel starts one thread per core it may use, and more than one make the mesh depend on their timing.
-    Each pass is confined anew, so that two jobs that happen to choose the same core do not share it for long.
-    """
-    if not hasattr(os, "sched_setaffinity"):
-        logger.warning("no CPU affinity on this system: the cgal backend is not reproducible here")
-        yield
-        return
-    allowed = os.sched_getaffinity(0)
-    time.sleep(_SETTLING_S)
-    os.sched_setaffinity(0, {ctypes.CDLL(None).sched_getcpu()})
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, allowed)
-
-
-def _write_off(surface: TriSurface, path: Path) -> None:
-    """Write an OFF file whose faces point outward, with every digit of the coordinates."""
-    inward = enclosed_volume(surface.points, surface.faces) < 0
-    points, faces, _ = compact(surface.points, surface.faces[:, ::-1] if inward else surface.faces)
-    with path.open("w") as file:
-        file.write(f"OFF\n{len(points)} {len(faces)} 0\n")
-        np.savetxt(file, points, "%.17g")
-        np.savetxt(file, faces, "3 %d %d %d")
-
-
-def _read_medit(path: Path) -> tuple[TetMesh, int]:
-    """Read the mesher's result as a well-ordered mesh with positive volumes; also count its flat tetrahedra."""
-    result = meshio.medit.read(path)
-    points, cells = result.points, result.cells_dict.get("tetra", np.empty((0, 4), np.int32))
+def _well_ordered(points: FloatArray, cells: IntArray) -> tuple[TetMesh, int]:
+    """Tetrahedra of a mesher with positive volumes, numbered along a curve; and how many flat ones were left out."""
     cells, flat = oriented(points, cells)
-    if not len(cells):
-        raise StageError("the mesher returned no tetrahedra", remedy="use a smaller cell size")
-    if flat:
-        logger.warning("%d exactly flat tetrahedra left out", flat)
     points, cells, _ = compact(points, cells)
     return TetMesh(*ordered_along_curve(points, cells)), flat
 

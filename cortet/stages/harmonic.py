@@ -14,9 +14,9 @@ from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.linalg import cg
 
 from cortet.errors import StageError
+from cortet.geometry.topology import TET_EDGES, TET_FACES, face_normals
+from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh
-from cortet.quality import signed_volumes
-from cortet.topology import TET_EDGES, TET_FACES, face_normals
 
 #: relative residual of the linear system
 _TOLERANCE = 1e-11

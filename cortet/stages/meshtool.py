@@ -19,8 +19,8 @@ import numpy as np
 
 from cortet.errors import InputError, StageError
 from cortet.formats import carp
+from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh
-from cortet.quality import signed_volumes
 
 logger = logging.getLogger(__name__)
 

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.geometry.closest_point import SurfaceTree, surface_tree
+from cortet.measure.quality import quality
 from cortet.mesh import IntArray, TetMesh, TriSurface
-from cortet.optimise.closest_point import SurfaceTree, surface_tree
 from cortet.optimise.crossing import without_crossing
 from cortet.optimise.swaps import SwapCount, improve, live_cells, swappable
 from cortet.optimise.vertices import Boundary, Pass, move_vertices, mu2_of
-from cortet.quality import quality
 from cortet.stages.clean import require_positive
 
 VERSION: int = 2

@@ -16,10 +16,10 @@ import numpy as np
 
 from cortet.errors import InputError, StageError
 from cortet.formats.msh import session
+from cortet.geometry.topology import boundary_faces, boundary_nodes
+from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh
-from cortet.quality import quality
 from cortet.stages.backing_off import back_off
-from cortet.topology import boundary_faces, boundary_nodes
 
 VERSION: int = 1
 

@@ -20,15 +20,15 @@ import numpy as np
 import pymeshlab
 
 from cortet.errors import StageError
-from cortet.fidelity import Distances, boundary_roughness, summary
 from cortet.formats import gifti
+from cortet.geometry.closest_point import SurfaceTree, closest_points, surface_tree
+from cortet.geometry.topology import boundary_surface, edges
+from cortet.measure.fidelity import Distances, boundary_roughness, summary
+from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.optimise.closest_point import SurfaceTree, closest_points, surface_tree
 from cortet.optimise.crossing import without_crossing
 from cortet.optimise.vertices import Boundary
-from cortet.quality import quality, signed_volumes
 from cortet.stages.clean import clean, require_positive
-from cortet.topology import boundary_surface, edges
 
 VERSION: int = 3
 

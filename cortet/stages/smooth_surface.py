@@ -13,9 +13,9 @@ import numpy as np
 import pymeshlab
 from scipy.spatial import cKDTree
 
-from cortet import topology
 from cortet.formats.gifti import single_precision
-from cortet.intersection import self_intersections
+from cortet.geometry import topology
+from cortet.geometry.intersection import self_intersections
 from cortet.mesh import FloatArray, TriSurface
 
 VERSION: int = 1

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cortet.geometry.closest_point import SurfaceTree, closest_points, surface_tree
+from cortet.geometry.topology import boundary_nodes
+from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.optimise.closest_point import SurfaceTree, closest_points, surface_tree
 from cortet.optimise.crossing import without_crossing
-from cortet.quality import quality
 from cortet.stages.backing_off import back_off
 from cortet.stages.clean import clean
-from cortet.topology import boundary_nodes
 
 VERSION: int = 2
 

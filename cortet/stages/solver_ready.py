@@ -1,4 +1,4 @@
-"""S5: number the nodes as solvers want them, those of the surface first, and check the mesh once more."""
+"""S5: the fields on the final positions, the nodes numbered as solvers want them, and the mesh checked once more."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cortet.errors import StageError
-from cortet.mesh import MeshSets, TetMesh
-from cortet.quality import signed_volumes
-from cortet.topology import boundary_faces, boundary_nodes, enclosed_volume
+from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume
+from cortet.measure.quality import signed_volumes
+from cortet.mesh import MeshSets, TetMesh, TriSurface
+from cortet.stages.transfer import Interior, transfer
 
 VERSION: int = 1
 
@@ -30,7 +31,26 @@ class SolverReadyReport:
     enclosed_volume_mm3: float
 
 
-def solver_ready(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
+def solver_ready(
+    mesh: TetMesh, surface: TriSurface, *, interior: Interior = "nearest"
+) -> tuple[TetMesh, SolverReadyReport]:
+    """Carry the fields of the surface onto the final positions, and number the nodes as solvers want them.
+
+    Parameters
+    ----------
+    mesh : positive volumes
+    surface : the surface that was meshed, with its fields
+    interior : as of `transfer`
+
+    Raises
+    ------
+    StageError
+        as `surface_nodes_first`
+    """
+    return surface_nodes_first(transfer(mesh, surface, interior=interior)[0])
+
+
+def surface_nodes_first(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
     """Renumber nodes, surface nodes first, in their previous order otherwise; tetrahedra, fields and sets go along.
 
     Raises

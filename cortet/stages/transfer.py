@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.topology import boundary_nodes
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.optimise.closest_point import closest_points, surface_tree
 from cortet.stages.harmonic import harmonic
-from cortet.topology import boundary_nodes
 
 VERSION: int = 1
+
+Interior = Literal["nearest", "harmonic"]
 
 #: a boundary node further than this from the surface (mm) takes its values from a place it does not belong to
 FAR_MM = 1.0
@@ -39,9 +41,7 @@ class TransferReport:
     nodes_cut_off: int
 
 
-def transfer(
-    mesh: TetMesh, surface: TriSurface, *, interior: Literal["nearest", "harmonic"] = "nearest"
-) -> tuple[TetMesh, TransferReport]:
+def transfer(mesh: TetMesh, surface: TriSurface, *, interior: Interior = "nearest") -> tuple[TetMesh, TransferReport]:
     """Give every node the values of `surface.point_data`.
 
     A boundary node takes the barycentric mean at the closest point of the surface; of an integer field (labels) it

@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from cortet.cohort import Case, read_sheet, write_sheet
+from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.mesh import TriSurface
 from tests.unit.shapes import ball_surface

@@ -9,7 +9,7 @@ import nibabel as nib
 import numpy as np
 
 from cortet.formats.gifti import read_surface
-from cortet.verify import verify
+from cortet.solver_files.verify import verify
 from tests.integration.study import Study
 
 #: end of the name -> solver

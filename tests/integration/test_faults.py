@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from cortet.lock import NAME
+from cortet.cohort.lock import NAME
 from tests.integration.study import Study, surface
 
 SABOTAGE = Path(__file__).parent / "sabotage"

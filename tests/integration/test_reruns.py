@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from cortet.cohort.lock import NAME
 from cortet.formats.gifti import read_surface, write_surface
-from cortet.lock import NAME
 from cortet.mesh import TriSurface
 from tests.integration.study import ROOT, Study, scaled, surface
 

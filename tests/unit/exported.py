@@ -8,13 +8,13 @@ import numpy as np
 from shapes import cube_mesh
 
 from cortet.mesh import TetMesh
-from cortet.sets import named_sets
-from cortet.stages.solver_ready import solver_ready
+from cortet.solver_files.sets import named_sets
+from cortet.stages.solver_ready import surface_nodes_first
 
 
 def full_mesh(n: int = 4, side: float = 8.0) -> TetMesh:
     """A cube with a scalar, a vector and a label field, cortex and core, a medial wall (the bottom), sets of labels."""
-    mesh, _ = solver_ready(cube_mesh(n, side=side, jitter=0.2))
+    mesh, _ = surface_nodes_first(cube_mesh(n, side=side, jitter=0.2))
     x, y, z = mesh.points.T
     fields = {
         "thickness": 1 + 0.1 * x + 1e-7 * y,

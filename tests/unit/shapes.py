@@ -6,8 +6,8 @@ import numpy as np
 import trimesh
 from scipy.spatial import Delaunay
 
+from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh, TriSurface
-from cortet.quality import signed_volumes
 
 #: the six tetrahedra of a cube whose corner i has the bits of i as coordinates (Kuhn), all along the diagonal 0-7
 KUHN = np.array([[0, 1, 3, 7], [0, 5, 1, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 6, 4, 7]])

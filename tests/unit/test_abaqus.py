@@ -14,17 +14,17 @@ from shapes import cube_mesh
 
 from cortet.errors import InputError
 from cortet.formats import abaqus
+from cortet.geometry.topology import boundary_faces
 from cortet.mesh import MeshSets, TetMesh
-from cortet.stages.solver_ready import solver_ready
-from cortet.topology import boundary_faces
-from cortet.verify import verify
+from cortet.solver_files.verify import verify
+from cortet.stages.solver_ready import surface_nodes_first
 
 TETRAHEDRON = TetMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1 / 3]], [[0, 1, 2, 3]])
 
 
 def cube_with_sides(n: int = 3, side: float = 2.0) -> TetMesh:
     """A cube [0, side]^3 whose sides at 0 and at the end of each axis are sets, e.g. `x0` and `x1`."""
-    mesh, _ = solver_ready(cube_mesh(n, side=side, jitter=0.2))
+    mesh, _ = surface_nodes_first(cube_mesh(n, side=side, jitter=0.2))
     faces = boundary_faces(mesh)
     nodes_of, faces_of = {}, {}
     for axis in range(3):

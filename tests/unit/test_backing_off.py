@@ -3,9 +3,9 @@
 import numpy as np
 from shapes import cube_mesh
 
-from cortet.quality import quality, signed_volumes
+from cortet.geometry.topology import boundary_nodes
+from cortet.measure.quality import quality, signed_volumes
 from cortet.stages.backing_off import back_off
-from cortet.topology import boundary_nodes
 
 
 def test_a_harmless_move_is_made_exactly():

@@ -11,12 +11,12 @@ from shapes import ball_surface
 
 from cortet.errors import StageError
 from cortet.formats import gifti
+from cortet.geometry.topology import boundary_faces, enclosed_volume
+from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import TriSurface
-from cortet.quality import quality, signed_volumes
-from cortet.stages import baselines
-from cortet.stages.baselines import MESHERS, fill, prepared
+from cortet.meshers import baselines
+from cortet.meshers.baselines import TOOLS, fill, prepared
 from cortet.stages.generate import generate, generate_with_baseline
-from cortet.topology import boundary_faces, enclosed_volume
 
 MODULES = {"tetgen": "tetgen", "ftetwild": "pytetwild", "gmsh": "gmsh", "netgen": "netgen"}
 REAL = Path(__file__).parents[3] / "shared/data/fetal/fetomorph_GW25_left.surf.gii"
@@ -26,7 +26,7 @@ def installed(mesher: str) -> bool:
     return importlib.util.find_spec(MODULES[mesher]) is not None
 
 
-@pytest.mark.parametrize("mesher", MESHERS)
+@pytest.mark.parametrize("mesher", TOOLS)
 def test_a_ball_is_filled(mesher: str) -> None:
     if not installed(mesher):
         pytest.skip(f"{mesher} is not installed")
@@ -34,7 +34,7 @@ def test_a_ball_is_filled(mesher: str) -> None:
     assert signed_volumes(mesh.points, mesh.cells).min() > 0
     assert signed_volumes(mesh.points, mesh.cells).sum() == pytest.approx(4 / 3 * np.pi * 5**3, rel=0.05)
     assert report.topology_ok
-    assert (report.mesher, report.backend) == (mesher, MESHERS[mesher][0])
+    assert (report.mesher, report.backend) == (mesher, TOOLS[mesher][0])
 
 
 @pytest.mark.parametrize("mesher", ["tetgen", "gmsh"])
@@ -69,7 +69,7 @@ def test_a_surface_that_crosses_itself_is_an_error_of_the_mesher() -> None:
 
 def test_a_mesher_that_is_not_installed_is_an_error_that_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", "/nowhere")
-    missing = [mesher for mesher in MESHERS if not installed(mesher)]
+    missing = [mesher for mesher in TOOLS if not installed(mesher)]
     if not missing:
         pytest.skip("every mesher is installed")
     with pytest.raises(StageError, match=f"{missing[0]} failed: ModuleNotFoundError: No module named"):

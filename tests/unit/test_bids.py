@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import cortet
-from cortet.bids import write_dataset_description
+from cortet.cohort.bids import write_dataset_description
 
 
 def test_the_folder_says_what_made_it_and_what_is_not_bids(tmp_path: Path) -> None:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from shapes import ball_mesh
 
-from cortet.boundary_view import boundary_view, colour_stops, three_js
+from cortet.geometry.topology import boundary_surface
+from cortet.measure.quality import quality
 from cortet.mesh import TetMesh
-from cortet.quality import quality
-from cortet.topology import boundary_surface
+from cortet.report.boundary_view import boundary_view, colour_stops, three_js
 
 
 def unpacked(view: dict) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

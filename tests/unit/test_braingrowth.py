@@ -9,10 +9,10 @@ from shapes import cube_mesh
 
 from cortet.errors import InputError
 from cortet.formats import braingrowth
+from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh
-from cortet.quality import signed_volumes
-from cortet.stages.solver_ready import solver_ready
-from cortet.verify import verify
+from cortet.solver_files.verify import verify
+from cortet.stages.solver_ready import surface_nodes_first
 
 TALLINEN = Path(__file__).parents[3] / "shared" / "data" / "tallinen"
 
@@ -20,7 +20,7 @@ TALLINEN = Path(__file__).parents[3] / "shared" / "data" / "tallinen"
 @pytest.fixture
 def written(tmp_path) -> Path:
     path = tmp_path / "cube.mesh"
-    braingrowth.write(solver_ready(cube_mesh(3, side=2.0, jitter=0.2))[0], path)
+    braingrowth.write(surface_nodes_first(cube_mesh(3, side=2.0, jitter=0.2))[0], path)
     return path
 
 
@@ -57,7 +57,7 @@ def test_a_single_tetrahedron_as_the_solver_wants_it(tmp_path):
 
 def test_what_is_written_verifies_and_reads_back(written):
     assert verify(written, "braingrowth") == []
-    mesh, back = solver_ready(cube_mesh(3, side=2.0, jitter=0.2))[0], braingrowth.read(written)
+    mesh, back = surface_nodes_first(cube_mesh(3, side=2.0, jitter=0.2))[0], braingrowth.read(written)
     assert np.array_equal(back.cells, mesh.cells) and np.allclose(back.points, mesh.points, atol=5e-10, rtol=0)
     assert signed_volumes(back.points, back.cells).min() > 0
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from shapes import cube_mesh
 
-from cortet.certify import Certificate, certify
 from cortet.errors import InputError, StageError
+from cortet.geometry.topology import boundary_surface
+from cortet.measure.certify import Certificate, certify
 from cortet.mesh import TetMesh, TriSurface
-from cortet.topology import boundary_surface
 
 
 @pytest.fixture(scope="module")

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
-from cortet import topology
 from cortet.errors import InputError, StageError
+from cortet.geometry import topology
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.measure.quality import quality
 from cortet.mesh import TetMesh
-from cortet.optimise.closest_point import closest_points, surface_tree
-from cortet.quality import quality
 from cortet.stages.clean import clean, schedule
 
 SURFACE = ball_surface(2, 1.0)

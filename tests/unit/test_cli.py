@@ -12,11 +12,11 @@ import pytest
 from shapes import ball_surface, cube_mesh
 
 from cortet.cli import main
-from cortet.cohort import read_sheet
+from cortet.cohort.sheet import read_sheet
 from cortet.formats import braingrowth, vtu
 from cortet.formats.gifti import read_surface, write_surface
+from cortet.geometry.topology import boundary_surface
 from cortet.mesh import TriSurface
-from cortet.topology import boundary_surface
 
 
 @pytest.fixture
@@ -173,6 +173,6 @@ def test_convert_scales_carp_files_as_asked(tmp_path: Path) -> None:
 
 def test_the_solvers_of_the_command_are_those_that_can_be_verified() -> None:
     from cortet.cli import SOLVER_NAMES
-    from cortet.verify import SOLVERS
+    from cortet.solver_files.verify import SOLVERS
 
     assert set(SOLVER_NAMES) == set(SOLVERS)

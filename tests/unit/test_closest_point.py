@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cortet.optimise.closest_point import closest_points, surface_tree
+from cortet.geometry.closest_point import closest_points, surface_tree
 
 TRIANGLE = np.array([[0, 0, 0], [2, 0, 0], [0, 2, 0.0]])
 FACE = np.array([[0, 1, 2]], np.int32)

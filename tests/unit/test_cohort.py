@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cortet.cohort import COLUMNS, Case, chosen, read_sheet, scan, write_sheet
+from cortet.cohort.sheet import COLUMNS, Case, chosen, read_sheet, scan, write_sheet
 from cortet.config import Scan
 from cortet.errors import InputError
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from cortet.cohort_page import modified_z_scores, ordered, with_outliers, write_cohort_page
+from cortet.cohort.status import COLUMNS
 from cortet.formats.atomic import write_json
-from cortet.status import COLUMNS
-from cortet.tables import write_tsv
+from cortet.formats.tsv import write_tsv
+from cortet.report.cohort_page import modified_z_scores, ordered, with_outliers, write_cohort_page
 
 WORST = {"a": 0.50, "b": 0.51, "c": 0.49, "d": 0.50, "e": 0.58, "f": 0.505}
 MESH = {"cell_size_mm": "0.6", "mesher": "cgal", "state": "certified", "q_mean": "0.129"}

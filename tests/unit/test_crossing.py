@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapes import horseshoe
 
-from cortet import topology
+from cortet.geometry import topology
 from cortet.mesh import IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import crossing_faces, without_crossing
 from cortet.stages.clean import clean

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from shapes import ball_surface, cube_mesh
 
-from cortet.defects import defective_vertices
+from cortet.geometry.defects import defective_vertices
+from cortet.geometry.topology import boundary_faces, surface_topology
 from cortet.mesh import TetMesh
-from cortet.topology import boundary_faces, surface_topology
 
 
 def touching_cubes(shift: list[float]) -> TetMesh:

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 from shapes import cube_mesh
 
-from cortet.experiments import (
+from cortet.measure.quality import summarise
+from cortet.report.ablation import (
     ABLATION,
     ABLATION_COLUMNS,
     STAGES_COLUMNS,
@@ -20,7 +21,6 @@ from cortet.experiments import (
     write_ablation,
     write_stages,
 )
-from cortet.quality import summarise
 
 
 def record(mean: float, worst: float, above: int) -> dict[str, Any]:

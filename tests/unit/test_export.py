@@ -12,26 +12,26 @@ from exported import full_mesh
 from shapes import ball_mesh, ball_surface
 
 from cortet.errors import InputError, StageError
-from cortet.export import convert, export
-from cortet.fields import FieldSource
 from cortet.formats import FORMATS, stl, vtu
 from cortet.mesh import CoordinateFrame, TetMesh
-from cortet.stages.solver_ready import solver_ready
-from cortet.verify import SOLVERS, verify
+from cortet.solver_files.export import convert, export
+from cortet.solver_files.fields import FieldSource
+from cortet.solver_files.verify import verify
+from cortet.stages.solver_ready import surface_nodes_first
 
 CERTIFIED = {"certified": True, "reasons": []}
 REFUSED = {"certified": False, "reasons": ["worst q 0.8 must be below 0.6"]}
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", FORMATS)
 def test_a_certified_mesh_is_written_as_its_solver_wants_it(tmp_path: Path, solver: str) -> None:
     path = tmp_path / f"ball{FORMATS[solver].suffix}"
-    export(solver_ready(ball_mesh())[0], path, solver=solver, certificate=CERTIFIED)
+    export(surface_nodes_first(ball_mesh())[0], path, solver=solver, certificate=CERTIFIED)
     assert verify(path, solver) == []
 
 
 def test_an_uncertified_mesh_is_written_only_on_demand(tmp_path: Path) -> None:
-    mesh, _ = solver_ready(ball_mesh())
+    mesh, _ = surface_nodes_first(ball_mesh())
     with pytest.raises(StageError, match="worst q 0.8 must be below 0.6"):
         export(mesh, tmp_path / "ball.mesh", solver="braingrowth", certificate=REFUSED)
     assert not list(tmp_path.iterdir())
@@ -40,9 +40,9 @@ def test_an_uncertified_mesh_is_written_only_on_demand(tmp_path: Path) -> None:
 
 
 def test_a_file_that_breaks_a_convention_gets_no_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cortet.export.problems", lambda _: ["4 triangles face inward"])
+    monkeypatch.setattr("cortet.solver_files.export.problems", lambda _: ["4 triangles face inward"])
     with pytest.raises(StageError, match="4 triangles face inward"):
-        export(solver_ready(ball_mesh())[0], tmp_path / "ball.mesh", solver="braingrowth", certificate=CERTIFIED)
+        export(surface_nodes_first(ball_mesh())[0], tmp_path / "ball.mesh", solver="braingrowth", certificate=CERTIFIED)
     assert not list(tmp_path.iterdir())
 
 
@@ -78,7 +78,7 @@ def test_an_export_replaces_all_files_of_an_earlier_one(tmp_path: Path) -> None:
     path = tmp_path / "m.pts"
     export(full_mesh(), path, solver="carp", certificate=CERTIFIED)
     assert (tmp_path / "m.area_V1.vtx").exists() and (tmp_path / "m.thickness.dat").exists()
-    export(solver_ready(ball_mesh())[0], path, solver="carp", certificate=CERTIFIED)
+    export(surface_nodes_first(ball_mesh())[0], path, solver="carp", certificate=CERTIFIED)
     assert sorted(file.name for file in tmp_path.iterdir()) == ["m.elem", "m.lon", "m.pts", "m.pts.json"]
 
 
@@ -101,7 +101,7 @@ def test_every_format_is_made_of_another(tmp_path: Path, target: str) -> None:
 
 
 def test_conversion_renumbers_and_names_sets_where_they_are_missing(tmp_path: Path) -> None:
-    mesh, _ = solver_ready(ball_mesh())
+    mesh, _ = surface_nodes_first(ball_mesh())
     last = len(mesh.points) - 1
     swap = np.r_[last, np.arange(1, last), 0]
     vtu.write(TetMesh(mesh.points[swap], swap[mesh.cells]), tmp_path / "m.vtu")

@@ -11,8 +11,8 @@ from shapes import cube_mesh
 from cortet.errors import InputError
 from cortet.formats import febio
 from cortet.mesh import MeshSets, TetMesh
-from cortet.stages.solver_ready import solver_ready
-from cortet.verify import verify
+from cortet.solver_files.verify import verify
+from cortet.stages.solver_ready import surface_nodes_first
 
 TETRAHEDRON = TetMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1 / 3]], [[0, 1, 2, 3]])
 
@@ -20,7 +20,7 @@ TETRAHEDRON = TetMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1 / 3]], [[0, 1, 
 @pytest.fixture
 def regions() -> TetMesh:
     """A cube with a core and a cortex, fields and a set of 20 nodes."""
-    mesh, _ = solver_ready(cube_mesh(3, side=2.0, jitter=0.2))
+    mesh, _ = surface_nodes_first(cube_mesh(3, side=2.0, jitter=0.2))
     deep = mesh.points[mesh.cells].mean(axis=1)[:, 2] < 1
     fields = {"thickness": mesh.points[:, 0] * np.pi, "normal": mesh.points, "pair": mesh.points[:, :2]}
     sets = MeshSets({"some": np.arange(20)}, {}, {"core": np.flatnonzero(deep), "cortex": np.flatnonzero(~deep)})

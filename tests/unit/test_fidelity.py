@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from shapes import ball_surface, cube_mesh
 
-from cortet.fidelity import boundary_roughness, fidelity, summary
+from cortet.geometry.topology import boundary_surface
+from cortet.measure.fidelity import boundary_roughness, fidelity, summary
 from cortet.mesh import TetMesh, TriSurface
-from cortet.topology import boundary_surface
 
 
 def test_a_mesh_is_faithful_to_its_own_boundary() -> None:

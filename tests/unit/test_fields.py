@@ -10,7 +10,7 @@ import pytest
 from shapes import ball_surface
 
 from cortet.errors import InputError
-from cortet.fields import with_fields
+from cortet.solver_files.fields import with_fields
 
 
 def shape_file(path: Path, **arrays: np.ndarray) -> Path:

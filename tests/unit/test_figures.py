@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from cortet import published
-from cortet.figures import Pooled, cohort_figure, pooled_quality_figure, save
+from cortet.report import published
+from cortet.report.figures import Pooled, cohort_figure, pooled_quality_figure, save
 
 HEADER = "case\themi\tscan_age\tcell_size_mm\ttets\tq_mean\tq_max\n"
 ROWS = (

@@ -13,15 +13,15 @@ from shapes import ball_mesh
 
 from cortet.errors import InputError
 from cortet.formats import braingrowth
+from cortet.geometry.topology import boundary_nodes
+from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh
-from cortet.quality import signed_volumes
 from cortet.simulation import fold as fold_module
 from cortet.simulation.body import growth_mask, scale_of
 from cortet.simulation.fold import Verdict, fold
 from cortet.simulation.growth import Gompertz, Linear, age_of, growth_since, time_of
 from cortet.simulation.record import COLUMNS, Record
 from cortet.simulation.run import Settings, beginning, prepared
-from cortet.topology import boundary_nodes
 
 SPHERE5 = Path(__file__).parents[3] / "shared/data/tallinen/sphere5.mesh"
 #: a quick run: half a week, a row every tenth, a frame every fifth of one

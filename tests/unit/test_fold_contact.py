@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, cube_mesh
 
-from cortet.intersection import self_intersections
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.topology import TRI_EDGES, boundary_faces, boundary_nodes, face_normals, vertex_normals
 from cortet.mesh import TetMesh, TriSurface
-from cortet.optimise.closest_point import closest_points, surface_tree
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import Contact, contact_forces, contact_of, listed_at, moved_too_far
 from cortet.simulation.kernels import DONE, LIST_OUTDATED, State, advance, workspace
-from cortet.topology import TRI_EDGES, boundary_faces, boundary_nodes, face_normals, vertex_normals
 
 
 def two_blocks(gap: float, n: int = 4) -> TetMesh:

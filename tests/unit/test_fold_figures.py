@@ -13,7 +13,7 @@ from shapes import ball_mesh
 from cortet.cli import main
 from cortet.errors import InputError
 from cortet.formats import vtu
-from cortet.simulation.fold_figures import numbers, series
+from cortet.report.fold_figures import numbers, series
 from cortet.simulation.progress import status
 from cortet.simulation.record import Record
 
@@ -58,7 +58,7 @@ def test_the_film_has_an_image_per_frame(run: Path) -> None:
 
 
 def test_drawing_again_gives_the_same_files(run: Path, tmp_path: Path) -> None:
-    from cortet.simulation.fold_figures import draw
+    from cortet.report.fold_figures import draw
 
     before = {name: (run / name).read_bytes() for name in ("folding.svg", "folded.png", "folding.gif")}
     draw(run, "L")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, cube_mesh
 
+from cortet.geometry.topology import boundary_faces, boundary_nodes
 from cortet.mesh import TetMesh
 from cortet.simulation.body import Body, Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import Contact, contact_of
@@ -21,7 +22,6 @@ from cortet.simulation.kernels import (
     nodal_forces,
     workspace,
 )
-from cortet.topology import boundary_faces, boundary_nodes
 
 MATERIAL = Material()
 #: coordinates of the test meshes are taken as dimensionless

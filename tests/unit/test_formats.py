@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 from shapes import cube_mesh
 
 from cortet.errors import InputError
-from cortet.export import export, write
 from cortet.formats import FORMATS, fenics, format_of, msh
 from cortet.formats.gifti import read_surface
+from cortet.geometry.topology import boundary_faces, boundary_surface, face_areas
+from cortet.measure.quality import signed_volumes
 from cortet.mesh import CoordinateFrame, TetMesh
-from cortet.quality import signed_volumes
-from cortet.sets import named_sets
+from cortet.solver_files.export import export, write
+from cortet.solver_files.sets import named_sets
+from cortet.solver_files.verify import verify
 from cortet.stages.generate import generate
-from cortet.stages.solver_ready import solver_ready
+from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
-from cortet.topology import boundary_faces, boundary_surface, face_areas
-from cortet.verify import verify
 
 SURFACE = Path(__file__).parents[3] / "shared" / "data" / "fetal" / "CRL_STA22_left_white.surf.gii"
 VOLUMES = [name for name, form in FORMATS.items() if not form.is_surface]
@@ -98,7 +98,7 @@ def test_a_mesh_survives_with_volumes_area_sets_and_fields(name, mesh, tmp_path)
 
 @pytest.mark.parametrize("name", VOLUMES)
 def test_a_mesh_without_sets_and_fields_survives(name, tmp_path):
-    mesh, _ = solver_ready(cube_mesh(2, side=2.0, jitter=0.2))
+    mesh, _ = surface_nodes_first(cube_mesh(2, side=2.0, jitter=0.2))
     path = written(mesh, tmp_path, name)
     back = FORMATS[name].read(path)
     assert verify(path, name) == [] and np.array_equal(back.cells, mesh.cells)
@@ -143,7 +143,7 @@ def test_a_file_that_is_cut_off_is_refused_or_named_by_verify(name, mesh, tmp_pa
 
 
 def test_a_format_is_known_by_the_end_of_the_name(tmp_path):
-    assert format_of(Path("x.boundary.surf.gii")) == "gifti" and format_of(Path("a.b.inp")) == "abaqus"
+    assert format_of(Path("x.boundary.surf.gii")).name == "gifti" and format_of(Path("a.b.inp")).name == "abaqus"
     with pytest.raises(InputError, match="no known mesh format"):
         format_of(Path("x.obj"))
 
@@ -230,5 +230,5 @@ def real_mesh() -> TetMesh:
     surface = replace(surface, point_data=fields)
     fast = {"odt": False, "lloyd": False, "perturb": False, "exude": False}
     mesh, _ = generate(surface, cell_size=4.0, backend="cgal", **fast)
-    ready, _ = solver_ready(transfer(mesh, surface)[0])
+    ready, _ = surface_nodes_first(transfer(mesh, surface)[0])
     return named_sets(ready, medial_wall={"area": [0]})

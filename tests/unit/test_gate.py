@@ -10,10 +10,10 @@ import pytest
 import trimesh
 from shapes import ball_surface
 
-from cortet import topology
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface, single_precision
-from cortet.intersection import self_intersections
+from cortet.geometry import topology
+from cortet.geometry.intersection import self_intersections
 from cortet.mesh import TriSurface
 from cortet.stages.gate import gate
 

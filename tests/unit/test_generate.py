@@ -13,12 +13,12 @@ import trimesh
 from shapes import ball_surface, bowl, horseshoe
 
 from cortet.errors import InputError, StageError
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_topology
+from cortet.measure.quality import circumradii, quality, signed_volumes
 from cortet.mesh import TetMesh, TriSurface
-from cortet.optimise.closest_point import closest_points, surface_tree
-from cortet.quality import circumradii, quality, signed_volumes
 from cortet.stages import generate as s1
 from cortet.stages.generate import generate
-from cortet.topology import boundary_faces, enclosed_volume, surface_topology
 
 pygalmesh = pytest.param(
     "pygalmesh",

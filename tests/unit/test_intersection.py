@@ -13,7 +13,7 @@ import pytest
 from shapes import ball_surface, horseshoe
 
 from cortet.formats.gifti import read_surface
-from cortet.intersection import self_intersections
+from cortet.geometry.intersection import self_intersections
 from cortet.mesh import TriSurface
 
 Point = tuple[Fraction, Fraction, Fraction]

@@ -8,14 +8,14 @@ import trimesh
 from shapes import ball_surface
 
 from cortet.formats.gifti import read_surface
+from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
+from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_topology
+from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh, TriSurface
 from cortet.meshers import lattice
 from cortet.meshers.lattice import fill, lattice_nodes
 from cortet.meshers.remesh import remesh
-from cortet.optimise.closest_point import closer_than, closest_points, surface_tree
-from cortet.quality import signed_volumes
 from cortet.stages.generate import oriented
-from cortet.topology import boundary_faces, enclosed_volume, surface_topology
 
 
 def box(size: float) -> TriSurface:

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from cortet.cohort.lock import NAME, hold
 from cortet.errors import InputError
-from cortet.lock import NAME, hold
 
 HOLD = """
 import subprocess, sys, time
 from pathlib import Path
-from cortet.lock import hold
+from cortet.cohort.lock import hold
 file = hold(Path(sys.argv[1]))
 child = subprocess.Popen(["sleep", "60"], stdout=subprocess.DEVNULL)
 print(child.pid, flush=True)

@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 from shapes import cube_mesh
 
-from cortet.experiments import Origin
-from cortet.mesh_tables import (
+from cortet.measure.quality import summarise
+from cortet.report.ablation import Origin
+from cortet.report.mesh_tables import (
     MEASURES_COLUMNS,
     RESOLUTION_COLUMNS,
     exponent,
@@ -19,7 +20,6 @@ from cortet.mesh_tables import (
     resolution_rows,
     write_mesh_table,
 )
-from cortet.quality import summarise
 
 AGES = {"sub-a": 28.0, "sub-b": 22.0}
 

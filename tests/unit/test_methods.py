@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 from shapes import cube_mesh
 
-from cortet.certify import certify
-from cortet.cohort import Case
+from cortet.cohort.sheet import Case
 from cortet.config import load
-from cortet.methods import methods_text, write_methods
-from cortet.topology import boundary_surface
+from cortet.geometry.topology import boundary_surface
+from cortet.measure.certify import certify
+from cortet.report.methods import methods_text, write_methods
 
 CASES = [
     Case("01", None, "L", 22.5, Path("a.surf.gii")),

@@ -3,8 +3,8 @@
 import numpy as np
 from shapes import ball_mesh
 
-from cortet.ordering import curve_order, ordered_along_curve
-from cortet.quality import quality, signed_volumes
+from cortet.geometry.ordering import curve_order, ordered_along_curve
+from cortet.measure.quality import quality, signed_volumes
 
 
 def test_corners_of_a_cube_follow_the_z_curve():

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
-from cortet.case_page import about, split_remedy, write_case_page, write_failure_page
-from cortet.certify import certify
+from cortet.measure.certify import certify
 from cortet.mesh import TriSurface
-from cortet.pages import embedded
+from cortet.report.case_page import about, split_remedy, write_case_page, write_failure_page
+from cortet.report.pages import embedded
 
 HOSTILE = '</script><script>alert(1)</script><img src=x onerror=alert(2)> & "quoted" `<b>`'
 FAILURE = {

@@ -16,12 +16,12 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 from shapes import ball_mesh, ball_surface
 
-from cortet.case_page import write_case_page, write_failure_page
-from cortet.certify import certify
-from cortet.cohort_page import write_cohort_page
+from cortet.cohort.status import COLUMNS
 from cortet.formats.atomic import write_json
-from cortet.status import COLUMNS
-from cortet.tables import write_tsv
+from cortet.formats.tsv import write_tsv
+from cortet.measure.certify import certify
+from cortet.report.case_page import write_case_page, write_failure_page
+from cortet.report.cohort_page import write_cohort_page
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed (apt-get install chromium)")

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from shapes import ball_surface
 
-from cortet.certify import Certificate
 from cortet.cli import main
 from cortet.config import Config, load
 from cortet.errors import InputError
-from cortet.fidelity import fidelity
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_surface
+from cortet.geometry.topology import boundary_nodes
+from cortet.measure.certify import Certificate
+from cortet.measure.fidelity import fidelity
 from cortet.mesh import TetMesh, TriSurface
 from cortet.pipeline import mesh_surface, run, stages
-from cortet.stage_table import STAGE_COLUMNS
-from cortet.topology import boundary_nodes
+from cortet.report.stage_table import STAGE_COLUMNS
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "fetal" / "CRL_STA22_left_white.surf.gii"
 FAST = {"generate": {"cell_size": 5.0, "odt": False, "lloyd": False}}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from cortet.printed import Shown, Table, mean_and_sd, median_and_range, number, write, write_view
+from cortet.report.table_files import Shown, Table, mean_and_sd, median_and_range, number, write, write_view
 
 TABLE = Table(
     "Things & others",

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cortet import published
+from cortet.report import published
 
 DATA = Path(published.__file__).parent / "data"
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from shapes import cube_mesh
 
-from cortet import quality
+from cortet.measure import quality
 from cortet.mesh import TetMesh
 
 CELL = np.array([[0, 1, 2, 3]], np.int32)

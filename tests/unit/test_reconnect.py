@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
-from cortet import topology
+from cortet.geometry import topology
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import TetMesh
-from cortet.optimise.closest_point import closest_points, surface_tree
-from cortet.quality import quality, signed_volumes
 from cortet.stages.clean import clean
 from cortet.stages.reconnect import reconnect
 

@@ -6,10 +6,10 @@ import pytest
 from shapes import cube_mesh
 
 from cortet.errors import InputError, StageError
+from cortet.geometry.topology import boundary_nodes
+from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import TetMesh
-from cortet.quality import quality, signed_volumes
 from cortet.stages.relocate import relocate
-from cortet.topology import boundary_nodes
 
 
 def rough_cube() -> TetMesh:

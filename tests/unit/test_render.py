@@ -10,7 +10,7 @@ import pytest
 from shapes import cube_mesh
 
 from cortet.mesh import TetMesh
-from cortet.render import picture
+from cortet.report.render import picture
 
 
 @pytest.fixture(autouse=True)

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from cortet.errors import InputError
-from cortet.resources import (
+from cortet.cohort.resources import (
     COSTS,
     Cost,
     cost,
@@ -19,8 +18,9 @@ from cortet.resources import (
     memory_to_ask_mb,
     minutes_to_ask,
 )
+from cortet.errors import InputError
+from cortet.geometry.topology import enclosed_volume
 from cortet.stages.generate import generate
-from cortet.topology import enclosed_volume
 from tests.unit.shapes import ball_surface
 
 ROOT = Path(__file__).parents[2]

@@ -10,16 +10,16 @@ from exported import full_mesh
 from shapes import ball_mesh, cube_mesh
 
 from cortet.errors import InputError
+from cortet.geometry.topology import boundary_faces, boundary_nodes
+from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh
-from cortet.quality import signed_volumes
-from cortet.sets import face_labels, named_sets, set_name
-from cortet.stages.solver_ready import solver_ready
-from cortet.topology import boundary_faces, boundary_nodes
+from cortet.solver_files.sets import face_labels, named_sets, set_name
+from cortet.stages.solver_ready import surface_nodes_first
 
 
 @pytest.fixture(scope="module")
 def ball() -> TetMesh:
-    return solver_ready(ball_mesh(3, radius=10.0))[0]
+    return surface_nodes_first(ball_mesh(3, radius=10.0))[0]
 
 
 def test_without_labels_the_whole_boundary_is_cortical_surface(ball):
@@ -114,6 +114,6 @@ def test_fields_that_are_not_there_are_named(arguments, words):
 def test_sets_follow_when_nodes_are_renumbered():
     cube = cube_mesh(3, side=4.0)
     mesh = named_sets(cube, cortex_depth=1.0)
-    ready, _ = solver_ready(mesh)
+    ready, _ = surface_nodes_first(mesh)
     assert np.array_equal(ready.sets.faces["cortical_surface"], boundary_faces(ready))
     assert np.array_equal(ready.sets.nodes["cortical_surface"], boundary_nodes(ready))

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
-from cortet import topology
 from cortet.errors import StageError
-from cortet.fidelity import boundary_roughness
+from cortet.geometry import topology
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.measure.fidelity import boundary_roughness
+from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh
-from cortet.optimise.closest_point import closest_points, surface_tree
-from cortet.quality import signed_volumes
 from cortet.stages.backing_off import back_off
 from cortet.stages.clean import clean
 from cortet.stages.reconnect import reconnect

@@ -10,7 +10,7 @@ import pytest
 from shapes import ball_surface
 
 from cortet.formats.gifti import read_surface, single_precision
-from cortet.intersection import self_intersections
+from cortet.geometry.intersection import self_intersections
 from cortet.mesh import TriSurface
 from cortet.stages.smooth_surface import candidate_iterations, mean_nearest_vertex_distance, smooth_surface
 

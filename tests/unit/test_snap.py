@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from shapes import ball_surface
 
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.topology import boundary_nodes
+from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import TetMesh, TriSurface
-from cortet.optimise.closest_point import closest_points, surface_tree
-from cortet.quality import quality, signed_volumes
 from cortet.stages.generate import generate
 from cortet.stages.relocate import relocate
 from cortet.stages.snap import ON_SURFACE_MM, snap
-from cortet.topology import boundary_nodes
 
 BALL = ball_surface(4)
 

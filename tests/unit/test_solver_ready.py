@@ -5,9 +5,9 @@ import pytest
 from shapes import cube_mesh
 
 from cortet.errors import StageError
+from cortet.geometry.topology import boundary_faces, boundary_nodes
 from cortet.mesh import TetMesh
-from cortet.stages.solver_ready import solver_ready
-from cortet.topology import boundary_faces, boundary_nodes
+from cortet.stages.solver_ready import surface_nodes_first
 
 
 def shuffled() -> TetMesh:
@@ -19,14 +19,14 @@ def shuffled() -> TetMesh:
 
 def test_surface_nodes_come_first_and_keep_their_order():
     mesh = shuffled()
-    ready, report = solver_ready(mesh)
+    ready, report = surface_nodes_first(mesh)
     assert np.array_equal(boundary_nodes(ready), np.arange(report.surface_nodes)) and report.surface_nodes == 56
     assert np.array_equal(ready.points[:56], mesh.points[boundary_nodes(mesh)])
 
 
 def test_it_is_the_same_mesh_with_the_same_fields():
     mesh = shuffled()
-    ready, report = solver_ready(mesh)
+    ready, report = surface_nodes_first(mesh)
     assert np.array_equal(ready.points[ready.cells], mesh.points[mesh.cells])
     assert np.array_equal(ready.point_data["x"], ready.points[:, 0]) and ready.cell_data == mesh.cell_data
     assert (report.nodes, report.tetrahedra, report.boundary_faces) == (64, 162, 108)
@@ -34,13 +34,13 @@ def test_it_is_the_same_mesh_with_the_same_fields():
 
 
 def test_a_second_run_changes_nothing():
-    once, _ = solver_ready(shuffled())
-    twice, _ = solver_ready(once)
+    once, _ = surface_nodes_first(shuffled())
+    twice, _ = surface_nodes_first(once)
     assert np.array_equal(once.points, twice.points) and np.array_equal(once.cells, twice.cells)
 
 
 def test_boundary_faces_look_outward():
-    ready, _ = solver_ready(shuffled())
+    ready, _ = surface_nodes_first(shuffled())
     a, b, c = (ready.points[boundary_faces(ready)[:, i]] for i in range(3))
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), (a + b + c) / 3 - 1.0) > 0).all()
 
@@ -50,17 +50,17 @@ def test_inverted_elements_are_refused():
     cells = mesh.cells.copy()
     cells[5] = cells[5, [1, 0, 2, 3]]
     with pytest.raises(StageError, match="1 tetrahedra have no positive volume"):
-        solver_ready(TetMesh(mesh.points, cells))
+        surface_nodes_first(TetMesh(mesh.points, cells))
 
 
 def test_unused_nodes_are_refused():
     mesh = cube_mesh(2)
     with pytest.raises(StageError, match="2 nodes belong to no tetrahedron"):
-        solver_ready(TetMesh(np.concatenate([mesh.points, [[3, 3, 3], [4, 4, 4]]]), mesh.cells))
+        surface_nodes_first(TetMesh(np.concatenate([mesh.points, [[3, 3, 3], [4, 4, 4]]]), mesh.cells))
 
 
 def test_overlapping_elements_are_refused():
     """Two tetrahedra on the same side of their common face: every volume positive, but part of the space twice."""
     points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 1], [0.3, 0.3, 0.5]]
     with pytest.raises(StageError, match="add up to"):
-        solver_ready(TetMesh(points, [[0, 1, 2, 3], [0, 1, 2, 4]]))
+        surface_nodes_first(TetMesh(points, [[0, 1, 2, 3], [0, 1, 2, 4]]))

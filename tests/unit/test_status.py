@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from cortet.status import COLUMNS, failure_reason, status_rows, was_killed, write_status
+from cortet.cohort.status import COLUMNS, failure_reason, status_rows, was_killed, write_status
 
 
 def test_the_verdict_of_the_certificate_is_the_state(tmp_path: Path) -> None:

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
-from cortet import topology
+from cortet.geometry import topology
+from cortet.geometry.closest_point import surface_tree
+from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import TetMesh
-from cortet.optimise.closest_point import surface_tree
 from cortet.optimise.swaps import improve, live_cells, swappable
 from cortet.optimise.vertices import mu2_of
-from cortet.quality import quality, signed_volumes
 
 SPHERE = ball_surface(2, 1.0)
 TREE = surface_tree(SPHERE.points, SPHERE.faces)

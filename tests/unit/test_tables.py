@@ -11,18 +11,18 @@ from typing import Any
 import pytest
 from shapes import cube_mesh
 
-from cortet.certify import certify
-from cortet.cohort import Case
-from cortet.tables import (
+from cortet.cohort.sheet import Case
+from cortet.formats.tsv import cell
+from cortet.geometry.topology import boundary_surface
+from cortet.measure.certify import certify
+from cortet.report.cohort_tables import (
     QUALITY_COLUMNS,
     SUMMARY_COLUMNS,
-    cell,
     quality_rows,
     summary_rows,
     write_quality,
     write_summary,
 )
-from cortet.topology import boundary_surface
 
 CASES = [
     Case("01", "a", "L", 22.5, "phantom", extra={"site": "x"}),

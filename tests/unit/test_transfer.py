@@ -7,11 +7,11 @@ import pytest
 from shapes import ball_mesh, ball_surface, cube_mesh
 
 from cortet.errors import InputError
+from cortet.geometry.topology import boundary_nodes, boundary_surface
 from cortet.mesh import TetMesh, TriSurface
 from cortet.stages.generate import generate
 from cortet.stages.harmonic import harmonic
 from cortet.stages.transfer import transfer
-from cortet.topology import boundary_nodes, boundary_surface
 
 
 @pytest.fixture(scope="module")

@@ -27,16 +27,16 @@ from shapes import ball_surface
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
 from benchmarks.fuzz import DOCTYPES, outcome, place_damaged, seeds
-from cortet.cohort import COLUMNS, LONGEST_LABEL, Case, read_sheet, scan, write_sheet
+from cortet.cohort.sheet import COLUMNS, LONGEST_LABEL, Case, read_sheet, scan, write_sheet
 from cortet.config import Scan, load
 from cortet.errors import InputError
-from cortet.export import convert, export, write
 from cortet.formats import FORMATS, fenics, text
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.formats.untrusted import LARGEST, safely_named
 from cortet.mesh import TetMesh
-from cortet.verify import verify
-from cortet.verify.sidecar import sidecar_path
+from cortet.solver_files.export import convert, export, write
+from cortet.solver_files.sidecar import sidecar_path
+from cortet.solver_files.verify import verify
 
 KINDS = [*FORMATS, "gate", "fields", "sheet", "config", "release"]
 XML = {"vtu": "m.vtu", "febio": "m.feb", "fenics": "m.xdmf", "gifti": "m.surf.gii"}

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from exported import full_mesh
 
-from cortet.export import export, write
-from cortet.fields import FieldSource
 from cortet.formats import FORMATS
+from cortet.geometry.topology import boundary_surface
 from cortet.mesh import MeshSets, TetMesh
-from cortet.topology import boundary_surface
-from cortet.verify import verify
-from cortet.verify.sidecar import file_digest, sidecar_path
+from cortet.solver_files.export import export, write
+from cortet.solver_files.fields import FieldSource
+from cortet.solver_files.sidecar import file_digest, sidecar_path
+from cortet.solver_files.verify import verify
 
 VOLUMES = [name for name, form in FORMATS.items() if not form.is_surface]
 #: formats that list boundary faces by their nodes, so that one can face inward, be missing or be listed twice

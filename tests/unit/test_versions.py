@@ -17,9 +17,9 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.config import stage_version
 from cortet.formats import vtu
+from cortet.measure.quality import quality
 from cortet.mesh import TetMesh, TriSurface
 from cortet.phantom import phantom
-from cortet.quality import quality
 from cortet.simulation.fold import fold
 from cortet.simulation.run import Settings
 from cortet.stages.clean import clean
@@ -30,7 +30,7 @@ from cortet.stages.relocate import relocate
 from cortet.stages.smooth_boundary import smooth_boundary
 from cortet.stages.smooth_surface import smooth_surface
 from cortet.stages.snap import snap
-from cortet.stages.solver_ready import solver_ready
+from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
 
 GOLDEN = Path(__file__).with_name("golden.json")
@@ -76,7 +76,7 @@ RESULTS: dict[str, Callable[[], TriSurface | TetMesh]] = {
     "smooth_boundary": lambda: smooth_boundary(good_ball(), ball_surface(4))[0],
     "snap": lambda: snap(floating_ball(), ball_surface(4))[0],
     "fold": folded_ball,
-    "solver_ready": lambda: solver_ready(ball_mesh(2, radius=5.0))[0],
+    "solver_ready": lambda: surface_nodes_first(ball_mesh(2, radius=5.0))[0],
 }
 
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface, cube_mesh
 
-from cortet import topology
+from cortet.geometry import topology
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import TetMesh
 from cortet.optimise import vertices
-from cortet.optimise.closest_point import closest_points, surface_tree
 from cortet.optimise.vertices import FREE, Pass, move_vertices
-from cortet.quality import quality, signed_volumes
 
 SPHERE = ball_surface(2, 1.0)
 TREE = surface_tree(SPHERE.points, SPHERE.faces)

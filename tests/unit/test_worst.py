@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from shapes import cube_mesh
 
+from cortet.geometry.topology import boundary_faces, boundary_nodes, edges
+from cortet.measure.quality import quality
+from cortet.measure.worst import fans, valence_bound, worst_elements
 from cortet.mesh import TetMesh
-from cortet.quality import quality
-from cortet.topology import boundary_faces, boundary_nodes, edges
-from cortet.worst import fans, valence_bound, worst_elements
 
 
 def around_an_edge(count: int, radius: float = 1.0, height: float = 1.0) -> TetMesh:

@@ -1,0 +1,127 @@
+"""What a job takes: memory, time and disk from the number of tetrahedra, and that from the volume of the surface.
+
+Straight lines over the most that was measured on 13 surfaces of 19 to 104 mL at cell sizes of 1, 0.8 and 0.6 mm (80
+thousand to 1.5 million tetrahedra): `benchmarks/resources.py` compares them with the benchmark files of any run. Time
+is that of the CPU, which other work on the machine changes least.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cortet.errors import InputError
+
+#: tetrahedra per cube of the cell size; measured 4.13 to 4.19 (cgal), 3.34 to 3.56 (lattice)
+TETS_PER_CUBE = {"cgal": 4.2, "lattice": 3.6}
+#: resident memory of Snakemake itself, MB, which in a cluster's job runs twice beside the script
+SNAKEMAKE_MB = 600
+#: what is asked for, as a multiple of what was measured at most: memory that lacks kills the job, and so does time
+MEMORY_MARGIN, TIME_MARGIN = 1.25, 4.0
+#: minutes a job may wait for its file system and its interpreter
+START_MINUTES = 5
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a rule takes: each number for no tetrahedra, and more for every million of them."""
+
+    #: peak resident memory of the script, MB
+    megabytes: tuple[float, float]
+    #: CPU time of the script, the start of the interpreter included
+    seconds: tuple[float, float]
+
+    def memory_mb(self, tets: float) -> float:
+        """Peak resident memory, MB, for a number of tetrahedra."""
+        return _line(self.megabytes, tets)
+
+    def cpu_seconds(self, tets: float) -> float:
+        """CPU time, s, for a number of tetrahedra."""
+        return _line(self.seconds, tets)
+
+
+#: rule -> its cost; rules on surfaces do not depend on tetrahedra
+COSTS = {
+    "phantom": Cost((400, 0), (4, 0)),
+    "gate": Cost((600, 0), (7, 0)),
+    "fields": Cost((600, 0), (5, 0)),
+    "smooth_surface": Cost((600, 0), (7, 0)),
+    "generate": Cost((330, 550), (5, 370)),
+    "generate:lattice": Cost((330, 520), (5, 35)),
+    "transfer": Cost((260, 150), (2, 3)),
+    "relocate": Cost((310, 260), (4, 55)),
+    "clean": Cost((400, 350), (3, 7)),
+    "reconnect": Cost((300, 530), (3, 9)),
+    "smooth_boundary": Cost((400, 430), (4, 10)),
+    "snap": Cost((400, 430), (4, 10)),
+    "solver_ready": Cost((300, 280), (2, 5)),
+    "quality": Cost((350, 820), (2, 6)),
+    "certify": Cost((300, 820), (3, 7)),
+    "case_page": Cost((600, 100), (4, 2)),
+    "export": Cost((550, 400), (2, 4)),
+    "fold": Cost((500, 1200), (60, 9000)),
+    "fold_figures": Cost((500, 800), (60, 120)),
+}
+
+#: bytes per tetrahedron of the files of one mesh: what solvers read, and what only later stages do
+FINAL_BYTES, INTERMEDIATE_BYTES = 13.5 + 37.0, 5 * 13.0 + 49.0
+
+
+def _line(coefficients: tuple[float, float], tets: float) -> float:
+    return coefficients[0] + coefficients[1] * tets / 1e6
+
+
+def expected_volume_ml(gestational_age: float, *, whole: bool = False) -> float:
+    """Most that a hemisphere (or both, `whole`) may enclose at an age, weeks: for before its surface is read.
+
+    A line above the templates at hand: 29 mL at 22 weeks, 39 at 25, 70 at 30, 87 at 33, 94 at 40.
+    """
+    return (2 if whole else 1) * max(30 + 5.5 * (gestational_age - 22), 20)
+
+
+def expected_tets(volume_ml: float, cell_size: float, mesher: str = "cgal") -> float:
+    """Tetrahedra of a mesh.
+
+    Parameters
+    ----------
+    volume_ml : enclosed by the surface, mL
+    cell_size : h, mm
+    mesher : of S1; one that was not measured counts as `cgal`
+    """
+    return TETS_PER_CUBE.get(mesher, TETS_PER_CUBE["cgal"]) * 1000 * volume_ml / cell_size**3
+
+
+def cost(rule: str, mesher: str = "cgal") -> Cost:
+    """Cost of a rule, which for S1 depends on the mesher.
+
+    Raises
+    ------
+    InputError
+        nothing is known of the rule
+    """
+    found = COSTS.get(f"{rule}:{mesher}") or COSTS.get(rule)
+    if found is None:
+        raise InputError(
+            f"nothing is known of what rule `{rule}` takes", remedy="add it to COSTS in cortet/cohort/resources.py"
+        )
+    return found
+
+
+def memory_to_ask_mb(measured: float, attempt: int = 1) -> int:
+    """Memory a job asks for, MB: twice as much with every attempt.
+
+    Parameters
+    ----------
+    measured : peak resident memory of its script, MB
+    attempt : 1 unless it was killed before
+    """
+    return round((SNAKEMAKE_MB + MEMORY_MARGIN * measured) * 2 ** (attempt - 1))
+
+
+def minutes_to_ask(cpu_seconds: float) -> int:
+    """Time limit of a job, minutes."""
+    return round(START_MINUTES + TIME_MARGIN * cpu_seconds / 60)
+
+
+def disk_mb(tets: float, *, keep_intermediates: bool = True) -> float:
+    """Disk that the files of one mesh take, MB, with the BrainGrowth file as the only export."""
+    return (FINAL_BYTES + (INTERMEDIATE_BYTES if keep_intermediates else 0)) * tets / 1e6

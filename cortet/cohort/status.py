@@ -1,0 +1,108 @@
+"""What became of every case of a cohort: one row per mesh that was asked for, and per excluded row of the sheet."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cortet.formats.atomic import write_json
+from cortet.formats.tsv import write_tsv
+
+#: column -> its explanation, as in a BIDS sidecar
+COLUMNS: dict[str, dict[str, Any]] = {
+    "case": {"Description": "Name of the case; files begin with it"},
+    "cell_size_mm": {"Description": "Cell size h", "Units": "mm"},
+    "mesher": {"Description": "Mesher of stage S1"},
+    "stage": {"Description": "Last stage reached: the one that failed, or `certify`"},
+    "state": {
+        "Description": "What became of the case",
+        "Levels": {
+            "certified": "every number of its certificate is within its limit",
+            "uncertified": "meshed, but its certificate says no; exported only if the configuration says so",
+            "failed": "a stage refused its input, or broke down",
+            "unfinished": "the run ended before the case was done",
+            "excluded": "the sheet excludes it",
+        },
+    },
+    "reason": {"Description": "Why the state is not `certified`"},
+    "log": {"Description": "Log of the job that failed"},
+}
+
+
+def failure_reason(log: Path, *, since: float) -> str:
+    """Why a job failed: the last error in its log, if the log was written after `since` (seconds since the epoch).
+
+    A job that took longer than `time_limit` leaves `Timeout (0:01:00)!` and its stack there (`faulthandler`).
+    """
+    lines = _lines(log) if log.exists() and log.stat().st_mtime >= since else []
+    if too_long := [found[1] for line in lines if (found := re.fullmatch(r"Timeout \((.+)\)!", line))]:
+        return f"took longer than {too_long[-1]} (hours:minutes:seconds), the time_limit, {_place_of_stop(lines)}"
+    if error := _last_error(lines):
+        return error
+    if stopped := _place_of_stop(lines):
+        return f"stopped from outside, at its time limit or by hand, {stopped}"
+    return "ended without a message: killed, or out of memory or time"
+
+
+def was_killed(log: Path) -> bool:
+    """Whether the job that wrote a log was killed, as for want of memory, or says itself that memory was short.
+
+    One that failed by itself left an error, one that was told to stop (time limit) the place where it was.
+    """
+    lines = _lines(log) if log.exists() else []
+    error = _last_error(lines)
+    return error.startswith("MemoryError") if error else not _place_of_stop(lines)
+
+
+def _lines(log: Path) -> list[str]:
+    return log.read_text(encoding="utf-8", errors="replace").splitlines()
+
+
+def _last_error(lines: Sequence[str]) -> str:
+    errors = [number for number, line in enumerate(lines) if " ERROR " in line]
+    if not errors:
+        return ""
+    first, *more = lines[errors[-1] :]
+    return "; ".join([first.partition(" ERROR ")[2], *more])
+
+
+def _place_of_stop(lines: Sequence[str]) -> str:
+    """First line of the stack that Python's faulthandler writes on a signal: `in FUNCTION, line N of FILE`."""
+    for header, line in itertools.pairwise(lines):
+        if header.endswith("(most recent call first):") and (
+            found := re.match(r'  File "(.+)", line (\d+) in (.+)', line)
+        ):
+            return f"in {found[3]}, line {found[2]} of {found[1]}"
+    return ""
+
+
+def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of the table; what does not apply is missing from a row.
+
+    Parameters
+    ----------
+    meshes : per mesh `case`; `cell_size_mm` and `mesher` unless excluded; what is known of its failure or exclusion
+        (`stage`, `state`, `reason`, `log`); and the path of its `certificate` if it has one, whose no goes before a
+        failure
+    """
+    rows = []
+    for mesh in meshes:
+        outcome = dict(mesh)
+        if certificate := outcome.pop("certificate", None):
+            content = json.loads(Path(certificate).read_text(encoding="utf-8"))
+            if not content["certified"]:
+                outcome |= {"stage": "certify", "state": "uncertified", "reason": "; ".join(content["reasons"])}
+            elif "state" not in outcome:
+                outcome |= {"stage": "certify", "state": "certified"}
+        rows.append(outcome)
+    return rows
+
+
+def write_status(meshes: Sequence[Mapping[str, Any]], *, table: Path, sidecar: Path) -> None:
+    """Write the table (TSV) of `status_rows` and the JSON file that explains its columns."""
+    write_tsv(status_rows(meshes), list(COLUMNS), table)
+    write_json(COLUMNS, sidecar)

@@ -1,0 +1,35 @@
+"""Where a triangulated surface is not a manifold; `topology.surface_topology` counts, this finds the places."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from cortet.geometry.topology import TRI_EDGES, packed
+from cortet.mesh import IntArray
+
+
+def defective_vertices(faces: IntArray) -> NDArray[np.int64]:
+    """Vertices of edges that are not in exactly two faces, and vertices with more than one fan of faces; ascending."""
+    return np.union1d(_of_bad_edges(faces), _pinched(faces))
+
+
+def _of_bad_edges(faces: IntArray) -> NDArray[np.int64]:
+    sides = faces[:, TRI_EDGES].reshape(-1, 2)
+    edge, count = np.unique(packed(sides), return_inverse=True, return_counts=True)[1:]
+    return np.unique(sides[count[edge] != 2])
+
+
+def _pinched(faces: IntArray) -> NDArray[np.int64]:
+    """A vertex v has one fan where its neighbours hang together by the sides opposite v of its faces."""
+    vertex = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 1, 2]]]).ravel().astype(np.int64)
+    neighbour = np.concatenate([faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]]).ravel()
+    pairs, place = np.unique(vertex * (int(faces.max(initial=0)) + 1) + neighbour, return_inverse=True)
+    first, second = np.split(place, 2)  # v seen with the next corner of a face, and with the one after
+    graph = coo_matrix((np.ones(len(first), np.int8), (first, second)), shape=(len(pairs), len(pairs)))
+    fan = connected_components(graph, directed=False)[1]
+    centre = np.zeros(fan.max(initial=-1) + 1, np.int64)
+    centre[fan[place]] = vertex
+    return np.flatnonzero(np.bincount(centre) > 1)

@@ -1,0 +1,21 @@
+"""Triangles of a surface that pass through each other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cortet.geometry.closest_point import surface_tree
+from cortet.geometry.triangle_intersection import crossing
+from cortet.mesh import IntArray, TriSurface
+
+
+def self_intersections(surface: TriSurface) -> IntArray:
+    """Triangles that meet another one elsewhere than in a shared vertex or edge: (f,) int32, ascending.
+
+    Touching counts, and so does a triangle that is folded flat onto its neighbour. Every pair whose boxes overlap is
+    tested in double precision. (PyMeshLab's filter is as fast, but takes neighbours in flat regions for crossing ones
+    and sees no overlap within a plane.)
+    """
+    tree = surface_tree(surface.points, surface.faces)
+    flagged = crossing(surface.faces[tree.faces], tree.corners, tree.boxes, tree.child, tree.size)
+    return np.sort(tree.faces[flagged])

@@ -1,0 +1,264 @@
+"""Connectivity: boundary faces, incidence, Euler number and manifold checks.
+
+Everything here depends on indices only, except the few functions that take `points`. Results that belong to one
+mesh (its boundary faces, say) are computed on first use and kept as long as the mesh lives.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from cortet.geometry.counting import behind_faces, cells_around
+from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+
+#: corners of the face opposite each corner of a tetrahedron, outward for positive volume
+TET_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
+#: the six edges of a tetrahedron
+TET_EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
+#: the three directed edges of a triangle
+TRI_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
+
+T = TypeVar("T")
+
+
+def _once_per_mesh(function: Callable[[TetMesh], T]) -> Callable[[TetMesh], T]:
+    """Remember the result for each (immutable) mesh object."""
+    results: weakref.WeakKeyDictionary[TetMesh, T] = weakref.WeakKeyDictionary()
+
+    def remembered(mesh: TetMesh) -> T:
+        if mesh not in results:
+            results[mesh] = function(mesh)
+        return results[mesh]
+
+    remembered.__doc__, remembered.__name__ = function.__doc__, function.__name__
+    return remembered
+
+
+class Incidence(NamedTuple):
+    """Cells around each vertex, compressed: those of v are `cells[offsets[v]:offsets[v + 1]]`."""
+
+    #: (n + 1,) int64
+    offsets: NDArray[np.int64]
+    #: (total,) int32, cell indices, ascending within a vertex
+    cells: IntArray
+    #: (total,) int8, which corner of that cell the vertex is
+    corners: NDArray[np.int8]
+
+
+class BoundaryFaces(NamedTuple):
+    """Faces that belong to exactly one tetrahedron."""
+
+    #: (k, 3) int32, counter-clockwise seen from outside
+    faces: IntArray
+    #: (k,) int32, the tetrahedron each belongs to
+    cells: IntArray
+
+
+@dataclass(frozen=True)
+class SurfaceTopology:
+    """What there is to know about a triangulated surface without looking at coordinates."""
+
+    components: int
+    #: V - E + F over used vertices; 2 for a sphere
+    euler_number: int
+    #: edges in one face only
+    open_edges: int
+    #: edges in more than two faces
+    nonmanifold_edges: int
+    #: edges whose two faces run through them in the same direction
+    misoriented_edges: int
+    #: vertices whose faces form more than one fan, which leaves every edge manifold
+    pinched_vertices: int
+
+    @property
+    def is_closed_manifold(self) -> bool:
+        """One consistently oriented surface without border, where every vertex has one fan of faces."""
+        return self.components == 1 and not (
+            self.open_edges or self.nonmanifold_edges or self.misoriented_edges or self.pinched_vertices
+        )
+
+    @property
+    def genus(self) -> float:
+        """Number of handles of a closed manifold with one component."""
+        return (2 - self.euler_number) / 2
+
+    def problems(self, genus: int = 0) -> list[str]:
+        """In plain words, what keeps this from being one closed, oriented manifold of the given genus."""
+        found = []
+        if self.components != 1:
+            found.append(f"{self.components} components instead of one")
+        if self.open_edges:
+            found.append(f"{self.open_edges} open edges (in one face only)")
+        if self.nonmanifold_edges:
+            found.append(f"{self.nonmanifold_edges} edges in more than two faces")
+        if self.misoriented_edges:
+            found.append(f"{self.misoriented_edges} edges between inconsistently oriented faces")
+        if self.pinched_vertices:
+            found.append(f"{self.pinched_vertices} pinched vertices (more than one fan of faces)")
+        if not found and self.euler_number != 2 - 2 * genus:
+            found.append(f"Euler number {self.euler_number} instead of {2 - 2 * genus} (genus {self.genus:g})")
+        return found
+
+
+def packed(simplices: NDArray[np.integer]) -> NDArray[np.int64]:
+    """One int64 key per simplex (row), the same for any order of its 2 or 3 vertices."""
+    rows = np.sort(simplices, axis=1).astype(np.int64)
+    base = int(rows.max(initial=0)) + 1
+    if base ** rows.shape[1] >= 2**63:  # over two million nodes: number the leading edges first, then pack two values
+        leading = np.unique(rows[:, 0] * base + rows[:, 1], return_inverse=True)[1]
+        return leading * base + rows[:, 2]
+    key = rows[:, 0]
+    for column in rows.T[1:]:
+        key = key * base + column
+    return key
+
+
+@_once_per_mesh
+def boundary(mesh: TetMesh) -> BoundaryFaces:
+    """Boundary faces of a mesh, outward, with the tetrahedron that owns each, in the order of the tetrahedra."""
+    cell, corner = np.nonzero(cell_neighbours(mesh.cells) < 0)
+    return BoundaryFaces(mesh.cells[cell[:, None], TET_FACES[corner]], cell.astype(np.int32))
+
+
+def boundary_faces(mesh: TetMesh) -> IntArray:
+    """Faces in exactly one tetrahedron: (k, 3) int32, outward."""
+    return boundary(mesh).faces
+
+
+@_once_per_mesh
+def boundary_nodes(mesh: TetMesh) -> IntArray:
+    """Nodes of the boundary faces: (b,) int32, ascending."""
+    return np.unique(boundary_faces(mesh))
+
+
+def boundary_surface(mesh: TetMesh) -> tuple[TriSurface, IntArray]:
+    """The boundary as a surface of its own, and the mesh node of each of its vertices."""
+    nodes = boundary_nodes(mesh)
+    faces = np.searchsorted(nodes, boundary_faces(mesh)).astype(np.int32)
+    return TriSurface(mesh.points[nodes], faces), nodes
+
+
+def cell_neighbours(cells: IntArray) -> IntArray:
+    """The tetrahedron behind the face opposite each corner: (m, 4) int32, -1 outside."""
+    return behind_faces(np.ascontiguousarray(cells, np.int32), TET_FACES, int(cells.max(initial=-1)) + 1)
+
+
+def incidence(cells: IntArray, vertex_count: int) -> Incidence:
+    """Cells (triangles or tetrahedra) around every vertex."""
+    return Incidence(*cells_around(np.ascontiguousarray(cells, np.int32), vertex_count))
+
+
+def edges(simplices: IntArray) -> IntArray:
+    """Unique edges of triangles or tetrahedra: (e, 2) int32, lower index first, sorted."""
+    local = TRI_EDGES if simplices.shape[1] == 3 else TET_EDGES
+    pairs = np.sort(simplices[:, local].reshape(-1, 2), axis=1)
+    return pairs[np.unique(packed(pairs), return_index=True)[1]]
+
+
+def components(simplices: IntArray) -> int:
+    """Number of connected components of the used vertices."""
+    return len(np.unique(component_labels(simplices)[simplices[:, 0]]))
+
+
+def component_labels(simplices: IntArray) -> IntArray:
+    """Component of every vertex index up to the largest used one: (n,) int32; an unused vertex is one of its own."""
+    count = int(simplices.max(initial=-1)) + 1
+    first, last = np.repeat(simplices[:, 0], simplices.shape[1] - 1), simplices[:, 1:].ravel()
+    graph = coo_matrix((np.ones(len(first), np.int8), (first, last)), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
+def surface_topology(faces: IntArray) -> SurfaceTopology:
+    """Components, Euler number and every kind of non-manifold place of a triangulated surface.
+
+    Parameters
+    ----------
+    faces : (m, 3) int32
+    """
+    directed = faces[:, TRI_EDGES].reshape(-1, 2)
+    order = np.argsort(packed(directed), kind="stable")
+    ordered = directed[order]
+    starts = np.flatnonzero(np.r_[True, (np.sort(ordered[1:], 1) != np.sort(ordered[:-1], 1)).any(1)])
+    counts = np.diff(np.r_[starts, len(order)])
+    paired = starts[counts == 2]
+    first, second = order[paired], order[paired + 1]
+
+    # corner i of face f is 3 f + i, and edge i runs from corner i to corner i + 1: the two faces of an edge link
+    # their corners at both of its ends; the fans of a vertex are the connected components of its corners
+    def following(corner: NDArray[np.int64]) -> NDArray[np.int64]:
+        return corner // 3 * 3 + (corner % 3 + 1) % 3
+
+    same = directed[first, 0] == directed[second, 0]
+    links = (
+        np.concatenate([first, following(first)]),
+        np.concatenate([np.where(same, second, following(second)), np.where(same, following(second), second)]),
+    )
+    corners = 3 * len(faces)
+    graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(corners, corners))
+    fan = connected_components(graph, directed=False)[1]
+    fan_vertex = np.zeros(fan.max(initial=-1) + 1, np.int64)
+    fan_vertex[fan] = faces.ravel()
+    fans = np.bincount(fan_vertex)
+    return SurfaceTopology(
+        components=components(faces),
+        euler_number=int(np.count_nonzero(fans) - len(starts) + len(faces)),
+        open_edges=int((counts == 1).sum()),
+        nonmanifold_edges=int((counts > 2).sum()),
+        misoriented_edges=int(same.sum()),
+        pinched_vertices=int((fans > 1).sum()),
+    )
+
+
+def compact(points: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray, IntArray]:
+    """Drop unused vertices, keeping the order of the others.
+
+    Returns the (k, 3) points, the renumbered cells, and the (k,) old index of each kept vertex.
+    """
+    used = np.unique(cells)
+    return points[used], np.searchsorted(used, cells).astype(np.int32), used
+
+
+def face_normals(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Normals of length twice the area: (m, 3), mm2."""
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    return np.cross(b - a, c - a)
+
+
+def face_areas(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Areas: (m,), mm2."""
+    return 0.5 * np.linalg.norm(face_normals(points, faces), axis=1)
+
+
+def vertex_normals(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Area-weighted unit normals: (n, 3); zero for an unused vertex."""
+    normals = face_normals(points, faces)
+    total = np.stack(
+        [np.bincount(faces.ravel(), np.repeat(normals[:, i], 3), minlength=len(points)) for i in range(3)], axis=1
+    )
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.divide(total, length, out=np.zeros_like(total), where=length > 0)
+
+
+def enclosed_volume(points: FloatArray, faces: IntArray) -> float:
+    """Signed volume inside a closed surface, positive when its faces point outward: mm3 (divergence theorem)."""
+    centred = points - points.mean(axis=0)
+    a, b, c = (centred[faces[:, i]] for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def neighbour_means(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Mean position of the edge neighbours of each vertex: (n, 3) mm; NaN for an unused vertex."""
+    start, end = edges(faces).T
+    one_way, other_way = np.r_[start, end], np.r_[end, start]
+    degree = np.bincount(one_way, minlength=len(points))
+    total = np.stack([np.bincount(one_way, points[other_way, i], minlength=len(points)) for i in range(3)], axis=1)
+    with np.errstate(invalid="ignore"):
+        return total / degree[:, None]

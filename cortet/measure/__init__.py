@@ -1,0 +1,1 @@
+"""What can be measured of a mesh: quality, distance to its surface, worst elements, the certificate."""

@@ -1,0 +1,265 @@
+"""The certificate of a mesh: a verdict, every number beside the limit it is judged by, and where and why it fails.
+
+A mesh can have q_max < 0.6 with two banks of a sulcus fused, and can be a perfect ball far from its surface. So the
+verdict covers elements, volumes, the topology of the boundary, its crossings and its distance to the surface. The
+certificate holds no date and no time: the same mesh gets the same file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import operator
+import platform
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from cortet import __version__
+from cortet.errors import InputError, StageError
+from cortet.geometry.defects import defective_vertices
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.topology import SurfaceTopology, boundary_surface, enclosed_volume, surface_topology
+from cortet.measure.fidelity import Fidelity, fidelity
+from cortet.measure.quality import QualitySummary, quality, signed_volumes, summarise
+from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound, worst_elements
+from cortet.mesh import FloatArray, TetMesh, TriSurface
+
+VERSION: int = 1
+
+#: relative difference allowed between the sum of volumes and the volume inside the boundary
+VOLUME_TOLERANCE = 1e-9
+#: how many places of one kind are listed
+PLACES = 10
+#: distributions whose versions can change a mesh or its numbers
+LIBRARIES = ("numpy", "scipy", "numba", "nibabel", "meshio", "pymeshlab", "pygalmesh", "cgal", "tetgen", "gmsh")
+
+Comparison = Literal["<", "<=", "=="]
+_COMPARE: dict[Comparison, Callable[[float, float], bool]] = {"<": operator.lt, "<=": operator.le, "==": operator.eq}
+_WORDS: dict[Comparison, str] = {"<": "must be below", "<=": "must not exceed", "==": "must be"}
+
+_TOPOLOGY_REMEDY = "add a smaller fraction to `generate.facet_distance`, or use a smaller cell size"
+
+
+@dataclass(frozen=True)
+class Check:
+    """One number and the limit it is judged by."""
+
+    name: str
+    value: float
+    #: empty for counts and ratios
+    unit: str
+    #: None where the number is reported without a limit
+    comparison: Comparison | None
+    limit: float | None
+    passed: bool
+    #: what to change when it does not pass
+    remedy: str
+
+    @property
+    def finding(self) -> str:
+        """Name, value and limit in plain words."""
+        unit = f" {self.unit}" if self.unit else ""
+        limit = f"{_WORDS[self.comparison]} {self.limit:g}{unit}" if self.comparison else "no limit"
+        return f"{self.name} {self.value:.6g}{unit}, {limit}"
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Everything there is to say about one mesh; `dataclasses.asdict` gives the content of certificate.json."""
+
+    #: name of the case, e.g. sub-01_ses-02_hemi-L
+    case: str
+    certified: bool
+    #: why not, in plain words, with place and remedy; empty when certified
+    reasons: tuple[str, ...]
+    checks: tuple[Check, ...]
+    #: worst first
+    worst_elements: tuple[WorstElement, ...]
+    valence_bound: ValenceBound
+    #: boundary vertices where it is open, pinched or fused, the first few
+    defects_mm: tuple[tuple[float, ...], ...]
+    #: centres of boundary faces that cross others, the first few
+    crossings_mm: tuple[tuple[float, ...], ...]
+    quality: QualitySummary
+    fidelity: Fidelity
+    #: of the boundary
+    topology: SurfaceTopology
+    #: `file` and `sha256` of the input surface
+    input: dict[str, str]
+    #: stage -> its parameters
+    parameters: dict[str, Any]
+    #: stage -> its report
+    reports: dict[str, Any]
+    #: name -> version
+    versions: dict[str, str]
+
+
+def certify(
+    mesh: TetMesh,
+    surface: TriSurface,
+    *,
+    q_max: float = 0.6,
+    max_boundary_distance: float | None = 1e-3,
+    case: str = "",
+    source: str | Path | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    reports: Mapping[str, Any] | None = None,
+) -> Certificate:
+    """Judge a mesh.
+
+    Parameters
+    ----------
+    mesh : the mesh to be exported
+    surface : the closed surface it was made from; the boundary must have its Euler number
+    q_max : limit that the worst q must stay below
+    max_boundary_distance : mm, largest distance of a boundary node to `surface`; None reports it without a limit
+    case : name of the case
+    source : file of the input surface, to be identified by its hash
+    parameters, reports : stage -> what it ran with and what it reported; S1's findings about topology are judged too
+
+    Raises
+    ------
+    StageError
+        coordinates are not finite, so nothing can be measured
+    InputError
+        `source` cannot be read
+    """
+    if bad := int((~np.isfinite(mesh.points)).any(axis=1).sum()):
+        raise StageError(f"{bad} of {len(mesh.points)} nodes have coordinates that are not finite")
+    reports = dict(reports or {})
+    boundary, _ = boundary_surface(mesh)
+    topology = surface_topology(boundary.faces)
+    measured, faithful = summarise(mesh), fidelity(mesh, surface)
+    crossing = self_intersections(boundary)
+    around = fans(mesh)
+    worst = worst_elements(mesh, around, count=PLACES, stages=reports)
+    defects = boundary.points[defective_vertices(boundary.faces)[:PLACES]]
+    centres = boundary.points[boundary.faces[crossing[:PLACES]]].mean(axis=1)
+
+    volumes = signed_volumes(mesh.points, mesh.cells)
+    enclosed = enclosed_volume(boundary.points, boundary.faces)
+    checks = (
+        _check("worst q", measured.q.max, "<", q_max, remedy=worst[0].remedy),
+        _check("tetrahedra without positive volume", int((volumes <= 0).sum()), "==", 0),
+        _check(
+            "relative difference between the sum of volumes and the enclosed volume",
+            abs(float(volumes.sum()) - enclosed) / abs(enclosed),
+            "<=",
+            VOLUME_TOLERANCE,
+        ),
+        _check("unused nodes", len(mesh.points) - len(np.unique(mesh.cells)), "==", 0),
+        *_topology_checks(topology, surface_topology(surface.faces).euler_number),
+        *_meshing_checks(reports.get("generate")),
+        _check("boundary faces that cross others", len(crossing), "==", 0, remedy=_TOPOLOGY_REMEDY),
+        _check(
+            "distance of a boundary node to the surface, at most",
+            faithful.nodes_to_surface_mm.max,
+            "<=" if max_boundary_distance is not None else None,
+            max_boundary_distance,
+            unit="mm",
+            remedy="use `boundary: slide` in `clean` and `fixed` in `relocate`, or switch `snap` on",
+        ),
+    )
+    places = {
+        "worst q": _worst_place(worst[0], int((quality(mesh.points, mesh.cells) >= q_max).sum())),
+        "boundary faces that cross others": _first(centres),
+        **dict.fromkeys(_PLACED_DEFECTS, _first(defects)),
+        "topology problems after S1": reports.get("generate", {}).get("reason", ""),
+    }
+    return Certificate(
+        case=case,
+        certified=all(check.passed for check in checks),
+        reasons=tuple(_reason(check, places.get(check.name, "")) for check in checks if not check.passed),
+        checks=checks,
+        worst_elements=worst,
+        valence_bound=valence_bound(around),
+        defects_mm=tuple(map(tuple, defects.tolist())),
+        crossings_mm=tuple(map(tuple, centres.tolist())),
+        quality=measured,
+        fidelity=faithful,
+        topology=topology,
+        input={} if source is None else {"file": str(source), "sha256": sha256(source)},
+        parameters=dict(parameters or {}),
+        reports=reports,
+        versions=versions(),
+    )
+
+
+def sha256(path: str | Path) -> str:
+    """Hash of a file, as `sha256sum` prints it.
+
+    Raises
+    ------
+    InputError : the file cannot be read
+    """
+    try:
+        with Path(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+
+
+def versions() -> dict[str, str]:
+    """Versions of cortet, Python and the installed libraries that can change a mesh or its numbers."""
+    found = {"cortet": __version__, "python": platform.python_version()}
+    for name in LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _check(
+    name: str, value: float, comparison: Comparison | None, limit: float | None, *, unit: str = "", remedy: str = ""
+) -> Check:
+    passed = comparison is None or limit is None or _COMPARE[comparison](value, limit)
+    return Check(name, value, unit, comparison, limit, passed, remedy)
+
+
+#: checks whose failures have a place
+_PLACED_DEFECTS = (
+    "boundary edges in one face only",
+    "boundary edges in more than two faces",
+    "pinched boundary vertices",
+)
+
+
+def _topology_checks(boundary: SurfaceTopology, euler_number: int) -> Iterator[Check]:
+    wanted = {
+        "boundary components": (boundary.components, 1),
+        "boundary Euler number": (boundary.euler_number, euler_number),
+        "boundary edges in one face only": (boundary.open_edges, 0),
+        "boundary edges in more than two faces": (boundary.nonmanifold_edges, 0),
+        "boundary edges between inconsistently oriented faces": (boundary.misoriented_edges, 0),
+        "pinched boundary vertices": (boundary.pinched_vertices, 0),
+    }
+    for name, (value, limit) in wanted.items():
+        yield _check(name, value, "==", limit, remedy=_TOPOLOGY_REMEDY)
+
+
+def _meshing_checks(report: Mapping[str, Any] | None) -> Iterator[Check]:
+    """What S1 found wrong with the topology; a later stage can hide it, not undo it."""
+    if report is not None:
+        yield _check("topology problems after S1", int(not report["topology_ok"]), "==", 0, remedy=_TOPOLOGY_REMEDY)
+
+
+def _reason(check: Check, place: str) -> str:
+    return "; ".join(part for part in (check.finding, place, check.remedy) if part)
+
+
+def _worst_place(worst: WorstElement, bad: int) -> str:
+    count = f"{bad} element{'s' if bad > 1 else ''} at fault, the worst"
+    return f"{count} at {_point(worst.centre_mm)} mm: {worst.reason}"
+
+
+def _first(places: FloatArray) -> str:
+    return "the first around " + ", ".join(map(_point, places[:3])) + " mm"
+
+
+def _point(coordinates: Iterable[float]) -> str:
+    return "({})".format(", ".join(f"{x:.2f}" for x in coordinates))

@@ -1,0 +1,83 @@
+"""How faithful a mesh is to the surface it fills: distances, volume, area, roughness of its boundary."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.topology import boundary_surface, edges, enclosed_volume, face_areas, neighbour_means
+from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Summary of distances in mm."""
+
+    mean: float
+    p95: float
+    max: float
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """A mesh beside the surface it was made from. Relative changes are (mesh - surface) / surface."""
+
+    #: boundary nodes to the nearest point of the surface
+    nodes_to_surface_mm: Distances
+    #: centres of boundary faces to the nearest point of the surface: what a coarse mesh cuts off even when all its
+    #: boundary nodes lie on the surface
+    face_centres_to_surface_mm: Distances
+    #: vertices of the surface to the nearest point of the mesh boundary
+    surface_to_boundary_mm: Distances
+    #: boundary nodes to the nearest *vertex* of the surface, as the published figures were measured; this is about half
+    #: an edge of the surface even for a perfect mesh
+    nodes_to_nearest_vertex_mm: Distances
+    volume_ml: float
+    surface_volume_ml: float
+    relative_volume_change: float
+    area_mm2: float
+    surface_area_mm2: float
+    relative_area_change: float
+    #: `boundary_roughness` of the mesh boundary and of the surface
+    roughness: float
+    surface_roughness: float
+
+
+def fidelity(mesh: TetMesh, surface: TriSurface) -> Fidelity:
+    """Compare the boundary of a mesh with a closed surface."""
+    boundary, _ = boundary_surface(mesh)
+    onto_surface = surface_tree(surface.points, surface.faces)
+    onto_boundary = surface_tree(boundary.points, boundary.faces)
+    centres = boundary.points[boundary.faces].mean(axis=1)
+    volume, surface_volume = (abs(enclosed_volume(s.points, s.faces)) / 1000 for s in (boundary, surface))
+    area, surface_area = (float(face_areas(s.points, s.faces).sum()) for s in (boundary, surface))
+    return Fidelity(
+        nodes_to_surface_mm=summary(closest_points(onto_surface, boundary.points).distances),
+        face_centres_to_surface_mm=summary(closest_points(onto_surface, centres).distances),
+        surface_to_boundary_mm=summary(closest_points(onto_boundary, surface.points).distances),
+        nodes_to_nearest_vertex_mm=summary(KDTree(surface.points).query(boundary.points)[0]),
+        volume_ml=volume,
+        surface_volume_ml=surface_volume,
+        relative_volume_change=volume / surface_volume - 1,
+        area_mm2=area,
+        surface_area_mm2=surface_area,
+        relative_area_change=area / surface_area - 1,
+        roughness=boundary_roughness(boundary.points, boundary.faces),
+        surface_roughness=boundary_roughness(surface.points, surface.faces),
+    )
+
+
+def summary(distances: FloatArray) -> Distances:
+    """Mean, 95th percentile and maximum of (k,) distances in mm."""
+    return Distances(float(distances.mean()), float(np.percentile(distances, 95)), float(distances.max()))
+
+
+def boundary_roughness(points: FloatArray, faces: IntArray) -> float:
+    """RMS distance of the vertices to the mean of their edge neighbours, over the mean edge length; no unit."""
+    offsets = np.linalg.norm(points - neighbour_means(points, faces), axis=1)
+    start, end = edges(faces).T
+    mean_edge = np.linalg.norm(points[start] - points[end], axis=1).mean()
+    return float(np.sqrt((offsets**2).mean()) / mean_edge)

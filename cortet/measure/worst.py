@@ -1,0 +1,177 @@
+"""The worst elements of a mesh: where they are, why they are bad, and what would help.
+
+Connectivity alone can keep an element bad. The dihedral angles of the n tetrahedra around an edge add up to 360 degrees
+inside the mesh, and to the opening angle of the boundary at a boundary edge; one of them is no smaller and one no
+larger than the n-th part, and an element with that angle has at least the q of `quality.opening_bound`, wherever its
+vertices go.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.geometry.topology import TET_EDGES, boundary_faces, boundary_nodes, edges, packed, vertex_normals
+from cortet.measure.quality import dihedral_angles, opening_bound, quality
+from cortet.mesh import FloatArray, TetMesh
+
+#: an edge explains an element when its bound is at least this part of the element's q
+_EXPLAINS = 0.5
+_USE_RECONNECT = "switch `reconnect` on"
+_USE_CLEAN = "switch `clean` on"
+_CLEAN_MORE = "add a lower value to `clean.thresholds`"
+_FINER = "use a smaller cell size, or smooth the surface more"
+
+
+class Fans(NamedTuple):
+    """The tetrahedra around each of e edges."""
+
+    #: (m, 6) int64, edge at each place of `topology.TET_EDGES` of each tetrahedron
+    of_cell: NDArray[np.int64]
+    #: (e,) int64, number of tetrahedra around it
+    valence: NDArray[np.int64]
+    #: (e,) bool, whether the edge lies on the boundary
+    on_boundary: NDArray[np.bool_]
+    #: (e,) float64 degrees, 360 inside, the interior angle of the boundary at a boundary edge
+    opening: FloatArray
+
+
+@dataclass(frozen=True)
+class ValenceBound:
+    """What connectivity allows: no position of the interior vertices brings the worst q below `q`."""
+
+    #: the larger of the two below
+    q: float
+    interior_q: float
+    #: at the present opening angles of the boundary
+    boundary_q: float
+    #: interior edges in three tetrahedra (q >= 0.300) or fewer
+    interior_edges_of_valence_3: int
+    #: boundary edges held by a single tetrahedron
+    boundary_edges_of_valence_1: int
+
+
+@dataclass(frozen=True)
+class WorstElement:
+    """One bad element."""
+
+    #: index of the tetrahedron, 0-based
+    element: int
+    q: float
+    centre_mm: tuple[float, float, float]
+    #: how many of its four nodes lie on the boundary
+    boundary_nodes: int
+    #: least q its edges allow
+    bound: float
+    reason: str
+    remedy: str
+
+
+def fans(mesh: TetMesh) -> Fans:
+    """Valence and opening angle of every edge."""
+    # packed together, since keys of two calls do not compare
+    pairs = np.concatenate([mesh.cells[:, TET_EDGES].reshape(-1, 2), edges(boundary_faces(mesh))])
+    edge = np.unique(packed(pairs), return_inverse=True)[1]
+    of_cell, outer = edge[: 6 * len(mesh.cells)].reshape(-1, 6), edge[6 * len(mesh.cells) :]
+    valence = np.bincount(of_cell.ravel())
+    on_boundary = np.zeros(len(valence), bool)
+    on_boundary[outer] = True
+    touching = on_boundary[of_cell].any(axis=1)
+    angles = dihedral_angles(mesh.points, mesh.cells[touching])
+    summed = np.bincount(of_cell[touching].ravel(), angles.ravel(), minlength=len(valence))
+    opening = np.where(on_boundary, summed, 360.0)
+    return Fans(of_cell, valence, on_boundary, opening)
+
+
+def valence_bound(around: Fans) -> ValenceBound:
+    """Lower bound of the worst q by connectivity."""
+    share = around.opening / around.valence
+    inside, outside = (
+        max(
+            (opening_bound(end) for part in [share[chosen]] if len(part) for end in (part.min(), part.max())),
+            default=0.0,
+        )
+        for chosen in (~around.on_boundary, around.on_boundary)
+    )
+    return ValenceBound(
+        q=max(inside, outside),
+        interior_q=inside,
+        boundary_q=outside,
+        interior_edges_of_valence_3=int((around.valence[~around.on_boundary] <= 3).sum()),
+        boundary_edges_of_valence_1=int((around.valence[around.on_boundary] == 1).sum()),
+    )
+
+
+def worst_elements(
+    mesh: TetMesh, around: Fans, *, count: int = 10, stages: Collection[str] = ()
+) -> tuple[WorstElement, ...]:
+    """The `count` elements of largest q, worst first, each with the reason.
+
+    `stages` are the names of those the mesh has been through, so that none of them is recommended.
+    """
+    q = quality(mesh.points, mesh.cells)
+    normals = vertex_normals(mesh.points, boundary_faces(mesh))
+    on_boundary = np.zeros(len(mesh.points), bool)
+    on_boundary[boundary_nodes(mesh)] = True
+    hold = _FINER if "reconnect" in stages else _USE_RECONNECT
+    free = _CLEAN_MORE if "clean" in stages else _USE_CLEAN
+    found = []
+    for element in _largest(q, count):
+        reason, bound, held = _reason(mesh, around, int(element), float(q[element]), normals, on_boundary)
+        x, y, z = mesh.points[mesh.cells[element]].mean(axis=0).tolist()
+        found.append(
+            WorstElement(
+                element=int(element),
+                q=float(q[element]),
+                centre_mm=(x, y, z),
+                boundary_nodes=int(on_boundary[mesh.cells[element]].sum()),
+                bound=bound,
+                reason=reason,
+                remedy={"fan": hold, "banks": _FINER, "nothing": free}[held],
+            )
+        )
+    return tuple(found)
+
+
+def _largest(values: FloatArray, count: int) -> NDArray[np.int64]:
+    """Indices of the largest values, largest first, equal ones by index."""
+    threshold = np.partition(values, -count)[-count] if count < len(values) else -np.inf
+    candidates = np.flatnonzero(values >= threshold)
+    return candidates[np.argsort(-values[candidates], kind="stable")][:count]
+
+
+def _reason(
+    mesh: TetMesh, around: Fans, element: int, q: float, normals: FloatArray, on_boundary: NDArray[np.bool_]
+) -> tuple[str, float, Literal["fan", "banks", "nothing"]]:
+    """Why an element is bad, the least q its edges allow, and what holds it."""
+    nodes, fan = mesh.cells[element], around.of_cell[element]
+    bounds = [opening_bound(around.opening[edge] / around.valence[edge]) for edge in fan]
+    edge, bound = fan[int(np.argmax(bounds))], max(bounds)
+    if bound >= _EXPLAINS * q:
+        place = "an interior edge"
+        if around.on_boundary[edge]:
+            place = f"a boundary edge of opening angle {around.opening[edge]:.0f} degrees"
+        count = "one tetrahedron" if around.valence[edge] == 1 else f"{around.valence[edge]} tetrahedra"
+        return f"{place} in {count} keeps q at {bound:.3f} or above, wherever vertices move", bound, "fan"
+    width = _blade(mesh.points[nodes], normals[nodes], on_boundary[nodes], around.on_boundary[fan])
+    if width is not None:
+        return f"it spans two facing banks of the boundary, {width:.2f} mm apart", bound, "banks"
+    if on_boundary[nodes].all():
+        return "all four nodes lie on the boundary, where they can only slide", bound, "fan"
+    return "no edge of it is the cause: moving vertices further may improve it", bound, "nothing"
+
+
+def _blade(
+    points: FloatArray, normals: FloatArray, on_boundary: NDArray[np.bool_], boundary_edges: NDArray[np.bool_]
+) -> float | None:
+    """Length (mm) of the shortest interior edge between boundary nodes whose normals point apart, if there is one."""
+    lengths = [
+        float(np.linalg.norm(points[i] - points[j]))
+        for (i, j), outer in zip(TET_EDGES, boundary_edges, strict=True)
+        if not outer and on_boundary[i] and on_boundary[j] and normals[i] @ normals[j] < 0
+    ]
+    return min(lengths, default=None)

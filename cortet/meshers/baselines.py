@@ -1,0 +1,169 @@
+"""General-purpose tetrahedral meshers of the field, each as it comes, to compare CGAL with.
+
+What they are given is the oriented, merged surface and, where the tool takes one, the cell size; nothing is tuned. They
+are foreign code that may crash or not come to an end, so each runs in a process of its own, under a time limit.
+
+========  ============================  =========================================================================
+mesher    distribution on PyPI          called as
+========  ============================  =========================================================================
+tetgen    tetgen                        switches ``pq1.2/20Y``, the baseline of the CORTET paper; takes no cell size
+ftetwild  pytetwild                     ideal edge length h; its envelope and energy are its defaults
+gmsh      gmsh                          3D mesh inside the surface as a discrete entity; element size at most h
+netgen    netgen-mesher                 volume mesh inside the surface; ``maxh`` h
+========  ============================  =========================================================================
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from cortet.errors import StageError
+from cortet.geometry.topology import compact, enclosed_volume
+from cortet.mesh import FloatArray, IntArray, TriSurface
+
+VERSION: int = 1
+
+#: of the CORTET paper: quality bounds of radius-edge ratio and dihedral angle, the boundary kept
+TETGEN_SWITCHES = "pq1.2/20Y"
+
+#: folder of the package, also where it is not installed
+_PACKAGES = Path(__file__).parents[2]
+
+#: nodes (n, 3) in mm and tetrahedra (m, 4) of either orientation
+Filled = tuple[FloatArray, IntArray]
+
+
+def with_tetgen(points: FloatArray, faces: IntArray, _cell_size: float) -> Filled:
+    """TetGen, as the CORTET paper called it."""
+    import tetgen
+
+    filled = tetgen.TetGen(points, faces).tetrahedralize(switches=TETGEN_SWITCHES + "Q")
+    return filled[0], filled[1]
+
+
+def with_ftetwild(points: FloatArray, faces: IntArray, cell_size: float) -> Filled:
+    """fTetWild; its boundary only stays within an envelope around the surface."""
+    import pytetwild
+
+    return pytetwild.tetrahedralize(points, faces, edge_length_abs=cell_size, quiet=True, num_threads=1)[:2]  # type: ignore[attr-defined, unused-ignore]
+
+
+def with_gmsh(points: FloatArray, faces: IntArray, cell_size: float) -> Filled:
+    """Gmsh's own mesher inside the triangles it is given, with its optimisation after the mesher, as by default."""
+    import gmsh
+
+    gmsh.initialize(argv=[], readConfigFiles=False, run=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setNumber("General.NumThreads", 1)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", cell_size)
+    gmsh.model.addDiscreteEntity(2, 1)
+    gmsh.model.mesh.addNodes(2, 1, np.arange(len(points)) + 1, points.ravel())
+    gmsh.model.mesh.addElementsByType(1, 2, np.arange(len(faces)) + 1, faces.ravel() + 1)
+    gmsh.model.geo.addSurfaceLoop([1], 1)
+    gmsh.model.geo.addVolume([1], 1)
+    gmsh.model.geo.synchronize()
+    gmsh.model.mesh.generate(3)
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    _, corners = gmsh.model.mesh.getElementsByType(4)
+    gmsh.finalize()
+    row = np.zeros(int(tags.max()) + 1, np.int64)
+    row[tags] = np.arange(len(tags))
+    return coordinates.reshape(-1, 3), row[corners].reshape(-1, 4)
+
+
+def with_netgen(points: FloatArray, faces: IntArray, cell_size: float) -> Filled:
+    """Netgen's volume mesher inside the triangles it is given."""
+    from netgen import meshing
+
+    mesh = meshing.Mesh(dim=3)
+    mesh.AddPoints(points)
+    outside = mesh.Add(meshing.FaceDescriptor(surfnr=1, domin=1, domout=0, bc=1))
+    mesh.AddElements(dim=2, index=outside, data=faces, base=0)
+    mesh.GenerateVolumeMesh(maxh=cell_size)
+    cells = mesh.Elements3D().NumPy()["nodes"][:, :4]
+    return np.asarray(mesh.Coordinates(), float), cells.astype(np.int64) - 1
+
+
+#: mesher -> distribution that it is installed by, and what calls it
+TOOLS: dict[str, tuple[str, Callable[[FloatArray, IntArray, float], Filled]]] = {
+    "tetgen": ("tetgen", with_tetgen),
+    "ftetwild": ("pytetwild", with_ftetwild),
+    "gmsh": ("gmsh", with_gmsh),
+    "netgen": ("netgen-mesher", with_netgen),
+}
+
+
+def fill(surface: TriSurface, mesher: str, *, cell_size: float, time_limit: float | None = None) -> Filled:
+    """Fill a closed surface with one of `TOOLS`, in a process of its own.
+
+    Parameters
+    ----------
+    surface : closed and connected, without self-intersections; turned outward and merged here
+    cell_size : mm
+    time_limit : minutes; None for no limit
+
+    Returns
+    -------
+    Nodes and tetrahedra as the mesher gives them: of either orientation, flat ones and unused nodes among them.
+
+    Raises
+    ------
+    StageError : the mesher is not installed, failed, crashed, took too long, or returned nothing
+    """
+    with TemporaryDirectory(prefix=f"cortet-{mesher}-") as folder:
+        given, made = Path(folder) / "surface.npz", Path(folder) / "mesh.npz"
+        points, faces = prepared(surface)
+        np.savez(given, points=points, faces=faces)
+        command = [sys.executable, "-m", "cortet.meshers.baselines", mesher, str(given), str(made), repr(cell_size)]
+        try:
+            done = subprocess.run(
+                command,
+                cwd=folder,  # TetGen leaves files behind when it fails
+                env={**os.environ, "PYTHONPATH": os.pathsep.join([str(_PACKAGES), *sys.path])},
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=None if time_limit is None else 60 * time_limit,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            raise StageError(f"{mesher} took longer than {time_limit:g} minutes") from None
+        if done.returncode < 0:
+            raise StageError(f"{mesher} crashed ({signal.Signals(-done.returncode).name})")
+        if done.returncode:
+            said = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()[-1]
+            raise StageError(f"{mesher} failed: {said}")
+        with np.load(made) as arrays:
+            result = arrays["points"], arrays["cells"]
+    if not len(result[1]):
+        raise StageError(f"{mesher} returned no tetrahedra")
+    return result
+
+
+def prepared(surface: TriSurface) -> tuple[FloatArray, IntArray]:
+    """Points and faces turned outward, without unused points and with those of equal coordinates merged."""
+    _, first, inverse = np.unique(surface.points, axis=0, return_index=True, return_inverse=True)
+    faces = first[inverse.reshape(-1)][surface.faces].astype(np.int32)
+    if enclosed_volume(surface.points, faces) < 0:
+        faces = np.ascontiguousarray(faces[:, ::-1])
+    points, faces, _ = compact(surface.points, faces)
+    return points, faces
+
+
+def _run(mesher: str, given: str, made: str, cell_size: str) -> None:
+    """What the process of `fill` does."""
+    with np.load(given) as arrays:
+        points, cells = TOOLS[mesher][1](arrays["points"], arrays["faces"], float(cell_size))
+    np.savez(made, points=points, cells=cells)
+
+
+if __name__ == "__main__":
+    _run(*sys.argv[1:])

@@ -1,0 +1,1 @@
+"""Everything people look at: tables, figures, pages, pictures, the methods paragraph."""

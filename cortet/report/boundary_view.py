@@ -1,0 +1,119 @@
+"""The boundary of a mesh in three dimensions, coloured by the worst q around each vertex, for a page."""
+
+from __future__ import annotations
+
+import base64
+import io
+import zipfile
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pyvista
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from cortet.errors import StageError
+from cortet.geometry.topology import boundary_surface
+from cortet.measure.quality import quality
+from cortet.mesh import FloatArray, TetMesh, TriSurface
+from cortet.report.render import BEYOND, COLOURS, RANGE
+
+#: faces in a page; a finer boundary is simplified. 60,000 are 0.7 MB
+MAX_FACES = 60_000
+#: colours between which the page interpolates
+_STOPS = 25
+
+
+def boundary_view(
+    mesh: TetMesh, worst_elements: Sequence[Mapping[str, Any]], *, max_faces: int = MAX_FACES
+) -> dict[str, Any]:
+    """What `templates/view.js` draws, ready for JSON; arrays are little-endian, in base64.
+
+    Parameters
+    ----------
+    mesh : coordinates in mm, x to the right, y to the front, z up
+    worst_elements : `q` and `centre_mm` of those to mark
+    max_faces : a boundary of more is simplified, and keeps the worst q wherever it was
+
+    Returns
+    -------
+    points : (n, 3) uint16, `low` + `step` * points are mm
+    faces : (m, 3) unsigned, of `index_bytes` each
+    q : (n,) uint16, worst q of the tetrahedra at a vertex, times 65535
+    """
+    boundary, nodes = boundary_surface(mesh)
+    worst = _worst_around(mesh)[nodes]
+    shown = boundary if len(boundary.faces) <= max_faces else _simplified(boundary, max_faces)
+    if shown is not boundary:
+        worst = _carried(boundary.points, worst, shown.points)
+    low, extent = shown.points.min(axis=0), float(np.ptp(shown.points, axis=0).max())
+    index = np.dtype("<u2" if len(shown.points) <= 1 << 16 else "<u4")
+    return {
+        "points": _packed(np.round((shown.points - low) * (65535 / extent)), "<u2"),
+        "low": low.round(4).tolist(),
+        "step": extent / 65535,
+        "faces": _packed(shown.faces, index.str),
+        "index_bytes": index.itemsize,
+        "q": _packed(np.round(worst * 65535), "<u2"),
+        "colours": colour_stops(),
+        "range": list(RANGE),
+        "beyond": list(_rgb(BEYOND)),
+        "worst": [{"q": element["q"], "centre": list(element["centre_mm"])} for element in worst_elements],
+        "face_count": len(shown.faces),
+        "boundary_faces": len(boundary.faces),
+    }
+
+
+def colour_stops() -> list[list[int]]:
+    """Colours of q from one end of `render.RANGE` to the other, evenly spaced: RGB, 0 to 255."""
+    return [_rgb(colour) for colour in mpl.colormaps[COLOURS](np.linspace(0, 1, _STOPS))]
+
+
+def three_js() -> str:
+    """three.js (r140, MIT licence) with its trackball controls, which trimesh carries in the page of its viewer.
+
+    Raises
+    ------
+    StageError : the installed trimesh has another viewer
+    """
+    import trimesh
+
+    begin, end = "<script>", "THREE.TrackballControls=TrackballControls;})();"
+    with zipfile.ZipFile(io.BytesIO(trimesh.resources.get_bytes("templates/viewer.zip"))) as archive:
+        page = archive.read("viewer.html.template").decode("utf-8")
+    _, found, rest = page.partition(begin)
+    library, closed, _ = rest.partition(end)
+    if not (found and closed):
+        raise StageError(f"trimesh {trimesh.__version__} has another viewer", remedy="install trimesh 5")
+    return library + end
+
+
+def _worst_around(mesh: TetMesh) -> FloatArray:
+    """Largest q of the tetrahedra at each node: (n,)."""
+    worst = np.zeros(len(mesh.points))
+    np.maximum.at(worst, mesh.cells, quality(mesh.points, mesh.cells)[:, None])
+    return worst
+
+
+def _simplified(surface: TriSurface, faces: int) -> TriSurface:
+    """Fewer faces by quadric error metrics (Garland and Heckbert 1997, in VTK)."""
+    shape = pyvista.PolyData.from_regular_faces(surface.points, surface.faces)
+    fewer = shape.decimate(1 - faces / len(surface.faces))
+    return TriSurface(np.asarray(fewer.points, float), fewer.regular_faces)
+
+
+def _carried(points: FloatArray, values: FloatArray, targets: FloatArray) -> FloatArray:
+    """Values at other points: the largest of those to which a target is the nearest, else the nearest value."""
+    carried = values[cKDTree(points).query(targets)[1]]
+    np.maximum.at(carried, cKDTree(targets).query(points)[1], values)
+    return carried
+
+
+def _packed(array: NDArray[Any], dtype: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(array).astype(dtype).tobytes()).decode()
+
+
+def _rgb(colour: Any) -> list[int]:
+    return [round(255 * part) for part in mpl.colors.to_rgb(colour)]

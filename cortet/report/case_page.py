@@ -1,0 +1,312 @@
+"""The page of one case: its mesh and certificate, or what failed."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any, Literal
+
+import numpy as np
+
+from cortet.errors import StageError
+from cortet.geometry.topology import surface_topology
+from cortet.mesh import TetMesh, TriSurface
+from cortet.report import pages, published
+from cortet.report.boundary_view import boundary_view, three_js
+from cortet.report.figures import mesh_quality_figures, svg
+from cortet.report.render import cut_view, surface_view, webp
+from cortet.stages import STAGES
+
+Certificate = Mapping[str, Any]
+Facts = list[tuple[str, str]]
+
+#: job of the workflow -> what it does, in words
+DOES = {
+    "phantom": "makes a synthetic surface",
+    "fields": "reads the fields of the surface",
+    **{stage.name: f"{stage.does} ({stage.number})" if stage.number else stage.does for stage in STAGES.values()},
+    "quality": "measures the elements",
+    "certify": "judges the mesh",
+}
+
+_COMPARED = {"<": "below", "<=": "at most", "==": "exactly"}
+_SIDES: tuple[Literal["L", "R"], ...] = ("L", "R")
+_DISTANCES = {
+    "nodes_to_surface_mm": "Boundary nodes to the surface",
+    "face_centres_to_surface_mm": "Centres of boundary faces to the surface",
+    "surface_to_boundary_mm": "Vertices of the surface to the boundary",
+    "nodes_to_nearest_vertex_mm": "Boundary nodes to the nearest vertex of the surface, as published",
+}
+#: remedy of a job that left no message
+_KILLED = "give the job more memory or time, and run again"
+_READ_LOG = "read the log; it holds every line the job printed"
+
+
+def write_case_page(
+    mesh: TetMesh,
+    surface: TriSurface,
+    certificate: Certificate,
+    path: str | Path,
+    *,
+    facts: Facts | None = None,
+    cohort: str = "",
+    files: Sequence[tuple[str, str]] = (),
+) -> None:
+    """Write the page of a mesh, certified or not.
+
+    Parameters
+    ----------
+    mesh : the mesh that was judged
+    surface : the input surface, drawn beside it
+    certificate : content of its certificate.json
+    facts : what else is known of the case, name and value
+    cohort : address of the cohort page, as seen from this one
+    files : name and title of files beside the page
+    """
+    pictures, trouble = _pictures(surface, mesh)
+    q = certificate["quality"]
+    bulk, tail = mesh_quality_figures(np.array(q["histogram"]), limit=_limit(certificate, "worst q"))
+    pages.write(
+        "case.html.j2",
+        path,
+        scripts=(three_js(), pages.source("view.js")),
+        title=f"{certificate['case']}: {'certified' if certificate['certified'] else 'not certified'}",
+        name=certificate["case"],
+        certificate=certificate,
+        facts=[*(facts or []), ("Nodes", f"{q['nodes']:,}"), ("Tetrahedra", f"{q['tets']:,}")],
+        pictures=pictures,
+        trouble=trouble,
+        checks=[_check(check) for check in certificate["checks"]],
+        failed=sum(not check["passed"] for check in certificate["checks"]),
+        charts={
+            "bulk": {"svg": pages.embedded(svg(bulk), "bulk"), "alt": _bulk_in_words(certificate)},
+            "tail": {"svg": pages.embedded(svg(tail), "tail"), "alt": _tail_in_words(certificate)},
+        },
+        published={"cell_size": f"{published.CELL_SIZE:g}"},
+        quality=_quality(q),
+        bound=_bound(certificate["valence_bound"]),
+        view=boundary_view(mesh, certificate["worst_elements"]),
+        distances=_distances(certificate["fidelity"]),
+        shape=_shape(certificate),
+        origin=[
+            *((name, certificate["input"][key]) for key, name in _INPUT.items() if key in certificate["input"]),
+            *certificate["versions"].items(),
+        ],
+        records=[
+            (title, json.dumps(certificate[key], indent=2))
+            for key, title in (("parameters", "Parameters of every stage"), ("reports", "What every stage reported"))
+            if certificate[key]
+        ],
+        links={"cohort": cohort, "files": files},
+    )
+
+
+def write_failure_page(
+    name: str,
+    failure: Mapping[str, str],
+    path: str | Path,
+    *,
+    surface: TriSurface | None,
+    trouble: str = "",
+    facts: Facts | None = None,
+    cohort: str = "",
+) -> None:
+    """Write the page of a case that has no mesh.
+
+    Parameters
+    ----------
+    name : of the case
+    failure : `stage` that failed, `state`, `reason`, and `log` if there is one
+    surface : the input surface; None where it cannot be read, and `trouble` says why
+    facts, cohort : as of `write_case_page`
+    """
+    pictures: list[dict[str, Any]] = []
+    if surface is not None:
+        pictures, trouble = _pictures(surface)
+    reason, remedy = split_remedy(failure["reason"])
+    pages.write(
+        "failure.html.j2",
+        path,
+        title=f"{name}: {failure['state']}",
+        name=name,
+        failure={"log": "", **failure},
+        stage_does=DOES.get(failure["stage"], ""),
+        reason=reason,
+        remedy=remedy or (_KILLED if "killed" in reason else _READ_LOG),
+        facts=facts or [],
+        surface_facts=[] if surface is None else _surface_facts(surface),
+        pictures=pictures,
+        trouble=trouble,
+        links={"cohort": cohort},
+    )
+
+
+def split_remedy(reason: str) -> tuple[str, str]:
+    """What happened and what to do about it, which `cortet.errors` puts in brackets at the end of a message."""
+    text, depth = reason.rstrip(), 0
+    for place in range(len(text) - 1, -1, -1) if text.endswith(")") else ():
+        depth += (text[place] == ")") - (text[place] == "(")
+        if depth == 0:
+            return text[:place].rstrip(), text[place + 1 : -1]
+    return text, ""
+
+
+def about(case: Mapping[str, Any]) -> Facts:
+    """Facts of a case for its page; what is not known is left out.
+
+    Parameters
+    ----------
+    case : `scan_age` weeks, `hemi`, `cell_size` mm, `mesher`
+    """
+    hemispheres = {"L": "left hemisphere", "R": "right hemisphere", None: "whole brain"}
+    shown = {
+        "Age at scan": case.get("scan_age") and f"{case['scan_age']:g} weeks",
+        "Shape": "hemi" in case and hemispheres[case["hemi"]],
+        "Cell size": case.get("cell_size") and f"{case['cell_size']:g} mm",
+        "Mesher": case.get("mesher"),
+    }
+    return [(name, value) for name, value in shown.items() if value]
+
+
+_INPUT = {"file": "Input surface", "sha256": "Its SHA-256"}
+
+
+def _pictures(surface: TriSurface, mesh: TetMesh | None = None) -> tuple[list[dict[str, Any]], str]:
+    """Pictures of the surface from both sides and of the cut mesh, or why there are none."""
+    if not np.isfinite(surface.points).all():
+        return [], "The surface has coordinates that are not finite, so it cannot be drawn."
+    topology, sides = surface_topology(surface.faces), {"L": "left", "R": "right"}
+    wrong = "open or branching edges in orange" if topology.open_edges + topology.nonmanifold_edges else ""
+    try:
+        shown = [
+            _picture(surface_view(surface, side=side), f"Input surface from the {sides[side]}", wrong)
+            for side in _SIDES
+        ]
+        if mesh is not None:
+            caption = "Mesh, cut open across the middle"
+            shown.append(_picture(cut_view(mesh), caption, "each tetrahedron in the colour of its q"))
+    except StageError as error:
+        return [], f"Without pictures: {error}"
+    return shown, ""
+
+
+def _picture(image: Any, caption: str, more: str = "") -> dict[str, Any]:
+    height, width, _ = image.shape
+    text = f"{caption}, {more}" if more else caption
+    uri = pages.data_uri(webp(image), "image/webp")
+    return {"uri": uri, "width": width, "height": height, "caption": text, "alt": text}
+
+
+def _surface_facts(surface: TriSurface) -> Facts:
+    topology = surface_topology(surface.faces)
+    counted = {
+        "Vertices": len(surface.points),
+        "Faces": len(surface.faces),
+        "Components": topology.components,
+        "Euler number": topology.euler_number,
+        "Edges in one face only": topology.open_edges,
+        "Edges in more than two faces": topology.nonmanifold_edges,
+    }
+    return [(name, f"{count:,}") for name, count in counted.items()]
+
+
+def _check(check: Mapping[str, Any]) -> dict[str, Any]:
+    """One check in words."""
+    unit = f" {check['unit']}" if check["unit"] else ""
+    limit = f"{_COMPARED[check['comparison']]} {check['limit']:g}{unit}" if check["comparison"] else "no limit"
+    return {**check, "name": _capital(check["name"]), "value": f"{check['value']:.4g}{unit}", "limit": limit}
+
+
+def _capital(name: str) -> str:
+    """The name with a capital letter, unless it begins with a symbol."""
+    return re.sub(r"^[a-z](?=[a-z])", lambda letter: letter[0].upper(), name)
+
+
+def _limit(certificate: Certificate, name: str) -> float:
+    return float(next(check["limit"] for check in certificate["checks"] if check["name"] == name))
+
+
+def _quality(q: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Rows of element quality beside what the paper gives."""
+    cohort, measures = published.cohort(), published.measures()
+    of_all = f"median [range] of {len(cohort)} meshes"
+    final = next(row for row in published.ablation() if row["stages"] == "S1-S4" and row["mesher"] == "cgal")
+    above = f"{final['q_above_0.6_median']} [{final['q_above_0.6_min']} to {final['q_above_0.6_max']}]"
+    spread = {key: _spread([float(row[key]) for row in cohort]) for key in ("q_mean", "q_max")}
+    rows = [
+        ("Mean q", f"{q['q']['mean']:.4f}", spread["q_mean"], of_all),
+        ("Worst q", f"{q['q']['max']:.4f}", spread["q_max"], of_all),
+        *(
+            (f"Elements with q > {limit}", f"{count:,}", "", "")
+            for limit, count in q["count_above"].items()
+            if limit != "0.6"
+        ),
+        ("Elements with q > 0.6", f"{q['count_above']['0.6']:,}", above, of_all),
+    ]
+    names = {
+        "one_minus_mean_ratio": "Worst 1 - mean ratio",
+        "one_minus_radius_ratio": "Worst 1 - radius ratio",
+        "one_minus_radius_edge": "Worst 1 - radius-edge ratio",
+    }
+    for key, name in names.items():
+        low, high = measures[key]
+        rows.append((name, f"{q[key]['max']:.3f}", f"{low:.3f} to {high:.3f}", "range of 3 meshes"))
+    rows += [
+        ("Dihedral angles", f"{q['dihedral_min_deg']:.1f}° to {q['dihedral_max_deg']:.1f}°", "", ""),
+        ("Edges", f"{q['shortest_edge_mm']:.3f} to {q['longest_edge_mm']:.3f} mm", "", ""),
+    ]
+    return [dict(zip(("name", "ours", "theirs", "kind"), row, strict=True)) for row in rows]
+
+
+def _spread(values: Sequence[float]) -> str:
+    return f"{median(values):.3f} [{min(values):.3f} to {max(values):.3f}]"
+
+
+def _bound(bound: Mapping[str, Any]) -> str:
+    return (
+        f"No position of the vertices brings the worst q below {bound['q']:.3f}, as the elements are connected: "
+        f"{bound['interior_edges_of_valence_3']} interior edges are in three tetrahedra, "
+        f"{bound['boundary_edges_of_valence_1']} boundary edges in one."
+    )
+
+
+def _bulk_in_words(certificate: Certificate) -> str:
+    q = certificate["quality"]["q"]
+    return (
+        f"Distribution of q over the elements, beside the published one. This mesh: mean {q['mean']:.3f}, standard "
+        f"deviation {q['sd']:.3f}, from {q['min']:.3f} to {q['max']:.3f}."
+    )
+
+
+def _tail_in_words(certificate: Certificate) -> str:
+    counts = ", ".join(f"{count} above {limit}" for limit, count in certificate["quality"]["count_above"].items())
+    limit = _limit(certificate, "worst q")
+    return f"Elements above q, per million, beside the published meshes; the limit is {limit:g}. This mesh: {counts}."
+
+
+def _distances(fidelity: Mapping[str, Any]) -> list[dict[str, Any]]:
+    return [
+        {"name": name, "numbers": [f"{fidelity[key][statistic]:.4g}" for statistic in ("mean", "p95", "max")]}
+        for key, name in _DISTANCES.items()
+    ]
+
+
+def _shape(certificate: Certificate) -> Facts:
+    fidelity, topology = certificate["fidelity"], certificate["topology"]
+    return [
+        ("Volume", f"{fidelity['volume_ml']:.2f} mL ({100 * fidelity['relative_volume_change']:+.2f} %)"),
+        ("Area", f"{fidelity['area_mm2']:.0f} mm² ({100 * fidelity['relative_area_change']:+.2f} %)"),
+        ("Roughness", f"{fidelity['roughness']:.3f} (surface {fidelity['surface_roughness']:.3f})"),
+        ("Components of the boundary", str(topology["components"])),
+        ("Euler number", str(topology["euler_number"])),
+        *_listed("Where it is open, pinched or fused", certificate["defects_mm"]),
+        *_listed("Where faces cross", certificate["crossings_mm"]),
+    ]
+
+
+def _listed(name: str, places: Iterable[Sequence[float]]) -> Facts:
+    text = ", ".join("({:.2f}, {:.2f}, {:.2f})".format(*place) for place in places)
+    return [(name, f"{text} mm")] if text else []

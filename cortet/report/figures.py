@@ -1,0 +1,237 @@
+"""Figures for print: one style for all of them, and files that are the same every time they are made."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from cortet.formats.atomic import atomic_path
+from cortet.formats.tsv import read_tsv
+from cortet.report import published
+
+VERSION: int = 1
+
+#: width of one column of a two-column journal, and of both, inches
+COLUMN, PAGE = 3.5, 7.2
+#: colours that colour-blind readers tell apart (Okabe and Ito), and the grey of published data behind ours
+BLUE, VERMILION, GREEN, ORANGE, PURPLE = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7"
+GREY = "#B8B8B8"
+#: hemisphere -> colour and marker
+HEMISPHERES = {"L": (BLUE, "o", "left"), "R": (VERMILION, "^", "right"), "n/a": (GREEN, "s", "whole brain")}
+
+STYLE = {
+    "font.family": "DejaVu Sans",  # comes with Matplotlib: the same letters everywhere
+    "font.size": 7,
+    "axes.labelsize": 7,
+    "axes.titlesize": 7,
+    "legend.fontsize": 6,
+    "xtick.labelsize": 6,
+    "ytick.labelsize": 6,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "lines.linewidth": 1.0,
+    "lines.markersize": 4,
+    "legend.frameon": False,
+    "savefig.dpi": 300,
+    "pdf.fonttype": 42,  # text stays text
+    "svg.fonttype": "none",
+    "svg.hashsalt": "cortet",  # ids do not change from run to run
+}
+
+#: column of the quality table -> label of its panel
+_PANELS = {"tets": "tetrahedra (thousands)", "q_mean": "mean q", "q_max": r"$q_\mathrm{max}$"}
+
+
+def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
+    """Number of tetrahedra, mean q and worst q of every mesh against gestational age, the published cohort behind.
+
+    Parameters
+    ----------
+    table : `cohort_quality.tsv`
+    limit : of the worst q, drawn as a line; None draws none
+    """
+    rows, theirs = read_tsv(table), published.cohort()
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 2.6), layout="constrained")
+        axes = figure.subplots(1, 3)
+        for axis, (column, label) in zip(axes, _PANELS.items(), strict=True):
+            unit = 1000 if column == "tets" else 1
+            _panel(axis, rows, theirs, column, unit)
+            axis.set(xlabel="gestational age (weeks)", ylabel=label)
+        axes[0].set_ylim(bottom=0)
+        low, high = axes[1].get_ylim()
+        axes[1].set_ylim(min(low, 0.125), max(high, 0.135))  # else differences of 0.001 look large
+        if limit is not None:
+            axes[2].axhline(limit, color="black", linestyle="--", linewidth=0.8)
+            axes[2].annotate(
+                f"limit {limit:g}", (0.02, limit), xycoords=axes[2].get_yaxis_transform(), xytext=(0, 2),
+                textcoords="offset points", fontsize=6,
+            )  # fmt: skip
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 4))
+        figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # laid out once: every further round would shift it a little
+    return figure
+
+
+#: stages that have run -> colour, and the line of the published distribution
+_COLOURS = {"S1-S2": ORANGE, "S1-S3": PURPLE, "S1-S4": BLUE, "S1-S4+": GREEN}
+_PUBLISHED_LINES = {"S1-S2": "-", "S1-S3": "--", "S1-S4": ":"}
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """Distributions of q over the elements of many meshes, in one setting."""
+
+    setting: str
+    meshes: int
+    #: stages that have run -> elements (200,) per bin of q
+    counts: Mapping[str, NDArray[np.integer[Any]]]
+
+
+def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: float | None = None) -> Figure:
+    """Quality of all elements after each stage, one row per setting: distribution of q, and number of elements above q.
+
+    The published distributions (arXiv:2607.12157, Fig. 2) are thin grey lines behind. The tail is cumulative, so that
+    it can be read at the limit, also where there are few elements.
+
+    Parameters
+    ----------
+    pooled : summed histograms
+    cell_size : mm
+    limit : of the worst q, drawn as a line; None draws none
+    """
+    theirs = {stages: published.histogram(stages) for stages in _PUBLISHED_LINES}
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 2.3 * len(pooled) + 0.3), layout="constrained")
+        axes = figure.subplots(len(pooled), 2, squeeze=False, sharex="col")
+        for (bulk, tail), row in zip(axes, pooled, strict=True):
+            for stages, line in _PUBLISHED_LINES.items():
+                label = f"{stages}, published, h = {published.CELL_SIZE:g} mm"
+                _distribution(bulk, tail, theirs[stages], color=GREY, linestyle=line, linewidth=0.7, label=label)
+            for stages, counts in row.counts.items():
+                _distribution(bulk, tail, counts, color=_COLOURS[stages], linewidth=1.0, label=stages)
+            elements = max(int(counts.sum()) for counts in row.counts.values())
+            title = f"setting {row.setting}, h = {cell_size:g} mm: {row.meshes} meshes, {elements:,} elements"
+            bulk.set_title(title, loc="left")
+            bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")
+            tail.set(xlim=(0.2, 0.9), ylim=(1e-3, 1e6), yscale="log", ylabel="elements above q (per million)")
+            if limit is not None:
+                tail.axvline(limit, color="black", linestyle="--", linewidth=0.8)
+                tail.annotate(
+                    f"limit {limit:g}", (limit, 0.97), xycoords=tail.get_xaxis_transform(), xytext=(2, 0),
+                    textcoords="offset points", va="top", fontsize=6,
+                )  # fmt: skip
+        for axis in axes[-1]:
+            axis.set_xlabel("q (0 regular, 1 flat)")
+        most = max(axes[:, 0], key=lambda axis: len(axis.get_legend_handles_labels()[1]))
+        handles, labels = most.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=4)
+        figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # laid out once: every further round would shift it a little
+    return figure
+
+
+def mesh_quality_figures(counts: NDArray[np.integer[Any]], *, limit: float) -> tuple[Figure, Figure]:
+    """Quality of one mesh on the published distribution after S4: distribution of q, and number of elements above q.
+
+    Parameters
+    ----------
+    counts : elements (200,) per bin of q
+    limit : of the worst q, drawn as a line
+    """
+    theirs = published.histogram("S1-S4")
+    with mpl.rc_context(STYLE):
+        figures = (
+            Figure(figsize=(COLUMN, 2.4), layout="constrained"),
+            Figure(figsize=(COLUMN, 2.4), layout="constrained"),
+        )
+        bulk, tail = (figure.subplots() for figure in figures)
+        bulk.stairs(100 * theirs / theirs.sum(), np.linspace(0, 1, len(theirs) + 1), fill=True, color=GREY, alpha=0.35)
+        label = f"published, h = {published.CELL_SIZE:g} mm"
+        _distribution(bulk, tail, theirs, color="#8C8C8C", linewidth=0.8, label=label)
+        _distribution(bulk, tail, counts, color=BLUE, linewidth=1.2, label="this mesh")
+        bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")
+        tail.set(xlim=(0, 0.9), ylim=(1e-3, 2e6), yscale="log", ylabel="elements above q (per million)")
+        tail.axvline(limit, color="black", linestyle="--", linewidth=0.8)
+        tail.annotate(
+            f"limit {limit:g}", (limit, 0.97), xycoords=tail.get_xaxis_transform(), xytext=(2, 0),
+            textcoords="offset points", va="top", fontsize=6,
+        )  # fmt: skip
+        for axis in (bulk, tail):
+            axis.set_xlabel("q (0 regular, 1 flat)")
+            axis.legend(loc="upper right" if axis is bulk else "lower left")
+        for figure in figures:
+            figure.patch.set_visible(False)
+            for axis in figure.axes:
+                axis.patch.set_visible(False)
+    return figures
+
+
+def _distribution(bulk: Axes, tail: Axes, counts: NDArray[np.integer[Any]], **style: Any) -> None:
+    """One distribution of q, as shares of its bins and as the number of elements above each edge."""
+    edges = np.linspace(0, 1, len(counts) + 1)
+    bulk.stairs(100 * counts / counts.sum(), edges, **style)
+    above = np.cumsum(counts[::-1])[::-1] * 1e6 / counts.sum()
+    tail.plot(edges[:-1][above > 0], above[above > 0], **style)
+
+
+def svg(figure: Figure) -> str:
+    """A figure as the text of an SVG file, without date in it."""
+    file = io.StringIO()
+    with mpl.rc_context(STYLE):
+        figure.savefig(file, format="svg", metadata={"Date": None})
+    return file.getvalue()
+
+
+def save(figure: Figure, *paths: str | Path) -> None:
+    """Write a figure once per path, in the format of its suffix (pdf, svg, png), without date or version in it."""
+    for path in map(Path, paths):
+        kind = path.suffix.removeprefix(".")
+        metadata = {"pdf": {"CreationDate": None, "Producer": None, "Creator": None}, "svg": {"Date": None}}
+        with mpl.rc_context(STYLE), atomic_path(path) as temporary:
+            figure.savefig(temporary, format=kind, metadata=metadata.get(kind, {"Software": None}))
+
+
+def _panel(
+    axis: Axes, rows: Sequence[Mapping[str, str]], theirs: Sequence[Mapping[str, str]], column: str, unit: float
+) -> None:
+    axis.scatter(
+        _numbers(theirs, "scan_age_weeks"),
+        _numbers(theirs, column) / unit,
+        s=6,
+        color=GREY,
+        linewidths=0,
+        label=f"published, h = {published.CELL_SIZE:g} mm (n = {len(theirs)})",
+    )
+    sizes = sorted({float(row["cell_size_mm"]) for row in rows})
+    for rank, size in enumerate(sizes):
+        for hemi, (colour, marker, side) in HEMISPHERES.items():
+            chosen = [row for row in rows if float(row["cell_size_mm"]) == size and row["hemi"] == hemi]
+            if chosen:
+                axis.scatter(
+                    _numbers(chosen, "scan_age"),
+                    _numbers(chosen, column) / unit,
+                    s=16 + 10 * rank,
+                    marker=marker,
+                    facecolors="none" if rank else colour,  # the finest meshes filled, coarser ones larger and open
+                    edgecolors=colour,
+                    linewidths=0.8,
+                    label=f"{side}, h = {size:g} mm (n = {len(chosen)})",
+                )
+
+
+def _numbers(rows: Sequence[Mapping[str, Any]], column: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.array([float(row[column]) for row in rows])

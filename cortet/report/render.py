@@ -1,0 +1,255 @@
+"""Pictures of meshes, drawn off screen: no display is needed."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal
+
+import matplotlib.image
+import numpy as np
+import pyvista
+from numpy.typing import NDArray
+
+from cortet.errors import StageError
+from cortet.formats.atomic import atomic_path
+from cortet.geometry.topology import boundary_surface, compact
+from cortet.measure.quality import quality
+from cortet.mesh import FloatArray, TetMesh, TriSurface
+
+VERSION: int = 1
+
+#: colour-blind safe, and as dark as it is bad
+COLOURS = "viridis_r"
+#: q from 0 to the limit of a solver-ready mesh; worse elements get the colour beyond it
+RANGE, BEYOND = (0.0, 0.6), "#D55E00"
+
+#: a vertical bar at the left edge
+SCALE = {
+    "title": "q",
+    "vertical": True,
+    "position_x": 0.07,
+    "position_y": 0.2,
+    "height": 0.6,
+    "width": 0.06,
+    "n_labels": 4,
+    "fmt": "%.1f",
+    "color": "black",
+}
+
+#: white around the mesh, and the part of the width that the scale leaves to it
+MARGIN, ROOM = 1.05, 0.7
+
+_AXES = {"x": 0, "y": 1, "z": 2}
+
+_CUT_LOOK = {
+    "scalars": "q",
+    "cmap": COLOURS,
+    "clim": RANGE,
+    "above_color": BEYOND,
+    "show_edges": True,
+    "edge_color": "#303030",
+    "line_width": 0.6,
+    "ambient": 0.5,
+    "diffuse": 0.5,
+}
+
+
+def picture(
+    mesh: TetMesh,
+    path: str | Path,
+    *,
+    axis: Literal["x", "y", "z"] = "y",
+    position: float = 0.5,
+    size: tuple[int, int] = (1600, 1200),
+) -> None:
+    """Draw a mesh cut open, every tetrahedron whole and coloured by its q, seen from the cut.
+
+    Parameters
+    ----------
+    path : PNG file
+    axis : the cut is across it; in RAS coordinates y runs from the back to the front of the head
+    position : of the cut along `axis`, as a fraction of the mesh's extent
+    size : pixels, width and height
+
+    Raises
+    ------
+    StageError
+        the graphics library cannot draw here
+    """
+    k = _AXES[axis]
+    shell = _cut(mesh, k, position)
+    with off_screen(size) as plotter:
+        plotter.add_mesh(shell, **_CUT_LOOK, scalar_bar_args=SCALE)
+        _aim(plotter.camera, np.asarray(shell.points, float), k, width_to_height=ROOM * size[0] / size[1])
+        with atomic_path(path) as temporary:
+            plotter.screenshot(temporary)
+
+
+def cut_view(mesh: TetMesh, *, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
+    """The same picture across the middle of y, without a scale: (height, width, 4), transparent around the mesh.
+
+    Raises
+    ------
+    StageError
+        the graphics library cannot draw here
+    """
+    shell = _cut(mesh, _AXES["y"], 0.5)
+    with off_screen(size) as plotter:
+        plotter.add_mesh(shell, **_CUT_LOOK, show_scalar_bar=False)
+        _aim(plotter.camera, np.asarray(shell.points, float), _AXES["y"], width_to_height=size[0] / size[1])
+        return _cut_out(plotter)
+
+
+def surface_view(
+    surface: TriSurface, *, side: Literal["L", "R"], size: tuple[int, int] = (900, 675)
+) -> NDArray[np.uint8]:
+    """A surface from the left or the right of the head, edges where it is open or branches drawn over it.
+
+    Parameters
+    ----------
+    surface : RAS coordinates, x to the right; it need not be closed
+    side : where it is seen from
+    size : pixels, width and height
+
+    Returns
+    -------
+    (height, width, 4), transparent around the surface
+
+    Raises
+    ------
+    StageError
+        the graphics library cannot draw here
+    """
+    shape = pyvista.PolyData.from_regular_faces(surface.points, surface.faces)
+    wrong = shape.extract_feature_edges(
+        boundary_edges=True, non_manifold_edges=True, feature_edges=False, manifold_edges=False
+    )
+    with off_screen(size) as plotter:
+        plotter.add_mesh(shape, color="#D0D0D0", ambient=0.15, diffuse=0.85, smooth_shading=True)
+        if wrong.n_points:
+            plotter.add_mesh(wrong, color=BEYOND, line_width=4, lighting=False)
+        middle, extent = (surface.points.min(axis=0) + surface.points.max(axis=0)) / 2, np.ptp(surface.points, axis=0)
+        half_height = MARGIN * max(extent[2], extent[1] * size[1] / size[0]) / 2
+        _look_from(plotter.camera, middle, side, distance=10 * float(extent.max()), half_height=half_height)
+        return _cut_out(plotter)
+
+
+def webp(image: NDArray[np.uint8]) -> bytes:
+    """A picture as a WebP file, which keeps transparency in a fifth of the bytes of a PNG."""
+    file = io.BytesIO()
+    matplotlib.image.imsave(file, image, format="webp", pil_kwargs={"quality": 85})
+    return file.getvalue()
+
+
+@contextmanager
+def off_screen(size: tuple[int, int]) -> Iterator[pyvista.Plotter]:
+    """A white picture of `size` pixels to draw in, without a display.
+
+    Raises
+    ------
+    StageError
+        the graphics library cannot draw here
+    """
+    try:
+        with pyvista.vtk_verbosity("error"):  # without a display VTK first warns, then draws without one
+            plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
+            plotter.render()
+        plotter.set_background("white")
+        yield plotter
+        plotter.close()
+    except RuntimeError as error:
+        raise StageError(f"the picture could not be drawn: {error}", remedy="install libegl1 or libosmesa6") from error
+
+
+def lateral_view(
+    mesh: TetMesh, *, side: Literal["L", "R"], cut: bool, half_width: float, half_height: float, width: int
+) -> NDArray[np.uint8]:
+    """A mesh in parallel projection from the left or the right of the head: (height, width, 3), white around it.
+
+    Parameters
+    ----------
+    mesh : RAS coordinates, x to the right and y to the front of the head
+    side : where it is seen from
+    cut : leave out the half towards the viewer and colour elements by q; else the grey surface
+    half_width, half_height : mm from the middle of the mesh to the edges of the picture
+    width : pixels
+
+    Raises
+    ------
+    StageError
+        the graphics library cannot draw here
+    """
+    towards = -1.0 if side == "L" else 1.0
+    middle = (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2
+    shell = _section(mesh, towards, middle[0]) if cut else _surface(mesh)
+    look = {"scalars": "q", "cmap": COLOURS, "clim": RANGE, "above_color": BEYOND} if cut else {"color": "#D0D0D0"}
+    light = {"ambient": 0.6, "diffuse": 0.4} if cut else {"ambient": 0.15, "diffuse": 0.85, "smooth_shading": True}
+    with off_screen((width, round(width * half_height / half_width))) as plotter:
+        plotter.add_mesh(shell, show_scalar_bar=False, **look, **light)
+        _look_from(plotter.camera, middle, side, distance=10 * max(half_width, half_height), half_height=half_height)
+        image: NDArray[np.uint8] = plotter.screenshot(None, return_img=True)
+    return image
+
+
+def _look_from(
+    camera: pyvista.Camera, middle: FloatArray, side: Literal["L", "R"], *, distance: float, half_height: float
+) -> None:
+    """Look at `middle` along x from the left or the right of the head, in parallel projection."""
+    camera.position = middle + (-1.0 if side == "L" else 1.0) * distance * np.eye(3)[0]
+    camera.focal_point, camera.up = middle, (0, 0, 1)
+    camera.parallel_projection, camera.parallel_scale = True, half_height
+    camera.clipping_range = (0.1 * distance, 2 * distance)
+
+
+def _cut_out(plotter: pyvista.Plotter) -> NDArray[np.uint8]:
+    """What was drawn, without its ground and the empty rows and columns around it."""
+    image: NDArray[np.uint8] = plotter.screenshot(None, transparent_background=True, return_img=True)
+    drawn = image[:, :, 3] > 0
+    rows, columns = np.flatnonzero(drawn.any(axis=1)), np.flatnonzero(drawn.any(axis=0))
+    if not len(rows):
+        return image
+    return np.ascontiguousarray(image[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
+
+
+def _cut(mesh: TetMesh, k: int, position: float) -> pyvista.PolyData:
+    """The skin of the elements on the lower side of a plane across axis k, at a fraction of the mesh's extent."""
+    along = mesh.points[:, k]
+    return _skin(mesh, along[mesh.cells].mean(axis=1) < along.min() + position * np.ptp(along))
+
+
+def _surface(mesh: TetMesh) -> pyvista.PolyData:
+    boundary, _ = boundary_surface(mesh)
+    return pyvista.PolyData.from_regular_faces(boundary.points, boundary.faces)
+
+
+def _section(mesh: TetMesh, towards: float, x: float) -> pyvista.PolyData:
+    """The skin of the elements beyond a plane across x, with the q of its elements."""
+    beyond = towards * (mesh.points[mesh.cells][:, :, 0].mean(axis=1) - x) < 0
+    return _skin(mesh, beyond)
+
+
+def _skin(mesh: TetMesh, kept: NDArray[np.bool_]) -> pyvista.PolyData:
+    """The skin of some of the elements; faces carry the q of their tetrahedron."""
+    points, cells, _ = compact(mesh.points, mesh.cells[kept])
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: cells}, points)
+    grid.cell_data["q"] = quality(points, cells)
+    return grid.extract_surface(algorithm="dataset_surface")
+
+
+def _aim(camera: pyvista.Camera, points: FloatArray, k: int, *, width_to_height: float) -> None:
+    """Look at a cut across axis k from its open side, a little from above and beside, and fill the picture."""
+    up = np.eye(3)[1 if k == 2 else 2]
+    view = np.eye(3)[k] + 0.3 * up - 0.4 * np.cross(up, np.eye(3)[k])
+    view /= np.linalg.norm(view)
+    right = np.cross(up, view) / np.linalg.norm(np.cross(up, view))
+    frame = np.stack([right, np.cross(view, right), view])  # rows: right, up, towards the camera
+    seen = points @ frame.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    focus, extent = (low + high) / 2 @ frame, high - low
+    camera.position, camera.focal_point, camera.up = focus + 2 * extent.max() * view, focus, up
+    camera.parallel_projection = True
+    camera.parallel_scale = MARGIN * max(extent[1], extent[0] / width_to_height) / 2
+    camera.clipping_range = (0.1 * extent.max(), 4 * extent.max())

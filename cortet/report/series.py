@@ -1,0 +1,113 @@
+"""The developmental series: meshes of several ages side by side, on one scale, from the outside and cut."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from cortet.formats import vtu
+from cortet.mesh import TetMesh
+from cortet.report.figures import PAGE, STYLE, save
+from cortet.report.render import BEYOND, COLOURS, RANGE, lateral_view
+
+VERSION: int = 1
+
+#: what a brain may be drawn from, in the order of the rows: hemisphere -> its name, and the side it is seen from
+_HEMISPHERES: dict[str, tuple[str, Literal["L", "R"]]] = {
+    "L": ("left", "L"),
+    "R": ("right", "R"),
+    "n/a": ("whole brain", "L"),
+}
+#: white around the largest mesh, length of the scale bar in mm, and resolution of the pictures
+_MARGIN, _BAR, _DPI = 1.04, 20.0, 400
+#: columns a page is divided into at least
+_FEWEST = 3
+
+
+def series_figure(brains: Sequence[tuple[float, Mapping[str, TetMesh]]]) -> Figure:
+    """Meshes by age: each hemisphere seen from its side, and the first one of each brain cut, with q in colour.
+
+    Hemispheres have rows of their own where a brain has more than one.
+
+    Parameters
+    ----------
+    brains : age in weeks, and the meshes of a brain by hemisphere (`L`, `R`, or `n/a` for all of it)
+    """
+    hemispheres = [[hemi for hemi in _HEMISPHERES if hemi in meshes] for _, meshes in brains]
+    several = max(map(len, hemispheres)) > 1
+    rows = [hemi for hemi in _HEMISPHERES if any(hemi in meshes for _, meshes in brains)] if several else [None]
+    extents = [np.ptp(mesh.points, axis=0) for _, meshes in brains for mesh in meshes.values()]
+    half_width, half_height = _MARGIN / 2 * np.max(extents, axis=0)[1:]
+    room = PAGE / max(len(brains), _FEWEST)
+    size = (room * len(brains), room * half_height / half_width * (len(rows) + 1) + 0.75)
+
+    def draw(axis: Axes, mesh: TetMesh, hemi: str, cut: bool) -> None:
+        image = lateral_view(
+            mesh,
+            side=_HEMISPHERES[hemi][1],
+            cut=cut,
+            half_width=half_width,
+            half_height=half_height,
+            width=round(_DPI * room),
+        )
+        axis.imshow(image, extent=(0, 2 * half_width, 0, 2 * half_height), interpolation="antialiased")
+
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=size, layout="constrained")
+        axes = figure.subplots(len(rows) + 1, len(brains), squeeze=False)
+        for column, (age, meshes), (first, *_) in zip(axes.T, brains, hemispheres, strict=True):
+            column[0].set_title(f"{age:g} weeks" + ("" if several else f", {_HEMISPHERES[first][0]}"))
+            for axis, row in zip(column, [*rows, None], strict=True):
+                _bare(axis)
+                hemi = row or first
+                if hemi in meshes:
+                    draw(axis, meshes[hemi], hemi, cut=axis is column[-1])
+        names = [_HEMISPHERES[hemi][0] if hemi else "surface" for hemi in rows]
+        for axis, name in zip(axes[:, 0], [*names, "cut"], strict=True):
+            axis.set_ylabel(name)
+        _draw_scale(axes[-1, 0])
+        _colour_bar(figure, axes)
+        figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # laid out once: every further round would shift it a little
+    return figure
+
+
+def draw_series(brains: Sequence[Mapping[str, Any]], outputs: Sequence[str | Path]) -> None:
+    """Draw the series from mesh files: per brain its `age` in weeks and its `meshes` by hemisphere."""
+    loaded = [(brain["age"], {hemi: vtu.read(path) for hemi, path in brain["meshes"].items()}) for brain in brains]
+    save(series_figure(loaded), *outputs)
+
+
+def _bare(axis: Axes) -> None:
+    axis.set(xticks=[], yticks=[])
+    axis.spines[:].set_visible(False)
+
+
+def _draw_scale(axis: Axes) -> None:
+    """A scale bar below the picture."""
+    axis.plot([0, _BAR], [-1.5, -1.5], color="black", linewidth=1.5, clip_on=False, solid_capstyle="butt")
+    axis.annotate(
+        f"{_BAR:g} mm", (_BAR / 2, -1.5), xytext=(0, -3), textcoords="offset points", ha="center", va="top", fontsize=6
+    )
+
+
+def _colour_bar(figure: Figure, axes: Any) -> None:
+    colours = mpl.colormaps[COLOURS].with_extremes(over=BEYOND)
+    bar = figure.colorbar(
+        ScalarMappable(Normalize(*RANGE), colours),
+        ax=axes,
+        location="bottom",
+        extend="max",
+        shrink=0.4,
+        aspect=30,
+        pad=0.02,
+    )
+    bar.set_label("q (0 regular, 1 flat)")

@@ -1,0 +1,145 @@
+"""The conventions that every solver file keeps, checked on what the file says.
+
+They are the five of the CORTET paper's discussion (arXiv:2607.12157): the sign of volumes, the order of a tetrahedron's
+nodes, surface nodes first, boundary faces complete and outward, fields that belong to these nodes.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.formats.as_read import AsRead
+from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS, surface_faces
+from cortet.geometry.topology import boundary_faces, enclosed_volume, packed, surface_topology
+from cortet.measure.quality import signed_volumes
+from cortet.mesh import IntArray, TetMesh, TriSurface
+
+
+def broken_conventions(file: AsRead) -> list[str]:
+    """Name every convention that a file breaks; an empty list means a solver may run on it."""
+    mesh = file.mesh
+    if out_of_range := list(_out_of_range(mesh)):
+        return [*file.problems, *out_of_range]
+    return [
+        *file.problems,
+        *_volumes(file),
+        *_surface(file),
+        *_sets(mesh),
+        *_fields(mesh.point_data, len(mesh.points), "nodes"),
+        *_fields(mesh.cell_data, len(mesh.cells), "tetrahedra"),
+    ]
+
+
+def broken_surface(surface: TriSurface) -> list[str]:
+    """Name what keeps a boundary surface from being one closed surface that faces outward."""
+    if len(surface.faces) == 0:
+        return ["there are no triangles"]
+    if surface.faces.min() < 0 or surface.faces.max() >= len(surface.points):
+        return [f"triangles name nodes outside 1..{len(surface.points)}"]
+    topology = surface_topology(surface.faces)
+    genus = int(topology.genus) if topology.is_closed_manifold else 0
+    problems = [f"the surface has {problem}" for problem in topology.problems(genus)]
+    if not problems and enclosed_volume(surface.points, surface.faces) <= 0:
+        problems.append(f"{len(surface.faces)} of {len(surface.faces)} triangles face inward")
+    return [*problems, *_fields(surface.point_data, len(surface.points), "nodes")]
+
+
+def _out_of_range(mesh: TetMesh) -> Iterator[str]:
+    """Indices of nodes and tetrahedra that there are none of; nothing else can be checked then."""
+    parts: list[tuple[str, list[IntArray], int, str]] = [
+        ("tetrahedra", [mesh.cells], len(mesh.points), "nodes"),
+        ("triangles", list(mesh.sets.faces.values()), len(mesh.points), "nodes"),
+        ("node sets", list(mesh.sets.nodes.values()), len(mesh.points), "nodes"),
+        ("element sets", list(mesh.sets.cells.values()), len(mesh.cells), "tetrahedra"),
+    ]
+    if len(mesh.cells) == 0:
+        yield "there are no tetrahedra"
+    for kind, arrays, count, named in parts:
+        if any(len(array) and (array.min() < 0 or array.max() >= count) for array in arrays):
+            yield f"{kind} name {named} outside 1..{count}"
+
+
+def _volumes(file: AsRead) -> Iterator[str]:
+    mesh = file.mesh
+    wrong = np.flatnonzero(~(signed_volumes(mesh.points, mesh.cells) > 0))
+    if len(wrong):
+        first = file.cell(int(wrong[0]))
+        yield f"{len(wrong)} of {len(mesh.cells)} tetrahedra have no {file.sign} volume, the first {first}"
+    unused = np.setdiff1d(np.arange(len(mesh.points)), mesh.cells)
+    if len(unused):
+        yield f"{len(unused)} nodes belong to no tetrahedron, the first is node {unused[0] + 1}"
+
+
+def _surface(file: AsRead) -> Iterator[str]:
+    """Surface nodes first; boundary faces all there, once, and outward."""
+    mesh = file.mesh
+    # outward is a matter of coordinates, whichever way round a tetrahedron is listed
+    negative = signed_volumes(mesh.points, mesh.cells) < 0
+    positive = TetMesh(mesh.points, np.where(negative[:, None], mesh.cells[:, [0, 1, 3, 2]], mesh.cells))
+    boundary = boundary_faces(positive)
+    if file.lists_faces and not SURFACE_TAGS.keys() & mesh.sets.faces.keys():
+        yield "there are no triangles"
+        return
+    listed = surface_faces(mesh) if file.lists_faces else boundary
+    nodes = np.unique(boundary)
+    if nodes[-1] != len(nodes) - 1:
+        yield f"the {len(nodes)} surface nodes are not the first nodes: they reach up to node {nodes[-1] + 1}"
+    key = packed(np.concatenate([boundary, listed]))
+    true, found = key[: len(boundary)], key[len(boundary) :]
+    if repeated := len(found) - len(np.unique(found)):
+        yield f"{repeated} triangles are listed more than once"
+    if missing := len(np.setdiff1d(true, found)):
+        yield f"{missing} boundary faces are missing from the triangles"
+    known = np.isin(found, true)
+    if not known.all():
+        where = file.face(int(np.argmin(known)))
+        yield f"{np.count_nonzero(~known)} triangles are no boundary face, the first {where}"
+    order = np.argsort(true)
+    partners = boundary[order[np.searchsorted(true, found[known], sorter=order)]]
+    inward = np.flatnonzero(known)[~_same_turn(listed[known], partners)]
+    if len(inward) and file.directs_faces:
+        yield f"{len(inward)} triangles face inward, the first {file.face(int(inward[0]))}"
+    yield from _other_faces(mesh, true, boundary)
+
+
+def _other_faces(mesh: TetMesh, true: NDArray[np.int64], boundary: IntArray) -> Iterator[str]:
+    """Faces of sets that are no part of the division of the boundary."""
+    for name, faces in mesh.sets.faces.items():
+        if name not in SURFACE_TAGS and len(faces):
+            both = packed(np.concatenate([boundary, faces]))
+            if strange := np.count_nonzero(~np.isin(both[len(true) :], both[: len(true)])):
+                yield f"face set {name} names {strange} faces that are not on the boundary"
+
+
+def _sets(mesh: TetMesh) -> Iterator[str]:
+    """The node set of a part of the surface is the nodes of its faces; regions share the tetrahedra among them."""
+    for name in SURFACE_TAGS:
+        if name in mesh.sets.nodes and name in mesh.sets.faces:
+            nodes = np.unique(mesh.sets.faces[name])
+            if differing := len(np.setxor1d(mesh.sets.nodes[name], nodes)):
+                yield f"node set {name} differs from the nodes of its faces in {differing} nodes"
+    regions = [mesh.sets.cells[name] for name in REGION_TAGS if name in mesh.sets.cells]
+    if regions:
+        times = np.bincount(np.concatenate(regions), minlength=len(mesh.cells))
+        if wrong := np.count_nonzero(times != 1):
+            yield f"{wrong} tetrahedra are in no region, or in two"
+
+
+def _fields(fields: dict[str, NDArray[Any]], count: int, kind: str) -> Iterator[str]:
+    """Every field has one finite value for each node or tetrahedron."""
+    for name, values in fields.items():
+        if len(values) != count:
+            yield f"field {name} has {len(values)} values for {count} {kind}: it is of another mesh"
+        elif bad := np.count_nonzero(~np.isfinite(values)):
+            yield f"field {name} has {bad} values that are not finite"
+
+
+def _same_turn(first: IntArray, second: IntArray) -> NDArray[np.bool_]:
+    """Whether triangles of the same three nodes run through them in the same direction."""
+    turned = (np.roll(second, shift, axis=1) for shift in range(3))
+    return functools.reduce(np.logical_or, ((first == other).all(axis=1) for other in turned))

@@ -1,0 +1,172 @@
+"""Write a mesh for a solver: only a certified one, and only when the written file keeps the solver's conventions."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from cortet.errors import InputError, StageError
+from cortet.formats import FORMATS, format_of
+from cortet.formats.atomic import atomic_folder, write_json
+from cortet.geometry.topology import boundary_nodes, boundary_surface
+from cortet.mesh import CoordinateFrame, TetMesh, TriSurface
+from cortet.solver_files.fields import FieldSource
+from cortet.solver_files.sets import named_sets
+from cortet.solver_files.sidecar import file_digest, read_sidecar, sidecar, sidecar_path
+from cortet.solver_files.verify import problems
+from cortet.stages.solver_ready import surface_nodes_first
+
+VERSION: int = 2
+
+
+def export(
+    mesh: TetMesh,
+    path: Path,
+    *,
+    solver: str,
+    certificate: Mapping[str, Any],
+    uncertified: bool = False,
+    unit: str = "um",
+    frame: CoordinateFrame | None = None,
+    sources: Mapping[str, FieldSource] | None = None,
+    interior: str | None = None,
+) -> None:
+    """Write `path`, the files that belong to it and its sidecar, complete and verified or not at all.
+
+    Parameters
+    ----------
+    mesh : as `stages.solver_ready` leaves it, with its sets (`sets.named_sets`)
+    solver : a key of `formats.FORMATS`
+    certificate : content of the mesh's certificate.json
+    uncertified : write it even when the certificate says no
+    unit : of the coordinates, for the formats that leave it open: ``mm`` or ``um``
+    frame : coordinate system of the surface the mesh was made from
+    sources : field -> where it came from
+    interior : how interior nodes got their values
+
+    Raises
+    ------
+    StageError
+        the mesh is not certified, or the written file breaks a convention of the solver
+    """
+    if not certificate["certified"] and not uncertified:
+        raise StageError(
+            "not certified, so not exported: " + "; ".join(certificate["reasons"]),
+            file=path,
+            remedy="export.uncertified: true writes it all the same",
+        )
+    _write_verified(mesh, path, solver=solver, unit=unit, frame=frame, sources=sources or {}, interior=interior)
+
+
+def _write_verified(
+    content: TetMesh | TriSurface,
+    path: Path,
+    *,
+    solver: str,
+    unit: str,
+    frame: CoordinateFrame | None,
+    sources: Mapping[str, FieldSource],
+    interior: str | None,
+) -> None:
+    with atomic_folder(path) as folder:
+        write(content, folder / path.name, solver=solver, unit=unit, frame=frame)
+        as_read = FORMATS[solver].as_read(folder / path.name)
+        if broken := problems(as_read):
+            raise StageError("the written file is not what the solver reads: " + "; ".join(broken), file=path)
+        record = sidecar(
+            as_read if isinstance(as_read, TriSurface) else as_read.mesh,
+            solver=solver,
+            files={file.name: file_digest(file) for file in sorted(folder.iterdir())},
+            unit=unit if FORMATS[solver].has_unit else "mm",
+            frame=frame or CoordinateFrame(),
+            sources=sources,
+            interior=interior,
+        )
+        _delete_earlier(path)
+        write_json(record, sidecar_path(folder / path.name))
+
+
+def write(
+    content: TetMesh | TriSurface, path: Path, *, solver: str, unit: str = "um", frame: CoordinateFrame | None = None
+) -> None:
+    """Write a mesh, or its boundary, in one format, without looking at what is written."""
+    form = FORMATS[solver]
+    if form.is_surface:
+        surface = content if isinstance(content, TriSurface) else _boundary(content)
+        form.write(replace(surface, frame=frame or CoordinateFrame()), path)
+    else:
+        form.write(content, path, **({"unit": unit} if form.has_unit else {}))
+
+
+def _boundary(mesh: TetMesh) -> TriSurface:
+    """The boundary with its fields."""
+    surface, nodes = boundary_surface(mesh)
+    return replace(surface, point_data={name: values[nodes] for name, values in mesh.point_data.items()})
+
+
+def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = "um") -> list[str]:
+    """Write a mesh file in the format that the name of another stands for, verified as written.
+
+    Nodes are renumbered when those of the surface do not come first; a mesh without sets gets the default ones. Units,
+    coordinate system and sources of fields are taken from the sidecar of `source` where there is one.
+
+    Parameters
+    ----------
+    unit, source_unit : of the coordinates, for the formats that leave it open; a sidecar of `source` goes before
+
+    Returns
+    -------
+    in words, what was changed on the way
+
+    Raises
+    ------
+    InputError
+        a file's name stands for no format, `source` cannot be read, or holds a surface that is to become a mesh
+    StageError
+        the mesh has tetrahedra without volume, or the written file breaks a convention of its solver
+    """
+    read_from, written_as = format_of(source), format_of(target)
+    record = read_sidecar(source)
+    done = []
+    if read_from.is_surface:
+        if not written_as.is_surface:
+            raise InputError("holds a surface, not a mesh", file=source, remedy="`cortet mesh` fills it")
+        content = read_from.read(source)
+    else:
+        options = {"unit": record.get("units", {}).get("coordinates", source_unit)} if read_from.has_unit else {}
+        content = read_from.read(source, **options)
+        surface_nodes = boundary_nodes(content)
+        if surface_nodes[-1] != len(surface_nodes) - 1:
+            content = surface_nodes_first(content)[0]
+            done.append("nodes were renumbered, those of the surface first")
+        if not content.sets.faces:
+            content = named_sets(content)
+            done.append("sets were made anew")
+    frame = record.get("coordinate_system")
+    known = getattr(content, "frame", None)
+    _write_verified(
+        content,
+        target,
+        solver=written_as.name,
+        unit=unit,
+        frame=CoordinateFrame(**{**frame, "matrix": tuple(frame["matrix"])}) if frame else known,
+        sources={name: _source(field) for name, field in record.get("fields", {}).items() if field["source"]},
+        interior=next((field["interior"] for field in record.get("fields", {}).values()), None),
+    )
+    return done
+
+
+def _source(field: Mapping[str, Any]) -> FieldSource:
+    """Where a field came from, as a sidecar records it."""
+    return FieldSource(field["source"], field["source_sha256"], field["units"], field["kind"], {})
+
+
+def _delete_earlier(path: Path) -> None:
+    """Delete what an earlier export of the same name left, as its sidecar lists it: its sets may be others."""
+    for name in read_sidecar(path).get("files", {}):
+        own = Path(name).name == name and name.startswith(path.name.partition(".")[0])
+        if own and os.path.lexists(path.with_name(name)):  # false of names that no file can have
+            path.with_name(name).unlink()

@@ -1,0 +1,129 @@
+"""Named sets of a mesh on its way to a solver: the parts of its surface, cortex and core, one set per label.
+
+The boundary is divided into `cortical_surface` and `medial_wall`, the tetrahedra into `cortex` and `core`. A face
+belongs to the label that two of its nodes carry, and where all three differ to that of its first node; a set of nodes
+holds those of the surface alone.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, MEDIAL_WALL
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.topology import boundary_faces
+from cortet.mesh import IntArray, MeshSets, TetMesh
+
+#: some solvers take no longer names
+_LONGEST_NAME = 80
+
+
+def named_sets(
+    mesh: TetMesh,
+    *,
+    cortex_depth: float = 1.5,
+    cortex_thickness: str | None = None,
+    medial_wall: Mapping[str, Collection[int]] | None = None,
+    label_names: Mapping[str, Mapping[int, str]] | None = None,
+) -> TetMesh:
+    """The mesh with its sets; those it had before are replaced.
+
+    Parameters
+    ----------
+    mesh : its labels are the integer fields of its nodes
+    cortex_depth : mm; a tetrahedron whose centroid is nearer to the cortical surface than this is cortex
+    cortex_thickness : field of nodes, mm, that takes the place of `cortex_depth`: its value at the nearest point of the
+        cortical surface counts
+    medial_wall : label field -> keys that mark the medial wall
+    label_names : label field -> key -> name, where there are names
+
+    Raises
+    ------
+    InputError
+        the mesh lacks a field that is named, or it is of the wrong kind; or nothing is left of the cortical surface
+    """
+    faces = boundary_faces(mesh)
+    labels = {name: values for name, values in mesh.point_data.items() if _is_label(values)}
+    wall = np.zeros(len(faces), bool)
+    for name, keys in (medial_wall or {}).items():
+        if name not in labels:
+            raise InputError(f"medial wall: the mesh has no label field {name}", remedy=_known(labels))
+        wall |= np.isin(face_labels(labels[name], faces), list(keys))
+    if wall.all():
+        raise InputError("medial wall: every face belongs to it", remedy="name the keys of the medial wall only")
+    parts = {CORTICAL_SURFACE: faces[~wall], MEDIAL_WALL: faces[wall]}
+    parts = {name: part for name, part in parts.items() if len(part)}
+    sets = MeshSets({name: np.unique(part) for name, part in parts.items()}, parts, {})
+    for name, values in labels.items():
+        _add_labels(sets, name, values, faces, (label_names or {}).get(name, {}))
+    cortex = _is_cortex(mesh, parts[CORTICAL_SURFACE], cortex_depth, cortex_thickness)
+    regions = {CORE: np.flatnonzero(~cortex).astype(np.int32), CORTEX: np.flatnonzero(cortex).astype(np.int32)}
+    return replace(
+        mesh, sets=MeshSets(sets.nodes, sets.faces, {name: cells for name, cells in regions.items() if len(cells)})
+    )
+
+
+def face_labels(values: NDArray[np.integer], faces: IntArray) -> NDArray[np.integer]:
+    """Label of each face: (k,), that of two of its nodes, of its first node where all three differ."""
+    first, second, third = (values[faces[:, corner]] for corner in range(3))
+    return np.where(second == third, second, first)
+
+
+def set_name(text: str, taken: Collection[str] = ()) -> str:
+    """A name that every solver takes, made of any text: letters, digits, - and _, beginning with a letter.
+
+    Parameters
+    ----------
+    taken : names it must differ from in more than upper and lower case, which some solvers do not tell apart
+    """
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_")
+    if not name[:1].isalpha():
+        name = f"set_{name}"
+    name = name[:_LONGEST_NAME]
+    folded = {other.lower() for other in taken}
+    number, candidate = 2, name
+    while candidate.lower() in folded:
+        candidate = f"{name[: _LONGEST_NAME - 4]}_{number}"
+        number += 1
+    return candidate
+
+
+def _add_labels(
+    sets: MeshSets, field: str, values: NDArray[np.integer], faces: IntArray, names: Mapping[int, str]
+) -> None:
+    """One set of nodes and one of faces for each label on the surface."""
+    of_face = face_labels(values, faces)
+    nodes = np.unique(faces)
+    for key in np.unique(values[nodes]).tolist():
+        name = set_name(f"{field}_{names.get(key, key)}", [*sets.nodes, *sets.faces])
+        sets.nodes[name] = nodes[values[nodes] == key]
+        if len(mine := faces[of_face == key]):
+            sets.faces[name] = mine
+
+
+def _is_cortex(mesh: TetMesh, faces: IntArray, depth: float, thickness: str | None) -> NDArray[np.bool_]:
+    centroids = mesh.points[mesh.cells].mean(axis=1)
+    nearest = closest_points(surface_tree(mesh.points, faces), centroids)
+    if thickness is None:
+        return nearest.distances < depth
+    values = mesh.point_data.get(thickness)
+    if values is None or values.ndim != 1 or _is_label(values):
+        raise InputError(
+            f"the mesh has no scalar field {thickness} to tell the cortex by", remedy=_known(mesh.point_data)
+        )
+    there = np.einsum("kc,kc->k", nearest.barycentric, values[faces[nearest.faces]])
+    return nearest.distances < there
+
+
+def _is_label(values: NDArray[np.generic]) -> bool:
+    return values.ndim == 1 and bool(np.issubdtype(values.dtype, np.integer))
+
+
+def _known(fields: Collection[str]) -> str:
+    return f"name one of {', '.join(fields)}" if fields else "carry the field to the mesh first"

@@ -1,0 +1,191 @@
+"""The JSON file beside an exported mesh: what is in it, where it came from, and by which sums it is known.
+
+`<file>.json` names units, coordinate system, sets and, for each field, its source. It also holds the SHA-256 of the
+nodes and of the values of each field as they are read back, so that fields of another mesh, or of an earlier state of
+this one, are found.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+
+from cortet.errors import InputError
+from cortet.formats.untrusted import content
+from cortet.geometry.topology import boundary_faces, face_areas
+from cortet.measure.quality import signed_volumes
+from cortet.mesh import CoordinateFrame, TetMesh, TriSurface
+from cortet.solver_files.fields import FieldSource
+
+#: bytes of a sidecar
+_LONGEST_FILE = 10_000_000
+
+
+def sidecar_path(path: Path) -> Path:
+    """The JSON file beside a mesh file."""
+    return path.with_name(path.name + ".json")
+
+
+def sidecar(
+    as_read: TetMesh | TriSurface,
+    *,
+    solver: str,
+    files: Mapping[str, str],
+    unit: str,
+    frame: CoordinateFrame,
+    sources: Mapping[str, FieldSource],
+    interior: str | None,
+) -> dict[str, Any]:
+    """Content of the sidecar.
+
+    Parameters
+    ----------
+    as_read : the mesh as it is read back from the file
+    files : name -> SHA-256 of every file of the export
+    unit : of the coordinates in the file
+    frame : coordinate system of the surface the mesh was made from
+    sources : name of a field -> where it came from
+    interior : how interior nodes got their values; None where that is not known
+    """
+    record: dict[str, Any] = {
+        "format": solver,
+        "files": dict(files),
+        "units": {"coordinates": unit},
+        "coordinate_system": asdict(frame),
+        "nodes": len(as_read.points),
+        "nodes_sha256": digest(as_read.points),
+    }
+    if isinstance(as_read, TetMesh):
+        faces = boundary_faces(as_read)
+        record |= {
+            "tetrahedra": len(as_read.cells),
+            "volume_mm3": float(signed_volumes(as_read.points, as_read.cells).sum()),
+            "sets": {
+                kind: {name: len(members) for name, members in sets.items()}
+                for kind, sets in vars(as_read.sets).items()
+            },
+        }
+    else:
+        faces = as_read.faces
+    record |= {
+        "boundary_faces": len(faces),
+        "surface_area_mm2": float(face_areas(as_read.points, faces).sum()),
+        "fields": {name: _field(name, values, sources, interior) for name, values in as_read.point_data.items()},
+    }
+    return record
+
+
+class _Field(BaseModel):
+    """What is read of the record of a field."""
+
+    source: str
+    source_sha256: str
+    units: str
+    kind: Literal["label", "scalar", "unknown"]
+    interior: str
+    values_sha256: str
+
+
+class _Frame(BaseModel, extra="forbid"):
+    dataspace: str
+    xformspace: str
+    matrix: Annotated[list[float], Field(min_length=16, max_length=16)]
+
+
+class _Record(BaseModel):
+    """What is read of a sidecar, of whatever origin."""
+
+    fields_: dict[str, _Field] = Field(alias="fields")
+    nodes_sha256: str
+    files: dict[str, str] = {}
+    units: dict[str, str] = {}
+    sets: dict[str, dict[str, int]] = {}
+    coordinate_system: _Frame | None = None
+
+
+def read_sidecar(path: Path) -> dict[str, Any]:
+    """Content of the sidecar of a mesh file; empty where there is none.
+
+    Raises
+    ------
+    InputError
+        what is there is no sidecar
+    """
+    file = sidecar_path(path)
+    if not file.exists():
+        return {}
+    try:
+        record: dict[str, Any] = json.loads(content(file, largest=_LONGEST_FILE))
+        _Record.model_validate(record)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"is no sidecar: {error}", file=file, remedy="export the mesh again") from error
+    return record
+
+
+def stale(path: Path, as_read: TetMesh | TriSurface) -> Iterator[str]:
+    """What in a file is not as its sidecar records it; nothing where there is no sidecar."""
+    record = read_sidecar(path)
+    if not record:
+        return
+    fields, nodes, sets = record["fields"], record["nodes_sha256"], record.get("sets", {})
+    if nodes != digest(as_read.points):
+        yield "the nodes are not those that the sidecar records: the fields belong to other nodes"
+    for kind, recorded in sets.items():
+        found = vars(as_read.sets).get(kind, {}) if isinstance(as_read, TetMesh) else {}
+        for name, count in recorded.items():
+            if len(found.get(name, ())) != count:
+                yield f"set {name} has {len(found.get(name, ()))} {kind}, the sidecar records {count}"
+    for name in as_read.point_data.keys() - fields.keys():
+        yield f"field {name} is not in the sidecar: its source is not known"
+    for name, field in fields.items():
+        if name not in as_read.point_data:
+            yield f"field {name} of the sidecar is missing"
+        elif field["values_sha256"] != digest(as_read.point_data[name]):
+            yield f"field {name} is stale: its values are not those that the sidecar records"
+        elif (
+            field["source"]
+            and os.path.isfile(field["source"])  # noqa: PTH113, false of names that are too long; no device, which has no end
+            and file_digest(field["source"]) != field["source_sha256"]
+        ):
+            yield f"field {name} is stale: {field['source']} has changed since"
+
+
+def digest(values: NDArray[Any]) -> str:
+    """SHA-256 of numbers as float64, row by row, little-endian."""
+    return hashlib.sha256(np.ascontiguousarray(values, "<f8").tobytes()).hexdigest()
+
+
+def file_digest(path: str | Path) -> str:
+    """SHA-256 of a file."""
+    with Path(path).open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _field(name: str, values: NDArray[Any], sources: Mapping[str, FieldSource], interior: str | None) -> dict[str, Any]:
+    """Record of one field; a component `<name>_2` has the source of `<name>`."""
+    source = sources.get(name) or sources.get(name.rpartition("_")[0])
+    return {
+        "components": int(values[0].size) if len(values) else 1,
+        "units": source.units if source else "unknown",
+        "kind": source.kind if source else "unknown",
+        "source": source.file if source else "",
+        "source_sha256": source.sha256 if source else "",
+        "boundary": {"label": "label of the largest barycentric weight", "scalar": "barycentric"}.get(
+            source.kind if source else "", "unknown"
+        ),
+        "interior": "unknown"
+        if source is None or interior is None
+        else "nearest"
+        if source.kind == "label"
+        else interior,
+        "values_sha256": digest(values),
+    }

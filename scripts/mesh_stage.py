@@ -1,0 +1,23 @@
+"""One of the stages that make a mesh out of a mesh: S3 to S6."""
+
+from dataclasses import asdict, replace
+
+from _job import start
+
+job = start(snakemake)
+
+from cortet.formats import gifti, vtu
+from cortet.formats.atomic import write_json
+from cortet.mesh import TetMesh, TriSurface
+from cortet.stages import STAGES
+
+stage = STAGES[snakemake.rule]
+given: dict[str, TetMesh | TriSurface] = {"mesh": vtu.read(job.input.mesh)}
+if "surface" in stage.takes:
+    surface = gifti.read_surface(job.input.surface)
+    if job.input.get("fields"):
+        surface = replace(surface, point_data=gifti.read_surface(job.input.fields).point_data)
+    given["surface"] = surface
+mesh, report = stage.function(*(given[kind] for kind in stage.takes), **job.arguments)
+vtu.write(mesh, job.output.mesh)
+write_json(job.record(asdict(report)), job.output.report)
