@@ -6,6 +6,8 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import math
+import os
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
@@ -29,7 +31,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     args = parser().parse_args(arguments)
     logging.basicConfig(format="%(levelname)s %(message)s", level=logging.INFO if args.verbose else logging.WARNING)
     try:
-        return int(args.run(args))
+        code = int(args.run(args))
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # whoever read our output, `head` perhaps, has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to flush at the end
+        return 141  # as of a program that SIGPIPE ends
     except CortetError as error:
         print(f"cortet: {error}", file=sys.stderr)
         return 1
@@ -95,8 +102,13 @@ def parser() -> argparse.ArgumentParser:
     certify = commands.add_parser("certify", parents=[common], help="judge a mesh against the surface it was made from")
     certify.add_argument("mesh", type=Path, metavar="MESH")
     certify.add_argument("surface", type=Path, metavar="SURFACE")
-    certify.add_argument("--q-max", type=float, default=0.6, metavar="Q", help="limit of the worst q (default: 0.6)")
-    certify.add_argument("--max-boundary-distance", type=float, metavar="MM", help="of boundary nodes to the surface")
+    certify.add_argument("--q-max", type=float, metavar="Q", help="limit of the worst q (default: 0.6)")
+    certify.add_argument(
+        "--max-boundary-distance",
+        type=float,
+        metavar="MM",
+        help="limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit)",
+    )
     certify.add_argument("-o", "--output", type=Path, metavar="JSON", help="also write the certificate there")
     certify.set_defaults(run=_certify)
 
@@ -242,17 +254,24 @@ def _quality(args: argparse.Namespace) -> int:
 
 
 def _certify(args: argparse.Namespace) -> int:
+    from cortet.config import Config
     from cortet.formats.atomic import write_json
     from cortet.formats.gifti import read_surface
     from cortet.measure.certify import certify
 
+    limits = Config().arguments("certify")
+    if args.q_max is not None:
+        limits["q_max"] = args.q_max
+    if args.max_boundary_distance is not None:
+        finite = math.isfinite(args.max_boundary_distance)
+        limits["max_boundary_distance"] = args.max_boundary_distance if finite else None
     certificate = certify(
         _read_mesh(args.mesh),
         read_surface(args.surface),
-        q_max=args.q_max,
-        max_boundary_distance=args.max_boundary_distance,
+        **limits,
         case=_stem(args.mesh),
         source=args.surface,
+        parameters={"certify": limits},
     )
     if args.output:
         write_json(asdict(certificate), args.output)
@@ -355,7 +374,7 @@ class Progress:
         from cortet.pipeline import stages
 
         self.live = sys.stdout.isatty()
-        self.waiting = [stage.name for stage in stages(config, gestational_age=gestational_age)]
+        self.waiting = stages(config, gestational_age=gestational_age)
         print(self._row(self.HEAD))
         self._announce()
 

@@ -15,6 +15,7 @@ import ast
 import difflib
 import itertools
 import reprlib
+import shutil
 import textwrap
 from collections.abc import Iterator, Mapping
 from functools import cache
@@ -31,6 +32,7 @@ from pydantic import (
     NonNegativeInt,
     PositiveInt,
     ValidationError,
+    model_validator,
 )
 from pydantic.fields import FieldInfo
 
@@ -214,6 +216,15 @@ class Clean(Section):
     """Sweeps over all vertices before and after the passes, which improve the mean; the published tool has none."""
     backend: Literal["cortet", "meshtool"] = "cortet"
     """cortet: our own kernel; meshtool: an installed meshtool binary (boundary free, improve_mean false)."""
+
+    @model_validator(mode="after")
+    def _backend_has_it(self) -> Clean:
+        if self.enabled and self.backend == "meshtool" and (self.boundary != "free" or self.improve_mean):
+            raise ValueError(
+                "backend meshtool moves the boundary freely and has no passes for the mean: "
+                "set clean.boundary: free and clean.improve_mean: false"
+            )
+        return self
 
 
 class Reconnect(Section):
@@ -404,6 +415,20 @@ class Config(Section):
     def line(self) -> list[Stage]:
         """The stages that run, in their order."""
         return [stage for stage in STAGES.values() if self.enabled(stage.name)]
+
+    def require_programs(self) -> None:
+        """Raise InputError naming a program that the line calls and that is not installed here."""
+        called = {
+            "meshtool": self.clean.enabled and self.clean.backend == "meshtool" and "clean.backend: cortet",
+            "wb_command": self.smooth_boundary.enabled
+            and self.smooth_boundary.method == "workbench"
+            and "smooth_boundary.method: laplacian",
+        }
+        for program, instead in called.items():
+            if instead and shutil.which(program) is None:
+                raise InputError(
+                    f"the program {program} is not installed", remedy=f"put it on the PATH, or set {instead}"
+                )
 
     def arguments(self, step: str, facts: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Plain, JSON-able keyword arguments of the function of a stage, or of another step of the workflow.

@@ -53,6 +53,8 @@ class Program:
 
     name: str
     purpose: str
+    #: works with it and says what came out; raises when that is wrong
+    proof: Callable[[], str]
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,8 @@ def run() -> int:
             _say(_row(finding))
             findings.append(finding)
     for program in PROGRAMS:
-        _say(_row(find(program)))
+        findings.append(find(program))
+        _say(_row(findings[-1]))
     wrong = problems(findings)
     _say("", *(wrong or ["Everything cortet needs works."]))
     return 1 if wrong else 0
@@ -86,7 +89,8 @@ def run() -> int:
 def problems(findings: list[Finding]) -> list[str]:
     """What failed, and what is missing without a substitute, each with its remedy."""
     has_mesher = any(finding.state == "ok" for finding in findings if finding.name in MESHERS)
-    dispensable = {*(MESHERS if has_mesher else ()), *(library.name for library in OPTIONAL)}
+    optional = (tool.name for tools in (OPTIONAL, PROGRAMS) for tool in tools)
+    dispensable = {*(MESHERS if has_mesher else ()), *optional}
     return [
         f"{finding.name}: {finding.detail}\n  remedy: {finding.remedy}"
         for finding in findings
@@ -121,9 +125,14 @@ def examine(library: Library) -> Finding:
 
 
 def find(program: Program) -> Finding:
-    """Look for one program on the PATH."""
-    path = shutil.which(program.name)
-    return Finding("ok" if path else "missing", program.name, "", program.purpose, path or "optional, not found")
+    """Look for one program on the PATH, and prove it."""
+    if shutil.which(program.name) is None:
+        return Finding("missing", program.name, "", program.purpose, "optional, not found")
+    try:
+        return Finding("ok", program.name, "", program.purpose, program.proof())
+    except Exception as error:  # whatever is wrong with it is the finding
+        remedy = f"install {program.name} again, or take it off the PATH"
+        return Finding("failed", program.name, "", program.purpose, str(error), remedy)
 
 
 def _row(finding: Finding) -> str:
@@ -399,6 +408,27 @@ def _prove_slurm_executor() -> str:
     return "Snakemake knows the executor"
 
 
+def _prove_meshtool() -> str:
+    from cortet.measure.quality import quality
+    from cortet.stages.meshtool import clean_with_meshtool
+
+    mesh, _ = _icosahedron()
+    before = quality(mesh.points, mesh.cells).max()
+    cleaned = clean_with_meshtool(mesh, thresholds=[before - 0.05])
+    after = quality(cleaned.points, cleaned.cells).max()
+    _expect(after < before, f"the worst q of a bad mesh went from {before:.3f} to {after:.3f}")
+    return f"brings the worst q of a bad mesh from {before:.3f} to {after:.3f}"
+
+
+def _version_line(program: str, option: str) -> str:
+    """What a program says of its version; some exit with another code than 0 after it."""
+    done = subprocess.run([program, option], capture_output=True, text=True, errors="replace", timeout=60, check=False)
+    lines = (line.strip() for line in (done.stdout + done.stderr).splitlines())
+    said = next((line for line in lines if any(letter.isdigit() for letter in line)), "")
+    _expect(said, f"`{program} {option}` says no version (exit code {done.returncode})")
+    return said
+
+
 LIBRARIES = (
     Library("numpy", "arrays", _prove_numpy),
     Library("scipy", "topology, distances", _prove_scipy),
@@ -428,11 +458,11 @@ OPTIONAL = (
 )
 
 PROGRAMS = (
-    Program("meshtool", "S4, backend meshtool"),
-    Program("ccx", "CalculiX, which tests run on Abaqus files"),
-    Program("wb_command", "Connectome Workbench"),
-    Program("conda", "environments of the rules"),
-    Program("sbatch", "SLURM, for profiles/slurm"),
+    Program("meshtool", "S4, backend meshtool", _prove_meshtool),
+    Program("ccx", "CalculiX, which tests run on Abaqus files", lambda: _version_line("ccx", "-v")),
+    Program("wb_command", "Connectome Workbench", lambda: _version_line("wb_command", "-version")),
+    Program("conda", "environments of the rules", lambda: _version_line("conda", "--version")),
+    Program("sbatch", "SLURM, for profiles/slurm", lambda: _version_line("sbatch", "--version")),
 )
 
 

@@ -6,6 +6,7 @@ of an existing one are read-only. Quantities derived from the connectivity live 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,6 +29,20 @@ def _frozen(array: Any, dtype: type, columns: int, name: str) -> NDArray[Any]:
     return result
 
 
+def _fields(fields: Mapping[str, Any], count: int, of: str) -> dict[str, NDArray[Any]]:
+    """Fields with one value, or row of values, per node or cell, read-only; ValueError where one has another number."""
+    result = {}
+    for name, values in fields.items():
+        array = np.asarray(values)
+        if array.ndim == 0 or len(array) != count:
+            raise ValueError(f"field {name} has shape {array.shape}, but there are {count} {of}")
+        if array.flags.writeable:
+            array = array.copy()
+            array.flags.writeable = False
+        result[name] = array
+    return result
+
+
 @dataclass(frozen=True)
 class CoordinateFrame:
     """Where coordinates live, as GIfTI states it; carried from the input to every sidecar, never changed silently."""
@@ -42,7 +57,7 @@ class CoordinateFrame:
 
 @dataclass(frozen=True, eq=False)
 class TriSurface:
-    """A triangulated surface."""
+    """A triangulated surface; ValueError where an array has a wrong shape."""
 
     #: (n, 3) float64, vertex coordinates in mm
     points: FloatArray
@@ -56,6 +71,7 @@ class TriSurface:
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", _frozen(self.points, np.float64, 3, "points"))
         object.__setattr__(self, "faces", _frozen(self.faces, np.int32, 3, "faces"))
+        object.__setattr__(self, "point_data", _fields(self.point_data, len(self.points), "vertices"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +88,10 @@ class MeshSets:
 
 @dataclass(frozen=True, eq=False)
 class TetMesh:
-    """A tetrahedral mesh. Every one in memory has positive signed volumes, 0-based indices and no unused nodes."""
+    """A tetrahedral mesh; ValueError where an array has a wrong shape.
+
+    Every one in memory has positive signed volumes, 0-based indices and no unused nodes.
+    """
 
     #: (n, 3) float64, node coordinates in mm
     points: FloatArray
@@ -88,3 +107,5 @@ class TetMesh:
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", _frozen(self.points, np.float64, 3, "points"))
         object.__setattr__(self, "cells", _frozen(self.cells, np.int32, 4, "cells"))
+        object.__setattr__(self, "point_data", _fields(self.point_data, len(self.points), "nodes"))
+        object.__setattr__(self, "cell_data", _fields(self.cell_data, len(self.cells), "cells"))

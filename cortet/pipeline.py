@@ -15,7 +15,7 @@ from typing import Any
 from cortet.config import Config
 from cortet.measure.certify import Certificate, certify
 from cortet.mesh import TetMesh, TriSurface
-from cortet.stages import Stage
+from cortet.stages import STAGES
 
 logger = logging.getLogger(__name__)
 
@@ -36,9 +36,10 @@ class Step:
     seconds: float
 
 
-def stages(config: Config, *, gestational_age: float | None) -> list[Stage]:
-    """The stages that run; without a gestational age (weeks) there is no smoothing."""
-    return [stage for stage in config.line() if stage.name != "smooth_surface" or gestational_age is not None]
+def stages(config: Config, *, gestational_age: float | None) -> list[str]:
+    """Names of the stages that run; without a gestational age (weeks) there is no smoothing."""
+    names = [stage.name for stage in config.line()]
+    return [name for name in names if name != "smooth_surface" or gestational_age is not None]
 
 
 def run(
@@ -56,12 +57,13 @@ def run(
     Raises
     ------
     InputError
-        the gate refuses the surface, or a parameter is out of range
+        a program that the line calls is not installed, the gate refuses the surface, or a parameter is out of range
     StageError
         a stage failed
     """
     if config.enabled("smooth_surface") and gestational_age is None:
         logger.warning("no gestational age is given, so the surface is not smoothed")
+    config.require_programs()
     facts = {
         "source": str(source) if source is not None else None,
         "gestational_age": gestational_age,
@@ -69,7 +71,7 @@ def run(
         "mesher": config.generate.meshers[0],
     }
     latest: dict[str, Any] = {"surface": surface}
-    for stage in stages(config, gestational_age=gestational_age):
+    for stage in map(STAGES.__getitem__, stages(config, gestational_age=gestational_age)):
         taken = [latest[kind] for kind in stage.takes]
         began = time.perf_counter()
         latest[stage.gives], report = stage.function(*taken, **config.arguments(stage.name, facts))

@@ -30,6 +30,8 @@ try:
         for name in CONFIG.experiments.settings
         if name != CONFIG.setting
     }
+    for setting in SETTINGS.values():
+        setting.require_programs()
     # read here and never an input of a rule: a new row then runs one new case
     SHEET = read_sheet(CONFIG.cohort.sheet, CONFIG.cohort.fields)
 except CortetError as error:

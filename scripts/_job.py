@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import ctypes
 import faulthandler
 import glob
 import logging
@@ -24,7 +23,9 @@ import pickle
 import runpy
 import shutil
 import signal
+import subprocess
 import sys
+import tempfile
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -36,6 +37,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from cortet.errors import CortetError
+from cortet.formats import child
 
 logger = logging.getLogger("cortet")
 
@@ -72,7 +74,9 @@ def start(snakemake: Any) -> Job:
 
 def _guard(snakemake: Any) -> None:
     """Tie the job to the Snakemake that started it, to its log and to its limits."""
-    _end_with_snakemake()
+    # what an interrupted run began never replaces what a later one made
+    child.end_with_parent()
+    _use_own_temporary_folder()
     log = Path(snakemake.log[0])
     earlier = log.with_name(f".{log.name}.attempt")
     attempt = snakemake.resources.get("attempt", 0)  # 0: it is not said, and a failure is final
@@ -102,10 +106,17 @@ def _run_saved(path: Path) -> None:
     runpy.run_path(str(script), init_globals={"snakemake": job}, run_name="__main__")
 
 
-def _end_with_snakemake() -> None:
-    """Die when the parent dies, so that what an interrupted run began never replaces what a later one made (Linux)."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG, man 2 prctl
+def _use_own_temporary_folder() -> None:
+    """Give the job a folder for temporary files that is deleted when the job ends, also when it is killed.
+
+    A shell waits for the end of a pipe whose other end only this process holds, and deletes the folder then.
+    """
+    folder = tempfile.mkdtemp(prefix="cortet-job-")
+    os.environ["TMPDIR"] = tempfile.tempdir = folder
+    end, _ = os.pipe()  # the other end is closed when this process ends; programs that it calls do not inherit it
+    waiting = ["sh", "-c", 'read -r _; rm -rf "$0"', folder]
+    subprocess.Popen(waiting, stdin=end, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+    os.close(end)
 
 
 def _limit_time() -> None:

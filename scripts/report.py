@@ -11,6 +11,7 @@ from _job import start
 
 job = start(snakemake)
 
+from cortet.formats import child
 from cortet.formats.atomic import atomic_path
 
 with TemporaryDirectory() as folder:
@@ -18,6 +19,7 @@ with TemporaryDirectory() as folder:
     config.write_text(json.dumps(job.params.config, default=str))
     command = [sys.executable, "-m", "snakemake", "--nolock", "--no-hooks", "--snakefile", job.params.snakefile]
     targets = ["cohort", "tables", "figures"]
-    subprocess.run([*command, "--configfile", config, "--report", archive, "--", *targets], check=True)
+    command += ["--configfile", str(config), "--report", str(archive), "--", *targets]
+    subprocess.run(command, check=True, preexec_fn=child.end_with_parent)
     with atomic_path(job.output.archive) as complete:
         shutil.copy(archive, complete)

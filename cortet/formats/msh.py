@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.formats import gmsh_reader
+from cortet.formats import child, gmsh_reader
 from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
 from cortet.formats.gmsh_reader import FIELDS, KINDS, TETRAHEDRON, TRIANGLE, session
@@ -182,7 +181,7 @@ def _read_by_gmsh(path: str | Path) -> tuple[dict[str, NDArray[Any]], dict[str, 
         source, target = Path(folder) / "mesh.msh", Path(folder) / "mesh.npz"
         source.symlink_to(Path(path).resolve())
         command = [sys.executable, "-P", gmsh_reader.__file__, str(source), str(target), *limits]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
+        done = child.run(command, cwd=folder)
         if done.returncode < 0:
             reason = f"Gmsh broke down reading it ({signal.Signals(-done.returncode).name})"
             raise InputError(reason, file=path, remedy="it is damaged: save it again in Gmsh")

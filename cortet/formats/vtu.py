@@ -1,8 +1,9 @@
 """VTU (VTK XML unstructured grid): the interchange file between stages.
 
 Binary, zlib-compressed, float64: every array comes back bit for bit, fields included, and ParaView opens the file at
-every stage. Sets of nodes and tetrahedra are arrays of 0 and 1, and `region` is 1 in the core and 2 in the cortex;
-there are no faces, so none in sets. Written by meshio; read here, where the size of every array is known from the
+every stage. Sets of nodes and tetrahedra are arrays of 0 and 1, and `region` is 1 in the core and 2 in the cortex. A
+VTU file has no faces: a set of boundary faces is an array of the tetrahedra, whose bit k says that the face opposite to
+corner k belongs to it. Written by meshio; read here, where the size of every array is known from the
 numbers of nodes and tetrahedra before anything is unpacked, in every form that VTK writes: text, base64 or raw, in
 place or appended, with zlib or not (https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html).
 """
@@ -23,12 +24,12 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
-from cortet.formats.surface_sets import members, region_tags
+from cortet.formats.surface_sets import faces_of_sides, members, region_tags, sides
 from cortet.formats.untrusted import LARGEST, content, inflated, numbers, sound, xml_root
 from cortet.mesh import IntArray, MeshSets, TetMesh
 
 #: what the names of arrays begin with that hold a set, as 0 and 1
-_NODE_SET, _CELL_SET = "node_set_", "cell_set_"
+_NODE_SET, _FACE_SET, _CELL_SET = "node_set_", "face_set_", "cell_set_"
 
 _TYPES = {
     name: np.dtype(name.lower())
@@ -124,8 +125,12 @@ def _joined(pieces: list[TetMesh]) -> TetMesh:
     cells = np.concatenate([piece.cells + start for piece, start in zip(pieces, first[:-1], strict=True)])
     point_data = {name: np.concatenate([piece.point_data[name] for piece in pieces]) for name in pieces[0].point_data}
     cell_data = {name: np.concatenate([piece.cell_data[name] for piece in pieces]) for name in pieces[0].cell_data}
-    nodes, named = _taken(point_data, _NODE_SET), _taken(cell_data, _CELL_SET)
-    return TetMesh(points, cells, point_data, cell_data, MeshSets(nodes, {}, named))
+    sets = MeshSets(
+        _indices(_taken(point_data, _NODE_SET)),
+        {name: _faces(cells, bits) for name, bits in _taken(cell_data, _FACE_SET).items()},
+        _indices(_taken(cell_data, _CELL_SET)),
+    )
+    return TetMesh(points, cells, point_data, cell_data, sets)
 
 
 def _values(array: ElementTree.Element, rows: int, file: _File) -> NDArray[Any]:
@@ -205,7 +210,8 @@ def write(mesh: TetMesh, path: str | Path) -> None:
     node_sets = {f"{_NODE_SET}{name}": members(len(mesh.points), nodes) for name, nodes in mesh.sets.nodes.items()}
     cell_sets = {f"{_CELL_SET}{name}": members(len(mesh.cells), cells) for name, cells in mesh.sets.cells.items()}
     regions = {"region": region_tags(mesh)} if mesh.sets.cells else {}
-    cell_data = {**mesh.cell_data, **regions, **cell_sets}
+    face_sets = {f"{_FACE_SET}{name}": _bits(mesh, faces) for name, faces in mesh.sets.faces.items()}
+    cell_data = {**mesh.cell_data, **regions, **face_sets, **cell_sets}
     grid = meshio.Mesh(
         mesh.points,
         [("tetra", mesh.cells)],
@@ -216,12 +222,39 @@ def write(mesh: TetMesh, path: str | Path) -> None:
         meshio.vtu.write(temporary, grid)
 
 
-def _taken(fields: dict[str, NDArray[Any]], prefix: str) -> dict[str, IntArray]:
-    """Sets by name, from the arrays whose name begins with `prefix`; these are taken out of `fields`."""
+def _taken(fields: dict[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
+    """The arrays whose name begins with `prefix`, taken out of `fields`, by the rest of their names."""
     names = [name for name in fields if name.startswith(prefix)]
-    return {name.removeprefix(prefix): np.flatnonzero(fields.pop(name)).astype(np.int32) for name in names}
+    return {name.removeprefix(prefix): fields.pop(name) for name in names}
+
+
+def _indices(flags: dict[str, NDArray[Any]]) -> dict[str, IntArray]:
+    """Sets by name, from arrays of 0 and 1."""
+    return {name: np.flatnonzero(values).astype(np.int32) for name, values in flags.items()}
+
+
+def _bits(mesh: TetMesh, faces: IntArray) -> NDArray[np.uint8]:
+    """A set of boundary faces as bits of their tetrahedra: (m,)."""
+    bits = np.zeros(len(mesh.cells), np.uint8)
+    owners, opposite = sides(mesh, faces)
+    np.bitwise_or.at(bits, owners, np.left_shift(1, opposite).astype(np.uint8))
+    return bits
+
+
+def _faces(cells: IntArray, bits: NDArray[Any]) -> IntArray:
+    """The faces that bits of tetrahedra name: (k, 3), outward, in the order of their tetrahedra."""
+    if (
+        bits.ndim != 1
+        or not np.issubdtype(bits.dtype, np.integer)
+        or bits.min(initial=0) < 0
+        or bits.max(initial=0) > 15
+    ):
+        raise ValueError("a set of faces is not given by four bits of each tetrahedron")
+    owners, opposite = np.nonzero(bits[:, None] >> np.arange(4) & 1)
+    return faces_of_sides(cells, owners.astype(np.int32), opposite.astype(np.int32))
 
 
 def as_read(path: Path) -> AsRead:
-    """The file as ParaView sees it: it lists no boundary faces."""
-    return AsRead(read(path), lists_faces=False)
+    """The file as ParaView sees it: boundary faces are sides of tetrahedra, and only sets of them are listed."""
+    mesh = read(path)
+    return AsRead(mesh, lists_faces=bool(mesh.sets.faces), directs_faces=False)

@@ -7,7 +7,6 @@ certificate holds no date and no time: the same mesh gets the same file.
 
 from __future__ import annotations
 
-import hashlib
 import operator
 import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -19,7 +18,8 @@ from typing import Any, Literal
 import numpy as np
 
 from cortet import __version__
-from cortet.errors import InputError, StageError
+from cortet.errors import StageError
+from cortet.formats.hashing import sha256
 from cortet.geometry.defects import defective_vertices
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import SurfaceTopology, boundary_surface, enclosed_volume, surface_topology
@@ -185,32 +185,25 @@ def certify(
         input={} if source is None else {"file": str(source), "sha256": sha256(source)},
         parameters=dict(parameters or {}),
         reports=reports,
-        versions=versions(),
+        versions=versions(reports),
     )
 
 
-def sha256(path: str | Path) -> str:
-    """Hash of a file, as `sha256sum` prints it.
+def versions(reports: Mapping[str, Any]) -> dict[str, str]:
+    """Versions of cortet, Python and the installed libraries that can change a mesh or its numbers.
 
-    Raises
-    ------
-    InputError : the file cannot be read
+    Parameters
+    ----------
+    reports : stage -> what it reported; a program that S4 called is named there
     """
-    try:
-        with Path(path).open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
-
-
-def versions() -> dict[str, str]:
-    """Versions of cortet, Python and the installed libraries that can change a mesh or its numbers."""
     found = {"cortet": __version__, "python": platform.python_version()}
     for name in LIBRARIES:
         try:
             found[name] = version(name)
         except PackageNotFoundError:
             continue
+    if program := reports.get("clean", {}).get("program_version"):
+        found["meshtool"] = program
     return found
 
 

@@ -26,6 +26,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from cortet.errors import StageError
+from cortet.formats import child
 from cortet.geometry.topology import compact, enclosed_volume
 from cortet.mesh import FloatArray, IntArray, TriSurface
 
@@ -124,15 +125,11 @@ def fill(surface: TriSurface, mesher: str, *, cell_size: float, time_limit: floa
         np.savez(given, points=points, faces=faces)
         command = [sys.executable, "-m", "cortet.meshers.baselines", mesher, str(given), str(made), repr(cell_size)]
         try:
-            done = subprocess.run(
+            done = child.run(
                 command,
                 cwd=folder,  # TetGen leaves files behind when it fails
                 env={**os.environ, "PYTHONPATH": os.pathsep.join([str(_PACKAGES), *sys.path])},
-                capture_output=True,
-                text=True,
-                errors="replace",
                 timeout=None if time_limit is None else 60 * time_limit,
-                check=False,
             )
         except subprocess.TimeoutExpired:
             raise StageError(f"{mesher} took longer than {time_limit:g} minutes") from None

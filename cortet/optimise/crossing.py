@@ -28,20 +28,26 @@ def crossing_faces(mesh: TetMesh) -> IntArray:
 
 
 def without_crossing(
-    mesh: TetMesh, optimise: Callable[[TetMesh, IntArray], tuple[TetMesh, Report]]
+    mesh: TetMesh, optimise: Callable[[TetMesh, IntArray], tuple[TetMesh, Report]], *, held: IntArray | None = None
 ) -> tuple[TetMesh, Report, IntArray]:
     """Call `optimise(mesh, held)` with ever more vertices held until the boundary does not cross itself.
 
-    `optimise` must keep vertex numbers. Faces that cross in `mesh` already are not its fault. If crossings remain
-    after a few rounds the last result is returned, for the certificate to refuse. Returns also the vertices held,
-    (h,) int32.
+    Parameters
+    ----------
+    optimise : must keep vertex numbers; faces that cross in `mesh` already are not its fault
+    held : (h,) vertices that are held from the first call on
+
+    Returns
+    -------
+    The result and report of the last call, and the vertices held in it, (h,) int32. If crossings remain after a few
+    rounds the result has them, for the certificate to refuse.
     """
     before = len(crossing_faces(mesh))
-    held = np.zeros(0, np.int32)
-    for _ in range(_ROUNDS):
+    held = np.zeros(0, np.int32) if held is None else held
+    for remaining in reversed(range(_ROUNDS)):
         result, report = optimise(mesh, held)
         crossing = crossing_faces(result)
-        if len(crossing) <= before:
+        if len(crossing) <= before or not remaining:
             break
         touched = np.isin(mesh.cells, crossing).any(axis=1)
         held = np.union1d(held, mesh.cells[touched])

@@ -12,7 +12,7 @@ from cortet.cohort.sheet import Case
 from cortet.formats.atomic import atomic_path
 from cortet.report.table_files import write_page
 
-VERSION: int = 1
+VERSION: int = 2
 
 Record = Mapping[str, Any]
 
@@ -120,8 +120,9 @@ def _stages(certificates: Sequence[Record]) -> list[str]:
         )
     if clean := parameters.get("clean"):
         thresholds = ", ".join(f"{value:g}" for value in clean["thresholds"])
+        program = " by meshtool" if clean["backend"] == "meshtool" else ""
         sentences.append(
-            f"Vertices around elements with q > {thresholds} were moved, in this order, to lower the worst q "
+            f"Vertices around elements with q > {thresholds} were moved{program}, in this order, to lower the worst q "
             f"({_BOUNDARY[clean['boundary']]}{', with sweeps that improve the mean' if clean['improve_mean'] else ''})."
         )
     if reconnect := parameters.get("reconnect"):

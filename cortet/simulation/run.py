@@ -105,7 +105,8 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
 
     Raises
     ------
-    InputError : nothing to grow, an inverted element, a field with impossible values or one that is missing
+    InputError : nothing to grow, an inverted element, a field with impossible values or one that is missing, or a time
+        step that is not stable
     """
     if not settings.gestational_age < settings.end:
         raise InputError(
@@ -119,7 +120,13 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     body = body_of(mesh, scale, thickness=thickness, mask=mask, labels=labels)
     altitude = smallest_altitude(mesh.points, mesh.cells) / scale.length
     duration = time_of(settings.end) - start
-    steps = int(np.ceil(duration / (settings.time_step or stable_time_step(altitude, material))))
+    bound = stable_time_step(altitude, material)
+    if settings.time_step is not None and not 0 < settings.time_step <= bound:
+        raise InputError(
+            f"time step {settings.time_step:g} is not above 0 and at most {bound:.3g}, the largest that is stable here",
+            remedy="leave time_step out, or choose a smaller one",
+        )
+    steps = int(np.ceil(duration / (settings.time_step or bound)))
     side = _SIDE[settings.hemisphere]
     return Run(
         mesh, node, cell, scale, body, boundary_faces(mesh), side, material, laws, start, duration / steps, steps

@@ -17,12 +17,17 @@ from cortet.formats.as_read import AsRead
 from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS, surface_faces
 from cortet.geometry.topology import boundary_faces, enclosed_volume, packed, surface_topology
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import IntArray, TetMesh, TriSurface
+from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+
+#: in any unit; the volume of a larger body is no number that a sidecar can hold
+_LARGEST_COORDINATE = 1e15
 
 
 def broken_conventions(file: AsRead) -> list[str]:
     """Name every convention that a file breaks; an empty list means a solver may run on it."""
     mesh = file.mesh
+    if absurd := list(_coordinates(mesh.points)):
+        return [*file.problems, *absurd]
     if out_of_range := list(_out_of_range(mesh)):
         return [*file.problems, *out_of_range]
     return [
@@ -37,6 +42,8 @@ def broken_conventions(file: AsRead) -> list[str]:
 
 def broken_surface(surface: TriSurface) -> list[str]:
     """Name what keeps a boundary surface from being one closed surface that faces outward."""
+    if absurd := list(_coordinates(surface.points)):
+        return absurd
     if len(surface.faces) == 0:
         return ["there are no triangles"]
     if surface.faces.min() < 0 or surface.faces.max() >= len(surface.points):
@@ -47,6 +54,12 @@ def broken_surface(surface: TriSurface) -> list[str]:
     if not problems and enclosed_volume(surface.points, surface.faces) <= 0:
         problems.append(f"{len(surface.faces)} of {len(surface.faces)} triangles face inward")
     return [*problems, *_fields(surface.point_data, len(surface.points), "nodes")]
+
+
+def _coordinates(points: FloatArray) -> Iterator[str]:
+    """Coordinates so large that areas and volumes overflow."""
+    if (largest := float(np.abs(points).max(initial=0))) > _LARGEST_COORDINATE:
+        yield f"a coordinate is {largest:g}, which is no length of a body"
 
 
 def _out_of_range(mesh: TetMesh) -> Iterator[str]:

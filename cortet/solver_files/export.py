@@ -8,14 +8,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, format_of
 from cortet.formats.atomic import atomic_folder, write_json
-from cortet.geometry.topology import boundary_nodes, boundary_surface
-from cortet.mesh import CoordinateFrame, TetMesh, TriSurface
+from cortet.formats.hashing import sha256
+from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL
+from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
+from cortet.mesh import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
 from cortet.solver_files.sets import named_sets
-from cortet.solver_files.sidecar import file_digest, read_sidecar, sidecar, sidecar_path
+from cortet.solver_files.sidecar import read_sidecar, sidecar, sidecar_path
 from cortet.solver_files.verify import problems
 from cortet.stages.solver_ready import surface_nodes_first
 
@@ -79,7 +83,7 @@ def _write_verified(
         record = sidecar(
             as_read if isinstance(as_read, TriSurface) else as_read.mesh,
             solver=solver,
-            files={file.name: file_digest(file) for file in sorted(folder.iterdir())},
+            files={file.name: sha256(file) for file in sorted(folder.iterdir())},
             unit=unit if FORMATS[solver].has_unit else "mm",
             frame=frame or CoordinateFrame(),
             sources=sources,
@@ -143,8 +147,8 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
             content = surface_nodes_first(content)[0]
             done.append("nodes were renumbered, those of the surface first")
         if not content.sets.faces:
-            content = named_sets(content)
-            done.append("sets were made anew")
+            content, what = _with_face_sets(content)
+            done.append(what)
     frame = record.get("coordinate_system")
     known = getattr(content, "frame", None)
     _write_verified(
@@ -157,6 +161,25 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
         interior=next((field["interior"] for field in record.get("fields", {}).values()), None),
     )
     return done
+
+
+def _with_face_sets(mesh: TetMesh) -> tuple[TetMesh, str]:
+    """The mesh with sets of faces, which its file does not hold; and in words how they were made.
+
+    Its own sets of nodes and tetrahedra stay. A face belongs to a set when all its nodes do; one between the cortical
+    surface and the medial wall, whose nodes belong to both, to the latter.
+    """
+    own = mesh.sets
+    if not own.nodes and not own.cells:
+        return named_sets(mesh), "it has no sets: the default ones were made"
+    faces = boundary_faces(mesh)
+    inside = {name: np.isin(faces, nodes).all(axis=1) for name, nodes in own.nodes.items()}
+    wall = inside.get(MEDIAL_WALL, np.zeros(len(faces), bool))
+    inside[CORTICAL_SURFACE] = ~wall
+    made = {name: faces[chosen] for name, chosen in inside.items() if chosen.any()}
+    nodes = own.nodes | {name: np.unique(made[name]) for name in (CORTICAL_SURFACE, MEDIAL_WALL) if name in made}
+    cells = own.cells or named_sets(mesh).sets.cells
+    return replace(mesh, sets=MeshSets(nodes, made, cells)), "sets of faces were made of its sets of nodes"
 
 
 def _source(field: Mapping[str, Any]) -> FieldSource:

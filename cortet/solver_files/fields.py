@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_fields, read_label_names
+from cortet.formats.hashing import sha256
 from cortet.mesh import TriSurface
 
 
@@ -71,7 +71,7 @@ def field_sources(files: Mapping[str, str | Path], units: Mapping[str, str] | No
     return {
         field: FieldSource(
             file=str(file),
-            sha256=hashlib.sha256(Path(file).read_bytes()).hexdigest(),
+            sha256=sha256(file),
             units=units.get(field, units.get(name, "unknown")),
             kind="label" if np.issubdtype(values.dtype, np.integer) else "scalar",
             labels=read_label_names(file),

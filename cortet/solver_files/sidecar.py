@@ -7,7 +7,6 @@ this one, are found.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -15,11 +14,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from cortet.errors import InputError
+from cortet.formats.hashing import array_sha256, sha256
 from cortet.formats.untrusted import content
 from cortet.geometry.topology import boundary_faces, face_areas
 from cortet.measure.quality import signed_volumes
@@ -62,7 +61,7 @@ def sidecar(
         "units": {"coordinates": unit},
         "coordinate_system": asdict(frame),
         "nodes": len(as_read.points),
-        "nodes_sha256": digest(as_read.points),
+        "nodes_sha256": array_sha256(as_read.points),
     }
     if isinstance(as_read, TetMesh):
         faces = boundary_faces(as_read)
@@ -137,7 +136,7 @@ def stale(path: Path, as_read: TetMesh | TriSurface) -> Iterator[str]:
     if not record:
         return
     fields, nodes, sets = record["fields"], record["nodes_sha256"], record.get("sets", {})
-    if nodes != digest(as_read.points):
+    if nodes != array_sha256(as_read.points):
         yield "the nodes are not those that the sidecar records: the fields belong to other nodes"
     for kind, recorded in sets.items():
         found = vars(as_read.sets).get(kind, {}) if isinstance(as_read, TetMesh) else {}
@@ -149,25 +148,14 @@ def stale(path: Path, as_read: TetMesh | TriSurface) -> Iterator[str]:
     for name, field in fields.items():
         if name not in as_read.point_data:
             yield f"field {name} of the sidecar is missing"
-        elif field["values_sha256"] != digest(as_read.point_data[name]):
+        elif field["values_sha256"] != array_sha256(as_read.point_data[name]):
             yield f"field {name} is stale: its values are not those that the sidecar records"
         elif (
             field["source"]
             and os.path.isfile(field["source"])  # noqa: PTH113, false of names that are too long; no device, which has no end
-            and file_digest(field["source"]) != field["source_sha256"]
+            and sha256(field["source"]) != field["source_sha256"]
         ):
             yield f"field {name} is stale: {field['source']} has changed since"
-
-
-def digest(values: NDArray[Any]) -> str:
-    """SHA-256 of numbers as float64, row by row, little-endian."""
-    return hashlib.sha256(np.ascontiguousarray(values, "<f8").tobytes()).hexdigest()
-
-
-def file_digest(path: str | Path) -> str:
-    """SHA-256 of a file."""
-    with Path(path).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _field(name: str, values: NDArray[Any], sources: Mapping[str, FieldSource], interior: str | None) -> dict[str, Any]:
@@ -187,5 +175,5 @@ def _field(name: str, values: NDArray[Any], sources: Mapping[str, FieldSource], 
         else "nearest"
         if source.kind == "label"
         else interior,
-        "values_sha256": digest(values),
+        "values_sha256": array_sha256(values),
     }

@@ -18,7 +18,7 @@ from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import without_crossing
 from cortet.optimise.vertices import Boundary, Pass, PassReport, move_vertices
-from cortet.stages.meshtool import clean_with_meshtool
+from cortet.stages.meshtool import clean_with_meshtool, program_version
 
 VERSION: int = 3
 
@@ -44,8 +44,10 @@ class CleanReport:
     passes: tuple[PassReport, ...]
     vertices_moved: int
     max_displacement_mm: float
-    #: vertices held in place because moving them made the boundary cross itself
+    #: vertices held in place because moving them made the boundary cross itself, or because the caller said so
     vertices_held: int
+    #: of the program that the backend is, where it is one
+    program_version: str | None = None
 
 
 def clean(
@@ -56,6 +58,7 @@ def clean(
     boundary: Boundary = "slide",
     improve_mean: bool = True,
     backend: Literal["cortet", "meshtool"] = "cortet",
+    held: IntArray | None = None,
 ) -> tuple[TetMesh, CleanReport]:
     """Improve the worst tetrahedra by moving vertices.
 
@@ -69,6 +72,7 @@ def clean(
     improve_mean : also move the vertices of good tetrahedra: first, since that takes most bad ones along, and last,
         without giving up the worst q reached
     backend : our kernel, or an installed `meshtool` (free boundary, no passes for the mean)
+    held : (h,) vertices that stay where they are, for our kernel
 
     Raises
     ------
@@ -81,7 +85,8 @@ def clean(
     before = quality(mesh.points, mesh.cells)
     require_positive(before)
     passes: tuple[PassReport, ...] = ()
-    held: IntArray = np.zeros(0, np.int32)
+    held = np.zeros(0, np.int32) if held is None else held
+    program = None
     if backend == "meshtool":
         if boundary != "free" or improve_mean:
             raise InputError(
@@ -89,6 +94,7 @@ def clean(
                 remedy="set clean.boundary: free and clean.improve_mean: false, or clean.backend: cortet",
             )
         result = clean_with_meshtool(mesh, thresholds=thresholds)
+        program = program_version()
     else:
         tree = surface_tree(surface.points, surface.faces)
         aims = schedule(thresholds, improve_mean)
@@ -97,7 +103,7 @@ def clean(
             return move_vertices(start, tree, aims, boundary=boundary, held=held)
 
         if boundary == "slide":
-            result, passes, held = without_crossing(mesh, optimise)
+            result, passes, held = without_crossing(mesh, optimise, held=held)
         else:
             result, passes = optimise(mesh, held)
 
@@ -114,6 +120,7 @@ def clean(
         vertices_moved=int(np.count_nonzero(displacement)),
         max_displacement_mm=float(displacement.max()),
         vertices_held=len(held),
+        program_version=program,
     )
 
 

@@ -21,6 +21,8 @@ VERSION: int = 1
 
 #: longest side of the bounding box, mm: from a small monkey's hemisphere to a whole human brain
 EXTENT_MM = (15.0, 200.0)
+#: of an unplaced surface in micrometres; beyond it a file is damaged
+LARGEST_COORDINATE = 1e9
 #: enclosed volume, mL
 VOLUME_ML = (1.0, 1000.0)
 #: share of the triangles that may cross others and still count as "a few"
@@ -68,9 +70,11 @@ def gate(surface: TriSurface, *, source: Any, allow_genus: int = 0) -> tuple[Tri
 
     Raises
     ------
-    InputError : the surface is open, not a manifold, in several pieces, not orientable, of higher genus, crosses itself
-        in many places, has triangles without area, or is not of a brain's size in mm; says which and where
+    InputError : the surface has absurd coordinates, is open, not a manifold, in several pieces, not orientable, of
+        higher genus, crosses itself in many places, has triangles without area, or is not of a brain's size in mm; says
+        which and where
     """
+    _check_coordinates(surface, source)
     given = len(surface.points)
     surface = _used_vertices_only(single_precision(surface))
     dropped = given - len(surface.points)
@@ -130,6 +134,17 @@ def _used_vertices_only(surface: TriSurface) -> TriSurface:
     points, faces, kept = topology.compact(surface.points, surface.faces)
     fields = {name: values[kept] for name, values in surface.point_data.items()}
     return replace(surface, points=points, faces=faces, point_data=fields)
+
+
+def _check_coordinates(surface: TriSurface, source: Any) -> None:
+    """No coordinate that is not finite, or so large that areas and volumes overflow."""
+    largest = float(np.abs(surface.points).max(initial=0))
+    if not largest <= LARGEST_COORDINATE:
+        raise InputError(
+            f"a coordinate is {largest:g}, where at most {LARGEST_COORDINATE:g} is accepted in any unit",
+            file=source,
+            remedy="export the surface again: the file is damaged",
+        )
 
 
 def _check_area(surface: TriSurface, source: Any) -> None:

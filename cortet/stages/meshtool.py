@@ -1,7 +1,9 @@
 """The published cleaner, `meshtool clean quality`, where its binary is installed: one of the backends of S4.
 
 Its known faults are guarded against, not repaired: it may return inverted tetrahedra under a new orientation, and its
-coordinates pass through float32. Source: https://bitbucket.org/aneic/meshtool (Neic et al., SoftwareX 2020).
+coordinates pass through float32. Where no element is above the threshold it writes nothing and exits with 0; but it
+exits with 0 after wrong arguments, too, so that is believed only where our own q agrees. Source:
+https://bitbucket.org/aneic/meshtool (Neic et al., SoftwareX 2020).
 """
 
 from __future__ import annotations
@@ -9,7 +11,6 @@ from __future__ import annotations
 import logging
 import os
 import shutil
-import subprocess
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,8 +19,9 @@ from pathlib import Path
 import numpy as np
 
 from cortet.errors import InputError, StageError
-from cortet.formats import carp
-from cortet.measure.quality import signed_volumes
+from cortet.formats import carp, child
+from cortet.formats.hashing import sha256
+from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import TetMesh
 
 logger = logging.getLogger(__name__)
@@ -34,21 +36,54 @@ def clean_with_meshtool(mesh: TetMesh, *, thresholds: Sequence[float]) -> TetMes
         meshtool is not installed, stopped with an error, wrote nothing usable, changed the connectivity or inverted
         elements
     """
+    binary = _binary()
+    with tempfile.TemporaryDirectory(prefix="cortet-meshtool-") as name:
+        folder = Path(name)
+        last = folder / "pass0"
+        carp.write(mesh, last, unit="mm")
+        result = mesh
+        for number, threshold in enumerate(thresholds, start=1):
+            target = folder / f"pass{number}"
+            _run(binary, source=last, target=target, threshold=threshold)
+            if not target.with_suffix(".pts").exists():
+                _check_nothing_to_do(result, threshold)
+                continue
+            try:
+                result = carp.read(target, unit="mm")
+            except InputError as error:
+                raise StageError(f"meshtool left no usable result: {error}") from error
+            _check_result(mesh, result)
+            last = target
+    return replace(mesh, points=result.points)
+
+
+def program_version() -> str:
+    """What tells one build of the installed meshtool from another, which knows no version: the hash of its binary."""
+    return f"sha256:{sha256(_binary())[:12]}"
+
+
+def _binary() -> str:
     binary = shutil.which("meshtool")
     if binary is None:
         raise StageError(
             "the program meshtool is not installed",
             remedy="put it on the PATH, or set clean.backend: cortet, which needs nothing",
         )
-    with tempfile.TemporaryDirectory(prefix="cortet-meshtool-") as name:
-        folder = Path(name)
-        carp.write(mesh, folder / "pass0", unit="mm")
-        for i, threshold in enumerate(thresholds):
-            _run(binary, folder, source=f"pass{i}", target=f"pass{i + 1}", threshold=threshold)
-        try:
-            result = carp.read(folder / f"pass{len(thresholds)}", unit="mm")
-        except InputError as error:
-            raise StageError(f"meshtool left no usable result: {error}") from error
+    return binary
+
+
+def _check_nothing_to_do(mesh: TetMesh, threshold: float) -> None:
+    """meshtool wrote nothing: right only where no element is above the threshold."""
+    if above := int((quality(mesh.points, mesh.cells) > threshold).sum()):
+        raise StageError(
+            f"meshtool wrote nothing at threshold {threshold:g}, though {above} tetrahedra are above it",
+            remedy="run `meshtool clean quality` by hand on the CARP files of S2, or set clean.backend: cortet",
+        )
+    logger.info("no tetrahedron is above %g: meshtool had nothing to do", threshold)
+
+
+def _check_result(mesh: TetMesh, result: TetMesh) -> None:
+    """Refuse what is not the same mesh with moved vertices."""
     if result.cells.shape != mesh.cells.shape:
         raise StageError(f"meshtool returned {len(result.cells)} tetrahedra of {len(mesh.cells)}")
     if len(result.points) != len(mesh.points):
@@ -59,25 +94,23 @@ def clean_with_meshtool(mesh: TetMesh, *, thresholds: Sequence[float]) -> TetMes
     inverted = int((~(signed_volumes(result.points, mesh.cells) > 0)).sum())
     if inverted:
         raise StageError(f"meshtool inverted {inverted} tetrahedra", remedy="set clean.backend: cortet")
-    return replace(mesh, points=result.points)
 
 
-def _run(binary: str, folder: Path, *, source: str, target: str, threshold: float) -> None:
-    """One pass, from the files of `source` to those of `target` in `folder`."""
+def _run(binary: str, *, source: Path, target: Path, threshold: float) -> None:
+    """One pass, from the files of `source` to those of `target` beside them."""
     command = [
         binary,
         "clean",
         "quality",
-        f"-msh={source}",
+        f"-msh={source.name}",
         f"-thr={threshold:g}",
-        f"-outmsh={target}",
+        f"-outmsh={target.name}",
         "-ofmt=carp_txt",
     ]
     # one thread: the order of its vertex moves, so its result, depends on their number
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    done = child.run(command, cwd=source.parent, env=os.environ | {"OMP_NUM_THREADS": "1"})
     output = (done.stdout + done.stderr).strip()
     logger.debug("%s\n%s", " ".join(command), output)
     if done.returncode != 0:
-        last = output.splitlines()[-1] if output else "no message"
-        raise StageError(f"meshtool stopped with exit code {done.returncode} at threshold {threshold:g}: {last}")
+        said = output.splitlines()[-1] if output else "no message"
+        raise StageError(f"meshtool stopped with exit code {done.returncode} at threshold {threshold:g}: {said}")

@@ -8,7 +8,6 @@ default, which keeps most of what smoothing gained, since that is a better arran
 from __future__ import annotations
 
 import logging
-import subprocess
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +19,7 @@ import numpy as np
 import pymeshlab
 
 from cortet.errors import StageError
-from cortet.formats import gifti
+from cortet.formats import child, gifti
 from cortet.geometry.closest_point import SurfaceTree, closest_points, surface_tree
 from cortet.geometry.topology import boundary_surface, edges
 from cortet.measure.fidelity import Distances, boundary_roughness, summary
@@ -30,7 +29,7 @@ from cortet.optimise.crossing import without_crossing
 from cortet.optimise.vertices import Boundary
 from cortet.stages.clean import clean, require_positive
 
-VERSION: int = 3
+VERSION: int = 4
 
 Method = Literal["laplacian", "workbench"]
 
@@ -117,7 +116,7 @@ def smooth_boundary(
         moved = replace(start, points=points)
         worst = float(quality(points, start.cells).max())
         mode: Boundary = "slide" if onto_surface else "free"
-        cleaned, _ = clean(moved, surface, thresholds=thresholds, boundary=mode, improve_mean=False)
+        cleaned, _ = clean(moved, surface, thresholds=thresholds, boundary=mode, improve_mean=False, held=held)
         return cleaned, (count, worst)
 
     result, (used, q_max_smoothed), held = without_crossing(mesh, attempt)
@@ -168,7 +167,7 @@ def _workbench(boundary: TriSurface, iterations: int) -> FloatArray:
         source, target = Path(folder) / "before.surf.gii", Path(folder) / "after.surf.gii"
         gifti.write_surface(boundary, source)
         command = [program, "-surface-smoothing", str(source), str(_STRENGTH), str(iterations), str(target)]
-        run = subprocess.run(command, capture_output=True, text=True, check=False)
+        run = child.run(command)
         if run.returncode or not target.exists():
             raise StageError(f"wb_command -surface-smoothing failed: {(run.stderr or run.stdout).strip()}")
         return gifti.read_surface(target).points

@@ -20,7 +20,7 @@ from cortet.optimise.crossing import without_crossing
 from cortet.stages.backing_off import back_off
 from cortet.stages.clean import clean
 
-VERSION: int = 2
+VERSION: int = 3
 
 #: boundary nodes nearer than this (mm) lie on the surface; CGAL leaves them up to 2e-6 mm off
 ON_SURFACE_MM = 1e-4
@@ -72,7 +72,7 @@ def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = 0.6) -> tuple[Tet
     inverted = unrepaired >= 1
 
     def attempt(start: TetMesh, held: IntArray) -> tuple[TetMesh, int]:
-        return _brought(start, surface, tree, np.setdiff1d(nodes, held), q_max)
+        return _brought(start, surface, tree, np.setdiff1d(nodes, held), q_max, held)
 
     if found.distances.max() <= ON_SURFACE_MM:
         snapped, rounds, outcome = mesh, 0, "nothing to do: the boundary lies on the surface"
@@ -102,9 +102,12 @@ def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = 0.6) -> tuple[Tet
 
 
 def _brought(
-    mesh: TetMesh, surface: TriSurface, tree: SurfaceTree, nodes: IntArray, q_max: float
+    mesh: TetMesh, surface: TriSurface, tree: SurfaceTree, nodes: IntArray, q_max: float, held: IntArray
 ) -> tuple[TetMesh, int]:
-    """Bring `nodes` to the surface as far as elements allow, cleaning in between; also returns how often."""
+    """Bring `nodes` to the surface as far as elements allow, cleaning in between, which leaves the vertices `held`.
+
+    Returns also how often it was cleaned.
+    """
     rounds = 0
     while True:
         places = closest_points(tree, mesh.points[nodes]).points
@@ -115,7 +118,7 @@ def _brought(
             return mesh, rounds
         rounds += 1
         logger.info("%d boundary nodes held back: cleaning around them, round %d", late, rounds)
-        mesh, _ = clean(mesh, surface, thresholds=REPAIR_THRESHOLDS, boundary="slide")
+        mesh, _ = clean(mesh, surface, thresholds=REPAIR_THRESHOLDS, boundary="slide", held=held)
 
 
 def _placed(points: FloatArray, nodes: IntArray, places: FloatArray) -> FloatArray:

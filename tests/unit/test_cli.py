@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import ball_surface, cube_mesh
+from shapes import ball_mesh, ball_surface, cube_mesh
 
 from cortet.cli import main
 from cortet.cohort.sheet import read_sheet
@@ -103,7 +103,7 @@ def test_certify_judges_a_mesh_by_its_surface(tmp_path: Path, capsys: pytest.Cap
     vtu.write(mesh, tmp_path / "cube.vtu")
     write_surface(TriSurface(surface.points + np.array([0, 0, 0.5]), surface.faces), tmp_path / "cube.surf.gii")
     files = [str(tmp_path / "cube.vtu"), str(tmp_path / "cube.surf.gii")]
-    assert main(["certify", *files, "-o", str(tmp_path / "c.json")]) == 0
+    assert main(["certify", *files, "--max-boundary-distance", "inf", "-o", str(tmp_path / "c.json")]) == 0
     assert json.loads((tmp_path / "c.json").read_text())["certified"] is True
     assert main(["certify", *files, "--max-boundary-distance", "0.4"]) == 1
     assert (
@@ -171,8 +171,31 @@ def test_convert_scales_carp_files_as_asked(tmp_path: Path) -> None:
     assert "2.000000000 2.000000000 2.000000000" in (tmp_path / "back.mesh").read_text()
 
 
-def test_the_solvers_of_the_command_are_those_that_can_be_verified() -> None:
-    from cortet.cli import SOLVER_NAMES
-    from cortet.solver_files.verify import SOLVERS
+def test_certify_has_the_limits_of_the_workflow_and_says_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    surface, floating = ball_surface(3, radius=20.0), ball_mesh(3, radius=20.1)
+    write_surface(surface, tmp_path / "ball.surf.gii")
+    vtu.write(floating, tmp_path / "ball.vtu")
+    command = ["certify", str(tmp_path / "ball.vtu"), str(tmp_path / "ball.surf.gii"), "--q-max", "0.999"]
+    assert main(command) == 1
+    assert "FAIL  distance of a boundary node to the surface, at most 0.1" in capsys.readouterr().out
+    assert main([*command, "--max-boundary-distance", "inf"]) == 0
+    assert "no limit" in capsys.readouterr().out
 
-    assert set(SOLVER_NAMES) == set(SOLVERS)
+
+def test_a_reader_that_has_enough_is_no_error(tmp_path: Path) -> None:
+    vtu.write(cube_mesh(1), tmp_path / "cube.vtu")
+    pipe = f"{sys.executable} -m cortet.cli quality {tmp_path / 'cube.vtu'} | head -c 1"
+    done = subprocess.run(["bash", "-c", pipe], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("{", "")
+
+
+@pytest.mark.parametrize("step", ["1e200", "-1", "nan"])
+def test_a_time_step_that_is_not_stable_is_refused(
+    step: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    vtu.write(ball_mesh(2, radius=20.0), tmp_path / "ball.vtu")
+    command = ["fold", str(tmp_path / "ball.vtu"), "--ga", "22", "-o", str(tmp_path / "folded"), f"--time-step={step}"]
+    assert main(command) == 1
+    assert "the largest that is stable here" in capsys.readouterr().err

@@ -16,9 +16,10 @@ from pydantic import BaseModel
 from cortet import config
 from cortet.errors import InputError
 from cortet.simulation.run import Settings
+from cortet.stages import STAGES
 
 ROOT = Path(__file__).parents[2]
-STAGES = ("gate", "smooth_surface", "generate", "relocate", "clean", "reconnect", "smooth_boundary", "snap")
+FACTS = {"source": "x.gii", "gestational_age": 28.0, "hemisphere": "L", "cell_size": 0.6, "mesher": "cgal"}
 
 
 def test_config_yaml_documents_every_key_as_the_model_does() -> None:
@@ -55,22 +56,56 @@ def test_every_key_is_described() -> None:
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_stage_gets_exactly_the_parameters_its_function_takes(stage: str) -> None:
-    function = getattr(import_module(f"cortet.stages.{stage}"), stage)
-    keywords = {name for name, p in inspect.signature(function).parameters.items() if p.kind is p.KEYWORD_ONLY}
-    given = set(config.Config().stage(stage)) - {"version"}
+    keywords = {
+        name for name, p in inspect.signature(STAGES[stage].function).parameters.items() if p.kind is p.KEYWORD_ONLY
+    }
+    given = set(config.Config().arguments(stage, FACTS))
     assert given <= keywords
-    assert keywords - given <= {"cell_size", "mesher", "source", "gestational_age"}  # chosen per case
+    assert keywords - given <= {"held"}  # between stages
 
 
 def test_the_folding_section_holds_the_settings_of_a_run() -> None:
-    given = set(config.Config().stage("fold")) - {"version"}
-    assert given | {"gestational_age", "hemisphere"} == {field.name for field in fields(Settings)}
+    given = set(config.Config().arguments("fold", FACTS))
+    assert given == {field.name for field in fields(Settings)}
 
 
 def test_stage_parameters_are_plain_data_with_the_version_of_the_stage() -> None:
-    parameters = config.Config().stage("generate", cell_size=0.6, mesher="cgal")
+    parameters = config.Config().record("generate", FACTS)
     assert json.loads(json.dumps(parameters)) == parameters
     assert parameters["version"] == import_module("cortet.stages.generate").VERSION
+
+
+def test_what_chooses_the_meshes_to_measure_is_no_argument_of_measuring_one() -> None:
+    more = config.load({"quality": {"stages": ["generate", "transfer", "solver_ready"]}})
+    assert more.record("quality") == config.Config().record("quality")
+
+
+def test_a_backend_without_what_is_asked_of_it_is_refused_when_the_configuration_is_read() -> None:
+    with pytest.raises(InputError, match=r"clean.*meshtool moves the boundary freely.*set clean.boundary: free"):
+        config.load({"clean": {"backend": "meshtool"}})
+    assert config.load({"setting": "published", "clean": {"backend": "meshtool"}}).clean.backend == "meshtool"
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (
+            {"setting": "published", "clean": {"backend": "meshtool"}},
+            r"meshtool is not installed.*clean.backend: cortet",
+        ),
+        (
+            {"smooth_boundary": {"enabled": True, "method": "workbench"}},
+            r"wb_command is not installed.*smooth_boundary.method: laplacian",
+        ),
+    ],
+)
+def test_a_program_that_is_called_and_missing_is_named_before_anything_runs(
+    data: dict[str, object], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(InputError, match=words):
+        config.load(data).require_programs()
+    config.Config().require_programs()
 
 
 def test_fast_setting_is_the_lattice_mesher_without_gmsh() -> None:

@@ -1,6 +1,8 @@
 """Banks of a narrow sulcus must not pass through each other while a mesh is optimised."""
 
 from dataclasses import replace
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +11,8 @@ from shapes import horseshoe
 from cortet.geometry import topology
 from cortet.mesh import IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import crossing_faces, without_crossing
+from cortet.stages import smooth_boundary as smoothing_stage
+from cortet.stages import snap as snap_stage
 from cortet.stages.clean import clean
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
@@ -57,3 +61,55 @@ def test_vertices_that_cross_are_held_and_the_others_still_move(mesh: TetMesh) -
     assert len(crossing_faces(result)) == 0
     assert report == f"{len(held)} held" and np.isin(held, banks).any() and elsewhere not in held
     assert result.points[elsewhere, 0] == mesh.points[elsewhere, 0] + 0.01
+
+
+def test_the_vertices_that_are_reported_are_those_that_were_held_in_the_last_call(mesh: TetMesh) -> None:
+    """Banks that cross whatever is held: every round holds more, and the last result belongs to the last call."""
+    calls: list[int] = []
+
+    def stubborn(start: TetMesh, held: IntArray) -> tuple[TetMesh, int]:
+        calls.append(len(held))
+        return crossed(start), len(held)
+
+    result, report, held = without_crossing(mesh, stubborn)
+    assert len(crossing_faces(result)) > 0
+    assert len(calls) > 1 and report == len(held) == calls[-1]
+
+
+def test_vertices_that_the_caller_holds_stay_where_they_are(mesh: TetMesh, surface: TriSurface) -> None:
+    kept = np.arange(0, len(mesh.points), 3, dtype=np.int32)
+    cleaned, report = clean(mesh, surface, held=kept)
+    assert np.array_equal(cleaned.points[kept], mesh.points[kept]) and report.vertices_held >= len(kept)
+    assert not np.array_equal(cleaned.points, mesh.points)
+
+
+def crossed(mesh: TetMesh) -> TetMesh:
+    """Both banks pushed by a whole gap's width, each into the other."""
+    nodes = topology.boundary_nodes(mesh)
+    banks = nodes[(np.abs(mesh.points[nodes, 1]) <= GAP) & (mesh.points[nodes, 0] > 3.5)]
+    points = mesh.points.copy()
+    points[banks, 1] -= GAP * np.sign(points[banks, 1])
+    return replace(mesh, points=points)
+
+
+@pytest.mark.parametrize("stage", [snap_stage, smoothing_stage])
+def test_cleaning_in_between_leaves_what_a_stage_holds(
+    stage: ModuleType, mesh: TetMesh, surface: TriSurface, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A retry that let its cleaning move what crossed would be futile."""
+    held_by_stage, held_in_clean = np.array([1, 5, 8], np.int32), []
+
+    def one_call(start: TetMesh, optimise: Any) -> tuple[TetMesh, Any, IntArray]:
+        return *optimise(start, held_by_stage), held_by_stage
+
+    def remember(start: TetMesh, _surface: TriSurface, *, held: IntArray, **_: Any) -> tuple[TetMesh, None]:
+        held_in_clean.append(held)
+        return start, None
+
+    monkeypatch.setattr(stage, "without_crossing", one_call)
+    monkeypatch.setattr(stage, "clean", remember)
+    swollen = replace(mesh, points=mesh.points * 1.02)
+    getattr(stage, stage.__name__.rpartition(".")[2])(
+        swollen, surface, **{"q_max": 0.05} if stage is snap_stage else {}
+    )
+    assert held_in_clean and all(held is held_by_stage for held in held_in_clean)

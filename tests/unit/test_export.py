@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,8 @@ from exported import full_mesh
 from shapes import ball_mesh, ball_surface
 
 from cortet.errors import InputError, StageError
-from cortet.formats import FORMATS, stl, vtu
-from cortet.mesh import CoordinateFrame, TetMesh
+from cortet.formats import FORMATS, gifti, stl, vtu
+from cortet.mesh import CoordinateFrame, MeshSets, TetMesh
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.fields import FieldSource
 from cortet.solver_files.verify import verify
@@ -106,8 +107,41 @@ def test_conversion_renumbers_and_names_sets_where_they_are_missing(tmp_path: Pa
     swap = np.r_[last, np.arange(1, last), 0]
     vtu.write(TetMesh(mesh.points[swap], swap[mesh.cells]), tmp_path / "m.vtu")
     done = convert(tmp_path / "m.vtu", tmp_path / "m.inp")
-    assert done == ["nodes were renumbered, those of the surface first", "sets were made anew"]
+    assert done == ["nodes were renumbered, those of the surface first", "it has no sets: the default ones were made"]
     assert verify(tmp_path / "m.inp", "abaqus") == []
+
+
+def test_a_vtu_file_keeps_all_sets_on_the_way_to_another_format(tmp_path: Path) -> None:
+    mesh = full_mesh()
+    export(mesh, tmp_path / "m.vtu", solver="vtu", certificate=CERTIFIED)
+    assert convert(tmp_path / "m.vtu", tmp_path / "m.inp") == []
+    found = FORMATS["abaqus"].read(tmp_path / "m.inp").sets
+    assert {name: len(cells) for name, cells in found.cells.items() if name in mesh.sets.cells} == {
+        name: len(cells) for name, cells in mesh.sets.cells.items()
+    }
+    for name, faces in mesh.sets.faces.items():
+        assert set(map(frozenset, found.faces[name].tolist())) == set(map(frozenset, faces.tolist())), name
+
+
+def test_sets_of_a_mesh_without_faces_are_kept(tmp_path: Path) -> None:
+    """As of a VTU file that another program wrote: sets of nodes and tetrahedra, none of faces."""
+    mesh = full_mesh()
+    vtu.write(replace(mesh, sets=MeshSets(mesh.sets.nodes, {}, mesh.sets.cells)), tmp_path / "m.vtu")
+    assert convert(tmp_path / "m.vtu", tmp_path / "m.inp") == ["sets of faces were made of its sets of nodes"]
+    found = FORMATS["abaqus"].read(tmp_path / "m.inp").sets
+    for name in mesh.sets.nodes.keys() - {"cortical_surface"}:  # without faces its rim is that of the medial wall
+        assert np.array_equal(found.nodes[name], mesh.sets.nodes[name]), name
+    for name, cells in mesh.sets.cells.items():
+        assert np.array_equal(found.cells[name], cells)
+    assert len(found.faces["medial_wall"]) >= len(mesh.sets.faces["medial_wall"])
+
+
+def test_absurd_coordinates_are_named_and_not_written(tmp_path: Path) -> None:
+    ball = ball_surface(1)
+    gifti.write_surface(replace(ball, points=ball.points * 1e37), tmp_path / "huge.surf.gii")
+    with pytest.raises(StageError, match=r"a coordinate is .*e\+37"):
+        convert(tmp_path / "huge.surf.gii", tmp_path / "again.surf.gii")
+    assert not (tmp_path / "again.surf.gii").exists()
 
 
 def test_a_surface_becomes_no_mesh(tmp_path: Path) -> None:

@@ -199,3 +199,12 @@ def test_a_real_surface_with_crossing_triangles_is_mended() -> None:
     assert report.crossing_faces_repaired == 20
     assert report.repair_moved_vertices < 100
     assert report.repair_max_displacement_mm < 0.5
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 1e12, np.nan, np.inf])
+def test_absurd_coordinates_are_refused_in_words(value: float) -> None:
+    surface = hemisphere()
+    points = surface.points.copy()
+    points[7, 1] = value
+    with pytest.raises(InputError, match=r"x\.gii: a coordinate is .* the file is damaged"):
+        gate(replace(surface, points=points), source="x.gii")

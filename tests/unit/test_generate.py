@@ -17,6 +17,7 @@ from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_topology
 from cortet.measure.quality import circumradii, quality, signed_volumes
 from cortet.mesh import TetMesh, TriSurface
+from cortet.meshers import cgal
 from cortet.stages import generate as s1
 from cortet.stages.generate import generate
 
@@ -224,7 +225,7 @@ def test_the_core_is_given_back_also_after_a_failure():
     before = os.sched_getaffinity(0)
 
     def fail_inside() -> None:
-        with s1.one_core():
+        with cgal.one_core():
             assert len(os.sched_getaffinity(0)) == 1
             raise ZeroDivisionError
 

@@ -33,8 +33,8 @@ def certificate(case: Case, setting: str = "default", **limits: Any) -> dict[str
         boundary_surface(mesh)[0],
         case=case.name,
         parameters={
-            "generate": config.stage("generate", cell_size=0.6, mesher="cgal"),
-            **{stage: config.stage(stage) for stage in stages},
+            "generate": config.record("generate", {"cell_size": 0.6, "mesher": "cgal"}),
+            **{stage: config.record(stage, {"gestational_age": 28.0}) for stage in stages},
         },
         reports={"generate": {"topology_ok": True, "reason": "", "backend": "pygalmesh"}},
         **limits,

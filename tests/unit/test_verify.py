@@ -11,11 +11,12 @@ import pytest
 from exported import full_mesh
 
 from cortet.formats import FORMATS
+from cortet.formats.hashing import sha256
 from cortet.geometry.topology import boundary_surface
 from cortet.mesh import MeshSets, TetMesh
 from cortet.solver_files.export import export, write
 from cortet.solver_files.fields import FieldSource
-from cortet.solver_files.sidecar import file_digest, sidecar_path
+from cortet.solver_files.sidecar import sidecar_path
 from cortet.solver_files.verify import verify
 
 VOLUMES = [name for name, form in FORMATS.items() if not form.is_surface]
@@ -175,7 +176,7 @@ def test_a_stale_field_is_named(solver, tmp_path):
     source = tmp_path / "thickness.shape.gii"
     source.write_text("as it was")
     path = tmp_path / f"m{FORMATS[solver].suffix}"
-    sources = {"thickness": FieldSource(str(source), file_digest(source), "mm", "scalar", {})}
+    sources = {"thickness": FieldSource(str(source), sha256(source), "mm", "scalar", {})}
     mesh = full_mesh()
     export(mesh, path, solver=solver, certificate=CERTIFIED, sources=sources, interior="nearest")
     assert verify(path, solver) == []

@@ -1,0 +1,38 @@
+"""Programs that run beside us. None of them outlives the process that started it, however that one ends."""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+#: of prctl(2)
+_PR_SET_PDEATHSIG = 1
+_libc = ctypes.CDLL(None) if sys.platform == "linux" else None
+
+
+def end_with_parent() -> None:
+    """Let the system kill this process when its parent ends (Linux); elsewhere nothing."""
+    if _libc is not None:
+        _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def run(command: Sequence[str], **options: Any) -> subprocess.CompletedProcess[str]:
+    """`subprocess.run` of a program that ends with us; its output is captured as text, its exit code not checked.
+
+    Raises
+    ------
+    subprocess.TimeoutExpired : it took longer than the option `timeout`, s, and was killed
+    """
+    return subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+        preexec_fn=end_with_parent,
+        **options,
+    )
