@@ -3,7 +3,7 @@
 CORES ?= 2
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
-.PHONY: help setup cohort test docs doctor format lock clean
+.PHONY: help setup cohort test check docs doctor format lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -15,7 +15,10 @@ cohort: setup ## run the workflow on config.yaml (CORES=2)
 	snakemake --cores $(CORES)
 
 test: setup ## run all tests (ARGS="-k quality" for some)
-	pytest $(ARGS)
+	pytest --numprocesses $(CORES) $(ARGS)
+
+check: setup ## what every commit must pass, in a minute
+	tools/check.sh
 
 docs: setup ## make the pages of the documentation in .cache/docs
 	sphinx-build -q -W --keep-going -d .cache/doctrees docs .cache/docs

@@ -25,7 +25,7 @@ from cortet.mesh import TetMesh
 from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 from cortet.simulation.body import Material, body_of, scale_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
-from cortet.simulation.kernels import DONE, State, advance, workspace
+from cortet.simulation.kernels import DONE, Motion, advance, workspace
 from tests.unit.shapes import cube_mesh
 
 #: growth at every step: enough that no term of the forces is zero
@@ -62,7 +62,7 @@ def run(mesh: TetMesh, steps: int) -> tuple[float, float]:
     scale, material = scale_of(mesh, None), Material()
     x = (mesh.points - scale.origin) / scale.length
     body = body_of(mesh, scale)
-    state, work = State(x, np.zeros_like(x)), workspace(body)
+    state, work = Motion(x, np.zeros_like(x)), workspace(body)
     contact = contact_of(x, boundary_faces(mesh), bulk=material.bulk)
     dt = stable_time_step(smallest_altitude(x, mesh.cells), material)
     growth = np.full((steps, 1), _GROWTH)

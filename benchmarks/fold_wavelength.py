@@ -24,7 +24,7 @@ from cortet.mesh import FloatArray, TetMesh, TriSurface
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of, listed_at
 from cortet.simulation.growth import Linear
-from cortet.simulation.kernels import DONE, LIST_OUTDATED, State, advance, workspace
+from cortet.simulation.kernels import DONE, LIST_OUTDATED, Motion, advance, workspace
 from cortet.stages.reconnect import reconnect
 
 #: relative variation of the radius at which the wavelength is measured
@@ -82,7 +82,7 @@ def fold_ball(mesh: TetMesh, thickness: float, stiffness: float) -> Folds:
     """
     material = Material(mu_cortex=1.0, mu_core=1.0 / stiffness, damping=0.05)
     body = body_of(mesh, Scale(np.zeros(3), 1.0), thickness=thickness)
-    work, state = workspace(body), State(mesh.points.copy(), np.zeros_like(mesh.points))
+    work, state = workspace(body), Motion(mesh.points.copy(), np.zeros_like(mesh.points))
     contact = contact_of(state.x, boundary_faces(mesh), bulk=material.bulk)
     dt = TIME_STEP * stable_time_step(smallest_altitude(mesh.points, mesh.cells), material)
     wavelength, buckling = theory(thickness, material)

@@ -22,7 +22,7 @@ from cortet.geometry.topology import boundary_faces
 from cortet.mesh import FloatArray, TetMesh
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
-from cortet.simulation.kernels import DONE, State, advance, workspace
+from cortet.simulation.kernels import DONE, Motion, advance, workspace
 from tests.unit.shapes import KUHN
 
 #: time step, in units of the one that a run would take: nothing is compressed much here
@@ -87,7 +87,7 @@ def wrinkle(mesh: TetMesh, thickness: float, material: Material) -> Wrinkles:
     )
     x, y, z = mesh.points.T
     held = [(x == 0) | (x == x.max()), np.full(n, True), z == z.min()]
-    work, state = workspace(body), State(mesh.points.copy(), np.zeros((n, 3)))
+    work, state = workspace(body), Motion(mesh.points.copy(), np.zeros((n, 3)))
     state.x[~held[2], 2] += _SEED * thickness * np.random.default_rng(0).normal(size=(~held[2]).sum())
     contact = contact_of(mesh.points, boundary_faces(mesh), bulk=material.bulk)._replace(radius=np.inf)
     dt = TIME_STEP * stable_time_step(smallest_altitude(mesh.points, mesh.cells), material)

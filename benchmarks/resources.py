@@ -1,11 +1,12 @@
 """What jobs took beside what `cortet.cohort.resources` expects: a table from the benchmark files of finished runs.
 
-    python benchmarks/resources.py FOLDER... [--derivatives FOLDER...]
+    python benchmarks/resources.py OUTPUT...
 
-A folder is one in which Snakemake ran; each of its benchmark files counts whose mesh is known from the report of S1.
-`MB` and `s CPU` are the most that was measured, `memory` and `CPU` the measured sums as fractions of the estimated
-ones. `asked` is the largest share that a job used of the memory it asks for, and `limit` that of wall time: above 1 a
-cluster would have killed it. Snakemake's own memory, which benchmark files do not hold, is left out.
+Each OUTPUT is the folder that a run wrote to (`output` of its configuration); each of its benchmark files counts whose
+mesh is known from the report of S1. `MB` and `s CPU` are the most that was measured, `memory` and `CPU` the measured
+sums as fractions of the estimated ones. `asked` is the largest share that a job used of the memory it asks for, and
+`limit` that of wall time: above 1 a cluster would have killed it. Snakemake's own memory, which benchmark files do not
+hold, is left out.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from typing import NamedTuple
 from cortet.cohort.resources import MEMORY_MARGIN, Cost, cost, minutes_to_ask
 from cortet.errors import InputError
 
-#: logs and benchmarks are named as the files they are about
+#: benchmark files, which Snakemake writes, are named as the files they are about
 NAME = re.compile(r"(?P<case>.+)_res-(?P<res>\d+)um_desc-(?P<mesher>[a-z0-9]+)")
 COLUMNS = ("jobs", "MB", "s CPU", "memory", "CPU", "asked", "limit")
 
@@ -38,16 +39,17 @@ class Job(NamedTuple):
 
 def meshes(folder: Path) -> dict[tuple[str, ...], int]:
     """Tetrahedra by (case, cell size in um, mesher), from the reports of S1 below a folder."""
-    found = {}
-    for path in folder.rglob("*Generated_tetmesh.json"):
-        report = json.loads(path.read_text(encoding="utf-8"))
-        if (match := NAME.match(path.name)) and "tetrahedra" in report:
-            found[match.groups()] = report["tetrahedra"]
-    return found
+    reports = [json.loads(path.read_text(encoding="utf-8")) for path in folder.rglob("*Generated_tetmesh.json")]
+    return {
+        (of["case"], f"{round(1000 * of['cell_size_mm'])}", of["mesher"]): report["tetrahedra"]
+        for report in reports
+        for of in [report["origin"]]
+        if "tetrahedra" in report  # a mesher that is only compared with may have failed
+    }
 
 
 def jobs(folder: Path, tets: dict[tuple[str, ...], int]) -> dict[str, list[Job]]:
-    """Measured jobs of a run by rule, S1 by mesher, too."""
+    """Measured jobs of a run by rule; those of S1 by mesher as well."""
     found = defaultdict(list)
     for path in sorted((folder / "benchmarks").glob("*/**/*.tsv")):
         rule = path.relative_to(folder / "benchmarks").parts[0]
@@ -55,7 +57,7 @@ def jobs(folder: Path, tets: dict[tuple[str, ...], int]) -> dict[str, list[Job]]
         mesh = match.groups() if match else ()
         try:
             estimate = cost(rule, mesh[2] if mesh else "")
-        except InputError:  # over all cases, or by a mesher of others
+        except InputError:  # a rule over all cases, or a mesher of another project
             continue
         if mesh and mesh not in tets:
             continue
@@ -84,11 +86,10 @@ def line(measured: list[Job]) -> list[float]:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folders", nargs="+", type=Path, help="where Snakemake ran")
-    parser.add_argument("--derivatives", nargs="*", type=Path, default=[], help="outputs that lie elsewhere")
+    parser.add_argument("folders", nargs="+", type=Path, help="folders that runs wrote to")
     options = parser.parse_args()
     tets: dict[tuple[str, ...], int] = {}
-    for folder in (*options.folders, *options.derivatives):
+    for folder in options.folders:
         tets |= meshes(folder)
     measured = defaultdict(list)
     for folder in options.folders:

@@ -130,7 +130,7 @@ class SmoothSurface(Section):
     """Smoothing of the input surface, by gestational age (PyMeshLab)."""
 
     enabled: bool = True
-    """false meshes the surface as it comes through the gate."""
+    """false leaves the stage out: the surface is meshed as the gate lets it through."""
     max_area_change: Fraction = 0.06
     """Largest relative loss of area."""
     max_displacement: Positive = 0.25
@@ -143,8 +143,8 @@ class Generate(Section):
     cell_size: Annotated[list[CellSize], BeforeValidator(_as_list), Field(min_length=1)] = [0.6]
     """Cell size h, mm, a multiple of 0.001: bound of circumradius and surface ball. A list makes one mesh per size."""
     meshers: Annotated[list[Mesher], BeforeValidator(_as_list), Field(min_length=1)] = ["cgal"]
-    """Meshers: cgal (published), lattice (ten times faster), or one of others, as it comes (tetgen, ftetwild, gmsh,
-    netgen); every stage after S1 is the same for all of them."""
+    """Meshers: cgal (published), lattice (ten times faster), or with its own defaults one of tetgen, ftetwild, gmsh and
+    netgen. Every stage after S1 is the same for all of them."""
     backend: Literal["auto", "pygalmesh", "cgal"] = "auto"
     """Package that runs CGAL: pygalmesh (compiled from source), cgal (wheel), auto: pygalmesh where installed."""
     facet_angle: Annotated[float, Field(gt=0, le=30)] = 25.0
@@ -311,10 +311,10 @@ class Ablation(Section):
     further: dict[CellSize, Cases] = {}
     """Further cell sizes, mm, and the cases that are meshed with each, e.g. {0.6: [sub-01_hemi-L]}."""
     meshers: list[Mesher] = ["lattice", "tetgen"]
-    """Meshers beside those of `generate`, through the same S3 and S4: lattice, or one of others as it comes (tetgen,
-    ftetwild, gmsh, netgen); where one of others fails, a row says so."""
+    """Meshers beside those of `generate`, through the same S3 and S4: lattice, or with its own defaults one of tetgen,
+    ftetwild, gmsh and netgen. Where one of these four fails, a row of the table says so."""
     time_limit: PositiveInt = 60
-    """Minutes a mesher of others may take for one surface."""
+    """Minutes that tetgen, ftetwild, gmsh or netgen may take for one surface."""
 
 
 class Resolution(Section):

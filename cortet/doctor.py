@@ -41,7 +41,7 @@ class Library:
     #: name of its distribution
     name: str
     purpose: str
-    #: works with it and says what came out; raises when that is wrong
+    #: uses it and returns its result in words; raises when the result is wrong
     proof: Callable[[], str]
     #: Debian packages of the system libraries it loads
     system_packages: str = ""
@@ -53,7 +53,7 @@ class Program:
 
     name: str
     purpose: str
-    #: works with it and says what came out; raises when that is wrong
+    #: uses it and returns its result in words; raises when the result is wrong
     proof: Callable[[], str]
 
 

@@ -42,7 +42,7 @@ os.environ.update(CORTET_TIME_LIMIT=str(CONFIG.time_limit or 0))
 
 OUT = CONFIG.output.as_posix()
 CASES = {case.name: case for case in SHEET if case.include}
-# meshers of others that are only compared with: where one fails, its report says so and the run goes on
+# meshers of other projects, for comparison: where one fails, its report says so and the run goes on
 COMPARED_MESHERS = [
     mesher
     for mesher in CONFIG.experiments.ablation.meshers

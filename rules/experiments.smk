@@ -5,7 +5,7 @@ None of this is part of `all`; ask for `tables`, `figures` or `report`.
 
 
 checkpoint baseline:
-    """S1 by a mesher to compare with, as it comes; where it fails, the mesh is empty and the report says why."""
+    """S1 by a mesher of another project; where it fails, the mesh is empty and the report says why."""
     input:
         surface=MESHED_SURFACE,
     output:

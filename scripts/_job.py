@@ -81,7 +81,7 @@ def _guard(snakemake: Any) -> None:
     earlier = log.with_name(f".{log.name}.attempt")
     attempt = snakemake.resources.get("attempt", 0)  # 0: it is not said, and a failure is final
     if attempt > 1:
-        _end_hopeless_attempt(log, earlier)
+        _end_useless_attempt(log, earlier)
     _log_to(log)
     logger.info("%s of %s with %s", snakemake.rule, dict(snakemake.wildcards), dict(snakemake.params))
     if attempt:
@@ -133,7 +133,7 @@ def _log_to(path: Path) -> None:
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
 
 
-def _end_hopeless_attempt(log: Path, earlier: Path) -> None:
+def _end_useless_attempt(log: Path, earlier: Path) -> None:
     """Another attempt, with more memory, is no help to a job that was not killed."""
     from cortet.cohort.status import was_killed
 

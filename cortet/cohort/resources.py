@@ -1,8 +1,8 @@
 """What a job takes: memory, time and disk from the number of tetrahedra, and that from the volume of the surface.
 
-Straight lines over the most that was measured on 13 surfaces of 19 to 104 mL at cell sizes of 1, 0.8 and 0.6 mm (80
-thousand to 1.5 million tetrahedra): `benchmarks/resources.py` compares them with the benchmark files of any run. Time
-is that of the CPU, which other work on the machine changes least.
+Each cost is a straight line that lies above all measurements, on 13 surfaces of 19 to 104 mL at cell sizes of 1, 0.8
+and 0.6 mm (80 thousand to 1.5 million tetrahedra). `benchmarks/resources.py` compares it with the benchmark files of
+any run. Time is CPU time, which depends least on what else the machine does.
 """
 
 from __future__ import annotations

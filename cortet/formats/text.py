@@ -57,7 +57,7 @@ def read_rows(
     source = io.BytesIO(lines) if isinstance(lines, bytes) else lines
     if rows is None:
         return _next_rows(source, columns, dtype, None, delimiter, 0)
-    # NumPy makes room for as many rows as it is told of before it has seen one, and a file may promise anything
+    # NumPy reserves memory for the number of rows that it is given before it reads one, and a file may state any number
     parts: list[NDArray[Any]] = []
     done = 0
     while done < rows:
@@ -74,7 +74,7 @@ def _next_rows(
     """Read at most so many rows, or all; `done` were read before."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # no line at all is told by the caller
+            warnings.simplefilter("ignore", UserWarning)  # the caller reports a file without lines
             table = np.loadtxt(source, dtype, comments=None, delimiter=delimiter, max_rows=most, ndmin=2)
     except ValueError as error:
         raise _bad_row(str(error), done) from error

@@ -1,4 +1,4 @@
-"""Reading files that nobody vouches for: what they may cost, and what is looked at before their content is believed.
+"""Reading files of unknown origin: the memory they may take, and the checks before their content is used.
 
 A file has at most `LARGEST` bytes and so has what is unpacked from it; its size is looked at before it is read, that of
 packed data before they are unpacked. An XML file declares nothing of its own: entities and default attributes, which

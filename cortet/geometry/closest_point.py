@@ -16,7 +16,7 @@ from cortet.mesh import FloatArray, IntArray
 
 _LEAF_SIZE = 4
 _STACK_SIZE = 64
-#: queries that one thread answers one after the other; what comes out does not depend on how many threads there are
+#: queries per block; a thread answers whole blocks, so the result does not depend on the number of threads
 _BLOCK = 256
 
 

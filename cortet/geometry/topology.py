@@ -64,7 +64,7 @@ class BoundaryFaces(NamedTuple):
 
 @dataclass(frozen=True)
 class SurfaceTopology:
-    """What there is to know about a triangulated surface without looking at coordinates."""
+    """What the connectivity of a triangulated surface says about it; coordinates play no part."""
 
     components: int
     #: V - E + F over used vertices; 2 for a sphere

@@ -83,11 +83,6 @@ def _quality(points, cells):  # type: ignore[no-untyped-def]
     return q
 
 
-def mean_ratio(points: FloatArray, cells: IntArray) -> FloatArray:
-    """1 - mean ratio, 1 - 12 (3V)^(2/3) / sum of squared edges: (m,); 1 where V <= 0. q = 1 - (1 - this)^(3/2)."""
-    return 1 - (1 - quality(points, cells)) ** (2 / 3)
-
-
 @_in_blocks
 def circumradii(points: FloatArray, cells: IntArray) -> FloatArray:
     """Radius of the circumscribed sphere: (m,) mm; infinite or NaN for a flat element."""
@@ -134,18 +129,12 @@ def dihedral_angles(points: FloatArray, cells: IntArray) -> FloatArray:
     return angles
 
 
-def valence_bound(valence: int) -> float:
-    """Smallest possible worst q of the `valence` tetrahedra around an interior edge, wherever the vertices go.
-
-    The smallest dihedral angle there is at most 360 / valence degrees, the largest at least that, and an element with
-    dihedral angle theta has 1 - q <= sqrt(2) sin(theta) / (1 + sin(theta / 2)^2), which falls on both sides of the
-    regular tetrahedron's 70.5 degrees.
-    """
-    return opening_bound(360 / valence)
-
-
 def opening_bound(angle: float) -> float:
-    """Smallest possible q of a tetrahedron with a dihedral angle of `angle` degrees; 1 from 180 degrees on."""
+    """Smallest possible q of a tetrahedron with a dihedral angle of `angle` degrees; 1 from 180 degrees on.
+
+    It has 1 - q <= sqrt(2) sin(angle) / (1 + sin(angle / 2)^2). Of n tetrahedra around an interior edge one has a
+    dihedral angle of at most 360 / n degrees, and one of at least that, so this is also a bound of the worst of them.
+    """
     if angle >= 180:
         return 1.0
     theta = np.radians(angle)

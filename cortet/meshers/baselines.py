@@ -1,4 +1,4 @@
-"""General-purpose tetrahedral meshers of the field, each as it comes, to compare CGAL with.
+"""General-purpose tetrahedral meshers of other projects, each with its own defaults, to compare ours with.
 
 What they are given is the oriented, merged surface and, where the tool takes one, the cell size; nothing is tuned. They
 are foreign code that may crash or not come to an end, so each runs in a process of its own, under a time limit.

@@ -49,7 +49,7 @@ def lattice_nodes(boundary: TriSurface, *, cell_size: float, core_ratio: float, 
     )
 
 
-def fill(boundary: TriSurface, nodes: FloatArray) -> tuple[FloatArray, IntArray]:
+def tetrahedralised(boundary: TriSurface, nodes: FloatArray) -> tuple[FloatArray, IntArray]:
     """Tetrahedra of the boundary's vertices and `nodes` (n, 3) inside it, whose boundary are the given triangles.
 
     Parameters

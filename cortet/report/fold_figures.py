@@ -1,4 +1,4 @@
-"""What came out of a run, to look at: its numbers against age, the surface before and after, and a film."""
+"""Pictures of a folding run: its numbers against age, the surface before and after, and a film."""
 
 from __future__ import annotations
 

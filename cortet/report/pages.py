@@ -1,7 +1,7 @@
 """Pages for a browser: each is one file, reads the same without scripts, and asks the network for nothing.
 
 Every text is escaped (Jinja2), and the page's own policy allows no script but those it was written with, each named by
-its hash, and no request at all: names and messages on it come from files of others.
+its hash, and no request at all: names and messages on it come from files that anybody may have written.
 """
 
 from __future__ import annotations

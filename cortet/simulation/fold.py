@@ -20,8 +20,8 @@ from cortet.simulation.checkpoint import Checkpoint
 from cortet.simulation.contact import listed_at
 from cortet.simulation.frames import write_frame, write_series
 from cortet.simulation.growth import age_of, time_of
-from cortet.simulation.kernels import State
-from cortet.simulation.record import COLUMNS, Record
+from cortet.simulation.kernels import Motion
+from cortet.simulation.record import COLUMNS, Measurement
 from cortet.simulation.run import Moment, Run, Settings, advance_to, beginning, measured, millimetres, prepared
 
 VERSION: int = 2
@@ -35,7 +35,7 @@ _CHECKPOINT_SECONDS = 30.0
 logger = logging.getLogger(__name__)
 
 #: called at every record with it, the part of the steps that are done, and the seconds they took
-Progress = Callable[[Record, float, float], None]
+Progress = Callable[[Measurement, float, float], None]
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ class Journal:
         at_listing = last.x.copy()
         at_listing[moment.contact.nodes] = last.listed
         moment.work.counts[:] = last.degenerate, last.contacts
-        return Moment(last.step, State(last.x, last.v), moment.work, listed_at(moment.contact, at_listing))
+        return Moment(last.step, Motion(last.x, last.v), moment.work, listed_at(moment.contact, at_listing))
 
     def save(self, moment: Moment) -> None:
         """Write a checkpoint, unless the last one is recent."""
@@ -163,7 +163,7 @@ class Journal:
         checkpoint.save(now, self.checkpoint)
         self.saved = time.monotonic()
 
-    def add_row(self, record: Record) -> None:
+    def add_row(self, record: Measurement) -> None:
         """Append to the tables."""
         self.rows.append({**asdict(record), "seconds": round(self.seconds, 2)})
         write_tsv(self.rows, list(COLUMNS), self.folder / TABLE)

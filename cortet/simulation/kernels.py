@@ -41,7 +41,7 @@ SMALLEST_STRETCH = 0.1
 _BLOCK = 256
 
 
-class State(NamedTuple):
+class Motion(NamedTuple):
     """What moves, (n, 3) each, dimensionless."""
 
     x: FloatArray
@@ -273,7 +273,7 @@ def _gathered(body, work, i):  # type: ignore[no-untyped-def]
 @_fast
 def _move(first, last, body, material, state, work, dt):  # type: ignore[no-untyped-def]
     """Step a block of nodes: v += dt (f - gamma V v) / (rho V), x += dt v."""
-    body, material, state, work = Body(*body), Material(*material), State(*state), Work(*work)
+    body, material, state, work = Body(*body), Material(*material), Motion(*state), Work(*work)
     for i in range(first, last):
         force, volume = _gathered(body, work, i), body.node_volumes[i]
         for k in range(3):
@@ -323,7 +323,7 @@ def advance(body, material, state, work, contact, alphas, thickening, dt):  # ty
 
     Parameters
     ----------
-    body, material, state, work, contact : `Body`, `Material`, `State`, `Work`, `Contact`
+    body, material, state, work, contact : `Body`, `Material`, `Motion`, `Work`, `Contact`
     alphas : (steps, labels), growth of each label at each step
     thickening : (steps,), what the cortex has gained in thickness
     dt : time step

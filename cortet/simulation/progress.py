@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from cortet.simulation.record import Record
+from cortet.simulation.record import Measurement
 
 _WIDTH = 20
 
 
-def status(record: Record, part: float, seconds: float) -> str:
+def status(record: Measurement, part: float, seconds: float) -> str:
     """A bar, time, age, worst element, folds and the time that is left, from the part of the steps that are done."""
     done = round(_WIDTH * part)
     left = seconds / part * (1 - part) if part > 0 else float("nan")

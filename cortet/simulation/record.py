@@ -30,7 +30,7 @@ COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Record:
+class Measurement:
     """One row of the table; `COLUMNS` says what its values mean."""
 
     step: int

@@ -31,14 +31,14 @@ from cortet.simulation.growth import Gompertz, Law, Linear, age_of, growth_since
 from cortet.simulation.kernels import (
     INVERTED,
     LIST_OUTDATED,
-    State,
+    Motion,
     Work,
     advance,
     elastic_energy,
     elastic_forces,
     workspace,
 )
-from cortet.simulation.record import Record, shape
+from cortet.simulation.record import Measurement, shape
 
 #: steps for which growth is computed at a time
 _CHUNK = 500
@@ -95,7 +95,7 @@ class Moment:
     """Where a run is."""
 
     step: int
-    state: State
+    state: Motion
     work: Work
     contact: Contact
 
@@ -163,7 +163,7 @@ def beginning(run: Run) -> Moment:
     """The undeformed body at rest."""
     x = (run.mesh.points - run.scale.origin) / run.scale.length
     contact = contact_of(x, run.faces, bulk=run.material.bulk, side=run.side)
-    return Moment(0, State(x, np.zeros_like(x)), workspace(run.body), contact)
+    return Moment(0, Motion(x, np.zeros_like(x)), workspace(run.body), contact)
 
 
 def advance_to(run: Run, moment: Moment, target: int) -> bool:
@@ -193,13 +193,13 @@ def millimetres(run: Run, moment: Moment) -> FloatArray:
     return run.scale.origin + run.scale.length * moment.state.x
 
 
-def measured(run: Run, moment: Moment) -> Record:
+def measured(run: Run, moment: Moment) -> Measurement:
     """Measure the body as it is; its J and growth are left in `moment.work`."""
     x, v, work = moment.state.x, moment.state.v, moment.work
     time = run.start + run.time_step * moment.step
     (alphas,), (thickening,) = _growth(run, np.array([moment.step]))
     smallest = elastic_forces(run.body, run.material, x, work, alphas, thickening)
-    return Record(
+    return Measurement(
         step=moment.step,
         time=time,
         gestational_age=age_of(time),

@@ -119,7 +119,7 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
 
     Parameters
     ----------
-    unit, source_unit : of the coordinates, for the formats that leave it open; a sidecar of `source` goes before
+    unit, source_unit : of the coordinates, for formats that do not state it; a sidecar of `source` has precedence
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Move nodes only as far as the tetrahedra around them allow; shared by the stages that are told where nodes go."""
+"""Move nodes towards given places, but only as far as the tetrahedra around them allow."""
 
 from __future__ import annotations
 

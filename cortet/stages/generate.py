@@ -39,7 +39,7 @@ from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.meshers import BASELINES, MESHERS, baselines, cgal, installed_backend
 from cortet.meshers.cgal import BACKENDS, PASSES, Criteria, write_off
-from cortet.meshers.lattice import fill, lattice_nodes
+from cortet.meshers.lattice import lattice_nodes, tetrahedralised
 from cortet.meshers.remesh import remesh
 from cortet.stages.reconnect import reconnect
 
@@ -52,7 +52,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Attempt:
-    """One meshing and the topology that came out of it."""
+    """One attempt to mesh the surface, and the topology of its result."""
 
     #: None where the boundary was given
     facet_distance_mm: float | None
@@ -202,7 +202,7 @@ def generate(
 def generate_with_baseline(
     surface: TriSurface, mesher: str, *, cell_size: float, time_limit: float | None = None
 ) -> tuple[TetMesh, GenerateReport]:
-    """Mesh the inside of a closed surface with one of `meshers.BASELINES`, as it comes; parameters as there.
+    """Mesh the inside of a closed surface with one of `meshers.BASELINES` and its own defaults.
 
     Exactly flat tetrahedra are left out. Raises `StageError` when there is no mesh.
     """
@@ -290,7 +290,7 @@ def _filled_with_lattice(
             attempt = Attempt(None, fraction * cell_size, (), len(boundary.points), 0, 0, topology, (problem,))
         else:
             nodes = lattice_nodes(boundary, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth)
-            points, cells = fill(boundary, nodes)
+            points, cells = tetrahedralised(boundary, nodes)
             mesh, flat = _well_ordered(points, cells)
             mesh, _ = reconnect(mesh, surface)
             attempt = _judged(mesh, genus, edge_length=fraction * cell_size, passes=(), flat=flat)

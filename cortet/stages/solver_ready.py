@@ -51,7 +51,7 @@ def solver_ready(
 
 
 def surface_nodes_first(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
-    """Renumber nodes, surface nodes first, in their previous order otherwise; tetrahedra, fields and sets go along.
+    """Renumber nodes, surface nodes first, in their previous order otherwise; tetrahedra, fields and sets follow.
 
     Raises
     ------

@@ -96,7 +96,7 @@ def like(line: str) -> str:
 def make_checkout(folder: Path) -> None:
     """A folder that looks like this checkout, with the surfaces that the pages speak of."""
     for path in ROOT.iterdir():
-        if not path.name.startswith(".") and path.name not in ("derivatives", "logs"):
+        if not path.name.startswith(".") and path.name != "derivatives":
             (folder / path.name).symlink_to(path)
     (folder / ".venv").symlink_to(sys.prefix)
     surface = phantom(28, subdivisions=3)

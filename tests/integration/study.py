@@ -35,6 +35,11 @@ class Study:
     folder: Path
     config: dict[str, Any] = field(default_factory=lambda: {key: dict(value) for key, value in CONFIG.items()})
 
+    @property
+    def logs(self) -> Path:
+        """Folder of the logs of all jobs."""
+        return self.folder / "derivatives/cortet/logs"
+
     def command(self, *arguments: str) -> list[str]:
         """Command line of Snakemake on the project's workflow; writes the configuration."""
         (self.folder / "config.yaml").write_text(yaml.safe_dump(self.config))
@@ -49,8 +54,8 @@ class Study:
         began = time.time()
         result = self.run(*arguments)
         assert (result.returncode == 0) is succeeds, result.stdout + result.stderr
-        logs = [path for path in (self.folder / "logs").rglob("*.log") if path.stat().st_mtime >= began]
-        parts = [path.relative_to(self.folder / "logs").parts for path in logs]
+        logs = [path for path in self.logs.rglob("*.log") if path.stat().st_mtime >= began]
+        parts = [path.relative_to(self.logs).parts for path in logs]
         return {(part[0].removesuffix(".log"), part[1] if len(part) > 1 else "-") for part in parts}
 
     def planned_jobs(self, project: Path = ROOT) -> set[tuple[str, str]]:

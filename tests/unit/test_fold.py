@@ -20,7 +20,7 @@ from cortet.simulation import fold as fold_module
 from cortet.simulation.body import growth_mask, scale_of
 from cortet.simulation.fold import Verdict, fold
 from cortet.simulation.growth import Gompertz, Linear, age_of, growth_since, time_of
-from cortet.simulation.record import COLUMNS, Record
+from cortet.simulation.record import COLUMNS, Measurement
 from cortet.simulation.run import Settings, beginning, prepared
 
 SPHERE5 = Path(__file__).parents[3] / "shared/data/tallinen/sphere5.mesh"
@@ -96,7 +96,7 @@ def test_the_ball_grows_without_inversion(finished: tuple[Path, Verdict]) -> Non
 def test_every_column_is_explained_and_none_holds_a_time_of_day(finished: tuple[Path, Verdict]) -> None:
     folder, _ = finished
     explained = json.loads((folder / "fold.json").read_text())
-    assert list(explained) == list(COLUMNS) == list(rows(folder)[0]) == list(Record.__dataclass_fields__)
+    assert list(explained) == list(COLUMNS) == list(rows(folder)[0]) == list(Measurement.__dataclass_fields__)
     assert (folder / "seconds.tsv").read_text().startswith("step\tseconds\n")
 
 
@@ -123,7 +123,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_bits(
     monkeypatch.setattr(fold_module, "_CHECKPOINT_SECONDS", 0.0)
     reached = []
 
-    def killed_at_the_fourth(record: Record, part: float, seconds: float) -> None:
+    def killed_at_the_fourth(record: Measurement, part: float, seconds: float) -> None:
         reached.append(record.step)
         if len(reached) == 4:
             raise KeyboardInterrupt
@@ -142,7 +142,7 @@ def test_a_checkpoint_of_another_run_is_not_used(
 ) -> None:
     monkeypatch.setattr(fold_module, "_CHECKPOINT_SECONDS", 0.0)
 
-    def killed(record: Record, part: float, seconds: float) -> None:
+    def killed(record: Measurement, part: float, seconds: float) -> None:
         if part > 0.5:
             raise KeyboardInterrupt
 

@@ -12,7 +12,7 @@ from cortet.geometry.topology import TRI_EDGES, boundary_faces, boundary_nodes, 
 from cortet.mesh import TetMesh, TriSurface
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import Contact, contact_forces, contact_of, listed_at, moved_too_far
-from cortet.simulation.kernels import DONE, LIST_OUTDATED, State, advance, workspace
+from cortet.simulation.kernels import DONE, LIST_OUTDATED, Motion, advance, workspace
 
 
 def two_blocks(gap: float, n: int = 4) -> TetMesh:
@@ -103,7 +103,7 @@ def test_colliding_blocks_bounce_without_passing_through_each_other() -> None:
     mesh = two_blocks(0.1)
     material = Material(damping=0.0)
     body = body_of(mesh, Scale(np.zeros(3), 1.0), mask=np.zeros(len(mesh.points)))
-    work, state, found = workspace(body), State(mesh.points.copy(), np.zeros_like(mesh.points)), contact(mesh)
+    work, state, found = workspace(body), Motion(mesh.points.copy(), np.zeros_like(mesh.points)), contact(mesh)
     upper = mesh.points[:, 2] > 1.01
     state.v[upper, 2] = -4.0
     mass = (material.density * body.node_volumes)[:, None]

@@ -15,7 +15,7 @@ from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.report.fold_figures import numbers, series
 from cortet.simulation.progress import status
-from cortet.simulation.record import Record
+from cortet.simulation.record import Measurement
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_an_inverted_element_shows_in_the_exit_code(tmp_path: Path, capsys: pyte
 
 
 def test_the_progress_line_says_how_far_and_how_long() -> None:
-    record = Record(10, 0.25, 27.1, 0.0, 0.0, 0.712, 0, 0, 0.5, 1.234, 1.0, 1.0, 0)
+    record = Measurement(10, 0.25, 27.1, 0.0, 0.0, 0.712, 0, 0, 0.5, 1.234, 1.0, 1.0, 0)
     assert status(record, 0.25, 60.0) == (
         "[#####...............]  25%  t 0.250  27.10 weeks  min J 0.712  gyrification 1.234  3 min left"
     )

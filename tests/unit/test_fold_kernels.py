@@ -14,7 +14,7 @@ from cortet.simulation.contact import Contact, contact_of
 from cortet.simulation.kernels import (
     DONE,
     INVERTED,
-    State,
+    Motion,
     Work,
     advance,
     elastic_energy,
@@ -29,8 +29,8 @@ UNIT = Scale(np.zeros(3), 1.0)
 NO_GROWTH = np.zeros(1)
 
 
-def at_rest(mesh: TetMesh) -> State:
-    return State(mesh.points.copy(), np.zeros_like(mesh.points))
+def at_rest(mesh: TetMesh) -> Motion:
+    return Motion(mesh.points.copy(), np.zeros_like(mesh.points))
 
 
 def no_contact(mesh: TetMesh) -> Contact:
@@ -154,7 +154,7 @@ def test_momentum_is_conserved_without_contact_and_damping() -> None:
     assert np.abs(state.x - mesh.points).max() > 1e-3  # it did move
 
 
-def total_energy(body: Body, state: State, work: Work, alpha: float) -> float:
+def total_energy(body: Body, state: Motion, work: Work, alpha: float) -> float:
     elastic_forces(body, MATERIAL, state.x, work, np.array([alpha]), 0.0)
     kinetic = MATERIAL.density / 2 * float((body.node_volumes[:, None] * state.v**2).sum())
     return kinetic + elastic_energy(body, MATERIAL, state.x, work, np.array([alpha]))
@@ -202,11 +202,11 @@ def test_it_stops_at_an_inverted_element_and_moves_nothing(bad: float) -> None:
 def test_a_nearly_flat_element_takes_the_degenerate_branch_and_is_counted() -> None:
     mesh = cube_mesh(1)
     body, work = ungrown(mesh)
-    flat = State(mesh.points * [1, 1, 0.05], np.zeros_like(mesh.points))
+    flat = Motion(mesh.points * [1, 1, 0.05], np.zeros_like(mesh.points))
     assert advance(body, MATERIAL, flat, work, no_contact(mesh), *steps(1), 1e-9) == (1, DONE)
     assert work.counts[0] == len(mesh.cells)
     assert work.min_j[0] == pytest.approx(0.05)
-    thin = State(mesh.points * [1, 1, 0.2], np.zeros_like(mesh.points))
+    thin = Motion(mesh.points * [1, 1, 0.2], np.zeros_like(mesh.points))
     advance(body, MATERIAL, thin, work, no_contact(mesh), *steps(1), 1e-9)
     assert work.counts[0] == len(mesh.cells)
 

@@ -13,7 +13,7 @@ from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_to
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh, TriSurface
 from cortet.meshers import lattice
-from cortet.meshers.lattice import fill, lattice_nodes
+from cortet.meshers.lattice import lattice_nodes, tetrahedralised
 from cortet.meshers.remesh import remesh
 from cortet.stages.generate import oriented
 
@@ -67,7 +67,7 @@ def test_closer_than_agrees_with_the_distance(distance):
 
 def test_the_given_triangles_are_the_boundary():
     ball = ball_surface(3, radius=4.0)
-    points, cells = fill(ball, nodes_in(ball, cell_size=0.7))
+    points, cells = tetrahedralised(ball, nodes_in(ball, cell_size=0.7))
     assert np.array_equal(points[: len(ball.points)], ball.points)
     mesh = TetMesh(points, oriented(points, cells)[0])
     as_sets = [np.unique(np.sort(faces, axis=1), axis=0) for faces in (boundary_faces(mesh), ball.faces)]
@@ -96,6 +96,6 @@ def test_a_real_cortex_is_remeshed_and_filled():
     if not path.exists():
         pytest.skip("../shared/data/fetal is not here")
     boundary = remesh(read_surface(path), 2.5)
-    points, cells = fill(boundary, nodes_in(boundary, cell_size=2.0))
+    points, cells = tetrahedralised(boundary, nodes_in(boundary, cell_size=2.0))
     made = boundary_faces(TetMesh(points, oriented(points, cells)[0]))
     assert len(made) == len(boundary.faces) and surface_topology(made).problems() == []

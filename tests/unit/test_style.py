@@ -1,7 +1,9 @@
-"""Formatter, linter, type checker, and Snakemake's own formatter and linter have nothing to say."""
+"""Formatter, linter, type checker, and Snakemake's own have nothing to say; imports run downwards, as the map says."""
 
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -16,6 +18,7 @@ RULES = ["Snakefile", *(str(path.relative_to(ROOT)) for path in sorted(ROOT.glob
         pytest.param(["ruff", "format", "--check"], id="ruff-format"),
         pytest.param(["ruff", "check"], id="ruff-check"),
         pytest.param(["mypy"], id="mypy"),
+        pytest.param(["lint-imports", "--no-cache"], id="imports"),
         pytest.param(["snakefmt", "--check", *RULES], id="snakefmt"),
         pytest.param(["snakemake", "--lint"], id="snakemake-lint"),
     ],
@@ -26,6 +29,12 @@ def test_nothing_to_say(command: list[str]) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("script", ["tools/setup.sh", "tools/lock.sh", "tools/slurm.sh", ".ci/run"])
+def test_the_map_of_the_rooms_is_the_contract() -> None:
+    layers = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]["layers"]
+    rooms = (ROOT / "CONTRIBUTING.md").read_text().partition("| room |")[2]
+    assert re.findall(r"^\| `(\w+)` \|", rooms, flags=re.MULTILINE) == layers
+
+
+@pytest.mark.parametrize("script", ["tools/setup.sh", "tools/lock.sh", "tools/check.sh", "tools/slurm.sh", ".ci/run"])
 def test_shell_scripts_parse(script: str) -> None:
     assert subprocess.run(["bash", "-n", ROOT / script], check=False).returncode == 0
