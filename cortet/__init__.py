@@ -6,5 +6,11 @@ import os
 os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")
 # threads that wait must not take a core from other work; read when OpenMP is loaded
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+# compiled kernels: NUMBA_CACHE_DIR where the user names one, else `geometry.kernel_cache`; the others are for functions
+# that are not ours
+os.environ.setdefault(
+    "NUMBA_CACHE_LOCATOR_CLASSES",
+    "UserProvidedCacheLocator,cortet.geometry.kernel_cache.KernelCacheLocator,InTreeCacheLocator,UserWideCacheLocator",
+)
 
 __version__ = "0.1.0"

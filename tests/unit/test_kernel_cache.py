@@ -1,0 +1,77 @@
+"""A kernel is compiled once per machine, and never used after an edit of anything that it is made of."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cortet.geometry import closest_point, kernel_cache
+from cortet.optimise import swaps, vertices
+
+KERNEL = "import numba\n\n\n@numba.njit(cache=True)\ndef doubled(x):\n    return 2 * x\n"
+
+
+def key_of(package: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setattr(kernel_cache, "_PACKAGE", package)
+    kernel_cache.source_key.cache_clear()
+    kernel_cache._imports.cache_clear()
+    return kernel_cache.source_key(package / "kernels.py")
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    (tmp_path / "room").mkdir()
+    (tmp_path / "kernels.py").write_text("from cortet.room import called\nfrom numpy import pi\n")
+    (tmp_path / "room/called.py").write_text("import cortet.constants\n")
+    (tmp_path / "constants.py").write_text("SIZE = 3\n")
+    (tmp_path / "other.py").write_text("import cortet.kernels\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize("edited", ["kernels.py", "room/called.py", "constants.py"])
+def test_an_edit_of_what_a_kernel_is_made_of_is_another_key(edited, package, monkeypatch):
+    before = key_of(package, monkeypatch)
+    (package / edited).write_text((package / edited).read_text() + "# edited\n")
+    assert key_of(package, monkeypatch) != before
+
+
+def test_what_a_kernel_does_not_import_is_no_matter(package, monkeypatch):
+    before = key_of(package, monkeypatch)
+    (package / "other.py").write_text("")
+    assert key_of(package, monkeypatch) == before
+
+
+def test_kernels_that_call_others_know_their_source():
+    for module in (swaps, vertices):
+        assert Path(closest_point.__file__) in kernel_cache._imports(Path(module.__file__))
+
+
+def test_a_second_clone_compiles_nothing(tmp_path: Path) -> None:
+    """The same source in another folder finds what the first one compiled; edited, it compiles."""
+    source = Path(kernel_cache.__file__).parents[2]
+    code = (
+        "from numba.core import event\n"
+        "from cortet.tiny import doubled\n"
+        "with event.install_recorder('numba:compile') as recorder:\n"
+        "    assert doubled(2) == 4\n"
+        "print(len(recorder.buffer))"
+    )
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    environment.pop("NUMBA_CACHE_DIR", None)
+
+    def compilations(clone: Path, kernel: str = KERNEL) -> int:
+        (clone / "cortet").mkdir(parents=True, exist_ok=True)
+        for path in ("__init__.py", "geometry/__init__.py", "geometry/kernel_cache.py"):
+            (clone / "cortet" / path).parent.mkdir(exist_ok=True)
+            (clone / "cortet" / path).write_bytes((source / "cortet" / path).read_bytes())
+        (clone / "cortet/tiny.py").write_text(kernel)
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=clone, env=environment, capture_output=True, text=True, check=True
+        )
+        return int(done.stdout)
+
+    assert compilations(tmp_path / "one") > 0
+    assert compilations(tmp_path / "two") == 0
+    assert compilations(tmp_path / "two", f"{KERNEL}# edited\n") > 0
