@@ -32,8 +32,9 @@ PACKAGE = Path(__file__).resolve().parents[1] / "cortet"
 ERRORS = ("InputError", "StageError", "WorkflowError")
 #: functions whose strings are messages though they raise none
 SPEAKERS = {
-    "cohort.sheet": ("_row_problems", "_miscounted", "read_sheet", "scan"),
+    "cohort.sheet": ("_row_problems", "read_sheet", "scan"),
     "config": ("_complaint", "_whole_micrometres"),
+    "formats.tsv": ("_miscounted",),
     "geometry.topology": ("problems",),
     "cohort.status": ("failure_reason",),
     "stages.generate": ("_fault",),

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
+from snakemake.io import Wildcards
 
 from cortet import __version__
 from cortet.cohort.sheet import read_sheet
@@ -180,6 +181,12 @@ def origin_of(stage, wildcards):
         setting = None if shared else setting_of(wildcards).setting
         origin |= {"cell_size_mm": int(wildcards.res) / 1000, "mesher": wildcards.mesher, "setting": setting}
     return origin
+
+
+def origin_of_mesh(desc, case, res, mesher, setting=""):
+    """Whose a record of `mesh_file(desc)` is, for the mesh that `file_of` names in the same way."""
+    mesh = {"case": case.name, "res": str(res), "mesher": mesher, "setting": setting}
+    return origin_of(desc, Wildcards(fromdict=mesh))
 
 
 # the surface that is meshed, and that every later stage measures against
