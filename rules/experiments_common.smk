@@ -36,7 +36,9 @@ def ablated(meshers):
 
 def record_of(desc, mesh, setting=""):
     """The quality record of one mesh after a stage, by the label of the stage."""
-    return {file_of(mesh_file(desc, "quality.json"), *mesh, setting): origin_of_mesh(desc, *mesh, setting)}
+    case, res, mesher = mesh
+    path = file_of(mesh_file(desc, "quality.json"), case, res, mesher, setting)
+    return {path: origin_of_mesh(desc, case.name, res, mesher, setting)}
 
 
 def records_of(mesh):
