@@ -71,8 +71,8 @@ def fold(mesh: TetMesh, folder: Path, settings: Settings, progress: Progress | N
     """Grow the cortex of a mesh until the end, or until the first element inverts.
 
     The folder gets the table of measurements with its sidecar, a table of wall seconds, frames with their series, and
-    the verdict. A run that was killed goes on from its last checkpoint there and ends with the same bits; with another mesh
-    or other settings it begins anew.
+    the verdict. A run that was killed goes on from its last checkpoint there and ends with the same bits; with another
+    mesh or other settings it begins anew.
 
     Parameters
     ----------
