@@ -296,7 +296,7 @@ def _messages_of(path: Path) -> list[Message]:
                         found[node.lineno, text] = Message(module, text, hints)
         if function.name in (SPEAKERS.get(module, ()) or (function.name,) * (module in SPEAKERS)):
             for line, text in _said(function, known):
-                what, remedy = _split(text) if module == "cohort.sheet" else (text, ())
+                what, remedy = _split(text) if module in ("cohort.sheet", "formats.tsv") else (text, ())
                 found.setdefault((line, what), Message(module, what, remedy))
     return [message for _, message in sorted(found.items(), key=lambda item: item[0])]
 

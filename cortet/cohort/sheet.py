@@ -23,7 +23,7 @@ from typing import Any, Literal
 
 from cortet.config import Scan
 from cortet.errors import InputError
-from cortet.formats.tsv import problems, read_tsv, read_uneven_tsv, write_tsv
+from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
 #: value of column `surface` that stands for a synthetic cortex of the row's age and hemisphere
@@ -121,7 +121,7 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
     if table.empty:
         found.append("no rows below the header (add one row per hemisphere)")
     if found:
-        raise problems(found, path)
+        raise refusal(found, path)
     return cases
 
 

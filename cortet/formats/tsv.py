@@ -40,7 +40,7 @@ def read_tsv(path: Path) -> pd.DataFrame:
     """
     frame, wrong = read_uneven_tsv(path)
     if wrong:
-        raise problems([f"line {line}, {problem}" for line, problem in wrong.items()], path)
+        raise refusal([f"line {line}, {problem}" for line, problem in wrong.items()], path)
     return frame
 
 
@@ -104,7 +104,7 @@ def cell(value: Any) -> str:
     return re.sub(r"\s*[\t\r\n]\s*", " ", str(value)).strip() or MISSING
 
 
-def problems(found: Sequence[str], path: Path) -> InputError:
+def refusal(found: Sequence[str], path: Path) -> InputError:
     """One error that lists the problems of a table, at most so many that it can be read."""
     more = [f"and {len(found) - _MOST_PROBLEMS} more"] if len(found) > _MOST_PROBLEMS else []
     told = "\n  ".join([*found[:_MOST_PROBLEMS], *more])

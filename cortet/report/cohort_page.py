@@ -182,7 +182,8 @@ def _shown(row: Row, columns: Sequence[PageColumn]) -> dict[str, Any]:
             }
         )
     why = ": ".join(row[name] for name in ("stage", "reason") if row["reason"] != MISSING and row[name] != MISSING)
-    return {"page": row.get("page", ""), "state": row["state"], "outlying": row["outlying"], "why": why, "cells": cells}
+    page = "" if row["page"] == MISSING else row["page"]
+    return {"page": page, "state": row["state"], "outlying": row["outlying"], "why": why, "cells": cells}
 
 
 def _counts(rows: pd.DataFrame) -> list[tuple[str, int]]:

@@ -98,6 +98,7 @@ def test_a_cohort_in_which_everything_failed_has_a_page_too(tmp_path: Path) -> N
     failed = {**other("a", "failed"), "stage": "gate", "reason": "<script>alert(1)</script> (mend it)"}
     page = written(tmp_path, [failed, {"case": "b", "state": "excluded", "reason": "motion"}])
     assert cases(page) == ["a", "b"]
+    assert re.findall(r'<th scope="row"><a href="(.*?)">', page) == ["../a.html"]
     assert "gate: &lt;script&gt;alert(1)&lt;/script&gt; (mend it)" in page and "motion" in page
     assert "<script>alert" not in page
     assert '<td class="n" data-value="26.0">26</td>' in page
