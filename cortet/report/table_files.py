@@ -69,7 +69,8 @@ def write(table: Table, rows: pd.DataFrame, *paths: str | Path) -> None:
         elif path.suffix == ".json":
             write_json(table.columns, path)
         else:
-            with atomic_path(path) as temporary:
+            with atomic_path(path) as temporary, pd.option_context("styler.render.max_elements", texts.size):
+                # without the option, pandas would leave out rows of tables with more than 2**18 cells
                 temporary.write_text(forms[path.suffix](table, texts, starts), encoding="utf-8")
 
 

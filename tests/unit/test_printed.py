@@ -59,6 +59,13 @@ def test_html_has_a_rule_where_a_group_starts(tmp_path: Path) -> None:
     assert re.findall(r'class="data row(\d) col\d rule"', texts(tmp_path)[".html"]) == ["1", "1"]
 
 
+def test_no_row_of_a_large_table_is_left_out(tmp_path: Path) -> None:
+    paths = [tmp_path / f"t.{suffix}" for suffix in ("tex", "md", "html")]
+    with pd.option_context("styler.render.max_elements", 8):
+        write(TABLE, pd.DataFrame({"name": [f"case {number}" for number in range(9)], "value": 1.0}), *paths)
+    assert [len(set(re.findall(r"case \d", path.read_text()))) for path in paths] == [9, 9, 9]
+
+
 def test_a_table_without_rows_has_its_headings_in_every_form(tmp_path: Path) -> None:
     paths = [tmp_path / f"t.{suffix}" for suffix in ("tex", "md", "html")]
     write(TABLE, ROWS[:0], *paths)
