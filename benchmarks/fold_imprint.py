@@ -76,8 +76,7 @@ def main() -> None:
     options = parser.parse_args()
     tables = [read_tsv(run / TABLE) for run in options.runs]
     ages, indices = (
-        [np.array([float(row[name]) for row in rows]) for rows in tables]
-        for name in ("gestational_age", "gyrification_index")
+        [table[name].to_numpy(float) for table in tables] for name in ("gestational_age", "gyrification_index")
     )
     print("weeks", *options.runs, sep="\t")
     for age in np.arange(ages[0][0], min(ages[0][-1], ages[1][-1]) + 1e-9, _INTERVAL):

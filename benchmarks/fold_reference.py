@@ -40,7 +40,7 @@ def main() -> None:
     began = time.process_time()
     verdict = fold(braingrowth.read(options.mesh), options.output, settings)
     seconds = time.process_time() - began
-    rows = read_tsv(options.output / TABLE)
+    rows = read_tsv(options.output / TABLE).to_dict("records")
     print("    t  weeks  gyrification   area  volume  min J   q_max  inverted  degenerate  contacts")
     for row in [*rows[: -1 : max(len(rows) // _ROWS, 1)], rows[-1]]:
         area, volume = (float(row[name]) / float(rows[0][name]) for name in ("area_mm2", "volume_mm3"))

@@ -157,6 +157,9 @@ def parser() -> argparse.ArgumentParser:
     scan.add_argument("folder", type=Path, metavar="DIR")
     scan.add_argument("-o", "--output", type=Path, required=True, metavar="TSV")
     scan.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose cohort.scan says where surfaces are")
+    existing = scan.add_mutually_exclusive_group()
+    existing.add_argument("--update", action="store_true", help="add new cases to an existing sheet, keep its rows")
+    existing.add_argument("--force", action="store_true", help="replace an existing sheet")
     scan.set_defaults(run=_scan)
 
     doctor = commands.add_parser("doctor", parents=[common], help="prove that everything needed is installed and works")
@@ -215,13 +218,13 @@ def _mesh(args: argparse.Namespace) -> int:
 def _stages(args: argparse.Namespace) -> int:
     from cortet.formats.tsv import cell, write_tsv
     from cortet.pipeline import run
-    from cortet.report.stage_table import STAGE_COLUMNS, stage_rows
+    from cortet.report.stage_table import STAGE_COLUMNS, measured_stages
 
     config, surface = _config(args), _surface(args)
     rows = []
     widths = [max(len(name) + 2, 12) for name in STAGE_COLUMNS]
     print("".join(f"{name:>{width}}" for name, width in zip(STAGE_COLUMNS, widths, strict=True)))
-    for row in stage_rows(run(surface, config, gestational_age=args.ga, source=args.surface)):
+    for row in measured_stages(run(surface, config, gestational_age=args.ga, source=args.surface)):
         values = (cell(row[name]) for name in STAGE_COLUMNS)
         print("".join(f"{value:>{width}}" for value, width in zip(values, widths, strict=True)), flush=True)
         rows.append(row)
@@ -347,15 +350,27 @@ def _phantom(args: argparse.Namespace) -> int:
 
 
 def _scan(args: argparse.Namespace) -> int:
-    from cortet.cohort.sheet import scan, write_sheet
+    from cortet.cohort.sheet import add_to_sheet, scan, write_sheet
     from cortet.config import load
 
+    exists = args.output.exists()
+    if exists and not (args.update or args.force):
+        raise InputError(
+            "exists already, and may have been edited",
+            file=args.output,
+            remedy="add --update to append new cases to it, --force to replace it, or give another name",
+        )
     cases = scan(args.folder, load(args.config).cohort.scan if args.config else None)
-    write_sheet(cases, args.output)
-    excluded = [case for case in cases if not case.include]
-    print(f"{args.output}: {len(cases)} surfaces, {len(excluded)} of them excluded")
-    for case in excluded:
-        print(f"  {case.name}: {case.exclude_reason}")
+    if exists and args.update:
+        found, cases = len(cases), add_to_sheet(cases, args.output)
+        print(f"{args.output}: {found} surfaces, {len(cases)} of them new and added")
+    else:
+        write_sheet(cases, args.output)
+        excluded = sum(not case.include for case in cases)
+        print(f"{args.output}: {len(cases)} surfaces, {excluded} of them excluded")
+    for case in cases:
+        if not case.include:
+            print(f"  {case.name}: {case.exclude_reason}")
     return 0
 
 

@@ -355,6 +355,26 @@ def _prove_matplotlib() -> str:
     return "a figure is drawn"
 
 
+def _prove_pandas() -> str:
+    from cortet.formats.tsv import read_tsv, write_tsv
+
+    rows = [{"case": 'the "left" one', "q": 0.5}, {"case": "b"}]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "table.tsv"
+        write_tsv(rows, ["case", "q"], path)
+        table = read_tsv(path)
+    _expect(table.to_numpy().tolist() == [['the "left" one', "0.5"], ["b", "n/a"]], "a table is read back changed")
+    return "a table is written and read back"
+
+
+def _prove_tabulate() -> str:
+    import pandas as pd
+
+    lines = pd.DataFrame({"q": ["0.50"]}).to_markdown(index=False, tablefmt="github", disable_numparse=True)
+    _expect([line.strip("| ") for line in lines.splitlines()][::2] == ["q", "0.50"], "Markdown has other cells")
+    return "a table is printed in Markdown"
+
+
 def _prove_pyvista() -> str:
     from cortet.report.render import picture
 
@@ -443,6 +463,8 @@ LIBRARIES = (
     Library("nibabel", "GIfTI", _prove_nibabel),
     Library("pydantic", "configuration", _prove_pydantic),
     Library("pyyaml", "configuration", _prove_yaml),
+    Library("pandas", "tables", _prove_pandas),
+    Library("tabulate", "tables in Markdown", _prove_tabulate),
     Library("matplotlib", "figures", _prove_matplotlib),
     Library("pyvista", "pictures of meshes", _prove_pyvista, "libgl1 libegl1 libxrender1"),
     Library("jinja2", "pages for a browser", _prove_jinja2),

@@ -32,8 +32,9 @@ PACKAGE = Path(__file__).resolve().parents[1] / "cortet"
 ERRORS = ("InputError", "StageError", "WorkflowError")
 #: functions whose strings are messages though they raise none
 SPEAKERS = {
-    "cohort.sheet": ("_row_problems", "_miscounted", "read_sheet", "scan"),
+    "cohort.sheet": ("_row_problems", "read_sheet", "scan"),
     "config": ("_complaint", "_whole_micrometres"),
+    "formats.tsv": ("_miscounted",),
     "geometry.topology": ("problems",),
     "cohort.status": ("failure_reason",),
     "stages.generate": ("_fault",),
@@ -295,7 +296,7 @@ def _messages_of(path: Path) -> list[Message]:
                         found[node.lineno, text] = Message(module, text, hints)
         if function.name in (SPEAKERS.get(module, ()) or (function.name,) * (module in SPEAKERS)):
             for line, text in _said(function, known):
-                what, remedy = _split(text) if module == "cohort.sheet" else (text, ())
+                what, remedy = _split(text) if module in ("cohort.sheet", "formats.tsv") else (text, ())
                 found.setdefault((line, what), Message(module, what, remedy))
     return [message for _, message in sorted(found.items(), key=lambda item: item[0])]
 

@@ -176,12 +176,22 @@ def arguments_of(step, wildcards):
 
 def origin_of(stage, wildcards):
     """Whose record a job writes; `stage` is the one that made the mesh or surface, by its label."""
-    origin = {"case": wildcards.case, "stage": stage}
     if "res" in wildcards.keys():
-        shared = stage in [LABELS[name] for name in SHARED]
-        setting = None if shared else setting_of(wildcards).setting
-        origin |= {"cell_size_mm": int(wildcards.res) / 1000, "mesher": wildcards.mesher, "setting": setting}
-    return origin
+        setting = wildcards.get("setting", "")
+        return origin_of_mesh(stage, wildcards.case, wildcards.res, wildcards.mesher, setting)
+    return {"case": wildcards.case, "stage": stage}
+
+
+def origin_of_mesh(stage, case, res, mesher, setting=""):
+    """Whose record one of a mesh is; `stage` is the one that made the mesh, `case` a name, the rest as in `file_of`."""
+    shared = stage in [LABELS[name] for name in SHARED]
+    return {
+        "case": case,
+        "stage": stage,
+        "cell_size_mm": int(res) / 1000,
+        "mesher": mesher,
+        "setting": None if shared else SETTINGS[setting].setting,
+    }
 
 
 # the surface that is meshed, and that every later stage measures against

@@ -59,9 +59,11 @@ rule reference:
 rule table_ablation:
     """Table 1 of the paper: what each stage does to the quality."""
     input:
-        records=lambda _: made(records_of_all(ablated(OWN_MESHERS))),
-        baselines=lambda _: made(records_of_all(mesh for mesh in ablated(COMPARED_MESHERS) if is_made(*mesh))),
-        made=lambda _: made(ablation_reports()),
+        records=lambda _: existing_files(records_of_all(ablated(OWN_MESHERS))),
+        baselines=lambda _: existing_files(
+            records_of_all(mesh for mesh in ablated(COMPARED_MESHERS) if baseline_succeeded(*mesh))
+        ),
+        reports=lambda _: existing_files(ablation_reports()),
         references=expand(rules.reference.output.record, reference=REFERENCES),
     output:
         report(
@@ -78,8 +80,7 @@ rule table_ablation:
     conda:
         "../envs/cortet.yaml"
     params:
-        missing=lambda _: unmade(records_of_all(ablated([*OWN_MESHERS, *COMPARED_MESHERS]))),
-        setting=CONFIG.setting,
+        missing=lambda _: missing_records(records_of_all(ablated([*OWN_MESHERS, *COMPARED_MESHERS]))),
         version=[version_of("report.ablation"), version_of("report.table_files")],
     script:
         "../scripts/table_ablation.py"
@@ -88,7 +89,7 @@ rule table_ablation:
 rule table_resolution:
     """Table 2 of the paper: element count and quality against the cell size."""
     input:
-        records=made(RESOLUTION_RECORDS),
+        records=existing_files(RESOLUTION_RECORDS),
     output:
         report(
             f"{OUT}/cohort/table-resolution.html",
@@ -105,8 +106,7 @@ rule table_resolution:
         "../envs/cortet.yaml"
     params:
         table="resolution",
-        missing=unmade(RESOLUTION_RECORDS),
-        setting=CONFIG.setting,
+        missing=missing_records(RESOLUTION_RECORDS),
         ages=AGES,
         version=[version_of("report.mesh_tables"), version_of("report.table_files")],
     script:
@@ -116,7 +116,7 @@ rule table_resolution:
 rule table_measures:
     """Worst element by three further measures of the literature."""
     input:
-        records=made(MEASURES_RECORDS),
+        records=existing_files(MEASURES_RECORDS),
     output:
         report(
             f"{OUT}/cohort/table-measures.html",
@@ -133,8 +133,7 @@ rule table_measures:
         "../envs/cortet.yaml"
     params:
         table="measures",
-        missing=unmade(MEASURES_RECORDS),
-        setting=CONFIG.setting,
+        missing=missing_records(MEASURES_RECORDS),
         ages=AGES,
         version=[version_of("report.mesh_tables"), version_of("report.table_files")],
     script:
@@ -144,7 +143,7 @@ rule table_measures:
 rule figure_pooled_quality:
     """Pooled per-element quality after each stage (Fig. 2 of the paper)."""
     input:
-        lambda wildcards: made(records_at(wildcards.res)),
+        lambda wildcards: existing_files(records_at(wildcards.res)),
     output:
         report(
             f"{OUT}/cohort/figure-pooled-quality_res-{{res}}um.svg",

@@ -31,33 +31,47 @@ def ablated(meshers):
     return [(case, res, mesher) for res, cases in ABLATION_CASES.items() for case in cases for mesher in meshers]
 
 
+# Quality records are kept as path -> origin, so that a table can also say whose record is missing.
+
+
+def record_of(desc, mesh, setting=""):
+    """The quality record of one mesh after a stage, by the label of the stage."""
+    case, res, mesher = mesh
+    path = file_of(mesh_file(desc, "quality.json"), case, res, mesher, setting)
+    return {path: origin_of_mesh(desc, case.name, res, mesher, setting)}
+
+
 def records_of(mesh):
     """Quality records of one mesh, after each stage that the ablation looks at, in each setting."""
-    desc_of = {desc: stage for stage, desc in LABELS.items() if desc in ABLATED}
-    return [
-        file_of(mesh_file(desc, "quality.json"), *mesh, name)
-        for desc, stage in desc_of.items()
-        for name, setting in ({"": CONFIG} if stage in SHARED else SETTINGS).items()
-        if setting.enabled(stage)
-    ]
+    records = {}
+    for stage, desc in LABELS.items():
+        for name, setting in ({"": CONFIG} if stage in SHARED else SETTINGS).items():
+            if desc in ABLATED and setting.enabled(stage):
+                records |= record_of(desc, mesh, name)
+    return records
+
+
+def records_of_all(meshes):
+    return {path: origin for mesh in meshes for path, origin in records_of(mesh).items()}
 
 
 def last_records(meshes):
     """Quality records of the last mesh of every setting."""
-    return [file_of(mesh_file("Solver", "quality.json"), *mesh, name) for mesh in meshes for name in SETTINGS]
+    return {
+        path: origin
+        for mesh in meshes
+        for setting in SETTINGS
+        for path, origin in record_of("Solver", mesh, setting).items()
+    }
 
 
-def is_made(case, res, mesher):
+def baseline_succeeded(case, res, mesher):
     """Whether a mesher that is only compared with made a mesh; asking makes it try."""
     if MISSING:  # the run has ended: what is there is there
         path = file_of(mesh_file("Generated", "tetmesh.json"), case, res, mesher)
     else:
         path = checkpoints.baseline.get(folder=case.folder, case=case.name, res=res, mesher=mesher).output["report"]
     return Path(path).exists() and "failure" not in json.loads(Path(path).read_text())
-
-
-def records_of_all(meshes):
-    return [path for mesh in meshes for path in records_of(mesh)]
 
 
 def ablation_reports():
@@ -82,13 +96,14 @@ def records_at(res):
     return records_of_all(mesh for mesh in ablated([LINE_MESHER]) if mesh[1] == int(res))
 
 
-def made(paths):
+def existing_files(paths):
+    """Those of the files that no failed job has left out."""
     return [path for path in paths if path not in MISSING]
 
 
-def unmade(paths):
-    """Reasons why files are missing that failed jobs should have made."""
-    return {path: MISSING[path] for path in paths if path in MISSING}
+def missing_records(records):
+    """Whose the records are that failed jobs have left out, and why they are missing."""
+    return [{"origin": origin, "reason": MISSING[path]} for path, origin in records.items() if path in MISSING]
 
 
 def series():

@@ -10,5 +10,5 @@ from cortet.report.ablation import write_stages
 from cortet.report.table_files import write_view
 
 table, sidecar, view = map(Path, job.output)
-write_stages(map(Path, job.input), table=table, sidecar=sidecar)
+write_stages(job.input, table=table, sidecar=sidecar)
 write_view(table, sidecar, view, title="Every mesh, stage by stage")

@@ -6,11 +6,4 @@ job = start(snakemake)
 
 from cortet.report.mesh_tables import write_mesh_table
 
-write_mesh_table(
-    job.params.table,
-    job.input.records,
-    job.params.missing,
-    job.output,
-    setting=job.params.setting,
-    ages=job.params.ages,
-)
+write_mesh_table(job.params.table, job.input.records, job.params.missing, job.output, ages=job.params.ages)

@@ -8,9 +8,8 @@ from cortet.report.ablation import write_ablation
 
 write_ablation(
     [*job.input.records, *job.input.baselines],
-    job.input.made,
+    job.input.reports,
     job.params.missing,
     job.input.references,
     job.output,
-    setting=job.params.setting,
 )

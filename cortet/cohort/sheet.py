@@ -13,7 +13,6 @@ absolute and lead anywhere the user may read, and are never part of a command.
 
 from __future__ import annotations
 
-import csv
 import math
 import os
 import re
@@ -24,7 +23,7 @@ from typing import Any, Literal
 
 from cortet.config import Scan
 from cortet.errors import InputError
-from cortet.formats.untrusted import content
+from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
 #: value of column `surface` that stands for a synthetic cortex of the row's age and hemisphere
@@ -35,8 +34,6 @@ FIELD_PREFIX = "field_"
 #: characters of a label: names of files are made of two of them and more, and have at most 255
 LONGEST_LABEL = 40
 
-_LONGEST_FILE = 100_000_000
-_MOST_PROBLEMS = 100
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 #: rows of a table, column -> value, by the participant's label
@@ -98,7 +95,8 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
     ------
     InputError : naming the problems of the sheet, each with its line, column, value and remedy
     """
-    header, rows = _read_table(path)
+    table, miscounted = read_uneven_tsv(path)
+    header = list(table.columns)
     absent = [name for name in COLUMNS if name not in header]
     if absent or len(set(header)) < len(header):
         raise InputError(
@@ -106,27 +104,24 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
             file=path,
             remedy="the first line must name, separated by tabs: " + ", ".join(COLUMNS),
         )
-    problems: list[str] = []
+    found: list[str] = []
     lines: dict[str, int] = {}
     cases: list[Case] = []
-    for line, values in rows:
-        row = dict(zip(header, values, strict=False))
-        found = list(_row_problems(row)) if len(values) == len(header) else [_miscounted(values, header)]
-        if not found:
+    for line, row in zip(table.index, table.to_dict("records"), strict=True):
+        wrong = [miscounted[line]] if line in miscounted else list(_row_problems(row))
+        if not wrong:
             case = _case(row, path.parent, field_patterns or {})
             cases.append(case)
             if lines.setdefault(case.name, line) != line:
-                found.append(
+                wrong.append(
                     f"columns participant_id, session_id, hemi: {case.name} is already in line {lines[case.name]} "
                     "(give every hemisphere one row)"
                 )
-        problems += [f"line {line}, {problem}" for problem in found]
-    if not rows:
-        problems.append("no rows below the header (add one row per hemisphere)")
-    if problems:
-        more = [f"and {len(problems) - _MOST_PROBLEMS} more"] if len(problems) > _MOST_PROBLEMS else []
-        told = "\n  ".join([*problems[:_MOST_PROBLEMS], *more])
-        raise InputError(f"{len(problems)} problem(s)\n  {told}", file=path)
+        found += [f"line {line}, {problem}" for problem in wrong]
+    if table.empty:
+        found.append("no rows below the header (add one row per hemisphere)")
+    if found:
+        raise refusal(found, path)
     return cases
 
 
@@ -153,25 +148,48 @@ def chosen(cases: Sequence[Case], which: Literal["all"] | int | Sequence[str]) -
 
 
 def write_sheet(cases: Sequence[Case], path: Path) -> None:
-    """Write cases as a cohort sheet; file names become relative to its folder where they lie below its parent."""
-    extra = list(dict.fromkeys(name for case in cases for name in case.extra))
-    fields = list(dict.fromkeys(name for case in cases for name in case.fields))
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, delimiter="\t", lineterminator="\n", quoting=csv.QUOTE_NONE)
-        writer.writerow([*COLUMNS, *(FIELD_PREFIX + name for name in fields), *extra])
-        for case in cases:
-            values = [
-                f"sub-{case.participant}",
-                f"ses-{case.session}" if case.session is not None else None,
-                case.hemi,
-                None if case.scan_age is None else f"{case.scan_age:g}",
-                case.surface if case.is_phantom else _relative(Path(case.surface), path.parent),
-                "yes" if case.include else "no",
-                case.exclude_reason,
-                *(_relative(case.fields[name], path.parent) if name in case.fields else None for name in fields),
-                *(case.extra.get(name) for name in extra),
-            ]
-            writer.writerow([value or "n/a" for value in values])
+    """Write cases as a cohort sheet, complete or not at all.
+
+    File names become relative to its folder where they lie below its parent.
+    """
+    rows = [_row(case, path.parent) for case in cases]
+    fields = (FIELD_PREFIX + name for case in cases for name in case.fields)
+    extra = (name for case in cases for name in case.extra)
+    write_tsv(rows, list(dict.fromkeys([*COLUMNS, *fields, *extra])), path)
+
+
+def add_to_sheet(cases: Sequence[Case], path: Path) -> list[Case]:
+    """Append cases to an existing cohort sheet, whose rows stay as they are; returns those that were new.
+
+    A case is new when the sheet has none of its name. Columns of the sheet that a new case knows nothing of get `n/a`.
+
+    Raises
+    ------
+    InputError : as `read_sheet`
+    """
+    import pandas as pd
+
+    known = {case.name for case in read_sheet(path)}
+    table = read_tsv(path)
+    new = [case for case in cases if case.name not in known]
+    rows = pd.DataFrame([_row(case, path.parent) for case in new], dtype=object)
+    write_tsv(pd.concat([table, rows]), list(dict.fromkeys([*table.columns, *rows.columns])), path)
+    return new
+
+
+def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
+    """The row of a case in a sheet that lies in `folder`; None where there is no value."""
+    return {
+        "participant_id": f"sub-{case.participant}",
+        "session_id": f"ses-{case.session}" if case.session is not None else None,
+        "hemi": case.hemi,
+        "scan_age": case.scan_age,
+        "surface": PHANTOM if case.is_phantom else _relative(Path(case.surface), folder),
+        "include": "yes" if case.include else "no",
+        "exclude_reason": case.exclude_reason,
+        **{FIELD_PREFIX + name: _relative(file, folder) for name, file in case.fields.items()},
+        **case.extra,
+    }
 
 
 def scan(directory: Path, patterns: Scan | None = None) -> list[Case]:
@@ -204,29 +222,6 @@ def scan(directory: Path, patterns: Scan | None = None) -> list[Case]:
         reason = "" if age is not None else "no scan age in the sessions or participants table"
         cases.append(Case(participant, session, hemi, age, path, include=age is not None, exclude_reason=reason))
     return cases
-
-
-def _read_table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Header and (line number, values) of every row of a TSV file; blank lines are skipped."""
-    try:
-        lines = re.split("\r\n|\n|\r", content(path, largest=_LONGEST_FILE).decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise InputError(f"cannot be read: {error}", file=path, remedy="give a UTF-8 TSV file") from None
-    table = [
-        (number, [value.strip() for value in line.split("\t")])
-        for number, line in enumerate(lines, start=1)
-        if line.strip()
-    ]
-    if not table:
-        raise InputError("is empty", file=path, remedy="give a table with a header line and tab-separated values")
-    return table[0][1], table[1:]
-
-
-def _miscounted(values: Sequence[str], header: Sequence[str]) -> str:
-    return (
-        f"all columns: {len(values)} values for {len(header)} columns "
-        "(separate values by single tabs and write n/a for missing ones)"
-    )
 
 
 def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
@@ -367,10 +362,9 @@ def _scan_age(
 
 def _rows_by_participant(path: Path) -> _RowsByParticipant:
     """Rows of a table by the participant's label, which is empty where the table has no such column."""
-    header, rows = _read_table(path)
+    table, _ = read_uneven_tsv(path)
     found: _RowsByParticipant = {}
-    for _, values in rows:
-        row = dict(zip(header, values, strict=False))
+    for row in table.to_dict("records"):
         found.setdefault(_label(row.get("participant_id", "")), []).append(row)
     return found
 

@@ -22,7 +22,7 @@ COLUMNS: dict[str, dict[str, Any]] = {
         "Description": "What became of the case",
         "Levels": {
             "certified": "every number of its certificate is within its limit",
-            "uncertified": "meshed, but its certificate says no; exported only if the configuration says so",
+            "uncertified": "meshed, but not certified; exported only if the configuration says so",
             "failed": "a stage refused its input, or broke down",
             "unfinished": "the run ended before the case was done",
             "excluded": "the sheet excludes it",
@@ -49,9 +49,10 @@ def failure_reason(log: Path, *, since: float) -> str:
 
 
 def was_killed(log: Path) -> bool:
-    """Whether the job that wrote a log was killed, as for want of memory, or says itself that memory was short.
+    """Whether the job that wrote a log was killed, or failed because memory was short; more memory may then help.
 
-    One that failed by itself left an error, one that was told to stop (time limit) the place where it was.
+    A job that failed for another reason left an error in its log; one that was stopped at its time limit left the place
+    where it was.
     """
     lines = _lines(log) if log.exists() else []
     error = _last_error(lines)
@@ -81,13 +82,14 @@ def _place_of_stop(lines: Sequence[str]) -> str:
 
 
 def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Rows of the table; what does not apply is missing from a row.
+    """Rows of the table, one per mesh; a row lacks the columns that do not apply to it.
 
     Parameters
     ----------
-    meshes : per mesh `case`; `cell_size_mm` and `mesher` unless excluded; what is known of its failure or exclusion
-        (`stage`, `state`, `reason`, `log`); and the path of its `certificate` if it has one, whose no goes before a
-        failure
+    meshes : one mapping per mesh, with the columns of the table that are known: `case`; `cell_size_mm` and `mesher`
+        unless the case is excluded; `stage`, `state`, `reason` and `log` if it failed or is excluded. In addition, the
+        path of its `certificate` if it has one. A mesh that is not certified is `uncertified`, even if a later step
+        failed, too
     """
     rows = []
     for mesh in meshes:

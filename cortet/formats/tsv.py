@@ -1,33 +1,130 @@
-"""Tables of tab-separated values, as BIDS has them: a header line, `n/a` where there is no value."""
+"""Tables of tab-separated values (TSV), as BIDS has them: a header line, and `n/a` where there is no value.
+
+Nothing is quoted: a quotation mark is a character like any other. A cell holds no tab and no line end; each is written
+as a blank.
+
+pandas is imported where a table is read or written, not above, so that stages start without it.
+"""
 
 from __future__ import annotations
 
 import csv
+import io
+import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
+from cortet.formats.untrusted import content
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MISSING = "n/a"
 
-
-def read_tsv(path: Path) -> list[dict[str, str]]:
-    """Rows of a table of tab-separated values with a header line."""
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file, delimiter="\t", quoting=csv.QUOTE_NONE))
+#: bytes and columns of a table, and problems that one message lists
+_LARGEST, _MOST_COLUMNS, _MOST_PROBLEMS = 100_000_000, 10_000, 100
 
 
-def write_tsv(rows: Iterable[Mapping[str, Any]], columns: Sequence[str], path: Path) -> None:
-    """Write a table of tab-separated values with a header line; numbers with six significant digits."""
-    with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, delimiter="\t", lineterminator="\n", quoting=csv.QUOTE_NONE)
-        writer.writerow(columns)
-        writer.writerows([cell(row.get(column)) for column in columns] for row in rows)
+def read_tsv(path: Path) -> pd.DataFrame:
+    """The rows of a table, all cells as strings, without the white space around them; `n/a` stays `n/a`.
+
+    The index of the frame holds the number of each row's line in the file. Blank lines are skipped.
+
+    Raises
+    ------
+    InputError : the file cannot be read, is empty, or has lines with more or fewer values than the header
+    """
+    frame, wrong = read_uneven_tsv(path)
+    if wrong:
+        raise refusal([f"line {line}, {problem}" for line, problem in wrong.items()], path)
+    return frame
+
+
+def read_uneven_tsv(path: Path) -> tuple[pd.DataFrame, dict[int, str]]:
+    """As `read_tsv`, for tables of others: also rows with more or fewer values than the header are there.
+
+    Missing values at the end of such a row are empty, surplus ones are left out.
+
+    Returns
+    -------
+    frame : all rows
+    wrong : line -> what is wrong with the number of its values, and what to do
+
+    Raises
+    ------
+    InputError : the file cannot be read, or is empty
+    """
+    import pandas as pd
+
+    lines = _lines(path)
+    width = lines[0][1].count("\t") + 1
+    if width > _MOST_COLUMNS:
+        raise InputError(f"has {width:,} columns, more than {_MOST_COLUMNS:,}", file=path, remedy="leave some out")
+    counts = {number: text.count("\t") + 1 for number, text in lines}
+    even = [text if counts[number] <= width else "\t".join(text.split("\t")[:width]) for number, text in lines]
+    cells = pd.read_csv(
+        io.StringIO("\n".join(even)),
+        sep="\t",
+        header=None,
+        dtype=str,
+        na_filter=False,
+        quoting=csv.QUOTE_NONE,
+        lineterminator="\n",
+    ).map(str.strip)
+    frame = cells[1:].set_axis(cells.iloc[0].tolist(), axis="columns").set_axis(list(counts)[1:], axis="index")
+    return frame, {number: _miscounted(count, width) for number, count in counts.items() if count != width}
+
+
+def write_tsv(rows: pd.DataFrame | Iterable[Mapping[str, Any]], columns: Sequence[str], path: Path) -> None:
+    """Write some columns of a table, complete or not at all; `cell` says how values are written.
+
+    Parameters
+    ----------
+    rows : a frame, or one mapping from column to value per row; what a row lacks is missing
+    """
+    import pandas as pd
+
+    frame = rows if isinstance(rows, pd.DataFrame) else pd.DataFrame(list(rows), dtype=object)
+    frame = frame.reindex(columns=list(columns))
+    texts = frame.astype(object).where(frame.notna(), None).map(cell)
+    with atomic_path(path) as temporary:
+        texts.to_csv(temporary, sep="\t", index=False, quoting=csv.QUOTE_NONE, lineterminator="\n", encoding="utf-8")
 
 
 def cell(value: Any) -> str:
-    """A value as one cell of a TSV: no tabs, no line ends, never empty."""
+    """A value as one cell: floating-point numbers with six significant digits, `n/a` for None, NaN and empty text."""
     if isinstance(value, float):
-        return f"{value:.6g}"
-    return " ".join(str(value).split()) if value not in (None, "") else MISSING
+        return MISSING if math.isnan(value) else f"{value:.6g}"
+    if value is None:
+        return MISSING
+    return re.sub(r"\s*[\t\r\n]\s*", " ", str(value)).strip() or MISSING
+
+
+def refusal(found: Sequence[str], path: Path) -> InputError:
+    """One error that lists the problems of a table, at most so many that it can be read."""
+    more = [f"and {len(found) - _MOST_PROBLEMS} more"] if len(found) > _MOST_PROBLEMS else []
+    told = "\n  ".join([*found[:_MOST_PROBLEMS], *more])
+    return InputError(f"{len(found)} problem(s)\n  {told}", file=path)
+
+
+def _lines(path: Path) -> list[tuple[int, str]]:
+    """Number and text of every line that is not blank."""
+    try:
+        text = content(path, largest=_LARGEST).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"cannot be read: {error}", file=path, remedy="give a UTF-8 TSV file") from None
+    lines = [(n, line) for n, line in enumerate(re.split("\r\n|\n|\r", text), start=1) if line.strip()]
+    if not lines:
+        raise InputError("is empty", file=path, remedy="give a table with a header line and tab-separated values")
+    return lines
+
+
+def _miscounted(count: int, width: int) -> str:
+    return (
+        f"all columns: {count} values for {width} columns "
+        "(separate values by single tabs and write n/a for missing ones)"
+    )

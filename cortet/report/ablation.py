@@ -1,52 +1,38 @@
-"""The experiments of the CORTET paper (arXiv:2607.12157) on a cohort: rows of its tables, from quality records.
+"""The experiments of the CORTET paper (arXiv:2607.12157) on a cohort: its tables, from quality records.
 
-A record is the JSON of `quality.QualitySummary`; its file name says whose it is. A mesh that could not be made has no
-record, but counts in its rows, which say why.
+A record is the JSON of `quality.QualitySummary` and says whose it is, under `origin`. A mesh that could not be made has
+no record, but counts in its row of the table, which says why.
 """
 
 from __future__ import annotations
 
 import json
-import re
-import statistics
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from cortet.formats.atomic import write_json
 from cortet.formats.tsv import write_tsv
 from cortet.measure.quality import COUNTED_LIMITS
+from cortet.meshers import BASELINES, MESHERS
 from cortet.report import published
 from cortet.report.figures import Pooled, pooled_quality_figure, save
-from cortet.report.table_files import Shown, Table, mean_and_sd, median_and_range, number, write
+from cortet.report.table_files import PrintedColumn, Table, mean_and_sd, median_and_range, number, write
+from cortet.stages import STAGES
 
-VERSION: int = 2
+VERSION: int = 3
 
-Row = dict[str, Any]
-
-#: stages whose effect is measured, as files name them -> stages that have run, what that adds
+#: labels of the stages whose effect is measured -> stages that have run, what the last of them adds
 ABLATED = {
-    "Generated": ("S1-S2", "only"),
-    "Relocated": ("S1-S3", "+ Gmsh (S3)"),
-    "Cleaned": ("S1-S4", "+ cleaning (S4)"),
-    "Reconnected": ("S1-S4+", "+ reconnection (S4+)"),
+    STAGES["generate"].label: ("S1-S2", "only"),
+    STAGES["relocate"].label: ("S1-S3", "+ Gmsh (S3)"),
+    STAGES["clean"].label: ("S1-S4", "+ cleaning (S4)"),
+    STAGES["reconnect"].label: ("S1-S4+", "+ reconnection (S4+)"),
 }
-MESHER_NAMES = {
-    "cgal": "CGAL",
-    "lattice": "Lattice",
-    "tetgen": "TetGen",
-    "ftetwild": "fTetWild",
-    "gmsh": "Gmsh",
-    "netgen": "Netgen",
-}
-
-_NAME = re.compile(
-    r"(?P<case>.+)_res-(?P<res>\d+)um_desc-(?P<mesher>[a-z0-9]+)(?P<setting>Default|Published|Fast|)(?P<stage>[A-Z]\w+?)"
-    r"_(quality|tetmesh)\.json"
-)
 
 
 @dataclass(frozen=True)
@@ -56,24 +42,27 @@ class Origin:
     case: str
     cell_size_mm: float
     mesher: str
-    #: `default` or `published`; None before S3, where all settings share the mesh
+    #: `default`, `published` or `fast`; None before S3, where all settings share the mesh
     setting: str | None
-    #: as files name it, e.g. `Cleaned`
+    #: label of the stage, as in names of files, e.g. `Cleaned`
     stage: str
 
 
-def origin(path: str | Path, setting: str) -> Origin:
-    """What the name of a record's file says; `setting` is that of the line, whose files do not name it.
+def by_origin(paths: Iterable[str | Path]) -> dict[Origin, dict[str, Any]]:
+    """Contents of the files of records, by whose they are, in the order given."""
+    records = [read_record(path) for path in paths]
+    return {Origin(**record["origin"]): record for record in records}
 
-    Raises
-    ------
-    ValueError : another name than the workflow gives
-    """
-    found = _NAME.fullmatch(Path(path).name)
-    if not found:
-        raise ValueError(f"{path}: not the name of a record of a mesh")
-    own = None if found["stage"] == "Generated" else found["setting"].lower() or setting
-    return Origin(found["case"], int(found["res"]) / 1000, found["mesher"], own, found["stage"])
+
+def reasons_by_origin(missing: Iterable[Mapping[str, Any]]) -> dict[Origin, str]:
+    """Why records are missing, from the `origin` of each and the `reason`."""
+    return {Origin(**entry["origin"]): entry["reason"] for entry in missing}
+
+
+def read_record(path: str | Path) -> dict[str, Any]:
+    """Content of the file of a record."""
+    content: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
+    return content
 
 
 # --- every mesh, stage by stage ---------------------------------------------------------------------------------------
@@ -92,30 +81,25 @@ STAGES_COLUMNS: dict[str, dict[str, Any]] = {
 }
 
 
-def stage_rows(records: Iterable[Path]) -> list[dict[str, Any]]:
-    """One row per quality record, in the order given; whose it is, its file name says."""
-    rows = []
-    for path in records:
-        made, record = origin(path, ""), json.loads(path.read_text(encoding="utf-8"))
-        rows.append(
-            {
-                "case": made.case,
-                "cell_size_mm": made.cell_size_mm,
-                "mesher": made.mesher,
-                "stage": made.stage,
-                "nodes": record["nodes"],
-                "tets": record["tets"],
-                "q_mean": record["q"]["mean"],
-                "q_max": record["q"]["max"],
-                **{f"q_above_{limit}": record["count_above"][str(limit)] for limit in COUNTED_LIMITS},
-            }
-        )
-    return rows
+def stages_table(records: Mapping[Origin, Mapping[str, Any]]) -> pd.DataFrame:
+    """One row per quality record, in the order given; columns `STAGES_COLUMNS`."""
+    rows = [
+        {
+            **asdict(origin),
+            "nodes": record["nodes"],
+            "tets": record["tets"],
+            "q_mean": record["q"]["mean"],
+            "q_max": record["q"]["max"],
+            **{f"q_above_{limit}": record["count_above"][str(limit)] for limit in COUNTED_LIMITS},
+        }
+        for origin, record in records.items()
+    ]
+    return pd.DataFrame(rows, columns=list(STAGES_COLUMNS))
 
 
-def write_stages(records: Iterable[Path], *, table: Path, sidecar: Path) -> None:
-    """Write `cohort_stages.tsv` and the JSON file that explains it, from quality records."""
-    write_tsv(stage_rows(records), list(STAGES_COLUMNS), table)
+def write_stages(records: Iterable[str | Path], *, table: Path, sidecar: Path) -> None:
+    """Write `cohort_stages.tsv` and the JSON file that explains it, from the files of quality records."""
+    write_tsv(stages_table(by_origin(records)), list(STAGES_COLUMNS), table)
     write_json(STAGES_COLUMNS, sidecar)
 
 
@@ -148,6 +132,30 @@ ABLATION_COLUMNS: dict[str, dict[str, Any]] = {
 }
 
 
+#: columns that hold whole numbers wherever they hold something
+_COUNTS = (
+    *("meshes", "failed", "fallback", "wrong_topology", "tets_total"),
+    *("q_above_0.6_min", "q_above_0.6_max", "q_above_0.6_total"),
+)
+#: what tells the rows of this cohort apart
+_GROUP = ["cell_size_mm", "mesher", "setting", "stage"]
+#: what is taken of the quality record of a mesh
+_QUALITY = ["tets", "q_mean", "q_max", "q_above_0.6"]
+#: column -> column of the meshes and how it is summarised over them
+_SUMMARIES: dict[str, tuple[str, Any]] = {
+    "meshes": ("tets", "count"),
+    "tets_total": ("tets", "sum"),
+    "q_mean_mean": ("q_mean", "mean"),
+    "q_mean_sd": ("q_mean", "std"),
+    **{
+        f"{name}_{statistic}": (name, statistic)
+        for name in ("q_max", "q_above_0.6")
+        for statistic in ("median", "min", "max")
+    },
+    "q_above_0.6_total": ("q_above_0.6", lambda counts: counts.sum(min_count=1)),
+}
+
+
 def _meshes(row: Mapping[str, Any]) -> str:
     return str(row["meshes"]) + (f" ({row['failed']} failed)" if row.get("failed") else "")
 
@@ -162,186 +170,170 @@ ABLATION = Table(
     "Element quality after each stage",
     ABLATION_COLUMNS,
     (
-        Shown("h (mm)", lambda row: "n/a" if row["cell_size_mm"] is None else f"{row['cell_size_mm']:g}", "Cell size"),
-        Shown("Configuration", lambda row: row["configuration"], "The mesher alone, or the stage added last"),
-        Shown(
+        PrintedColumn(
+            "h (mm)", lambda row: "n/a" if row["cell_size_mm"] is None else f"{row['cell_size_mm']:g}", "Cell size"
+        ),
+        PrintedColumn("Configuration", lambda row: row["configuration"], "The mesher alone, or the stage added last"),
+        PrintedColumn(
             "Setting",
             lambda row: row["setting"] or "n/a",
             "default: boundary nodes stay on the surface; published: the boundary moves freely, as in the paper. The "
             "mesh of S1 is the same for both",
         ),
-        Shown("Stages", lambda row: row["stages"] or "n/a", "Stages that have run"),
-        Shown("n", _meshes, "Number of meshes, and of those that could not be made"),
-        Shown(
+        PrintedColumn("Stages", lambda row: row["stages"] or "n/a", "Stages that have run"),
+        PrintedColumn("n", _meshes, "Number of meshes, and of those that could not be made"),
+        PrintedColumn(
             "mean q",
             lambda row: mean_and_sd(row["q_mean_mean"], row["q_mean_sd"]),
             "Mean over the elements of q, 0 for a regular tetrahedron and 1 for a degenerate one: mean ± standard "
             "deviation over the meshes",
         ),
-        Shown(
+        PrintedColumn(
             "q_max",
             lambda row: median_and_range(row["q_max_median"], row["q_max_min"], row["q_max_max"]),
             "Largest q of a mesh: median [minimum-maximum] over the meshes",
         ),
-        Shown(
+        PrintedColumn(
             "q > 0.6",
             lambda row: median_and_range(row["q_above_0.6_median"], row["q_above_0.6_min"], row["q_above_0.6_max"], 0),
             "Number of elements above the limit of a solver-ready mesh: median [minimum-maximum] over the meshes",
         ),
-        Shown("total", lambda row: number(row["q_above_0.6_total"], 0), "The same, in all meshes together"),
-        Shown("Remarks", _told, "Why meshes are missing, how many S1 made by its fallback, or where the row is from"),
+        PrintedColumn("total", lambda row: number(row["q_above_0.6_total"], 0), "The same, in all meshes together"),
+        PrintedColumn(
+            "Remarks", _told, "Why meshes are missing, how many S1 made by its fallback, or where the row is from"
+        ),
     ),
-    group=lambda row: (row["source"], row["cell_size_mm"], row["mesher"]),
+    group=("source", "cell_size_mm", "mesher"),
 )
 
 
-def ablation_rows(
+def ablation_table(
     records: Mapping[Origin, Mapping[str, Any]],
-    made: Mapping[Origin, Mapping[str, Any]],
+    reports: Mapping[Origin, Mapping[str, Any]],
     missing: Mapping[Origin, str],
     references: Mapping[str, Mapping[str, Any]],
-) -> list[Row]:
-    """Rows of Table 1: this cohort by cell size, mesher, setting and stage; reference meshes; the published table.
+) -> pd.DataFrame:
+    """Table 1: this cohort by cell size, mesher, setting and stage; reference meshes; the published table.
 
     Parameters
     ----------
     records : quality records
-    made : reports of S1, or `{"failure": reason}` where a mesher failed
+    reports : reports of S1, or `{"failure": reason}` where a mesher failed
     missing : reasons why records are missing
     references : name -> quality record of a reference mesh
+
+    Returns
+    -------
+    table : columns `ABLATION_COLUMNS`; None, NaN or NA where there is no value
     """
-    failed = {where: report["failure"] for where, report in made.items() if "failure" in report}
-    groups: dict[tuple[Any, ...], dict[str, Any]] = {}
-    for where in [*records, *missing, *failed]:
-        groups.setdefault(_group(where), {})[where.case] = where
-    settings = sorted({where.setting for where in [*records, *missing] if where.setting})
+    parts = [_cohort_rows(_meshes_of(records, reports, missing)), _reference_rows(references), _published_rows()]
+    table = pd.concat([part.reindex(columns=list(ABLATION_COLUMNS)).astype(object) for part in parts])
+    return table.astype(dict.fromkeys(_COUNTS, "Int64")).reset_index(drop=True)
 
-    def order(group: tuple[Any, ...]) -> tuple[Any, ...]:
-        size, mesher, setting, stage = group
-        return size, list(MESHER_NAMES).index(mesher), settings.index(setting) if setting else -1, _rank(stage)
 
+def _meshes_of(
+    records: Mapping[Origin, Mapping[str, Any]],
+    reports: Mapping[Origin, Mapping[str, Any]],
+    missing: Mapping[Origin, str],
+) -> pd.DataFrame:
+    """One row per mesh after each stage: whose it is, its quality, how S1 went, and why it is missing if it is."""
+    failed = {origin: report["failure"] for origin, report in reports.items() if "failure" in report}
     rows = []
-    for group in sorted(groups, key=order):
-        members = groups[group].values()
-        reasons = {where.case: missing.get(where) or failed.get(where) for where in members}
+    for origin in dict.fromkeys([*records, *missing, *failed]):
+        s1 = reports.get(replace(origin, setting=None, stage=STAGES["generate"].label), {})
         rows.append(
             {
-                "source": "this cohort",
-                **dict(zip(("cell_size_mm", "mesher", "setting"), group, strict=False)),
-                "stages": ABLATED[group[3]][0],
-                "configuration": _configuration(group[1], group[3]),
-                **_statistics([records[where] for where in members if where in records]),
-                **_how_made(members, made),
-                "failed": sum(reason is not None for reason in reasons.values()),
-                "remarks": _remarks(reasons),
+                **asdict(origin),
+                **(_quality(records[origin]) if origin in records else {}),
+                "fallback": origin.mesher == "cgal" and s1.get("backend") == "tetgen",
+                "wrong_topology": s1.get("topology_ok") is False,
+                "reason": missing.get(origin) or failed.get(origin),
             }
         )
-    return rows + [_reference_row(name, record) for name, record in references.items()] + list(_published_rows())
+    columns = ["case", *_GROUP, *_QUALITY, "fallback", "wrong_topology", "reason"]
+    return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys(_QUALITY, float))
 
 
-def _group(where: Origin) -> tuple[float, str, str | None, str]:
-    return where.cell_size_mm, where.mesher, where.setting, where.stage
+def _quality(record: Mapping[str, Any]) -> dict[str, float]:
+    values = record["tets"], record["q"]["mean"], record["q"]["max"], record["count_above"]["0.6"]
+    return dict(zip(_QUALITY, values, strict=True))
 
 
-def _rank(stage: str) -> int:
-    return list(ABLATED).index(stage)
+def _cohort_rows(meshes: pd.DataFrame) -> pd.DataFrame:
+    """The meshes of `_meshes_of` by cell size, mesher, setting and stage."""
+    meshes = meshes.assign(
+        mesher=pd.Categorical(meshes["mesher"], list(MESHERS | BASELINES), ordered=True),
+        setting=meshes["setting"].fillna(""),  # first in the order
+        stage=pd.Categorical(meshes["stage"], list(ABLATED), ordered=True),
+    )
+    groups = meshes.groupby(_GROUP, observed=True)
+    how = {"failed": ("reason", "count"), "fallback": ("fallback", "sum"), "wrong_topology": ("wrong_topology", "sum")}
+    rows = groups.agg(**_SUMMARIES, **how)
+    rows["remarks"] = [_remarks(members) for _, members in groups]
+    rows = rows.reset_index()
+    return rows.assign(
+        source="this cohort",
+        setting=rows["setting"].replace("", None),
+        stages=[ABLATED[stage][0] for stage in rows["stage"]],
+        configuration=[
+            _configuration(mesher, stage) for mesher, stage in zip(rows["mesher"], rows["stage"], strict=True)
+        ],
+    )
 
 
 def _configuration(mesher: str, stage: str) -> str:
-    return f"{MESHER_NAMES[mesher]} only" if stage == "Generated" else ABLATED[stage][1]
+    return f"{(MESHERS | BASELINES)[mesher]} only" if stage == STAGES["generate"].label else ABLATED[stage][1]
 
 
-def _how_made(members: Iterable[Origin], made: Mapping[Origin, Mapping[str, Any]]) -> dict[str, int]:
-    """How S1 went for the meshes of a row."""
-    reports = {
-        where: made.get(Origin(where.case, where.cell_size_mm, where.mesher, None, "Generated"), {})
-        for where in members
-    }
-    return {
-        "fallback": sum(
-            where.mesher == "cgal" and report.get("backend") == "tetgen" for where, report in reports.items()
-        ),
-        "wrong_topology": sum(report.get("topology_ok") is False for report in reports.values()),
-    }
+def _remarks(meshes: pd.DataFrame) -> str:
+    """Why meshes are missing: each reason with the cases it is that of, by the first of them."""
+    missing = meshes.dropna(subset="reason").sort_values("case")
+    cases = missing.groupby("reason", sort=False)["case"].agg(", ".join)
+    return "; ".join(f"{names}: {reason}" for reason, names in cases.items())
 
 
-def _statistics(records: Sequence[Mapping[str, Any]]) -> Row:
-    means, worst = ([record["q"][key] for record in records] for key in ("mean", "max"))
-    above = [record["count_above"]["0.6"] for record in records]
-    return {
-        "meshes": len(records),
-        "tets_total": sum(record["tets"] for record in records),
-        "q_mean_mean": statistics.mean(means) if records else None,
-        "q_mean_sd": statistics.stdev(means) if len(records) > 1 else None,
-        **_spread("q_max", worst),
-        **_spread("q_above_0.6", above),
-        "q_above_0.6_total": sum(above) if records else None,
-    }
+def _reference_rows(references: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
+    meshes = pd.DataFrame(
+        [{"configuration": name, **_quality(record)} for name, record in references.items()],
+        columns=["configuration", *_QUALITY],
+    )
+    rows = meshes.groupby("configuration", sort=False).agg(**_SUMMARIES).reset_index()
+    return rows.assign(source="reference mesh", remarks="reference mesh, as it is")
 
 
-def _spread(name: str, values: Sequence[float]) -> Row:
-    return {
-        f"{name}_median": statistics.median(values) if values else None,
-        f"{name}_min": min(values, default=None),
-        f"{name}_max": max(values, default=None),
-    }
-
-
-def _remarks(reasons: Mapping[str, str | None]) -> str:
-    """Cases that failed, gathered by what was the matter."""
-    cases: dict[str, list[str]] = {}
-    for case, reason in sorted(reasons.items()):
-        if reason:
-            cases.setdefault(reason, []).append(case)
-    return "; ".join(f"{', '.join(names)}: {reason}" for reason, names in cases.items())
-
-
-def _reference_row(name: str, record: Mapping[str, Any]) -> Row:
-    return {
-        **dict.fromkeys(ABLATION_COLUMNS),
-        "source": "reference mesh",
-        "configuration": name,
-        **_statistics([record]),
-        "remarks": "reference mesh, as it is",
-    }
-
-
-def _published_rows() -> Iterator[Row]:
-    for row in published.ablation():
-        numbers = {key: None if value == "n/a" else float(value) for key, value in row.items() if key.startswith("q_")}
-        words = {key: None if row[key] == "n/a" else row[key] for key in ("mesher", "stages", "configuration")}
-        yield {
-            **dict.fromkeys(ABLATION_COLUMNS),
-            "source": "arXiv:2607.12157",
-            "cell_size_mm": published.CELL_SIZE if words["mesher"] == "cgal" else None,
-            "setting": "published" if words["stages"] not in (None, "S1-S2") else None,
-            **words,
-            "meshes": int(row["meshes"]),
-            **numbers,
-            "remarks": "arXiv:2607.12157",
-        }
+def _published_rows() -> pd.DataFrame:
+    rows = published.ablation()
+    after_s2 = rows["stages"].notna() & (rows["stages"] != "S1-S2")
+    return rows.assign(
+        source="arXiv:2607.12157",
+        cell_size_mm=pd.Series(published.CELL_SIZE, rows.index).where(rows["mesher"] == "cgal"),
+        setting=pd.Series("published", rows.index).where(after_s2),
+        remarks="arXiv:2607.12157",
+    )
 
 
 def write_ablation(
     records: Iterable[str],
-    made: Iterable[str],
-    missing: Mapping[str, str],
+    reports: Iterable[str],
+    missing: Iterable[Mapping[str, Any]],
     references: Iterable[str],
     outputs: Iterable[str],
-    *,
-    setting: str,
 ) -> None:
-    """Write Table 1 from the files of records, reports of S1 and records of reference meshes (`..._quality.json`)."""
-    rows = ablation_rows(
-        {origin(path, setting): read_record(path) for path in records},
-        {origin(path, setting): read_record(path) for path in made},
-        {origin(path, setting): reason for path, reason in missing.items()},
-        {
-            Path(path).name.removesuffix("_quality.json").removeprefix("reference-"): read_record(path)
-            for path in references
-        },
+    """Write Table 1 from the files of quality records, of reports of S1, and of records of reference meshes.
+
+    Parameters
+    ----------
+    missing : `origin` and `reason` of each record that is missing
+    outputs : paths, in the forms of `table_files.write`
+    """
+    named = [read_record(path) for path in references]
+    table = ablation_table(
+        by_origin(records),
+        by_origin(reports),
+        reasons_by_origin(missing),
+        {record["origin"]["reference"]: record for record in named},
     )
-    write(ABLATION, rows, *outputs)
+    write(ABLATION, table, *outputs)
 
 
 # --- pooled quality --------------------------------------------------------------------------------------------------
@@ -352,9 +344,9 @@ def pooled(records: Mapping[Origin, Mapping[str, Any]], settings: Iterable[str])
     result = []
     for setting in settings:
         members: dict[str, list[Mapping[str, Any]]] = {}
-        for where in sorted(records, key=lambda where: _rank(where.stage)):
-            if where.setting in (None, setting):
-                members.setdefault(ABLATED[where.stage][0], []).append(records[where])
+        for origin in sorted(records, key=lambda origin: list(ABLATED).index(origin.stage)):
+            if origin.setting in (None, setting):
+                members.setdefault(ABLATED[origin.stage][0], []).append(records[origin])
         counts = {
             stages: np.sum([record["histogram"] for record in group], axis=0) for stages, group in members.items()
         }
@@ -362,23 +354,14 @@ def pooled(records: Mapping[Origin, Mapping[str, Any]], settings: Iterable[str])
     return result
 
 
-def draw_pooled(
-    records: Iterable[str], outputs: Iterable[str], *, setting: str, settings: Iterable[str], limit: float
-) -> None:
+def draw_pooled(records: Iterable[str], outputs: Iterable[str], *, settings: Iterable[str], limit: float) -> None:
     """Draw the pooled quality from the files of the records of one cell size and mesher.
 
     Parameters
     ----------
-    setting : of the line, whose files do not name it
     settings : in the order of the rows
     limit : of the worst q
     """
-    content = {origin(path, setting): read_record(path) for path in records}
-    (size,) = {where.cell_size_mm for where in content}
+    content = by_origin(records)
+    (size,) = {origin.cell_size_mm for origin in content}
     save(pooled_quality_figure(pooled(content, settings), cell_size=size, limit=limit), *outputs)
-
-
-def read_record(path: str | Path) -> dict[str, Any]:
-    """Content of a record."""
-    content: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
-    return content

@@ -6,10 +6,10 @@ import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from statistics import median
 from typing import Any, Literal
 
 import numpy as np
+import pandas as pd
 
 from cortet.errors import StageError
 from cortet.geometry.topology import surface_topology
@@ -233,9 +233,9 @@ def _quality(q: Mapping[str, Any]) -> list[dict[str, str]]:
     """Rows of element quality beside what the paper gives."""
     cohort, measures = published.cohort(), published.measures()
     of_all = f"median [range] of {len(cohort)} meshes"
-    final = next(row for row in published.ablation() if row["stages"] == "S1-S4" and row["mesher"] == "cgal")
-    above = f"{final['q_above_0.6_median']} [{final['q_above_0.6_min']} to {final['q_above_0.6_max']}]"
-    spread = {key: _spread([float(row[key]) for row in cohort]) for key in ("q_mean", "q_max")}
+    final = published.ablation().set_index(["mesher", "stages"]).loc[("cgal", "S1-S4")]
+    above = f"{final['q_above_0.6_median']:g} [{final['q_above_0.6_min']:g} to {final['q_above_0.6_max']:g}]"
+    spread = {key: _spread(cohort[key]) for key in ("q_mean", "q_max")}
     rows = [
         ("Mean q", f"{q['q']['mean']:.4f}", spread["q_mean"], of_all),
         ("Worst q", f"{q['q']['max']:.4f}", spread["q_max"], of_all),
@@ -252,7 +252,7 @@ def _quality(q: Mapping[str, Any]) -> list[dict[str, str]]:
         "one_minus_radius_edge": "Worst 1 - radius-edge ratio",
     }
     for key, name in names.items():
-        low, high = measures[key]
+        low, high = measures.loc[key, ["min", "max"]]
         rows.append((name, f"{q[key]['max']:.3f}", f"{low:.3f} to {high:.3f}", "range of 3 meshes"))
     rows += [
         ("Dihedral angles", f"{q['dihedral_min_deg']:.1f}° to {q['dihedral_max_deg']:.1f}°", "", ""),
@@ -261,8 +261,8 @@ def _quality(q: Mapping[str, Any]) -> list[dict[str, str]]:
     return [dict(zip(("name", "ours", "theirs", "kind"), row, strict=True)) for row in rows]
 
 
-def _spread(values: Sequence[float]) -> str:
-    return f"{median(values):.3f} [{min(values):.3f} to {max(values):.3f}]"
+def _spread(values: pd.Series[float]) -> str:
+    return f"{values.median():.3f} [{values.min():.3f} to {values.max():.3f}]"
 
 
 def _bound(bound: Mapping[str, Any]) -> str:

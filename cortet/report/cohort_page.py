@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import statistics
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from cortet.cohort.status import COLUMNS as STATUS
 from cortet.formats.tsv import MISSING, cell, read_tsv
@@ -16,6 +16,8 @@ from cortet.report import pages
 
 Row = Mapping[str, str]
 
+#: columns that tell meshes apart
+KEY = ["case", "cell_size_mm", "mesher"]
 #: a modified z-score beyond which a value is called an outlier, and the fewest values that are judged
 #: (Iglewicz and Hoaglin, How to detect and handle outliers, ASQC Quality Press, 1993, who give 3.5)
 OUTLIER, FEWEST = 3.5, 5
@@ -26,7 +28,7 @@ _ORDER = ("failed", "unfinished", "uncertified", "certified", "excluded")
 
 
 @dataclass(frozen=True)
-class Column:
+class PageColumn:
     """One column of the page's table."""
 
     name: str
@@ -42,30 +44,30 @@ _SCORE = (
     f"one cell size and mesher, where there are at least {FEWEST}; above {OUTLIER} a mesh is called an outlier"
 )
 COLUMNS = (
-    Column("case", "Case"),
-    Column("state", "State"),
-    Column("outlier", "Outlier score", ".1f", _SCORE),
-    Column("q_max", "Worst q", ".4f"),
-    Column("q_mean", "Mean q", ".4f"),
-    Column("q_above_0.5", "q > 0.5", ",.0f"),
-    Column("q_above_0.6", "q > 0.6", ",.0f"),
-    Column("tets", "Tetrahedra", ",.0f"),
-    Column("nodes", "Nodes", ",.0f"),
-    Column("scan_age", "Age (weeks)", "g"),
-    Column("hemi", "Hemisphere"),
-    Column("cell_size_mm", "h (mm)", "g"),
-    Column("mesher", "Mesher"),
-    Column("nodes_to_surface_max_mm", "Nodes off the surface (mm)", ".2g"),
-    Column("surface_to_boundary_max_mm", "Surface off the mesh (mm)", ".3f"),
-    Column("euler_number", "Euler number", ".0f"),
-    Column("crossing_faces", "Crossing faces", ",.0f"),
-    Column("valence_bound", "Bound of worst q", ".3f"),
-    Column("dihedral_min_deg", "Smallest dihedral (°)", ".1f"),
-    Column("dihedral_max_deg", "Largest dihedral (°)", ".1f"),
-    Column("volume_ml", "Volume (mL)", ".1f"),
-    Column("relative_volume_change", "Volume change", "+.2%"),
-    Column("relative_area_change", "Area change", "+.2%"),
-    Column("roughness", "Roughness", ".3f"),
+    PageColumn("case", "Case"),
+    PageColumn("state", "State"),
+    PageColumn("outlier", "Outlier score", ".1f", _SCORE),
+    PageColumn("q_max", "Worst q", ".4f"),
+    PageColumn("q_mean", "Mean q", ".4f"),
+    PageColumn("q_above_0.5", "q > 0.5", ",.0f"),
+    PageColumn("q_above_0.6", "q > 0.6", ",.0f"),
+    PageColumn("tets", "Tetrahedra", ",.0f"),
+    PageColumn("nodes", "Nodes", ",.0f"),
+    PageColumn("scan_age", "Age (weeks)", "g"),
+    PageColumn("hemi", "Hemisphere"),
+    PageColumn("cell_size_mm", "h (mm)", "g"),
+    PageColumn("mesher", "Mesher"),
+    PageColumn("nodes_to_surface_max_mm", "Nodes off the surface (mm)", ".2g"),
+    PageColumn("surface_to_boundary_max_mm", "Surface off the mesh (mm)", ".3f"),
+    PageColumn("euler_number", "Euler number", ".0f"),
+    PageColumn("crossing_faces", "Crossing faces", ",.0f"),
+    PageColumn("valence_bound", "Bound of worst q", ".3f"),
+    PageColumn("dihedral_min_deg", "Smallest dihedral (°)", ".1f"),
+    PageColumn("dihedral_max_deg", "Largest dihedral (°)", ".1f"),
+    PageColumn("volume_ml", "Volume (mL)", ".1f"),
+    PageColumn("relative_volume_change", "Volume change", "+.2%"),
+    PageColumn("relative_area_change", "Area change", "+.2%"),
+    PageColumn("roughness", "Roughness", ".3f"),
 )
 
 
@@ -87,84 +89,77 @@ def write_cohort_page(
         known of a mesh that was not measured, `scan_age` and `hemi`
     figure : SVG file of the cohort against age
     """
-    known = {key(mesh): mesh for mesh in ({name: cell(value) for name, value in mesh.items()} for mesh in meshes)}
-    rows, explained = [{**known.get(key(row), {}), **row} for row in read_tsv(status)], dict[str, Any](STATUS)
+    rows, explained = read_tsv(status), dict[str, Any](STATUS)
+    described = pd.DataFrame(list(meshes), columns=[*KEY, "scan_age", "hemi", "page"], dtype=object)
+    rows = _with_columns(rows, described.astype(object).where(described.notna(), None).map(cell))
     if quality:
         table, sidecar = quality
         explained |= json.loads(sidecar.read_text(encoding="utf-8"))
-        measured = {key(row): row for row in read_tsv(table)}
-        rows = [{**measured.get(key(row), {}), **row} for row in rows]
+        rows = _with_columns(rows, read_tsv(table))
     rows = ordered(with_outliers(rows))
-    shown = [column for column in COLUMNS if any(row.get(column.name, MISSING) != MISSING for row in rows)]
+    shown = [column for column in COLUMNS if column.name in rows and (rows[column.name] != MISSING).any()]
     pages.write(
         "cohort.html.j2",
         path,
         scripts=(pages.source("table.js"),),
         title="All cases",
         columns=[{"column": column, "text": _explanation(column, explained)} for column in shown],
-        rows=[_shown(row, shown) for row in rows],
+        rows=[_shown(row, shown) for row in rows.to_dict("records")],
         counts=_counts(rows),
-        outliers=sum(bool(row["outlying"]) for row in rows),
+        outliers=int((rows["outlying"] != "").sum()),
         figure=pages.embedded(figure.read_text(encoding="utf-8"), "age") if figure else "",
         files=[file.name for file in (status, *(quality or ()))],
     )
 
 
-def key(row: Mapping[str, str]) -> str:
-    """What tells meshes apart: case, cell size (mm) and mesher, as the tables write them."""
-    return " ".join(row.get(name, MISSING) for name in ("case", "cell_size_mm", "mesher"))
+def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:
+    """Rows with the columns of another table of the same meshes that they lack; `n/a` where it has no such mesh."""
+    new = more.columns.difference(rows.columns, sort=False)
+    return rows.merge(more[[*KEY, *new]], how="left", on=KEY).fillna(MISSING)
 
 
-def modified_z_scores(values: Sequence[float]) -> list[float]:
+def modified_z_scores(values: pd.Series[float]) -> pd.Series[float]:
     """Distance of each value to the median, in robust standard deviations (Iglewicz and Hoaglin 1993).
 
     0.6745 (x - median) / MAD with the median absolute deviation MAD; where more than half of the values are equal, the
     mean absolute deviation, times 1.2533, takes its place. All are 0 where the values are equal.
     """
-    middle = statistics.median(values)
-    deviations = [abs(value - middle) for value in values]
-    scale = statistics.median(deviations) / 0.6745 or 1.2533 * statistics.fmean(deviations)
-    return [(value - middle) / scale if scale else 0.0 for value in values]
+    distances = values - values.median()
+    scale = distances.abs().median() / 0.6745 or 1.2533 * distances.abs().mean()
+    return distances / scale if scale else 0.0 * distances
 
 
-def with_outliers(rows: Sequence[Row]) -> list[dict[str, str]]:
+def with_outliers(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows with `outlier`, the largest absolute score of a mesh, and `outlying`, what makes it an outlier, if anything.
 
     Meshes are compared with those of their cell size and mesher, where there are at least `FEWEST`.
+
+    Parameters
+    ----------
+    rows : all strings, as read from the tables
     """
-    scores = {name: [0.0] * len(rows) for name in JUDGED}
-    judged = set[int]()
-    for members in _groups(rows):
+    values = rows.reindex(columns=list(JUDGED)).apply(pd.to_numeric, errors="coerce").dropna()
+    scores = pd.DataFrame(index=rows.index, columns=list(JUDGED), dtype=float)
+    for _, members in values.groupby([rows.loc[values.index, name] for name in ("cell_size_mm", "mesher")]):
         if len(members) >= FEWEST:
-            judged.update(members)
-            for name, found in scores.items():
-                values = modified_z_scores([float(rows[member][name]) for member in members])
-                for member, value in zip(members, values, strict=True):
-                    found[member] = value
-    result = []
-    for number, row in enumerate(rows):
-        own = {name: found[number] for name, found in scores.items()}
-        far = [f"{JUDGED[name]} {value:+.1f}" for name, value in own.items() if abs(value) > OUTLIER]
-        largest = f"{max(map(abs, own.values())):.6g}" if number in judged else MISSING
-        result.append({**row, "outlier": largest, "outlying": ", ".join(far)})
-    return result
+            scores.loc[members.index] = members.apply(modified_z_scores)
+    far = [
+        ", ".join(f"{JUDGED[name]} {value:+.1f}" for name, value in own.items() if abs(value) > OUTLIER)
+        for own in scores.to_dict("records")
+    ]
+    return rows.assign(outlier=scores.abs().max(axis="columns").map(cell), outlying=far)
 
 
-def ordered(rows: Iterable[dict[str, str]]) -> list[dict[str, str]]:
+def ordered(rows: pd.DataFrame) -> pd.DataFrame:
     """Failed cases first, then those that are not certified, then the others, the farthest outlier first."""
-
-    def rank(row: Row) -> tuple[int, float, str]:
-        score = _number(row["outlier"])
-        return _ORDER.index(row["state"]), -(score if score is not None else -1.0), key(row)
-
-    return sorted(rows, key=rank)
-
-
-def _groups(rows: Sequence[Row]) -> list[list[int]]:
-    """Numbers of the measured rows, together where cell size and mesher are the same."""
-    measured = [n for n, row in enumerate(rows) if all(_number(row.get(name)) is not None for name in JUDGED)]
-    sort: Callable[[int], tuple[str, ...]] = lambda n: (rows[n]["cell_size_mm"], rows[n]["mesher"])  # noqa: E731
-    return [list(members) for _, members in groupby(sorted(measured, key=sort), sort)]
+    rank = pd.DataFrame(
+        {
+            "state": rows["state"].map(_ORDER.index),
+            "score": -pd.to_numeric(rows["outlier"], errors="coerce").fillna(-1.0),
+            **{name: rows[name] for name in KEY},
+        }
+    )
+    return rows.loc[rank.sort_values(list(rank.columns)).index]
 
 
 def _number(text: str | None) -> float | None:
@@ -174,7 +169,7 @@ def _number(text: str | None) -> float | None:
         return None
 
 
-def _shown(row: Row, columns: Sequence[Column]) -> dict[str, Any]:
+def _shown(row: Row, columns: Sequence[PageColumn]) -> dict[str, Any]:
     cells = []
     for column in columns:
         text = row.get(column.name, MISSING)
@@ -187,16 +182,17 @@ def _shown(row: Row, columns: Sequence[Column]) -> dict[str, Any]:
             }
         )
     why = ": ".join(row[name] for name in ("stage", "reason") if row["reason"] != MISSING and row[name] != MISSING)
-    return {"page": row.get("page", ""), "state": row["state"], "outlying": row["outlying"], "why": why, "cells": cells}
+    page = "" if row["page"] == MISSING else row["page"]
+    return {"page": page, "state": row["state"], "outlying": row["outlying"], "why": why, "cells": cells}
 
 
-def _counts(rows: Sequence[Row]) -> list[tuple[str, int]]:
+def _counts(rows: pd.DataFrame) -> list[tuple[str, int]]:
     """State -> number of rows, certified ones first."""
-    states = [row["state"] for row in rows]
-    return [(state, states.count(state)) for state in sorted(set(states), key=("certified", *_ORDER).index)]
+    counts = rows["state"].value_counts()
+    return [(state, int(counts[state])) for state in dict.fromkeys(("certified", *_ORDER)) if state in counts]
 
 
-def _explanation(column: Column, explained: Mapping[str, Any]) -> str:
+def _explanation(column: PageColumn, explained: Mapping[str, Any]) -> str:
     entry = explained.get(column.name, {})
     text = column.description or entry.get("Description", "")
     return f"{text}; limit {entry['Threshold']}" if "Threshold" in entry else text

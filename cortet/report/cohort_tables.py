@@ -3,103 +3,94 @@
 from __future__ import annotations
 
 import json
-import statistics
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from cortet.cohort.sheet import Case
 from cortet.formats.atomic import write_json
 from cortet.formats.tsv import write_tsv
 
-VERSION: int = 1
+VERSION: int = 2
 
-Record = Mapping[str, Any]
+Certificate = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Column:
+class CertificateColumn:
     """One column of a table over certificates."""
 
     name: str
-    #: its value in the content of a certificate.json
-    value: Callable[[Record], Any]
+    #: where its value is in a certificate.json: keys, one inside the other, with dots between them
+    place: str
     description: str
     units: str = ""
     #: name of the check of the certificate that judges it
     check: str = ""
 
 
-def at(*keys: str) -> Callable[[Record], Any]:
-    """The value that `keys` lead to, one inside the other; None where there is none."""
-
-    def value(record: Any) -> Any:
-        for key in keys:
-            record = record.get(key) if isinstance(record, Mapping) else None
-        return record
-
-    return value
-
-
 #: columns of `cohort_quality.tsv` that come from the certificate
 QUALITY_COLUMNS = (
-    Column("cell_size_mm", at("parameters", "generate", "cell_size"), "Cell size h", "mm"),
-    Column("mesher", at("parameters", "generate", "mesher"), "Mesher of stage S1"),
-    Column("backend", at("reports", "generate", "backend"), "Package that ran the mesher"),
-    Column(
+    CertificateColumn("cell_size_mm", "parameters.generate.cell_size", "Cell size h", "mm"),
+    CertificateColumn("mesher", "parameters.generate.mesher", "Mesher of stage S1"),
+    CertificateColumn("backend", "reports.generate.backend", "Package that ran the mesher"),
+    CertificateColumn(
         "facet_distance_mm",
-        at("reports", "generate", "facet_distance_mm"),
+        "reports.generate.facet_distance_mm",
         "Facet distance of S1 at which the boundary had the topology of the surface",
         "mm",
     ),
-    Column("nodes", at("quality", "nodes"), "Number of nodes"),
-    Column("tets", at("quality", "tets"), "Number of tetrahedra"),
-    Column(
+    CertificateColumn("nodes", "quality.nodes", "Number of nodes"),
+    CertificateColumn("tets", "quality.tets", "Number of tetrahedra"),
+    CertificateColumn(
         "q_mean",
-        at("quality", "q", "mean"),
+        "quality.q.mean",
         "Mean over all tetrahedra of q = 1 - sqrt(2) 6V / l_rms^3, V the volume and l_rms the root mean square edge: 0 "
         "for a regular tetrahedron, 1 for a degenerate one",
     ),
-    Column("q_sd", at("quality", "q", "sd"), "Standard deviation of q over all tetrahedra"),
-    Column("q_max", at("quality", "q", "max"), "Largest q", check="worst q"),
-    Column("q_above_0.5", at("quality", "count_above", "0.5"), "Number of tetrahedra with q > 0.5"),
-    Column("q_above_0.6", at("quality", "count_above", "0.6"), "Number of tetrahedra with q > 0.6"),
-    Column(
+    CertificateColumn("q_sd", "quality.q.sd", "Standard deviation of q over all tetrahedra"),
+    CertificateColumn("q_max", "quality.q.max", "Largest q", check="worst q"),
+    CertificateColumn("q_above_0.5", "quality.count_above.0.5", "Number of tetrahedra with q > 0.5"),
+    CertificateColumn("q_above_0.6", "quality.count_above.0.6", "Number of tetrahedra with q > 0.6"),
+    CertificateColumn(
         "valence_bound",
-        at("valence_bound", "q"),
+        "valence_bound.q",
         "Least worst q that the connectivity allows, wherever the interior vertices move",
     ),
-    Column("one_minus_mean_ratio_max", at("quality", "one_minus_mean_ratio", "max"), "Largest 1 - mean ratio"),
-    Column("one_minus_radius_ratio_max", at("quality", "one_minus_radius_ratio", "max"), "Largest 1 - radius ratio"),
-    Column(
+    CertificateColumn("one_minus_mean_ratio_max", "quality.one_minus_mean_ratio.max", "Largest 1 - mean ratio"),
+    CertificateColumn("one_minus_radius_ratio_max", "quality.one_minus_radius_ratio.max", "Largest 1 - radius ratio"),
+    CertificateColumn(
         "one_minus_radius_edge_max",
-        at("quality", "one_minus_radius_edge", "max"),
+        "quality.one_minus_radius_edge.max",
         "Largest 1 - sqrt(6)/4 shortest edge / circumradius",
     ),
-    Column("dihedral_min_deg", at("quality", "dihedral_min_deg"), "Smallest dihedral angle", "degrees"),
-    Column("dihedral_max_deg", at("quality", "dihedral_max_deg"), "Largest dihedral angle", "degrees"),
-    Column("shortest_edge_mm", at("quality", "shortest_edge_mm"), "Shortest edge", "mm"),
-    Column(
+    CertificateColumn("dihedral_min_deg", "quality.dihedral_min_deg", "Smallest dihedral angle", "degrees"),
+    CertificateColumn("dihedral_max_deg", "quality.dihedral_max_deg", "Largest dihedral angle", "degrees"),
+    CertificateColumn("shortest_edge_mm", "quality.shortest_edge_mm", "Shortest edge", "mm"),
+    CertificateColumn(
         "stable_time_step",
-        at("quality", "stable_time_step"),
+        "quality.stable_time_step",
         "Bound of an explicit solver's time step: shortest edge / speed of pressure waves, shear modulus 1",
     ),
-    Column("volume_ml", at("fidelity", "volume_ml"), "Volume of the mesh", "mL"),
-    Column(
+    CertificateColumn("volume_ml", "fidelity.volume_ml", "Volume of the mesh", "mL"),
+    CertificateColumn(
         "relative_volume_change",
-        at("fidelity", "relative_volume_change"),
+        "fidelity.relative_volume_change",
         "Volume of the mesh against that of the surface it fills, (mesh - surface) / surface",
     ),
-    Column("area_mm2", at("fidelity", "area_mm2"), "Area of the mesh boundary", "mm2"),
-    Column(
+    CertificateColumn("area_mm2", "fidelity.area_mm2", "Area of the mesh boundary", "mm2"),
+    CertificateColumn(
         "relative_area_change",
-        at("fidelity", "relative_area_change"),
+        "fidelity.relative_area_change",
         "Area of the mesh boundary against that of the surface it fills, (mesh - surface) / surface",
     ),
     *(
-        Column(f"{name}_{statistic}_mm", at("fidelity", f"{name}_mm", statistic), f"{words}: {meaning}", "mm", check)
+        CertificateColumn(
+            f"{name}_{statistic}_mm", f"fidelity.{name}_mm.{statistic}", f"{words}: {meaning}", "mm", check
+        )
         for name, words, judged in (
             ("nodes_to_surface", "Boundary nodes to the nearest point of the surface", "max"),
             ("surface_to_boundary", "Vertices of the surface to the nearest point of the mesh boundary", ""),
@@ -108,41 +99,35 @@ QUALITY_COLUMNS = (
         for statistic, meaning in (("mean", "mean"), ("p95", "95th percentile"), ("max", "maximum"))
         for check in ["distance of a boundary node to the surface, at most" if statistic == judged else ""]
     ),
-    Column(
+    CertificateColumn(
         "roughness",
-        at("fidelity", "roughness"),
+        "fidelity.roughness",
         "RMS distance of the boundary nodes to the mean of their neighbours, over the mean boundary edge",
     ),
-    Column("components", at("topology", "components"), "Components of the boundary", check="boundary components"),
-    Column(
-        "euler_number", at("topology", "euler_number"), "Euler number of the boundary", check="boundary Euler number"
+    CertificateColumn("components", "topology.components", "Components of the boundary", check="boundary components"),
+    CertificateColumn(
+        "euler_number", "topology.euler_number", "Euler number of the boundary", check="boundary Euler number"
     ),
-    Column(
+    CertificateColumn(
         "nonmanifold_edges",
-        at("topology", "nonmanifold_edges"),
+        "topology.nonmanifold_edges",
         "Boundary edges in more than two faces",
         check="boundary edges in more than two faces",
     ),
-    Column(
+    CertificateColumn(
         "pinched_vertices",
-        at("topology", "pinched_vertices"),
+        "topology.pinched_vertices",
         "Boundary vertices with more than one fan of faces",
         check="pinched boundary vertices",
     ),
-    Column(
+    CertificateColumn(
         "crossing_faces",
-        lambda record: next(
-            (c["value"] for c in record["checks"] if c["name"] == "boundary faces that cross others"), None
-        ),
+        "checks.boundary faces that cross others",
         "Boundary faces that cross others",
         check="boundary faces that cross others",
     ),
-    Column(
-        "verdict",
-        lambda record: "pass" if record["certified"] else "fail",
-        "pass: every check of the certificate is within its limit",
-    ),
-    Column("reasons", lambda record: "; ".join(record["reasons"]), "Why the verdict is not pass"),
+    CertificateColumn("verdict", "verdict", "pass: every check of the certificate is within its limit"),
+    CertificateColumn("reasons", "reasons", "Why the verdict is not pass"),
 )
 
 #: columns of `cohort_quality.tsv` that come from the sheet
@@ -167,7 +152,7 @@ SUMMARY_COLUMNS: dict[str, dict[str, Any]] = {
 }
 
 
-def quality_rows(certificates: Sequence[Record], cases: Iterable[Case]) -> list[dict[str, Any]]:
+def quality_table(certificates: Sequence[Certificate], cases: Iterable[Case]) -> pd.DataFrame:
     """One row per certificate, in their order: what the sheet says of the case, then what was measured.
 
     Raises
@@ -175,15 +160,27 @@ def quality_rows(certificates: Sequence[Record], cases: Iterable[Case]) -> list[
     KeyError : a certificate of a case that is not among `cases`
     """
     sheet = {case.name: case for case in cases}
-    return [
-        {**_case_columns(sheet[record["case"]]), **{column.name: column.value(record) for column in QUALITY_COLUMNS}}
-        for record in certificates
-    ]
+    rows = pd.DataFrame([_case_columns(sheet[content["case"]]) for content in certificates])
+    values = pd.json_normalize([_with_verdict(content) for content in certificates])
+    measured = values.reindex(columns=[column.place for column in QUALITY_COLUMNS])
+    measured.columns = [column.name for column in QUALITY_COLUMNS]
+    carried = rows.columns.difference(measured.columns, sort=False)
+    return pd.concat([rows[carried], measured], axis="columns")
 
 
-def quality_sidecar(certificates: Sequence[Record], columns: Iterable[str]) -> dict[str, dict[str, Any]]:
+def _with_verdict(content: Certificate) -> dict[str, Any]:
+    """A certificate with its checks by their names, the verdict in one word, and the reasons as one text."""
+    return {
+        **content,
+        "checks": {check["name"]: check["value"] for check in content["checks"]},
+        "verdict": "pass" if content["certified"] else "fail",
+        "reasons": "; ".join(content["reasons"]),
+    }
+
+
+def quality_sidecar(certificates: Sequence[Certificate], columns: Iterable[str]) -> dict[str, dict[str, Any]]:
     """What each of the `columns` means, its unit, and the limit it is judged by."""
-    limits = {check["name"]: check for record in certificates for check in record["checks"]}
+    limits = {check["name"]: check for content in certificates for check in content["checks"]}
     described = dict(CASE_COLUMNS)
     for column in QUALITY_COLUMNS:
         entry = {"Description": column.description}
@@ -196,31 +193,42 @@ def quality_sidecar(certificates: Sequence[Record], columns: Iterable[str]) -> d
     return {name: described.get(name, {"Description": "Carried from the cohort sheet"}) for name in columns}
 
 
-def summary_rows(rows: Sequence[Record]) -> list[dict[str, Any]]:
-    """Quality rows summarised per cell size and mesher, as the paper's Table 1."""
+def summary_table(quality: pd.DataFrame) -> pd.DataFrame:
+    """The quality table summarised per cell size and mesher, as the paper's Table 1; columns `SUMMARY_COLUMNS`."""
+    groups = quality.groupby(["cell_size_mm", "mesher"])
+    summary = groups.agg(
+        meshes=("verdict", "size"),
+        certified=("verdict", lambda verdicts: (verdicts == "pass").sum()),
+        q_mean=("q_mean", _mean_and_sd),
+        q_max=("q_max", lambda values: _median_and_range(values, 3)),
+        **{
+            "q_above_0.6": ("q_above_0.6", lambda values: _median_and_range(values, 0)),
+            "q_above_0.6_total": ("q_above_0.6", "sum"),
+        },
+    )
+    return summary.reset_index()[list(SUMMARY_COLUMNS)]
 
-    def group(row: Record) -> tuple[float, str]:
-        return row["cell_size_mm"], row["mesher"]
 
-    return [
-        _summary(cell_size, mesher, list(members))
-        for (cell_size, mesher), members in groupby(sorted(rows, key=group), group)
-    ]
+def _mean_and_sd(values: pd.Series[float]) -> str:
+    return f"{values.mean():.3f}" + (f" +- {values.std():.3f}" if len(values) > 1 else "")
+
+
+def _median_and_range(values: pd.Series[float], digits: int) -> str:
+    return f"{values.median():.{digits}f} [{values.min():.{digits}f}-{values.max():.{digits}f}]"
 
 
 def write_quality(certificates: Sequence[Path], cases: Iterable[Case], *, table: Path, sidecar: Path) -> None:
     """Write `cohort_quality.tsv` and the JSON file that explains it, from certificate files."""
-    records = [json.loads(path.read_text(encoding="utf-8")) for path in certificates]
-    rows = quality_rows(records, cases)
-    columns = list(dict.fromkeys(name for row in rows for name in row))
-    write_tsv(rows, columns, table)
-    write_json(quality_sidecar(records, columns), sidecar)
+    contents = [json.loads(path.read_text(encoding="utf-8")) for path in certificates]
+    rows = quality_table(contents, cases)
+    write_tsv(rows, list(rows.columns), table)
+    write_json(quality_sidecar(contents, rows.columns), sidecar)
 
 
 def write_summary(certificates: Sequence[Path], cases: Iterable[Case], *, table: Path, sidecar: Path) -> None:
     """Write `cohort_summary.tsv` and the JSON file that explains it, from certificate files."""
-    records = [json.loads(path.read_text(encoding="utf-8")) for path in certificates]
-    write_tsv(summary_rows(quality_rows(records, cases)), list(SUMMARY_COLUMNS), table)
+    contents = [json.loads(path.read_text(encoding="utf-8")) for path in certificates]
+    write_tsv(summary_table(quality_table(contents, cases)), list(SUMMARY_COLUMNS), table)
     write_json(SUMMARY_COLUMNS, sidecar)
 
 
@@ -232,26 +240,4 @@ def _case_columns(case: Case) -> dict[str, Any]:
         "hemi": case.hemi,
         "scan_age": case.scan_age,
         **case.extra,
-    }
-
-
-def _summary(cell_size: float, mesher: str, rows: Sequence[Record]) -> dict[str, Any]:
-    def column(name: str) -> list[float]:
-        return [row[name] for row in rows]
-
-    def spread(name: str, digits: str) -> str:
-        values = column(name)
-        return f"{statistics.median(values):{digits}} [{min(values):{digits}}-{max(values):{digits}}]"
-
-    means = column("q_mean")
-    deviation = f" +- {statistics.stdev(means):.3f}" if len(means) > 1 else ""
-    return {
-        "cell_size_mm": cell_size,
-        "mesher": mesher,
-        "meshes": len(rows),
-        "certified": sum(row["verdict"] == "pass" for row in rows),
-        "q_mean": f"{statistics.mean(means):.3f}{deviation}",
-        "q_max": spread("q_max", ".3f"),
-        "q_above_0.6": spread("q_above_0.6", ".0f"),
-        "q_above_0.6_total": int(sum(column("q_above_0.6"))),
     }

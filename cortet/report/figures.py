@@ -10,6 +10,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -63,6 +64,8 @@ def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
     limit : of the worst q, drawn as a line; None draws none
     """
     rows, theirs = read_tsv(table), published.cohort()
+    drawn = ["cell_size_mm", "scan_age", *_PANELS]
+    rows[drawn] = rows[drawn].apply(pd.to_numeric)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 2.6), layout="constrained")
         axes = figure.subplots(1, 3)
@@ -205,25 +208,23 @@ def save(figure: Figure, *paths: str | Path) -> None:
             figure.savefig(temporary, format=kind, metadata=metadata.get(kind, {"Software": None}))
 
 
-def _panel(
-    axis: Axes, rows: Sequence[Mapping[str, str]], theirs: Sequence[Mapping[str, str]], column: str, unit: float
-) -> None:
+def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame, column: str, unit: float) -> None:
+    """One column of two tables against age: the published meshes in grey, ours by hemisphere and cell size."""
     axis.scatter(
-        _numbers(theirs, "scan_age_weeks"),
-        _numbers(theirs, column) / unit,
+        theirs["scan_age_weeks"],
+        theirs[column] / unit,
         s=6,
         color=GREY,
         linewidths=0,
         label=f"published, h = {published.CELL_SIZE:g} mm (n = {len(theirs)})",
     )
-    sizes = sorted({float(row["cell_size_mm"]) for row in rows})
-    for rank, size in enumerate(sizes):
+    for rank, (size, of_size) in enumerate(rows.groupby("cell_size_mm")):
         for hemi, (colour, marker, side) in HEMISPHERES.items():
-            chosen = [row for row in rows if float(row["cell_size_mm"]) == size and row["hemi"] == hemi]
-            if chosen:
+            chosen = of_size[of_size["hemi"] == hemi]
+            if not chosen.empty:
                 axis.scatter(
-                    _numbers(chosen, "scan_age"),
-                    _numbers(chosen, column) / unit,
+                    chosen["scan_age"],
+                    chosen[column] / unit,
                     s=16 + 10 * rank,
                     marker=marker,
                     facecolors="none" if rank else colour,  # the finest meshes filled, coarser ones larger and open
@@ -231,7 +232,3 @@ def _panel(
                     linewidths=0.8,
                     label=f"{side}, h = {size:g} mm (n = {len(chosen)})",
                 )
-
-
-def _numbers(rows: Sequence[Mapping[str, Any]], column: str) -> np.ndarray[Any, np.dtype[np.float64]]:
-    return np.array([float(row[column]) for row in rows])

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 import pyvista
 from matplotlib.animation import PillowWriter
 from matplotlib.figure import Figure
@@ -67,12 +68,11 @@ def series(path: Path) -> list[tuple[Path, float]]:
 
 def numbers(table: Path) -> Figure:
     """Smallest J, worst q and gyrification index against gestational age."""
-    rows = read_tsv(table)
-    age = [float(row["gestational_age"]) for row in rows]
+    rows = read_tsv(table).apply(pd.to_numeric, errors="coerce")
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 2.2), layout="constrained")
         for axis, (column, label) in zip(figure.subplots(1, 3), _PANELS.items(), strict=True):
-            axis.plot(age, [float(row[column]) for row in rows], color=BLUE)
+            axis.plot(rows["gestational_age"], rows[column], color=BLUE)
             axis.set(xlabel="gestational age (weeks)", ylabel=label)
             if column == "min_j":
                 axis.axhline(0, color=VERMILION, linestyle="--", linewidth=0.8)

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from functools import partial
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
+from cortet.meshers import BASELINES, MESHERS
 from cortet.report import published
-from cortet.report.ablation import MESHER_NAMES, Origin, Row, origin, read_record
-from cortet.report.table_files import Shown, Table, number, write
+from cortet.report.ablation import Origin, by_origin, reasons_by_origin
+from cortet.report.table_files import PrintedColumn, Table, number, write
 
-VERSION: int = 1
+VERSION: int = 2
 
 PUBLISHED = "arXiv:2607.12157"
 
@@ -28,14 +30,16 @@ _MESH_COLUMNS: dict[str, dict[str, Any]] = {
 }
 _REMARKS = {"remarks": {"Description": "Why the mesh is missing, or where the row is from"}}
 
-_SHOWN_MESH = (
-    Shown("Case", lambda row: row["case"], "Name of the case"),
-    Shown("GA (weeks)", lambda row: number(row["scan_age"], 1), "Gestational age at scan"),
-    Shown("Mesher", lambda row: MESHER_NAMES[row["mesher"]], "Mesher of S1"),
-    Shown("Setting", lambda row: row["setting"], "Setting of S3 and later stages; published: as in the paper"),
-    Shown("h (mm)", lambda row: f"{row['cell_size_mm']:g}", "Cell size"),
+_PRINTED_MESH = (
+    PrintedColumn("Case", lambda row: row["case"], "Name of the case"),
+    PrintedColumn("GA (weeks)", lambda row: number(row["scan_age"], 1), "Gestational age at scan"),
+    PrintedColumn("Mesher", lambda row: (MESHERS | BASELINES)[row["mesher"]], "Mesher of S1"),
+    PrintedColumn("Setting", lambda row: row["setting"], "Setting of S3 and later stages; published: as in the paper"),
+    PrintedColumn("h (mm)", lambda row: f"{row['cell_size_mm']:g}", "Cell size"),
 )
-_SHOWN_REMARKS = Shown("Remarks", lambda row: row["remarks"] or "", "Why the mesh is missing, or where the row is from")
+_PRINTED_REMARKS = PrintedColumn(
+    "Remarks", lambda row: row["remarks"] or "", "Why the mesh is missing, or where the row is from"
+)
 
 
 def _thousands(value: float | None) -> str:
@@ -58,22 +62,26 @@ RESOLUTION = Table(
     "Element count and quality against the cell size",
     RESOLUTION_COLUMNS,
     (
-        *_SHOWN_MESH,
-        Shown("nodes (1000)", lambda row: _thousands(row["nodes"]), "Number of nodes, thousands"),
-        Shown("elements (1000)", lambda row: _thousands(row["tets"]), "Number of tetrahedra, thousands"),
-        Shown("exponent", lambda row: number(row["exponent"], 2), "Of h in the number of tetrahedra, over all h"),
-        Shown("mean q", lambda row: number(row["q_mean"]), "Mean of q, 0 for a regular tetrahedron, 1 for a flat one"),
-        Shown("q_max", lambda row: number(row["q_max"]), "Largest q; the limit of a solver-ready mesh is 0.6"),
-        _SHOWN_REMARKS,
+        *_PRINTED_MESH,
+        PrintedColumn("nodes (1000)", lambda row: _thousands(row["nodes"]), "Number of nodes, thousands"),
+        PrintedColumn("elements (1000)", lambda row: _thousands(row["tets"]), "Number of tetrahedra, thousands"),
+        PrintedColumn(
+            "exponent", lambda row: number(row["exponent"], 2), "Of h in the number of tetrahedra, over all h"
+        ),
+        PrintedColumn(
+            "mean q", lambda row: number(row["q_mean"]), "Mean of q, 0 for a regular tetrahedron, 1 for a flat one"
+        ),
+        PrintedColumn("q_max", lambda row: number(row["q_max"]), "Largest q; the limit of a solver-ready mesh is 0.6"),
+        _PRINTED_REMARKS,
     ),
-    group=lambda row: (row["case"], row["setting"]),
+    group=("case", "setting"),
 )
 
 
-def resolution_rows(
+def resolution_table(
     records: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float]
-) -> list[Row]:
-    """Rows of Table 2, by age, case, setting and cell size, then the published ones.
+) -> pd.DataFrame:
+    """Table 2, by age, case, mesher, setting and cell size, then the published rows; columns `RESOLUTION_COLUMNS`.
 
     Parameters
     ----------
@@ -81,45 +89,30 @@ def resolution_rows(
     missing : reasons why records are missing
     ages : case -> weeks
     """
-    rows = [
-        {
-            **_described(where, ages),
-            **({key: record[key] for key in ("nodes", "tets")} if record else {"nodes": None, "tets": None}),
-            "q_mean": record["q"]["mean"] if record else None,
-            "q_max": record["q"]["max"] if record else None,
-            "remarks": missing.get(where, ""),
+    values = {
+        origin: {
+            "nodes": record["nodes"],
+            "tets": record["tets"],
+            "q_mean": record["q"]["mean"],
+            "q_max": record["q"]["max"],
         }
-        for where, record in _by_age({**dict.fromkeys(missing), **records}, ages)
-    ]
-    theirs = [
-        {
-            "source": PUBLISHED,
-            "case": row["case"],
-            "scan_age": float(row["scan_age_weeks"]),
-            "mesher": "cgal",
-            "setting": "published",
-            **{key: float(row[key]) for key in ("cell_size_mm", "nodes", "tets", "q_mean", "q_max")},
-            "remarks": PUBLISHED,
-        }
-        for row in published.resolution()
-    ]
-    return _with_exponents(rows) + _with_exponents(theirs)
+        for origin, record in records.items()
+    }
+    ours = _by_age(values, missing, ages)
+    theirs = published.resolution().rename(columns={"scan_age_weeks": "scan_age"})
+    theirs = theirs.assign(source=PUBLISHED, mesher="cgal", setting="published", remarks=PUBLISHED)
+    table = pd.concat([part.reindex(columns=list(RESOLUTION_COLUMNS)) for part in (ours, theirs)], ignore_index=True)
+    table = table.astype({"nodes": "Int64", "tets": "Int64"})
+    meshes = table.groupby(["source", "case", "mesher", "setting"], dropna=False)[["cell_size_mm", "tets"]]
+    for _, members in meshes:
+        table.loc[members.index, "exponent"] = exponent(members.dropna())
+    return table
 
 
-def exponent(sizes: Iterable[float], counts: Iterable[float]) -> float | None:
-    """Of the cell size in the element count, by least squares of the logarithms; None for fewer than two sizes."""
-    x, y = np.log(list(sizes)), np.log(list(counts))
-    return float(np.polyfit(x, y, 1)[0]) if len(np.unique(x)) > 1 else None
-
-
-def _with_exponents(rows: Iterable[Row]) -> list[Row]:
-    result = []
-    for _, group in groupby(rows, key=lambda row: (row["case"], row["mesher"], row["setting"])):
-        members = list(group)
-        measured = [row for row in members if row["tets"]]
-        slope = exponent((row["cell_size_mm"] for row in measured), (row["tets"] for row in measured))
-        result += [{**row, "exponent": slope} for row in members]
-    return result
+def exponent(meshes: pd.DataFrame) -> float:
+    """Of `cell_size_mm` in `tets`, by least squares of the logarithms; NaN for fewer than two sizes."""
+    x, y = np.log(meshes["cell_size_mm"].to_numpy(float)), np.log(meshes["tets"].to_numpy(float))
+    return float(np.polyfit(x, y, 1)[0]) if len(np.unique(x)) > 1 else np.nan
 
 
 # --- other measures --------------------------------------------------------------------------------------------------
@@ -147,99 +140,87 @@ MEASURES = Table(
     "Worst element by four measures",
     MEASURES_COLUMNS,
     (
-        *_SHOWN_MESH,
-        Shown("q_max", lambda row: number(row["q_max"]), "Largest q, the certified measure"),
+        *_PRINTED_MESH,
+        PrintedColumn("q_max", lambda row: number(row["q_max"]), "Largest q, the certified measure"),
         *(
-            Shown(
+            PrintedColumn(
                 heading,
                 partial(_largest, name),
                 f"Largest {formula}; 0 for a regular tetrahedron, 1 for a flat one",
             )
             for name, (heading, formula) in _MEASURES.items()
         ),
-        _SHOWN_REMARKS,
+        _PRINTED_REMARKS,
     ),
-    group=lambda row: row["source"],
+    group=("source",),
 )
 
 
-def measures_rows(
+def measures_table(
     records: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float]
-) -> list[Row]:
-    """Rows by age, case and setting, then the published range; parameters as of `resolution_rows`."""
-    rows = [
-        {
-            **_described(where, ages),
-            "q_max": record["q"]["max"] if record else None,
-            **{f"{name}_max": record[name]["max"] if record else None for name in _MEASURES},
-            "remarks": missing.get(where, ""),
-        }
-        for where, record in _by_age({**dict.fromkeys(missing), **records}, ages)
-    ]
+) -> pd.DataFrame:
+    """Worst elements by age, case, mesher and setting, then the published range; parameters as of `resolution_table`.
+
+    Beside `MEASURES_COLUMNS`, the published row has a column `..._range` per measure.
+    """
+    values = {
+        origin: {"q_max": record["q"]["max"], **{f"{name}_max": record[name]["max"] for name in _MEASURES}}
+        for origin, record in records.items()
+    }
     ranges = published.measures()
     theirs = {
         "source": PUBLISHED,
         "case": "three subjects",
-        "scan_age": None,
         "mesher": "cgal",
         "setting": "published",
         "cell_size_mm": published.CELL_SIZE,
-        "q_max": None,
-        **{f"{name}_max": high for name, (_, high) in ranges.items()},
-        **{f"{name}_range": f"{low:.3f}-{high:.3f}" for name, (low, high) in ranges.items()},
+        **{f"{name}_max": row["max"] for name, row in ranges.iterrows()},
+        **{f"{name}_range": f"{row['min']:.3f}-{row['max']:.3f}" for name, row in ranges.iterrows()},
         "remarks": f"{PUBLISHED}: range over the subjects",
     }
-    return [*rows, theirs]
+    ours = _by_age(values, missing, ages).reindex(columns=list(MEASURES_COLUMNS))
+    return pd.concat([ours, pd.DataFrame([theirs])], ignore_index=True)
 
 
 # --- both ------------------------------------------------------------------------------------------------------------
 
-TABLES = {"resolution": (RESOLUTION, resolution_rows), "measures": (MEASURES, measures_rows)}
+TABLES = {"resolution": (RESOLUTION, resolution_table), "measures": (MEASURES, measures_table)}
 
 
 def write_mesh_table(
     table: str,
     records: Iterable[str],
-    missing: Mapping[str, str],
+    missing: Iterable[Mapping[str, Any]],
     outputs: Iterable[str | Path],
     *,
-    setting: str,
     ages: Mapping[str, float],
 ) -> None:
     """Write one of `TABLES` from the files of quality records.
 
     Parameters
     ----------
-    missing : file of a record -> why it is missing
-    outputs : paths, in the forms of `printed.write`
-    setting : of the line, whose files do not name it
+    missing : `origin` and `reason` of each record that is missing
+    outputs : paths, in the forms of `table_files.write`
     ages : case -> weeks
     """
-    described, rows_of = TABLES[table]
-    rows = rows_of(
-        {origin(path, setting): read_record(path) for path in records},
-        {origin(path, setting): reason for path, reason in missing.items()},
-        ages,
-    )
-    write(described, rows, *outputs)
-
-
-def _described(where: Origin, ages: Mapping[str, float]) -> Row:
-    return {
-        "source": "this cohort",
-        "case": where.case,
-        "scan_age": ages[where.case],
-        "mesher": where.mesher,
-        "setting": where.setting,
-        "cell_size_mm": where.cell_size_mm,
-    }
+    described, table_of = TABLES[table]
+    write(described, table_of(by_origin(records), reasons_by_origin(missing), ages), *outputs)
 
 
 def _by_age(
-    records: Mapping[Origin, Mapping[str, Any] | None], ages: Mapping[str, float]
-) -> list[tuple[Origin, Mapping[str, Any] | None]]:
-    def order(item: tuple[Origin, Any]) -> tuple[Any, ...]:
-        where = item[0]
-        return ages[where.case], where.case, where.mesher, where.setting or "", where.cell_size_mm
-
-    return sorted(records.items(), key=order)
+    values: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float]
+) -> pd.DataFrame:
+    """One row per mesh, also of those that are missing, by age, case, mesher, setting and cell size."""
+    rows = [
+        {
+            **asdict(origin),
+            "source": "this cohort",
+            "scan_age": ages[origin.case],
+            **values.get(origin, {}),
+            "remarks": missing.get(origin),
+        }
+        for origin in dict.fromkeys([*values, *missing])
+    ]
+    order = ["scan_age", "case", "mesher", "setting", "cell_size_mm"]
+    frame = pd.DataFrame(rows, columns=list(dict.fromkeys([*_MESH_COLUMNS, *(name for row in rows for name in row)])))
+    return frame.sort_values(order, ignore_index=True, na_position="first")

@@ -14,7 +14,8 @@ from cortet.report.table_files import write_page
 
 VERSION: int = 2
 
-Record = Mapping[str, Any]
+#: content of a certificate.json
+Certificate = Mapping[str, Any]
 
 _BOUNDARY = {
     "fixed": "boundary nodes fixed",
@@ -35,7 +36,7 @@ _NAMES = {
 }
 
 
-def methods_text(certificates: Sequence[Record], sheet: Iterable[Case], failures: Mapping[str, str]) -> str:
+def methods_text(certificates: Sequence[Certificate], sheet: Iterable[Case], failures: Mapping[str, str]) -> str:
     """The paragraph, in Markdown.
 
     Parameters
@@ -46,7 +47,7 @@ def methods_text(certificates: Sequence[Record], sheet: Iterable[Case], failures
     failures : case -> why it has no certificate
     """
     cases = {case.name: case for case in sheet}
-    meshed = [cases[name] for name in dict.fromkeys(record["case"] for record in certificates)]
+    meshed = [cases[name] for name in dict.fromkeys(content["case"] for content in certificates)]
     sentences = [
         *_cohort(meshed),
         *_exclusions(cases.values(), failures),
@@ -65,8 +66,8 @@ def write_methods(
     view: str | Path,
 ) -> None:
     """Write the paragraph, and an HTML page of it, from the files of certificates."""
-    records = [json.loads(Path(name).read_text(encoding="utf-8")) for name in certificates]
-    text = methods_text(records, sheet, failures)
+    contents = [json.loads(Path(name).read_text(encoding="utf-8")) for name in certificates]
+    text = methods_text(contents, sheet, failures)
     with atomic_path(markdown) as temporary:
         temporary.write_text(text, encoding="utf-8")
     write_page(text, view, title="Methods")
@@ -99,12 +100,12 @@ def _exclusions(cases: Iterable[Case], failures: Mapping[str, str]) -> list[str]
     return sentences or ["No surface was excluded."]
 
 
-def _stages(certificates: Sequence[Record]) -> list[str]:
+def _stages(certificates: Sequence[Certificate]) -> list[str]:
     parameters = certificates[0]["parameters"]
-    sizes = sorted({record["parameters"]["generate"]["cell_size"] for record in certificates})
+    sizes = sorted({content["parameters"]["generate"]["cell_size"] for content in certificates})
     backends = Counter(
-        (record["parameters"]["generate"]["mesher"], record["reports"]["generate"]["backend"])
-        for record in certificates
+        (content["parameters"]["generate"]["mesher"], content["reports"]["generate"]["backend"])
+        for content in certificates
     )
     sentences = []
     if smooth := parameters.get("smooth_surface"):
@@ -140,7 +141,7 @@ def _stages(certificates: Sequence[Record]) -> list[str]:
     return sentences
 
 
-def _generation(parameters: Record, sizes: Sequence[float], backends: Counter[tuple[str, str]]) -> str:
+def _generation(parameters: Mapping[str, Any], sizes: Sequence[float], backends: Counter[tuple[str, str]]) -> str:
     cells = " and ".join(f"{size:g}" for size in sizes)
     ways = []
     for (mesher, backend), count in sorted(backends.items()):
@@ -160,18 +161,18 @@ def _generation(parameters: Record, sizes: Sequence[float], backends: Counter[tu
     return f"They were filled with tetrahedra of cell size h = {cells} mm by {' and '.join(ways)}."
 
 
-def _outcome(certificates: Sequence[Record]) -> list[str]:
-    worst = [record["quality"]["q"]["max"] for record in certificates]
+def _outcome(certificates: Sequence[Certificate]) -> list[str]:
+    worst = [content["quality"]["q"]["max"] for content in certificates]
     limit = next(check["limit"] for check in certificates[0]["checks"] if check["name"] == "worst q")
-    certified = sum(record["certified"] for record in certificates)
+    certified = sum(content["certified"] for content in certificates)
     sentences = [
         "Quality was measured as q = 1 - √2 · 6V / l³ (V volume, l root mean square edge length; 0 for a regular "
         f"tetrahedron, 1 for a flat one). Of {_counted(len(certificates), 'mesh')}, {certified} had a worst q below "
         f"{limit:g}, positive volumes and a boundary with the topology and the place of the surface (certified); the "
         f"worst q was {min(worst):.3f} to {max(worst):.3f}."
     ]
-    if refused := [record for record in certificates if not record["certified"]]:
-        reasons = "; ".join(f"{record['case']} ({'; '.join(record['reasons'])})" for record in refused)
+    if refused := [content for content in certificates if not content["certified"]]:
+        reasons = "; ".join(f"{content['case']} ({'; '.join(content['reasons'])})" for content in refused)
         sentences.append(f"Not certified: {reasons}.")
     return sentences
 

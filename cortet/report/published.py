@@ -2,47 +2,55 @@
 
 from __future__ import annotations
 
-import csv
-from importlib.resources import files
+from importlib.resources import as_file, files
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
+from cortet.formats.tsv import MISSING, read_tsv
 from cortet.measure.quality import HISTOGRAM_BIN_WIDTH
 
 #: cell size of the published meshes, mm
 CELL_SIZE = 0.6
+#: columns that hold words, not numbers
+_WORDS = ["case", "configuration", "hemi", "measure", "mesher", "stages"]
 
 
-def cohort() -> list[dict[str, str]]:
-    """The 194 meshes of Fig. 3."""
+def cohort() -> pd.DataFrame:
+    """The 194 meshes of Fig. 3, one row each."""
     return _read("published_cohort")
 
 
-def ablation() -> list[dict[str, str]]:
+def ablation() -> pd.DataFrame:
     """Table 1."""
     return _read("published_ablation")
 
 
-def resolution() -> list[dict[str, str]]:
+def resolution() -> pd.DataFrame:
     """Table 2."""
     return _read("published_resolution")
 
 
-def measures() -> dict[str, tuple[float, float]]:
-    """Measure -> range of its largest value over three subjects."""
-    return {row["measure"]: (float(row["min"]), float(row["max"])) for row in _read("published_measures")}
+def measures() -> pd.DataFrame:
+    """Range of the largest value of each measure over three subjects: columns `min` and `max`, index the measure."""
+    return _read("published_measures").set_index("measure")
 
 
 def histogram(stages: str) -> NDArray[np.int64]:
     """Pooled distribution of q after S1-S2, S1-S3 or S1-S4 (Fig. 2): counts (200,), bins of `measure.quality`."""
+    table = _read("published_histogram")
+    bins = table[table["stages"] == stages]
     counts = np.zeros(round(1 / HISTOGRAM_BIN_WIDTH), np.int64)
-    for row in _read("published_histogram"):
-        if row["stages"] == stages:
-            counts[round(float(row["bin_left"]) / HISTOGRAM_BIN_WIDTH)] = int(row["count"])
+    counts[(bins["bin_left"] / HISTOGRAM_BIN_WIDTH).round().astype(int)] = bins["count"]
     return counts
 
 
-def _read(name: str) -> list[dict[str, str]]:
-    text = (files("cortet.report") / "data" / f"{name}.tsv").read_text(encoding="utf-8")
-    return list(csv.DictReader(text.splitlines(), delimiter="\t"))
+def _read(name: str) -> pd.DataFrame:
+    """A table of the package, with numbers as numbers and NaN where the publication gives none."""
+    with as_file(files("cortet.report") / "data" / f"{name}.tsv") as path:
+        table = read_tsv(path).reset_index(drop=True)
+    table = table.mask(table == MISSING)
+    numbers = table.columns.difference(_WORDS)
+    table[numbers] = table[numbers].apply(pd.to_numeric)
+    return table

@@ -31,7 +31,7 @@ STAGE_COLUMNS = {
 _PROCESS = Path("/proc/self")
 
 
-def stage_rows(steps: Iterable[Step]) -> Iterator[dict[str, Any]]:
+def measured_stages(steps: Iterable[Step]) -> Iterator[dict[str, Any]]:
     """One row per stage, as the stages run; columns as in `STAGE_COLUMNS`, None where they do not apply."""
     waiting = iter(steps)
     while True:

@@ -11,44 +11,33 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from cortet.formats.atomic import atomic_path, write_json
-from cortet.formats.tsv import MISSING, write_tsv
+import pandas as pd
+from pandas.io.formats.style import Styler
 
-VERSION: int = 1
+from cortet.formats.atomic import atomic_path, write_json
+from cortet.formats.tsv import MISSING, read_tsv, write_tsv
+
+VERSION: int = 2
 
 Row = Mapping[str, Any]
 
-#: what headings and cells hold -> how LaTeX sets it; the rest is escaped
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    "&": r"\&",
-    "%": r"\%",
-    "#": r"\#",
-    "$": r"\$",
-    "{": r"\{",
-    "}": r"\}",
-    "_": r"\_",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "<": r"$<$",
-    ">": r"$>$",
-    "±": r"$\pm$",
-}  # fmt: skip
+#: what LaTeX prints only in mathematical mode
+_MATHEMATICAL = {"<": "$<$", ">": "$>$", "±": r"$\pm$"}
 _HTML_STYLE = (
     "body{font:14px sans-serif;margin:1.5em}"
     "table{border-collapse:collapse;border-top:2px solid;border-bottom:2px solid}"
     "th{border-bottom:1px solid;text-align:left}th,td{padding:.25em .8em;white-space:nowrap;vertical-align:top}"
-    "tr.rule td{border-top:1px solid}td:last-child{white-space:normal}p{max-width:60em}"
+    "td.rule{border-top:1px solid}td:last-child{white-space:normal}p{max-width:60em}"
     "dt{font-weight:bold;margin-top:.5em}"
 )
 
 
 @dataclass(frozen=True)
-class Shown:
+class PrintedColumn:
     """One column for readers, which may gather several columns of the TSV."""
 
     heading: str
-    #: text of the cell of a row
+    #: text of the cell of a row, in which None stands for a missing value
     text: Callable[[Row], str]
     description: str
 
@@ -60,33 +49,52 @@ class Table:
     title: str
     #: column of the TSV -> its description and units, as in a BIDS sidecar
     columns: Mapping[str, Mapping[str, Any]]
-    shown: Sequence[Shown]
-    #: readers see a line between two rows for which this differs
-    group: Callable[[Row], Any] = lambda _: None
+    printed: Sequence[PrintedColumn]
+    #: columns of the TSV; readers see a line between two rows that differ in one of them
+    group: Sequence[str] = ()
 
 
-def write(table: Table, rows: Sequence[Row], *paths: str | Path) -> None:
-    """Write the table once per path, in the form of its suffix: tsv, json (the sidecar of the TSV), tex, md or html."""
-    cells = [[column.text(row) for column in table.shown] for row in rows]
-    headings = [column.heading for column in table.shown]
-    starts = [i > 0 and table.group(rows[i - 1]) != table.group(row) for i, row in enumerate(rows)]
-    texts = {".tex": _latex, ".md": _markdown, ".html": _html}
+def write(table: Table, rows: pd.DataFrame, *paths: str | Path) -> None:
+    """Write the table once per path, in the form of its suffix: tsv, json (the sidecar of the TSV), tex, md or html.
+
+    Parameters
+    ----------
+    rows : the columns of the TSV, and others that printed columns may use
+    """
+    texts, starts = printed(table, rows), starts_of_groups(rows, table.group)
+    forms = {".tex": _latex, ".md": _markdown, ".html": _html}
     for path in map(Path, paths):
         if path.suffix == ".tsv":
             write_tsv(rows, list(table.columns), path)
         elif path.suffix == ".json":
             write_json(table.columns, path)
         else:
-            with atomic_path(path) as temporary:
-                temporary.write_text(texts[path.suffix](table, headings, cells, starts), encoding="utf-8")
+            with atomic_path(path) as temporary, pd.option_context("styler.render.max_elements", texts.size):
+                # without the option, pandas would leave out rows of tables with more than 2**18 cells
+                temporary.write_text(forms[path.suffix](table, texts, starts), encoding="utf-8")
 
 
 def write_view(table: str | Path, sidecar: str | Path, path: str | Path, *, title: str) -> None:
     """Write an HTML page of a TSV, each column explained as its sidecar does."""
     explained = json.loads(Path(sidecar).read_text(encoding="utf-8"))
-    header, *rows = (line.split("\t") for line in Path(table).read_text(encoding="utf-8").splitlines())
-    shown = [Shown(name, itemgetter(name), _explanation(explained[name])) for name in header]
-    write(Table(title, explained, shown), [dict(zip(header, row, strict=True)) for row in rows], path)
+    rows = read_tsv(Path(table))
+    columns = [PrintedColumn(name, itemgetter(name), _explanation(explained[name])) for name in rows.columns]
+    write(Table(title, explained, columns), rows, path)
+
+
+def printed(table: Table, rows: pd.DataFrame) -> pd.DataFrame:
+    """The cells as readers see them, all strings, without line ends; one column per printed column."""
+    records = rows.astype(object).where(rows.notna(), None).to_dict("records")
+    texts = [[" ".join(column.text(row).split()) for column in table.printed] for row in records]
+    return pd.DataFrame(texts, columns=[column.heading for column in table.printed], dtype=object)
+
+
+def starts_of_groups(rows: pd.DataFrame, group: Sequence[str]) -> list[int]:
+    """Numbers of the rows that differ from the row before in one of some columns; never the first one."""
+    if not group:
+        return []
+    numbers = rows.groupby(list(group), dropna=False, sort=False).ngroup().to_numpy()
+    return [row for row in range(1, len(numbers)) if numbers[row] != numbers[row - 1]]
 
 
 def write_page(text: str, path: str | Path, *, title: str) -> None:
@@ -119,36 +127,43 @@ def median_and_range(median: float | None, low: float | None, high: float | None
     return number(median, digits) + spread
 
 
-def _latex(table: Table, headings: Sequence[str], cells: Sequence[Sequence[str]], starts: Sequence[bool]) -> str:
-    def line(texts: Sequence[str]) -> str:
-        escaped = ["".join(_LATEX.get(letter, letter) for letter in text) for text in texts]
-        return " & ".join(re.sub(r"(?<=\d)-(?=\d)", "--", text) for text in escaped) + r" \\"  # ranges
-
-    body = [("\\midrule\n" if start else "") + line(row) for start, row in zip(starts, cells, strict=True)]
-    top = [f"% {table.title}; needs the package booktabs", rf"\begin{{tabular}}{{{'l' * len(headings)}}}", r"\toprule"]
-    return "\n".join([*top, line(headings), r"\midrule", *body, r"\bottomrule", r"\end{tabular}", ""])
-
-
-def _markdown(table: Table, headings: Sequence[str], cells: Sequence[Sequence[str]], _: Sequence[bool]) -> str:
-    def line(texts: Sequence[str]) -> str:
-        return "| " + " | ".join(text.replace("|", r"\|") for text in texts) + " |"
-
-    notes = [f"- **{column.heading}**: {column.description}" for column in table.shown]
-    lines = [f"**{table.title}**", "", line(headings), "|" + "---|" * len(headings), *map(line, cells), "", *notes]
-    return "\n".join([*lines, ""])
+def _latex(table: Table, texts: pd.DataFrame, starts: Sequence[int]) -> str:
+    style = Styler(texts).hide(axis="index")
+    style.format(_mathematical, escape="latex").format_index(_mathematical, escape="latex", axis="columns")
+    lines = style.to_latex(hrules=True, column_format="l" * len(texts.columns)).splitlines()
+    first = lines.index(r"\midrule") + 1
+    for row in reversed(starts):
+        lines.insert(first + row, r"\midrule")
+    return "\n".join([f"% {table.title}; needs the package booktabs", *lines, ""])
 
 
-def _html(table: Table, headings: Sequence[str], cells: Sequence[Sequence[str]], starts: Sequence[bool]) -> str:
-    def line(tag: str, texts: Sequence[str], start: bool = False) -> str:
-        inside = "".join(f"<{tag}>{html.escape(text)}</{tag}>" for text in texts)
-        return f"<tr{' class=rule' if start else ''}>{inside}</tr>"
+def _mathematical(text: str) -> str:
+    """A text that is escaped for LaTeX, with an en dash in ranges and signs that need mathematical mode in it."""
+    for sign, command in _MATHEMATICAL.items():
+        text = text.replace(sign, command)
+    return re.sub(r"(?<=\d)-(?=\d)", "--", text)
 
-    body = [line("td", row, start) for start, row in zip(starts, cells, strict=True)]
+
+def _markdown(table: Table, texts: pd.DataFrame, _: Sequence[int]) -> str:
+    escaped = texts.map(_no_bar).rename(columns=_no_bar)
+    notes = [f"- **{column.heading}**: {column.description}" for column in table.printed]
+    cells = escaped.to_markdown(index=False, tablefmt="github", disable_numparse=True)
+    return "\n".join([f"**{table.title}**", "", cells, "", *notes, ""])
+
+
+def _no_bar(text: str) -> str:
+    """A text for a cell of Markdown, where a bar would end the cell."""
+    return text.replace("|", r"\|")
+
+
+def _html(table: Table, texts: pd.DataFrame, starts: Sequence[int]) -> str:
+    style = Styler(texts, uuid="table", cell_ids=False).hide(axis="index")
+    style.format(escape="html").format_index(escape="html", axis="columns")
+    style.set_td_classes(pd.DataFrame("rule", index=starts, columns=texts.columns))
     notes = [
-        f"<dt>{html.escape(column.heading)}</dt><dd>{html.escape(column.description)}</dd>" for column in table.shown
+        f"<dt>{html.escape(column.heading)}</dt><dd>{html.escape(column.description)}</dd>" for column in table.printed
     ]
-    lines = [_head(table.title), "<table>", line("th", headings), *body, "</table>", "<dl>", *notes, "</dl>"]
-    return "\n".join([*lines, "</html>", ""])
+    return "\n".join([_head(table.title), style.to_html(), "<dl>", *notes, "</dl>", "</html>", ""])
 
 
 def _head(title: str) -> str:

@@ -21,7 +21,7 @@ from cortet.simulation.contact import listed_at
 from cortet.simulation.frames import write_frame, write_series
 from cortet.simulation.growth import age_of, time_of
 from cortet.simulation.kernels import Motion
-from cortet.simulation.record import COLUMNS, Measurement
+from cortet.simulation.measurements import COLUMNS, Measurements
 from cortet.simulation.run import Moment, Run, Settings, advance_to, beginning, measured, millimetres, prepared
 
 VERSION: int = 2
@@ -34,8 +34,8 @@ _CHECKPOINT_SECONDS = 30.0
 
 logger = logging.getLogger(__name__)
 
-#: called at every record with it, the part of the steps that are done, and the seconds they took
-Progress = Callable[[Measurement, float, float], None]
+#: called with every row of the table, the part of the steps that are done, and the seconds they took
+Progress = Callable[[Measurements, float, float], None]
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Verdict:
     min_j: float
     #: times that a tetrahedron was nearly flat
     degenerate: int
-    #: largest of all records
+    #: largest of all rows of the table
     q_max: float
     gyrification_index_first: float
     gyrification_index_last: float
@@ -70,9 +70,9 @@ class Verdict:
 def fold(mesh: TetMesh, folder: Path, settings: Settings, progress: Progress | None = None) -> Verdict:
     """Grow the cortex of a mesh until the end, or until the first element inverts.
 
-    The folder gets the table of records with its sidecar, a table of wall seconds, frames with their series, and the
-    verdict. A run that was killed goes on from its last checkpoint there and ends with the same bits; with another mesh
-    or other settings it begins anew.
+    The folder gets the table of measurements with its sidecar, a table of wall seconds, frames with their series, and
+    the verdict. A run that was killed goes on from its last checkpoint there and ends with the same bits; with another
+    mesh or other settings it begins anew.
 
     Parameters
     ----------
@@ -92,14 +92,14 @@ def fold(mesh: TetMesh, folder: Path, settings: Settings, progress: Progress | N
         began = time.perf_counter()
         inverted = advance_to(run, moment, stop)
         journal.seconds += time.perf_counter() - began
-        record = measured(run, moment)
+        measurements = measured(run, moment)
         last = inverted or stop == run.steps
         if last or number % max(round(settings.frame_interval / settings.record_interval), 1) == 0:
-            journal.add_frame(run, moment, record.gestational_age)
-        journal.add_row(record)
+            journal.add_frame(run, moment, measurements.gestational_age)
+        journal.add_row(measurements)
         moment.work.min_j[0] = np.inf
         if progress:
-            progress(record, moment.step / run.steps, journal.seconds)
+            progress(measurements, moment.step / run.steps, journal.seconds)
         if last:
             break
         journal.save(moment)
@@ -110,7 +110,7 @@ def fold(mesh: TetMesh, folder: Path, settings: Settings, progress: Progress | N
 
 
 def _stops(run: Run, settings: Settings) -> list[int]:
-    """Steps at which a record is made, equally far apart in gestational age, the first and the last step among them."""
+    """Steps at which the body is measured: the first, the last, and others equally far apart in gestational age."""
     ages = np.arange(settings.gestational_age, settings.end, settings.record_interval)
     steps = {round((time_of(age) - run.start) / run.time_step) for age in ages}
     return sorted(steps | {run.steps})
@@ -163,9 +163,9 @@ class Journal:
         checkpoint.save(now, self.checkpoint)
         self.saved = time.monotonic()
 
-    def add_row(self, record: Measurement) -> None:
+    def add_row(self, measurements: Measurements) -> None:
         """Append to the tables."""
-        self.rows.append({**asdict(record), "seconds": round(self.seconds, 2)})
+        self.rows.append({**asdict(measurements), "seconds": round(self.seconds, 2)})
         write_tsv(self.rows, list(COLUMNS), self.folder / TABLE)
         write_tsv(self.rows, ["step", "seconds"], self.folder / SECONDS)
         columns = COLUMNS.items()

@@ -38,7 +38,7 @@ from cortet.simulation.kernels import (
     elastic_forces,
     workspace,
 )
-from cortet.simulation.record import Measurement, shape
+from cortet.simulation.measurements import Measurements, shape
 
 #: steps for which growth is computed at a time
 _CHUNK = 500
@@ -193,13 +193,13 @@ def millimetres(run: Run, moment: Moment) -> FloatArray:
     return run.scale.origin + run.scale.length * moment.state.x
 
 
-def measured(run: Run, moment: Moment) -> Measurement:
+def measured(run: Run, moment: Moment) -> Measurements:
     """Measure the body as it is; its J and growth are left in `moment.work`."""
     x, v, work = moment.state.x, moment.state.v, moment.work
     time = run.start + run.time_step * moment.step
     (alphas,), (thickening,) = _growth(run, np.array([moment.step]))
     smallest = elastic_forces(run.body, run.material, x, work, alphas, thickening)
-    return Measurement(
+    return Measurements(
         step=moment.step,
         time=time,
         gestational_age=age_of(time),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -148,6 +149,31 @@ def test_cohort_scan_writes_a_sheet_and_names_what_it_excludes(
     shown = capsys.readouterr().out
     assert "2 surfaces, 1 of them excluded" in shown
     assert "sub-A_ses-2_hemi-L: no scan age" in shown
+
+
+def test_cohort_scan_replaces_no_sheet_unasked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def found(participant: str) -> None:
+        folder = tmp_path / "release" / f"sub-{participant}" / "anat"
+        folder.mkdir(parents=True)
+        (folder / f"sub-{participant}_hemi-left_wm.surf.gii").touch()
+
+    found("A")
+    sheet = tmp_path / "cohort.tsv"
+    command = ["cohort", "scan", str(tmp_path / "release"), "-o", str(sheet)]
+    assert main(command) == 0
+    scanned = sheet.read_bytes()
+    edited = scanned.replace(b"no scan age in the sessions or participants table", b'the "left" one')
+    sheet.write_bytes(edited)
+    found("B")
+    assert main(command) == 1
+    assert re.search(r"exists already.*--update.*--force", capsys.readouterr().err, re.DOTALL)
+    assert sheet.read_bytes() == edited
+    assert main([*command, "--update"]) == 0
+    assert "2 surfaces, 1 of them new and added\n  sub-B_hemi-L: no scan age" in capsys.readouterr().out
+    assert sheet.read_bytes().startswith(edited)
+    assert [case.name for case in read_sheet(sheet)] == ["sub-A_hemi-L", "sub-B_hemi-L"]
+    assert main([*command, "--force"]) == 0
+    assert sheet.read_bytes().startswith(scanned)
 
 
 def test_convert_writes_the_format_of_the_name_and_verify_reads_it_as_any_solver(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cortet.cohort.sheet import COLUMNS, Case, chosen, read_sheet, scan, write_sheet
+from cortet.cohort.sheet import COLUMNS, Case, add_to_sheet, chosen, read_sheet, scan, write_sheet
 from cortet.config import Scan
 from cortet.errors import InputError
 
@@ -116,6 +116,40 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     cases = [replace(case, fields={"thickness": tmp_path / "t.shape.gii"}), replace(case, participant="p", hemi=None)]
     write_sheet(cases, tmp_path / "again.tsv")
     assert read_sheet(tmp_path / "again.tsv") == cases
+
+
+def test_quotation_marks_are_written_and_read_back(tmp_path: Path) -> None:
+    (case,) = read_sheet(sheet(tmp_path, GOOD))
+    cases = [replace(case, include=False, exclude_reason='the "left" one', extra={"note": '"'})]
+    write_sheet(cases, tmp_path / "again.tsv")
+    assert read_sheet(tmp_path / "again.tsv") == cases
+
+
+def test_names_of_files_keep_their_blanks(tmp_path: Path) -> None:
+    (case,) = read_sheet(sheet(tmp_path, GOOD.replace("data/a", "data/a  b")))
+    write_sheet([case], tmp_path / "again.tsv")
+    assert read_sheet(tmp_path / "again.tsv") == [case]
+
+
+def test_a_sheet_is_complete_or_as_it_was(tmp_path: Path) -> None:
+    path = sheet(tmp_path, GOOD)
+    before = path.read_bytes()
+    (case,) = read_sheet(path)
+    with pytest.raises(UnicodeEncodeError):
+        write_sheet([case, replace(case, participant="8", surface=Path("\ud800"))], path)
+    assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
+
+
+def test_new_cases_are_appended_and_every_row_stays(tmp_path: Path) -> None:
+    edited = GOOD.replace("yes\tn/a", 'no\tthe "left" one') + "\t3T"
+    gone = GOOD.replace("007", "900") + "\tn/a"
+    path = sheet(tmp_path, gone, edited, extra="\tscanner")
+    before = path.read_text()
+    new = Case("008", None, "R", 30.0, tmp_path / "data/b.surf.gii")
+    found = [Case("007", "01", "L", 20.0, tmp_path / "other.surf.gii"), new]
+    assert add_to_sheet(found, path) == [new]
+    assert path.read_text() == before + "sub-008\tn/a\tR\t30\tdata/b.surf.gii\tyes\tn/a\tn/a\n"
+    assert add_to_sheet(found, path) == []
 
 
 def release(folder: Path) -> Path:

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 
 from cortet.cohort.status import COLUMNS
@@ -47,33 +48,42 @@ def cases(page: str) -> list[str]:
     return re.findall(r'<th scope="row">(?:<a [^>]*>)?(\w+)', page)
 
 
+def scores(*values: float) -> list[float]:
+    return list(modified_z_scores(pd.Series(values)))
+
+
+def judged(rows: list[dict[str, str]]) -> pd.DataFrame:
+    return with_outliers(pd.DataFrame(rows).fillna("n/a"))
+
+
 def test_scores_are_those_of_iglewicz_and_hoaglin() -> None:
     # median 3, absolute deviations 2, 1, 0, 1, 97 with median 1
-    assert modified_z_scores([1, 2, 3, 4, 100]) == pytest.approx([-1.349, -0.6745, 0, 0.6745, 65.4265])
+    assert scores(1, 2, 3, 4, 100) == pytest.approx([-1.349, -0.6745, 0, 0.6745, 65.4265])
 
 
 def test_where_most_values_are_equal_the_mean_deviation_is_the_measure() -> None:
-    assert modified_z_scores([1, 1, 1, 1, 6]) == pytest.approx([0, 0, 0, 0, 5 / 1.2533])
-    assert modified_z_scores([2, 2, 2]) == [0, 0, 0]
+    assert scores(1, 1, 1, 1, 6) == pytest.approx([0, 0, 0, 0, 5 / 1.2533])
+    assert scores(2, 2, 2) == [0, 0, 0]
 
 
 def test_failures_come_first_then_the_farthest_outlier() -> None:
     rows = [*measured(**WORST), other("x", "excluded"), other("y", "failed"), other("z", "uncertified")]
-    names = [row["case"] for row in ordered(with_outliers(rows))]
+    names = list(ordered(judged(rows))["case"])
     assert names[:3] == ["y", "z", "e"] and names[-1] == "x"
 
 
 def test_an_outlier_says_what_makes_it_one() -> None:
-    rows = {row["case"]: row for row in with_outliers(measured(**WORST))}
+    rows = judged(measured(**WORST)).set_index("case").to_dict("index")
     assert re.fullmatch(r"worst q \+\d+\.\d", rows["e"]["outlying"])
     assert not rows["a"]["outlying"] and float(rows["a"]["outlier"]) < 1
 
 
 def test_few_meshes_and_those_of_other_cell_sizes_are_not_compared() -> None:
     few = measured(a=0.5, b=0.5, c=0.5, d=0.9)
-    assert {row["outlier"] for row in with_outliers(few)} == {"n/a"}
+    assert set(judged(few)["outlier"]) == {"n/a"}
     coarse = [{**row, "cell_size_mm": "1"} for row in measured(g=0.9)]
-    assert {row["case"] for row in with_outliers([*measured(**WORST), *coarse]) if row["outlying"]} == {"e"}
+    table = judged([*measured(**WORST), *coarse])
+    assert list(table.loc[table["outlying"] != "", "case"]) == ["e"]
 
 
 def test_every_case_leads_to_its_page(tmp_path: Path) -> None:
@@ -88,6 +98,7 @@ def test_a_cohort_in_which_everything_failed_has_a_page_too(tmp_path: Path) -> N
     failed = {**other("a", "failed"), "stage": "gate", "reason": "<script>alert(1)</script> (mend it)"}
     page = written(tmp_path, [failed, {"case": "b", "state": "excluded", "reason": "motion"}])
     assert cases(page) == ["a", "b"]
+    assert re.findall(r'<th scope="row"><a href="(.*?)">', page) == ["../a.html"]
     assert "gate: &lt;script&gt;alert(1)&lt;/script&gt; (mend it)" in page and "motion" in page
     assert "<script>alert" not in page
     assert '<td class="n" data-value="26.0">26</td>' in page

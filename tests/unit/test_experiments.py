@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 from shapes import cube_mesh
 
@@ -16,8 +17,8 @@ from cortet.report.ablation import (
     ABLATION_COLUMNS,
     STAGES_COLUMNS,
     Origin,
-    ablation_rows,
-    origin,
+    ablation_table,
+    by_origin,
     write_ablation,
     write_stages,
 )
@@ -34,25 +35,26 @@ def at(case: str, stage: str, setting: str | None = None, mesher: str = "cgal", 
     return Origin(f"sub-{case}", size, mesher, setting, stage)
 
 
-def ours(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    return [row for row in rows if row["source"] == "this cohort"]
+def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Rows of a table, with None where there is no value."""
+    return table.astype(object).where(table.notna(), None).to_dict("records")
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("sub-1_hemi-L_res-600um_desc-cgalCleaned_quality.json", ("sub-1_hemi-L", 0.6, "cgal", "default", "Cleaned")),
-        ("sub-1_res-1000um_desc-tetgenPublishedCleaned_quality.json", ("sub-1", 1.0, "tetgen", "published", "Cleaned")),
-        ("sub-1_res-600um_desc-cgalGenerated_tetmesh.json", ("sub-1", 0.6, "cgal", None, "Generated")),
-    ],
-)
-def test_the_name_of_a_record_tells_its_origin(name: str, expected: tuple[Any, ...]) -> None:
-    assert origin(f"folder/{name}", "default") == Origin(*expected)
+def ours(table: pd.DataFrame) -> list[dict[str, Any]]:
+    return [row for row in rows_of(table) if row["source"] == "this cohort"]
 
 
-def test_another_name_is_an_error() -> None:
-    with pytest.raises(ValueError, match="not the name of a record"):
-        origin("notes.json", "default")
+def saved(folder: Path, origin: Origin | dict[str, str], content: dict[str, Any]) -> str:
+    """File of a record that says whose it is; its name says nothing."""
+    path = folder / f"{len(list(folder.iterdir()))}.json"
+    path.write_text(json.dumps({"origin": origin if isinstance(origin, dict) else asdict(origin), **content}))
+    return str(path)
+
+
+def test_a_record_says_whose_it_is(tmp_path: Path) -> None:
+    origins = [at("a", "Cleaned", "published"), at("a", "Generated", size=1.0)]
+    paths = [saved(tmp_path, origin, record(0.1, 0.5, 0)) for origin in origins]
+    assert list(by_origin(paths)) == origins
 
 
 def test_stages_are_summarised_over_the_meshes_in_their_order() -> None:
@@ -64,7 +66,7 @@ def test_stages_are_summarised_over_the_meshes_in_their_order() -> None:
         at("a", "Cleaned", "default"): record(0.12, 0.4, 0),
         at("b", "Cleaned", "default"): record(0.12, 0.4, 0),
     }
-    first, second, third = ours(ablation_rows(records, {}, {}, {}))
+    first, second, third = ours(ablation_table(records, {}, {}, {}))
     assert [(row["stages"], row["setting"]) for row in (first, second, third)] == [
         ("S1-S2", None),
         ("S1-S4", "default"),
@@ -83,7 +85,7 @@ def test_cell_sizes_and_meshers_are_rows_of_their_own() -> None:
         at("a", "Generated", size=1.0): record(0.1, 0.7, 1),
         at("a", "Generated", mesher="tetgen"): record(0.2, 0.99, 9),
     }
-    rows = ours(ablation_rows(records, {}, {}, {}))
+    rows = ours(ablation_table(records, {}, {}, {}))
     assert [(row["cell_size_mm"], row["configuration"]) for row in rows] == [
         (0.6, "CGAL only"),
         (0.6, "TetGen only"),
@@ -92,8 +94,8 @@ def test_cell_sizes_and_meshers_are_rows_of_their_own() -> None:
 
 
 def test_a_mesher_that_fails_is_a_row_that_says_so() -> None:
-    made = {at("a", "Generated", mesher="netgen"): {"failure": "netgen crashed (SIGSEGV)"}}
-    (row,) = ours(ablation_rows({}, made, {}, {}))
+    reports = {at("a", "Generated", mesher="netgen"): {"failure": "netgen crashed (SIGSEGV)"}}
+    (row,) = ours(ablation_table({}, reports, {}, {}))
     assert (row["configuration"], row["meshes"], row["failed"]) == ("Netgen only", 0, 1)
     assert row["remarks"] == "sub-a: netgen crashed (SIGSEGV)"
     assert row["q_max_median"] is None
@@ -102,53 +104,50 @@ def test_a_mesher_that_fails_is_a_row_that_says_so() -> None:
 def test_what_a_failed_job_left_out_is_told_with_the_reason() -> None:
     records = {at("a", "Cleaned", "default"): record(0.12, 0.4, 0)}
     missing = {at("b", "Cleaned", "default"): "relocate: Gmsh failed", at("c", "Cleaned", "default"): "clean: too bad"}
-    (row,) = ours(ablation_rows(records, {}, missing, {}))
+    (row,) = ours(ablation_table(records, {}, missing, {}))
     assert (row["meshes"], row["failed"]) == (1, 2)
     assert row["remarks"] == "sub-b: relocate: Gmsh failed; sub-c: clean: too bad"
 
 
 def test_meshes_of_the_fallback_and_of_wrong_topology_are_counted() -> None:
     records = {at(case, "Cleaned", "default"): record(0.12, 0.4, 0) for case in "abc"}
-    made = {
+    reports = {
         at("a", "Generated"): {"backend": "pygalmesh", "topology_ok": True},
         at("b", "Generated"): {"backend": "tetgen", "topology_ok": True},
         at("c", "Generated"): {"backend": "pygalmesh", "topology_ok": False},
     }
-    (row,) = ours(ablation_rows(records, made, {}, {}))
+    (row,) = ours(ablation_table(records, reports, {}, {}))
     assert (row["fallback"], row["wrong_topology"]) == (1, 1)
-    (remark,) = (column.text(row) for column in ABLATION.shown if column.heading == "Remarks")
+    (remark,) = (column.text(row) for column in ABLATION.printed if column.heading == "Remarks")
     assert remark == "1 by S1's fallback"
 
 
 def test_reference_meshes_and_the_published_table_stand_below() -> None:
-    rows = ablation_rows({at("a", "Generated"): record(0.1, 0.7, 1)}, {}, {}, {"tallinen": record(0.162, 0.811, 15)})
+    references = {"tallinen": record(0.162, 0.811, 15)}
+    rows = rows_of(ablation_table({at("a", "Generated"): record(0.1, 0.7, 1)}, {}, {}, references))
     assert [row["source"] for row in rows] == ["this cohort", "reference mesh"] + 5 * ["arXiv:2607.12157"]
     assert rows[1]["q_max_median"] == 0.811
     assert [row["q_above_0.6_median"] for row in rows[2:]] == [15955, 15, 888, 191, 0]
 
 
-def test_it_is_written_from_files_named_as_the_workflow_names_them(tmp_path: Path) -> None:
-    paths = []
-    for name, content in (
-        ("sub-a_res-600um_desc-cgalGenerated_quality.json", record(0.13, 0.7, 3)),
-        ("reference-ball_quality.json", record(0.2, 0.8, 4)),
-        ("sub-a_res-600um_desc-netgenGenerated_tetmesh.json", {"failure": "netgen failed"}),
-    ):
-        paths.append(tmp_path / name)
-        paths[-1].write_text(json.dumps(content))
-    quality, reference, failed = map(str, paths)
+def test_it_is_written_from_files(tmp_path: Path) -> None:
+    quality = saved(tmp_path, at("a", "Generated"), record(0.13, 0.7, 3))
+    reference = saved(tmp_path, {"reference": "ball"}, record(0.2, 0.8, 4))
+    failed = saved(tmp_path, at("a", "Generated", mesher="netgen"), {"failure": "netgen failed"})
+    missing = [{"origin": asdict(at("b", "Generated")), "reason": 'gate: "open"'}]
     outputs = [str(tmp_path / f"table.{suffix}") for suffix in ("tsv", "json", "tex", "md", "html")]
-    write_ablation([quality], [failed], {}, [reference], outputs, setting="default")
+    write_ablation([quality], [failed], missing, [reference], outputs)
     lines = (tmp_path / "table.tsv").read_text().splitlines()
     assert lines[0].split("\t") == list(ABLATION_COLUMNS) == list(json.loads((tmp_path / "table.json").read_text()))
     assert [line.split("\t")[5] for line in lines[1:4]] == ["CGAL only", "Netgen only", "ball"]
+    assert lines[1].endswith('\tsub-b: gate: "open"')
 
 
 def test_the_table_of_stages_has_a_row_per_record_in_the_order_given(tmp_path: Path) -> None:
-    paths = []
-    for stage, worst in [("Generated", 0.8), ("Cleaned", 0.45)]:
-        paths.append(tmp_path / f"sub-1_hemi-L_res-600um_desc-cgal{stage}_quality.json")
-        paths[-1].write_text(json.dumps(record(0.1, worst, 0)))
+    paths = [
+        saved(tmp_path, at("1_hemi-L", stage), record(0.1, worst, 0))
+        for stage, worst in [("Generated", 0.8), ("Cleaned", 0.45)]
+    ]
     write_stages(paths, table=tmp_path / "stages.tsv", sidecar=tmp_path / "stages.json")
     header, *rows = [line.split("\t") for line in (tmp_path / "stages.tsv").read_text().splitlines()]
     assert header == list(STAGES_COLUMNS) == list(json.loads((tmp_path / "stages.json").read_text()))

@@ -20,7 +20,7 @@ from cortet.simulation import fold as fold_module
 from cortet.simulation.body import growth_mask, scale_of
 from cortet.simulation.fold import Verdict, fold
 from cortet.simulation.growth import Gompertz, Linear, age_of, growth_since, time_of
-from cortet.simulation.record import COLUMNS, Measurement
+from cortet.simulation.measurements import COLUMNS, Measurements
 from cortet.simulation.run import Settings, beginning, prepared
 
 SPHERE5 = Path(__file__).parents[3] / "shared/data/tallinen/sphere5.mesh"
@@ -96,7 +96,7 @@ def test_the_ball_grows_without_inversion(finished: tuple[Path, Verdict]) -> Non
 def test_every_column_is_explained_and_none_holds_a_time_of_day(finished: tuple[Path, Verdict]) -> None:
     folder, _ = finished
     explained = json.loads((folder / "fold.json").read_text())
-    assert list(explained) == list(COLUMNS) == list(rows(folder)[0]) == list(Measurement.__dataclass_fields__)
+    assert list(explained) == list(COLUMNS) == list(rows(folder)[0]) == list(Measurements.__dataclass_fields__)
     assert (folder / "seconds.tsv").read_text().startswith("step\tseconds\n")
 
 
@@ -123,8 +123,8 @@ def test_a_killed_run_resumes_and_ends_with_the_same_bits(
     monkeypatch.setattr(fold_module, "_CHECKPOINT_SECONDS", 0.0)
     reached = []
 
-    def killed_at_the_fourth(record: Measurement, part: float, seconds: float) -> None:
-        reached.append(record.step)
+    def killed_at_the_fourth(measurements: Measurements, part: float, seconds: float) -> None:
+        reached.append(measurements.step)
         if len(reached) == 4:
             raise KeyboardInterrupt
 
@@ -132,7 +132,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_bits(
         fold(ball, tmp_path, QUICK, killed_at_the_fourth)
     assert (tmp_path / "checkpoint.npz").exists()
     resumed: list[int] = []
-    fold(ball, tmp_path, QUICK, lambda record, part, seconds: resumed.append(record.step))
+    fold(ball, tmp_path, QUICK, lambda measurements, part, seconds: resumed.append(measurements.step))
     assert resumed[0] == reached[3]  # not from the beginning
     assert contents(tmp_path) == contents(finished[0])
 
@@ -142,14 +142,19 @@ def test_a_checkpoint_of_another_run_is_not_used(
 ) -> None:
     monkeypatch.setattr(fold_module, "_CHECKPOINT_SECONDS", 0.0)
 
-    def killed(record: Measurement, part: float, seconds: float) -> None:
+    def killed(measurements: Measurements, part: float, seconds: float) -> None:
         if part > 0.5:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         fold(ball, tmp_path, QUICK, killed)
     steps: list[int] = []
-    fold(ball, tmp_path, Settings(22.0, end=22.4, thickness=3.0), lambda record, *_: steps.append(record.step))
+    fold(
+        ball,
+        tmp_path,
+        Settings(22.0, end=22.4, thickness=3.0),
+        lambda measurements, *_: steps.append(measurements.step),
+    )
     assert steps[0] == 0
     assert len(list((tmp_path / "frames").iterdir())) == 2  # nothing is left of the first
 

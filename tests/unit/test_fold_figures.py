@@ -14,8 +14,8 @@ from cortet.cli import main
 from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.report.fold_figures import numbers, series
+from cortet.simulation.measurements import Measurements
 from cortet.simulation.progress import status
-from cortet.simulation.record import Measurement
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +79,8 @@ def test_an_inverted_element_shows_in_the_exit_code(tmp_path: Path, capsys: pyte
 
 
 def test_the_progress_line_says_how_far_and_how_long() -> None:
-    record = Measurement(10, 0.25, 27.1, 0.0, 0.0, 0.712, 0, 0, 0.5, 1.234, 1.0, 1.0, 0)
-    assert status(record, 0.25, 60.0) == (
+    now = Measurements(10, 0.25, 27.1, 0.0, 0.0, 0.712, 0, 0, 0.5, 1.234, 1.0, 1.0, 0)
+    assert status(now, 0.25, 60.0) == (
         "[#####...............]  25%  t 0.250  27.10 weeks  min J 0.712  gyrification 1.234  3 min left"
     )
-    assert status(record, 0.0, 0.0).endswith("? left")
+    assert status(now, 0.0, 0.0).endswith("? left")

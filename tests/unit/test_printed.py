@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
-from cortet.report.table_files import Shown, Table, mean_and_sd, median_and_range, number, write, write_view
+import pandas as pd
+
+from cortet.report.table_files import PrintedColumn, Table, mean_and_sd, median_and_range, number, write, write_view
 
 TABLE = Table(
     "Things & others",
     {"name": {"Description": "Name"}, "value": {"Description": "Value", "Units": "mm"}},
     (
-        Shown("q_max", lambda row: row["name"], "the <name>"),
-        Shown("v (mm)", lambda row: number(row["value"], 1), "the value"),
+        PrintedColumn("q_max", lambda row: row["name"], "the <name>"),
+        PrintedColumn("v (mm)", lambda row: number(row["value"], 1), "the value"),
     ),
-    group=lambda row: row["name"],
+    group=("name",),
 )
-ROWS = [{"name": "a & b", "value": 1.25}, {"name": "c > d ± e", "value": None}]
+ROWS = pd.DataFrame([{"name": "a & b", "value": 1.25}, {"name": "c > d ± e 1-2 |", "value": None}])
 
 
 def texts(folder: Path) -> dict[str, str]:
@@ -25,9 +28,13 @@ def texts(folder: Path) -> dict[str, str]:
     return {path.suffix: path.read_text() for path in paths}
 
 
+def cells(page: str, tag: str) -> list[str]:
+    return re.findall(rf"<{tag}[^>]*>([^<]*)</{tag}>", page)
+
+
 def test_the_tsv_has_the_columns_that_its_sidecar_explains(tmp_path: Path) -> None:
     written = texts(tmp_path)
-    assert written[".tsv"].splitlines() == ["name\tvalue", "a & b\t1.25", "c > d ± e\tn/a"]
+    assert written[".tsv"].splitlines() == ["name\tvalue", "a & b\t1.25", "c > d ± e 1-2 |\tn/a"]
     assert list(json.loads(written[".json"])) == ["name", "value"]
 
 
@@ -35,7 +42,7 @@ def test_latex_is_escaped_and_has_rules_between_groups(tmp_path: Path) -> None:
     latex = texts(tmp_path)[".tex"]
     assert r"q\_max & v (mm) \\" in latex
     assert r"a \& b & 1.2 \\" in latex
-    assert r"c $>$ d $\pm$ e & n/a \\" in latex
+    assert r"c $>$ d $\pm$ e 1--2 | & n/a \\" in latex
     assert latex.index(r"\toprule") < latex.index(r"\bottomrule")
     assert latex.count(r"\midrule") == 2
 
@@ -44,7 +51,25 @@ def test_readers_find_every_column_explained(tmp_path: Path) -> None:
     written = texts(tmp_path)
     assert "- **q_max**: the <name>" in written[".md"]
     assert "<dt>q_max</dt><dd>the &lt;name&gt;</dd>" in written[".html"]
-    assert "<td>a &amp; b</td>" in written[".html"]
+    assert cells(written[".html"], "td") == ["a &amp; b", "1.2", "c &gt; d ± e 1-2 |", "n/a"]
+    assert r"c > d ± e 1-2 \|" in written[".md"]
+
+
+def test_html_has_a_rule_where_a_group_starts(tmp_path: Path) -> None:
+    assert re.findall(r'class="data row(\d) col\d rule"', texts(tmp_path)[".html"]) == ["1", "1"]
+
+
+def test_no_row_of_a_large_table_is_left_out(tmp_path: Path) -> None:
+    paths = [tmp_path / f"t.{suffix}" for suffix in ("tex", "md", "html")]
+    with pd.option_context("styler.render.max_elements", 8):
+        write(TABLE, pd.DataFrame({"name": [f"case {number}" for number in range(9)], "value": 1.0}), *paths)
+    assert [len(set(re.findall(r"case \d", path.read_text()))) for path in paths] == [9, 9, 9]
+
+
+def test_a_table_without_rows_has_its_headings_in_every_form(tmp_path: Path) -> None:
+    paths = [tmp_path / f"t.{suffix}" for suffix in ("tex", "md", "html")]
+    write(TABLE, ROWS[:0], *paths)
+    assert all("v (mm)" in path.read_text() for path in paths)
 
 
 def test_numbers_are_given_as_the_paper_gives_them() -> None:
@@ -63,5 +88,5 @@ def test_a_tsv_can_be_viewed_with_what_its_sidecar_says(tmp_path: Path) -> None:
     )
     write_view(table, sidecar, tmp_path / "t.html", title="Quality")
     page = (tmp_path / "t.html").read_text()
-    assert "<th>case</th><th>q</th>" in page and "<td>sub-1</td><td>0.4</td>" in page
+    assert cells(page, "th") == ["case", "q"] and cells(page, "td") == ["sub-1", "0.4"]
     assert "<dt>q</dt><dd>Worst q; threshold: &lt; 0.6</dd>" in page

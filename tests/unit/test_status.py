@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import signal
@@ -13,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from cortet.cohort.status import COLUMNS, failure_reason, status_rows, was_killed, write_status
+from cortet.formats.tsv import read_tsv
 
 
 def test_the_verdict_of_the_certificate_is_the_state(tmp_path: Path) -> None:
@@ -31,15 +31,14 @@ def test_a_failure_and_an_exclusion_are_rows_too(tmp_path: Path) -> None:
             "mesher": "cgal",
             "stage": "gate",
             "state": "failed",
-            "reason": "two\tbodies\n",
+            "reason": 'two\t"bodies"\n',
             "log": "a.log",
         },
         {"case": "sub-2", "state": "excluded", "reason": "motion"},
     ]
     write_status(meshes, table=tmp_path / "status.tsv", sidecar=tmp_path / "status.json")
-    with (tmp_path / "status.tsv").open(newline="") as file:
-        failed, excluded = csv.DictReader(file, delimiter="\t")
-    assert (failed["stage"], failed["reason"], failed["log"]) == ("gate", "two bodies", "a.log")
+    failed, excluded = read_tsv(tmp_path / "status.tsv").to_dict("records")
+    assert (failed["stage"], failed["reason"], failed["log"]) == ("gate", 'two "bodies"', "a.log")
     assert (excluded["stage"], excluded["cell_size_mm"], excluded["reason"]) == ("n/a", "n/a", "motion")
     assert json.loads((tmp_path / "status.json").read_text()).keys() == COLUMNS.keys()
 

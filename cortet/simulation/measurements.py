@@ -1,4 +1,4 @@
-"""What is known of a folding body at one moment."""
+"""What is measured of a folding body at one moment: a row of the table that a run writes."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Measurement:
-    """One row of the table; `COLUMNS` says what its values mean."""
+class Measurements:
+    """One row of the table; `COLUMNS` says what its values mean and in which units."""
 
     step: int
     time: float
@@ -49,7 +49,13 @@ class Measurement:
 
 
 def shape(points: FloatArray, cells: IntArray, faces: IntArray) -> dict[str, float]:
-    """Those values of a record that depend on the shape alone; `points` (n, 3) mm, `faces` the boundary."""
+    """Those measurements that depend on the shape alone.
+
+    Parameters
+    ----------
+    points, cells : nodes (n, 3) in mm and tetrahedra (m, 4)
+    faces : triangles (k, 3) of the boundary
+    """
     area = float(face_areas(points, faces).sum())
     return {
         "q_max": float(quality(points, cells).max()),
