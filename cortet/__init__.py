@@ -1,6 +1,7 @@
 """cortet: from cortical surfaces to certified simulation meshes (method: CORTET, arXiv:2607.12157)."""
 
 import os
+import sys
 
 # Numba's first choice, TBB, warns in many environments that theirs is too old, and is not used anyway
 os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")
@@ -12,5 +13,7 @@ os.environ.setdefault(
     "NUMBA_CACHE_LOCATOR_CLASSES",
     "UserProvidedCacheLocator,cortet.geometry.kernel_cache.KernelCacheLocator,InTreeCacheLocator,UserWideCacheLocator",
 )
+if "numba" in sys.modules:  # it has read its environment already
+    sys.modules["numba"].config.reload_config()
 
 __version__ = "0.1.0"

@@ -172,3 +172,12 @@ def smallest_altitude(points: FloatArray, cells: IntArray) -> float:
 def stable_time_step(altitude: float, material: Material) -> float:
     """Time step for a smallest altitude, by the reference's rule for its mesh spacing: 0.05 sqrt(rho / K) altitude."""
     return 0.05 * float(np.sqrt(material.density / material.bulk)) * altitude
+
+
+def largest_time_step(altitude: float, material: Material) -> float:
+    """Time in which a pressure wave crosses a smallest altitude: above it no explicit scheme is stable.
+
+    Reference: Courant, Friedrichs and Lewy, Mathematische Annalen 100, 1928.
+    """
+    stiffness = material.bulk + 4 / 3 * max(material.mu_cortex, material.mu_core)
+    return altitude * float(np.sqrt(material.density / stiffness))

@@ -22,6 +22,7 @@ from cortet.simulation.body import (
     Scale,
     body_of,
     growth_mask,
+    largest_time_step,
     scale_of,
     smallest_altitude,
     stable_time_step,
@@ -120,13 +121,13 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     body = body_of(mesh, scale, thickness=thickness, mask=mask, labels=labels)
     altitude = smallest_altitude(mesh.points, mesh.cells) / scale.length
     duration = time_of(settings.end) - start
-    bound = stable_time_step(altitude, material)
+    bound = largest_time_step(altitude, material)
     if settings.time_step is not None and not 0 < settings.time_step <= bound:
         raise InputError(
-            f"time step {settings.time_step:g} is not above 0 and at most {bound:.3g}, the largest that is stable here",
+            f"time step {settings.time_step:g} is not above 0 and at most {bound:.3g}, the limit of stability",
             remedy="leave time_step out, or choose a smaller one",
         )
-    steps = int(np.ceil(duration / (settings.time_step or bound)))
+    steps = int(np.ceil(duration / (settings.time_step or stable_time_step(altitude, material))))
     side = _SIDE[settings.hemisphere]
     return Run(
         mesh, node, cell, scale, body, boundary_faces(mesh), side, material, laws, start, duration / steps, steps

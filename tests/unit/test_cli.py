@@ -224,4 +224,4 @@ def test_a_time_step_that_is_not_stable_is_refused(
     vtu.write(ball_mesh(2, radius=20.0), tmp_path / "ball.vtu")
     command = ["fold", str(tmp_path / "ball.vtu"), "--ga", "22", "-o", str(tmp_path / "folded"), f"--time-step={step}"]
     assert main(command) == 1
-    assert "the largest that is stable here" in capsys.readouterr().err
+    assert "the limit of stability" in capsys.readouterr().err
