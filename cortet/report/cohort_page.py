@@ -91,7 +91,7 @@ def write_cohort_page(
     """
     rows, explained = read_tsv(status), dict[str, Any](STATUS)
     described = pd.DataFrame(list(meshes), columns=[*KEY, "scan_age", "hemi", "page"], dtype=object)
-    rows = _with_columns(rows, described.astype(object).where(described.notna(), None).map(cell))
+    rows = _with_columns(rows, described.where(described.notna(), None).map(cell))
     if quality:
         table, sidecar = quality
         explained |= json.loads(sidecar.read_text(encoding="utf-8"))
