@@ -45,9 +45,9 @@ def read_tsv(path: Path) -> pd.DataFrame:
 
 
 def read_uneven_tsv(path: Path) -> tuple[pd.DataFrame, dict[int, str]]:
-    """As `read_tsv`, for tables of others: also rows with more or fewer values than the header are there.
+    """As `read_tsv`, for tables that cortet has not written: rows with more or fewer values than the header are kept.
 
-    Missing values at the end of such a row are empty, surplus ones are left out.
+    Values that lack at the end of such a row are empty, surplus ones are left out.
 
     Returns
     -------

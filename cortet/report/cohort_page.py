@@ -85,13 +85,13 @@ def write_cohort_page(
     ----------
     status : `cohort_status.tsv`
     quality : `cohort_quality.tsv` and its sidecar; None where no mesh was measured
-    meshes : `case`, `cell_size_mm`, `mesher`, and `page`, the address of its page as seen from this one; and what is
-        known of a mesh that was not measured, `scan_age` and `hemi`
+    meshes : per mesh `case`, `cell_size_mm`, `mesher` and `page`, the address of its page as seen from this one; with
+        `scan_age` and `hemi`, which are then shown of meshes that were not measured, too
     figure : SVG file of the cohort against age
     """
     rows, explained = read_tsv(status), dict[str, Any](STATUS)
-    described = pd.DataFrame(list(meshes), columns=[*KEY, "scan_age", "hemi", "page"], dtype=object)
-    rows = _with_columns(rows, described.astype(object).where(described.notna(), None).map(cell))
+    described = pd.DataFrame(list(meshes), columns=None if meshes else [*KEY, "page"], dtype=object)
+    rows = _with_columns(rows, described.where(described.notna(), None).map(cell))
     if quality:
         table, sidecar = quality
         explained |= json.loads(sidecar.read_text(encoding="utf-8"))

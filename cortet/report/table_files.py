@@ -27,7 +27,7 @@ _HTML_STYLE = (
     "body{font:14px sans-serif;margin:1.5em}"
     "table{border-collapse:collapse;border-top:2px solid;border-bottom:2px solid}"
     "th{border-bottom:1px solid;text-align:left}th,td{padding:.25em .8em;white-space:nowrap;vertical-align:top}"
-    "td.rule{border-top:1px solid}td:last-child{white-space:normal}p{max-width:60em}"
+    "tr.rule td{border-top:1px solid}td:last-child{white-space:normal}p{max-width:60em}"
     "dt{font-weight:bold;margin-top:.5em}"
 )
 
@@ -69,8 +69,7 @@ def write(table: Table, rows: pd.DataFrame, *paths: str | Path) -> None:
         elif path.suffix == ".json":
             write_json(table.columns, path)
         else:
-            with atomic_path(path) as temporary, pd.option_context("styler.render.max_elements", texts.size):
-                # without the option, pandas would leave out rows of tables with more than 2**18 cells
+            with atomic_path(path) as temporary:
                 temporary.write_text(forms[path.suffix](table, texts, starts), encoding="utf-8")
 
 
@@ -130,7 +129,8 @@ def median_and_range(median: float | None, low: float | None, high: float | None
 def _latex(table: Table, texts: pd.DataFrame, starts: Sequence[int]) -> str:
     style = Styler(texts).hide(axis="index")
     style.format(_mathematical, escape="latex").format_index(_mathematical, escape="latex", axis="columns")
-    lines = style.to_latex(hrules=True, column_format="l" * len(texts.columns)).splitlines()
+    with pd.option_context("styler.render.max_elements", texts.size):  # else pandas would leave out rows
+        lines = style.to_latex(hrules=True, column_format="l" * len(texts.columns)).splitlines()
     first = lines.index(r"\midrule") + 1
     for row in reversed(starts):
         lines.insert(first + row, r"\midrule")
@@ -157,13 +157,15 @@ def _no_bar(text: str) -> str:
 
 
 def _html(table: Table, texts: pd.DataFrame, starts: Sequence[int]) -> str:
-    style = Styler(texts, uuid="table", cell_ids=False).hide(axis="index")
-    style.format(escape="html").format_index(escape="html", axis="columns")
-    style.set_td_classes(pd.DataFrame("rule", index=starts, columns=texts.columns))
+    with pd.option_context("display.max_colwidth", None):  # else pandas would cut long texts
+        lines = texts.to_html(index=False, border=0, justify="left").splitlines()
+    rows = [number for number, line in enumerate(lines) if line.strip() == "<tr>"]  # that of the headings has a style
+    for start in starts:
+        lines[rows[start]] = "<tr class=rule>"
     notes = [
         f"<dt>{html.escape(column.heading)}</dt><dd>{html.escape(column.description)}</dd>" for column in table.printed
     ]
-    return "\n".join([_head(table.title), style.to_html(), "<dl>", *notes, "</dl>", "</html>", ""])
+    return "\n".join([_head(table.title), *lines, "<dl>", *notes, "</dl>", "</html>", ""])
 
 
 def _head(title: str) -> str:

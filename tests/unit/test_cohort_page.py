@@ -94,6 +94,19 @@ def test_every_case_leads_to_its_page(tmp_path: Path) -> None:
     assert "limit &lt; 0.6" in page
 
 
+def test_what_is_not_known_of_all_meshes_comes_from_the_quality_table(tmp_path: Path) -> None:
+    rows = [{**MESH, "case": name, "stage": "certify"} for name in WORST]
+    write_tsv(rows, list(COLUMNS), tmp_path / "status.tsv")
+    measures = [{**row, "hemi": "L", "q_max": 0.5} for row in rows]
+    write_tsv(measures, ["case", "cell_size_mm", "mesher", "hemi", "q_mean", "q_max"], tmp_path / "quality.tsv")
+    write_json({}, tmp_path / "quality.json")
+    pages = [{**row, "page": "x.html"} for row in rows]
+    tables = (tmp_path / "quality.tsv", tmp_path / "quality.json")
+    for meshes in (pages, []):
+        write_cohort_page(tmp_path / "status.tsv", tables, tmp_path / "index.html", meshes=meshes)
+        assert (tmp_path / "index.html").read_text(encoding="utf-8").count("<td>L</td>") == len(WORST)
+
+
 def test_a_cohort_in_which_everything_failed_has_a_page_too(tmp_path: Path) -> None:
     failed = {**other("a", "failed"), "stage": "gate", "reason": "<script>alert(1)</script> (mend it)"}
     page = written(tmp_path, [failed, {"case": "b", "state": "excluded", "reason": "motion"}])
