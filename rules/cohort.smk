@@ -52,7 +52,7 @@ rule cohort_quality:
         "../envs/cortet.yaml"
     params:
         cases=list(CASES.values()),
-        version=version_of("report.cohort_tables"),
+        version=[version_of("report.cohort_tables"), version_of("report.table_files")],
     script:
         "../scripts/cohort_quality.py"
 
@@ -78,7 +78,7 @@ rule cohort_summary:
         "../envs/cortet.yaml"
     params:
         cases=list(CASES.values()),
-        version=version_of("report.cohort_tables"),
+        version=[version_of("report.cohort_tables"), version_of("report.table_files")],
     script:
         "../scripts/cohort_summary.py"
 
@@ -103,7 +103,7 @@ rule cohort_stages:
     conda:
         "../envs/cortet.yaml"
     params:
-        version=version_of("report.ablation"),
+        version=[version_of("report.ablation"), version_of("report.table_files")],
     script:
         "../scripts/cohort_stages.py"
 
@@ -157,6 +157,7 @@ rule cohort_status:
         "../envs/cortet.yaml"
     params:
         meshes=lambda _: status_of_all(),
+        version=[version_of("cohort.status"), version_of("report.table_files")],
     script:
         "../scripts/cohort_status.py"
 

@@ -12,6 +12,8 @@ from typing import Any
 from cortet.formats.atomic import write_json
 from cortet.formats.tsv import write_tsv
 
+VERSION: int = 1
+
 #: column -> its explanation, as in a BIDS sidecar
 COLUMNS: dict[str, dict[str, Any]] = {
     "case": {"Description": "Name of the case; files begin with it"},

@@ -45,7 +45,7 @@ def export(
     mesh : as `stages.solver_ready` leaves it, with its sets (`sets.named_sets`)
     solver : a key of `formats.FORMATS`
     certificate : content of the mesh's certificate.json
-    uncertified : write it even when the certificate says no
+    uncertified : write it even when it is not certified
     unit : of the coordinates, for the formats that leave it open: ``mm`` or ``um``
     frame : coordinate system of the surface the mesh was made from
     sources : field -> where it came from
