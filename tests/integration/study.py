@@ -91,8 +91,10 @@ class Study:
         return {record[key]: record for record in records}
 
     def files(self, pattern: str) -> list[Path]:
-        """Outputs that match a pattern, hidden ones too."""
-        return sorted((self.folder / "derivatives").rglob(pattern))
+        """Results that match a pattern, hidden ones too; no logs and benchmarks."""
+        folder = self.folder / "derivatives/cortet"
+        about_jobs = (folder / "logs", folder / "benchmarks")
+        return sorted(path for path in folder.rglob(pattern) if not any(map(path.is_relative_to, about_jobs)))
 
 
 def surface(number: int) -> TriSurface:

@@ -159,7 +159,7 @@ def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study: Study, 
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
-    job = wait_for(lambda: process_of(f"{rule}.py", study.folder), run)
+    job = wait_for(lambda: process_of(rule, study), run)
     time.sleep(0.5)
     os.killpg(run.pid, signal.SIGKILL) if killed == "everything" else os.kill(job, signal.SIGKILL)
     run.wait()
@@ -189,12 +189,11 @@ def checked_out(folder: Path) -> Path:
     return folder
 
 
-def process_of(script: str, folder: Path) -> int | None:
-    """Id of a process that runs a script of the workflow in `folder`."""
+def process_of(rule: str, study: Study) -> int | None:
+    """Id of the process of a job: the one that writes to the log of its rule."""
     for entry in Path("/proc").glob("[0-9]*"):
         try:
-            words = (entry / "cmdline").read_bytes().split(b"\0")
-            if (entry / "cwd").readlink() == folder and any(word.endswith(b"." + script.encode()) for word in words):
+            if study.logs / rule in (entry / "fd/1").readlink().parents:
                 return int(entry.name)
         except OSError:
             continue  # gone, or not ours
