@@ -66,7 +66,9 @@ def parser() -> argparse.ArgumentParser:
         "--ga", type=float, metavar="WEEKS", help="gestational age; without it the surface is not smoothed"
     )
     line.add_argument(
-        "--setting", choices=["default", "published", "fast"], help="our parameters, the paper's, or the fast mesher"
+        "--setting",
+        choices=["default", "cgal", "published"],
+        help="our line, the paper's mesher with our boundary, or all choices of the paper"
     )
     line.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see config.yaml")
     line.add_argument(

@@ -4,9 +4,9 @@ One model describes the whole file. `load` reads a YAML file (or the dict Snakem
 documented YAML that `config.yaml` is checked against, and `Config.stage` gives the plain dict of one stage's
 parameters that the workflow compares between runs.
 
-Named settings give the stage parameters their defaults: `default` (ours) are the defaults of the models below, the
-others replace some of them (`SETTINGS`): `published` by the choices of the CORTET paper (arXiv:2607.12157), `fast` by
-the mesher that makes the best mesh in the least time. A key in the configuration overrides each of them.
+Named settings give the stage parameters their defaults: those of `default` stand in the models below, the others
+replace some of them (`SETTINGS`). `cgal` takes the paper's mesher and Gmsh, with our choices for the boundary and for
+S4; `published` takes all choices of the CORTET paper (arXiv:2607.12157). A key in the configuration overrides each.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Fraction = Annotated[float, Field(gt=0, le=1)]
 Threshold = Annotated[float, Field(gt=0, lt=1)]
 Boundary = Literal["fixed", "slide", "free"]
-Setting = Literal["default", "published", "fast"]
+Setting = Literal["default", "cgal", "published"]
 if TYPE_CHECKING:
     Mesher = str
     Solver = str
@@ -142,9 +142,9 @@ class Generate(Section):
 
     cell_size: Annotated[list[CellSize], BeforeValidator(_as_list), Field(min_length=1)] = [0.6]
     """Cell size h, mm, a multiple of 0.001: bound of circumradius and surface ball. A list makes one mesh per size."""
-    meshers: Annotated[list[Mesher], BeforeValidator(_as_list), Field(min_length=1)] = ["cgal"]
-    """Meshers: cgal (published), lattice (ten times faster), or with its own defaults one of tetgen, ftetwild, gmsh and
-    netgen. Every stage after S1 is the same for all of them."""
+    meshers: Annotated[list[Mesher], BeforeValidator(_as_list), Field(min_length=1)] = ["lattice"]
+    """Meshers: lattice (ours: better elements, ten times faster), cgal (published), or with its own defaults one of
+    tetgen, ftetwild, gmsh and netgen. Every stage after S1 is the same for all of them."""
     backend: Literal["auto", "pygalmesh", "cgal"] = "auto"
     """Package that runs CGAL: pygalmesh (compiled from source), cgal (wheel), auto: pygalmesh where installed."""
     facet_angle: Annotated[float, Field(gt=0, le=30)] = 25.0
@@ -195,8 +195,8 @@ class Transfer(Section):
 class Relocate(Section):
     """S3: Gmsh Relocate3D."""
 
-    enabled: bool = True
-    """false leaves the stage out."""
+    enabled: bool = False
+    """true adds the stage; it does not improve the elements of the lattice mesher."""
     passes: PositiveInt = 5
     """Number of Relocate3D passes."""
     boundary: Literal["fixed", "free"] = "fixed"
@@ -310,7 +310,7 @@ class Ablation(Section):
     """Cases at the cell sizes of `generate`: all, a number of them spread over the ages, or a list of their names."""
     further: dict[CellSize, Cases] = {}
     """Further cell sizes, mm, and the cases that are meshed with each, e.g. {0.6: [sub-01_hemi-L]}."""
-    meshers: list[Mesher] = ["lattice", "tetgen"]
+    meshers: list[Mesher] = ["cgal", "tetgen"]
     """Meshers beside those of `generate`, through the same S3 and S4: lattice, or with its own defaults one of tetgen,
     ftetwild, gmsh and netgen. Where one of these four fails, a row of the table says so."""
     time_limit: PositiveInt = 60
@@ -344,8 +344,9 @@ class Series(Section):
 class Experiments(Section):
     """The experiments of the paper, on this cohort: `snakemake tables figures report`."""
 
-    settings: list[Setting] = ["published"]
-    """Settings that are run beside that of the line, from S3 on and on the same meshes of S1."""
+    settings: list[Setting] = ["default", "cgal", "published"]
+    """Settings that are compared, from S3 on. Each is run on the meshes of its own mesher (`cgal` and `published` on the
+    same ones), and on those of tetgen, ftetwild, gmsh and netgen."""
     reference_meshes: list[Path] = []
     """Tetrahedral meshes in the format of BrainGrowth (Tallinen), measured beside ours."""
     ablation: Ablation = Ablation()
@@ -381,8 +382,8 @@ class Config(Section):
     """The whole configuration."""
 
     setting: Setting = "default"
-    """Named set of stage parameters: `default` (ours), `published` (the CORTET paper's) or `fast` (the lattice mesher
-    and no Gmsh: ten times faster). Keys below override it."""
+    """Named set of stage parameters: `default` (ours: lattice mesher, no Gmsh), `cgal` (the paper's mesher and Gmsh, ours
+    after them) or `published` (the CORTET paper's). Keys below override it."""
     output: Path = Path("derivatives/cortet")
     """Folder of everything that is made (BIDS derivative)."""
     keep_intermediates: bool = True
@@ -470,21 +471,21 @@ _MODULES = {
 }
 
 
-#: where the paper's choices differ from ours: section -> key -> value
+#: the paper's mesher and Gmsh: section -> key -> value
+CGAL: dict[str, dict[str, Any]] = {"generate": {"meshers": ["cgal"]}, "relocate": {"enabled": True}}
+
+#: where the paper's choices differ from ours
 PUBLISHED: dict[str, dict[str, Any]] = {
-    "generate": {"facet_distance": [0.5], "fallback": None},
-    "relocate": {"boundary": "free"},
+    "generate": {"meshers": ["cgal"], "facet_distance": [0.5], "fallback": None},
+    "relocate": {"enabled": True, "boundary": "free"},
     "clean": {"boundary": "free", "improve_mean": False},
     "reconnect": {"enabled": False},
     "smooth_boundary": {"iterations": 10, "onto_surface": False},
     "certify": {"max_boundary_distance": None},
 }
 
-#: `lattice` makes better elements than CGAL's passes and Gmsh do, and S4 has little left to do
-FAST: dict[str, Any] = {"generate": {"meshers": ["lattice"]}, "relocate": {"enabled": False}}
-
 #: parameters of the named settings, where they differ from the defaults
-SETTINGS: dict[str, dict[str, Any]] = {"published": PUBLISHED, "fast": FAST}
+SETTINGS: dict[str, dict[str, Any]] = {"cgal": CGAL, "published": PUBLISHED}
 
 
 def load(source: Path | str | Mapping[str, Any]) -> Config:

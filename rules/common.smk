@@ -24,7 +24,7 @@ MISSING = config.pop("missing", {})
 
 try:
     CONFIG = load(config)
-    # by the name that files carry: the line's own setting carries none, others run beside it on the same meshes of S1
+    # by the name that files carry: the line's own setting carries none, others are run beside it
     SETTINGS = {"": CONFIG} | {
         name.capitalize(): load({**config, "setting": name})
         for name in CONFIG.experiments.settings
@@ -137,6 +137,12 @@ def each_case(pattern):
         for res in RESOLUTIONS
         for mesher in CONFIG.generate.meshers
     }
+
+
+def settings_on(mesher):
+    """Settings, as files name them, that are run on the meshes of a mesher: those that have it, else all."""
+    own = [name for name, setting in SETTINGS.items() if mesher in setting.generate.meshers]
+    return own or list(SETTINGS)
 
 
 def setting_of(wildcards):

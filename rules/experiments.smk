@@ -160,7 +160,7 @@ rule figure_pooled_quality:
         "../envs/cortet.yaml"
     params:
         arguments=lambda wildcards: {
-            "settings": [setting.setting for setting in SETTINGS.values()],
+            "settings": {SETTINGS[name].setting: mesher for name, mesher in MESHER_OF.items()},
             "limit": CONFIG.certify.q_max,
         },
         version=[version_of("report.figures"), version_of("report.ablation")],

@@ -42,13 +42,15 @@ def record_of(desc, mesh, setting=""):
 
 
 def records_of(mesh):
-    """Quality records of one mesh, after each stage that the ablation looks at, in each setting."""
-    records = {}
-    for stage, desc in LABELS.items():
-        for name, setting in ({"": CONFIG} if stage in SHARED else SETTINGS).items():
-            if desc in ABLATED and setting.enabled(stage):
-                records |= record_of(desc, mesh, name)
-    return records
+    """Quality records of one mesh, after each stage that the ablation looks at, in the settings that are run on it."""
+    settings = settings_on(mesh[2])
+    return {
+        path: origin
+        for stage, desc in LABELS.items()
+        for name in ([""] if stage in SHARED else settings)
+        if desc in ABLATED and SETTINGS[name].enabled(stage)
+        for path, origin in record_of(desc, mesh, name).items()
+    }
 
 
 def records_of_all(meshes):
@@ -56,12 +58,12 @@ def records_of_all(meshes):
 
 
 def last_records(meshes):
-    """Quality records of the last mesh of every setting."""
+    """Quality records of the last mesh of every setting, by its own mesher, of some cases and cell sizes."""
     return {
         path: origin
-        for mesh in meshes
-        for setting in SETTINGS
-        for path, origin in record_of("Solver", mesh, setting).items()
+        for case, res in meshes
+        for name, mesher in MESHER_OF.items()
+        for path, origin in record_of("Solver", (case, res, mesher), name).items()
     }
 
 
@@ -80,20 +82,21 @@ def ablation_reports():
     return [file_of(mesh_file("Generated", "tetmesh.json"), *mesh) for mesh in meshes]
 
 
-# the mesher of the line, whose meshes the other experiments are about
-LINE_MESHER = CONFIG.generate.meshers[0]
+# by setting, the mesher whose meshes stand for it
+MESHER_OF = {name: setting.generate.meshers[0] for name, setting in SETTINGS.items()}
 RESOLUTION_RECORDS = last_records(
-    (case, round(1000 * size), LINE_MESHER)
+    (case, round(1000 * size))
     for case in cases_of(EXPERIMENTS.resolution.cases)
     for size in EXPERIMENTS.resolution.cell_size
 )
-MEASURES_RECORDS = last_records((case, RESOLUTIONS[0], LINE_MESHER) for case in cases_of(EXPERIMENTS.measures.cases))
+MEASURES_RECORDS = last_records((case, RESOLUTIONS[0]) for case in cases_of(EXPERIMENTS.measures.cases))
 AGES = {case.name: case.scan_age for case in CASES.values()}
 
 
 def records_at(res):
-    """Records of the meshes of the line's mesher that the pooled quality takes at one cell size."""
-    return records_of_all(mesh for mesh in ablated([LINE_MESHER]) if mesh[1] == int(res))
+    """Records that the pooled quality takes at one cell size."""
+    meshers = dict.fromkeys(MESHER_OF.values())
+    return records_of_all(mesh for mesh in ablated(meshers) if mesh[1] == int(res))
 
 
 def existing_files(paths):
@@ -111,7 +114,7 @@ def series():
     chosen_brains = {(case.participant, case.session) for case in cases_of(EXPERIMENTS.series.cases)}
     brains = {}
     for case in CASES.values():
-        mesh = file_of(mesh_file("Solver"), case, RESOLUTIONS[0], LINE_MESHER)
+        mesh = file_of(mesh_file("Solver"), case, RESOLUTIONS[0], MESHER_OF[""])
         if (case.participant, case.session) in chosen_brains and mesh not in MISSING:
             brain = brains.setdefault((case.participant, case.session), {"age": case.scan_age, "meshes": {}})
             brain["meshes"][case.hemi or "n/a"] = mesh

@@ -42,7 +42,7 @@ class Origin:
     case: str
     cell_size_mm: float
     mesher: str
-    #: `default`, `published` or `fast`; None before S3, where all settings share the mesh
+    #: `default`, `cgal` or `published`; None before S3, where all settings share the mesh
     setting: str | None
     #: label of the stage, as in names of files, e.g. `Cleaned`
     stage: str
@@ -339,13 +339,18 @@ def write_ablation(
 # --- pooled quality --------------------------------------------------------------------------------------------------
 
 
-def pooled(records: Mapping[Origin, Mapping[str, Any]], settings: Iterable[str]) -> list[Pooled]:
-    """Summed histograms by setting and stage; the meshes of S1 belong to every setting."""
+def pooled(records: Mapping[Origin, Mapping[str, Any]], settings: Mapping[str, str]) -> list[Pooled]:
+    """Summed histograms by setting and stage.
+
+    Parameters
+    ----------
+    settings : setting -> its mesher, whose meshes of S1 it shares with other settings
+    """
     result = []
-    for setting in settings:
+    for setting, mesher in settings.items():
         members: dict[str, list[Mapping[str, Any]]] = {}
         for origin in sorted(records, key=lambda origin: list(ABLATED).index(origin.stage)):
-            if origin.setting in (None, setting):
+            if origin.mesher == mesher and origin.setting in (None, setting):
                 members.setdefault(ABLATED[origin.stage][0], []).append(records[origin])
         counts = {
             stages: np.sum([record["histogram"] for record in group], axis=0) for stages, group in members.items()
@@ -354,12 +359,12 @@ def pooled(records: Mapping[Origin, Mapping[str, Any]], settings: Iterable[str])
     return result
 
 
-def draw_pooled(records: Iterable[str], outputs: Iterable[str], *, settings: Iterable[str], limit: float) -> None:
-    """Draw the pooled quality from the files of the records of one cell size and mesher.
+def draw_pooled(records: Iterable[str], outputs: Iterable[str], *, settings: Mapping[str, str], limit: float) -> None:
+    """Draw the pooled quality from the files of the records of one cell size.
 
     Parameters
     ----------
-    settings : in the order of the rows
+    settings : setting -> its mesher, in the order of the rows
     limit : of the worst q
     """
     content = by_origin(records)

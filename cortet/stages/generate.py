@@ -98,7 +98,7 @@ def generate(
     surface: TriSurface,
     *,
     cell_size: float,
-    mesher: str = "cgal",
+    mesher: str = "lattice",
     backend: str = "auto",
     facet_angle: float = 25.0,
     facet_distance: Sequence[float] = (0.5, 0.2, 0.1, 0.05),
@@ -119,7 +119,7 @@ def generate(
     ----------
     surface : a closed, connected manifold of any genus, without self-intersections
     cell_size : mm, upper bound of circumradii of tetrahedra and of surface Delaunay balls
-    mesher : ``cgal``, ``lattice``, or one of `meshers.BASELINES`, which take the cell size and nothing else
+    mesher : ``lattice``, ``cgal``, or one of `meshers.BASELINES`, which take the cell size and nothing else
     backend : ``pygalmesh``, ``cgal``, or ``auto``: pygalmesh where it is installed, else cgal
     facet_angle : degrees, lower bound of the angles of boundary triangles
     facet_distance : fractions of `cell_size`, tried in this order until the boundary has the topology of the surface;
