@@ -171,6 +171,9 @@ class Generate(Section):
         0.6,
     ]
     """lattice: edges of the boundary triangles, as fractions of h, tried in this order until no triangles cross."""
+    surface_distance: Annotated[float, Field(gt=0, le=1)] = 0.4
+    """lattice: largest distance of the surface to the boundary triangles, a fraction of h; edges get shorter where it
+    takes that. S4 and S4+ slide the boundary and may add 0.07 h."""
     core_ratio: Annotated[float, Field(ge=1, le=8)] = 1.0
     """lattice: how many times larger cells are in the core; the cortex keeps h."""
     core_depth: Positive = 6.0

@@ -97,7 +97,7 @@ def clean(
             return move_vertices(start, tree, aims, boundary=boundary, held=held)
 
         if boundary == "slide":
-            result, passes, held = without_crossing(mesh, optimise)
+            result, passes, held = without_crossing(mesh, optimise, surface)
         else:
             result, passes = optimise(mesh, held)
 

@@ -8,9 +8,10 @@ refinement, before the slow passes, and again after them; when its topology is n
 (nothing else) is tightened. On surfaces with creases and banks closer than their own edges no distance helps; then the
 other way is taken.
 
-`lattice` remeshes the surface with triangles of one edge length, which keeps its topology, and fills it with a
-body-centred cubic lattice (`cortet.meshers`). The slivers between the two are reconnected at once, before anything
-moves. Where remeshed banks cross each other, the edges are shortened.
+`lattice` remeshes the surface with triangles of one edge length, shorter where its shape asks for that, which keeps
+its topology and leaves no point of it behind, and fills it with a body-centred cubic lattice (`cortet.meshers`). The
+slivers between the two are reconnected at once, before anything moves. Where remeshed banks cross each other, the edges
+are shortened, there first.
 
 Reference: https://doc.cgal.org/latest/Mesh_3/index.html (criteria and passes).
 """
@@ -24,7 +25,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -34,10 +35,9 @@ import meshio
 import numpy as np
 
 from cortet.errors import InputError, StageError
-from cortet.intersection import self_intersections
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.meshers.lattice import fill, lattice_nodes
-from cortet.meshers.remesh import remesh
+from cortet.meshers.lattice import fill, graded_nodes
+from cortet.meshers.remesh import Remeshed, remesh_apart, unsound, wanted
 from cortet.ordering import ordered_along_curve
 from cortet.quality import signed_volumes
 from cortet.stages import baselines
@@ -47,11 +47,12 @@ from cortet.topology import (
     boundary_faces,
     compact,
     components,
+    edges,
     enclosed_volume,
     surface_topology,
 )
 
-VERSION: int = 3
+VERSION: int = 4
 
 MESHERS = ("cgal", "lattice")
 #: CGAL's optimisation passes in the order it runs them; exude must be last, since moving a vertex undoes it
@@ -79,6 +80,21 @@ class Criteria(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Refinement:
+    """Where the triangles of ``lattice`` are smaller than elsewhere, and how near the surface they are."""
+
+    vertices: int
+    #: vertices whose edges were to be shorter than elsewhere by more than a fifth
+    vertices_refined: int
+    shortest_edge_mm: float
+    #: from the surface's vertices and face centres to the triangles, before anything slides
+    distance_mean_mm: float
+    distance_max_mm: float
+    #: remeshings in all; all but the last had triangles that cross
+    rounds: int
+
+
+@dataclass(frozen=True)
 class Attempt:
     """One meshing and the topology that came out of it."""
 
@@ -95,6 +111,8 @@ class Attempt:
     boundary: SurfaceTopology
     #: in plain words, what is wrong with the topology
     problems: tuple[str, ...]
+    #: None where CGAL made the boundary, or it was given
+    refinement: Refinement | None = None
 
 
 @dataclass(frozen=True)
@@ -112,6 +130,8 @@ class GenerateReport:
     facet_distance_fraction: float | None
     #: None where CGAL made the boundary
     edge_length_mm: float | None
+    #: likewise
+    refinement: Refinement | None
     passes: tuple[str, ...]
     nodes: int
     tetrahedra: int
@@ -138,6 +158,7 @@ def generate(
     seed: int = 0,
     fallback: Literal["lattice"] | None = "lattice",
     edge_length: Sequence[float] = (1.25, 1.2, 1.15, 1.1, 1.0, 0.9, 0.8, 0.7, 0.6),
+    surface_distance: float = 0.4,
     core_ratio: float = 1.0,
     core_depth: float = 6.0,
 ) -> tuple[TetMesh, GenerateReport]:
@@ -158,6 +179,8 @@ def generate(
     fallback : what to try when no facet distance gives the topology of the surface; None (published) for nothing
     edge_length : of the boundary triangles of ``lattice``, as fractions of `cell_size`, tried in this order until no
         two of them cross
+    surface_distance : largest distance of the surface to the boundary triangles of ``lattice``, as a fraction of
+        `cell_size`; later stages, which slide them, add to it
     core_ratio : of the cell sizes of core and cortex, ``lattice`` only
     core_depth : mm below the surface where the core begins
 
@@ -203,7 +226,7 @@ def generate(
     if mesher == "lattice" or (attempts[-1].problems and fallback):
         backend, passes = "tetgen", ()
         mesh, tried = _filled_with_lattice(
-            surface, cell_size, edge_length, core_ratio=core_ratio, core_depth=core_depth
+            surface, cell_size, edge_length, surface_distance, core_ratio=core_ratio, core_depth=core_depth
         )
         attempts += tried
 
@@ -217,6 +240,7 @@ def generate(
         facet_distance_mm=final.facet_distance_mm,
         facet_distance_fraction=None if final.facet_distance_mm is None else final.facet_distance_mm / cell_size,
         edge_length_mm=final.edge_length_mm,
+        refinement=final.refinement,
         passes=passes,
         nodes=len(mesh.points),
         tetrahedra=len(mesh.cells),
@@ -252,6 +276,7 @@ def generate_with_baseline(
         facet_distance_mm=None,
         facet_distance_fraction=None,
         edge_length_mm=None,
+        refinement=None,
         passes=(),
         nodes=len(mesh.points),
         tetrahedra=len(mesh.cells),
@@ -314,7 +339,13 @@ def _attempt(
 
 
 def _filled_with_lattice(
-    surface: TriSurface, cell_size: float, edge_length: Sequence[float], *, core_ratio: float, core_depth: float
+    surface: TriSurface,
+    cell_size: float,
+    edge_length: Sequence[float],
+    surface_distance: float,
+    *,
+    core_ratio: float,
+    core_depth: float,
 ) -> tuple[TetMesh, list[Attempt]]:
     """Mesh by the longest edges with which no two boundary triangles cross.
 
@@ -324,17 +355,18 @@ def _filled_with_lattice(
     attempts: list[Attempt] = []
     for fraction in edge_length:
         began = time.perf_counter()
-        boundary = remesh(surface, fraction * cell_size)
+        made = remesh_apart(surface, wanted(surface, fraction * cell_size, surface_distance * cell_size))
+        boundary = made.surface
         if problem := _fault(boundary, surface):
             topology = surface_topology(boundary.faces)
             attempt = Attempt(None, fraction * cell_size, (), len(boundary.points), 0, 0, topology, (problem,))
         else:
-            nodes = lattice_nodes(boundary, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth)
+            nodes = graded_nodes(boundary, made.size, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth)
             points, cells = fill(boundary, nodes)
             cells, flat = oriented(points, cells)
             mesh, _ = reconnect(TetMesh(*ordered_along_curve(*compact(points, cells)[:2])), surface)
             attempt = _judged(mesh, genus, edge_length=fraction * cell_size, passes=(), flat=flat)
-        attempts.append(attempt)
+        attempts.append(replace(attempt, refinement=_refinement(made)))
         _log(f"lattice, edges of {fraction * cell_size:g} mm", attempt, time.perf_counter() - began)
         if not attempt.problems:
             return mesh, attempts
@@ -344,9 +376,21 @@ def _filled_with_lattice(
     )
 
 
+def _refinement(made: Remeshed) -> Refinement:
+    start, end = edges(made.surface.faces).T
+    return Refinement(
+        vertices=len(made.surface.points),
+        vertices_refined=int((made.size < 0.8 * made.size.max()).sum()),
+        shortest_edge_mm=float(np.linalg.norm(made.surface.points[start] - made.surface.points[end], axis=1).min()),
+        distance_mean_mm=float(made.distances.mean()),
+        distance_max_mm=float(made.distances.max()),
+        rounds=made.rounds,
+    )
+
+
 def _fault(boundary: TriSurface, surface: TriSurface) -> str:
     """Why a remeshed boundary cannot be filled, or nothing."""
-    crossing = self_intersections(boundary)
+    crossing = unsound(boundary)
     if len(crossing):
         x, y, z = boundary.points[boundary.faces[crossing[0]]].mean(axis=0)
         return f"{len(crossing)} boundary triangles cross, the first at ({x:.1f}, {y:.1f}, {z:.1f}) mm"

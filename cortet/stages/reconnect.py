@@ -77,7 +77,7 @@ def reconnect(
     def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, list[SwapCount]]:
         return _improved(start, tree, threshold, boundary, held)
 
-    result, counts, held = without_crossing(mesh, optimise)
+    result, counts, held = without_crossing(mesh, optimise, surface if boundary == "slide" else None)
     after = quality(result.points, result.cells)
     total = [sum(values) for values in zip(*counts, strict=True)]
     return result, ReconnectReport(
