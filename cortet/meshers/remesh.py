@@ -16,7 +16,7 @@ from cortet.meshers import triangles
 from cortet.meshers.thickness import thickness
 from cortet.meshers.triangles import FLAT, Limits, Work
 from cortet.optimise.closest_point import SurfaceTree, surface_tree
-from cortet.topology import compact, edges, face_areas, vertex_normals
+from cortet.topology import compact, edges, enclosed_volume, face_areas, vertex_normals
 
 #: rounds of splits, collapses, flips and smoothing; more change little
 ITERATIONS = 8
@@ -75,9 +75,10 @@ def wanted(surface: TriSurface, edge_length: float, distance: float) -> Wanted:
     edge_length, distance : mm, where the surface has no such place
     """
     tree = surface_tree(surface.points, surface.faces)
+    outward = enclosed_volume(surface.points, surface.faces) > 0
     normals = vertex_normals(surface.points, surface.faces)
     most = 4 * edge_length
-    inside, outside = (thickness(tree, surface.points, normals, most, inside=side) for side in (True, False))
+    inside, outside = (thickness(tree, surface.points, normals, most, inside=side) for side in (outward, not outward))
     inside = _opened(surface, inside, below=edge_length / EDGE_OVER_THICKNESS, radius=CREST * distance)
     size = np.clip(EDGE_OVER_THICKNESS * inside, SHORTEST * edge_length, edge_length)
     gap = np.minimum(inside, outside)

@@ -22,7 +22,7 @@ def thickness(tree: SurfaceTree, points: FloatArray, normals: FloatArray, most: 
     Parameters
     ----------
     tree : of the surface
-    points, normals : (n, 3) mm, on the surface; (n, 3) outward unit vectors
+    points, normals : (n, 3) mm, on the surface; (n, 3) unit normals of the faces there, taken to point outward
     most : mm, the diameter at which the search begins
     inside : the thickness of blades; else the width of sulci
 

@@ -21,7 +21,7 @@ from cortet.optimise.vertices import Boundary, Pass, move_vertices, mu2_of
 from cortet.quality import quality
 from cortet.stages.clean import require_positive
 
-VERSION: int = 2
+VERSION: int = 3
 
 _ROUNDS = 4
 #: the first round's vertices move far, the later ones must not lose what was reached

@@ -14,6 +14,7 @@ from shapes import ball_surface, bowl, horseshoe
 
 from cortet.errors import InputError, StageError
 from cortet.mesh import TetMesh, TriSurface
+from cortet.meshers import remesh
 from cortet.optimise.closest_point import closest_points, surface_tree
 from cortet.quality import circumradii, quality, signed_volumes
 from cortet.stages import generate as s1
@@ -146,16 +147,31 @@ def test_a_coarser_core_leaves_the_cortex_as_fine():
     assert cells_per_mm3(graded, 0.0, 2.0) < cells_per_mm3(even, 0.0, 2.0) / 5
 
 
+@pytest.fixture
+def careless(monkeypatch):
+    """Remeshing that does not look at the thickness of the body, and not twice at triangles that cross."""
+    for name, value in {"ROUNDS": 1, "SHARE_OF_GAP": 10.0, "EDGE_OVER_THICKNESS": 10.0}.items():
+        monkeypatch.setattr(remesh, name, value)
+
+
+@pytest.mark.usefixtures("careless")
 def test_where_remeshed_sides_cross_the_edges_are_shortened():
-    mesh, report = generate(bowl(thickness=0.5), cell_size=1.2, mesher="lattice")
+    mesh, report = generate(bowl(thickness=0.2), cell_size=1.2, mesher="lattice")
     assert "boundary triangles cross, the first at (" in report.attempts[0].problems[0]
     assert report.attempts[0].tetrahedra == 0 and report.edge_length_mm < 1.25 * 1.2
     assert report.topology_ok and is_sound(mesh)
 
 
+@pytest.mark.usefixtures("careless")
 def test_sides_that_cross_at_every_edge_length_are_an_error_that_says_where():
     with pytest.raises(StageError, match=r"cross, the first at \(.*smaller generate.edge_length"):
-        generate(bowl(thickness=0.5), cell_size=1.2, mesher="lattice", edge_length=[1.25])
+        generate(bowl(thickness=0.2), cell_size=1.2, mesher="lattice", edge_length=[1.25])
+
+
+def test_a_thin_shell_is_meshed_with_edges_of_its_thickness():
+    mesh, report = generate(bowl(thickness=0.5), cell_size=1.2, mesher="lattice")
+    assert report.topology_ok and is_sound(mesh)
+    assert report.refinement.vertices_refined > 0 and report.refinement.distance_max_mm <= 0.4 * 1.2
 
 
 def test_cells_larger_than_the_surface_are_an_error_that_says_so():

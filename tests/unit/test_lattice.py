@@ -83,7 +83,7 @@ def test_near_smaller_triangles_the_lattice_is_finer():
     apart = KDTree(nodes).query(nodes, k=2)[0][:, 1]
     near = np.linalg.norm(nodes - [8, 0, 0], axis=1) < 1.5
     far = np.linalg.norm(nodes - [8, 0, 0], axis=1) > 4
-    assert apart[near].max() < 0.9 and np.median(apart[far]) == pytest.approx(lattice.CONSTANT * np.sqrt(3) / 2)
+    assert apart[near].max() < 1.0 and np.median(apart[far]) == pytest.approx(lattice.CONSTANT * np.sqrt(3) / 2)
     tree = surface_tree(ball.points, ball.faces)
     assert np.linalg.norm(nodes, axis=1).max() < 8 and closest_points(tree, nodes).distances.min() > 0.2 * lattice.GAP
 
