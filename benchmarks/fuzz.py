@@ -271,7 +271,7 @@ def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
     surface = replace(surface, point_data={name: values.astype("f4") for name, values in fields.items()})
     surface.point_data["area"] = surface.point_data["area"].astype(np.int32)
     plain = {"odt": False, "lloyd": False, "perturb": False, "exude": False}
-    mesh, _ = generate(surface, cell_size=10.0, backend="cgal", facet_distance=[0.5], **plain)
+    mesh, _ = generate(surface, cell_size=10.0, mesher="cgal", backend="cgal", facet_distance=[0.5], **plain)
     mesh = named_sets(surface_nodes_first(transfer(mesh, surface)[0])[0], cortex_depth=5.0, medial_wall={"area": [0]})
     found: dict[str, tuple[Path, Callable[[Path], Any]]] = {}
     for name, form in FORMATS.items():

@@ -56,7 +56,9 @@ def measure(run: str, small: Path, mesh_file: Path, surface_file: Path, answer) 
 def refinement(surface: TriSurface, cells: float) -> TetMesh:
     """A mesh of about so many tetrahedra, slivers and all."""
     cell_size = (CELLS_PER_CUBE * enclosed_volume(surface.points, surface.faces) / cells) ** (1 / 3)
-    return generate(surface, cell_size=cell_size, backend="cgal", odt=False, lloyd=False, perturb=False, exude=False)[0]
+    return generate(
+        surface, cell_size=cell_size, mesher="cgal", backend="cgal", odt=False, lloyd=False, perturb=False, exude=False
+    )[0]
 
 
 def profile(mesh: TetMesh, surface: TriSurface) -> None:

@@ -68,7 +68,7 @@ def parser() -> argparse.ArgumentParser:
     line.add_argument(
         "--setting",
         choices=["default", "cgal", "published"],
-        help="our line, the paper's mesher with our boundary, or all choices of the paper"
+        help="our line, the paper's mesher with our boundary, or all choices of the paper",
     )
     line.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see config.yaml")
     line.add_argument(

@@ -178,6 +178,9 @@ class Generate(Section):
         0.6,
     ]
     """lattice: edges of the boundary triangles, as fractions of h, tried in this order until no triangles cross."""
+    surface_distance: Annotated[float, Field(gt=0, le=1)] = 0.4
+    """lattice: largest distance of the surface to the boundary triangles, a fraction of h; edges get shorter where it
+    takes that. S4 and S4+ slide the boundary and may add 0.07 h."""
     core_ratio: Annotated[float, Field(ge=1, le=8)] = 1.0
     """lattice: how many times larger cells are in the core; the cortex keeps h."""
     core_depth: Positive = 6.0
@@ -345,8 +348,8 @@ class Experiments(Section):
     """The experiments of the paper, on this cohort: `snakemake tables figures report`."""
 
     settings: list[Setting] = ["default", "cgal", "published"]
-    """Settings that are compared, from S3 on. Each is run on the meshes of its own mesher (`cgal` and `published` on the
-    same ones), and on those of tetgen, ftetwild, gmsh and netgen."""
+    """Settings to compare, from S3 on. Each is run on the meshes of its own mesher, so `cgal` and `published` on the
+    same ones, and on those of tetgen, ftetwild, gmsh and netgen."""
     reference_meshes: list[Path] = []
     """Tetrahedral meshes in the format of BrainGrowth (Tallinen), measured beside ours."""
     ablation: Ablation = Ablation()
@@ -382,8 +385,8 @@ class Config(Section):
     """The whole configuration."""
 
     setting: Setting = "default"
-    """Named set of stage parameters: `default` (ours: lattice mesher, no Gmsh), `cgal` (the paper's mesher and Gmsh, ours
-    after them) or `published` (the CORTET paper's). Keys below override it."""
+    """Named set of stage parameters: `default` (ours: lattice mesher, no Gmsh), `cgal` (the paper's mesher and Gmsh,
+    then ours) or `published` (the CORTET paper's). Keys below override it."""
     output: Path = Path("derivatives/cortet")
     """Folder of everything that is made (BIDS derivative)."""
     keep_intermediates: bool = True

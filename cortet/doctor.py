@@ -232,7 +232,7 @@ def _prove_mesher(backend: str) -> str:
     from cortet.measure.quality import signed_volumes
     from cortet.stages.generate import generate
 
-    mesh, report = generate(_ball(), cell_size=5.0, backend=backend)
+    mesh, report = generate(_ball(), cell_size=5.0, mesher="cgal", backend=backend)
     _expect(report.topology_ok, report.reason)
     share = float(signed_volumes(mesh.points, mesh.cells).sum()) / (4 / 3 * np.pi * 10**3)
     _expect(0.8 < share < 1, f"the mesh of a ball has {100 * share:.0f} % of its volume")

@@ -12,14 +12,21 @@ from __future__ import annotations
 import numba
 import numpy as np
 import tetgen
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from cortet.geometry.closest_point import closer_than, surface_tree
 from cortet.mesh import FloatArray, IntArray, TriSurface
+from cortet.meshers.remesh import GROWTH
 
 #: side of the lattice's cubes over the cell size: circumradii are sqrt(5) / 4 of it, 0.86 of the cell size
 CONSTANT = 1.54
 #: distance of lattice nodes from the boundary, over the cell size: nearer, flat elements; farther, fewer good ones
 GAP = 0.5
+#: ratio of the spacings of one lattice and the next finer one
+_STEP = 2**0.5
+#: lists of points that are merged at a time
+_MANY = 200
 #: place of the lattice's origin in a cube: any will do that puts no node on a round coordinate
 _ORIGIN = np.array([0.123, 0.347, 0.211])
 
@@ -47,6 +54,82 @@ def lattice_nodes(boundary: TriSurface, *, cell_size: float, core_ratio: float, 
             core[~closer_than(tree, core, core_depth + halfway)],
         ]
     )
+
+
+def graded_nodes(
+    boundary: TriSurface, size: FloatArray, *, cell_size: float, core_ratio: float, core_depth: float
+) -> FloatArray:
+    """Nodes of the lattice, and of finer ones near triangles that are smaller than the others, (n, 3) float64 mm.
+
+    Parameters
+    ----------
+    size : (k,) mm, edge length at each vertex of the boundary, graded by `GROWTH`
+    cell_size, core_ratio, core_depth : as in `lattice_nodes`
+    """
+    nodes = lattice_nodes(boundary, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth)
+    usual = size.max()
+    tree = surface_tree(boundary.points, boundary.faces)
+    kept = np.zeros((0, 3))
+    ratio = _finest(size.min() / usual)
+    while ratio < 1:
+        reach = (usual * ratio * _STEP**0.5 - size) / GROWTH
+        near = reach > 0
+        finer = _near_inside(boundary, CONSTANT * cell_size * ratio, boundary.points[near], reach[near])
+        finer = finer[~closer_than(tree, finer, GAP * cell_size * ratio)]
+        kept = np.concatenate([kept, _apart(finer, kept, GAP * cell_size * ratio * (1 + 1 / _STEP))])
+        ratio *= _STEP
+    return np.concatenate([kept, _apart(nodes, kept, GAP * cell_size * (1 + 1 / _STEP))])
+
+
+def _finest(ratio: float) -> float:
+    """The smallest power of 1 / `_STEP` that is at least `ratio`, but for half a step."""
+    return float(_STEP ** -max(0, round(-np.log(ratio) / np.log(_STEP))))
+
+
+def _apart(nodes: FloatArray, others: FloatArray, distance: float) -> FloatArray:
+    """The `nodes` farther than `distance` mm from all `others`."""
+    if not len(others):
+        return nodes
+    found, _ = KDTree(others).query(nodes, distance_upper_bound=distance)
+    return nodes[np.isinf(found)]
+
+
+def _near_inside(surface: TriSurface, constant: float, centres: FloatArray, radius: FloatArray) -> FloatArray:
+    """Nodes of the lattice inside a closed surface and within `radius` (k,) of `centres` (k, 3)."""
+    corner = surface.points.min(axis=0) + (_ORIGIN - 1) * constant
+    grids = []
+    for shift in (0, constant / 2):
+        cells = _cells_near((centres - corner - shift) / constant, radius / constant)
+        nodes = corner + shift + constant * cells
+        grids.append(nodes[_is_inside(surface, corner + shift, constant, cells)])
+    return np.concatenate(grids)
+
+
+def _cells_near(centres: FloatArray, radius: FloatArray) -> IntArray:
+    """Integer points within `radius` (k,) of `centres` (k, 3), each once, in lexicographic order."""
+    reach = int(np.ceil(radius.max()))
+    around = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    found = [np.zeros((0, 3), np.int64)]
+    for centre, most in zip(centres, radius, strict=True):
+        cells = np.floor(centre).astype(np.int64) + around
+        found.append(cells[((cells - centre) ** 2).sum(axis=1) <= most**2])
+        if len(found) > _MANY:
+            found = [np.unique(np.concatenate(found), axis=0)]
+    return np.unique(np.concatenate(found), axis=0)
+
+
+def _is_inside(surface: TriSurface, origin: FloatArray, spacing: float, cells: IntArray) -> NDArray[np.bool_]:
+    """Whether each point (n, 3) of a cubic grid, in integers, is inside a closed surface: odd crossings before it."""
+    size = np.ceil((surface.points.max(axis=0) - origin) / spacing).astype(np.int64) + 1
+    lines, x = _crossings(surface.points - origin, surface.faces, spacing, size[1], size[2])
+    within = ((cells[:, 1:] >= 0) & (cells[:, 1:] < size[1:])).all(axis=1)
+    line = np.where(within, cells[:, 1] * size[2] + cells[:, 2], -1)
+    order = np.lexsort((np.r_[cells[:, 0] * spacing, x], np.r_[line, lines]))
+    crossing = order >= len(cells)
+    passed = np.cumsum(crossing)
+    odd = np.empty(len(order), np.bool_)
+    odd[order] = passed % 2 == 1
+    return odd[: len(cells)]
 
 
 def tetrahedralised(boundary: TriSurface, nodes: FloatArray) -> tuple[FloatArray, IntArray]:

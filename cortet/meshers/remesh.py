@@ -1,48 +1,244 @@
-"""Triangles of one edge length on a given surface."""
+"""Triangles of one edge length on a given surface, and of a shorter one where its shape asks for that."""
 
 from __future__ import annotations
 
+import logging
+from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeVar
+
 import numpy as np
-import pymeshlab
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
-from cortet.geometry.closest_point import closest_points, surface_tree
-from cortet.geometry.topology import compact
-from cortet.mesh import TriSurface
+from cortet.geometry.closest_point import SurfaceTree, surface_tree
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.topology import compact, edges, enclosed_volume, face_areas, vertex_normals
+from cortet.mesh import FloatArray, IntArray, TriSurface
+from cortet.meshers import triangles
+from cortet.meshers.thickness import thickness
+from cortet.meshers.triangles import FLAT, Limits, Work
 
-#: rounds of splits, collapses, flips and tangential smoothing; more change little (triangles' mean quality 0.96)
-ITERATIONS = 6
-#: degrees; dihedral angles above it would be kept as features, and a cortex has none
-_NO_FEATURE = 180.0
+#: rounds of splits, collapses, flips and smoothing; more change little
+ITERATIONS = 8
+#: target edge lengths grow by at most this share of the distance
+GROWTH = 0.3
+#: edges are at most this multiple of the thickness of a blade: flatter tetrahedra than that would fill it
+EDGE_OVER_THICKNESS = 1.5
+#: the thickness of a blade is the largest within this multiple of the largest distance: nearer its crest than that,
+#: where it thins out, it may be blunted
+CREST = 1.25
+#: no target is shorter than this share of the edge length
+SHORTEST = 0.3
+#: root mean square distance of the samples around an operation, over the largest allowed: made at once; refused
+FREE, MOST = 0.1, 0.3
+#: largest distance over the width of the sulcus or blade, so that opposite sides do not meet
+SHARE_OF_GAP = 0.4
+#: where triangles cross, remeshing is tried so often in all, each time with edges and distances shorter by these
+#: factors within this multiple of the target edge length
+ROUNDS, TIGHTER_SIZE, TIGHTER_DISTANCE, REACH = 6, 0.8, 0.6, 1.0
+#: factor by which targets may grow back in each round
+_EASE = 1.2
+
+T = TypeVar("T", bound=np.generic)
+
+logger = logging.getLogger(__name__)
 
 
-def remesh(surface: TriSurface, edge_length: float) -> TriSurface:
-    """The same closed surface made of nearly equilateral triangles, with all vertices on it.
+class Wanted(NamedTuple):
+    """What the triangles are to be like, at each of the n vertices of the given surface."""
 
-    Only local operations are made, each of which keeps the topology; but where two banks are closer than the triangles
-    are coarse, these may cross: `cortet.geometry.intersection.self_intersections` tells.
+    #: (n,) float64 mm, edge length
+    size: FloatArray
+    #: (n,) float64 mm, largest distance of the surface to its triangles
+    distance: FloatArray
+
+
+@dataclass(frozen=True)
+class Remeshed:
+    """Triangles on a given surface."""
+
+    surface: TriSurface
+    #: (n,) float64 mm, target edge length at each vertex
+    size: FloatArray
+    #: (k, 3) float64 mm, points of the given surface; (k,) distance of each to a triangle near it
+    samples: FloatArray
+    distances: FloatArray
+    #: remeshings it took until no triangles crossed
+    rounds: int = 1
+
+
+def wanted(surface: TriSurface, edge_length: float, distance: float) -> Wanted:
+    """Edge lengths that follow the thickness of blades, distances that follow the width of sulci and blades.
 
     Parameters
     ----------
-    edge_length : mm, about the mean of the new edges
-
-    References
-    ----------
-    Botsch and Kobbelt, A remeshing approach to multiresolution modeling, SGP 2004; PyMeshLab's
-    `meshing_isotropic_explicit_remeshing`.
+    edge_length, distance : mm, where the surface has no such place
     """
-    meshes = pymeshlab.MeshSet(verbose=False)
-    points, faces, _ = compact(surface.points, surface.faces)
-    meshes.add_mesh(pymeshlab.Mesh(points, faces))
-    meshes.meshing_isotropic_explicit_remeshing(
-        iterations=ITERATIONS,
-        targetlen=pymeshlab.PureValue(edge_length),
-        featuredeg=_NO_FEATURE,
-        checksurfdist=False,
-        reprojectflag=True,
-    )
-    result = meshes.current_mesh()
     tree = surface_tree(surface.points, surface.faces)
-    return TriSurface(
-        closest_points(tree, result.vertex_matrix()).points,
-        np.ascontiguousarray(result.face_matrix(), dtype=np.int32),
+    outward = enclosed_volume(surface.points, surface.faces) > 0
+    normals = vertex_normals(surface.points, surface.faces)
+    most = 4 * edge_length
+    inside, outside = (thickness(tree, surface.points, normals, most, inside=side) for side in (outward, not outward))
+    inside = _opened(surface, inside, below=edge_length / EDGE_OVER_THICKNESS, radius=CREST * distance)
+    size = np.clip(EDGE_OVER_THICKNESS * inside, SHORTEST * edge_length, edge_length)
+    gap = np.minimum(inside, outside)
+    return Wanted(size, np.clip(SHARE_OF_GAP * gap, SHORTEST * distance, distance))
+
+
+def remesh(surface: TriSurface, want: Wanted) -> Remeshed:
+    """The same closed surface made of nearly equilateral triangles, with all vertices on it.
+
+    No vertex of the surface and no centre of its faces is farther from the triangles than wanted. Only local operations
+    are made, each of which keeps the topology; but where two banks are closer than the triangles are coarse, these may
+    cross: `cortet.geometry.intersection.self_intersections` tells.
+
+    Parameters
+    ----------
+    surface : closed, oriented manifold
+    want : at each of its vertices
+    """
+    points, faces, kept = compact(surface.points, surface.faces)
+    size, distance = want.size[kept].copy(), want.distance[kept]
+    triangles.limit_growth(faces, points, size, GROWTH)
+    tree = surface_tree(points, faces)
+    tree_faces = faces[tree.faces]
+    work = _begun(points, faces, tree, size, distance)
+    longest, most = float(size.max()), float(distance.max())
+    limits = Limits((FREE * most) ** 2, (MOST * most) ** 2)
+    scratch = triangles.scratch(len(work.samples))
+    for _ in range(ITERATIONS):
+        triangles.relax(work, size, tree_faces, _EASE)
+        triangles.limit_growth(work.faces[: work.used[1]], work.points, work.size, GROWTH)
+        while (split := triangles.split_long(work, tree, scratch, limits)) < 0:
+            work = _with_room(work)
+        collapsed = triangles.collapse_short(work, tree, scratch, limits, SHORTEST * longest)
+        work = _with_room(work)
+        triangles.limit_growth(work.faces[: work.used[1]], work.points, work.size, GROWTH)
+        flipped = triangles.flip(work, scratch, limits)
+        moved = triangles.smooth(work, tree, scratch, limits)
+        logger.debug("%d splits, %d collapses, %d flips, %d moves", split, collapsed, flipped, moved)
+    live = work.faces[: work.used[1]]
+    made = TriSurface(work.points[: work.used[0]], live)
+    return Remeshed(made, work.size[: work.used[0]].copy(), work.samples, np.sqrt(work.distance2))
+
+
+def remesh_apart(surface: TriSurface, want: Wanted) -> Remeshed:
+    """Remesh again, nearer to the surface and finer around triangles that cross or are flat, until none are.
+
+    After a few rounds the last result is returned, in which some may remain.
+    """
+    for number in range(1, ROUNDS + 1):
+        made = replace(remesh(surface, want), rounds=number)
+        crossing = unsound(made.surface)
+        if not len(crossing) or number == ROUNDS:
+            break
+        corners = made.surface.faces[crossing]
+        radius = REACH * made.size[corners].max(axis=1)
+        want = _tightened(surface, want, made.surface.points[corners].mean(axis=1), radius)
+        logger.info("%d boundary triangles cross or are flat: again, finer around them", len(crossing))
+    return made
+
+
+def unsound(surface: TriSurface) -> IntArray:
+    """Triangles that nothing can be filled in between: they meet others, or are flat; (k,) int32, ascending."""
+    return np.union1d(self_intersections(surface), np.flatnonzero(shapes(surface) < FLAT)).astype(np.int32)
+
+
+def shapes(surface: TriSurface) -> FloatArray:
+    """4 sqrt(3) area over the sum of squared edges: (m,), 1 for an equilateral triangle, 0 for a flat one."""
+    corners = surface.points[surface.faces]
+    squares = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=(1, 2))
+    return 4 * np.sqrt(3) * face_areas(surface.points, surface.faces) / squares
+
+
+def _tightened(surface: TriSurface, want: Wanted, centres: FloatArray, radius: FloatArray) -> Wanted:
+    """Shorter edges and distances at the vertices within `radius` (k,) of `centres` (k, 3), mm."""
+    near = KDTree(surface.points).query_ball_point(centres, radius)
+    around = np.unique(np.concatenate([np.asarray(ball, np.int64) for ball in near]))
+    size, distance = want.size.copy(), want.distance.copy()
+    size[around] *= TIGHTER_SIZE
+    distance[around] *= TIGHTER_DISTANCE
+    return Wanted(size, distance)
+
+
+def _opened(surface: TriSurface, values: FloatArray, *, below: float, radius: float) -> FloatArray:
+    """Replace each value (n,) that is `below` a limit by the largest one around it.
+
+    Around are its neighbours by an edge, and the vertices within `radius` (mm).
+    """
+    start, end = edges(surface.faces).T
+    largest = values.copy()
+    np.maximum.at(largest, start, values[end])
+    np.maximum.at(largest, end, values[start])
+    low = np.flatnonzero(largest < below)
+    near = KDTree(surface.points).query_ball_point(surface.points[low], radius)
+    largest[low] = np.maximum(largest[low], [values[around].max() for around in near])
+    return np.where(values < below, largest, values)
+
+
+def _begun(points: FloatArray, faces: IntArray, tree: SurfaceTree, size: FloatArray, distance: FloatArray) -> Work:
+    """The given surface itself, every vertex and face centre attached to it."""
+    n, m = len(points), len(faces)
+    leaving, opposite = np.full(n, -1, np.int32), np.full(3 * m, -1, np.int32)
+    triangles.link(faces, opposite, leaving)
+    in_tree = np.empty(m, np.int32)
+    in_tree[tree.faces] = np.arange(m, dtype=np.int32)
+    of_vertex = leaving // 3
+    face = np.concatenate([of_vertex, np.arange(m)])
+    first, after = _lists(face, m)
+    limit = np.concatenate([distance, distance[faces].min(axis=1)])
+    samples = np.concatenate([points, points[faces].mean(axis=1)])
+    work = Work(
+        points=points,
+        place=in_tree[of_vertex],
+        size=size.copy(),
+        leaving=leaving,
+        faces=faces,
+        opposite=opposite,
+        first=first,
+        after=after,
+        samples=samples,
+        distance2=np.zeros(len(samples)),
+        limit2=limit**2,
+        used=np.array([n, m]),
     )
+    return _with_room(work)
+
+
+def _lists(face: NDArray[np.int64], count: int) -> tuple[IntArray, IntArray]:
+    """Linked lists of the samples of each of `count` faces: the first of each face, the one after each sample."""
+    order = np.argsort(face, kind="stable").astype(np.int32)
+    ordered = face[order]
+    last = np.r_[ordered[1:] != ordered[:-1], True]
+    after = np.full(len(face), -1, np.int32)
+    after[order[:-1]] = np.where(last[:-1], -1, order[1:])
+    first = np.full(count, -1, np.int32)
+    starts = np.r_[True, last[:-1]]
+    first[ordered[starts]] = order[starts]
+    return first, after
+
+
+def _with_room(work: Work) -> Work:
+    """The same without dead vertices and faces, with room for as many again."""
+    live_face = np.flatnonzero(work.faces[: work.used[1], 0] >= 0)
+    live_vertex = np.flatnonzero(work.leaving[: work.used[0]] >= 0)
+    number = np.full(len(work.leaving), -1, np.int32)
+    number[live_vertex] = np.arange(len(live_vertex), dtype=np.int32)
+    faces = number[work.faces[live_face]]
+    n, m = len(live_vertex), len(live_face)
+    leaving, opposite = np.full(n, -1, np.int32), np.full(3 * m, -1, np.int32)
+    triangles.link(faces, opposite, leaving)
+    return work._replace(
+        points=_grown(work.points[live_vertex], n),
+        place=_grown(work.place[live_vertex], n),
+        size=_grown(work.size[live_vertex], n),
+        leaving=_grown(leaving, n),
+        faces=_grown(faces, m),
+        opposite=_grown(opposite, 3 * m),
+        first=_grown(work.first[live_face], m),
+        used=np.array([n, m]),
+    )
+
+
+def _grown(array: NDArray[T], more: int) -> NDArray[T]:
+    return np.concatenate([array, np.full((more, *array.shape[1:]), -1, array.dtype)])

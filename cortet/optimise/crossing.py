@@ -1,7 +1,8 @@
-"""Optimise a mesh without letting its boundary pass through itself.
+"""Optimise a mesh without letting its boundary pass through itself or leave the surface it slides on.
 
-Nothing local can see the opposite bank of a narrow sulcus. So the whole boundary is checked afterwards, and where it
-crosses itself the run is repeated from the start with the vertices around that place held.
+Nothing local can see the opposite bank of a narrow sulcus, nor the crest of a thin blade that vertices on both sides
+slide away from. So the whole boundary is checked afterwards, and where it crosses itself, or has left a part of the
+surface behind, the run is repeated from the start with the vertices around that place held.
 """
 
 from __future__ import annotations
@@ -13,13 +14,23 @@ from typing import TypeVar
 import numpy as np
 
 from cortet.geometry import topology
+from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections
-from cortet.mesh import IntArray, TetMesh
+from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 
 _ROUNDS = 5
+#: how far a point of the surface may be left behind, over the mean edge of the boundary (1.3 times the cell size)
+MOST_LEFT_BEHIND = 0.36
+#: a point that was beyond that already may not be farther away than before, but for this factor
+_SAME = 1.02
 
 logger = logging.getLogger(__name__)
 Report = TypeVar("Report")
+
+
+def surface_samples(surface: TriSurface) -> FloatArray:
+    """The vertices of a surface, then the centres of its faces: (k, 3) mm."""
+    return np.concatenate([surface.points, surface.points[surface.faces].mean(axis=1)])
 
 
 def crossing_faces(mesh: TetMesh) -> IntArray:
@@ -28,28 +39,64 @@ def crossing_faces(mesh: TetMesh) -> IntArray:
 
 
 def without_crossing(
-    mesh: TetMesh, optimise: Callable[[TetMesh, IntArray], tuple[TetMesh, Report]], *, held: IntArray | None = None
+    mesh: TetMesh,
+    optimise: Callable[[TetMesh, IntArray], tuple[TetMesh, Report]],
+    surface: TriSurface | None = None,
+    *,
+    held: IntArray | None = None,
 ) -> tuple[TetMesh, Report, IntArray]:
-    """Call `optimise(mesh, held)` with ever more vertices held until the boundary does not cross itself.
+    """Call `optimise(mesh, held)` with ever more vertices held until the boundary is as sound as it was.
+
+    It must not cross itself and, where a `surface` is given, not leave points of it farther behind than
+    `MOST_LEFT_BEHIND`. What was so in `mesh` already is not the fault of `optimise`.
 
     Parameters
     ----------
-    optimise : must keep vertex numbers; faces that cross in `mesh` already are not its fault
+    optimise : must keep vertex numbers
     held : (h,) vertices that are held from the first call on
 
     Returns
     -------
-    The result and report of the last call, and the vertices held in it, (h,) int32. If crossings remain after a few
-    rounds the result has them, for the certificate to refuse.
+    The result and report of the last call, and the vertices held in it, (h,) int32. If something remains after a few
+    rounds the result has it, for the certificate to judge.
     """
     before = len(crossing_faces(mesh))
+    left_in = _nothing_left if surface is None else _left_behind(mesh, surface)
     held = np.zeros(0, np.int32) if held is None else held
     for remaining in reversed(range(_ROUNDS)):
         result, report = optimise(mesh, held)
         crossing = crossing_faces(result)
-        if len(crossing) <= before or not remaining:
+        crossed = crossing if len(crossing) > before else crossing[:0]
+        left = left_in(result)
+        if not (len(crossed) or len(left)) or not remaining:
             break
-        touched = np.isin(mesh.cells, crossing).any(axis=1)
-        held = np.union1d(held, mesh.cells[touched])
-        logger.warning("%d boundary faces cross: again, with %d vertices held in place", len(crossing), len(held))
+        touched = np.isin(mesh.cells, crossed).any(axis=1)
+        held = np.unique(np.concatenate([held, mesh.cells[touched].ravel(), left.ravel()]))
+        what = f"{len(crossed)} boundary faces cross, {len(left)} leave the surface"
+        logger.info("%s: again, with %d vertices held in place", what, len(held))
     return result, report, held
+
+
+def _nothing_left(_: TetMesh) -> IntArray:
+    return np.zeros((0, 3), np.int32)
+
+
+def _left_behind(mesh: TetMesh, surface: TriSurface) -> Callable[[TetMesh], IntArray]:
+    """What finds the boundary faces, (k, 3) node indices, that leave points of the surface behind.
+
+    Each point may be as far from the boundary as a share of the edges of `mesh`, or as it is from that of `mesh`.
+    """
+    samples = surface_samples(surface)
+    boundary, _ = topology.boundary_surface(mesh)
+    start, end = topology.edges(boundary.faces).T
+    edge = np.linalg.norm(boundary.points[start] - boundary.points[end], axis=1).mean()
+    before = closest_points(surface_tree(boundary.points, boundary.faces), samples).distances
+    limits = np.maximum(MOST_LEFT_BEHIND * edge, _SAME * before)
+
+    def leaving_faces(result: TetMesh) -> IntArray:
+        boundary, nodes = topology.boundary_surface(result)
+        found = closest_points(surface_tree(boundary.points, boundary.faces), samples)
+        faces = np.unique(found.faces[found.distances > limits])
+        return nodes[boundary.faces[faces]].astype(np.int32)
+
+    return leaving_faces

@@ -6,9 +6,10 @@ checked after refinement, before the slow passes, and again after them; when its
 facet distance (nothing else) is tightened. On surfaces with creases, or with banks closer than their own edges, no
 distance helps; then the fallback is taken.
 
-`lattice` remeshes the surface with triangles of one edge length, which keeps its topology, and fills it with a
-body-centred cubic lattice (`cortet.meshers.lattice`). The slivers between the two are reconnected at once, before
-anything moves. Where remeshed banks cross each other, the edges are shortened.
+`lattice` remeshes the surface with triangles of one edge length, shorter where its shape asks for that, which keeps
+its topology and leaves no point of it behind, and fills it with a body-centred cubic lattice (`cortet.meshers`). The
+slivers between the two are reconnected at once, before anything moves. Where remeshed banks cross each other, the edges
+are shortened, there first.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -25,13 +26,13 @@ from typing import Literal
 import numpy as np
 
 from cortet.errors import InputError, StageError
-from cortet.geometry.intersection import self_intersections
 from cortet.geometry.ordering import ordered_along_curve
 from cortet.geometry.topology import (
     SurfaceTopology,
     boundary_faces,
     compact,
     components,
+    edges,
     enclosed_volume,
     surface_topology,
 )
@@ -39,15 +40,30 @@ from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.meshers import BASELINES, MESHERS, baselines, cgal, installed_backend
 from cortet.meshers.cgal import BACKENDS, PASSES, Criteria, write_off
-from cortet.meshers.lattice import lattice_nodes, tetrahedralised
-from cortet.meshers.remesh import remesh
+from cortet.meshers.lattice import graded_nodes, tetrahedralised
+from cortet.meshers.remesh import Remeshed, remesh_apart, unsound, wanted
 from cortet.stages.reconnect import reconnect
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: share of the surface's volume below which a remeshed boundary is too coarse to stand for it
 LEAST_VOLUME = 0.8
 logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Where the triangles of ``lattice`` are smaller than elsewhere, and how near the surface they are."""
+
+    vertices: int
+    #: vertices whose edges were to be shorter than elsewhere by more than a fifth
+    vertices_refined: int
+    shortest_edge_mm: float
+    #: from the surface's vertices and face centres to the triangles, before anything slides
+    distance_mean_mm: float
+    distance_max_mm: float
+    #: remeshings in all; all but the last had triangles that cross
+    rounds: int
 
 
 @dataclass(frozen=True)
@@ -67,6 +83,8 @@ class Attempt:
     boundary: SurfaceTopology
     #: in plain words, what is wrong with the topology
     problems: tuple[str, ...]
+    #: None where CGAL made the boundary, or it was given
+    refinement: Refinement | None = None
 
 
 @dataclass(frozen=True)
@@ -84,6 +102,8 @@ class GenerateReport:
     facet_distance_fraction: float | None
     #: None where CGAL made the boundary
     edge_length_mm: float | None
+    #: likewise
+    refinement: Refinement | None
     passes: tuple[str, ...]
     nodes: int
     tetrahedra: int
@@ -110,6 +130,7 @@ def generate(
     seed: int = 0,
     fallback: Literal["lattice"] | None = "lattice",
     edge_length: Sequence[float] = (1.25, 1.2, 1.15, 1.1, 1.0, 0.9, 0.8, 0.7, 0.6),
+    surface_distance: float = 0.4,
     core_ratio: float = 1.0,
     core_depth: float = 6.0,
 ) -> tuple[TetMesh, GenerateReport]:
@@ -130,6 +151,8 @@ def generate(
     fallback : what to try when no facet distance gives the topology of the surface; None (published) for nothing
     edge_length : of the boundary triangles of ``lattice``, as fractions of `cell_size`, tried in this order until no
         two of them cross
+    surface_distance : largest distance of the surface to the boundary triangles of ``lattice``, as a fraction of
+        `cell_size`; later stages, which slide them, add to it
     core_ratio : of the cell sizes of core and cortex, ``lattice`` only
     core_depth : mm below the surface where the core begins
 
@@ -175,7 +198,7 @@ def generate(
     if mesher == "lattice" or (attempts[-1].problems and fallback):
         backend, passes = "tetgen", ()
         mesh, tried = _filled_with_lattice(
-            surface, cell_size, edge_length, core_ratio=core_ratio, core_depth=core_depth
+            surface, cell_size, edge_length, surface_distance, core_ratio=core_ratio, core_depth=core_depth
         )
         attempts += tried
 
@@ -189,6 +212,7 @@ def generate(
         facet_distance_mm=final.facet_distance_mm,
         facet_distance_fraction=None if final.facet_distance_mm is None else final.facet_distance_mm / cell_size,
         edge_length_mm=final.edge_length_mm,
+        refinement=final.refinement,
         passes=passes,
         nodes=len(mesh.points),
         tetrahedra=len(mesh.cells),
@@ -222,6 +246,7 @@ def generate_with_baseline(
         facet_distance_mm=None,
         facet_distance_fraction=None,
         edge_length_mm=None,
+        refinement=None,
         passes=(),
         nodes=len(mesh.points),
         tetrahedra=len(mesh.cells),
@@ -274,7 +299,13 @@ def _attempt(
 
 
 def _filled_with_lattice(
-    surface: TriSurface, cell_size: float, edge_length: Sequence[float], *, core_ratio: float, core_depth: float
+    surface: TriSurface,
+    cell_size: float,
+    edge_length: Sequence[float],
+    surface_distance: float,
+    *,
+    core_ratio: float,
+    core_depth: float,
 ) -> tuple[TetMesh, list[Attempt]]:
     """Mesh by the longest edges with which no two boundary triangles cross.
 
@@ -284,17 +315,18 @@ def _filled_with_lattice(
     attempts: list[Attempt] = []
     for fraction in edge_length:
         began = time.perf_counter()
-        boundary = remesh(surface, fraction * cell_size)
+        made = remesh_apart(surface, wanted(surface, fraction * cell_size, surface_distance * cell_size))
+        boundary = made.surface
         if problem := _fault(boundary, surface):
             topology = surface_topology(boundary.faces)
             attempt = Attempt(None, fraction * cell_size, (), len(boundary.points), 0, 0, topology, (problem,))
         else:
-            nodes = lattice_nodes(boundary, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth)
+            nodes = graded_nodes(boundary, made.size, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth)
             points, cells = tetrahedralised(boundary, nodes)
             mesh, flat = _well_ordered(points, cells)
             mesh, _ = reconnect(mesh, surface)
             attempt = _judged(mesh, genus, edge_length=fraction * cell_size, passes=(), flat=flat)
-        attempts.append(attempt)
+        attempts.append(replace(attempt, refinement=_refinement(made)))
         _log(f"lattice, edges of {fraction * cell_size:g} mm", attempt, time.perf_counter() - began)
         if not attempt.problems:
             return mesh, attempts
@@ -304,9 +336,21 @@ def _filled_with_lattice(
     )
 
 
+def _refinement(made: Remeshed) -> Refinement:
+    start, end = edges(made.surface.faces).T
+    return Refinement(
+        vertices=len(made.surface.points),
+        vertices_refined=int((made.size < 0.8 * made.size.max()).sum()),
+        shortest_edge_mm=float(np.linalg.norm(made.surface.points[start] - made.surface.points[end], axis=1).min()),
+        distance_mean_mm=float(made.distances.mean()),
+        distance_max_mm=float(made.distances.max()),
+        rounds=made.rounds,
+    )
+
+
 def _fault(boundary: TriSurface, surface: TriSurface) -> str:
     """Why a remeshed boundary cannot be filled, or nothing."""
-    crossing = self_intersections(boundary)
+    crossing = unsound(boundary)
     if len(crossing):
         x, y, z = boundary.points[boundary.faces[crossing[0]]].mean(axis=0)
         return f"{len(crossing)} boundary triangles cross, the first at ({x:.1f}, {y:.1f}, {z:.1f}) mm"

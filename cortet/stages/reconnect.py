@@ -21,7 +21,7 @@ from cortet.optimise.swaps import SwapCount, improve, live_cells, swappable
 from cortet.optimise.vertices import Boundary, Pass, move_vertices, mu2_of
 from cortet.stages.clean import require_positive
 
-VERSION: int = 2
+VERSION: int = 3
 
 _ROUNDS = 4
 #: the first round's vertices move far, the later ones must not lose what was reached
@@ -77,7 +77,7 @@ def reconnect(
     def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, list[SwapCount]]:
         return _improved(start, tree, threshold, boundary, held)
 
-    result, counts, held = without_crossing(mesh, optimise)
+    result, counts, held = without_crossing(mesh, optimise, surface if boundary == "slide" else None)
     after = quality(result.points, result.cells)
     total = [sum(values) for values in zip(*counts, strict=True)]
     return result, ReconnectReport(

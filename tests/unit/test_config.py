@@ -108,10 +108,11 @@ def test_a_program_that_is_called_and_missing_is_named_before_anything_runs(
     config.Config().require_programs()
 
 
-def test_fast_setting_is_the_lattice_mesher_without_gmsh() -> None:
-    fast = config.load({"setting": "fast", "generate": {"cell_size": 1.0}})
-    assert fast.generate.meshers == ["lattice"] and fast.generate.cell_size == [1.0]
-    assert not fast.enabled("relocate") and fast.enabled("clean") and fast.enabled("reconnect")
+def test_the_default_is_the_lattice_mesher_without_gmsh_and_cgal_has_both() -> None:
+    default, cgal = config.Config(), config.load({"setting": "cgal", "generate": {"cell_size": 1.0}})
+    assert default.generate.meshers == ["lattice"] and not default.enabled("relocate")
+    assert cgal.generate.meshers == ["cgal"] and cgal.generate.cell_size == [1.0] and cgal.enabled("relocate")
+    assert default.enabled("clean") and default.enabled("reconnect")
 
 
 def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
@@ -133,7 +134,7 @@ def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
         ({"generate": {"cell_size": -1}}, "generate.cell_size.0 = -1: Input should be greater than 0"),
         ({"generate": {"cell_size": 0.00051}}, "multiple of 0.001 mm"),
         ({"generate": {"facet_angle": float("nan")}}, "generate.facet_angle = nan"),
-        ({"setting": "paper"}, "setting = 'paper': Input should be 'default', 'published' or 'fast'"),
+        ({"setting": "paper"}, "setting = 'paper': Input should be 'default', 'cgal' or 'published'"),
     ],
 )
 def test_a_bad_key_is_named_with_its_remedy(data: dict[str, object], words: str) -> None:

@@ -28,7 +28,7 @@ def surface() -> TriSurface:
 @pytest.fixture(scope="module")
 def mesh(surface: TriSurface) -> TetMesh:
     result, report = generate(
-        surface, cell_size=1.2, facet_distance=(0.05, 0.02), backend="cgal", odt=False, lloyd=False
+        surface, cell_size=1.2, facet_distance=(0.05, 0.02), mesher="cgal", backend="cgal", odt=False, lloyd=False
     )
     assert report.topology_ok and len(crossing_faces(result)) == 0
     return result

@@ -229,6 +229,6 @@ def real_mesh() -> TetMesh:
     fields = {"height": height, "area": np.digitize(height, np.quantile(height, [0.3, 0.7])).astype(np.int32)}
     surface = replace(surface, point_data=fields)
     fast = {"odt": False, "lloyd": False, "perturb": False, "exude": False}
-    mesh, _ = generate(surface, cell_size=4.0, backend="cgal", **fast)
+    mesh, _ = generate(surface, cell_size=4.0, mesher="cgal", backend="cgal", **fast)
     ready, _ = surface_nodes_first(transfer(mesh, surface)[0])
     return named_sets(ready, medial_wall={"area": [0]})

@@ -17,7 +17,7 @@ from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_topology
 from cortet.measure.quality import circumradii, quality, signed_volumes
 from cortet.mesh import TetMesh, TriSurface
-from cortet.meshers import cgal
+from cortet.meshers import cgal, remesh
 from cortet.stages import generate as s1
 from cortet.stages.generate import generate
 
@@ -49,7 +49,7 @@ def is_sound(mesh: TetMesh) -> bool:
 
 @each_backend
 def test_a_ball_is_filled_with_good_tetrahedra(backend):
-    mesh, report = generate(ball_surface(), cell_size=1.0, backend=backend)
+    mesh, report = generate(ball_surface(), cell_size=1.0, mesher="cgal", backend=backend)
     assert is_sound(mesh)
     assert surface_topology(boundary_faces(mesh)).problems() == []
     assert np.isclose(signed_volumes(mesh.points, mesh.cells).sum(), 4 / 3 * np.pi * 5**3, rtol=0.05)
@@ -64,29 +64,29 @@ def test_a_ball_is_filled_with_good_tetrahedra(backend):
 
 @each_backend
 def test_the_passes_improve_the_refined_mesh(backend):
-    refined, report = generate(ball_surface(), cell_size=1.0, backend=backend, **REFINEMENT_ONLY)
-    optimised, _ = generate(ball_surface(), cell_size=1.0, backend=backend)
+    refined, report = generate(ball_surface(), cell_size=1.0, mesher="cgal", backend=backend, **REFINEMENT_ONLY)
+    optimised, _ = generate(ball_surface(), cell_size=1.0, mesher="cgal", backend=backend)
     assert report.passes == () and len(report.attempts) == 1
     assert quality(refined.points, refined.cells).max() > 0.9 > quality(optimised.points, optimised.cells).max()
 
 
 @each_backend
 def test_the_same_surface_gives_the_same_mesh_bit_for_bit(backend):
-    first, _ = generate(ball_surface(), cell_size=1.2, backend=backend)
-    second, _ = generate(ball_surface(), cell_size=1.2, backend=backend)
+    first, _ = generate(ball_surface(), cell_size=1.2, mesher="cgal", backend=backend)
+    second, _ = generate(ball_surface(), cell_size=1.2, mesher="cgal", backend=backend)
     assert np.array_equal(first.points, second.points) and np.array_equal(first.cells, second.cells)
 
 
 @each_backend
 def test_cell_size_is_the_largest_circumradius(backend):
-    coarse, _ = generate(ball_surface(), cell_size=2.0, backend=backend, **REFINEMENT_ONLY)
-    fine, _ = generate(ball_surface(), cell_size=1.0, backend=backend, **REFINEMENT_ONLY)
+    coarse, _ = generate(ball_surface(), cell_size=2.0, mesher="cgal", backend=backend, **REFINEMENT_ONLY)
+    fine, _ = generate(ball_surface(), cell_size=1.0, mesher="cgal", backend=backend, **REFINEMENT_ONLY)
     assert 5 < len(fine.cells) / len(coarse.cells) < 12
 
 
 @each_backend
 def test_a_pinched_slit_is_opened_by_a_tighter_facet_distance(backend):
-    mesh, report = generate(horseshoe(gap=0.4), cell_size=1.5, backend=backend, **REFINEMENT_ONLY)
+    mesh, report = generate(horseshoe(gap=0.4), cell_size=1.5, mesher="cgal", backend=backend, **REFINEMENT_ONLY)
     assert [bool(attempt.problems) for attempt in report.attempts] == [True, True, True, False]
     assert report.topology_ok and report.facet_distance_mm == pytest.approx(0.05 * 1.5)
     assert surface_topology(boundary_faces(mesh)).problems() == [] and is_sound(mesh)
@@ -94,21 +94,23 @@ def test_a_pinched_slit_is_opened_by_a_tighter_facet_distance(backend):
 
 @each_backend
 def test_the_published_setting_does_not_retry_and_says_that_it_failed(backend):
-    mesh, report = generate(horseshoe(gap=0.4), cell_size=1.5, backend=backend, facet_distance=[0.5], fallback=None)
+    mesh, report = generate(
+        horseshoe(gap=0.4), cell_size=1.5, mesher="cgal", backend=backend, facet_distance=[0.5], fallback=None
+    )
     assert len(report.attempts) == 1 and report.attempts[0].passes == s1.PASSES
     assert not report.topology_ok
     assert report.reason == "; ".join(surface_topology(boundary_faces(mesh)).problems()) != ""
 
 
 def test_the_slow_passes_are_not_paid_for_when_refinement_shows_the_fault():
-    _, report = generate(horseshoe(gap=0.4), cell_size=1.5, backend="cgal", fallback=None)
+    _, report = generate(horseshoe(gap=0.4), cell_size=1.5, mesher="cgal", backend="cgal", fallback=None)
     tried = [attempt.passes for attempt in report.attempts]
     assert tried == [(), (), (), s1.PASSES]
 
 
 def test_where_no_facet_distance_helps_a_lattice_fills_the_surface():
     surface = horseshoe(gap=0.4)
-    mesh, report = generate(surface, cell_size=1.5, backend="cgal", facet_distance=[0.5, 0.4])
+    mesh, report = generate(surface, cell_size=1.5, mesher="cgal", backend="cgal", facet_distance=[0.5, 0.4])
     assert (report.mesher, report.backend, report.passes) == ("cgal", "tetgen", ())
     assert report.facet_distance_mm is None and report.edge_length_mm is not None
     assert [attempt.edge_length_mm is None for attempt in report.attempts[:3]] == [True, True, False]
@@ -147,16 +149,31 @@ def test_a_coarser_core_leaves_the_cortex_as_fine():
     assert cells_per_mm3(graded, 0.0, 2.0) < cells_per_mm3(even, 0.0, 2.0) / 5
 
 
+@pytest.fixture
+def careless(monkeypatch):
+    """Remeshing that does not look at the thickness of the body, and not twice at triangles that cross."""
+    for name, value in {"ROUNDS": 1, "SHARE_OF_GAP": 10.0, "EDGE_OVER_THICKNESS": 10.0}.items():
+        monkeypatch.setattr(remesh, name, value)
+
+
+@pytest.mark.usefixtures("careless")
 def test_where_remeshed_sides_cross_the_edges_are_shortened():
-    mesh, report = generate(bowl(thickness=0.5), cell_size=1.2, mesher="lattice")
+    mesh, report = generate(bowl(thickness=0.2), cell_size=1.2, mesher="lattice")
     assert "boundary triangles cross, the first at (" in report.attempts[0].problems[0]
     assert report.attempts[0].tetrahedra == 0 and report.edge_length_mm < 1.25 * 1.2
     assert report.topology_ok and is_sound(mesh)
 
 
+@pytest.mark.usefixtures("careless")
 def test_sides_that_cross_at_every_edge_length_are_an_error_that_says_where():
     with pytest.raises(StageError, match=r"cross, the first at \(.*smaller generate.edge_length"):
-        generate(bowl(thickness=0.5), cell_size=1.2, mesher="lattice", edge_length=[1.25])
+        generate(bowl(thickness=0.2), cell_size=1.2, mesher="lattice", edge_length=[1.25])
+
+
+def test_a_thin_shell_is_meshed_with_edges_of_its_thickness():
+    mesh, report = generate(bowl(thickness=0.5), cell_size=1.2, mesher="lattice")
+    assert report.topology_ok and is_sound(mesh)
+    assert report.refinement.vertices_refined > 0 and report.refinement.distance_max_mm <= 0.4 * 1.2
 
 
 def test_cells_larger_than_the_surface_are_an_error_that_says_so():
@@ -169,20 +186,20 @@ def test_the_narrow_sulci_of_a_real_brain_are_kept_open():
     if not path.exists():
         pytest.skip("../shared/data/folded is not here")
     points, faces = nibabel.load(path).agg_data(("pointset", "triangle"))
-    _, report = generate(TriSurface(points, faces), cell_size=1.0, backend="cgal", **REFINEMENT_ONLY)
+    _, report = generate(TriSurface(points, faces), cell_size=1.0, mesher="cgal", backend="cgal", **REFINEMENT_ONLY)
     assert report.attempts[0].boundary.nonmanifold_edges > 0
     assert report.topology_ok and report.facet_distance_fraction == pytest.approx(0.2)
 
 
 def test_the_topology_asked_for_is_that_of_the_surface():
-    mesh, report = generate(ring(), cell_size=1.0, backend="cgal", **REFINEMENT_ONLY)
+    mesh, report = generate(ring(), cell_size=1.0, mesher="cgal", backend="cgal", **REFINEMENT_ONLY)
     assert report.topology_ok and surface_topology(boundary_faces(mesh)).genus == 1
 
 
 def test_an_inward_surface_with_unused_vertices_is_meshed_alike():
     ball = ball_surface()
     inward = TriSurface(np.concatenate([ball.points, [[99, 99, 99]]]), ball.faces[:, ::-1])
-    mesh, _ = generate(inward, cell_size=1.5, backend="cgal", **REFINEMENT_ONLY)
+    mesh, _ = generate(inward, cell_size=1.5, mesher="cgal", backend="cgal", **REFINEMENT_ONLY)
     assert is_sound(mesh) and np.abs(mesh.points).max() < 5.01
 
 
@@ -211,7 +228,7 @@ def test_parameters_out_of_range_are_named(arguments, words):
 def test_a_backend_that_is_missing_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "_pygalmesh", None)
     with pytest.raises(StageError, match=r"pygalmesh is not installed.*cortet doctor"):
-        generate(ball_surface(), cell_size=1.0, backend="pygalmesh")
+        generate(ball_surface(), cell_size=1.0, mesher="cgal", backend="pygalmesh")
 
 
 def test_exactly_flat_tetrahedra_are_counted_not_kept():
@@ -235,5 +252,5 @@ def test_the_core_is_given_back_also_after_a_failure():
 
 
 def test_the_report_is_plain_json():
-    _, report = generate(ball_surface(2), cell_size=2.0, backend="cgal")
+    _, report = generate(ball_surface(2), cell_size=2.0, mesher="cgal", backend="cgal")
     assert json.loads(json.dumps(dataclasses.asdict(report)))["attempts"][0]["boundary"]["euler_number"] == 2

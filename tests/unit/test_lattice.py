@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import KDTree
 from shapes import ball_surface
 
 from cortet.formats.gifti import read_surface
@@ -13,8 +14,8 @@ from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_to
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh, TriSurface
 from cortet.meshers import lattice
-from cortet.meshers.lattice import lattice_nodes, tetrahedralised
-from cortet.meshers.remesh import remesh
+from cortet.meshers.lattice import graded_nodes, lattice_nodes, tetrahedralised
+from cortet.meshers.remesh import remesh_apart, wanted
 from cortet.stages.generate import oriented
 
 
@@ -75,27 +76,30 @@ def test_the_given_triangles_are_the_boundary():
     assert signed_volumes(mesh.points, mesh.cells).sum() == pytest.approx(enclosed_volume(ball.points, ball.faces))
 
 
-def test_remeshed_triangles_have_the_edge_length_and_stay_on_the_surface():
-    ball = ball_surface(5, radius=10.0)
-    made = remesh(ball, 1.0)
-    edges = np.linalg.norm(made.points[made.faces] - made.points[np.roll(made.faces, 1, axis=1)], axis=2)
-    assert edges.mean() == pytest.approx(1.0, rel=0.1) and edges.min() > 0.5 and edges.max() < 1.75
-    assert closest_points(surface_tree(ball.points, ball.faces), made.points).distances.max() < 1e-12
-    assert surface_topology(made.faces).problems() == []
-    assert enclosed_volume(made.points, made.faces) == pytest.approx(enclosed_volume(ball.points, ball.faces), rel=0.01)
+def test_near_smaller_triangles_the_lattice_is_finer():
+    ball = ball_surface(4, radius=8.0)
+    size = np.minimum(1.25, 0.5 + 0.3 * np.linalg.norm(ball.points - [8, 0, 0], axis=1))
+    nodes = graded_nodes(ball, size, cell_size=1.0, core_ratio=1.0, core_depth=1.0)
+    apart = KDTree(nodes).query(nodes, k=2)[0][:, 1]
+    near = np.linalg.norm(nodes - [8, 0, 0], axis=1) < 1.5
+    far = np.linalg.norm(nodes - [8, 0, 0], axis=1) > 4
+    assert apart[near].max() < 1.0 and np.median(apart[far]) == pytest.approx(lattice.CONSTANT * np.sqrt(3) / 2)
+    tree = surface_tree(ball.points, ball.faces)
+    assert np.linalg.norm(nodes, axis=1).max() < 8 and closest_points(tree, nodes).distances.min() > 0.2 * lattice.GAP
 
 
-def test_remeshing_keeps_handles_and_ignores_unused_vertices():
-    torus = trimesh.creation.torus(major_radius=5, minor_radius=2)
-    made = remesh(TriSurface(np.concatenate([torus.vertices, [[99.0, 0, 0]]]), torus.faces), 1.0)
-    assert surface_topology(made.faces).genus == 1 and np.abs(made.points).max() < 8
+def test_triangles_of_one_size_get_the_lattice_alone():
+    ball = ball_surface(3, radius=4.0)
+    graded = graded_nodes(ball, np.full(len(ball.points), 1.25), cell_size=1.0, core_ratio=1.0, core_depth=1.0)
+    assert np.array_equal(graded, nodes_in(ball))
 
 
 def test_a_real_cortex_is_remeshed_and_filled():
     path = Path(__file__).parents[3] / "shared" / "data" / "fetal" / "fetomorph_GW25_left.surf.gii"
     if not path.exists():
         pytest.skip("../shared/data/fetal is not here")
-    boundary = remesh(read_surface(path), 2.5)
+    surface = read_surface(path)
+    boundary = remesh_apart(surface, wanted(surface, 2.5, 0.8)).surface
     points, cells = tetrahedralised(boundary, nodes_in(boundary, cell_size=2.0))
     made = boundary_faces(TetMesh(points, oriented(points, cells)[0]))
     assert len(made) == len(boundary.faces) and surface_topology(made).problems() == []

@@ -21,7 +21,7 @@ def distances(mesh: TetMesh, surface: TriSurface = BALL) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def generated() -> TetMesh:
-    return generate(BALL, cell_size=1.2, backend="cgal")[0]
+    return generate(BALL, cell_size=1.2, mesher="cgal", backend="cgal")[0]
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,9 @@ def ball() -> TriSurface:
 
 @pytest.fixture(scope="module")
 def mesh(ball) -> TetMesh:
-    return generate(ball, cell_size=1.0, backend="cgal", odt=False, lloyd=False, perturb=False, exude=False)[0]
+    return generate(
+        ball, cell_size=1.0, mesher="cgal", backend="cgal", odt=False, lloyd=False, perturb=False, exude=False
+    )[0]
 
 
 def test_a_linear_field_is_exact_on_the_surface(ball, mesh):

@@ -67,7 +67,7 @@ RESULTS: dict[str, Callable[[], TriSurface | TetMesh]] = {
     "phantom": lambda: phantom(28.0, subdivisions=3),
     "gate": lambda: gate(rough_ball(), source="rough ball")[0],
     "smooth_surface": lambda: smooth_surface(rough_ball(), gestational_age=28.0)[0],
-    "generate": lambda: generate(ball_surface(3), cell_size=1.5, backend="cgal")[0],
+    "generate": lambda: generate(ball_surface(3), cell_size=1.5, mesher="cgal", backend="cgal")[0],
     "generate (lattice)": lambda: generate(ball_surface(3), cell_size=1.5, mesher="lattice")[0],
     "transfer": lambda: transfer(ball_mesh(3, radius=20.0), rough_ball())[0],
     "relocate": lambda: relocate(ball_mesh(2, radius=5.0))[0],

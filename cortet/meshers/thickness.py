@@ -1,0 +1,68 @@
+"""How thick a body is below each point of its surface, and how wide the gap above it: what edges have to follow."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from cortet.geometry.closest_point import SurfaceTree, closest_point, triangle_normal
+from cortet.mesh import FloatArray
+
+_MOST_STEPS = 30
+#: a ball that shrinks by less than this share of its radius has arrived
+_SETTLED = 0.01
+#: cosine of the angle between the normals of a ball's two points of contact, above which the second is not on an
+#: opposite side but on the same one, bent or rough
+_SAME_SIDE = 0.5
+
+
+def thickness(tree: SurfaceTree, points: FloatArray, normals: FloatArray, most: float, *, inside: bool) -> FloatArray:
+    """Diameter of the largest ball inside, or outside, that touches a closed surface at each of some points on it.
+
+    Parameters
+    ----------
+    tree : of the surface
+    points, normals : (n, 3) mm, on the surface; (n, 3) unit normals of the faces there, taken to point outward
+    most : mm, the diameter at which the search begins
+    inside : the thickness of blades; else the width of sulci
+
+    Returns
+    -------
+    (n,) mm, `most` where the ball meets no other side
+
+    References
+    ----------
+    Ma, Bae and Choi, 3D medial axis point approximation using nearest neighbors and the normal field, The Visual
+    Computer 28, 2012 (the shrinking ball).
+    """
+    side = -1.0 if inside else 1.0
+    return _thickness(tuple(tree), np.ascontiguousarray(points), np.ascontiguousarray(normals), most, side)
+
+
+@numba.njit(parallel=True, cache=True)
+def _thickness(tree, points, normals, most, side):  # type: ignore[no-untyped-def]
+    found = np.empty(len(points))
+    for i in numba.prange(len(points)):
+        found[i] = 2 * _radius(SurfaceTree(*tree), points[i], normals[i], most / 2, side)
+    return found
+
+
+@numba.njit(cache=True)
+def _radius(tree, point, normal, most, side):  # type: ignore[no-untyped-def]
+    """Radius of the ball at one point: it shrinks until no other side of the surface is within it."""
+    radius = most
+    for _ in range(_MOST_STEPS):
+        centre = point + side * radius * normal
+        x, y, z, place, _, _, _ = closest_point(tree, centre[0], centre[1], centre[2], -1)
+        touched = np.array([x, y, z])
+        distance = np.sqrt(((touched - centre) ** 2).sum())
+        nx, ny, nz = triangle_normal(tree.corners[place])
+        same_side = nx * normal[0] + ny * normal[1] + nz * normal[2] > _SAME_SIDE
+        if same_side or distance >= radius * (1 - _SETTLED):
+            return radius
+        chord = touched - point
+        along = side * (chord * normal).sum()
+        if not along > 0:
+            return radius
+        radius = (chord * chord).sum() / (2 * along)
+    return radius

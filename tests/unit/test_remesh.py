@@ -1,0 +1,110 @@
+"""Remeshing leaves no part of a surface behind: narrow sulci stay open and thin blades stay."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from shapes import ball_surface, bowl, horseshoe
+
+from cortet.formats.gifti import read_surface
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.topology import edges, enclosed_volume, surface_topology, vertex_normals
+from cortet.mesh import FloatArray, TriSurface
+from cortet.meshers.remesh import Remeshed, remesh, remesh_apart, wanted
+from cortet.meshers.thickness import thickness
+
+
+def remeshed(surface: TriSurface, edge_length: float, distance: float = 0.4) -> Remeshed:
+    return remesh(surface, wanted(surface, edge_length, distance))
+
+
+def edge_lengths(surface: TriSurface) -> FloatArray:
+    start, end = edges(surface.faces).T
+    return np.linalg.norm(surface.points[start] - surface.points[end], axis=1)
+
+
+def left_behind(surface: TriSurface, made: TriSurface) -> float:
+    """Largest distance of the surface's vertices and face centres to the triangles."""
+    samples = np.concatenate([surface.points, surface.points[surface.faces].mean(axis=1)])
+    return closest_points(surface_tree(made.points, made.faces), samples).distances.max()
+
+
+def test_triangles_have_the_edge_length_and_stay_on_the_surface():
+    ball = ball_surface(5, radius=10.0)
+    made = remeshed(ball, 1.0).surface
+    lengths = edge_lengths(made)
+    assert lengths.mean() == pytest.approx(1.0, rel=0.1) and lengths.min() > 0.5 and lengths.max() < 1.75
+    assert closest_points(surface_tree(ball.points, ball.faces), made.points).distances.max() < 1e-12
+    assert surface_topology(made.faces).problems() == []
+    assert enclosed_volume(made.points, made.faces) == pytest.approx(enclosed_volume(ball.points, ball.faces), rel=0.01)
+
+
+def test_handles_are_kept_and_unused_vertices_ignored():
+    torus = trimesh.creation.torus(major_radius=5, minor_radius=2)
+    with_unused = TriSurface(np.concatenate([torus.vertices, [[99.0, 0, 0]]]), torus.faces)
+    made = remeshed(with_unused, 1.0).surface
+    assert surface_topology(made.faces).genus == 1 and np.abs(made.points).max() < 8
+
+
+def test_a_coarser_surface_than_the_edges_is_split():
+    ball = ball_surface(2, radius=10.0)
+    made = remeshed(ball, 0.8).surface
+    assert edge_lengths(made).max() < 1.5 and left_behind(ball, made) < 0.01 * 10
+
+
+def test_distances_attached_are_no_less_than_those_measured():
+    ball = ball_surface(4, radius=5.0)
+    made = remeshed(ball, 1.5)
+    exact = closest_points(surface_tree(made.surface.points, made.surface.faces), made.samples).distances
+    assert (made.distances >= exact - 1e-12).all() and made.distances.max() <= 0.4 + 1e-12
+
+
+def test_a_narrow_slit_stays_open():
+    ring = horseshoe(gap=0.3)
+    made = remesh_apart(ring, wanted(ring, 1.25, 0.4))
+    assert not len(self_intersections(made.surface))
+    assert left_behind(ring, made.surface) <= 0.4
+    assert surface_topology(made.surface.faces).problems() == []
+
+
+def test_a_thin_blade_stays():
+    shell = bowl(thickness=0.5)
+    made = remesh_apart(shell, wanted(shell, 1.25, 0.4)).surface
+    assert not len(self_intersections(made)) and left_behind(shell, made) <= 0.4
+    assert surface_topology(made.faces).problems() == []
+
+
+def test_only_triangles_around_a_thin_place_are_smaller():
+    shell = bowl(thickness=0.5)
+    want = wanted(shell, 1.25, 0.4)
+    assert want.size.min() < 1.0 and want.distance.min() < 0.4
+    ball = ball_surface(4)
+    want = wanted(ball, 1.25, 0.4)
+    assert (want.size == 1.25).all() and (want.distance == 0.4).all()
+
+
+def test_thickness_of_a_ball_is_its_diameter_and_outside_there_is_no_limit():
+    ball = ball_surface(4, radius=3.0)
+    tree, normals = surface_tree(ball.points, ball.faces), vertex_normals(ball.points, ball.faces)
+    inside = thickness(tree, ball.points, normals, 20.0, inside=True)
+    assert inside == pytest.approx(6.0, rel=0.02)
+    assert (thickness(tree, ball.points, normals, 20.0, inside=False) == 20.0).all()
+
+
+def test_the_same_bits_each_time():
+    ring = horseshoe(gap=0.3)
+    one, two = (remeshed(ring, 1.0) for _ in range(2))
+    assert one.surface.points.tobytes() == two.surface.points.tobytes()
+    assert one.surface.faces.tobytes() == two.surface.faces.tobytes()
+
+
+def test_the_sulci_and_blades_of_a_real_brain_are_kept():
+    path = Path(__file__).parents[3] / "shared" / "data" / "folded" / "macaque_lh.YRK.wm.surf.gii"
+    if not path.exists():
+        pytest.skip("../shared/data/folded is not here")
+    surface = read_surface(path)
+    made = remesh_apart(surface, wanted(surface, 1.25, 0.4)).surface
+    assert not len(self_intersections(made)) and left_behind(surface, made) <= 0.4
+    assert len(made.points) < 9000
