@@ -84,7 +84,7 @@ def run_chain(  # type: ignore[no-untyped-def]
     if profiled:
         profiler.enable()
     try:
-        mesh, found = mesh_surface(surface, config, progress=progress)
+        mesh, found, _ = mesh_surface(surface, config, progress=progress)
     except CortetError as error:
         answer.send(row | {"certified": False, "why_not": str(error)})
         return

@@ -111,6 +111,12 @@ def parser() -> argparse.ArgumentParser:
         metavar="MM",
         help="limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit)",
     )
+    certify.add_argument(
+        "--cell-size",
+        type=float,
+        metavar="MM",
+        help="cell size h; the surface may be half of it from the boundary (default: not known, no limit)",
+    )
     certify.add_argument("-o", "--output", type=Path, metavar="JSON", help="also write the certificate there")
     certify.set_defaults(run=_certify)
 
@@ -179,7 +185,7 @@ def _mesh(args: argparse.Namespace) -> int:
     solver = format_of(args.output).name  # an unknown one is refused before the work, not after
     config, surface = _config(args), _surface(args)
     progress = Progress(config, args.ga)
-    mesh, certificate = mesh_surface(
+    mesh, certificate, meshed = mesh_surface(
         surface, config, gestational_age=args.ga, source=args.surface, case=_stem(args.output), progress=progress
     )
     record = args.output.with_suffix(".certificate.json")
@@ -205,7 +211,7 @@ def _mesh(args: argparse.Namespace) -> int:
         from cortet.report.case_page import about, write_case_page
 
         chosen = {"scan_age": args.ga, "cell_size": config.generate.cell_size[0], "mesher": config.generate.meshers[0]}
-        write_case_page(mesh, surface, asdict(certificate), args.page, facts=about(chosen))
+        write_case_page(mesh, surface, asdict(certificate), args.page, meshed=meshed, facts=about(chosen))
         print(f"{args.page}: written")
     print()
     _print_verdict(certificate)
@@ -264,7 +270,7 @@ def _certify(args: argparse.Namespace) -> int:
     from cortet.formats.gifti import read_surface
     from cortet.measure.certify import certify
 
-    limits = Config().arguments("certify")
+    limits = Config().arguments("certify", {"cell_size": args.cell_size})
     if args.q_max is not None:
         limits["q_max"] = args.q_max
     if args.max_boundary_distance is not None:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from cortet.config import Config
 from cortet.measure.certify import Certificate, certify
@@ -34,6 +34,15 @@ class Step:
     #: what the stage reported, plain values
     report: dict[str, Any]
     seconds: float
+
+
+class Meshed(NamedTuple):
+    """What comes out of the line."""
+
+    mesh: TetMesh
+    certificate: Certificate
+    #: the surface that was meshed: the input, mended and smoothed
+    surface: TriSurface
 
 
 def stages(config: Config, *, gestational_age: float | None) -> list[str]:
@@ -95,13 +104,14 @@ def mesh_surface(
     source: str | Path | None = None,
     case: str = "",
     progress: Callable[[Step], None] = lambda _: None,
-) -> tuple[TetMesh, Certificate]:
+) -> Meshed:
     """Mesh one surface and judge the mesh.
 
     Parameters are those of `run`; `source` is identified by its hash in the certificate of `case`, and `progress` is
     called after every stage.
     """
     parameters, reports = {}, {}
+    facts = {"cell_size": config.generate.cell_size[0]}
     mesh: TriSurface | TetMesh = surface
     for step in run(surface, config, gestational_age=gestational_age, source=source):
         progress(step)
@@ -111,10 +121,10 @@ def mesh_surface(
     certificate = certify(
         mesh,
         meshed,
-        **config.arguments("certify"),
+        **config.arguments("certify", facts),
         case=case,
         source=source,
-        parameters={**parameters, "certify": config.record("certify")},
+        parameters={**parameters, "certify": config.record("certify", facts)},
         reports=reports,
     )
-    return mesh, certificate
+    return Meshed(mesh, certificate, meshed)

@@ -197,7 +197,10 @@ class Limits(SphinxDirective):
         """The table."""
         rows = ["| check | limit | what to change where it fails |", "|---|---|---|"]
         for check in checks():
-            limit = f"{_SIGNS[check.comparison]} {check.limit:g} {check.unit}".strip()
+            unit = (
+                "h" if check.name.startswith("distance of the surface") else check.unit
+            )  # it was judged with h = 1 mm
+            limit = f"{_SIGNS[check.comparison]} {check.limit:g} {unit}".strip()
             remedy = check.remedy or "nothing: it is a fault of a stage; report it"
             if check.name == "worst q":
                 remedy = "depends on the element: see below"
@@ -214,7 +217,7 @@ def checks() -> tuple[Any, ...]:
     from cortet.doctor import _icosahedron
     from cortet.measure.certify import certify
 
-    return certify(*_icosahedron(), reports={"generate": {"topology_ok": True}}).checks
+    return certify(*_icosahedron(), cell_size=1.0, reports={"generate": {"topology_ok": True}}).checks
 
 
 # --- messages --------------------------------------------------------------------------------------------------------

@@ -312,7 +312,12 @@ def shown_on_page(wildcards):
         case = CASES[wildcards.case]
         phantom = Path(surface_file("phantom").format(**wildcards))
         return {"surface": existing(phantom if case.is_phantom else case.surface)}
-    return {"surface": surface_of(wildcards), "mesh": mesh_file("Solver"), "certificate": CERTIFICATE}
+    return {
+        "surface": surface_of(wildcards),
+        "meshed": MESHED_SURFACE,
+        "mesh": mesh_file("Solver"),
+        "certificate": CERTIFICATE,
+    }
 
 
 def beside(path, page):

@@ -73,7 +73,7 @@ rule case_page:
         },
         failure=failure_of,
         cohort=lambda wildcards: beside(COHORT_PAGE, CASE_PAGE.format(**wildcards)),
-        version=version_of("report.pages"),
+        version=[version_of("report.pages"), version_of("report.render")],
     script:
         "../scripts/case_page.py"
 

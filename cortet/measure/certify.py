@@ -1,15 +1,16 @@
 """The certificate of a mesh: a verdict, every number beside the limit it is judged by, and where and why it fails.
 
 A mesh can have q_max < 0.6 with two banks of a sulcus fused, and can be a perfect ball far from its surface. So the
-verdict covers elements, volumes, the topology of the boundary, its crossings and its distance to the surface. The
-certificate holds no date and no time: the same mesh gets the same file.
+verdict covers elements, volumes, the topology of the boundary, its crossings, and its distance to the surface in both
+directions: a sulcus that was filled leaves every node on the surface, and changes no topology. The certificate holds no
+date and no time: the same mesh gets the same file.
 """
 
 from __future__ import annotations
 
 import operator
 import platform
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -24,11 +25,12 @@ from cortet.geometry.defects import defective_vertices
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import SurfaceTopology, boundary_surface, enclosed_volume, surface_topology
 from cortet.measure.fidelity import Fidelity, fidelity
+from cortet.measure.lost import LostPlace, lost_places
 from cortet.measure.quality import QualitySummary, quality, signed_volumes, summarise
 from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound, worst_elements
 from cortet.mesh import FloatArray, TetMesh, TriSurface
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: relative difference allowed between the sum of volumes and the volume inside the boundary
 VOLUME_TOLERANCE = 1e-9
@@ -41,6 +43,8 @@ Comparison = Literal["<", "<=", "=="]
 _COMPARE: dict[Comparison, Callable[[float, float], bool]] = {"<": operator.lt, "<=": operator.le, "==": operator.eq}
 _WORDS: dict[Comparison, str] = {"<": "must be below", "<=": "must not exceed", "==": "must be"}
 
+_SURFACE_DISTANCE = "distance of the surface to the boundary, at most"
+_LOSS_REMEDY = "use a smaller cell size, or the mesher `lattice`, whose edges follow the shape"
 _TOPOLOGY_REMEDY = "add a smaller fraction to `generate.facet_distance`, or use a smaller cell size"
 
 
@@ -80,6 +84,8 @@ class Certificate:
     #: worst first
     worst_elements: tuple[WorstElement, ...]
     valence_bound: ValenceBound
+    #: parts of the surface that the boundary does not follow within the limit, the first few
+    lost_places: tuple[LostPlace, ...]
     #: boundary vertices where it is open, pinched or fused, the first few
     defects_mm: tuple[tuple[float, ...], ...]
     #: centres of boundary faces that cross others, the first few
@@ -104,6 +110,11 @@ def certify(
     *,
     q_max: float = 0.6,
     max_boundary_distance: float | None = 1e-3,
+    cell_size: float | None = None,
+    max_surface_distance: float | None = 0.5,
+    max_mean_surface_distance: float | None = 0.1,
+    max_area_change: float | None = 0.05,
+    max_volume_change: float | None = 0.1,
     case: str = "",
     source: str | Path | None = None,
     parameters: Mapping[str, Any] | None = None,
@@ -116,7 +127,12 @@ def certify(
     mesh : the mesh to be exported
     surface : the closed surface it was made from; the boundary must have its Euler number
     q_max : limit that the worst q must stay below
-    max_boundary_distance : mm, largest distance of a boundary node to `surface`; None reports it without a limit
+    max_boundary_distance : mm, largest distance of a boundary node to `surface`
+    cell_size : mm; None where it is not known, and the two limits that are fractions of it do not hold
+    max_surface_distance, max_mean_surface_distance : fractions of `cell_size`, distance of points of `surface` to the
+        boundary, largest and mean
+    max_area_change, max_volume_change : relative change of area and of volume against `surface`, of either sign
+    (of all limits, None reports the number without one)
     case : name of the case
     source : file of the input surface, to be identified by its hash
     parameters, reports : stage -> what it ran with and what it reported; S1's findings about topology are judged too
@@ -163,11 +179,21 @@ def certify(
             unit="mm",
             remedy="use `boundary: slide` in `clean` and `fixed` in `relocate`, or switch `snap` on",
         ),
+        *_loss_checks(
+            faithful,
+            largest=_times(max_surface_distance, cell_size),
+            mean=_times(max_mean_surface_distance, cell_size),
+            area=max_area_change,
+            volume=max_volume_change,
+        ),
     )
+    limit = _times(max_surface_distance, cell_size)
+    lost = [] if limit is None else lost_places(boundary, surface, limit=limit)
     places = {
         "worst q": _worst_place(worst[0], int((quality(mesh.points, mesh.cells) >= q_max).sum())),
         "boundary faces that cross others": _first(centres),
         **dict.fromkeys(_PLACED_DEFECTS, _first(defects)),
+        _SURFACE_DISTANCE: _lost(lost),
         "topology problems after S1": reports.get("generate", {}).get("reason", ""),
     }
     return Certificate(
@@ -177,6 +203,7 @@ def certify(
         checks=checks,
         worst_elements=worst,
         valence_bound=valence_bound(around),
+        lost_places=tuple(lost[:PLACES]),
         defects_mm=tuple(map(tuple, defects.tolist())),
         crossings_mm=tuple(map(tuple, centres.tolist())),
         quality=measured,
@@ -239,6 +266,39 @@ def _meshing_checks(report: Mapping[str, Any] | None) -> Iterator[Check]:
     """What S1 found wrong with the topology; a later stage can hide it, not undo it."""
     if report is not None:
         yield _check("topology problems after S1", int(not report["topology_ok"]), "==", 0, remedy=_TOPOLOGY_REMEDY)
+
+
+def _times(fraction: float | None, length: float | None) -> float | None:
+    """A fraction of a length; None where one of them is not given."""
+    return None if fraction is None or length is None else fraction * length
+
+
+def _loss_checks(
+    found: Fidelity, *, largest: float | None, mean: float | None, area: float | None, volume: float | None
+) -> Iterator[Check]:
+    """How much of the surface the mesh does not follow: distances in mm, changes relative."""
+    distance = found.surface_to_boundary_mm
+    for name, value, limit, unit in (
+        (_SURFACE_DISTANCE, distance.max, largest, "mm"),
+        ("distance of the surface to the boundary, on average", distance.mean, mean, "mm"),
+        ("relative change of the area", abs(found.relative_area_change), area, ""),
+        ("relative change of the volume", abs(found.relative_volume_change), volume, ""),
+    ):
+        yield _check(name, value, None if limit is None else "<=", limit, unit=unit, remedy=_LOSS_REMEDY)
+
+
+def _lost(places: Sequence[LostPlace]) -> str:
+    """Where the surface is not followed, in words; nothing where it is."""
+    if not places:
+        return ""
+    counted = {kind: sum(place.kind == kind for place in places) for kind in ("filled", "cut off")}
+    parts = [
+        f"{counted['filled']} where a sulcus is filled" if counted["filled"] else "",
+        f"{counted['cut off']} where a blade or tip is cut off" if counted["cut off"] else "",
+    ]
+    count = f"{len(places)} place{'s' if len(places) > 1 else ''} beyond the limit"
+    worst = f"the worst, {places[0].kind}, at {_point(places[0].place_mm)} mm"
+    return f"{count}: {' and '.join(filter(None, parts))}, {worst}"
 
 
 def _reason(check: Check, place: str) -> str:

@@ -16,7 +16,8 @@ import numpy as np
 from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections
-from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.measure.lost import surface_samples
+from cortet.mesh import IntArray, TetMesh, TriSurface
 
 _ROUNDS = 5
 #: how far a point of the surface may be left behind, over the mean edge of the boundary (1.3 times the cell size)
@@ -26,11 +27,6 @@ _SAME = 1.02
 
 logger = logging.getLogger(__name__)
 Report = TypeVar("Report")
-
-
-def surface_samples(surface: TriSurface) -> FloatArray:
-    """The vertices of a surface, then the centres of its faces: (k, 3) mm."""
-    return np.concatenate([surface.points, surface.points[surface.faces].mean(axis=1)])
 
 
 def crossing_faces(mesh: TetMesh) -> IntArray:

@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 
 from cortet.errors import StageError
-from cortet.geometry.topology import surface_topology
+from cortet.geometry.topology import boundary_surface, surface_topology
+from cortet.measure.lost import distances_to
 from cortet.mesh import TetMesh, TriSurface
 from cortet.report import pages, published
 from cortet.report.boundary_view import boundary_view, three_js
@@ -33,11 +34,12 @@ DOES = {
 }
 
 _COMPARED = {"<": "below", "<=": "at most", "==": "exactly"}
+_LOST = {"filled": "a sulcus that the mesh fills", "cut off": "a blade or tip that the mesh cuts off"}
 _SIDES: tuple[Literal["L", "R"], ...] = ("L", "R")
 _DISTANCES = {
     "nodes_to_surface_mm": "Boundary nodes to the surface",
     "face_centres_to_surface_mm": "Centres of boundary faces to the surface",
-    "surface_to_boundary_mm": "Vertices of the surface to the boundary",
+    "surface_to_boundary_mm": "Vertices and face centres of the surface to the boundary",
     "nodes_to_nearest_vertex_mm": "Boundary nodes to the nearest vertex of the surface, as published",
 }
 #: remedy of a job that left no message
@@ -51,6 +53,7 @@ def write_case_page(
     certificate: Certificate,
     path: str | Path,
     *,
+    meshed: TriSurface,
     facts: Facts | None = None,
     cohort: str = "",
     files: Sequence[tuple[str, str]] = (),
@@ -62,11 +65,12 @@ def write_case_page(
     mesh : the mesh that was judged
     surface : the input surface, drawn beside it
     certificate : content of its certificate.json
+    meshed : the surface that was meshed, which is drawn in the colour of its distance to the boundary
     facts : what else is known of the case, name and value
     cohort : address of the cohort page, as seen from this one
     files : name and title of files beside the page
     """
-    pictures, trouble = _pictures(surface, mesh)
+    pictures, trouble = _pictures(surface, mesh, meshed)
     q = certificate["quality"]
     bulk, tail = mesh_quality_figures(np.array(q["histogram"]), limit=_limit(certificate, "worst q"))
     pages.write(
@@ -94,6 +98,10 @@ def write_case_page(
         origin=[
             *((name, certificate["input"][key]) for key, name in _INPUT.items() if key in certificate["input"]),
             *certificate["versions"].items(),
+        ],
+        lost=[
+            {"kind": _LOST[place["kind"]], **{key: place[key] for key in ("place_mm", "distance_mm", "vertices")}}
+            for place in certificate["lost_places"]
         ],
         records=[
             (title, json.dumps(certificate[key], indent=2))
@@ -174,8 +182,10 @@ def about(case: Mapping[str, Any]) -> Facts:
 _INPUT = {"file": "Input surface", "sha256": "Its SHA-256"}
 
 
-def _pictures(surface: TriSurface, mesh: TetMesh | None = None) -> tuple[list[dict[str, Any]], str]:
-    """Pictures of the surface from both sides and of the cut mesh, or why there are none."""
+def _pictures(
+    surface: TriSurface, mesh: TetMesh | None = None, meshed: TriSurface | None = None
+) -> tuple[list[dict[str, Any]], str]:
+    """Pictures of the surface from both sides, of the cut mesh and of what it leaves behind, or why there are none."""
     if not np.isfinite(surface.points).all():
         return [], "The surface has coordinates that are not finite, so it cannot be drawn."
     topology, sides = surface_topology(surface.faces), {"L": "left", "R": "right"}
@@ -188,6 +198,14 @@ def _pictures(surface: TriSurface, mesh: TetMesh | None = None) -> tuple[list[di
         if mesh is not None:
             caption = "Mesh, cut open across the middle"
             shown.append(_picture(cut_view(mesh), caption, "each tetrahedron in the colour of its q"))
+        if mesh is not None and meshed is not None:
+            boundary, _ = boundary_surface(mesh)
+            distances = distances_to(boundary, meshed)[len(meshed.points) :]
+            scale = f"by its distance to the mesh, white at 0, black at {distances.max():.2g} mm"
+            shown += [
+                _picture(surface_view(meshed, side=side, distances=distances), f"Meshed surface, {sides[side]}", scale)
+                for side in _SIDES
+            ]
     except StageError as error:
         return [], f"Without pictures: {error}"
     return shown, ""

@@ -14,7 +14,7 @@ from cortet.cohort.sheet import Case
 from cortet.formats.atomic import write_json
 from cortet.formats.tsv import write_tsv
 
-VERSION: int = 2
+VERSION: int = 3
 
 Certificate = Mapping[str, Any]
 
@@ -93,7 +93,7 @@ QUALITY_COLUMNS = (
         )
         for name, words, judged in (
             ("nodes_to_surface", "Boundary nodes to the nearest point of the surface", "max"),
-            ("surface_to_boundary", "Vertices of the surface to the nearest point of the mesh boundary", ""),
+            ("surface_to_boundary", "Vertices and face centres of the surface to the mesh boundary", ""),
             ("nodes_to_nearest_vertex", "Boundary nodes to the nearest vertex of the surface, as published", ""),
         )
         for statistic, meaning in (("mean", "mean"), ("p95", "95th percentile"), ("max", "maximum"))

@@ -19,7 +19,7 @@ from cortet.geometry.topology import boundary_surface, compact
 from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, TetMesh, TriSurface
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: colour-blind safe, and as dark as it is bad
 COLOURS = "viridis_r"
@@ -43,6 +43,9 @@ SCALE = {
 MARGIN, ROOM = 1.05, 0.7
 
 _AXES = {"x": 0, "y": 1, "z": 2}
+
+#: colours can be read off, and the shape is still seen
+_FLAT_LIGHT = {"ambient": 0.5, "diffuse": 0.5, "show_scalar_bar": False}
 
 _CUT_LOOK = {
     "scalars": "q",
@@ -104,7 +107,11 @@ def cut_view(mesh: TetMesh, *, size: tuple[int, int] = (1200, 900)) -> NDArray[n
 
 
 def surface_view(
-    surface: TriSurface, *, side: Literal["L", "R"], size: tuple[int, int] = (900, 675)
+    surface: TriSurface,
+    *,
+    side: Literal["L", "R"],
+    size: tuple[int, int] = (900, 675),
+    distances: FloatArray | None = None,
 ) -> NDArray[np.uint8]:
     """A surface from the left or the right of the head, edges where it is open or branches drawn over it.
 
@@ -113,6 +120,7 @@ def surface_view(
     surface : RAS coordinates, x to the right; it need not be closed
     side : where it is seen from
     size : pixels, width and height
+    distances : (m,) of its faces, mm; they are coloured from white at 0 to black at the largest
 
     Returns
     -------
@@ -128,7 +136,11 @@ def surface_view(
         boundary_edges=True, non_manifold_edges=True, feature_edges=False, manifold_edges=False
     )
     with off_screen(size) as plotter:
-        plotter.add_mesh(shape, color="#D0D0D0", ambient=0.15, diffuse=0.85, smooth_shading=True)
+        if distances is None:
+            plotter.add_mesh(shape, color="#D0D0D0", ambient=0.15, diffuse=0.85, smooth_shading=True)
+        else:
+            shape.cell_data["distance"] = distances
+            plotter.add_mesh(shape, scalars="distance", cmap="Greys", clim=(0, distances.max()), **_FLAT_LIGHT)
         if wrong.n_points:
             plotter.add_mesh(wrong, color=BEYOND, line_width=4, lighting=False)
         middle, extent = (surface.points.min(axis=0) + surface.points.max(axis=0)) / 2, np.ptp(surface.points, axis=0)

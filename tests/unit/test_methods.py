@@ -25,7 +25,7 @@ CASES = [
 ]
 
 
-def certificate(case: Case, setting: str = "default", **limits: Any) -> dict[str, Any]:
+def certificate(case: Case, setting: str = "cgal", **limits: Any) -> dict[str, Any]:
     mesh, config = cube_mesh(3, side=6.0), load({"setting": setting})
     stages = [stage for stage in ("smooth_surface", "relocate", "clean", "reconnect") if config.enabled(stage)]
     content = certify(

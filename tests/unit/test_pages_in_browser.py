@@ -50,7 +50,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("pages")
     mesh, surface = ball_mesh(2, radius=20.0), ball_surface(3, radius=20.0)
     certificate = asdict(certify(mesh, surface, case="sub-a_hemi-L", q_max=0.3, parameters={"clean": {"a": 1}}))
-    write_case_page(mesh, surface, certificate, folder / "case.html", facts=[("Age", "28 weeks")], cohort="cohort.html")
+    about = {"facts": [("Age", "28 weeks")], "cohort": "cohort.html"}
+    write_case_page(mesh, surface, certificate, folder / "case.html", meshed=surface, **about)
     failure = {"stage": "gate", "state": "failed", "reason": "a.gii: is open (close it)", "log": "logs/a.log"}
     opened = replace(surface, faces=surface.faces[1:])
     write_failure_page("sub-b_hemi-L", failure, folder / "failure.html", surface=opened, cohort="cohort.html")

@@ -50,18 +50,19 @@ def config_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def made(ball: TriSurface, file: Path) -> tuple[TetMesh, Certificate, list[str]]:
     seen: list[str] = []
-    mesh, certificate = mesh_surface(
+    mesh, certificate, _ = mesh_surface(
         ball, load(FAST), source=file, case="ball", progress=lambda step: seen.append(step.stage)
     )
     return mesh, certificate, seen
 
 
 def test_the_line_has_the_stages_that_the_configuration_enables() -> None:
-    line = ["gate", "smooth_surface", "generate", "transfer", "relocate", "clean", "reconnect", "solver_ready"]
+    line = ["gate", "smooth_surface", "generate", "transfer", "clean", "reconnect", "solver_ready"]
     assert stages(Config(), gestational_age=28.0) == line
+    assert stages(load({"setting": "cgal"}), gestational_age=28.0) == [*line[:4], "relocate", *line[4:]]
     assert stages(Config(), gestational_age=None) == [stage for stage in line if stage != "smooth_surface"]
     assert "reconnect" not in stages(load({"setting": "published"}), gestational_age=28.0)
-    snapping = load({"relocate": {"enabled": False}, "clean": {"enabled": False}, "snap": {"enabled": True}})
+    snapping = load({"clean": {"enabled": False}, "snap": {"enabled": True}})
     assert stages(snapping, gestational_age=None)[2:] == ["transfer", "reconnect", "snap", "solver_ready"]
 
 
@@ -158,5 +159,5 @@ def test_a_real_surface_of_22_weeks_is_certified() -> None:
         pytest.skip(f"{REAL} is not there")
     passes = dict.fromkeys(["odt", "lloyd", "perturb", "exude"], False)  # the later stages mend what these leave out
     config = load({"generate": {"cell_size": 2.5, **passes}})
-    _, certificate = mesh_surface(read_surface(REAL), config, source=REAL)
+    _, certificate, _ = mesh_surface(read_surface(REAL), config, source=REAL)
     assert certificate.certified, certificate.reasons
