@@ -3,18 +3,22 @@
 CORES ?= 2
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
-.PHONY: help setup cohort test check docs doctor format lock clean
+.PHONY: help setup published cohort test check docs doctor format lock clean
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-setup: ## install what is missing: system packages, .venv, pygalmesh
+setup: ## install what is missing: system packages, .venv, compiled kernels
 	@tools/setup.sh
+
+published: ## and pygalmesh, the paper's tool, which is compiled once
+	@tools/setup.sh published
 
 cohort: setup ## run the workflow on config.yaml (CORES=2)
 	snakemake --cores $(CORES)
 
-test: setup ## run all tests (ARGS="-k quality" for some)
+test: ## run all tests (ARGS="-k quality" for some)
+	@tools/setup.sh test
 	pytest --numprocesses $(CORES) $(ARGS)
 
 check: setup ## what every commit must pass, in a minute

@@ -442,6 +442,15 @@ class Config(Section):
                     f"the program {program} is not installed", remedy=f"put it on the PATH, or set {instead}"
                 )
 
+    def notices(self) -> list[str]:
+        """What a user should know before the line runs, in plain words."""
+        if "cgal" in self.generate.meshers and self.generate.backend == "auto" and installed_backend() != "pygalmesh":
+            return [
+                "pygalmesh, the paper's tool, is not installed: CGAL runs by the `cgal` wheel, the same library in "
+                "another version and without a seed (`make published` compiles pygalmesh, once, in some ten minutes)"
+            ]
+        return []
+
     def arguments(self, step: str, facts: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Plain, JSON-able keyword arguments of the function of a stage, or of another step of the workflow.
 

@@ -12,9 +12,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cortet.config import Config
+from cortet.config import Config, load
 from cortet.measure.certify import Certificate, certify
 from cortet.mesh import TetMesh, TriSurface
+from cortet.phantom import phantom
 from cortet.stages import STAGES
 
 logger = logging.getLogger(__name__)
@@ -73,6 +74,8 @@ def run(
     if config.enabled("smooth_surface") and gestational_age is None:
         logger.warning("no gestational age is given, so the surface is not smoothed")
     config.require_programs()
+    for notice in config.notices():
+        logger.warning(notice)
     facts = {
         "source": str(source) if source is not None else None,
         "gestational_age": gestational_age,
@@ -94,6 +97,11 @@ def run(
             asdict(report),
             seconds,
         )
+
+
+def warm_up() -> None:
+    """Compile the kernels of the line, where this machine has not done so yet, by meshing a coarse phantom."""
+    mesh_surface(phantom(24.0, subdivisions=3), load({"generate": {"cell_size": 4.0}}))
 
 
 def mesh_surface(

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
+from snakemake.logging import logger
 
 from cortet import __version__
 from cortet.cohort.sheet import read_sheet
@@ -32,6 +33,8 @@ try:
     }
     for setting in SETTINGS.values():
         setting.require_programs()
+    for notice in CONFIG.notices():
+        logger.warning(notice)
     # read here and never an input of a rule: a new row then runs one new case
     SHEET = read_sheet(CONFIG.cohort.sheet, CONFIG.cohort.fields)
 except CortetError as error:

@@ -14,8 +14,6 @@ import tempfile
 import time
 from collections import defaultdict
 
-from snakemake.logging import logger
-
 from cortet.cohort.lock import hold
 from cortet.cohort.status import failure_reason, was_killed
 

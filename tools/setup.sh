@@ -1,11 +1,16 @@
 #!/usr/bin/env bash
 # Makes .venv with everything cortet needs. Run again it does what is missing, at once when nothing is.
 #
+#   tools/setup.sh              the default line, and the setting `cgal` by the wheel of that name: nothing is compiled
+#   tools/setup.sh published    the paper's own tool as well: pygalmesh, which has no wheel, is compiled, once
+#   tools/setup.sh test         that, and the programs that tests call
+#
 #   PYTHON=python3.12      interpreter to use (default: the first that fits)
 #   CORTET_WHEELS=FOLDER   where the compiled pygalmesh is kept (default: ~/.cache/cortet/untimed-wheels)
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+what=${1:-default}
 venv=.venv
 wheels=${CORTET_WHEELS:-${XDG_CACHE_HOME:-$HOME/.cache}/cortet/untimed-wheels}
 pygalmesh=$(sed -n 's/^\(pygalmesh==[^ ;]*\).*/\1/p' requirements.txt)
@@ -24,7 +29,12 @@ fail() { say "$@"; exit 1; }
 # --- the stamp: written last, names what the environment was made from -----------------------------------------------
 
 wanted_stamp() { cat requirements.txt tools/setup.sh | sha256sum | cut -d' ' -f1; }
-is_ready() { [[ -x $venv/bin/python && $(cat $venv/.stamp 2>/dev/null) == "$(wanted_stamp)" ]] && $venv/bin/python -c ''; }
+has_stamp() { [[ -x $venv/bin/python && $(cat "$venv/.stamp$1" 2>/dev/null) == "$(wanted_stamp)" ]] && $venv/bin/python -c ''; }
+is_ready() {
+    has_stamp '' || return
+    [[ $what == default ]] || has_stamp .published || return
+    [[ $what != test ]] || has_stamp .test
+}
 
 # --- the interpreter -------------------------------------------------------------------------------------------------
 
@@ -118,7 +128,7 @@ compile_pygalmesh() {
         *) say "pygalmesh is not known to compile with CGAL $cgal; trying" ;;
     esac
 
-    say "compiling $pygalmesh with CGAL $cgal, since it has no wheel: about ten minutes, once (log: $log)"
+    say "compiling $pygalmesh with CGAL $cgal, since it has no wheel: some ten minutes on one core, once (log: $log)"
     rm -rf "$wheels"/.build.* # of a set-up that was killed
     build=$(mktemp -d "$wheels/.build.XXXXXX")
     : >"$log"
@@ -127,9 +137,12 @@ compile_pygalmesh() {
     $venv/bin/python -m pip download --quiet --no-deps --no-build-isolation --no-binary pygalmesh --dest "$build" "$pygalmesh" &&
         mkdir "$build/source" && tar -xf "$build"/pygalmesh-*.tar.gz -C "$build/source" --strip-components 1 &&
         sed -i 's/CGAL::parameters::perturb()/CGAL::parameters::perturb(CGAL::parameters::time_limit = 0)/' \
-            "$build"/source/src/generate*.cpp || status=$?
+            "$build"/source/src/generate*.cpp &&
+        # one compiler per core; each takes about 2 GB
+        sed -i '1i from pybind11.setup_helpers import ParallelCompile; ParallelCompile("CORTET_COMPILERS").install()' \
+            "$build/source/setup.py" || status=$?
     # CXXFLAGS takes the place of the flags Python was compiled with, of which -O2 and -DNDEBUG matter
-    ((status)) || CXXFLAGS="-O2 -DNDEBUG" CPLUS_INCLUDE_PATH=$headers${CPLUS_INCLUDE_PATH:+:$CPLUS_INCLUDE_PATH} \
+    ((status)) || CORTET_COMPILERS=$(nproc) CXXFLAGS="-O2 -DNDEBUG" CPLUS_INCLUDE_PATH=$headers${CPLUS_INCLUDE_PATH:+:$CPLUS_INCLUDE_PATH} \
         $venv/bin/python -m pip wheel --verbose --no-deps --no-build-isolation --no-cache-dir \
         --wheel-dir "$build" "$build/source" </dev/null &>"$log" || status=$?
     kill $progress 2>/dev/null || true
@@ -142,32 +155,45 @@ compile_pygalmesh() {
 
 # --- the environment -------------------------------------------------------------------------------------------------
 
+[[ $what =~ ^(default|published|test)$ ]] || fail "unknown: $what (say published, test, or nothing)"
 is_ready && exit
 exec 9<.
 flock -n 9 || { say "another set-up is running here; waiting for it"; flock 9; }
 is_ready && exit
 
-python=$(choose_python)
-packages=("${run_packages[@]}" $(python_packages))
-tag=$("$python" -c 'import sys; print("cp%d%d" % sys.version_info[:2])')
-compgen -G "$wheels/pygalmesh-*-$tag-*.whl" >/dev/null || packages+=("${build_packages[@]}")
-install_packages "${packages[@]}"
-(install_packages "${test_packages[@]}") || say "going on without ${test_packages[*]}: the tests that need it are skipped"
-makes_venvs "$python" || fail "$python cannot make virtual environments (no module venv or ensurepip)"
+if ! has_stamp ''; then
+    python=$(choose_python)
+    install_packages "${run_packages[@]}" $(python_packages)
+    makes_venvs "$python" || fail "$python cannot make virtual environments (no module venv or ensurepip)"
 
-say "making $venv with $("$python" --version) and the packages of requirements.txt"
-"$python" -m venv --clear $venv
-pip=($venv/bin/python -m pip --disable-pip-version-check --quiet)
-"${pip[@]}" install "$(grep '^pip==' requirements.txt)"
-"${pip[@]}" install --no-deps -r <(grep -v '^pygalmesh==' requirements.txt)
-"${pip[@]}" install --no-deps --no-build-isolation --editable .
+    say "making $venv with $("$python" --version) and the packages of requirements.txt"
+    "$python" -m venv --clear $venv
+    pip=($venv/bin/python -m pip --disable-pip-version-check --quiet)
+    "${pip[@]}" install "$(grep '^pip==' requirements.txt)"
+    "${pip[@]}" install --no-deps -r <(grep -v '^pygalmesh==' requirements.txt)
+    "${pip[@]}" install --no-deps --no-build-isolation --editable .
 
-mkdir -p "$wheels"
-if ! { install_pygalmesh || compile_pygalmesh; }; then
-    "${pip[@]}" uninstall --yes pygalmesh 2>/dev/null
-    say "going on without pygalmesh: S1 uses its second backend, the \`cgal\` wheel (to try again: rm $venv/.stamp)"
-    $venv/bin/python -c 'import CGAL' 2>/dev/null || fail "but that has none for $("$python" --version): install Python 3.11 or 3.12, too"
+    say "compiling the kernels, once per machine and version"
+    $venv/bin/python -c 'from cortet.pipeline import warm_up; warm_up()'
+    wanted_stamp >$venv/.stamp
 fi
 
-wanted_stamp >$venv/.stamp
+if [[ $what != default ]] && ! has_stamp .published; then
+    pip=($venv/bin/python -m pip --disable-pip-version-check --quiet)
+    tag=$($venv/bin/python -c 'import sys; print("cp%d%d" % sys.version_info[:2])')
+    compgen -G "$wheels/pygalmesh-*-$tag-*.whl" >/dev/null || install_packages "${build_packages[@]}"
+    mkdir -p "$wheels"
+    if ! { install_pygalmesh || compile_pygalmesh; }; then
+        "${pip[@]}" uninstall --yes pygalmesh 2>/dev/null
+        say "going on without pygalmesh: CGAL runs by the \`cgal\` wheel (to try again: rm $venv/.stamp.published)"
+        $venv/bin/python -c 'import CGAL' 2>/dev/null ||
+            fail "but that has none for $($venv/bin/python --version): install Python 3.11 or 3.12, too"
+    fi
+    wanted_stamp >$venv/.stamp.published
+fi
+
+if [[ $what == test ]] && ! has_stamp .test; then
+    (install_packages "${test_packages[@]}") || say "going on without ${test_packages[*]}: tests that need them are skipped"
+    wanted_stamp >$venv/.stamp.test
+fi
 say "done in $SECONDS s"

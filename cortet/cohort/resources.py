@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from cortet.errors import InputError
 
-#: tetrahedra per cube of the cell size; measured 4.13 to 4.19 (cgal), 3.34 to 3.56 (lattice)
-TETS_PER_CUBE = {"cgal": 4.2, "lattice": 3.6}
+#: tetrahedra per cube of the cell size; measured 4.13 to 4.19 (cgal), 3.3 to 4.0 (lattice, most where blades are thin)
+TETS_PER_CUBE = {"cgal": 4.2, "lattice": 4.1}
 #: resident memory of Snakemake itself, MB, which in a cluster's job runs twice beside the script
 SNAKEMAKE_MB = 600
 #: what is asked for, as a multiple of what was measured at most: memory that lacks kills the job, and so does time
@@ -46,7 +46,7 @@ COSTS = {
     "fields": Cost((600, 0), (5, 0)),
     "smooth_surface": Cost((600, 0), (7, 0)),
     "generate": Cost((330, 550), (5, 370)),
-    "generate:lattice": Cost((330, 520), (5, 35)),
+    "generate:lattice": Cost((330, 520), (8, 45)),
     "transfer": Cost((260, 150), (2, 3)),
     "relocate": Cost((310, 260), (4, 55)),
     "clean": Cost((400, 350), (3, 7)),
