@@ -38,7 +38,7 @@ def test_every_format_holds_the_fields_of_the_case_and_says_where_they_came_from
     assert result.returncode == 0, result.stdout + result.stderr
 
     for end, solver in EXPORTS.items():
-        (path,) = study.files(f"*desc-cgalSolver_{end}")
+        (path,) = study.files(f"*desc-latticeSolver_{end}")
         assert verify(path, solver) == []
         record = json.loads(path.with_name(path.name + ".json").read_text())
         assert record["fields"]["area"]["source"].endswith("surfaces/area.label.gii")

@@ -15,10 +15,11 @@ from typing import Any
 import pytest
 
 from cortet.cohort.lock import NAME
-from tests.integration.study import Study, surface
+from cortet.config import Config
+from tests.integration.study import Study, is_result, surface
 
 SABOTAGE = Path(__file__).parent / "sabotage"
-STAGES = ("gate", "smooth_surface", "generate", "transfer", "relocate", "clean", "reconnect", "solver_ready")
+STAGES = [stage.name for stage in Config().line()]
 JOBS = (*STAGES, "quality", "certify", "export")
 
 
@@ -38,7 +39,8 @@ def run(study: Study, *arguments: str, **options: Any) -> subprocess.CompletedPr
 def sums(folder: Path, pattern: str = "*") -> dict[str, str]:
     """SHA-256 of every output of a study, by its name."""
     outputs = folder / "derivatives/cortet"
-    files = [path for path in outputs.rglob(pattern) if path.is_file() and path.name != NAME]
+    files = [path for path in outputs.rglob(pattern) if path.is_file() and is_result(path, outputs)]
+    files = [path for path in files if path.name != NAME]
     return {str(path.relative_to(outputs)): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(files)}
 
 

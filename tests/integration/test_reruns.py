@@ -28,7 +28,7 @@ COHORT = {
     ("cohort_page", "-"),
 }
 FROM_CLEAN = {"clean", "reconnect", "solver_ready", "quality", "certify", "case_page", "export"}
-FROM_GATE = {"gate", "smooth_surface", "generate", "transfer", "relocate"} | FROM_CLEAN
+FROM_GATE = {"gate", "smooth_surface", "generate", "transfer"} | FROM_CLEAN
 
 
 def jobs(rules: set[str], *participants: str) -> set[tuple[str, str]]:
@@ -78,8 +78,8 @@ def test_a_raised_version_of_s4_reruns_s4_onwards(study: Study) -> None:
 
 
 def test_a_bypassed_stage_does_not_occur(study: Study) -> None:
-    study.config["relocate"] = {"enabled": False}
-    assert study.planned_jobs() == jobs(FROM_CLEAN, "a", "b") | COHORT
+    study.config["clean"] = {"enabled": False}
+    assert study.planned_jobs() == jobs(FROM_CLEAN - {"clean"}, "a", "b") | COHORT
 
 
 def test_bad_cases_do_not_stop_the_others(study: Study) -> None:
@@ -150,8 +150,8 @@ def test_a_bad_sheet_stops_the_run_before_it_begins(study: Study) -> None:
 )
 def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study: Study, rule: str, killed: str) -> None:
     study.write_cases(study.cases()[:1])
-    study.config["generate"] |= {"cell_size": [1.5], "lloyd": True}  # seconds, so that there is something to kill
-    finals = {"generate": "*res-1500um*Generated_tetmesh.*", "clean": "*res-1500um*Cleaned_tetmesh.*"}[rule]
+    study.config["generate"] |= {"cell_size": [1.0]}  # seconds, so that there is something to kill
+    finals = {"generate": "*res-1000um*Generated_tetmesh.*", "clean": "*res-1000um*Cleaned_tetmesh.*"}[rule]
     run = subprocess.Popen(
         study.command(),
         cwd=study.folder,

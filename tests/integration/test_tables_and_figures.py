@@ -14,7 +14,7 @@ import pytest
 
 from tests.integration.study import Study, surface
 
-SETTINGS = ("default", "published")
+SETTINGS = ("cgal", "published")
 
 
 def rows(study: Study, table: str) -> list[dict[str, str]]:
@@ -36,7 +36,7 @@ def compared(finished: Study, tmp_path_factory: pytest.TempPathFactory) -> Study
     shutil.copytree(finished.folder, folder)
     study = Study(folder)
     study.config["experiments"] = {
-        "ablation": {"meshers": ["tetgen", "netgen"]},
+        "ablation": {"meshers": ["cgal", "tetgen", "netgen"]},
         "resolution": {"cases": 1, "cell_size": [4.0, 6.0]},
         "measures": {"cases": 1},
         "series": {"cases": 1},
@@ -52,12 +52,14 @@ def study(compared: Study, tmp_path: Path) -> Study:
     return Study(tmp_path / "study", compared.config)
 
 
-def test_every_stage_is_measured_in_both_settings_and_for_both_meshers(compared: Study) -> None:
+def test_every_stage_is_measured_in_each_setting_on_the_meshes_of_its_mesher(compared: Study) -> None:
     measured = ablation(compared)
     for mesher in ("cgal", "tetgen"):
         assert (mesher, "n/a", "S1-S2") in measured
         assert {(mesher, setting, stages) for setting in SETTINGS for stages in ("S1-S3", "S1-S4")} <= set(measured)
-        assert (mesher, "default", "S1-S4+") in measured and (mesher, "published", "S1-S4+") not in measured
+        assert (mesher, "cgal", "S1-S4+") in measured and (mesher, "published", "S1-S4+") not in measured
+    assert ("lattice", "default", "S1-S4+") in measured and ("tetgen", "default", "S1-S4+") in measured
+    assert not [key for key in measured if key[:2] in (("lattice", "published"), ("cgal", "default"))]
     assert {row["meshes"] for (mesher, *_), row in measured.items() if mesher != "netgen"} == {"2"}
 
 
@@ -81,8 +83,10 @@ def test_a_mesher_that_is_not_installed_is_a_row_that_says_so(compared: Study) -
 
 def test_the_number_of_elements_falls_with_the_cell_size(compared: Study) -> None:
     ours = [row for row in rows(compared, "resolution") if row["source"] == "this cohort"]
-    assert [(row["setting"], row["cell_size_mm"]) for row in ours] == [
-        (setting, size) for setting in SETTINGS for size in ("4", "6")
+    assert [(row["mesher"], row["setting"], row["cell_size_mm"]) for row in ours] == [
+        (mesher, setting, size)
+        for mesher, setting in (("cgal", "cgal"), ("cgal", "published"), ("lattice", "default"))
+        for size in ("4", "6")
     ]
     assert all(-4 < float(row["exponent"]) < -2 for row in ours)
 
