@@ -332,6 +332,7 @@ def _fold(args: argparse.Namespace) -> int:
         lambda *progress: print(
             f"\r{status(*progress)}" if live else status(*progress), end="" if live else "\n", flush=True
         ),
+        print,
     )
     print(f"\n{verdict.reason}")
     for path in draw(args.output, args.hemi):

@@ -367,10 +367,12 @@ class Fold(Section):
     regions: dict[int, Annotated[list[float], Field(min_length=3, max_length=3)]] = {}
     """Growth of single regions: value of the field label, then amplitude, rate and latency of a Gompertz law."""
     thickness: Positive | None = None
-    """Thickness of the growing cortex at the start, mm; null: 0.042 of the length of half a brain, or of the radius of
-    a whole one."""
+    """Thickness of the growing cortex at the start, mm; null: 0.042 of half the length of the brain at 22 weeks, 1.25
+    mm, and slightly more later. A run says which."""
     time_step: Positive | None = None
     """Dimensionless time step; null: from the smallest altitude of the mesh."""
+    reference: bool = False
+    """true: centre, mask, medial plane, start of growth and lag of the reference implementation, for comparison."""
     record_interval: Positive = 0.1
     """Weeks between two rows of the table of a run."""
     frame_interval: Positive = 1.0

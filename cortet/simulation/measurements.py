@@ -18,6 +18,13 @@ COLUMNS = {
     "gestational_age": ("Gestational age at that time", "weeks"),
     "kinetic_energy": ("Kinetic energy, dimensionless", ""),
     "elastic_energy": ("Elastic energy, dimensionless", ""),
+    "dissipated_energy": ("Energy that damping has taken since the start, dimensionless", ""),
+    "growth_work": ("Energy that growth has brought since the start, dimensionless", ""),
+    "contact_work": ("Work of the contact forces since the start, dimensionless", ""),
+    "energy_error": (
+        "Kinetic, elastic and dissipated energy less the work of growth and contact, relative to the sum of both works",
+        "",
+    ),
     "min_j": ("Smallest determinant of the elastic deformation gradient in any step since the row before", ""),
     "inverted": ("Number of tetrahedra where it is not positive", ""),
     "degenerate": ("Times that a tetrahedron had a stretch below 0.1, all steps so far", ""),
@@ -38,6 +45,10 @@ class Measurements:
     gestational_age: float
     kinetic_energy: float
     elastic_energy: float
+    dissipated_energy: float
+    growth_work: float
+    contact_work: float
+    energy_error: float
     min_j: float
     inverted: int
     degenerate: int

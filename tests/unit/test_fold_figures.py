@@ -79,7 +79,11 @@ def test_an_inverted_element_shows_in_the_exit_code(tmp_path: Path, capsys: pyte
 
 
 def test_the_progress_line_says_how_far_and_how_long() -> None:
-    now = Measurements(10, 0.25, 27.1, 0.0, 0.0, 0.712, 0, 0, 0.5, 1.234, 1.0, 1.0, 0)
+    now = Measurements(
+        step=10, time=0.25, gestational_age=27.1, kinetic_energy=0.0, elastic_energy=0.0, dissipated_energy=0.0,
+        growth_work=0.0, contact_work=0.0, energy_error=0.0, min_j=0.712, inverted=0, degenerate=0, q_max=0.5,
+        gyrification_index=1.234, area_mm2=1.0, volume_mm3=1.0, contacts=0,
+    )  # fmt: skip
     assert status(now, 0.25, 60.0) == (
         "[#####...............]  25%  t 0.250  27.10 weeks  min J 0.712  gyrification 1.234  3 min left"
     )
