@@ -20,8 +20,8 @@ from cortet.mesh import FloatArray, IntArray, TetMesh
 THICKNESS, THICKENING = 0.042, 0.01
 #: no cortex grows within the first radius around the corpus callosum, all of it does beyond the sum of both
 _CALLOSUM_RADIUS, _CALLOSUM_RIM = 0.5, 0.1
-#: no cortex grows within the first radius of the reference's ellipsoid, all of it does beyond the second; its centre and
-#: the inverse of its half axes in normalised RAS coordinates (the reference calls our -y its x, and our -z its z)
+#: no cortex grows within the first radius of the reference's ellipsoid, all of it does beyond the second; its centre
+#: and the inverse of its half axes in normalised RAS coordinates (the reference calls our -y its x, and our -z its z)
 _ELLIPSOID_RADII = (0.5, 0.6)
 _ELLIPSOID_CENTRE, _ELLIPSOID_AXES = np.array([0.0, 0.1, -0.05]), np.array([1.0, 0.714, 1.0])
 #: point data that replace the defaults where a mesh has them
@@ -71,6 +71,8 @@ class Body(NamedTuple):
     offsets: NDArray[np.int64]
     around: IntArray
     corners: NDArray[np.int8]
+    #: (n,), nodes that stay in their sagittal plane
+    held: NDArray[np.bool_]
 
 
 def scale_of(mesh: TetMesh, hemisphere: str | None, *, reference: bool = False) -> Scale:
@@ -100,6 +102,7 @@ def body_of(
     thickness: float = THICKNESS,
     mask: FloatArray | None = None,
     labels: IntArray | None = None,
+    held: NDArray[np.bool_] | None = None,
 ) -> Body:
     """The body of a mesh.
 
@@ -108,6 +111,7 @@ def body_of(
     thickness : of the cortex at the start, dimensionless; the point data `thickness` (mm) of the mesh replace it
     mask : (n,) 0 to 1, how much of the growth each node takes part in; None: all of it
     labels : (n,) int32, growth law of each node; an element has that of its node nearest the surface
+    held : (n,), nodes that stay in their sagittal plane; None: no node
     """
     points = (mesh.points - scale.origin) / scale.length
     cells = mesh.cells
@@ -140,6 +144,7 @@ def body_of(
         offsets=around.offsets,
         around=around.cells,
         corners=around.corners,
+        held=np.zeros(len(points), bool) if held is None else held,
     )
 
 
@@ -151,14 +156,18 @@ def across_cortex(points: FloatArray, mesh: TetMesh) -> tuple[FloatArray, FloatA
     return distance, vertex_normals(points, boundary_faces(mesh))[node], node
 
 
-def growth_mask(mesh: TetMesh, scale: Scale, *, reference: bool = False) -> FloatArray:
+def growth_mask(
+    mesh: TetMesh, scale: Scale, wall: NDArray[np.bool_] | None = None, *, reference: bool = False
+) -> FloatArray:
     """How much of the growth each node takes part in: (n,) from 0 to 1.
 
-    The point data `growth` of the mesh where there are any. Else the surface grows outside a ball around the corpus
-    callosum, taken to lie amid the medial plane, and a node below the surface does as its nearest surface node.
+    The point data `growth` of the mesh where there are any. Else the surface of half a brain grows up to the rim of its
+    medial wall, with full strength from a cortical thickness on; that of a whole brain outside a ball around its
+    centre, where the corpus callosum is. A node below the surface does as its nearest surface node.
 
     Parameters
     ----------
+    wall : (n,), nodes of the medial wall; None: a whole brain
     reference : each node grows as its own place says, outside an ellipsoid (Wang et al. 2021)
     """
     if MASK_FIELD in mesh.point_data:
@@ -171,9 +180,12 @@ def growth_mask(mesh: TetMesh, scale: Scale, *, reference: bool = False) -> Floa
         inner, outer = _ELLIPSOID_RADII
         radius = np.linalg.norm((x - _ELLIPSOID_CENTRE) * _ELLIPSOID_AXES, axis=1)
         return np.clip((radius - inner) / (outer - inner), 0, 1)
-    radius = np.linalg.norm(x, axis=1)
     nearest = across_cortex(mesh.points, mesh)[2]
-    return np.clip((radius[nearest] - _CALLOSUM_RADIUS) / _CALLOSUM_RIM, 0, 1)
+    if wall is None:
+        return np.clip((np.linalg.norm(x, axis=1)[nearest] - _CALLOSUM_RADIUS) / _CALLOSUM_RIM, 0, 1)
+    if not wall.any():
+        return np.ones(len(x))
+    return np.clip(cKDTree(x[wall]).query(x[nearest])[0] / THICKNESS, 0, 1)
 
 
 def smallest_altitude(points: FloatArray, cells: IntArray) -> float:
@@ -183,8 +195,12 @@ def smallest_altitude(points: FloatArray, cells: IntArray) -> float:
 
 
 def stable_time_step(altitude: float, material: Material) -> float:
-    """Time step for a smallest altitude, by the reference's rule for its mesh spacing: 0.05 sqrt(rho / K) altitude."""
-    return 0.05 * float(np.sqrt(material.density / material.bulk)) * altitude
+    """Time step for a smallest altitude of the body as it is: 0.15 sqrt(rho / K) altitude.
+
+    About a sixth of the time that a pressure wave takes, for contact is stiffer than the body. A tetrahedron that
+    growth has flattened is stiffer, too, but as its altitude has fallen, its time step has.
+    """
+    return 0.15 * float(np.sqrt(material.density / material.bulk)) * altitude
 
 
 def largest_time_step(altitude: float, material: Material) -> float:

@@ -68,6 +68,10 @@ class Verdict:
     length_mm: float
     #: of the growing cortex at the start, its mean where it differs from place to place
     thickness_mm: float
+    #: of half a brain: what is taken for its medial wall
+    medial_wall: str | None
+    medial_wall_mm2: float
+    medial_wall_share: float
     #: smallest of all steps
     min_j: float
     #: times that a tetrahedron was nearly flat
@@ -203,7 +207,8 @@ class Journal:
         reference = TetMesh(run.mesh.points[by_node], run.node[run.mesh.cells[by_cell]].astype(np.int32))
         j = (moment.work.current / moment.work.grown)[by_cell]
         points = millimetres(run, moment)[by_node]
-        write_frame(reference, points, j, moment.work.share[by_cell], self.folder / name)
+        wall = run.body.held[by_node].astype(np.uint8)
+        write_frame(reference, points, j, moment.work.share[by_cell], wall, self.folder / name)
         self.frames.append((name, age))
         write_series(self.frames, self.folder / SERIES)
 
@@ -233,6 +238,9 @@ def _verdict(run: Run, moment: Moment, rows: list[dict[str, Any]]) -> Verdict:
         smallest_altitude_mm=smallest_altitude(run.mesh.points, run.mesh.cells),
         length_mm=run.scale.length,
         thickness_mm=thickness_mm(run),
+        medial_wall=run.wall.found if run.wall else None,
+        medial_wall_mm2=run.wall.area_mm2 if run.wall else 0.0,
+        medial_wall_share=run.wall.share if run.wall else 0.0,
         min_j=min(row["min_j"] for row in rows),
         degenerate=rows[-1]["degenerate"],
         q_max=max(row["q_max"] for row in rows),

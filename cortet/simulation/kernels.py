@@ -282,8 +282,9 @@ def _gathered(body, work, i):  # type: ignore[no-untyped-def]
 def _move(first, last, body, material, state, work, dt):  # type: ignore[no-untyped-def]
     """Step a block of nodes: v += dt (f - gamma V v) / (rho V), x += dt v, with the grown volume V around each.
 
-    Returns the energy dissipated and the work of the contact. Work is force times dt times the mean of the velocities
-    before and after the step: with it, the work of all forces is the gain of kinetic energy to the last digit.
+    A node that is held does not move along x. Returns the energy dissipated and the work of the contact. Work is force
+    times dt times the mean of the velocities before and after the step: so the work of all forces together is exactly
+    the gain of kinetic energy.
     """
     body, material, state, work = Body(*body), Material(*material), Motion(*state), Work(*work)
     dissipated, pushed = 0.0, 0.0
@@ -292,6 +293,8 @@ def _move(first, last, body, material, state, work, dt):  # type: ignore[no-unty
         for k in range(3):
             before, resistance = state.v[i, k], material.damping * volume * state.v[i, k]
             after = before + dt * (force[k] + work.external[i, k] - resistance) / (material.density * volume)
+            if k == 0 and body.held[i]:
+                after = 0.0
             way = dt * (before + after) / 2
             dissipated += resistance * way
             pushed += work.external[i, k] * way

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.geometry.ordering import curve_order
 from cortet.geometry.topology import boundary_faces
-from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
 from cortet.simulation.body import (
     LABEL_FIELD,
     THICKENING,
@@ -41,6 +41,7 @@ from cortet.simulation.kernels import (
     workspace,
 )
 from cortet.simulation.measurements import Measurements, shape
+from cortet.simulation.medial_wall import Wall, medial_wall
 
 #: steps for which growth is computed at a time, and after which its work is added up
 _CHUNK = 100
@@ -84,6 +85,8 @@ class Run(NamedTuple):
     cell: NDArray[np.int64]
     scale: Scale
     body: Body
+    #: of half a brain
+    wall: Wall | None
     #: (k, 3) int32, boundary
     faces: IntArray
     #: of the medial plane on which the body stays, or 0
@@ -129,8 +132,12 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     material, start = Material(), time_of(settings.gestational_age)
     laws, labels = _laws(mesh, settings.growth_rate, settings.regions)
     thickness = THICKNESS + THICKENING * start if settings.thickness is None else settings.thickness / scale.length
-    mask = growth_mask(mesh, scale, reference=settings.reference)
-    body = body_of(mesh, scale, thickness=thickness, mask=mask, labels=labels)
+    wall = None
+    if settings.hemisphere is not None and not settings.reference:
+        wall = medial_wall(mesh, settings.hemisphere, scale.origin, scale.length)
+    held = None if wall is None else wall.nodes
+    mask = growth_mask(mesh, scale, held, reference=settings.reference)
+    body = body_of(mesh, scale, thickness=thickness, mask=mask, labels=labels, held=held)
     altitude, bound = smallest_altitude(mesh.points, mesh.cells) / scale.length, settings.time_step
     if bound is not None and not 0 < bound <= largest_time_step(altitude, material):
         raise InputError(
@@ -140,16 +147,21 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
         )
     side = _SIDE[settings.hemisphere]
     faces, end = boundary_faces(mesh), time_of(settings.end)
-    return Run(mesh, node, cell, scale, body, faces, side, settings.reference, material, laws, start, end, bound)
+    return Run(mesh, node, cell, scale, body, wall, faces, side, settings.reference, material, laws, start, end, bound)
 
 
 def described(run: Run) -> list[str]:
     """What a run takes for granted, in sentences."""
     share = thickness_mm(run) / run.scale.length
-    return [
+    sentences = [
         f"the growing cortex is {thickness_mm(run):.2f} mm thick at the start: "
         f"{share:.3f} of the unit of length, {run.scale.length:.1f} mm"
     ]
+    if run.wall is not None:
+        sentences.append(
+            f"medial wall: {run.wall.area_mm2:.0f} mm2, {run.wall.share:.1%} of the surface; {run.wall.found}"
+        )
+    return sentences
 
 
 def thickness_mm(run: Run) -> float:
@@ -163,7 +175,9 @@ def _ordered(mesh: TetMesh) -> tuple[TetMesh, NDArray[np.int64], NDArray[np.int6
     cells = np.argsort(node).astype(np.int32)[mesh.cells]
     cell = np.argsort(cells.min(axis=1), kind="stable")
     fields = {name: values[node] for name, values in mesh.point_data.items()}
-    return TetMesh(mesh.points[node], cells[cell], fields), node, cell
+    number = np.argsort(node).astype(np.int32)
+    sets = MeshSets(faces={name: number[faces] for name, faces in mesh.sets.faces.items()})
+    return TetMesh(mesh.points[node], cells[cell], fields, sets=sets), node, cell
 
 
 def _laws(
@@ -200,7 +214,7 @@ def advance_to(run: Run, moment: Moment, target: float) -> bool:
     steps = max(int(np.ceil((target - begin) / time_step_of(run, moment) - 1e-9)), 1)
     dt = (target - begin) / steps
     for first in range(0, steps, _CHUNK):
-        times = begin + dt * np.arange(first, min(steps, first + _CHUNK))
+        times: FloatArray = begin + dt * np.arange(first, min(steps, first + _CHUNK)).astype(float)
         if _advance_over(run, moment, times, dt):
             return True
     moment.time = target
