@@ -35,7 +35,7 @@ from cortet.simulation.run import (
     thickness_mm,
 )
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: files in the folder of a run; seconds have a table of their own, all else is the same in every run
 TABLE, SIDECAR, SECONDS, VERDICT, SERIES = "fold.tsv", "fold.json", "seconds.tsv", "verdict.json", "fold.pvd"
@@ -79,9 +79,11 @@ class Verdict:
     #: largest of all rows of the table
     q_max: float
     #: of the last row
-    energy_error: float
+    energy_error: float | None
     gyrification_index_first: float
     gyrification_index_last: float
+    fold_spacing_mm_last: float | None
+    sulcal_depth_mm_last: float
     #: the tetrahedron that inverted, and its centre
     element: int | None = None
     place_mm: tuple[float, float, float] | None = None
@@ -247,6 +249,8 @@ def _verdict(run: Run, moment: Moment, rows: list[dict[str, Any]]) -> Verdict:
         energy_error=rows[-1]["energy_error"],
         gyrification_index_first=rows[0]["gyrification_index"],
         gyrification_index_last=rows[-1]["gyrification_index"],
+        fold_spacing_mm_last=rows[-1]["fold_spacing_mm"],
+        sulcal_depth_mm_last=rows[-1]["sulcal_depth_mm"],
         element=element,
         place_mm=place,
     )

@@ -290,7 +290,9 @@ def measured(run: Run, moment: Moment) -> Measurements:
     work = moment.work
     kinetic, elastic = _energies(run, work, moment.state, moment.time, 0.0)
     dissipated, pushed = work.energy.tolist()
-    gained, flow = kinetic + elastic + dissipated, abs(moment.growth_work) + abs(pushed)
+    missing = kinetic + elastic + dissipated - moment.growth_work - pushed
+    flow = abs(moment.growth_work) + abs(pushed)
+    inverted = int((~(work.current > 0)).sum())
     return Measurements(
         step=moment.step,
         time=moment.time,
@@ -300,10 +302,10 @@ def measured(run: Run, moment: Moment) -> Measurements:
         dissipated_energy=dissipated,
         growth_work=moment.growth_work,
         contact_work=pushed,
-        energy_error=(gained - moment.growth_work - pushed) / flow if flow else 0.0,
+        energy_error=None if inverted else missing / flow if flow else 0.0,
         min_j=min(float((work.current / work.grown).min()), float(work.min_j[0])),
-        inverted=int((~(work.current > 0)).sum()),
+        inverted=inverted,
         degenerate=int(work.counts[0]),
         contacts=int(work.counts[1]),
-        **shape(millimetres(run, moment), run.mesh.cells, run.faces),
+        **shape(millimetres(run, moment), run.mesh.cells, run.faces, run.body.held),
     )
