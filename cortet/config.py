@@ -365,6 +365,8 @@ class Fold(Section):
     """Gestational age at which a run ends, weeks."""
     growth_rate: Positive = 1.829
     """Tangential growth of the cortex per unit of time (0 at 22 weeks, 1 at 44)."""
+    core_stiffness: Positive = 1.167
+    """Shear modulus of what does not grow, over that of the growing cortex."""
     regions: dict[int, Annotated[list[float], Field(min_length=3, max_length=3)]] = {}
     """Growth of single regions: value of the field label, then amplitude, rate and latency of a Gompertz law."""
     thickness: Positive | None = None

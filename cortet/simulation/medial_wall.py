@@ -32,7 +32,7 @@ _LEAST_SHARE = 0.02
 #: units of length from the middle; the cortex above faces the midline too, and can be as flat
 _CENTRE, _HALF_AXES = np.array([0.1, -0.05]), np.array([0.6, 0.45])
 #: of these half axes, where there is no cut to tell where the wall ends
-_UNCUT = 0.7
+_UNCUT = 0.85
 
 
 class Wall(NamedTuple):

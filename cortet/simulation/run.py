@@ -63,6 +63,8 @@ class Settings:
     end: float = 40.0
     #: tangential growth per unit of time
     growth_rate: float = 1.829
+    #: shear modulus of what does not grow, over that of the growing cortex
+    core_stiffness: float = Material().mu_core
     #: label -> amplitude, rate and latency of a Gompertz law, which replaces `growth_rate` there
     regions: Mapping[int, Sequence[float]] = field(default_factory=dict)
     #: of the cortex at the start, mm; None takes 0.042 + 0.01 t of the unit of length; a field of the mesh replaces it
@@ -129,7 +131,7 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
         )
     mesh, node, cell = _ordered(mesh)
     scale = scale_of(mesh, settings.hemisphere, reference=settings.reference)
-    material, start = Material(), time_of(settings.gestational_age)
+    material, start = Material(mu_core=settings.core_stiffness), time_of(settings.gestational_age)
     laws, labels = _laws(mesh, settings.growth_rate, settings.regions)
     thickness = THICKNESS + THICKENING * start if settings.thickness is None else settings.thickness / scale.length
     wall = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import meshio
@@ -19,7 +20,7 @@ from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh
 from cortet.simulation import fold as fold_module
-from cortet.simulation.body import THICKNESS, growth_mask, scale_of
+from cortet.simulation.body import THICKNESS, Material, growth_mask, scale_of
 from cortet.simulation.fold import Verdict, fold
 from cortet.simulation.growth import Gompertz, Linear, age_of, growth_since, time_of
 from cortet.simulation.measurements import COLUMNS, Measurements
@@ -103,6 +104,11 @@ def test_the_energies_balance(finished: tuple[Path, Verdict]) -> None:
     assert np.all(np.diff(brought) > 0)
     assert np.all(np.diff([float(row["dissipated_energy"]) for row in table]) > 0)
     assert max(abs(float(row["energy_error"])) for row in table) < 1e-2
+
+
+def test_the_core_may_be_softer(ball: TetMesh) -> None:
+    assert prepared(ball, QUICK).material == Material()
+    assert prepared(ball, replace(QUICK, core_stiffness=0.5)).material == Material(mu_core=0.5)
 
 
 def test_the_time_step_follows_the_body(ball: TetMesh) -> None:
