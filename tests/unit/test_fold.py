@@ -98,6 +98,15 @@ def test_the_ball_grows_without_inversion(finished: tuple[Path, Verdict]) -> Non
     assert table[-1]["step"] == str(verdict.steps)
 
 
+def test_a_run_says_how_thick_its_cortex_is(ball: TetMesh, tmp_path: Path) -> None:
+    said: list[str] = []
+    verdict = fold(ball, tmp_path, Settings(22.0, "L", end=22.01), say=said.append)
+    assert verdict.thickness_mm == pytest.approx(0.042 * verdict.length_mm, rel=0.01)
+    assert said[0].startswith(f"the growing cortex is {verdict.thickness_mm:.2f} mm thick at the start: 0.042 of the")
+    assert said[1].startswith("medial wall: ") and verdict.medial_wall is not None
+    assert verdict.medial_wall_share > 0
+
+
 def test_the_energies_balance(finished: tuple[Path, Verdict]) -> None:
     table = rows(finished[0])
     brought = [float(row["growth_work"]) for row in table]

@@ -148,3 +148,14 @@ def test_the_medial_plane_holds_half_a_brain_on_its_side(side: float) -> None:
     beyond &= side * mesh.points[:, 0] < 0
     assert (side * external[beyond, 0] > 0).all()
     assert not external[~beyond].any() and not external[:, 1:].any()
+
+
+def test_the_medial_plane_may_lie_beside_the_body_and_be_softer() -> None:
+    mesh = ball_mesh(2)
+    hard, soft, beside = np.zeros((3, *mesh.points.shape))
+    contact_forces(contact(mesh, 1.0), mesh.points, hard)
+    faces = boundary_faces(mesh)
+    contact_forces(contact_of(mesh.points, faces, bulk=5.0, side=1.0, plane=1.0), mesh.points, soft)
+    contact_forces(contact_of(mesh.points, faces, bulk=5.0, side=1.0, gap=1.0 + 1e-9), mesh.points, beside)
+    assert 10 * soft == pytest.approx(hard)
+    assert hard.any() and not beside.any()
