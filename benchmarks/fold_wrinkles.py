@@ -26,7 +26,7 @@ from cortet.simulation.kernels import DONE, Motion, advance, workspace
 from tests.unit.shapes import KUHN
 
 #: time step, in units of the one that a run would take: nothing is compressed much here
-TIME_STEP = 9.0
+TIME_STEP = 3.0
 #: of the displacement at first and of the roughness at which the wavelength is measured, in film thicknesses
 _SEED, _ROUGHNESS = 1e-3, 0.05
 #: time until the film has grown enough to buckle, in wavelengths over the base's shear wave speed: a film that grows

@@ -143,7 +143,7 @@ def parser() -> argparse.ArgumentParser:
     fold.add_argument("mesh", type=Path, metavar="MESH")
     fold.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
     fold.add_argument("--ga", type=float, required=True, metavar="WEEKS", help="gestational age of the mesh")
-    fold.add_argument("--hemi", choices=["L", "R"], help="half a brain: scaled and held by its medial plane as such")
+    fold.add_argument("--hemi", choices=["L", "R"], help="half a brain, beside its other half")
     fold.add_argument("--end", type=float, metavar="WEEKS", help="gestational age at the end (default: 40)")
     fold.add_argument("--time-step", type=float, metavar="DT", help="dimensionless (default: from smallest altitude)")
     fold.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section fold says the rest")
@@ -340,6 +340,7 @@ def _fold(args: argparse.Namespace) -> int:
         lambda *progress: print(
             f"\r{status(*progress)}" if live else status(*progress), end="" if live else "\n", flush=True
         ),
+        print,
     )
     print(f"\n{verdict.reason}")
     for path in draw(args.output, args.hemi):

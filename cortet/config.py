@@ -371,18 +371,23 @@ class Fold(Section):
 
     cases: list[str] = []
     """Cases whose meshes are folded, as file names begin: sub-01_ses-02_hemi-L. Each from its scan_age on, as half a
-    brain where hemi is L or R. Point data of the mesh named growth (0 to 1), thickness (mm) and label are used."""
+    brain where hemi is L or R. Point data of the mesh named growth (0 to 1), thickness (mm), medial_wall and
+    label are used."""
     end: Positive = 40.0
     """Gestational age at which a run ends, weeks."""
     growth_rate: Positive = 1.829
     """Tangential growth of the cortex per unit of time (0 at 22 weeks, 1 at 44)."""
+    core_stiffness: Positive = 1.167
+    """Shear modulus of what does not grow, over that of the growing cortex."""
     regions: dict[int, Annotated[list[float], Field(min_length=3, max_length=3)]] = {}
     """Growth of single regions: value of the field label, then amplitude, rate and latency of a Gompertz law."""
     thickness: Positive | None = None
-    """Thickness of the growing cortex at the start, mm; null: 0.042 of the length of half a brain, or of the radius of
-    a whole one."""
+    """Thickness of the growing cortex at the start, mm; null: 0.042 of half the length of the brain at 22 weeks, 1.25
+    mm, and slightly more later. A run says which."""
     time_step: Positive | None = None
-    """Dimensionless time step; null: from the smallest altitude of the mesh."""
+    """Largest dimensionless time step; null: from the smallest altitude of the tetrahedra, as the run goes on."""
+    reference: bool = False
+    """true: centre, mask, medial plane, start of growth and lag of the reference implementation, for comparison."""
     record_interval: Positive = 0.1
     """Weeks between two rows of the table of a run."""
     frame_interval: Positive = 1.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -11,20 +12,23 @@ import numpy as np
 import pandas as pd
 import pyvista
 from matplotlib.animation import PillowWriter
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.formats.atomic import atomic_path
+from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
 from cortet.mesh import FloatArray, TetMesh, TriSurface
-from cortet.report.figures import BLUE, PAGE, STYLE, VERMILION, save
+from cortet.report import published
+from cortet.report.figures import BLUE, GREY, PAGE, STYLE, VERMILION, save
 from cortet.report.render import off_screen
 from cortet.simulation.fold import SERIES, TABLE
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: files that `draw` adds to the folder of a run
 NUMBERS, PICTURE, FILM = "folding.svg", "folded.png", "folding.gif"
@@ -34,8 +38,22 @@ CURVATURE = 0.3
 COLOURS = "RdBu_r"
 #: pixels of one view, and frames per second of the film
 _VIEW, _RATE = (800, 640), 5
-#: column -> label of its panel
-_PANELS = {"min_j": "smallest J", "q_max": r"$q_\mathrm{max}$", "gyrification_index": "gyrification index"}
+#: what is drawn against age, and the label of its panel
+_PANELS = {
+    "gyrification_index": "gyrification index",
+    "relative_area": "area / volume$^{2/3}$",
+    "min_j": "smallest J",
+    "q_max": r"$q_\mathrm{max}$",
+}
+#: where a left half or a whole brain is seen from -> its direction and the upward one, in RAS coordinates
+_SIDE, _MIDDLE, _ABOVE = "side", "middle", "above"
+_VIEWS = {
+    _SIDE: (np.array([-1.0, 0, 0]), np.array([0, 0, 1.0])),
+    _MIDDLE: (np.array([1.0, 0, 0]), np.array([0, 0, 1.0])),
+    _ABOVE: (np.array([0, 0, 1.0]), np.array([1.0, 0, 0])),
+}
+#: of the medial wall
+_WALL_COLOUR = "#6b6b6b"
 
 Image = NDArray[np.uint8]
 
@@ -45,14 +63,13 @@ def draw(folder: Path, hemisphere: str | None) -> list[Path]:
 
     Parameters
     ----------
-    hemisphere : "L" or "R" is seen from its lateral side; a whole brain (None) as a left one
+    hemisphere : "L" or "R" is filmed from its lateral side; a whole brain (None) as a left one
     """
-    save(numbers(folder / TABLE), folder / NUMBERS)
+    save(numbers(folder / TABLE, hemisphere), folder / NUMBERS)
     frames = series(folder / SERIES)
-    before, after = frames[0], frames[-1]
-    shown = views([path for path, _ in (before, after)], hemisphere)
-    figure = side_by_side(list(shown), [before[1], after[1]])
-    save(figure, folder / PICTURE)
+    ends = [frames[0], frames[-1]]
+    shown = [list(views([path for path, _ in ends], hemisphere, side)) for side in (_SIDE, _MIDDLE, _ABOVE)]
+    save(before_and_after(shown, [age for _, age in ends]), folder / PICTURE)
     film(views([path for path, _ in frames], hemisphere), [age for _, age in frames], folder / FILM)
     return [folder / name for name in (NUMBERS, PICTURE, FILM)]
 
@@ -66,46 +83,73 @@ def series(path: Path) -> list[tuple[Path, float]]:
     return [(path.parent / entry.attrib["file"], float(entry.attrib["timestep"])) for entry in entries]
 
 
-def numbers(table: Path) -> Figure:
-    """Smallest J, worst q and gyrification index against gestational age."""
+def numbers(table: Path, hemisphere: str | None) -> Figure:
+    """Gyrification index, area over volume^(2/3), smallest J and worst q against gestational age.
+
+    The first two are drawn on those of real surfaces: of one hemisphere for half a brain, else of both.
+    """
     rows = read_tsv(table).apply(pd.to_numeric, errors="coerce")
+    rows["relative_area"] = rows["area_mm2"] / rows["volume_mm3"] ** (2 / 3)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 2.2), layout="constrained")
-        for axis, (column, label) in zip(figure.subplots(1, 3), _PANELS.items(), strict=True):
-            axis.plot(rows["gestational_age"], rows[column], color=BLUE)
+        for axis, (column, label) in zip(figure.subplots(1, len(_PANELS)), _PANELS.items(), strict=True):
+            axis.plot(rows["gestational_age"], rows[column], color=BLUE, label="this run")
             axis.set(xlabel="gestational age (weeks)", ylabel=label)
             if column == "min_j":
                 axis.axhline(0, color=VERMILION, linestyle="--", linewidth=0.8)
+            if column in ("gyrification_index", "relative_area"):
+                _real_points(axis, column, hemisphere)
+        figure.axes[0].legend(loc="upper left")
         figure.draw_without_rendering()
     figure.set_layout_engine("none")
     return figure
 
 
-def views(frames: list[Path], hemisphere: str | None) -> Iterator[Image]:
-    """The surface of each frame from its side, coloured by mean curvature, all at the scale of the last one."""
-    direction = np.array([1.0 if hemisphere == "R" else -1.0, 0.0, 0.0])
+def _real_points(axis: Axes, column: str, hemisphere: str | None) -> None:
+    """Inner surfaces of real brains: fetal ones in dark, those of newborns, whose index jumps at birth, in grey."""
+    brains = published.real_brains()
+    brains["relative_area"] = brains["area_cm2"] / brains["volume_ml"] ** (2 / 3)
+    brains = brains[(brains["surface_type"] == "white") & ((brains["hemi"] == "both") == (hemisphere is None))]
+    born = brains["source"].str.startswith("dHCP")
+    for chosen, colour, label in ((~born, "black", "real, fetal"), (born, GREY, "real, newborn")):
+        points = brains[chosen]
+        axis.scatter(points["gestational_age_weeks"], points[column], s=6, color=colour, label=label, zorder=3)
+
+
+def views(frames: list[Path], hemisphere: str | None, side: str = _SIDE) -> Iterator[Image]:
+    """The surface of each frame from a side, coloured by mean curvature, all at the scale of the last one."""
+    direction, up = _VIEWS[side]
+    if hemisphere == "R":
+        direction, up = direction * [-1, 1, 1], up * [-1, 1, 1]
     surfaces = (_surface(vtu.read(path)) for path in frames)
     last = _surface(vtu.read(frames[-1]))
     focus = (last.points.min(axis=0) + last.points.max(axis=0)) / 2
     extent = np.ptp(last.points, axis=0)
     scale = 1.05 * max(extent[2], extent[1] * _VIEW[1] / _VIEW[0]) / 2
     for surface in surfaces:
-        yield _view(surface, focus, direction, scale)
+        yield _view(surface, focus, direction, up, scale)
 
 
 def _surface(mesh: TetMesh) -> TriSurface:
-    return boundary_surface(mesh)[0]
+    """The boundary, with the field of the medial wall where the mesh has it."""
+    surface, nodes = boundary_surface(mesh)
+    fields = {name: mesh.point_data[name][nodes] for name in (MEDIAL_WALL,) if name in mesh.point_data}
+    return replace(surface, point_data=fields)
 
 
-def _view(surface: TriSurface, focus: FloatArray, direction: FloatArray, scale: float) -> Image:
+def _view(surface: TriSurface, focus: FloatArray, direction: FloatArray, up: FloatArray, scale: float) -> Image:
     shell = pyvista.PolyData.from_regular_faces(surface.points, surface.faces)
-    shell.point_data["curvature"] = shell.curvature("mean")
+    curvature = shell.curvature("mean")
+    if MEDIAL_WALL in surface.point_data:  # values that are no numbers get the colour of the wall
+        curvature = np.where(surface.point_data[MEDIAL_WALL] != 0, np.nan, curvature)
+    shell.point_data["curvature"] = curvature
     with off_screen(_VIEW) as plotter:
         plotter.add_mesh(
             shell,
             scalars="curvature",
             cmap=COLOURS,
             clim=(-CURVATURE, CURVATURE),
+            nan_color=_WALL_COLOUR,
             smooth_shading=True,
             split_sharp_edges=False,
             show_scalar_bar=False,
@@ -114,7 +158,7 @@ def _view(surface: TriSurface, focus: FloatArray, direction: FloatArray, scale: 
         )
         distance = 10 * scale
         plotter.camera.position, plotter.camera.focal_point = focus + distance * direction, focus
-        plotter.camera.up = (0, 0, 1)
+        plotter.camera.up = up
         plotter.camera.parallel_projection = True
         plotter.camera.parallel_scale = scale
         plotter.camera.clipping_range = (0.1 * distance, 3 * distance)
@@ -122,15 +166,17 @@ def _view(surface: TriSurface, focus: FloatArray, direction: FloatArray, scale: 
     return image
 
 
-def side_by_side(images: list[Image], ages: list[float]) -> Figure:
-    """The surface before and after, at the same scale, and what the colours mean."""
+def before_and_after(images: list[list[Image]], ages: list[float]) -> Figure:
+    """The surface before (upper row) and after, from several sides (columns), and what the colours mean."""
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 3.1), layout="constrained")
-        axes = figure.subplots(1, len(images))
-        for axis, image, age in zip(axes, images, ages, strict=True):
-            axis.imshow(image)
-            axis.set_title(f"{age:.1f} weeks")
-            axis.set_axis_off()
+        figure = Figure(figsize=(PAGE, 3.4), layout="constrained")
+        axes = figure.subplots(len(ages), len(images))
+        for column, side in zip(axes.T, images, strict=True):
+            for axis, image in zip(column, side, strict=True):
+                axis.imshow(image)
+                axis.set_axis_off()
+        for row, age in zip(axes, ages, strict=True):
+            row[0].set_title(f"{age:.1f} weeks", loc="left")
         norm = mpl.colors.Normalize(-CURVATURE, CURVATURE)
         figure.colorbar(
             mpl.cm.ScalarMappable(norm, COLOURS), ax=axes, shrink=0.6, aspect=30, label="mean curvature (1/mm)"

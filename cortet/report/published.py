@@ -14,7 +14,7 @@ from cortet.measure.quality import HISTOGRAM_BIN_WIDTH
 #: cell size of the published meshes, mm
 CELL_SIZE = 0.6
 #: columns that hold words, not numbers
-_WORDS = ["case", "configuration", "hemi", "measure", "mesher", "stages"]
+_WORDS = ["case", "configuration", "hemi", "measure", "mesher", "source", "stages", "surface", "surface_type"]
 
 
 def cohort() -> pd.DataFrame:
@@ -35,6 +35,11 @@ def resolution() -> pd.DataFrame:
 def measures() -> pd.DataFrame:
     """Range of the largest value of each measure over three subjects: columns `min` and `max`, index the measure."""
     return _read("published_measures").set_index("measure")
+
+
+def real_brains() -> pd.DataFrame:
+    """Area, volume, gyrification index and extents of real surfaces, 22 to 42 weeks, one row each."""
+    return _read("real_brains")
 
 
 def histogram(stages: str) -> NDArray[np.int64]:

@@ -20,6 +20,10 @@ from cortet.mesh import FloatArray, IntArray, TetMesh
 THICKNESS, THICKENING = 0.042, 0.01
 #: no cortex grows within the first radius around the corpus callosum, all of it does beyond the sum of both
 _CALLOSUM_RADIUS, _CALLOSUM_RIM = 0.5, 0.1
+#: no cortex grows within the first radius of the reference's ellipsoid, all of it does beyond the second; its centre
+#: and the inverse of its half axes in normalised RAS coordinates (the reference calls our -y its x, and our -z its z)
+_ELLIPSOID_RADII = (0.5, 0.6)
+_ELLIPSOID_CENTRE, _ELLIPSOID_AXES = np.array([0.0, 0.1, -0.05]), np.array([1.0, 0.714, 1.0])
 #: point data that replace the defaults where a mesh has them
 MASK_FIELD, THICKNESS_FIELD, LABEL_FIELD = "growth", "thickness", "label"
 
@@ -67,22 +71,28 @@ class Body(NamedTuple):
     offsets: NDArray[np.int64]
     around: IntArray
     corners: NDArray[np.int8]
-    #: (n,), a quarter of the volumes around each node
-    node_volumes: FloatArray
+    #: (n,), nodes that stay in their sagittal plane
+    held: NDArray[np.bool_]
 
 
-def scale_of(mesh: TetMesh, hemisphere: str | None) -> Scale:
-    """Unit of length and origin of a mesh in RAS coordinates.
+def scale_of(mesh: TetMesh, hemisphere: str | None, *, reference: bool = False) -> Scale:
+    """Unit of length and origin of a mesh in RAS coordinates: about half the length of the brain, and its centre.
 
-    A whole brain (`hemisphere` None) has its centroid as origin and its largest distance from there as length. Half a
-    brain ("L" or "R") has its longest extent as length, and the plane x = 0 touches its medial side.
+    A whole brain (`hemisphere` None) has as length the largest distance from its centroid along any axis. Half a brain
+    ("L" or "R") has the largest of half its length, its full width and half its height, and the plane x = 0 touches its
+    medial side: so the unit is the same as that of the whole (Wang et al. 2021).
+
+    Parameters
+    ----------
+    reference : take the mean of the nodes for the centroid, which depends on where the mesh is fine
     """
     volumes = signed_volumes(mesh.points, mesh.cells)
-    origin = volumes @ mesh.points[mesh.cells].mean(axis=1) / volumes.sum()
+    centroid = volumes @ mesh.points[mesh.cells].mean(axis=1) / volumes.sum()
+    origin = mesh.points.mean(axis=0) if reference else centroid
     if hemisphere is None:
-        return Scale(origin, float(np.linalg.norm(mesh.points - origin, axis=1).max()))
+        return Scale(origin, float(np.abs(mesh.points - origin).max()))
     origin[0] = mesh.points[:, 0].max() if hemisphere == "L" else mesh.points[:, 0].min()
-    return Scale(origin, float(np.ptp(mesh.points, axis=0).max()))
+    return Scale(origin, float((np.ptp(mesh.points, axis=0) * [1, 0.5, 0.5]).max()))
 
 
 def body_of(
@@ -92,6 +102,7 @@ def body_of(
     thickness: float = THICKNESS,
     mask: FloatArray | None = None,
     labels: IntArray | None = None,
+    held: NDArray[np.bool_] | None = None,
 ) -> Body:
     """The body of a mesh.
 
@@ -100,6 +111,7 @@ def body_of(
     thickness : of the cortex at the start, dimensionless; the point data `thickness` (mm) of the mesh replace it
     mask : (n,) 0 to 1, how much of the growth each node takes part in; None: all of it
     labels : (n,) int32, growth law of each node; an element has that of its node nearest the surface
+    held : (n,), nodes that stay in their sagittal plane; None: no node
     """
     points = (mesh.points - scale.origin) / scale.length
     cells = mesh.cells
@@ -118,7 +130,6 @@ def body_of(
     nearest_corner = depth[cells].argmin(axis=1)[:, None]
     node_label = np.zeros(len(points), np.int32) if labels is None else labels
     around = incidence(cells, len(points))
-    node_volumes = np.bincount(cells.ravel(), np.repeat(volumes / 4, 4), minlength=len(points)).astype(float)
     total = normals[cells].sum(axis=1)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return Body(
@@ -133,7 +144,7 @@ def body_of(
         offsets=around.offsets,
         around=around.cells,
         corners=around.corners,
-        node_volumes=node_volumes,
+        held=np.zeros(len(points), bool) if held is None else held,
     )
 
 
@@ -145,22 +156,36 @@ def across_cortex(points: FloatArray, mesh: TetMesh) -> tuple[FloatArray, FloatA
     return distance, vertex_normals(points, boundary_faces(mesh))[node], node
 
 
-def growth_mask(mesh: TetMesh, scale: Scale, hemisphere: str | None) -> FloatArray:
+def growth_mask(
+    mesh: TetMesh, scale: Scale, wall: NDArray[np.bool_] | None = None, *, reference: bool = False
+) -> FloatArray:
     """How much of the growth each node takes part in: (n,) from 0 to 1.
 
-    The point data `growth` of the mesh where there are any. Else the surface grows outside a ball around the corpus
-    callosum, taken to lie amid the medial plane, and a node below the surface does as its nearest surface node. Radii
-    are in units of half the brain's length, which for half a brain is half of `scale.length`.
+    The point data `growth` of the mesh where there are any. Else the surface of half a brain grows up to the rim of its
+    medial wall, with full strength from a cortical thickness on; that of a whole brain outside a ball around its
+    centre, where the corpus callosum is. A node below the surface does as its nearest surface node.
+
+    Parameters
+    ----------
+    wall : (n,), nodes of the medial wall; None: a whole brain
+    reference : each node grows as its own place says, outside an ellipsoid (Wang et al. 2021)
     """
     if MASK_FIELD in mesh.point_data:
         values = mesh.point_data[MASK_FIELD].astype(float)
         if not (values.min() >= 0 and values.max() <= 1):
             raise InputError(f"the field {MASK_FIELD} has values from {values.min():g} to {values.max():g}, not 0 to 1")
         return values
-    half_length = scale.length if hemisphere is None else scale.length / 2
-    radius = np.linalg.norm(mesh.points - scale.origin, axis=1) / half_length
+    x = (mesh.points - scale.origin) / scale.length
+    if reference:
+        inner, outer = _ELLIPSOID_RADII
+        radius = np.linalg.norm((x - _ELLIPSOID_CENTRE) * _ELLIPSOID_AXES, axis=1)
+        return np.clip((radius - inner) / (outer - inner), 0, 1)
     nearest = across_cortex(mesh.points, mesh)[2]
-    return np.clip((radius[nearest] - _CALLOSUM_RADIUS) / _CALLOSUM_RIM, 0, 1)
+    if wall is None:
+        return np.clip((np.linalg.norm(x, axis=1)[nearest] - _CALLOSUM_RADIUS) / _CALLOSUM_RIM, 0, 1)
+    if not wall.any():
+        return np.ones(len(x))
+    return np.clip(cKDTree(x[wall]).query(x[nearest])[0] / THICKNESS, 0, 1)
 
 
 def smallest_altitude(points: FloatArray, cells: IntArray) -> float:
@@ -170,8 +195,12 @@ def smallest_altitude(points: FloatArray, cells: IntArray) -> float:
 
 
 def stable_time_step(altitude: float, material: Material) -> float:
-    """Time step for a smallest altitude, by the reference's rule for its mesh spacing: 0.05 sqrt(rho / K) altitude."""
-    return 0.05 * float(np.sqrt(material.density / material.bulk)) * altitude
+    """Time step for a smallest altitude of the body as it is: 0.15 sqrt(rho / K) altitude.
+
+    About a sixth of the time that a pressure wave takes, for contact is stiffer than the body. A tetrahedron that
+    growth has flattened is stiffer, too, but as its altitude has fallen, its time step has.
+    """
+    return 0.15 * float(np.sqrt(material.density / material.bulk)) * altitude
 
 
 def largest_time_step(altitude: float, material: Material) -> float:

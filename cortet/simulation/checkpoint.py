@@ -25,8 +25,11 @@ class Checkpoint(NamedTuple):
     v: FloatArray
     #: (s, 3), where the contact list was made
     listed: FloatArray
+    time: float
     degenerate: int
     contacts: int
+    #: since the start: energy dissipated, work of the contact, work of growth
+    energies: tuple[float, float, float]
     #: of the steps so far, this and earlier processes together
     seconds: float
     #: rows of the tables so far, and the frames written

@@ -47,15 +47,20 @@ class Contact(NamedTuple):
     strength: float
     #: the list holds what was closer than this
     radius: float
-    #: +1 or -1 keeps the body on that side of the plane x = 0; 0: no plane
+    #: +1 or -1 keeps the body on that side of the medial plane; 0: no plane
     side: float
+    #: distance of the plane from x = 0, away from the body, and force per depth behind it
+    gap: float
+    stiffness: float
     #: per surface node: triangle in contact or -1, its weights (s, 3), force on the node (s, 3)
     touched: IntArray
     weights: FloatArray
     force: FloatArray
 
 
-def contact_of(x: FloatArray, faces: IntArray, *, bulk: float, side: float = 0.0) -> Contact:
+def contact_of(
+    x: FloatArray, faces: IntArray, *, bulk: float, side: float = 0.0, gap: float = 0.0, plane: float = PENALTY
+) -> Contact:
     """The contact of a body in its reference state, with its first list.
 
     Parameters
@@ -63,7 +68,9 @@ def contact_of(x: FloatArray, faces: IntArray, *, bulk: float, side: float = 0.0
     x : (n, 3) positions of all nodes
     faces : (k, 3) int32, boundary faces, outward
     bulk : modulus, the unit of the penalty
-    side : +1 or -1 for half a brain that must stay on that side of the plane x = 0
+    side : +1 or -1 for half a brain that must stay on that side of the medial plane
+    gap : distance of that plane from x = 0, away from the body
+    plane : force at a depth of one reach behind the plane, per squared mean edge, in units of the bulk modulus
     """
     nodes = np.unique(faces).astype(np.int32)
     pairs = edges(faces)
@@ -83,6 +90,8 @@ def contact_of(x: FloatArray, faces: IntArray, *, bulk: float, side: float = 0.0
         strength=PENALTY * bulk * mean_edge**2,
         radius=RADIUS * mean_edge,
         side=float(side),
+        gap=float(gap),
+        stiffness=plane * bulk * mean_edge / REACH,
         touched=np.full(s, -1, np.int32),
         weights=np.zeros((s, 3)),
         force=np.zeros((s, 3)),
@@ -241,8 +250,8 @@ def _against_plane(contact, x, external):  # type: ignore[no-untyped-def]
     """Push nodes beyond the medial plane back, as hard per depth as a contact."""
     count = 0
     for node in contact.nodes:
-        depth = -contact.side * x[node, 0]
+        depth = -contact.side * x[node, 0] - contact.gap
         if depth > 0:
-            external[node, 0] += contact.side * contact.strength * depth / contact.reach
+            external[node, 0] += contact.side * contact.stiffness * depth
             count += 1
     return count

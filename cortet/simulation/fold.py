@@ -22,9 +22,20 @@ from cortet.simulation.frames import write_frame, write_series
 from cortet.simulation.growth import age_of, time_of
 from cortet.simulation.kernels import Motion
 from cortet.simulation.measurements import COLUMNS, Measurements
-from cortet.simulation.run import Moment, Run, Settings, advance_to, beginning, measured, millimetres, prepared
+from cortet.simulation.run import (
+    Moment,
+    Run,
+    Settings,
+    advance_to,
+    beginning,
+    described,
+    measured,
+    millimetres,
+    prepared,
+    thickness_mm,
+)
 
-VERSION: int = 2
+VERSION: int = 4
 
 #: files in the folder of a run; seconds have a table of their own, all else is the same in every run
 TABLE, SIDECAR, SECONDS, VERDICT, SERIES = "fold.tsv", "fold.json", "seconds.tsv", "verdict.json", "fold.pvd"
@@ -34,6 +45,8 @@ _CHECKPOINT_SECONDS = 30.0
 
 logger = logging.getLogger(__name__)
 
+#: called with a sentence
+Say = Callable[[str], None]
 #: called with every row of the table, the part of the steps that are done, and the seconds they took
 Progress = Callable[[Measurements, float, float], None]
 
@@ -45,29 +58,40 @@ class Verdict:
     outcome: Literal["folded", "inverted"]
     reason: str
     tets: int
-    #: steps taken, and those to the end
-    step: int
+    #: taken
     steps: int
     gestational_age: float
-    #: dimensionless, and the length that it follows from
+    #: mean, dimensionless
     time_step: float
     smallest_altitude_mm: float
     #: unit of length of the simulation
     length_mm: float
+    #: of the growing cortex at the start, its mean where it differs from place to place
+    thickness_mm: float
+    #: of half a brain: what is taken for its medial wall
+    medial_wall: str | None
+    medial_wall_mm2: float
+    medial_wall_share: float
     #: smallest of all steps
     min_j: float
     #: times that a tetrahedron was nearly flat
     degenerate: int
     #: largest of all rows of the table
     q_max: float
+    #: of the last row
+    energy_error: float | None
     gyrification_index_first: float
     gyrification_index_last: float
+    fold_spacing_mm_last: float | None
+    sulcal_depth_mm_last: float
     #: the tetrahedron that inverted, and its centre
     element: int | None = None
     place_mm: tuple[float, float, float] | None = None
 
 
-def fold(mesh: TetMesh, folder: Path, settings: Settings, progress: Progress | None = None) -> Verdict:
+def fold(
+    mesh: TetMesh, folder: Path, settings: Settings, progress: Progress | None = None, say: Say = logger.info
+) -> Verdict:
     """Grow the cortex of a mesh until the end, or until the first element inverts.
 
     The folder gets the table of measurements with its sidecar, a table of wall seconds, frames with their series, and
@@ -83,23 +107,25 @@ def fold(mesh: TetMesh, folder: Path, settings: Settings, progress: Progress | N
     InputError : see `run.prepared`
     """
     run = prepared(mesh, settings)
+    for sentence in described(run):
+        say(sentence)
     journal = Journal(folder, checkpoint.fingerprint(mesh, {**asdict(settings), "version": VERSION}))
     moment = journal.resumed(run)
     stops = _stops(run, settings)
     for number, stop in enumerate(stops):
-        if stop <= moment.step and journal.rows:
+        if stop <= moment.time and journal.rows:
             continue
         began = time.perf_counter()
-        inverted = advance_to(run, moment, stop)
+        inverted = stop > moment.time and advance_to(run, moment, stop)
         journal.seconds += time.perf_counter() - began
         measurements = measured(run, moment)
-        last = inverted or stop == run.steps
+        last = inverted or stop == run.end
         if last or number % max(round(settings.frame_interval / settings.record_interval), 1) == 0:
             journal.add_frame(run, moment, measurements.gestational_age)
         journal.add_row(measurements)
         moment.work.min_j[0] = np.inf
         if progress:
-            progress(measurements, moment.step / run.steps, journal.seconds)
+            progress(measurements, (moment.time - run.start) / (run.end - run.start), journal.seconds)
         if last:
             break
         journal.save(moment)
@@ -109,11 +135,11 @@ def fold(mesh: TetMesh, folder: Path, settings: Settings, progress: Progress | N
     return verdict
 
 
-def _stops(run: Run, settings: Settings) -> list[int]:
-    """Steps at which the body is measured: the first, the last, and others equally far apart in gestational age."""
-    ages = np.arange(settings.gestational_age, settings.end, settings.record_interval)
-    steps = {round((time_of(age) - run.start) / run.time_step) for age in ages}
-    return sorted(steps | {run.steps})
+def _stops(run: Run, settings: Settings) -> list[float]:
+    """Times at which the body is measured: the first, the last, and others equally far apart in gestational age."""
+    count = int(np.ceil((settings.end - settings.gestational_age) / settings.record_interval - 1e-6))
+    ages = settings.gestational_age + settings.record_interval * np.arange(1, count)
+    return [run.start, *(time_of(age) for age in ages), run.end]
 
 
 class Journal:
@@ -137,12 +163,14 @@ class Journal:
             for path in (*self.folder.glob("frames/frame_*.vtu"), *rest):
                 path.unlink(missing_ok=True)
             return moment
-        logger.info("resumed at step %d of %d", last.step, run.steps)
+        logger.info("resumed at step %d, time %.3f", last.step, last.time)
         self.rows, self.frames, self.seconds = last.rows, last.frames, last.seconds
         at_listing = last.x.copy()
         at_listing[moment.contact.nodes] = last.listed
         moment.work.counts[:] = last.degenerate, last.contacts
-        return Moment(last.step, Motion(last.x, last.v), moment.work, listed_at(moment.contact, at_listing))
+        moment.work.energy[:] = last.energies[:2]
+        contact = listed_at(moment.contact, at_listing)
+        return Moment(last.step, last.time, Motion(last.x, last.v), moment.work, contact, last.energies[2])
 
     def save(self, moment: Moment) -> None:
         """Write a checkpoint, unless the last one is recent."""
@@ -151,11 +179,13 @@ class Journal:
         now = Checkpoint(
             fingerprint=self.fingerprint,
             step=moment.step,
+            time=moment.time,
             x=moment.state.x,
             v=moment.state.v,
             listed=moment.contact.listed,
             degenerate=int(moment.work.counts[0]),
             contacts=int(moment.work.counts[1]),
+            energies=(float(moment.work.energy[0]), float(moment.work.energy[1]), moment.growth_work),
             seconds=self.seconds,
             rows=self.rows,
             frames=self.frames,
@@ -179,7 +209,8 @@ class Journal:
         reference = TetMesh(run.mesh.points[by_node], run.node[run.mesh.cells[by_cell]].astype(np.int32))
         j = (moment.work.current / moment.work.grown)[by_cell]
         points = millimetres(run, moment)[by_node]
-        write_frame(reference, points, j, moment.work.share[by_cell], self.folder / name)
+        wall = run.body.held[by_node].astype(np.uint8)
+        write_frame(reference, points, j, moment.work.share[by_cell], wall, self.folder / name)
         self.frames.append((name, age))
         write_series(self.frames, self.folder / SERIES)
 
@@ -195,25 +226,31 @@ def _verdict(run: Run, moment: Moment, rows: list[dict[str, Any]]) -> Verdict:
         place = (x, y, z)
         reason = (
             f"tetrahedron {element} at ({x:.2f}, {y:.2f}, {z:.2f}) mm inverted (J = {j[worst]:.3g}) "
-            f"in step {moment.step} of {run.steps}, at {age:.2f} weeks"
+            f"in step {moment.step}, at {age:.2f} weeks"
         )
     else:
-        reason = f"folded from {age_of(run.start):.2f} to {age:.2f} weeks; no element inverted in {run.steps} steps"
+        reason = f"folded from {age_of(run.start):.2f} to {age:.2f} weeks; no element inverted in {moment.step} steps"
     return Verdict(
         outcome="inverted" if element is not None else "folded",
         reason=reason,
         tets=len(run.cell),
-        step=moment.step,
-        steps=run.steps,
+        steps=moment.step,
         gestational_age=age,
-        time_step=run.time_step,
+        time_step=(moment.time - run.start) / max(moment.step, 1),
         smallest_altitude_mm=smallest_altitude(run.mesh.points, run.mesh.cells),
         length_mm=run.scale.length,
+        thickness_mm=thickness_mm(run),
+        medial_wall=run.wall.found if run.wall else None,
+        medial_wall_mm2=run.wall.area_mm2 if run.wall else 0.0,
+        medial_wall_share=run.wall.share if run.wall else 0.0,
         min_j=min(row["min_j"] for row in rows),
         degenerate=rows[-1]["degenerate"],
         q_max=max(row["q_max"] for row in rows),
+        energy_error=rows[-1]["energy_error"],
         gyrification_index_first=rows[0]["gyrification_index"],
         gyrification_index_last=rows[-1]["gyrification_index"],
+        fold_spacing_mm_last=rows[-1]["fold_spacing_mm"],
+        sulcal_depth_mm_last=rows[-1]["sulcal_depth_mm"],
         element=element,
         place_mm=place,
     )

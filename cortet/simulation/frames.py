@@ -4,16 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cortet.formats import vtu
 from cortet.formats.atomic import atomic_path
+from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.mesh import FloatArray, TetMesh
 
 
-def write_frame(mesh: TetMesh, points: FloatArray, j: FloatArray, growth: FloatArray, path: Path) -> None:
-    """Write a mesh at its present `points` (n, 3) mm, with displacement per node, J and growth (m,) per element."""
-    moved = TetMesh(points, mesh.cells, {"displacement": points - mesh.points}, {"J": j, "growth": growth})
+def write_frame(
+    mesh: TetMesh, points: FloatArray, j: FloatArray, growth: FloatArray, wall: NDArray[np.uint8], path: Path
+) -> None:
+    """Write a mesh at its present `points` (n, 3) mm.
+
+    With displacement per node and whether it is of the medial wall (n,), and J and growth per element (m,).
+    """
+    fields: dict[str, NDArray[Any]] = {"displacement": points - mesh.points, MEDIAL_WALL: wall}
+    moved = TetMesh(points, mesh.cells, fields, {"J": j, "growth": growth})
     vtu.write(moved, path)
 
 

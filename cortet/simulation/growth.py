@@ -55,5 +55,8 @@ Law = Linear | Gompertz
 
 
 def growth_since(law: Law, start: float, time: Times) -> Times:
-    """Growth from `start` to `time`, relative to the cortex as it was at `start`."""
+    """Growth from `start` to `time`, relative to the cortex as it was at `start`.
+
+    The reference takes `law(time)`, as if every mesh were of t = 0.
+    """
     return (1 + law(time)) / (1 + law(start)) - 1

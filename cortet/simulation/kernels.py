@@ -55,7 +55,8 @@ class Work(NamedTuple):
     share: FloatArray
     current: FloatArray
     grown: FloatArray
-    #: (n,), ratio of current to grown volume around each node
+    #: (n,), a quarter of the grown volumes around each node, and the ratio of current to grown volume there
+    node_grown: FloatArray
     ratio: FloatArray
     #: (m, 3, 3), forces on the nodes 1, 2 and 3 of each element
     forces: FloatArray
@@ -68,16 +69,20 @@ class Work(NamedTuple):
     min_j: FloatArray
     #: (2,), entries into the degenerate branch since the start; nodes in contact at the last step
     counts: NDArray[np.int64]
+    #: per block of nodes (b, 2), and of all steps since the start (2,): energy dissipated, and work of the contact
+    block_energy: FloatArray
+    energy: FloatArray
 
 
 def workspace(body: Body) -> Work:
     """Arrays for the steps of a body."""
-    m, n = len(body.cells), len(body.node_volumes)
+    m, n = len(body.cells), len(body.offsets) - 1
     blocks = -(-m // _BLOCK)
     return Work(
         share=np.zeros(m),
         current=np.zeros(m),
         grown=np.zeros(m),
+        node_grown=np.zeros(n),
         ratio=np.ones(n),
         forces=np.zeros((m, 3, 3)),
         external=np.zeros((n, 3)),
@@ -85,6 +90,8 @@ def workspace(body: Body) -> Work:
         block_degenerate=np.zeros(blocks, np.int64),
         min_j=np.full(1, np.inf),
         counts=np.zeros(2, np.int64),
+        block_energy=np.zeros((-(-n // _BLOCK), 2)),
+        energy=np.zeros(2),
     )
 
 
@@ -160,13 +167,14 @@ def _volumes(first, last, body, x, work, alphas, thickening):  # type: ignore[no
 
 @_fast
 def _ratios(first, last, body, work):  # type: ignore[no-untyped-def]
-    """Ratio of current to grown volume of a block of nodes."""
+    """Grown volume of a block of nodes, and the ratio of current to grown volume."""
     body, work = Body(*body), Work(*work)
     for i in range(first, last):
         current, grown = 0.0, 0.0
         for k in range(body.offsets[i], body.offsets[i + 1]):
             current += work.current[body.around[k]]
             grown += work.grown[body.around[k]]
+        work.node_grown[i] = grown / 4
         work.ratio[i] = current / grown
 
 
@@ -272,14 +280,27 @@ def _gathered(body, work, i):  # type: ignore[no-untyped-def]
 
 @_fast
 def _move(first, last, body, material, state, work, dt):  # type: ignore[no-untyped-def]
-    """Step a block of nodes: v += dt (f - gamma V v) / (rho V), x += dt v."""
+    """Step a block of nodes: v += dt (f - gamma V v) / (rho V), x += dt v, with the grown volume V around each.
+
+    A node that is held does not move along x. Returns the energy dissipated and the work of the contact. Work is force
+    times dt times the mean of the velocities before and after the step: so the work of all forces together is exactly
+    the gain of kinetic energy.
+    """
     body, material, state, work = Body(*body), Material(*material), Motion(*state), Work(*work)
+    dissipated, pushed = 0.0, 0.0
     for i in range(first, last):
-        force, volume = _gathered(body, work, i), body.node_volumes[i]
+        force, volume = _gathered(body, work, i), work.node_grown[i]
         for k in range(3):
-            resisted = force[k] + work.external[i, k] - material.damping * volume * state.v[i, k]
-            state.v[i, k] += dt * resisted / (material.density * volume)
-            state.x[i, k] += dt * state.v[i, k]
+            before, resistance = state.v[i, k], material.damping * volume * state.v[i, k]
+            after = before + dt * (force[k] + work.external[i, k] - resistance) / (material.density * volume)
+            if k == 0 and body.held[i]:
+                after = 0.0
+            way = dt * (before + after) / 2
+            dissipated += resistance * way
+            pushed += work.external[i, k] * way
+            state.v[i, k] = after
+            state.x[i, k] += dt * after
+    return dissipated, pushed
 
 
 @numba.njit(parallel=True, cache=True)
@@ -296,9 +317,10 @@ def _elastic_forces(body, material, x, work, alphas, thickening, block_min, bloc
 
 
 @numba.njit(parallel=True, cache=True)
-def _move_all(body, material, state, work, dt, nodes):  # type: ignore[no-untyped-def]
+def _move_all(body, material, state, work, dt, nodes, block_energy):  # type: ignore[no-untyped-def]
     for block in numba.prange((nodes + _BLOCK - 1) // _BLOCK):
-        _move(block * _BLOCK, min(nodes, (block + 1) * _BLOCK), body, material, state, work, dt)
+        first, last = block * _BLOCK, min(nodes, (block + 1) * _BLOCK)
+        block_energy[block, 0], block_energy[block, 1] = _move(first, last, body, material, state, work, dt)
 
 
 @numba.njit(cache=True)
@@ -310,7 +332,7 @@ def elastic_forces(body, material, x, work, alphas, thickening):  # type: ignore
     alphas : growth of each label
     thickening : what the cortex has gained in thickness
     """
-    plain_body, plain_work, nodes = tuple(body), tuple(work), len(body.node_volumes)
+    plain_body, plain_work, nodes = tuple(body), tuple(work), len(work.ratio)
     _elastic_forces(
         plain_body, tuple(material), x, plain_work, alphas, thickening, work.block_min, work.block_degenerate, nodes
     )
@@ -342,7 +364,9 @@ def advance(body, material, state, work, contact, alphas, thickening, dt):  # ty
             return step, INVERTED
         work.counts[0] += work.block_degenerate.sum()
         work.counts[1] = contact_forces(contact, state.x, work.external)
-        _move_all(tuple(body), tuple(material), tuple(state), tuple(work), dt, len(state.x))
+        _move_all(tuple(body), tuple(material), tuple(state), tuple(work), dt, len(state.x), work.block_energy)
+        for block in range(len(work.block_energy)):  # in order: the sum has the same bits for any number of threads
+            work.energy[:] += work.block_energy[block]
     return len(alphas), DONE
 
 
@@ -353,16 +377,20 @@ def nodal_forces(body: Body, work: Work) -> FloatArray:
 
 @numba.njit(cache=True)
 def _nodal_forces(body, work):  # type: ignore[no-untyped-def]
-    result = np.empty((len(body.node_volumes), 3))
+    result = np.empty((len(work.ratio), 3))
     for i in range(len(result)):
         result[i] = np.array(_gathered(body, work, i))
     return result
 
 
+def kinetic_energy(material: Material, v: FloatArray, work: Work) -> float:
+    """Kinetic energy of velocities v (n, 3), for which `elastic_forces` must have run last."""
+    return material.density / 2 * float((work.node_grown[:, None] * v**2).sum())
+
+
 def elastic_energy(body: Body, material: Material, x: FloatArray, work: Work, alphas: FloatArray) -> float:
     """Elastic energy of positions x (n, 3), for which `elastic_forces` must have run last."""
-    node_grown = np.bincount(body.cells.ravel(), np.repeat(work.grown / 4, 4))
-    volumetric = material.bulk / 2 * (node_grown * (work.ratio - 1) ** 2).sum()
+    volumetric = material.bulk / 2 * (work.node_grown * (work.ratio - 1) ** 2).sum()
     return float(_deviatoric_energy(body, material, x, work, alphas).sum() + volumetric)
 
 

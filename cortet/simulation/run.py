@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.geometry.ordering import curve_order
 from cortet.geometry.topology import boundary_faces
-from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
 from cortet.simulation.body import (
     LABEL_FIELD,
     THICKENING,
@@ -37,12 +37,16 @@ from cortet.simulation.kernels import (
     advance,
     elastic_energy,
     elastic_forces,
+    kinetic_energy,
     workspace,
 )
 from cortet.simulation.measurements import Measurements, shape
+from cortet.simulation.medial_wall import Wall, medial_wall
 
-#: steps for which growth is computed at a time
-_CHUNK = 500
+#: steps for which growth is computed at a time, and after which its work is added up
+_CHUNK = 100
+#: medial plane of the reference
+_REFERENCE_PLANE = {"gap": 0.004, "plane": 1.0}
 #: hemisphere -> side of the medial plane in RAS coordinates
 _SIDE = {"L": -1.0, "R": 1.0, None: 0.0}
 
@@ -59,12 +63,16 @@ class Settings:
     end: float = 40.0
     #: tangential growth per unit of time
     growth_rate: float = 1.829
+    #: shear modulus of what does not grow, over that of the growing cortex
+    core_stiffness: float = Material().mu_core
     #: label -> amplitude, rate and latency of a Gompertz law, which replaces `growth_rate` there
     regions: Mapping[int, Sequence[float]] = field(default_factory=dict)
     #: of the cortex at the start, mm; None takes 0.042 + 0.01 t of the unit of length; a field of the mesh replaces it
     thickness: float | None = None
-    #: dimensionless; None takes it from the smallest altitude of the mesh
+    #: dimensionless; None takes it from the smallest altitude of the body as it is at each row of the table
     time_step: float | None = None
+    #: unit, mask, medial plane, start of growth and lag of one step as in the reference; for comparison with it
+    reference: bool = False
     #: weeks between two rows of the table, and between two frames
     record_interval: float = 0.1
     frame_interval: float = 1.0
@@ -79,16 +87,21 @@ class Run(NamedTuple):
     cell: NDArray[np.int64]
     scale: Scale
     body: Body
+    #: of half a brain
+    wall: Wall | None
     #: (k, 3) int32, boundary
     faces: IntArray
-    #: of the plane x = 0 on which the body stays, or 0
+    #: of the medial plane on which the body stays, or 0
     side: float
+    #: whether the choices of the reference hold
+    reference: bool
     material: Material
     laws: Sequence[Law]
-    #: time of the simulation at the start
+    #: times of the simulation at the start and at the end
     start: float
-    time_step: float
-    steps: int
+    end: float
+    #: that the user has chosen
+    time_step: float | None
 
 
 @dataclass
@@ -96,9 +109,12 @@ class Moment:
     """Where a run is."""
 
     step: int
+    time: float
     state: Motion
     work: Work
     contact: Contact
+    #: energy that growth has brought into the body since the start
+    growth_work: float = 0.0
 
 
 def prepared(mesh: TetMesh, settings: Settings) -> Run:
@@ -114,24 +130,45 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
             f"nothing grows from {settings.gestational_age:g} to {settings.end:g} weeks", remedy="set a later end"
         )
     mesh, node, cell = _ordered(mesh)
-    scale, material, start = scale_of(mesh, settings.hemisphere), Material(), time_of(settings.gestational_age)
+    scale = scale_of(mesh, settings.hemisphere, reference=settings.reference)
+    material, start = Material(mu_core=settings.core_stiffness), time_of(settings.gestational_age)
     laws, labels = _laws(mesh, settings.growth_rate, settings.regions)
     thickness = THICKNESS + THICKENING * start if settings.thickness is None else settings.thickness / scale.length
-    mask = growth_mask(mesh, scale, settings.hemisphere)
-    body = body_of(mesh, scale, thickness=thickness, mask=mask, labels=labels)
-    altitude = smallest_altitude(mesh.points, mesh.cells) / scale.length
-    duration = time_of(settings.end) - start
-    bound = largest_time_step(altitude, material)
-    if settings.time_step is not None and not 0 < settings.time_step <= bound:
+    wall = None
+    if settings.hemisphere is not None and not settings.reference:
+        wall = medial_wall(mesh, settings.hemisphere, scale.origin, scale.length)
+    held = None if wall is None else wall.nodes
+    mask = growth_mask(mesh, scale, held, reference=settings.reference)
+    body = body_of(mesh, scale, thickness=thickness, mask=mask, labels=labels, held=held)
+    altitude, bound = smallest_altitude(mesh.points, mesh.cells) / scale.length, settings.time_step
+    if bound is not None and not 0 < bound <= largest_time_step(altitude, material):
         raise InputError(
-            f"time step {settings.time_step:g} is not above 0 and at most {bound:.3g}, the limit of stability",
+            f"time step {bound:g} is not above 0 and at most {largest_time_step(altitude, material):.3g}, "
+            "the limit of stability",
             remedy="leave time_step out, or choose a smaller one",
         )
-    steps = int(np.ceil(duration / (settings.time_step or stable_time_step(altitude, material))))
     side = _SIDE[settings.hemisphere]
-    return Run(
-        mesh, node, cell, scale, body, boundary_faces(mesh), side, material, laws, start, duration / steps, steps
-    )
+    faces, end = boundary_faces(mesh), time_of(settings.end)
+    return Run(mesh, node, cell, scale, body, wall, faces, side, settings.reference, material, laws, start, end, bound)
+
+
+def described(run: Run) -> list[str]:
+    """What a run takes for granted, in sentences."""
+    share = thickness_mm(run) / run.scale.length
+    sentences = [
+        f"the growing cortex is {thickness_mm(run):.2f} mm thick at the start: "
+        f"{share:.3f} of the unit of length, {run.scale.length:.1f} mm"
+    ]
+    if run.wall is not None:
+        sentences.append(
+            f"medial wall: {run.wall.area_mm2:.0f} mm2, {run.wall.share:.1%} of the surface; {run.wall.found}"
+        )
+    return sentences
+
+
+def thickness_mm(run: Run) -> float:
+    """Mean thickness of the growing cortex at the start, mm."""
+    return float(run.body.thickness.mean()) * run.scale.length
 
 
 def _ordered(mesh: TetMesh) -> tuple[TetMesh, NDArray[np.int64], NDArray[np.int64]]:
@@ -140,7 +177,9 @@ def _ordered(mesh: TetMesh) -> tuple[TetMesh, NDArray[np.int64], NDArray[np.int6
     cells = np.argsort(node).astype(np.int32)[mesh.cells]
     cell = np.argsort(cells.min(axis=1), kind="stable")
     fields = {name: values[node] for name, values in mesh.point_data.items()}
-    return TetMesh(mesh.points[node], cells[cell], fields), node, cell
+    number = np.argsort(node).astype(np.int32)
+    sets = MeshSets(faces={name: number[faces] for name, faces in mesh.sets.faces.items()})
+    return TetMesh(mesh.points[node], cells[cell], fields, sets=sets), node, cell
 
 
 def _laws(
@@ -163,30 +202,84 @@ def _laws(
 def beginning(run: Run) -> Moment:
     """The undeformed body at rest."""
     x = (run.mesh.points - run.scale.origin) / run.scale.length
-    contact = contact_of(x, run.faces, bulk=run.material.bulk, side=run.side)
-    return Moment(0, Motion(x, np.zeros_like(x)), workspace(run.body), contact)
+    plane = _REFERENCE_PLANE if run.reference else {}
+    contact = contact_of(x, run.faces, bulk=run.material.bulk, side=run.side, **plane)
+    return Moment(0, run.start, Motion(x, np.zeros_like(x)), workspace(run.body), contact)
 
 
-def advance_to(run: Run, moment: Moment, target: int) -> bool:
-    """Step until `target`; True when it ended before, at an inverted element."""
-    while moment.step < target:
-        steps = np.arange(moment.step, min(target, moment.step + _CHUNK))
-        done, how = advance(
-            run.body, run.material, moment.state, moment.work, moment.contact, *_growth(run, steps), run.time_step
-        )
-        moment.step += done
-        if how == LIST_OUTDATED:
-            moment.contact = listed_at(moment.contact, moment.state.x)
-        elif how == INVERTED:
+def advance_to(run: Run, moment: Moment, target: float) -> bool:
+    """Step until the time `target`; True when it ended before, at an inverted element.
+
+    The time step is that for the body as it is now (`time_step_of`), or a little less: the steps are equal.
+    """
+    begin = moment.time
+    steps = max(int(np.ceil((target - begin) / time_step_of(run, moment) - 1e-9)), 1)
+    dt = (target - begin) / steps
+    for first in range(0, steps, _CHUNK):
+        times: FloatArray = begin + dt * np.arange(first, min(steps, first + _CHUNK)).astype(float)
+        if _advance_over(run, moment, times, dt):
             return True
+    moment.time = target
     return False
 
 
-def _growth(run: Run, steps: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-    """Growth of each label (k, labels) and thickening (k,) at some steps."""
-    times: FloatArray = run.start + run.time_step * steps.astype(float)
-    alphas = np.stack([growth_since(law, run.start, times) for law in run.laws], axis=1)
-    return alphas, THICKENING * (times - run.start)
+def time_step_of(run: Run, moment: Moment) -> float:
+    """Time step for the body as it is: growth and folding flatten elements, and flat ones call for small steps.
+
+    One that the user has chosen holds until the limit of stability is lower.
+    """
+    altitude = smallest_altitude(moment.state.x, run.mesh.cells)
+    if run.time_step is not None:
+        return min(run.time_step, largest_time_step(altitude, run.material))
+    return stable_time_step(altitude, run.material)
+
+
+def _advance_over(run: Run, moment: Moment, times: FloatArray, dt: float) -> bool:
+    """Step once at each of some times; True when it ended before, at an inverted element."""
+    before = Motion(moment.state.x.copy(), moment.state.v.copy())
+    alphas, thickening = growth_at(run, times, dt)
+    done, how = 0, LIST_OUTDATED
+    while done < len(times) and how != INVERTED:
+        rest = alphas[done:], thickening[done:]
+        steps, how = advance(run.body, run.material, moment.state, moment.work, moment.contact, *rest, dt)
+        done += steps
+        if how == LIST_OUTDATED:
+            moment.contact = listed_at(moment.contact, moment.state.x)
+    now = float(times[0]) + dt * done
+    moment.growth_work += _growth_work(run, moment, before, moment.time, now, dt)
+    moment.step, moment.time = moment.step + done, now
+    return bool(how == INVERTED)
+
+
+def _growth_work(run: Run, moment: Moment, before: Motion, begin: float, end: float, dt: float) -> float:
+    """Energy that growth has brought into the body between two times.
+
+    At a fixed shape, growth alone changes the energy from that with the growth at `begin` to that with the growth at
+    `end`; the work is the mean of this change for the shapes at both ends (trapezoidal rule).
+    """
+    change = 0.0
+    for state in (before, moment.state):
+        for time, sign in ((begin, -0.5), (end, 0.5)):
+            change += sign * sum(_energies(run, moment.work, state, time, dt))
+    return change
+
+
+def _energies(run: Run, work: Work, state: Motion, time: float, dt: float) -> tuple[float, float]:
+    """Kinetic and elastic energy of a state with the growth of a time; `work` is left with J and growth there."""
+    (alphas,), (thickening,) = growth_at(run, np.array([time]), dt)
+    elastic_forces(run.body, run.material, state.x, work, alphas, thickening)
+    return kinetic_energy(run.material, state.v, work), elastic_energy(run.body, run.material, state.x, work, alphas)
+
+
+def growth_at(run: Run, times: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
+    """Growth of each label (k, labels) and thickening (k,) at some times.
+
+    The reference counts growth from t = 0 on, and computes forces from the growth of the step before, dt earlier.
+    """
+    if run.reference:
+        times = np.maximum(times - dt, run.start)
+    alphas = [law(times) if run.reference else growth_since(law, run.start, times) for law in run.laws]
+    return np.stack(alphas, axis=1), THICKENING * (times - run.start)
 
 
 def millimetres(run: Run, moment: Moment) -> FloatArray:
@@ -196,19 +289,25 @@ def millimetres(run: Run, moment: Moment) -> FloatArray:
 
 def measured(run: Run, moment: Moment) -> Measurements:
     """Measure the body as it is; its J and growth are left in `moment.work`."""
-    x, v, work = moment.state.x, moment.state.v, moment.work
-    time = run.start + run.time_step * moment.step
-    (alphas,), (thickening,) = _growth(run, np.array([moment.step]))
-    smallest = elastic_forces(run.body, run.material, x, work, alphas, thickening)
+    work = moment.work
+    kinetic, elastic = _energies(run, work, moment.state, moment.time, 0.0)
+    dissipated, pushed = work.energy.tolist()
+    missing = kinetic + elastic + dissipated - moment.growth_work - pushed
+    flow = abs(moment.growth_work) + abs(pushed)
+    inverted = int((~(work.current > 0)).sum())
     return Measurements(
         step=moment.step,
-        time=time,
-        gestational_age=age_of(time),
-        kinetic_energy=run.material.density / 2 * float((run.body.node_volumes[:, None] * v**2).sum()),
-        elastic_energy=elastic_energy(run.body, run.material, x, work, alphas),
-        min_j=float(min(smallest, work.min_j[0])),
-        inverted=int((~(work.current > 0)).sum()),
+        time=moment.time,
+        gestational_age=age_of(moment.time),
+        kinetic_energy=kinetic,
+        elastic_energy=elastic,
+        dissipated_energy=dissipated,
+        growth_work=moment.growth_work,
+        contact_work=pushed,
+        energy_error=None if inverted else missing / flow if flow else 0.0,
+        min_j=min(float((work.current / work.grown).min()), float(work.min_j[0])),
+        inverted=inverted,
         degenerate=int(work.counts[0]),
         contacts=int(work.counts[1]),
-        **shape(millimetres(run, moment), run.mesh.cells, run.faces),
+        **shape(millimetres(run, moment), run.mesh.cells, run.faces, run.body.held),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import meshio
@@ -11,19 +12,23 @@ import numpy as np
 import pytest
 from shapes import ball_mesh
 
+from benchmarks.fold_reference import comparison
 from cortet.errors import InputError
 from cortet.formats import braingrowth
+from cortet.formats.gifti import read_surface
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh
 from cortet.simulation import fold as fold_module
-from cortet.simulation.body import growth_mask, scale_of
+from cortet.simulation.body import THICKNESS, Material, growth_mask, scale_of
 from cortet.simulation.fold import Verdict, fold
 from cortet.simulation.growth import Gompertz, Linear, age_of, growth_since, time_of
 from cortet.simulation.measurements import COLUMNS, Measurements
-from cortet.simulation.run import Settings, beginning, prepared
+from cortet.simulation.run import Settings, beginning, growth_at, prepared, thickness_mm, time_step_of
+from cortet.stages.generate import generate
 
-SPHERE5 = Path(__file__).parents[3] / "shared/data/tallinen/sphere5.mesh"
+SHARED = Path(__file__).parents[3] / "shared/data"
+SPHERE5, CRL22 = SHARED / "tallinen/sphere5.mesh", SHARED / "fetal/CRL_STA22_left_white.surf.gii"
 #: a quick run: half a week, a row every tenth, a frame every fifth of one
 QUICK = Settings(gestational_age=22.0, end=22.5, thickness=3.0, record_interval=0.1, frame_interval=0.2)
 
@@ -91,6 +96,38 @@ def test_the_ball_grows_without_inversion(finished: tuple[Path, Verdict]) -> Non
     assert float(table[-1]["gyrification_index"]) == pytest.approx(1.0, abs=0.02)
     assert verdict.min_j == pytest.approx(min(float(row["min_j"]) for row in table), rel=1e-5)
     assert table[-1]["step"] == str(verdict.steps)
+
+
+def test_a_run_says_how_thick_its_cortex_is(ball: TetMesh, tmp_path: Path) -> None:
+    said: list[str] = []
+    verdict = fold(ball, tmp_path, Settings(22.0, "L", end=22.01), say=said.append)
+    assert verdict.thickness_mm == pytest.approx(0.042 * verdict.length_mm, rel=0.01)
+    assert said[0].startswith(f"the growing cortex is {verdict.thickness_mm:.2f} mm thick at the start: 0.042 of the")
+    assert said[1].startswith("medial wall: ") and verdict.medial_wall is not None
+    assert verdict.medial_wall_share > 0
+
+
+def test_the_energies_balance(finished: tuple[Path, Verdict]) -> None:
+    table = rows(finished[0])
+    brought = [float(row["growth_work"]) for row in table]
+    assert np.all(np.diff(brought) > 0)
+    assert np.all(np.diff([float(row["dissipated_energy"]) for row in table]) > 0)
+    assert max(abs(float(row["energy_error"])) for row in table) < 1e-2
+
+
+def test_the_core_may_be_softer(ball: TetMesh) -> None:
+    assert prepared(ball, QUICK).material == Material()
+    assert prepared(ball, replace(QUICK, core_stiffness=0.5)).material == Material(mu_core=0.5)
+
+
+def test_the_time_step_follows_the_body(ball: TetMesh) -> None:
+    run = prepared(ball, QUICK)
+    moment = beginning(run)
+    free = time_step_of(run, moment)
+    moment.state.x[:, 2] *= 0.2
+    assert time_step_of(run, moment) < 0.4 * free
+    bound = run._replace(time_step=0.5 * free)
+    assert time_step_of(bound, beginning(run)) == 0.5 * free
 
 
 def test_every_column_is_explained_and_none_holds_a_time_of_day(finished: tuple[Path, Verdict]) -> None:
@@ -163,7 +200,7 @@ def test_it_ends_at_the_first_inverted_element_and_names_it(ball: TetMesh, tmp_p
     settings = Settings(gestational_age=22.0, end=40.0, growth_rate=1000.0, record_interval=0.5)
     verdict = fold(ball, tmp_path, settings)
     assert verdict.outcome == "inverted"
-    assert verdict.step < verdict.steps
+    assert verdict.gestational_age < 40.0
     assert f"tetrahedron {verdict.element} at (" in verdict.reason
     assert int(rows(tmp_path)[-1]["inverted"]) > 0
     last = meshio.read(sorted((tmp_path / "frames").glob("*.vtu"))[-1])
@@ -171,24 +208,48 @@ def test_it_ends_at_the_first_inverted_element_and_names_it(ball: TetMesh, tmp_p
     assert json.loads((tmp_path / "verdict.json").read_text())["outcome"] == "inverted"
 
 
-def test_half_a_brain_is_scaled_by_its_length_and_kept_on_its_side(ball: TetMesh) -> None:
-    for hemisphere, side in (("L", -1.0), ("R", 1.0)):
-        run = prepared(ball, Settings(22.0, hemisphere))
-        assert run.scale.length == pytest.approx(20.0, rel=0.02)
-        x = beginning(run).state.x
-        assert (side * x[:, 0]).min() == pytest.approx(0, abs=1e-12)
-        assert np.ptp(x, axis=0).max() == pytest.approx(1)
-    whole = prepared(ball, Settings(22.0))
-    assert np.linalg.norm(beginning(whole).state.x, axis=1).max() == pytest.approx(1)
+@pytest.mark.parametrize(("hemisphere", "side"), [("L", -1.0), ("R", 1.0)])
+@pytest.mark.parametrize(("aspect", "length"), [((0.5, 1, 0.6), 10.0), ((0.8, 1, 0.6), 16.0), ((0.3, 0.5, 1), 10.0)])
+def test_half_a_brain_has_the_unit_of_the_whole_and_stays_on_its_side(
+    ball: TetMesh, hemisphere: str, side: float, aspect: tuple[float, ...], length: float
+) -> None:
+    run = prepared(TetMesh(ball.points * aspect, ball.cells), Settings(22.0, hemisphere))
+    assert run.scale.length == pytest.approx(length, rel=0.02)  # half its length, its width, half its height
+    assert thickness_mm(run) == pytest.approx(0.042 * run.scale.length, rel=0.01)
+    assert (side * beginning(run).state.x[:, 0]).min() == pytest.approx(0, abs=1e-12)
 
 
-def test_the_medial_wall_does_not_grow(ball: TetMesh) -> None:
-    scale = scale_of(ball, "L")
-    mask = growth_mask(ball, scale, "L")
-    surface = boundary_nodes(ball)
-    distance = np.linalg.norm(ball.points[surface] - scale.origin, axis=1)
+@pytest.mark.skipif(not CRL22.exists(), reason="needs ../shared/data/fetal")
+def test_the_cortex_of_a_real_brain_is_as_thick_as_in_the_reference() -> None:
+    surface = read_surface(CRL22)
+    extent = np.ptp(surface.points, axis=0)
+    assert max(extent[0], extent[1] / 2, extent[2] / 2) * THICKNESS == pytest.approx(1.25, abs=0.02)
+    assert scale_of(generate(surface, cell_size=4.0, mesher="lattice")[0], "L").length == pytest.approx(29.6, rel=0.02)
+
+
+def test_a_whole_brain_is_scaled_by_its_largest_coordinate(ball: TetMesh) -> None:
+    long = TetMesh(ball.points * [0.7, 1, 0.6], ball.cells)
+    for reference in (False, True):
+        x = beginning(prepared(long, Settings(22.0, reference=reference))).state.x
+        assert np.abs(x).max() == pytest.approx(1)
+    assert x.mean(axis=0) == pytest.approx([0, 0, 0], abs=1e-12)
+
+
+def test_no_cortex_grows_around_the_callosum_of_a_whole_brain(ball: TetMesh) -> None:
+    flat = TetMesh((ball.points - [1, 2, 3]) * [1, 1, 0.4], ball.cells)
+    mask = growth_mask(flat, scale_of(flat, None))
+    surface = boundary_nodes(flat)
+    distance = np.linalg.norm(flat.points[surface], axis=1)
     assert not mask[surface][distance < 4.9].any()
     assert (mask[surface][distance > 6.1] == 1).all()
+
+
+def test_the_mask_of_the_reference_is_an_ellipsoid_at_every_node(ball: TetMesh) -> None:
+    scale = scale_of(ball, None, reference=True)
+    lr, ap, si = ((ball.points - scale.origin) / scale.length).T
+    x, y, z = -ap, lr, -si  # its coordinates
+    radius = np.linalg.norm([(x + 0.1) * 0.714, y, z - 0.05], axis=0)
+    assert growth_mask(ball, scale, reference=True) == pytest.approx(np.clip(1 - 10 * (0.6 - radius), 0, 1))
 
 
 def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh) -> None:
@@ -234,9 +295,15 @@ def test_an_inverted_mesh_is_refused(ball: TetMesh) -> None:
 
 
 @pytest.mark.skipif(not SPHERE5.exists(), reason="needs ../shared/data/tallinen")
-def test_the_references_sphere_grows(tmp_path: Path) -> None:
-    verdict = fold(braingrowth.read(SPHERE5), tmp_path, Settings(22.0, end=22.1, time_step=2.236e-5))
-    assert verdict.outcome == "folded"
-    first, last = rows(tmp_path)
-    assert float(first["gyrification_index"]) == pytest.approx(1.0, abs=1e-3)
-    assert float(last["area_mm2"]) > float(first["area_mm2"])
+def test_the_references_sphere_grows_as_in_the_reference(tmp_path: Path) -> None:
+    found = comparison(braingrowth.read(SPHERE5), 0.01, tmp_path)
+    assert [row.time for row in found] == [pytest.approx(0.01, abs=1e-5)]
+    assert all(abs(error) < 1e-6 for row in found for error in row.errors)
+
+
+def test_the_reference_counts_growth_from_its_start_and_a_step_late(ball: TetMesh) -> None:
+    settings = Settings(30.0, reference=True, time_step=1e-4)
+    run, start = prepared(ball, settings), time_of(30.0)
+    (alphas,), (thickening,) = growth_at(run, np.array([start + 5e-4]), 1e-4)
+    assert alphas[0] == pytest.approx(1.829 * (start + 4e-4))
+    assert thickening == pytest.approx(0.01 * 4e-4)

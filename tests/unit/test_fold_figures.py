@@ -37,18 +37,36 @@ def test_the_command_makes_everything(run: Path) -> None:
 
 
 def test_the_figure_shows_what_the_table_holds(run: Path) -> None:
-    figure = numbers(run / "fold.tsv")
-    assert [axis.get_ylabel() for axis in figure.axes] == ["smallest J", r"$q_\mathrm{max}$", "gyrification index"]
+    figure = numbers(run / "fold.tsv", "L")
+    assert [axis.get_ylabel() for axis in figure.axes] == [
+        "gyrification index", "area / volume$^{2/3}$", "smallest J", r"$q_\mathrm{max}$",
+    ]  # fmt: skip
     ages = figure.axes[0].lines[0].get_xdata()
     assert np.asarray(ages) == pytest.approx([22, 22.1, 22.2], abs=0.02)
 
 
-def test_before_and_after_stand_side_by_side_in_colour(run: Path) -> None:
+@pytest.mark.parametrize(("hemisphere", "fetal", "newborn"), [("L", 9, 9), (None, 1, 0)])
+def test_the_curves_stand_on_real_brains(run: Path, hemisphere: str | None, fetal: int, newborn: int) -> None:
+    for axis in numbers(run / "fold.tsv", hemisphere).axes[:2]:
+        before_birth, after = (points.get_offsets() for points in axis.collections)
+        assert len(before_birth) == fetal and len(after) == newborn
+        assert max(age for age, _ in before_birth) <= 37
+    assert not numbers(run / "fold.tsv", "L").axes[2].collections
+
+
+def test_before_and_after_are_seen_from_three_sides_in_colour_and_the_wall_in_grey(run: Path) -> None:
     image = matplotlib.image.imread(run / "folded.png")[:, :, :3]
-    left, right = np.array_split(image[:, : int(0.8 * image.shape[1])], 2, axis=1)
-    for half in (left, right):
-        coloured = np.ptp(half, axis=2) > 0.2
+    views = [
+        view
+        for row in np.array_split(image, 2, axis=0)
+        for view in np.array_split(row[:, : int(0.85 * row.shape[1])], 3, axis=1)
+    ]
+    for view in views:
+        coloured = np.ptp(view, axis=2) > 0.2
         assert 0.05 < coloured.mean() < 0.9
+    grey = [((np.ptp(view, axis=2) < 0.02) & (view[:, :, 0] < 0.7)).mean() for view in views]
+    assert grey[1] > 0.02 and grey[4] > 0.02  # from the middle
+    assert grey[0] < 0.01 and grey[3] < 0.01  # from the side
 
 
 def test_the_film_has_an_image_per_frame(run: Path) -> None:
@@ -79,7 +97,11 @@ def test_an_inverted_element_shows_in_the_exit_code(tmp_path: Path, capsys: pyte
 
 
 def test_the_progress_line_says_how_far_and_how_long() -> None:
-    now = Measurements(10, 0.25, 27.1, 0.0, 0.0, 0.712, 0, 0, 0.5, 1.234, 1.0, 1.0, 0)
+    now = Measurements(
+        step=10, time=0.25, gestational_age=27.1, kinetic_energy=0.0, elastic_energy=0.0, dissipated_energy=0.0,
+        growth_work=0.0, contact_work=0.0, energy_error=0.0, min_j=0.712, inverted=0, degenerate=0, q_max=0.5,
+        gyrification_index=1.234, fold_spacing_mm=12.0, sulcal_depth_mm=1.0, area_mm2=1.0, volume_mm3=1.0, contacts=0,
+    )  # fmt: skip
     assert status(now, 0.25, 60.0) == (
         "[#####...............]  25%  t 0.250  27.10 weeks  min J 0.712  gyrification 1.234  3 min left"
     )

@@ -23,6 +23,15 @@ def test_every_column_is_explained_and_the_source_named(table: Path) -> None:
     assert explained["Source"] == "arXiv:2607.12157"
 
 
+def test_real_brains_are_explained_and_their_numbers_fit_together() -> None:
+    brains = published.real_brains()
+    explained = json.loads((DATA / "real_brains.json").read_text())
+    assert set(explained) == {"Description", "Source", *brains.columns}
+    assert brains["gestational_age_weeks"].between(22, 42).all()
+    assert brains["gyrification_index"].between(1, 1.6).all()
+    assert (brains["area_cm2"] / brains["volume_ml"] ** (2 / 3)).between(6, 12).all()
+
+
 def test_the_pooled_distribution_agrees_with_table_1() -> None:
     middle = (np.arange(200) + 0.5) / 200
     table = published.ablation()

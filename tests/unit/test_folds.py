@@ -1,0 +1,46 @@
+"""Width and depth of folds on surfaces whose folds are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shapes import ball_surface
+
+from cortet.mesh import TriSurface
+from cortet.simulation.folds import fold_spacing, mean_curvature, sulcal_depth
+
+RADIUS = 30.0
+
+
+def rippled(waves: int, height: float) -> tuple[TriSurface, np.ndarray]:
+    """A sphere with so many meridional waves around its equator; only the equator's neighbourhood is cortex."""
+    ball = ball_surface(5, radius=RADIUS)
+    x, y, z = ball.points.T
+    radius = 1 + height / RADIUS * np.cos(waves * np.arctan2(y, x)) * (1 - (z / RADIUS) ** 2)
+    return TriSurface(ball.points * radius[:, None], ball.faces), (np.abs(z) < 5).astype(float)
+
+
+def test_the_curvature_of_a_ball() -> None:
+    ball = ball_surface(4, radius=RADIUS)
+    assert np.median(mean_curvature(ball.points, ball.faces)) == pytest.approx(1 / RADIUS, rel=1e-2)
+
+
+@pytest.mark.parametrize("waves", [10, 16])
+def test_the_spacing_of_known_waves(waves: int) -> None:
+    surface, cortex = rippled(waves, height=1.5)
+    expected = 2 * np.pi * RADIUS / waves
+    assert fold_spacing(surface.points, surface.faces, cortex) == pytest.approx(expected, rel=0.15)
+
+
+def test_a_ball_has_no_folds() -> None:
+    ball = ball_surface(4, radius=RADIUS)
+    everywhere = np.ones(len(ball.points))
+    assert fold_spacing(ball.points, ball.faces, everywhere) is None
+    assert sulcal_depth(ball.points, ball.faces, everywhere) == pytest.approx(0, abs=1e-9)
+
+
+def test_the_depth_of_known_waves() -> None:
+    surface, cortex = rippled(16, height=1.5)
+    # the mean of 1.5 (1 - cos), less what the hull, straight from crest to crest, cuts off the sphere: spacing^2 / 12 R
+    expected = 1.5 - (2 * np.pi * RADIUS / 16) ** 2 / (12 * RADIUS)
+    assert sulcal_depth(surface.points, surface.faces, cortex) == pytest.approx(expected, rel=0.1)

@@ -1,0 +1,120 @@
+"""The medial wall of half a brain: it is found where it is, does not grow, and slides in the sagittal plane."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from shapes import cube_mesh
+
+from cortet.errors import InputError
+from cortet.formats.gifti import read_surface
+from cortet.geometry.topology import boundary_faces, boundary_nodes
+from cortet.mesh import MeshSets, TetMesh
+from cortet.phantom import phantom
+from cortet.simulation.body import scale_of
+from cortet.simulation.growth import time_of
+from cortet.simulation.medial_wall import Wall, medial_wall
+from cortet.simulation.run import Settings, advance_to, beginning, described, millimetres, prepared
+from cortet.stages.generate import generate
+
+SHARED = Path(__file__).parents[3] / "shared/data"
+#: surface -> hemisphere, and share of the surface that the cut has, read off pictures
+REAL = {
+    "fetal/CRL_STA22_left_white": ("L", 0.06),
+    "fetal/CRL_STA25_right_white": ("R", 0.06),
+    "pairs/neonatal_dhcp_w28_lh_white": ("L", 0.045),
+    "pairs/neonatal_dhcp_w34_rh_white": ("R", 0.042),
+    "neonatal/week40.white.L": ("L", 0.03),
+}
+
+
+def wall_of(mesh: TetMesh, hemisphere: str) -> Wall:
+    scale = scale_of(mesh, hemisphere)
+    return medial_wall(mesh, hemisphere, scale.origin, scale.length)
+
+
+def block(turned: float = 0.0) -> TetMesh:
+    """A block of 20 x 60 x 40 mm, turned about the vertical by some degrees: all its sides are flat."""
+    mesh = cube_mesh(8)
+    turn = Rotation.from_euler("z", turned, degrees=True)
+    return TetMesh(turn.apply((mesh.points - 0.5) * [20, 60, 40]), mesh.cells)
+
+
+@pytest.mark.parametrize(("hemisphere", "side"), [("L", 1.0), ("R", -1.0)])
+@pytest.mark.parametrize("turned", [0.0, 8.0])
+def test_a_flat_cut_is_found_on_the_side_of_the_midline(hemisphere: str, side: float, turned: float) -> None:
+    mesh = block(turned)
+    wall = wall_of(mesh, hemisphere)
+    straight = Rotation.from_euler("z", -turned, degrees=True).apply(mesh.points[wall.nodes])
+    assert straight[:, 0] == pytest.approx(10 * side)
+    assert "is flat" in wall.found
+    assert 0.05 < wall.share < 0.2
+    assert wall.area_mm2 == pytest.approx(wall.share * 2 * (20 * 60 + 20 * 40 + 60 * 40))
+    assert np.abs(straight[:, 1]).max() < 25  # the cortex in front of it and behind faces the midline, too
+
+
+def test_a_body_without_a_cut_has_its_wall_around_the_middle() -> None:
+    mesh = generate(phantom(22.0, subdivisions=4), cell_size=3.0, mesher="lattice")[0]
+    wall, scale = wall_of(mesh, "L"), scale_of(mesh, "L")
+    assert "no part of the surface is flat" in wall.found
+    assert 0.05 < wall.share < 0.2
+    assert np.linalg.norm(mesh.points[wall.nodes].mean(axis=0)[1:] - scale.origin[1:]) < 0.2 * scale.length
+
+
+def test_the_mesh_may_say_what_its_wall_is() -> None:
+    mesh = block()
+    top = mesh.points[:, 2] == 20
+    faces = boundary_faces(mesh)
+    by_field = TetMesh(mesh.points, mesh.cells, {"medial_wall": top.astype(np.int32)})
+    by_set = TetMesh(mesh.points, mesh.cells, sets=MeshSets(faces={"medial_wall": faces[top[faces].all(axis=1)]}))
+    for marked in (by_field, by_set):
+        wall = wall_of(marked, "L")
+        assert np.array_equal(wall.nodes, top)
+        assert wall.found == "the mesh marks it (medial_wall)"
+        assert prepared(marked, Settings(22.0, "L")).body.held.sum() == top.sum()
+
+
+@pytest.mark.parametrize(("value", "words"), [(0, "marks none of the surface"), (1, "marks all of the surface")])
+def test_a_field_that_says_nothing_is_refused(value: int, words: str) -> None:
+    mesh = block()
+    with pytest.raises(InputError, match=words):
+        wall_of(TetMesh(mesh.points, mesh.cells, {"medial_wall": np.full(len(mesh.points), value)}), "L")
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_the_wall_of_a_real_brain_is_the_cut_through_its_middle(name: str) -> None:
+    path = SHARED / f"{name}.surf.gii"
+    if not path.exists():
+        pytest.skip(f"needs {path}")
+    hemisphere, share = REAL[name]
+    mesh = generate(read_surface(path), cell_size=2.0, mesher="lattice")[0]
+    wall = wall_of(mesh, hemisphere)
+    assert "is flat" in wall.found
+    assert wall.share == pytest.approx(share, rel=0.25)
+
+
+def test_the_wall_slides_in_the_sagittal_plane_and_does_not_grow() -> None:
+    mesh = block()
+    run = prepared(mesh, Settings(22.0, "L", thickness=6.0))
+    surface = boundary_nodes(run.mesh)
+    held = run.body.held
+    inside = held[run.body.cells].all(axis=1)
+    assert not run.body.mask[inside].any()
+    far = ~held & np.isin(np.arange(len(held)), surface) & (run.mesh.points[:, 0] < -5)
+    assert (run.body.mask[far[run.body.cells].all(axis=1)] == 1).all()
+    moment = beginning(run)
+    assert not advance_to(run, moment, time_of(22.5))
+    moved = millimetres(run, moment) - run.mesh.points
+    assert not moved[held, 0].any()
+    assert np.abs(moved[held, 1:]).max() > 1e-3
+    assert np.abs(moved[far, 0]).max() > 1e-2
+    assert "medial wall: " in described(run)[1]
+
+
+def test_a_whole_brain_has_none() -> None:
+    run = prepared(block(), Settings(22.0))
+    assert run.wall is None and not run.body.held.any()
+    assert prepared(block(), Settings(22.0, "L", reference=True)).wall is None
