@@ -347,8 +347,9 @@ class Pass(NamedTuple):
     power: int
     #: at most this many sweeps
     sweeps: int
-    #: the worst q of the mesh may not rise
-    keep_worst: bool = False
+    #: no tetrahedron may rise above this q, nor above the worst one around the vertex that moves: with the worst of
+    #: the whole mesh as the limit, one bad place would let every other one become as bad
+    keep: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -423,7 +424,7 @@ def _run(
     """Sweep until nothing moves any more or `aim.sweeps` are done. Changes `state`."""
     state.stale[:] = True
     threshold = float(mu2_of(aim.threshold)) if aim.threshold > 0 else 0.0
-    cap = float(state.mu2.max()) if aim.keep_worst else np.inf
+    cap = float(mu2_of(aim.keep)) if aim.keep < 1 else np.inf
     sweeps, moved = 0, 1
     while moved and sweeps < aim.sweeps:
         moved = _sweep(state, patches, tree, colours, aim.power // 2, threshold, cap)

@@ -19,7 +19,7 @@ from cortet.mesh import IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import without_crossing
 from cortet.optimise.swaps import SwapCount, improve, live_cells, swappable
 from cortet.optimise.vertices import Boundary, Pass, move_vertices, mu2_of
-from cortet.stages.clean import require_positive
+from cortet.stages.clean import KEPT, require_positive
 
 VERSION: int = 3
 
@@ -115,7 +115,7 @@ def _improved(
         powers = _FIRST_POWERS if number == 1 else _FIRST_POWERS[-1:]
         aims = [Pass(threshold, power, _SWEEPS) for power in powers]
         mesh, _ = move_vertices(mesh, tree, aims, boundary=boundary, held=held)
-    last = [Pass(threshold=0, power=2, sweeps=_LAST_MEAN_SWEEPS, keep_worst=True)]
+    last = [Pass(threshold=0, power=2, sweeps=_LAST_MEAN_SWEEPS, keep=KEPT)]
     mesh, _ = move_vertices(mesh, tree, last, boundary=boundary, held=held)
     return mesh, counts
 
