@@ -324,7 +324,7 @@ def _filled_with_lattice(
             nodes = graded_nodes(boundary, made.size, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth)
             points, cells = tetrahedralised(boundary, nodes)
             mesh, flat = _well_ordered(points, cells)
-            mesh, _ = reconnect(mesh, surface)
+            mesh, _ = reconnect(mesh, surface, insert=False)
             attempt = _judged(mesh, genus, edge_length=fraction * cell_size, passes=(), flat=flat)
         attempts.append(replace(attempt, refinement=_refinement(made)))
         _log(f"lattice, edges of {fraction * cell_size:g} mm", attempt, time.perf_counter() - began)

@@ -17,6 +17,7 @@ from cortet.geometry.closest_point import SurfaceTree, surface_tree
 from cortet.measure.quality import quality
 from cortet.mesh import IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import without_crossing
+from cortet.optimise.insertion import insert_vertices
 from cortet.optimise.swaps import SwapCount, improve, live_cells, swappable
 from cortet.optimise.vertices import Boundary, Pass, move_vertices, mu2_of
 from cortet.stages.clean import KEPT, require_positive
@@ -26,6 +27,8 @@ VERSION: int = 3
 _ROUNDS = 4
 #: the first round's vertices move far, the later ones must not lose what was reached
 _FIRST_POWERS = (8, 16, 32)
+#: q above which a vertex may be inserted
+_INSERT_ABOVE = 0.33
 _SWEEPS, _LAST_MEAN_SWEEPS = 12, 4
 
 logger = logging.getLogger(__name__)
@@ -51,12 +54,14 @@ class ReconnectReport:
     peeled: int
     #: volume between old and new boundary faces, positive where it was cut off
     volume_cut_mm3: float
+    #: vertices inserted before
+    inserted: int
     #: vertices held in place because moving them, or flipping their boundary edges, made the boundary cross itself
     vertices_held: int
 
 
 def reconnect(
-    mesh: TetMesh, surface: TriSurface, *, threshold: float = 0.3, boundary: Boundary = "slide"
+    mesh: TetMesh, surface: TriSurface, *, threshold: float = 0.3, boundary: Boundary = "slide", insert: bool = True
 ) -> tuple[TetMesh, ReconnectReport]:
     """Swap edges and faces around tetrahedra with q above `threshold`, and move the vertices there.
 
@@ -77,7 +82,8 @@ def reconnect(
     def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, list[SwapCount]]:
         return _improved(start, tree, threshold, boundary, held)
 
-    result, counts, held = without_crossing(mesh, optimise, surface if boundary == "slide" else None)
+    start, inserted = _with_insertions(mesh, tree, max(threshold, _INSERT_ABOVE)) if insert else (mesh, 0)
+    result, counts, held = without_crossing(start, optimise, surface if boundary == "slide" else None)
     after = quality(result.points, result.cells)
     total = [sum(values) for values in zip(*counts, strict=True)]
     return result, ReconnectReport(
@@ -94,8 +100,21 @@ def reconnect(
         boundary_flips=int(total[3]),
         peeled=int(total[4]),
         volume_cut_mm3=float(total[5]),
+        inserted=inserted,
         vertices_held=len(held),
     )
+
+
+def _with_insertions(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[TetMesh, int]:
+    """Swap inside the mesh where that helps, insert vertices where it does not; also their number."""
+    mesh, _ = _swapped(mesh, tree, threshold, np.ones(len(mesh.points), np.bool_))
+    mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
+    points, cells, origin, like, count = insert_vertices(
+        mesh.points, mesh.cells, mu2, _regions(mesh), float(mu2_of(threshold))
+    )
+    point_data = {name: values[like] for name, values in mesh.point_data.items()}
+    cell_data = {name: values[origin] for name, values in mesh.cell_data.items()}
+    return replace(mesh, points=points, cells=cells, point_data=point_data, cell_data=cell_data), count
 
 
 def _improved(
