@@ -17,19 +17,19 @@ from numpy.typing import NDArray
 
 from cortet.geometry.topology import TET_FACES
 from cortet.mesh import FloatArray, IntArray
-from cortet.optimise.swaps import EDGE_FRAMES, MAX_RING, Swappable, live_cells, replace_cells, ring_around, swappable
+from cortet.optimise.swaps import EDGE_FRAMES, MAX_RING, live_cells, replace_cells, ring_around, swappable
 from cortet.optimise.vertices import fill_row, newton_step, row_derivatives, row_energy, row_mu2
 
 #: tetrahedra in a cavity, at most
 _MOST = 60
 #: tetrahedra that are added to a cavity after the best filling so far, before it is given up
-_PATIENCE = 12
-#: powers of the energy whose least value is the place of a new vertex, and Newton steps with each
-_POWERS, _STEPS = (4, 16), 4
+_PATIENCE = 5
+#: power of the energy whose least value is the place of a new vertex, and Newton steps towards it for each cavity
+_POWER, _STEPS = 8, 2
 #: step lengths that are tried, each this share of the one before
 _BACKTRACKS, _SHRINK = 5, 0.4
 #: the worst mu of a cavity must fall by this factor, or it is not worth a vertex
-_MIN_GAIN = 0.96
+_MIN_GAIN = 0.995
 #: times the list of bad tetrahedra is worked through
 _ROUNDS = 2
 
@@ -173,22 +173,21 @@ def _best_cavity(mesh, cavity, count, faces, place):  # type: ignore[no-untyped-
 @numba.njit(cache=True)
 def _settled(mesh, faces, outer, place, star):  # type: ignore[no-untyped-def]
     """Move a vertex that is joined to all `faces` to where these tetrahedra are best; their worst mu^2, and which."""
-    for power in _POWERS:
-        for _ in range(_STEPS):
-            _rows(mesh, faces, outer, place, star)
-            before = row_energy(star, outer, 0.0, 0.0, 0.0, power // 2, np.inf)
-            if not before < np.inf:
+    for _ in range(_STEPS):
+        _rows(mesh, faces, outer, place, star)
+        before = row_energy(star, outer, 0.0, 0.0, 0.0, _POWER // 2, np.inf)
+        if not before < np.inf:
+            break
+        dx, dy, dz = newton_step(row_derivatives(star, outer, _POWER // 2))
+        moved = False
+        for _ in range(_BACKTRACKS):
+            if row_energy(star, outer, dx, dy, dz, _POWER // 2, np.inf) < before:
+                place[0], place[1], place[2] = place[0] + dx, place[1] + dy, place[2] + dz
+                moved = True
                 break
-            dx, dy, dz = newton_step(row_derivatives(star, outer, power // 2))
-            moved = False
-            for _ in range(_BACKTRACKS):
-                if row_energy(star, outer, dx, dy, dz, power // 2, np.inf) < before:
-                    place[0], place[1], place[2] = place[0] + dx, place[1] + dy, place[2] + dz
-                    moved = True
-                    break
-                dx, dy, dz = _SHRINK * dx, _SHRINK * dy, _SHRINK * dz
-            if not moved:
-                break
+            dx, dy, dz = _SHRINK * dx, _SHRINK * dy, _SHRINK * dz
+        if not moved:
+            break
     _rows(mesh, faces, outer, place, star)
     worst, at, lowest = 0.0, 0, np.inf
     for i in range(outer):

@@ -33,8 +33,9 @@ _ROUNDS = 5
 _MIN_GAIN = 0.999
 #: a boundary move keeps new boundary faces within acos(this) of the ones they replace ...
 _MIN_FACE_COSINE = 0.5
-#: ... and the middle of the new boundary edge within this fraction of its length of the input surface
-_MAX_SAG = 0.2
+#: ... and the middle of the new boundary edge within this fraction of its length of the input surface; whether a
+#: crest that is cut leaves too much behind, the check of the whole boundary tells
+_MAX_SAG = 0.35
 
 #: corners (a, b, c, d) of a positive tetrahedron for each of its edges (a, b)
 EDGE_FRAMES = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]])

@@ -142,6 +142,7 @@ def _gather(points, p, v, star):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, inline="always")
 def row_mu2(row, x, y, z):  # type: ignore[no-untyped-def]
+    """mu^2 of the tetrahedron of one row with v at (x, y, z); infinite unless its volume is positive."""
     v6 = row[3] - (row[0] * x + row[1] * y + row[2] * z)
     if v6 <= 0:
         return np.inf
