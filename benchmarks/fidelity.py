@@ -1,6 +1,6 @@
 """How near a mesh is to its surface, everywhere and in both directions, and what that costs.
 
-    python benchmarks/fidelity.py SURFACE... [--cell-sizes 1.0 0.6] [--setting fast] [--mesher lattice]
+    python benchmarks/fidelity.py SURFACE... [--cell-sizes 1.0 0.6] [--setting default] [--mesher lattice]
 
 One row per surface and cell size, of the whole line on the surface as it is (not smoothed). Distances are those of the
 surface's vertices and face centres to the boundary of the mesh, and of the boundary's nodes and face centres to the
@@ -124,7 +124,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("surfaces", nargs="+", type=Path)
     parser.add_argument("--cell-sizes", nargs="+", type=float, default=[1.0])
-    parser.add_argument("--setting", default="fast")
+    parser.add_argument("--setting", default="default")
     parser.add_argument("--mesher", default="", help="another one than the setting's")
     options = parser.parse_args()
     print(*COLUMNS, sep="\t")

@@ -239,6 +239,8 @@ class Reconnect(Section):
     """Swaps are tried around elements with q above this."""
     boundary: Boundary = "slide"
     """What boundary nodes may do when vertices move, as in clean; fixed also keeps every boundary edge."""
+    insert: bool = True
+    """true also inserts nodes inside, where no swap helps: between the banks of blades, behind corners."""
 
 
 class SmoothBoundary(Section):

@@ -23,12 +23,12 @@ ITERATIONS = 8
 #: target edge lengths grow by at most this share of the distance
 GROWTH = 0.3
 #: edges are at most this multiple of the thickness of a blade: flatter tetrahedra than that would fill it
-EDGE_OVER_THICKNESS = 1.5
+EDGE_OVER_THICKNESS = 1.75
 #: the thickness of a blade is the largest within this multiple of the largest distance: nearer its crest than that,
 #: where it thins out, it may be blunted
 CREST = 1.25
 #: no target is shorter than this share of the edge length
-SHORTEST = 0.3
+SHORTEST = 0.35
 #: root mean square distance of the samples around an operation, over the largest allowed: made at once; refused
 FREE, MOST = 0.1, 0.3
 #: largest distance over the width of the sulcus or blade, so that opposite sides do not meet

@@ -38,6 +38,8 @@ FLAT = 0.05
 POOR = 0.7
 #: a smoothing step that is refused is tried again at half the length
 _SMOOTHING_TRIES = 2
+#: a vertex keeps so many neighbours: with three, one flat tetrahedron fills the corner, wherever vertices go
+_LEAST_VALENCE = 4
 #: a flip must not make the shape of the worse of its two triangles worse than this, nor halve it
 _MIN_SHAPE = 0.3
 
@@ -394,10 +396,10 @@ def _collapsed(w, s, a, b, x, y, z, first, second):  # type: ignore[no-untyped-d
 
 @numba.njit(cache=True)
 def _may_collapse(w, h):  # type: ignore[no-untyped-def]
-    """Whether collapsing half-edge h leaves a manifold: its ends share two neighbours, which keep three faces."""
+    """Whether collapsing half-edge h leaves a manifold: its ends share two neighbours, and all keep enough faces."""
     a, b = _origin(w, h), _origin(w, w.opposite[h])
     c, d = _origin(w, _previous(h)), _origin(w, _previous(w.opposite[h]))
-    if _valence(w, c) <= 3 or _valence(w, d) <= 3:
+    if min(_valence(w, c), _valence(w, d), _valence(w, a) + _valence(w, b) - 3) <= _LEAST_VALENCE:
         return False
     shared = 0
     g = w.leaving[a]
@@ -411,7 +413,7 @@ def _may_collapse(w, h):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def collapse_short(w, tree, s, limits, floor):  # type: ignore[no-untyped-def]
-    """Collapse the edges shorter than 4/5 of the target; returns the number of collapses.
+    """Collapse the edges shorter than 4/5 of the target, and vertices of three faces; returns the number of collapses.
 
     Where one is refused because it would leave the surface, the target becomes the length there is, but not less than
     `floor` (mm), so that the triangles around are graded towards it. An edge shorter than that stays only where a
@@ -426,7 +428,8 @@ def collapse_short(w, tree, s, limits, floor):  # type: ignore[no-untyped-def]
             continue
         a, b = _origin(w, h), _origin(w, w.opposite[h])
         length = _length(w, a, b)
-        if length >= SHORT * min(w.size[a], w.size[b]) or not _may_collapse(w, h):
+        pointed = min(_valence(w, a), _valence(w, b)) < _LEAST_VALENCE
+        if (length >= SHORT * min(w.size[a], w.size[b]) and not pointed) or not _may_collapse(w, h):
             continue
         f, k = h // 3, w.opposite[h] // 3
         n, m = _normal(w, f), _normal(w, k)
@@ -508,7 +511,7 @@ def flip(w, s, limits):  # type: ignore[no-untyped-def]
         va, vb, vc, vd = _valence(w, a), _valence(w, b), _valence(w, c), _valence(w, d)
         now = (va - 6) ** 2 + (vb - 6) ** 2 + (vc - 6) ** 2 + (vd - 6) ** 2
         then = (va - 7) ** 2 + (vb - 7) ** 2 + (vc - 5) ** 2 + (vd - 5) ** 2
-        if va <= 3 or vb <= 3 or then > now or _joined(w, c, d):
+        if min(va, vb) <= _LEAST_VALENCE or then > now or _joined(w, c, d):
             continue
         f, k = h // 3, g // 3
         one, two = _face_row(w, f), _face_row(w, k)

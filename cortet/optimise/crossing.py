@@ -64,13 +64,24 @@ def without_crossing(
         crossing = crossing_faces(result)
         crossed = crossing if len(crossing) > before else crossing[:0]
         left = left_in(result)
-        if not (len(crossed) or len(left)) or not remaining:
+        if not (len(crossed) or len(left)):
+            break
+        if not remaining:
+            _warn(result, crossed, left)
             break
         touched = np.isin(mesh.cells, crossed).any(axis=1)
         held = np.unique(np.concatenate([held, mesh.cells[touched].ravel(), left.ravel()]))
         what = f"{len(crossed)} boundary faces cross, {len(left)} leave the surface"
         logger.info("%s: again, with %d vertices held in place", what, len(held))
     return result, report, held
+
+
+def _warn(mesh: TetMesh, crossed: IntArray, left: IntArray) -> None:
+    """Say what remains after all rounds, and where."""
+    for faces, what in ((crossed, "boundary faces cross"), (left, "boundary faces leave a part of the surface behind")):
+        if len(faces):
+            x, y, z = mesh.points[faces[0]].mean(axis=0)
+            logger.warning("%d %s, the first at (%.1f, %.1f, %.1f) mm", len(faces), what, x, y, z)
 
 
 def _nothing_left(_: TetMesh) -> IntArray:

@@ -23,8 +23,8 @@ from cortet.geometry.topology import TET_FACES, cell_neighbours
 from cortet.mesh import FloatArray, IntArray
 
 #: largest number of tetrahedra around an edge that is tried: beyond it a better filling is rarely found
-_MAX_RING = 10
-_MAX_NEW = 2 * (_MAX_RING - 1)
+MAX_RING = 10
+_MAX_NEW = 2 * (MAX_RING - 1)
 #: vertices of a star looked at when asking whether two vertices already share an edge
 _MAX_STAR = 512
 #: times the whole list of bad tetrahedra is worked through
@@ -33,11 +33,12 @@ _ROUNDS = 5
 _MIN_GAIN = 0.999
 #: a boundary move keeps new boundary faces within acos(this) of the ones they replace ...
 _MIN_FACE_COSINE = 0.5
-#: ... and the middle of the new boundary edge within this fraction of its length of the input surface
-_MAX_SAG = 0.2
+#: ... and the middle of the new boundary edge within this fraction of its length of the input surface; whether a
+#: crest that is cut leaves too much behind, the check of the whole boundary tells
+_MAX_SAG = 0.35
 
 #: corners (a, b, c, d) of a positive tetrahedron for each of its edges (a, b)
-_EDGE_FRAMES = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]])
+EDGE_FRAMES = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]])
 
 
 class Swappable(NamedTuple):
@@ -75,18 +76,23 @@ class SwapCount(NamedTuple):
     volume_cut: float
 
 
-def swappable(points: FloatArray, cells: IntArray, mu2: FloatArray, region: IntArray, held: np.ndarray) -> Swappable:
-    """Copy a mesh into arrays with room to grow. No boundary edge between, or to, `held` vertices (n,) is flipped."""
+def swappable(
+    points: FloatArray, cells: IntArray, mu2: FloatArray, region: IntArray, held: np.ndarray, *, vertices: int = 0
+) -> Swappable:
+    """Copy a mesh into arrays with room to grow, for that many `vertices` in all.
+
+    No boundary edge between, or to, `held` vertices (n,) is flipped.
+    """
     count = len(cells)
     room = count + count // 4 + 1000
 
-    def grown(array: np.ndarray, fill: float) -> np.ndarray:
-        result = np.full((room, *array.shape[1:]), fill, array.dtype)
-        result[:count] = array
+    def grown(array: np.ndarray, fill: float, size: int = room) -> np.ndarray:
+        result = np.full((size, *array.shape[1:]), fill, array.dtype)
+        result[: len(array)] = array
         return result
 
     return Swappable(
-        points=points.copy(),
+        points=grown(points, np.nan, max(vertices, len(points))),
         cells=grown(cells, -1),
         neighbours=grown(cell_neighbours(cells), -1),
         mu2=grown(mu2, 0),
@@ -105,7 +111,7 @@ def live_cells(mesh: Swappable) -> tuple[IntArray, IntArray]:
 
 
 @numba.njit(cache=True)
-def _mu2(points, a, b, c, d):  # type: ignore[no-untyped-def]
+def mu2_at(points, a, b, c, d):  # type: ignore[no-untyped-def]
     """mu^2 of a tetrahedron, infinite unless its volume is positive."""
     ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
     vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
@@ -139,7 +145,7 @@ def _other(cells, e, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _ring(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
+def ring_around(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
     """Walk around edge (a, b) of tetrahedron e.
 
     Fills `ring` with the opposite vertices, counter-clockwise seen from b, and `cavity` with the tetrahedra
@@ -165,7 +171,7 @@ def _ring(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
     f = start
     ring[0] = before
     while True:
-        if size == _MAX_RING or mesh.region[f] != mesh.region[e]:
+        if size == MAX_RING or mesh.region[f] != mesh.region[e]:
             return a, b, 0, 0
         cavity[size] = f
         size += 1
@@ -195,10 +201,10 @@ def _fill(points, a, b, ring, n, limit, cost, split):  # type: ignore[no-untyped
                 worst = max(cost[i, k], cost[k, j])
                 if worst >= best:
                     continue
-                worst = max(worst, _mu2(points, ring[i], ring[k], ring[j], b))
+                worst = max(worst, mu2_at(points, ring[i], ring[k], ring[j], b))
                 if worst >= min(best, limit):
                     continue
-                worst = max(worst, _mu2(points, ring[i], ring[j], ring[k], a))
+                worst = max(worst, mu2_at(points, ring[i], ring[j], ring[k], a))
                 if worst < best:
                     best, third = worst, k
             cost[i, j], split[i, j] = best, third
@@ -208,7 +214,7 @@ def _fill(points, a, b, ring, n, limit, cost, split):  # type: ignore[no-untyped
 @numba.njit(cache=True)
 def _filling(a, b, ring, n, split, new):  # type: ignore[no-untyped-def]
     """Write the tetrahedra of the triangulation kept in `split` to `new`; returns their number."""
-    stack = np.empty((_MAX_RING + 1, 2), np.int64)
+    stack = np.empty((MAX_RING + 1, 2), np.int64)
     stack[0, 0], stack[0, 1] = 0, n - 1
     top, size = 1, 0
     while top:
@@ -238,13 +244,13 @@ def _same_face(cells, e, i, f, j):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _replace(mesh, cavity, old, new, size):  # type: ignore[no-untyped-def]
+def replace_cells(mesh, cavity, old, new, size):  # type: ignore[no-untyped-def]
     """Put tetrahedra new[:size] in place of cavity[:old], and write their rows to cavity[:size].
 
     Faces around the cavity keep what is behind them; one that no new tetrahedron has becomes boundary.
     """
     cells, neighbours, counters = mesh.cells, mesh.neighbours, mesh.counters
-    outside = np.empty((4 * _MAX_RING, 4), np.int32)  # three vertices of an outer face, and what is behind it
+    outside = np.empty((4 * old, 4), np.int32)  # three vertices of an outer face, and what is behind it
     outer = 0
     for i in range(old):
         e = cavity[i]
@@ -282,7 +288,7 @@ def _replace(mesh, cavity, old, new, size):  # type: ignore[no-untyped-def]
         for k in range(4):
             cells[e, k] = new[i, k]
             neighbours[e, k] = -1
-        mesh.mu2[e] = _mu2(mesh.points, new[i, 0], new[i, 1], new[i, 2], new[i, 3])
+        mesh.mu2[e] = mu2_at(mesh.points, new[i, 0], new[i, 1], new[i, 2], new[i, 3])
         mesh.origin[e], mesh.region[e] = origin, region
     for i in range(size):
         e = cavity[i]
@@ -349,11 +355,11 @@ def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size):  # type: ignore
         for i in range(4):
             if (mesh.cells[e, i] == a or mesh.cells[e, i] == b) and mesh.neighbours[e, i] < 0:
                 return False
-        ring, around = np.empty(_MAX_RING + 1, np.int32), np.empty(_MAX_RING, np.int32)
+        ring, around = np.empty(MAX_RING + 1, np.int32), np.empty(MAX_RING, np.int32)
         frame = np.empty(4, np.int64)
         frame[0], frame[1] = _corner(mesh.cells, e, first), _corner(mesh.cells, e, last)
         frame[2], frame[3] = _corner(mesh.cells, e, a), _corner(mesh.cells, e, b)
-        _, _, n, tets = _ring(mesh, e, frame, ring, around)
+        _, _, n, tets = ring_around(mesh, e, frame, ring, around)
         if n == 0 or n != tets:
             return False
     elif _joined(mesh, cavity[0], first, last):
@@ -384,11 +390,11 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
     cavity, ring, cost, split, new, best_new = work
     points, cells = mesh.points, mesh.cells
     best_ratio, kind, best_size, best_old = _MIN_GAIN, 0, 0, 0
-    best_cavity = np.empty(_MAX_RING, np.int32)
+    best_cavity = np.empty(MAX_RING, np.int32)
     cut = 0.0
     for k in range(6):
         tally[0] += 1
-        a, b, n, tets = _ring(mesh, e, _EDGE_FRAMES[k], ring, cavity)
+        a, b, n, tets = ring_around(mesh, e, EDGE_FRAMES[k], ring, cavity)
         if n == 0:
             continue
         if n != tets and (mesh.held[a] or mesh.held[b] or mesh.held[ring[0]] or mesh.held[ring[n - 1]]):
@@ -418,23 +424,23 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
         limit = best_ratio * worst
         # face (a, b, c) is outward for e: seen from top it is counter-clockwise
         if (
-            _mu2(points, a, b, bottom, top) < limit
-            and _mu2(points, b, c, bottom, top) < limit
-            and _mu2(points, c, a, bottom, top) < limit
+            mu2_at(points, a, b, bottom, top) < limit
+            and mu2_at(points, b, c, bottom, top) < limit
+            and mu2_at(points, c, a, bottom, top) < limit
         ):
             new[0, 0], new[0, 1], new[0, 2], new[0, 3] = a, b, bottom, top
             new[1, 0], new[1, 1], new[1, 2], new[1, 3] = b, c, bottom, top
             new[2, 0], new[2, 1], new[2, 2], new[2, 3] = c, a, bottom, top
             achieved = 0.0
             for i in range(3):
-                achieved = max(achieved, _mu2(points, new[i, 0], new[i, 1], new[i, 2], new[i, 3]))
+                achieved = max(achieved, mu2_at(points, new[i, 0], new[i, 1], new[i, 2], new[i, 3]))
             best_ratio, kind, best_size, best_old = achieved / worst, 2, 3, 2
             best_cavity[0], best_cavity[1] = e, f
             best_new[:3] = new[:3]
     if kind == 0 or mesh.counters[0] + best_size > len(cells):
         return -1
     cavity[:best_old] = best_cavity[:best_old]
-    _replace(mesh, cavity, best_old, best_new, best_size)
+    replace_cells(mesh, cavity, best_old, best_new, best_size)
     tally[kind] += 1
     if kind >= 3:
         tally[5] += cut
@@ -445,10 +451,10 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
 def _improve(mesh, tree, queue, threshold, tally):  # type: ignore[no-untyped-def]
     """Work through the rows in `queue`, and through new tetrahedra that are still above `threshold`."""
     work = (
-        np.empty(_MAX_NEW + _MAX_RING, np.int32),
-        np.empty(_MAX_RING + 1, np.int32),
-        np.empty((_MAX_RING + 1, _MAX_RING + 1)),
-        np.empty((_MAX_RING + 1, _MAX_RING + 1), np.int64),
+        np.empty(_MAX_NEW + MAX_RING, np.int32),
+        np.empty(MAX_RING + 1, np.int32),
+        np.empty((MAX_RING + 1, MAX_RING + 1)),
+        np.empty((MAX_RING + 1, MAX_RING + 1), np.int64),
         np.empty((_MAX_NEW, 4), np.int32),
         np.empty((_MAX_NEW, 4), np.int32),
     )

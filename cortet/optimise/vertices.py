@@ -97,6 +97,22 @@ def _locate(points, tree, freedom, place):  # type: ignore[no-untyped-def]
             place[v] = closest_point(SurfaceTree(*tree), points[v, 0], points[v, 1], points[v, 2], -1)[3]
 
 
+@numba.njit(cache=True, inline="always")
+def fill_row(row, ax, ay, az, bx, by, bz, cx, cy, cz):  # type: ignore[no-untyped-def]
+    """Describe tetrahedron (v, a, b, c) with v at the origin, for `row_mu2` and what is below."""
+    ux, uy, uz = bx - ax, by - ay, bz - az
+    vx, vy, vz = cx - ax, cy - ay, cz - az
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    wx, wy, wz = cx - bx, cy - by, cz - bz
+    row[0], row[1], row[2] = nx, ny, nz
+    row[3] = nx * ax + ny * ay + nz * az
+    row[4], row[5], row[6] = ax + bx + cx, ay + by + cy, az + bz + cz
+    row[7] = (
+        ux * ux + uy * uy + uz * uz + vx * vx + vy * vy + vz * vz + wx * wx + wy * wy + wz * wz
+        + ax * ax + ay * ay + az * az + bx * bx + by * by + bz * bz + cx * cx + cy * cy + cz * cz
+    )  # fmt: skip
+
+
 @numba.njit(cache=True)
 def _gather(points, p, v, star):  # type: ignore[no-untyped-def]
     """Describe the tetrahedra around v, with v at the origin: V' = d - n.x and 6 S = 3 x.x - 2 m.x + k.
@@ -119,24 +135,14 @@ def _gather(points, p, v, star):  # type: ignore[no-untyped-def]
         ax, ay, az = points[a, 0] - ox, points[a, 1] - oy, points[a, 2] - oz
         bx, by, bz = points[b, 0] - ox, points[b, 1] - oy, points[b, 2] - oz
         cx, cy, cz = points[c, 0] - ox, points[c, 1] - oy, points[c, 2] - oz
-        ux, uy, uz = bx - ax, by - ay, bz - az
-        vx, vy, vz = cx - ax, cy - ay, cz - az
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        wx, wy, wz = cx - bx, cy - by, cz - bz
-        row = star[size]
-        row[0], row[1], row[2] = nx, ny, nz
-        row[3] = nx * ax + ny * ay + nz * az
-        row[4], row[5], row[6] = ax + bx + cx, ay + by + cy, az + bz + cz
-        row[7] = (
-            ux * ux + uy * uy + uz * uz + vx * vx + vy * vy + vz * vz + wx * wx + wy * wy + wz * wz
-            + ax * ax + ay * ay + az * az + bx * bx + by * by + bz * bz + cx * cx + cy * cy + cz * cz
-        )  # fmt: skip
+        fill_row(star[size], ax, ay, az, bx, by, bz, cx, cy, cz)
         size += 1
     return size
 
 
 @numba.njit(cache=True, inline="always")
-def _mu2(row, x, y, z):  # type: ignore[no-untyped-def]
+def row_mu2(row, x, y, z):  # type: ignore[no-untyped-def]
+    """mu^2 of the tetrahedron of one row with v at (x, y, z); infinite unless its volume is positive."""
     v6 = row[3] - (row[0] * x + row[1] * y + row[2] * z)
     if v6 <= 0:
         return np.inf
@@ -145,11 +151,11 @@ def _mu2(row, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _energy(star, size, x, y, z, half_power, cap):  # type: ignore[no-untyped-def]
+def row_energy(star, size, x, y, z, half_power, cap):  # type: ignore[no-untyped-def]
     """Sum of mu^p with v at (x, y, z); infinite if some mu^2 exceeds `cap` or a volume is not positive."""
     total = 0.0
     for i in range(size):
-        t = _mu2(star[i], x, y, z)
+        t = row_mu2(star[i], x, y, z)
         if not t <= cap:
             return np.inf
         total += t**half_power
@@ -157,7 +163,7 @@ def _energy(star, size, x, y, z, half_power, cap):  # type: ignore[no-untyped-de
 
 
 @numba.njit(cache=True)
-def _derivatives(star, size, half_power):  # type: ignore[no-untyped-def]
+def row_derivatives(star, size, half_power):  # type: ignore[no-untyped-def]
     """Gradient and positive-definite Hessian at the origin: gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz."""
     gx = gy = gz = hxx = hxy = hxz = hyy = hyz = hzz = 0.0
     for i in range(size):
@@ -182,7 +188,7 @@ def _derivatives(star, size, half_power):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _newton_step(d):  # type: ignore[no-untyped-def]
+def newton_step(d):  # type: ignore[no-untyped-def]
     """-H^-1 g for symmetric positive-definite H, by cofactors."""
     gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz = d
     cxx, cxy, cxz = hyy * hzz - hyz * hyz, hxz * hyz - hxy * hzz, hxy * hyz - hxz * hyy
@@ -238,8 +244,8 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
     """Try to improve one vertex; True if it moved."""
     points = state.points
     size = _gather(points, p, v, star)
-    before = _energy(star, size, 0.0, 0.0, 0.0, half_power, np.inf)
-    derivatives = _derivatives(star, size, half_power)
+    before = row_energy(star, size, 0.0, 0.0, 0.0, half_power, np.inf)
+    derivatives = row_derivatives(star, size, half_power)
     ox, oy, oz = points[v]
     place = state.place[v]
     sliding = p.freedom[v] == SLIDING
@@ -249,7 +255,7 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
         lowest = min(_MIN_FACE_COSINE, _lowest_cosine(points, p, v, ox, oy, oz, nx, ny, nz))
         sx, sy, sz = _tangent_step(derivatives, nx, ny, nz)
     else:
-        sx, sy, sz = _newton_step(derivatives)
+        sx, sy, sz = newton_step(derivatives)
     scale = 1.0
     for _ in range(_BACKTRACKS):
         x, y, z = scale * sx, scale * sy, scale * sz
@@ -257,7 +263,7 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
         if sliding:
             px, py, pz, place, _, _, _ = closest_point(tree, ox + x, oy + y, oz + z, state.place[v])
             x, y, z = px - ox, py - oy, pz - oz
-        if not _energy(star, size, x, y, z, half_power, cap) < before * (1 - _MIN_GAIN):
+        if not row_energy(star, size, x, y, z, half_power, cap) < before * (1 - _MIN_GAIN):
             continue
         if sliding:
             mx, my, mz = triangle_normal(tree.corners[place])
@@ -270,7 +276,7 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
             points[v, 0], points[v, 1], points[v, 2] = ox + x, oy + y, oz + z
         first = p.offsets[v]
         for i in range(size):
-            state.mu2[p.around[first + i]] = _mu2(star[i], x, y, z)
+            state.mu2[p.around[first + i]] = row_mu2(star[i], x, y, z)
         return True
     return False
 
@@ -347,8 +353,9 @@ class Pass(NamedTuple):
     power: int
     #: at most this many sweeps
     sweeps: int
-    #: the worst q of the mesh may not rise
-    keep_worst: bool = False
+    #: no tetrahedron may rise above this q, nor above the worst one around the vertex that moves: with the worst of
+    #: the whole mesh as the limit, one bad place would let every other one become as bad
+    keep: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -423,7 +430,7 @@ def _run(
     """Sweep until nothing moves any more or `aim.sweeps` are done. Changes `state`."""
     state.stale[:] = True
     threshold = float(mu2_of(aim.threshold)) if aim.threshold > 0 else 0.0
-    cap = float(state.mu2.max()) if aim.keep_worst else np.inf
+    cap = float(mu2_of(aim.keep)) if aim.keep < 1 else np.inf
     sweeps, moved = 0, 1
     while moved and sweeps < aim.sweeps:
         moved = _sweep(state, patches, tree, colours, aim.power // 2, threshold, cap)

@@ -41,10 +41,11 @@ from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.meshers import BASELINES, MESHERS, baselines, cgal, installed_backend
 from cortet.meshers.cgal import BACKENDS, PASSES, Criteria, write_off
 from cortet.meshers.lattice import graded_nodes, tetrahedralised
-from cortet.meshers.remesh import Remeshed, remesh_apart, unsound, wanted
+from cortet.meshers.remesh import Remeshed, remesh_apart, shapes, unsound, wanted
+from cortet.meshers.triangles import FLAT
 from cortet.stages.reconnect import reconnect
 
-VERSION: int = 4
+VERSION: int = 5
 
 #: share of the surface's volume below which a remeshed boundary is too coarse to stand for it
 LEAST_VOLUME = 0.8
@@ -324,7 +325,7 @@ def _filled_with_lattice(
             nodes = graded_nodes(boundary, made.size, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth)
             points, cells = tetrahedralised(boundary, nodes)
             mesh, flat = _well_ordered(points, cells)
-            mesh, _ = reconnect(mesh, surface)
+            mesh, _ = reconnect(mesh, surface, insert=False)
             attempt = _judged(mesh, genus, edge_length=fraction * cell_size, passes=(), flat=flat)
         attempts.append(replace(attempt, refinement=_refinement(made)))
         _log(f"lattice, edges of {fraction * cell_size:g} mm", attempt, time.perf_counter() - began)
@@ -350,10 +351,13 @@ def _refinement(made: Remeshed) -> Refinement:
 
 def _fault(boundary: TriSurface, surface: TriSurface) -> str:
     """Why a remeshed boundary cannot be filled, or nothing."""
-    crossing = unsound(boundary)
-    if len(crossing):
-        x, y, z = boundary.points[boundary.faces[crossing[0]]].mean(axis=0)
-        return f"{len(crossing)} boundary triangles cross, the first at ({x:.1f}, {y:.1f}, {z:.1f}) mm"
+    unusable = unsound(boundary)
+    if len(unusable):
+        flat = shapes(boundary)[unusable] < FLAT
+        counts = {"cross": np.count_nonzero(~flat), "are flat": np.count_nonzero(flat)}
+        what = " and ".join(f"{count} boundary triangles {fault}" for fault, count in counts.items() if count)
+        x, y, z = boundary.points[boundary.faces[unusable[0]]].mean(axis=0)
+        return f"{what}, the first at ({x:.1f}, {y:.1f}, {z:.1f}) mm"
     share = enclosed_volume(boundary.points, boundary.faces) / enclosed_volume(surface.points, surface.faces)
     if share < LEAST_VOLUME:
         return f"the remeshed boundary encloses {100 * share:.0f} % of the volume"

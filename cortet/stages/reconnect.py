@@ -1,8 +1,9 @@
 """S4+: local reconnection, for what no movement of vertices can mend.
 
 After cleaning, the worst tetrahedra sit on interior edges shared by three tetrahedra (q >= 0.300 there, wherever the
-vertices go) and on boundary edges held by one. Swaps remove both kinds; the vertices around are moved again after each
-round. Connectivity changes, which the published chain never does, hence a stage of its own.
+vertices go), on boundary edges held by one, and between the two banks of a blade, all their vertices on the boundary.
+Swaps remove the first kind and some of the second; new vertices inside mend the others. The vertices around are moved
+again after each round. Connectivity changes, which the published chain never does, hence a stage of its own.
 """
 
 from __future__ import annotations
@@ -17,15 +18,22 @@ from cortet.geometry.closest_point import SurfaceTree, surface_tree
 from cortet.measure.quality import quality
 from cortet.mesh import IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import without_crossing
+from cortet.optimise.insertion import insert_vertices
 from cortet.optimise.swaps import SwapCount, improve, live_cells, swappable
 from cortet.optimise.vertices import Boundary, Pass, move_vertices, mu2_of
-from cortet.stages.clean import require_positive
+from cortet.stages.clean import KEPT, require_positive
 
-VERSION: int = 3
+VERSION: int = 4
 
 _ROUNDS = 4
-#: the first round's vertices move far, the later ones must not lose what was reached
+#: the first round swaps above this q, which improves the mean, too
+_FIRST_SWAPS = 0.18
+#: its vertices move far, later ones must not lose what was reached
 _FIRST_POWERS = (8, 16, 32)
+#: q above which a vertex may be inserted
+_INSERT_ABOVE = 0.335
+#: rounds of insertions after everything else
+_LAST_ROUNDS = 4
 _SWEEPS, _LAST_MEAN_SWEEPS = 12, 4
 
 logger = logging.getLogger(__name__)
@@ -51,24 +59,27 @@ class ReconnectReport:
     peeled: int
     #: volume between old and new boundary faces, positive where it was cut off
     volume_cut_mm3: float
+    #: vertices inserted, before and after the rest
+    inserted: int
     #: vertices held in place because moving them, or flipping their boundary edges, made the boundary cross itself
     vertices_held: int
 
 
 def reconnect(
-    mesh: TetMesh, surface: TriSurface, *, threshold: float = 0.3, boundary: Boundary = "slide"
+    mesh: TetMesh, surface: TriSurface, *, threshold: float = 0.3, boundary: Boundary = "slide", insert: bool = True
 ) -> tuple[TetMesh, ReconnectReport]:
     """Swap edges and faces around tetrahedra with q above `threshold`, and move the vertices there.
 
-    Every swap improves the worst quality of the tetrahedra it replaces, all volumes stay positive, no vertex is added
-    or lost, and the boundary keeps its topology. Values per tetrahedron follow; integer ones are labels of regions,
-    whose interfaces no swap touches.
+    Every swap improves the worst quality of the tetrahedra it replaces, all volumes stay positive, vertices are added
+    or lost only inside and only with `insert`, and the boundary keeps its topology. Values per tetrahedron follow;
+    integer ones are labels of regions, whose interfaces no swap touches.
 
     Parameters
     ----------
     mesh : positive volumes
     surface : the surface boundary vertices slide on, and new boundary edges must be close to
     boundary : what boundary vertices may do when vertices move; boundary edges may be flipped unless it is `fixed`
+    insert : also insert vertices inside, where no swap helps; they carry the values of a vertex near them
     """
     before = quality(mesh.points, mesh.cells)
     require_positive(before)
@@ -77,9 +88,14 @@ def reconnect(
     def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, list[SwapCount]]:
         return _improved(start, tree, threshold, boundary, held)
 
-    result, counts, held = without_crossing(mesh, optimise, surface if boundary == "slide" else None)
+    above = max(threshold, _INSERT_ABOVE)
+    start, inserted, swaps = _with_insertions(mesh, tree, above) if insert else (mesh, 0, [])
+    result, counts, held = without_crossing(start, optimise, surface if boundary == "slide" else None)
+    if insert:
+        result, more, last = _mended_inside(result, tree, above)
+        inserted, swaps = inserted + more, swaps + last
     after = quality(result.points, result.cells)
-    total = [sum(values) for values in zip(*counts, strict=True)]
+    total = [sum(values) for values in zip(*counts, *swaps, strict=True)]
     return result, ReconnectReport(
         threshold=threshold,
         q_mean_before=float(before.mean()),
@@ -94,8 +110,35 @@ def reconnect(
         boundary_flips=int(total[3]),
         peeled=int(total[4]),
         volume_cut_mm3=float(total[5]),
+        inserted=inserted,
         vertices_held=len(held),
     )
+
+
+def _with_insertions(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[TetMesh, int, list[SwapCount]]:
+    """Swap inside the mesh where that helps, insert vertices where it does not; also their number, and the swaps."""
+    mesh, swaps = _swapped(mesh, tree, threshold, np.ones(len(mesh.points), np.bool_))
+    mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
+    points, cells, origin, like, count = insert_vertices(
+        mesh.points, mesh.cells, mu2, _regions(mesh), float(mu2_of(threshold))
+    )
+    point_data = {name: values[like] for name, values in mesh.point_data.items()}
+    cell_data = {name: values[origin] for name, values in mesh.cell_data.items()}
+    return replace(mesh, points=points, cells=cells, point_data=point_data, cell_data=cell_data), count, [swaps]
+
+
+def _mended_inside(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[TetMesh, int, list[SwapCount]]:
+    """Once more insert vertices and move those inside, while that helps: the boundary, which is sound, stays."""
+    inserted = 0
+    counts: list[SwapCount] = []
+    for _ in range(_LAST_ROUNDS):
+        mesh, count, swaps = _with_insertions(mesh, tree, threshold)
+        inserted, counts = inserted + count, counts + swaps
+        if not count:
+            break
+        aims = [Pass(threshold, power, _SWEEPS) for power in _FIRST_POWERS[1:]]
+        mesh, _ = move_vertices(mesh, tree, aims, boundary="fixed")
+    return mesh, inserted, counts
 
 
 def _improved(
@@ -106,7 +149,7 @@ def _improved(
     rigid[held] = True
     counts = []
     for number in range(1, _ROUNDS + 1):
-        mesh, count = _swapped(mesh, tree, threshold, rigid)
+        mesh, count = _swapped(mesh, tree, min(threshold, _FIRST_SWAPS) if number == 1 else threshold, rigid)
         counts.append(count)
         made = count.edge_removals + count.face_removals + count.boundary_flips + count.peeled
         logger.info("round %d: %d swaps of %d tried", number, made, count.attempts)
@@ -115,7 +158,7 @@ def _improved(
         powers = _FIRST_POWERS if number == 1 else _FIRST_POWERS[-1:]
         aims = [Pass(threshold, power, _SWEEPS) for power in powers]
         mesh, _ = move_vertices(mesh, tree, aims, boundary=boundary, held=held)
-    last = [Pass(threshold=0, power=2, sweeps=_LAST_MEAN_SWEEPS, keep_worst=True)]
+    last = [Pass(threshold=0, power=2, sweeps=_LAST_MEAN_SWEEPS, keep=KEPT)]
     mesh, _ = move_vertices(mesh, tree, last, boundary=boundary, held=held)
     return mesh, counts
 

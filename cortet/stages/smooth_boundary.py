@@ -29,7 +29,7 @@ from cortet.optimise.crossing import without_crossing
 from cortet.optimise.vertices import Boundary
 from cortet.stages.clean import clean, require_positive
 
-VERSION: int = 4
+VERSION: int = 5
 
 Method = Literal["laplacian", "workbench"]
 

@@ -20,7 +20,7 @@ from cortet.optimise.crossing import without_crossing
 from cortet.stages.backing_off import back_off
 from cortet.stages.clean import clean
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: boundary nodes nearer than this (mm) lie on the surface; CGAL leaves them up to 2e-6 mm off
 ON_SURFACE_MM = 1e-4

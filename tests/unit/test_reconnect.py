@@ -19,8 +19,9 @@ def cleaned() -> TetMesh:
     return clean(ball_mesh(), SURFACE)[0]
 
 
-def test_worst_element_falls_and_everything_else_holds(cleaned):
-    result, report = reconnect(cleaned, SURFACE)
+@pytest.mark.parametrize("insert", [False, True])
+def test_worst_element_falls_and_everything_else_holds(cleaned, insert):
+    result, report = reconnect(cleaned, SURFACE, insert=insert)
     q = quality(result.points, result.cells)
     assert report.q_max == q.max() < quality(cleaned.points, cleaned.cells).max()
     assert report.q_mean <= report.q_mean_before
@@ -28,7 +29,8 @@ def test_worst_element_falls_and_everything_else_holds(cleaned):
     faces = topology.boundary_faces(result)
     found = topology.surface_topology(faces)
     assert found.is_closed_manifold and found.genus == 0
-    assert np.array_equal(np.unique(result.cells), np.arange(len(cleaned.points)))
+    assert np.array_equal(np.unique(result.cells), np.arange(len(result.points)))
+    assert (report.inserted > 0) == insert and (insert or len(result.points) == len(cleaned.points))
     nodes = topology.boundary_nodes(result)
     tree = surface_tree(SURFACE.points, SURFACE.faces)
     assert closest_points(tree, result.points[nodes]).distances.max() < 1e-12
@@ -47,14 +49,16 @@ def test_labels_keep_their_interface_and_values_follow(cleaned):
 
     def interface(m: TetMesh) -> set:
         halves = [
-            topology.packed(m.cells[m.cell_data["region"] == k][:, topology.TET_FACES].reshape(-1, 3)) for k in (0, 1)
+            np.sort(m.cells[m.cell_data["region"] == k][:, topology.TET_FACES].reshape(-1, 3)).tolist() for k in (0, 1)
         ]
-        return set(halves[0].tolist()) & set(halves[1].tolist())
+        return set(map(tuple, halves[0])) & set(map(tuple, halves[1]))
 
-    result, report = reconnect(mesh, SURFACE)
+    result, report = reconnect(mesh, SURFACE, insert=False)
     assert report.edge_removals > 0
     assert len(result.cell_data["region"]) == len(result.cells)
     assert interface(result) == interface(mesh)
+    more, _ = reconnect(mesh, SURFACE)
+    assert len(more.cell_data["region"]) == len(more.cells) and len(interface(more)) == len(interface(mesh))
     for k in (0, 1):
         before, after = (m.cells[m.cell_data["region"] == k] for m in (mesh, result))
         assert set(np.unique(after)) == set(np.unique(before))

@@ -47,7 +47,7 @@ def rough_ball() -> TriSurface:
 
 def good_ball() -> TetMesh:
     """A mesh of good tetrahedra, its boundary nodes on the sphere of 5 mm."""
-    return reconnect(ball_mesh(2, radius=5.0), ball_surface(4))[0]
+    return reconnect(ball_mesh(2, radius=5.0), ball_surface(4), insert=False)[0]
 
 
 def floating_ball() -> TetMesh:

@@ -1,0 +1,206 @@
+"""New vertices where no swap helps: between boundary vertices that tetrahedra join across a blade or a corner.
+
+A tetrahedron whose four vertices lie on the boundary can only slide, and one that holds a boundary edge alone keeps its
+opening angle. A vertex inside mends both: the tetrahedra around an edge, a face or a tetrahedron are taken out, with
+as many behind the worst face of that cavity as pay, and the cavity is filled by joining its faces to the new vertex
+(Klingner and Shewchuk, Aggressive tetrahedral mesh improvement, IMR 2007). The place of the vertex is that of least
+sum of mu^p over the new tetrahedra. A vertex that the cavity swallows is taken out of the mesh, so edges collapse, too.
+
+Only the inside changes: each boundary face of a cavity is a face of its filling. Serial, worst tetrahedron first.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.geometry.topology import TET_FACES
+from cortet.mesh import FloatArray, IntArray
+from cortet.optimise.swaps import EDGE_FRAMES, MAX_RING, live_cells, replace_cells, ring_around, swappable
+from cortet.optimise.vertices import fill_row, newton_step, row_derivatives, row_energy, row_mu2
+
+#: tetrahedra in a cavity, at most
+_MOST = 60
+#: tetrahedra that are added to a cavity after the best filling so far, before it is given up
+_PATIENCE = 5
+#: power of the energy whose least value is the place of a new vertex, and Newton steps towards it for each cavity
+_POWER, _STEPS = 8, 2
+#: step lengths that are tried, each this share of the one before
+_BACKTRACKS, _SHRINK = 5, 0.4
+#: the worst mu of a cavity must fall by this factor, or it is not worth a vertex
+_MIN_GAIN = 0.995
+#: times the list of bad tetrahedra is worked through
+_ROUNDS = 2
+
+
+def insert_vertices(
+    points: FloatArray, cells: IntArray, mu2: FloatArray, region: IntArray, threshold: float
+) -> tuple[FloatArray, IntArray, IntArray, NDArray[np.int64], int]:
+    """Insert vertices in tetrahedra with mu^2 above `threshold` where that makes their worst better.
+
+    Parameters
+    ----------
+    points, cells : positive volumes
+    mu2, region : (m,) of the tetrahedra; those of different regions are never joined in one cavity
+
+    Returns
+    -------
+    points (k, 3), the old ones first but for those taken out; cells (l, 4); the old tetrahedron (l,) whose data
+    each carries; the old vertex (k,) whose data each carries; the number of vertices inserted
+    """
+    bad = int((mu2 > threshold).sum())
+    count, room = len(points), len(points) + 2 * bad + 8
+    mesh = swappable(points, cells, mu2, region, np.zeros(count, np.bool_), vertices=room)
+    like = np.arange(room)
+    used = np.array([count])
+    for _ in range(_ROUNDS):
+        rows = np.flatnonzero(mesh.mu2[: mesh.counters[0]] > threshold).astype(np.int32)
+        queue = rows[np.argsort(-mesh.mu2[rows], kind="stable")]
+        if not _insert_all(mesh, queue, like, used, threshold):
+            break
+    made, origin = live_cells(mesh)
+    kept = np.unique(made)
+    number = np.full(room, -1, np.int32)
+    number[kept] = np.arange(len(kept), dtype=np.int32)
+    return mesh.points[kept], number[made], origin, like[kept], int(used[0]) - count
+
+
+@numba.njit(cache=True)
+def _insert_all(mesh, queue, like, used, threshold):  # type: ignore[no-untyped-def]
+    done = 0
+    for e in queue:
+        if mesh.cells[e, 0] < 0 or mesh.mu2[e] <= threshold:
+            continue
+        if used[0] == len(mesh.points) or mesh.counters[0] + 4 * _MOST > len(mesh.cells):
+            break
+        done += _insert(mesh, e, like, used)
+    return done
+
+
+@numba.njit(cache=True)
+def _insert(mesh, e, like, used):  # type: ignore[no-untyped-def]
+    """Try a new vertex on every edge, on every face and in the middle of a tetrahedron; True if the best was made."""
+    cavity, faces = np.empty(_MOST, np.int32), np.empty((4 * _MOST, 4), np.int32)
+    best_cavity = np.empty(_MOST, np.int32)
+    place, best_place = np.empty(3), np.empty(3)
+    ring, around = np.empty(MAX_RING + 1, np.int32), np.empty(MAX_RING, np.int32)
+    best, size = _MIN_GAIN**2, 0
+    for seed in range(11):
+        count = 0
+        place[:] = 0.0
+        if seed < 6:
+            a, b, n, tets = ring_around(mesh, e, EDGE_FRAMES[seed], ring, around)
+            if n == 0 or n != tets:
+                continue
+            cavity[:tets], count = around[:tets], tets
+            place[:] = (mesh.points[a] + mesh.points[b]) / 2
+        else:
+            cavity[0], count = e, 1
+            if seed < 10:
+                f = mesh.neighbours[e, seed - 6]
+                if f < 0 or mesh.region[f] != mesh.region[e]:
+                    continue
+                cavity[1], count = f, 2
+            for i in range(4):
+                if seed == 10 or i != seed - 6:
+                    place += mesh.points[mesh.cells[e, i]] / (4 if seed == 10 else 3)
+        ratio, tets = _best_cavity(mesh, cavity, count, faces, place)
+        if ratio < best:
+            best, size = ratio, tets
+            best_cavity[:tets], best_place[:] = cavity[:tets], place
+    if size == 0:
+        return False
+    v = used[0]
+    used[0] += 1
+    mesh.points[v] = best_place
+    like[v] = like[mesh.cells[e, 0]]
+    outer = _outer_faces(mesh, best_cavity, size, faces)
+    new = np.empty((outer, 4), np.int32)
+    for i in range(outer):
+        new[i, 0], new[i, 1], new[i, 2], new[i, 3] = v, faces[i, 0], faces[i, 1], faces[i, 2]
+    rows = np.empty(max(size, outer), np.int32)
+    rows[:size] = best_cavity[:size]
+    replace_cells(mesh, rows, size, new, outer)
+    return True
+
+
+@numba.njit(cache=True)
+def _outer_faces(mesh, cavity, size, faces):  # type: ignore[no-untyped-def]
+    """Write the faces around a cavity, outward, and the tetrahedron behind each (-1: none); returns their number."""
+    count = 0
+    for i in range(size):
+        for k in range(4):
+            f = mesh.neighbours[cavity[i], k]
+            inside = False
+            for j in range(size):
+                inside |= f == cavity[j]
+            if not inside:
+                for j in range(3):
+                    faces[count, j] = mesh.cells[cavity[i], TET_FACES[k, j]]
+                faces[count, 3] = f
+                count += 1
+    return count
+
+
+@numba.njit(cache=True)
+def _best_cavity(mesh, cavity, count, faces, place):  # type: ignore[no-untyped-def]
+    """Let a cavity grow behind its worst face, and find where its filling improves the worst mu^2 most.
+
+    Starts from cavity[:count] and a vertex at `place`; both hold what was found in the end. Returns the new worst over
+    the old, infinite where no filling is valid, and the size of the cavity.
+    """
+    star = np.empty((4 * _MOST, 8))
+    trial = place.copy()
+    best, size = np.inf, count
+    worst = 0.0
+    for i in range(count):
+        worst = max(worst, mesh.mu2[cavity[i]])
+    while True:
+        outer = _outer_faces(mesh, cavity, count, faces)
+        achieved, at = _settled(mesh, faces, outer, trial, star)
+        if achieved / worst < best:
+            best, size = achieved / worst, count
+            place[:] = trial
+        behind = faces[at, 3]
+        if behind < 0 or count == _MOST or count - size == _PATIENCE or mesh.region[behind] != mesh.region[cavity[0]]:
+            return best, size
+        cavity[count] = behind
+        count += 1
+        worst = max(worst, mesh.mu2[behind])
+
+
+@numba.njit(cache=True)
+def _settled(mesh, faces, outer, place, star):  # type: ignore[no-untyped-def]
+    """Move a vertex that is joined to all `faces` to where these tetrahedra are best; their worst mu^2, and which."""
+    for _ in range(_STEPS):
+        _rows(mesh, faces, outer, place, star)
+        before = row_energy(star, outer, 0.0, 0.0, 0.0, _POWER // 2, np.inf)
+        if not before < np.inf:
+            break
+        dx, dy, dz = newton_step(row_derivatives(star, outer, _POWER // 2))
+        moved = False
+        for _ in range(_BACKTRACKS):
+            if row_energy(star, outer, dx, dy, dz, _POWER // 2, np.inf) < before:
+                place[0], place[1], place[2] = place[0] + dx, place[1] + dy, place[2] + dz
+                moved = True
+                break
+            dx, dy, dz = _SHRINK * dx, _SHRINK * dy, _SHRINK * dz
+        if not moved:
+            break
+    _rows(mesh, faces, outer, place, star)
+    worst, at, lowest = 0.0, 0, np.inf
+    for i in range(outer):
+        mu2 = row_mu2(star[i], 0.0, 0.0, 0.0)
+        # of several faces that the vertex does not see, the one it is farthest behind
+        if mu2 > worst or (mu2 == np.inf and star[i, 3] < lowest):
+            worst, at = mu2, i
+            lowest = star[i, 3] if mu2 == np.inf else np.inf
+    return worst, at
+
+
+@numba.njit(cache=True)
+def _rows(mesh, faces, outer, place, star):  # type: ignore[no-untyped-def]
+    for i in range(outer):
+        a, b, c = mesh.points[faces[i, 0]] - place, mesh.points[faces[i, 1]] - place, mesh.points[faces[i, 2]] - place
+        fill_row(star[i], a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2])
