@@ -71,7 +71,7 @@ class Settings:
     thickness: float | None = None
     #: dimensionless; None takes it from the smallest altitude of the body as it is at each row of the table
     time_step: float | None = None
-    #: unit, mask, medial plane, start of growth and lag of one step as in the reference; for comparison with it
+    #: centre, mask, medial plane, start of growth and lag of one step as in the reference, for comparison with it
     reference: bool = False
     #: weeks between two rows of the table, and between two frames
     record_interval: float = 0.1
