@@ -19,7 +19,7 @@ cohort: setup ## run the workflow on config.yaml (CORES=2)
 
 test: ## run all tests (ARGS="-k quality" for some)
 	@tools/setup.sh test
-	pytest --numprocesses $(CORES) $(ARGS)
+	pytest --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 check: setup ## what every commit must pass, in a minute
 	tools/check.sh

@@ -57,7 +57,7 @@ def cache_folder() -> Path:
 @cache
 def source_key(module: Path) -> str:
     """Hash of the source of a module and of all modules of cortet that it imports, directly or not."""
-    known, waiting = {module.resolve()}, [module.resolve()]
+    known, waiting = {module}, [module]
     while waiting:
         for imported in _imports(waiting.pop()):
             if imported not in known:
@@ -88,4 +88,4 @@ def _file(name: str) -> Path | None:
     """The file of a module of cortet; None for a package, a name in a module, or a module of others."""
     package, *parts = name.split(".")
     path = _PACKAGE.joinpath(*parts).with_suffix(".py")
-    return path.resolve() if package == "cortet" and parts and path.is_file() else None
+    return path if package == "cortet" and parts and path.is_file() else None

@@ -31,8 +31,8 @@ class Fidelity:
     #: centres of boundary faces to the nearest point of the surface: what a coarse mesh cuts off even when all its
     #: boundary nodes lie on the surface
     face_centres_to_surface_mm: Distances
-    #: vertices of the surface and centres of its faces to the nearest point of the mesh boundary: what the mesh leaves
-    #: behind even when all its boundary nodes lie on the surface
+    #: vertices of the surface and centres of its faces to the nearest point of the mesh boundary; large where the mesh
+    #: leaves a sulcus or a blade behind, even when all its boundary nodes lie on the surface
     surface_to_boundary_mm: Distances
     #: boundary nodes to the nearest *vertex* of the surface, as the published figures were measured; this is about half
     #: an edge of the surface even for a perfect mesh
