@@ -33,9 +33,10 @@ _ROUNDS = 5
 _MIN_GAIN = 0.999
 #: a boundary move keeps new boundary faces within acos(this) of the ones they replace ...
 _MIN_FACE_COSINE = 0.5
-#: ... and the middle of the new boundary edge within this fraction of its length of the input surface; whether a
-#: crest that is cut leaves too much behind, the check of the whole boundary tells
-_MAX_SAG = 0.35
+#: ... and the middle of the new boundary edge within this fraction of its length of the input surface; within the
+#: second one where an element has mu^2 above _BAD (q = 0.45), which nothing else may mend. Whether a crest that is cut
+#: leaves too much behind, the check of the whole boundary tells
+_MAX_SAG, _MAX_SAG_OF_BAD, _BAD = 0.2, 0.35, (1 - 0.45) ** -2
 
 #: corners (a, b, c, d) of a positive tetrahedron for each of its edges (a, b)
 EDGE_FRAMES = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]])
@@ -346,8 +347,11 @@ def _unit_normal(points, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size):  # type: ignore[no-untyped-def]
-    """Whether boundary edge (a, b) may give way to (first, last): still a manifold, and still the input surface."""
+def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size, worst):  # type: ignore[no-untyped-def]
+    """Whether boundary edge (a, b) may give way to (first, last): still a manifold, and still the input surface.
+
+    `worst` is the largest mu^2 of the cavity.
+    """
     points = mesh.points
     if size == 1:
         e = cavity[0]
@@ -372,7 +376,8 @@ def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size):  # type: ignore
     middle, side = (points[first] + points[last]) / 2, points[last] - points[first]
     px, py, pz, _, _, _, _ = closest_point(tree, middle[0], middle[1], middle[2], -1)
     sag2 = (px - middle[0]) ** 2 + (py - middle[1]) ** 2 + (pz - middle[2]) ** 2
-    return sag2 <= _MAX_SAG**2 * (side * side).sum()
+    allowed = _MAX_SAG if worst < _BAD else _MAX_SAG_OF_BAD
+    return sag2 <= allowed**2 * (side * side).sum()
 
 
 @numba.njit(cache=True)
@@ -406,7 +411,7 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
         # a peeled tetrahedron leaves nothing that could be worse; prefer any swap that keeps the boundary
         ratio = achieved / worst if n == tets else max(achieved / worst, 0.99 * _MIN_GAIN)
         if achieved < _MIN_GAIN * worst and ratio < best_ratio:
-            if n != tets and not _flip_is_sound(mesh, tree, a, b, ring[0], ring[n - 1], cavity, tets):
+            if n != tets and not _flip_is_sound(mesh, tree, a, b, ring[0], ring[n - 1], cavity, tets, worst):
                 continue
             best_ratio, best_old = ratio, tets
             best_cavity[:tets] = cavity[:tets]

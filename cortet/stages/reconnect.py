@@ -23,7 +23,7 @@ from cortet.optimise.swaps import SwapCount, improve, live_cells, swappable
 from cortet.optimise.vertices import Boundary, Pass, move_vertices, mu2_of
 from cortet.stages.clean import KEPT, require_positive
 
-VERSION: int = 4
+VERSION: int = 5
 
 _ROUNDS = 4
 #: the first round swaps above this q, which improves the mean, too
