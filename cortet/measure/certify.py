@@ -188,7 +188,9 @@ def certify(
         ),
     )
     limit = _times(max_surface_distance, cell_size)
-    lost = [] if limit is None else lost_places(boundary, surface, limit=limit)
+    lost: list[LostPlace] = []
+    if limit is not None and faithful.surface_to_boundary_mm.max > limit:
+        lost = lost_places(boundary, surface, limit=limit)
     places = {
         "worst q": _worst_place(worst[0], int((quality(mesh.points, mesh.cells) >= q_max).sum())),
         "boundary faces that cross others": _first(centres),
