@@ -83,5 +83,4 @@ STAGES: dict[str, Stage] = {
         Stage("solver_ready", "orders nodes and elements", "Solver", ("mesh", "surface"), "mesh", number="S5"),
     )
 }
-SURFACE_STAGES = {name: stage for name, stage in STAGES.items() if stage.gives == "surface"}
 MESH_STAGES = {name: stage for name, stage in STAGES.items() if stage.gives == "mesh"}
