@@ -7,12 +7,13 @@ distance to a nearby triangle as first bound a query visits a handful of boxes.
 from __future__ import annotations
 
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.mesh import FloatArray, IntArray
+from cortet.mesh import FloatArray, IntArray, TriSurface
 
 _LEAF_SIZE = 4
 _STACK_SIZE = 64
@@ -53,6 +54,16 @@ def surface_tree(points: FloatArray, faces: IntArray) -> SurfaceTree:
     corners = np.ascontiguousarray(points[faces].reshape(-1, 9))
     order, boxes, child, size = _build(corners)
     return SurfaceTree(corners[order], order.astype(np.int32), boxes, child, size)
+
+
+_trees: WeakKeyDictionary[TriSurface, SurfaceTree] = WeakKeyDictionary()
+
+
+def tree_of(surface: TriSurface) -> SurfaceTree:
+    """The tree of a surface, built on first use and kept as long as the surface lives."""
+    if surface not in _trees:
+        _trees[surface] = surface_tree(surface.points, surface.faces)
+    return _trees[surface]
 
 
 def closest_points(tree: SurfaceTree, queries: FloatArray) -> ClosestPoints:

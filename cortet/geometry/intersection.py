@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cortet.geometry.closest_point import surface_tree
+from cortet.geometry.closest_point import tree_of
 from cortet.geometry.triangle_intersection import crossing
 from cortet.mesh import IntArray, TriSurface
 
@@ -16,6 +16,6 @@ def self_intersections(surface: TriSurface) -> IntArray:
     tested in double precision. (PyMeshLab's filter is as fast, but takes neighbours in flat regions for crossing ones
     and sees no overlap within a plane.)
     """
-    tree = surface_tree(surface.points, surface.faces)
+    tree = tree_of(surface)
     flagged = crossing(surface.faces[tree.faces], tree.corners, tree.boxes, tree.child, tree.size)
     return np.sort(tree.faces[flagged])

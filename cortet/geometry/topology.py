@@ -9,7 +9,8 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, TypeVar
+from functools import update_wrapper
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,17 +30,26 @@ TRI_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
 T = TypeVar("T")
 
 
-def _once_per_mesh(function: Callable[[TetMesh], T]) -> Callable[[TetMesh], T]:
-    """Remember the result for each (immutable) mesh object."""
-    results: weakref.WeakKeyDictionary[TetMesh, T] = weakref.WeakKeyDictionary()
+class OncePerCells(Generic[T]):
+    """Remembers a result for each (read-only) array of tetrahedra; meshes that differ in their points only share it."""
 
-    def remembered(mesh: TetMesh) -> T:
-        if mesh not in results:
-            results[mesh] = function(mesh)
-        return results[mesh]
+    def __init__(self, function: Callable[[TetMesh], T]) -> None:
+        """`function` must look at nothing but the tetrahedra of a mesh."""
+        self._function = function
+        self._results: dict[int, T] = {}
+        update_wrapper(self, function)
 
-    remembered.__doc__, remembered.__name__ = function.__doc__, function.__name__
-    return remembered
+    def __call__(self, mesh: TetMesh) -> T:
+        """Find the result of `function`, or return what is known of it."""
+        if id(mesh.cells) not in self._results:
+            self.remember(mesh, self._function(mesh))
+        return self._results[id(mesh.cells)]
+
+    def remember(self, mesh: TetMesh, result: T) -> None:
+        """Take over the result for these tetrahedra from one who knows it."""
+        key = id(mesh.cells)
+        self._results[key] = result
+        weakref.finalize(mesh.cells, self._results.pop, key, None).atexit = False
 
 
 class Incidence(NamedTuple):
@@ -121,10 +131,16 @@ def packed(simplices: NDArray[np.integer]) -> NDArray[np.int64]:
     return key
 
 
-@_once_per_mesh
+@OncePerCells
+def neighbours(mesh: TetMesh) -> IntArray:
+    """The tetrahedron behind the face opposite each corner: (m, 4) int32, -1 outside."""
+    return behind_faces(mesh.cells, TET_FACES, len(mesh.points))
+
+
+@OncePerCells
 def boundary(mesh: TetMesh) -> BoundaryFaces:
     """Boundary faces of a mesh, outward, with the tetrahedron that owns each, in the order of the tetrahedra."""
-    cell, corner = np.nonzero(cell_neighbours(mesh.cells) < 0)
+    cell, corner = np.nonzero(neighbours(mesh) < 0)
     return BoundaryFaces(mesh.cells[cell[:, None], TET_FACES[corner]], cell.astype(np.int32))
 
 
@@ -133,22 +149,36 @@ def boundary_faces(mesh: TetMesh) -> IntArray:
     return boundary(mesh).faces
 
 
-@_once_per_mesh
+@OncePerCells
 def boundary_nodes(mesh: TetMesh) -> IntArray:
     """Nodes of the boundary faces: (b,) int32, ascending."""
-    return np.unique(boundary_faces(mesh))
+    return used_vertices(boundary_faces(mesh), len(mesh.points))
+
+
+_boundary_surfaces: weakref.WeakKeyDictionary[TetMesh, TriSurface] = weakref.WeakKeyDictionary()
 
 
 def boundary_surface(mesh: TetMesh) -> tuple[TriSurface, IntArray]:
-    """The boundary as a surface of its own, and the mesh node of each of its vertices."""
+    """The boundary as a surface of its own, the same one at each call, and the mesh node of each of its vertices."""
     nodes = boundary_nodes(mesh)
-    faces = np.searchsorted(nodes, boundary_faces(mesh)).astype(np.int32)
-    return TriSurface(mesh.points[nodes], faces), nodes
+    if mesh not in _boundary_surfaces:
+        faces = numbers(nodes, len(mesh.points))[boundary_faces(mesh)]
+        _boundary_surfaces[mesh] = TriSurface(mesh.points[nodes], faces)
+    return _boundary_surfaces[mesh], nodes
 
 
-def cell_neighbours(cells: IntArray) -> IntArray:
-    """The tetrahedron behind the face opposite each corner: (m, 4) int32, -1 outside."""
-    return behind_faces(np.ascontiguousarray(cells, np.int32), TET_FACES, int(cells.max(initial=-1)) + 1)
+def used_vertices(simplices: IntArray, vertex_count: int) -> IntArray:
+    """Vertices that occur in triangles or tetrahedra: (k,) int32, ascending."""
+    used = np.zeros(vertex_count, np.bool_)
+    used[simplices] = True
+    return np.flatnonzero(used).astype(np.int32)
+
+
+def numbers(chosen: NDArray[np.integer], count: int) -> IntArray:
+    """The place of each of `count` indices among the `chosen` (k,): (count,) int32, -1 for one that is not chosen."""
+    place = np.full(count, -1, np.int32)
+    place[chosen] = np.arange(len(chosen), dtype=np.int32)
+    return place
 
 
 def incidence(cells: IntArray, vertex_count: int) -> Incidence:
@@ -222,8 +252,8 @@ def compact(points: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray, 
 
     Returns the (k, 3) points, the renumbered cells, and the (k,) old index of each kept vertex.
     """
-    used = np.unique(cells)
-    return points[used], np.searchsorted(used, cells).astype(np.int32), used
+    used = used_vertices(cells, len(points))
+    return points[used], numbers(used, len(points))[cells], used
 
 
 def face_normals(points: FloatArray, faces: IntArray) -> FloatArray:

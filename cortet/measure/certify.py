@@ -23,7 +23,7 @@ from cortet.errors import StageError
 from cortet.formats.hashing import sha256
 from cortet.geometry.defects import defective_vertices
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.topology import SurfaceTopology, boundary_surface, enclosed_volume, surface_topology
+from cortet.geometry.topology import SurfaceTopology, boundary_surface, enclosed_volume, surface_topology, used_vertices
 from cortet.measure.fidelity import Fidelity, fidelity
 from cortet.measure.lost import LostPlace, lost_places
 from cortet.measure.quality import QualitySummary, quality, signed_volumes, summarise
@@ -167,7 +167,7 @@ def certify(
             "<=",
             VOLUME_TOLERANCE,
         ),
-        _check("unused nodes", len(mesh.points) - len(np.unique(mesh.cells)), "==", 0),
+        _check("unused nodes", len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))), "==", 0),
         *_topology_checks(topology, surface_topology(surface.faces).euler_number),
         *_meshing_checks(reports.get("generate")),
         _check("boundary faces that cross others", len(crossing), "==", 0, remedy=_TOPOLOGY_REMEDY),

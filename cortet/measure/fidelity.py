@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import KDTree
 
-from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.topology import boundary_surface, edges, enclosed_volume, face_areas, neighbour_means
 from cortet.measure.lost import distances_to
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
@@ -51,7 +51,7 @@ class Fidelity:
 def fidelity(mesh: TetMesh, surface: TriSurface) -> Fidelity:
     """Compare the boundary of a mesh with a closed surface."""
     boundary, _ = boundary_surface(mesh)
-    onto_surface = surface_tree(surface.points, surface.faces)
+    onto_surface = tree_of(surface)
     centres = boundary.points[boundary.faces].mean(axis=1)
     volume, surface_volume = (abs(enclosed_volume(s.points, s.faces)) / 1000 for s in (boundary, surface))
     area, surface_area = (float(face_areas(s.points, s.faces).sum()) for s in (boundary, surface))

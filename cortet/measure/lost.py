@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.topology import edges, face_normals
 from cortet.mesh import FloatArray, TriSurface
 
@@ -40,13 +40,13 @@ def surface_samples(surface: TriSurface) -> FloatArray:
 
 def distances_to(boundary: TriSurface, surface: TriSurface) -> FloatArray:
     """From `surface_samples` of a surface to the boundary of a mesh: (n + m,) mm."""
-    return closest_points(surface_tree(boundary.points, boundary.faces), surface_samples(surface)).distances
+    return closest_points(tree_of(boundary), surface_samples(surface)).distances
 
 
 def lost_places(boundary: TriSurface, surface: TriSurface, *, limit: float) -> list[LostPlace]:
     """Connected parts of a surface that are farther than `limit` mm from the boundary of a mesh, farthest first."""
     samples = surface_samples(surface)
-    found = closest_points(surface_tree(boundary.points, boundary.faces), samples)
+    found = closest_points(tree_of(boundary), samples)
     beyond = found.distances > limit
     if not beyond.any():
         return []

@@ -18,7 +18,7 @@ import tetgen
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from cortet.geometry.closest_point import closer_than, surface_tree
+from cortet.geometry.closest_point import closer_than, tree_of
 from cortet.mesh import FloatArray, IntArray, TriSurface
 from cortet.meshers.remesh import GROWTH
 
@@ -43,7 +43,7 @@ def lattice_nodes(boundary: TriSurface, *, cell_size: float, core_ratio: float, 
     core_ratio : how many times coarser the lattice is in the core
     core_depth : mm, depth below the boundary at which the core begins; of no effect when `core_ratio` is 1
     """
-    tree = surface_tree(boundary.points, boundary.faces)
+    tree = tree_of(boundary)
     nodes = _inside(boundary, CONSTANT * cell_size)
     nodes = nodes[~closer_than(tree, nodes, GAP * cell_size)]
     if core_ratio == 1:
@@ -71,7 +71,7 @@ def graded_nodes(
     """
     nodes = lattice_nodes(boundary, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth)
     usual = size.max()
-    tree = surface_tree(boundary.points, boundary.faces)
+    tree = tree_of(boundary)
     kept = np.zeros((0, 3))
     ratio = _finest(size.min() / usual)
     while ratio < 1:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from cortet.geometry.closest_point import SurfaceTree, surface_tree
+from cortet.geometry.closest_point import SurfaceTree, surface_tree, tree_of
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import compact, edges, enclosed_volume, face_areas, vertex_normals
 from cortet.mesh import FloatArray, IntArray, TriSurface
@@ -74,7 +74,7 @@ def wanted(surface: TriSurface, edge_length: float, distance: float) -> Wanted:
     ----------
     edge_length, distance : mm, where the surface has no such place
     """
-    tree = surface_tree(surface.points, surface.faces)
+    tree = tree_of(surface)
     outward = enclosed_volume(surface.points, surface.faces) > 0
     normals = vertex_normals(surface.points, surface.faces)
     most = 4 * edge_length

@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 
 from cortet.geometry import topology
-from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.closest_point import closer_than, closest_points, tree_of
 from cortet.geometry.intersection import self_intersections
 from cortet.measure.lost import surface_samples
 from cortet.mesh import IntArray, TetMesh, TriSurface
@@ -56,13 +56,12 @@ def without_crossing(
     The result and report of the last call, and the vertices held in it, (h,) int32. If something remains after a few
     rounds the result has it, for the certificate to judge.
     """
-    before = len(crossing_faces(mesh))
     left_in = _nothing_left if surface is None else _left_behind(mesh, surface)
     held = np.zeros(0, np.int32) if held is None else held
     for remaining in reversed(range(_ROUNDS)):
         result, report = optimise(mesh, held)
         crossing = crossing_faces(result)
-        crossed = crossing if len(crossing) > before else crossing[:0]
+        crossed = crossing if len(crossing) and len(crossing) > len(crossing_faces(mesh)) else crossing[:0]
         left = left_in(result)
         if not (len(crossed) or len(left)):
             break
@@ -94,16 +93,16 @@ def _left_behind(mesh: TetMesh, surface: TriSurface) -> Callable[[TetMesh], IntA
     Each point may be as far from the boundary as a share of the edges of `mesh`, or as it is from that of `mesh`.
     """
     samples = surface_samples(surface)
-    boundary, _ = topology.boundary_surface(mesh)
-    start, end = topology.edges(boundary.faces).T
-    edge = np.linalg.norm(boundary.points[start] - boundary.points[end], axis=1).mean()
-    before = closest_points(surface_tree(boundary.points, boundary.faces), samples).distances
-    limits = np.maximum(MOST_LEFT_BEHIND * edge, _SAME * before)
+    began, _ = topology.boundary_surface(mesh)
+    start, end = topology.edges(began.faces).T
+    limit = MOST_LEFT_BEHIND * np.linalg.norm(began.points[start] - began.points[end], axis=1).mean()
 
     def leaving_faces(result: TetMesh) -> IntArray:
         boundary, nodes = topology.boundary_surface(result)
-        found = closest_points(surface_tree(boundary.points, boundary.faces), samples)
-        faces = np.unique(found.faces[found.distances > limits])
-        return nodes[boundary.faces[faces]].astype(np.int32)
+        far = samples[~closer_than(tree_of(boundary), samples, limit)]
+        found = closest_points(tree_of(boundary), far)
+        before = closest_points(tree_of(began), far).distances
+        faces = np.unique(found.faces[found.distances > _SAME * before])
+        return nodes[boundary.faces[faces]]
 
     return leaving_faces

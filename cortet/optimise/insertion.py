@@ -11,12 +11,13 @@ Only the inside changes: each boundary face of a cavity is a face of its filling
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from cortet.geometry.topology import TET_FACES
-from cortet.mesh import FloatArray, IntArray
+from cortet.geometry.topology import TET_FACES, neighbours, numbers, used_vertices
+from cortet.mesh import FloatArray, IntArray, TetMesh
 from cortet.optimise.swaps import EDGE_FRAMES, MAX_RING, live_cells, replace_cells, ring_around, swappable
 from cortet.optimise.vertices import fill_row, newton_step, row_derivatives, row_energy, row_mu2
 
@@ -34,36 +35,40 @@ _MIN_GAIN = 0.995
 _ROUNDS = 2
 
 
-def insert_vertices(
-    points: FloatArray, cells: IntArray, mu2: FloatArray, region: IntArray, threshold: float
-) -> tuple[FloatArray, IntArray, IntArray, NDArray[np.int64], int]:
+def insert_vertices(mesh: TetMesh, mu2: FloatArray, region: IntArray, threshold: float) -> tuple[TetMesh, int]:
     """Insert vertices in tetrahedra with mu^2 above `threshold` where that makes their worst better.
+
+    Vertices that tetrahedra swallow are taken out. A new vertex carries the values of one near it.
 
     Parameters
     ----------
-    points, cells : positive volumes
+    mesh : positive volumes
     mu2, region : (m,) of the tetrahedra; those of different regions are never joined in one cavity
 
     Returns
     -------
-    points (k, 3), the old ones first but for those taken out; cells (l, 4); the old tetrahedron (l,) whose data
-    each carries; the old vertex (k,) whose data each carries; the number of vertices inserted
+    The mesh, old vertices first, and the number of vertices inserted.
     """
     bad = int((mu2 > threshold).sum())
-    count, room = len(points), len(points) + 2 * bad + 8
-    mesh = swappable(points, cells, mu2, region, np.zeros(count, np.bool_), vertices=room)
+    if not bad:
+        return mesh, 0
+    count, room = len(mesh.points), len(mesh.points) + 2 * bad + 8
+    work = swappable(mesh, mu2, region, np.zeros(count, np.bool_), vertices=room)
     like = np.arange(room)
     used = np.array([count])
     for _ in range(_ROUNDS):
-        rows = np.flatnonzero(mesh.mu2[: mesh.counters[0]] > threshold).astype(np.int32)
-        queue = rows[np.argsort(-mesh.mu2[rows], kind="stable")]
-        if not _insert_all(mesh, queue, like, used, threshold):
+        rows = np.flatnonzero(work.mu2[: work.counters[0]] > threshold).astype(np.int32)
+        queue = rows[np.argsort(-work.mu2[rows], kind="stable")]
+        if not _insert_all(work, queue, like, used, threshold):
             break
-    made, origin = live_cells(mesh)
-    kept = np.unique(made)
-    number = np.full(room, -1, np.int32)
-    number[kept] = np.arange(len(kept), dtype=np.int32)
-    return mesh.points[kept], number[made], origin, like[kept], int(used[0]) - count
+    live = live_cells(work)
+    kept = used_vertices(live.cells, room)
+    point_data = {name: values[like[kept]] for name, values in mesh.point_data.items()}
+    cell_data = {name: values[live.origin] for name, values in mesh.cell_data.items()}
+    cells = numbers(kept, room)[live.cells]
+    made = replace(mesh, points=work.points[kept], cells=cells, point_data=point_data, cell_data=cell_data)
+    neighbours.remember(made, live.neighbours)
+    return made, int(used[0]) - count
 
 
 @numba.njit(cache=True)

@@ -19,8 +19,8 @@ import numba
 import numpy as np
 
 from cortet.geometry.closest_point import SurfaceTree, closest_point
-from cortet.geometry.topology import TET_FACES, cell_neighbours
-from cortet.mesh import FloatArray, IntArray
+from cortet.geometry.topology import TET_FACES, neighbours, numbers
+from cortet.mesh import FloatArray, IntArray, TetMesh
 
 #: largest number of tetrahedra around an edge that is tried: beyond it a better filling is rarely found
 MAX_RING = 10
@@ -77,14 +77,15 @@ class SwapCount(NamedTuple):
     volume_cut: float
 
 
-def swappable(
-    points: FloatArray, cells: IntArray, mu2: FloatArray, region: IntArray, held: np.ndarray, *, vertices: int = 0
-) -> Swappable:
+NO_SWAPS = SwapCount(0, 0, 0, 0, 0, 0.0)
+
+
+def swappable(mesh: TetMesh, mu2: FloatArray, region: IntArray, held: np.ndarray, *, vertices: int = 0) -> Swappable:
     """Copy a mesh into arrays with room to grow, for that many `vertices` in all.
 
     No boundary edge between, or to, `held` vertices (n,) is flipped.
     """
-    count = len(cells)
+    count = len(mesh.cells)
     room = count + count // 4 + 1000
 
     def grown(array: np.ndarray, fill: float, size: int = room) -> np.ndarray:
@@ -93,9 +94,9 @@ def swappable(
         return result
 
     return Swappable(
-        points=grown(points, np.nan, max(vertices, len(points))),
-        cells=grown(cells, -1),
-        neighbours=grown(cell_neighbours(cells), -1),
+        points=grown(mesh.points, np.nan, max(vertices, len(mesh.points))),
+        cells=grown(mesh.cells, -1),
+        neighbours=grown(neighbours(mesh), -1),
         mu2=grown(mu2, 0),
         origin=grown(np.arange(count, dtype=np.int32), -1),
         region=grown(region.astype(np.int32), -1),
@@ -105,10 +106,22 @@ def swappable(
     )
 
 
-def live_cells(mesh: Swappable) -> tuple[IntArray, IntArray]:
-    """The tetrahedra that are left, (k, 4), and the original one whose data each carries, (k,)."""
+class Live(NamedTuple):
+    """The k tetrahedra that are left."""
+
+    #: (k, 4) int32
+    cells: IntArray
+    #: (k, 4) int32, as of `Swappable`
+    neighbours: IntArray
+    #: (k,) int32, the original tetrahedron whose data each carries
+    origin: IntArray
+
+
+def live_cells(mesh: Swappable) -> Live:
+    """Leave out dead and spare rows."""
     rows = np.flatnonzero(mesh.cells[: mesh.counters[0], 0] >= 0)
-    return mesh.cells[rows], mesh.origin[rows]
+    number = np.append(numbers(rows, mesh.counters[0]), np.int32(-1))  # the last one is that of -1, outside
+    return Live(mesh.cells[rows], number[mesh.neighbours[rows]], mesh.origin[rows])
 
 
 @numba.njit(cache=True)

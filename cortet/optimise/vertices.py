@@ -23,11 +23,9 @@ from typing import Literal, NamedTuple
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from cortet.geometry import topology
 from cortet.geometry.closest_point import SurfaceTree, closest_point, triangle_normal
-from cortet.geometry.topology import TET_EDGES
 from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh
 
@@ -329,19 +327,27 @@ def _visit_run(run, wanted, state, p, tree, half_power, cap):  # type: ignore[no
     return moved
 
 
-def _colours(cells: IntArray, vertex_count: int) -> list[NDArray[np.int64]]:
+def _colours(patches: Patches) -> list[NDArray[np.int64]]:
     """Runs of each colour: no tetrahedron has vertices in two runs of one colour."""
-    count = -(-vertex_count // _RUN)
-    run = cells // _RUN
-    pairs = np.concatenate([run[:, first].astype(np.int64) * count + run[:, second] for first, second in TET_EDGES])
-    pairs = np.unique(pairs[pairs // count != pairs % count])
-    neighbours = csr_array((np.ones(len(pairs), np.int8), (pairs // count, pairs % count)), shape=(count, count))
-    neighbours = neighbours + neighbours.T
-    colour = np.full(count, -1, np.int64)
-    for i in range(count):
-        taken = set(colour[neighbours.indices[neighbours.indptr[i] : neighbours.indptr[i + 1]]])
-        colour[i] = next(number for number in range(count) if number not in taken)
+    colour = _coloured(patches.cells, patches.offsets, patches.around)
     return [np.flatnonzero(colour == number) for number in range(colour.max() + 1)]
+
+
+@numba.njit(cache=True)
+def _coloured(cells, offsets, around):  # type: ignore[no-untyped-def]
+    """The lowest colour that no run before it and beside it has, for each run."""
+    vertices = len(offsets) - 1
+    count = -(-vertices // _RUN)
+    colour, taken = np.full(count, -1), np.full(count + 1, -1)
+    for run in range(count):
+        for v in range(run * _RUN, min(vertices, (run + 1) * _RUN)):
+            for i in range(offsets[v], offsets[v + 1]):
+                for k in range(4):
+                    taken[colour[cells[around[i], k] // _RUN]] = run  # -1, not coloured yet, is the last one
+        colour[run] = 0
+        while taken[colour[run]] == run:
+            colour[run] += 1
+    return colour
 
 
 class Pass(NamedTuple):
@@ -394,7 +400,7 @@ def move_vertices(
     mu2 = np.asarray(mu2_of(quality(points, mesh.cells)))
     state = State(points, mu2, np.full(count, -1, np.int32), np.empty(count, np.bool_))
     _locate(points, tuple(tree), freedom, state.place)
-    colours = _colours(mesh.cells, count)
+    colours = _colours(patches)
     done = tuple(_run(aim, state, patches, tree, colours) for aim in passes)
     return replace(mesh, points=state.points), done
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.fidelity import summary
 from cortet.measure.quality import quality
@@ -48,7 +48,7 @@ def _measures(step: Step) -> dict[str, Any]:
     if not isinstance(mesh, TetMesh):
         return {"nodes": len(mesh.points)}
     q = quality(mesh.points, mesh.cells)
-    tree = surface_tree(step.surface.points, step.surface.faces)
+    tree = tree_of(step.surface)
     distance = summary(closest_points(tree, mesh.points[boundary_nodes(mesh)]).distances)
     return {
         "nodes": len(mesh.points),

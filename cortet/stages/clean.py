@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from cortet.errors import InputError, StageError
-from cortet.geometry.closest_point import surface_tree
+from cortet.geometry.closest_point import tree_of
 from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import without_crossing
@@ -98,7 +98,7 @@ def clean(
         result = clean_with_meshtool(mesh, thresholds=thresholds)
         program = program_version()
     else:
-        tree = surface_tree(surface.points, surface.faces)
+        tree = tree_of(surface)
         aims = schedule(thresholds, improve_mean)
 
         def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, tuple[PassReport, ...]]:

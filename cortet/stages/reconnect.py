@@ -14,12 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.geometry.closest_point import SurfaceTree, surface_tree
+from cortet.geometry.closest_point import SurfaceTree, tree_of
+from cortet.geometry.topology import neighbours
 from cortet.measure.quality import quality
 from cortet.mesh import IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import without_crossing
 from cortet.optimise.insertion import insert_vertices
-from cortet.optimise.swaps import SwapCount, improve, live_cells, swappable
+from cortet.optimise.swaps import NO_SWAPS, SwapCount, improve, live_cells, swappable
 from cortet.optimise.vertices import Boundary, Pass, move_vertices, mu2_of
 from cortet.stages.clean import KEPT, require_positive
 
@@ -83,7 +84,7 @@ def reconnect(
     """
     before = quality(mesh.points, mesh.cells)
     require_positive(before)
-    tree = surface_tree(surface.points, surface.faces)
+    tree = tree_of(surface)
 
     def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, list[SwapCount]]:
         return _improved(start, tree, threshold, boundary, held)
@@ -119,12 +120,8 @@ def _with_insertions(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tupl
     """Swap inside the mesh where that helps, insert vertices where it does not; also their number, and the swaps."""
     mesh, swaps = _swapped(mesh, tree, threshold, np.ones(len(mesh.points), np.bool_))
     mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
-    points, cells, origin, like, count = insert_vertices(
-        mesh.points, mesh.cells, mu2, _regions(mesh), float(mu2_of(threshold))
-    )
-    point_data = {name: values[like] for name, values in mesh.point_data.items()}
-    cell_data = {name: values[origin] for name, values in mesh.cell_data.items()}
-    return replace(mesh, points=points, cells=cells, point_data=point_data, cell_data=cell_data), count, [swaps]
+    mesh, count = insert_vertices(mesh, mu2, _regions(mesh), float(mu2_of(threshold)))
+    return mesh, count, [swaps]
 
 
 def _mended_inside(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[TetMesh, int, list[SwapCount]]:
@@ -165,11 +162,15 @@ def _improved(
 
 def _swapped(mesh: TetMesh, tree: SurfaceTree, threshold: float, rigid: NDArray[np.bool_]) -> tuple[TetMesh, SwapCount]:
     mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
-    work = swappable(mesh.points, mesh.cells, mu2, _regions(mesh), rigid)
+    if not (mu2 > mu2_of(threshold)).any():
+        return mesh, NO_SWAPS
+    work = swappable(mesh, mu2, _regions(mesh), rigid)
     count = improve(work, tree, float(mu2_of(threshold)))
-    cells, origin = live_cells(work)
-    cell_data = {name: values[origin] for name, values in mesh.cell_data.items()}
-    return replace(mesh, cells=cells, cell_data=cell_data), count
+    live = live_cells(work)
+    cell_data = {name: values[live.origin] for name, values in mesh.cell_data.items()}
+    made = replace(mesh, cells=live.cells, cell_data=cell_data)
+    neighbours.remember(made, live.neighbours)
+    return made, count
 
 
 def _regions(mesh: TetMesh) -> IntArray:

@@ -20,7 +20,7 @@ import pymeshlab
 
 from cortet.errors import StageError
 from cortet.formats import child, gifti
-from cortet.geometry.closest_point import SurfaceTree, closest_points, surface_tree
+from cortet.geometry.closest_point import SurfaceTree, closest_points, tree_of
 from cortet.geometry.topology import boundary_surface, edges
 from cortet.measure.fidelity import Distances, boundary_roughness, summary
 from cortet.measure.quality import quality, signed_volumes
@@ -97,7 +97,7 @@ def smooth_boundary(
     """
     before = quality(mesh.points, mesh.cells)
     require_positive(before)
-    tree = surface_tree(surface.points, surface.faces)
+    tree = tree_of(surface)
     boundary, nodes = boundary_surface(mesh)
 
     def attempt(start: TetMesh, held: IntArray) -> tuple[TetMesh, tuple[int, float]]:

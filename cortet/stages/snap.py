@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cortet.geometry.closest_point import SurfaceTree, closest_points, surface_tree
+from cortet.geometry.closest_point import SurfaceTree, closest_points, tree_of
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
@@ -64,7 +64,7 @@ def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = 0.6) -> tuple[Tet
     StageError
         the mesh has inverted elements to begin with
     """
-    tree = surface_tree(surface.points, surface.faces)
+    tree = tree_of(surface)
     nodes = boundary_nodes(mesh)
     found = closest_points(tree, mesh.points[nodes])
     before = quality(mesh.points, mesh.cells)

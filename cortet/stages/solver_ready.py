@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cortet.errors import StageError
-from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume
+from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume, used_vertices
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import MeshSets, TetMesh, TriSurface
 from cortet.stages.transfer import Interior, transfer
@@ -77,7 +77,7 @@ def surface_nodes_first(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
             mesh.sets.cells,
         ),
     )
-    if unused := len(order) - len(np.unique(ready.cells)):
+    if unused := len(order) - len(used_vertices(ready.cells, len(order))):
         raise StageError(f"{unused} nodes belong to no tetrahedron")
     enclosed = enclosed_volume(ready.points, boundary_faces(ready))
     if not np.isclose(volumes.sum(), enclosed, rtol=VOLUME_TOLERANCE, atol=0):

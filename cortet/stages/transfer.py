@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
-from cortet.geometry.closest_point import closest_points, surface_tree
-from cortet.geometry.topology import boundary_nodes
+from cortet.geometry.closest_point import closest_points, tree_of
+from cortet.geometry.topology import boundary_nodes, numbers
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.stages.harmonic import harmonic
 
@@ -65,16 +65,13 @@ def transfer(mesh: TetMesh, surface: TriSurface, *, interior: Interior = "neares
     if interior not in ("nearest", "harmonic"):
         raise InputError(f"transfer: interior {interior!r} is neither 'nearest' nor 'harmonic'")
     nodes = boundary_nodes(mesh)
-    inner = np.setdiff1d(np.arange(len(mesh.points)), nodes)
-    found = closest_points(surface_tree(surface.points, surface.faces), mesh.points[nodes])
-    source = np.empty(len(mesh.points), np.int64)  # for every node, which of `nodes` it takes its values from
-    source[nodes] = np.arange(len(nodes))
-    source[inner] = cKDTree(mesh.points[nodes]).query(mesh.points[inner])[1]
-
-    corners = surface.faces[found.faces]
-    fields = {name: _at(values, corners, found.barycentric)[source] for name, values in surface.point_data.items()}
-    cut_off = 0
-    if interior == "harmonic" and len(inner):
+    found = closest_points(tree_of(surface), mesh.points[nodes])
+    fields, cut_off = {}, 0
+    if surface.point_data:
+        source = _nearest(mesh.points, nodes)
+        corners = surface.faces[found.faces]
+        fields = {name: _at(values, corners, found.barycentric)[source] for name, values in surface.point_data.items()}
+    if interior == "harmonic" and len(nodes) < len(mesh.points):
         fields, cut_off = _harmonic_inside(mesh, nodes, fields)
     far = int((found.distances > FAR_MM).sum())
     if far:
@@ -92,6 +89,14 @@ def transfer(mesh: TetMesh, surface: TriSurface, *, interior: Interior = "neares
         interior=interior,
         nodes_cut_off=cut_off,
     )
+
+
+def _nearest(points: FloatArray, nodes: IntArray) -> IntArray:
+    """The place in `nodes` (b,), ascending, of the node nearest to each of all `points` (n, 3): (n,) int32."""
+    source = numbers(nodes, len(points))
+    inner = np.flatnonzero(source < 0)
+    source[inner] = cKDTree(points[nodes]).query(points[inner])[1]
+    return source
 
 
 def _harmonic_inside(

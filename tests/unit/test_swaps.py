@@ -28,12 +28,10 @@ def swap(points, cells, threshold=0.0, *, region=None, boundary=False, tree=TREE
     region = np.zeros(len(cells), np.int32) if region is None else region
     mesh = TetMesh(points, cells)
     held = np.full(len(points), not boundary)
-    work = swappable(mesh.points, mesh.cells, mu2_of(quality(mesh.points, mesh.cells)), region, held)
+    work = swappable(mesh, mu2_of(quality(mesh.points, mesh.cells)), region, held)
     count = improve(work, tree, mu2_of(threshold))
-    cells, origin = live_cells(work)
-    rows = np.flatnonzero(work.cells[: work.counters[0], 0] >= 0)
-    kept = np.where(work.neighbours[rows] >= 0, np.searchsorted(rows, work.neighbours[rows]), -1)
-    assert np.array_equal(kept, topology.cell_neighbours(cells)), "neighbours kept up to date"
+    cells, neighbours, origin = live_cells(work)
+    assert np.array_equal(neighbours, topology.neighbours(TetMesh(points, cells))), "neighbours kept up to date"
     return cells, origin, count
 
 

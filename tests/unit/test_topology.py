@@ -1,5 +1,7 @@
 """Connectivity on meshes small enough to count by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,7 +54,10 @@ def test_boundary_of_two_glued_tetrahedra_is_outward_and_leaves_the_shared_face_
     assert len(found.faces) == 6 and found.cells.tolist() == [0, 0, 0, 1, 1, 1]
     assert {1, 2, 3} not in [set(face) for face in found.faces.tolist()]
     assert topology.enclosed_volume(points, found.faces) == pytest.approx(1 / 6 + 1 / 3)
-    assert topology.boundary(mesh) is found
+    moved, reordered = replace(mesh, points=2 * points), TetMesh(points, mesh.cells[::-1])
+    assert topology.boundary(mesh) is found and topology.boundary(moved) is found, "the tetrahedra are the same"
+    assert topology.boundary(reordered) is not found
+    assert np.array_equal(topology.boundary_surface(moved)[0].points, 2 * points), "points are not remembered"
     surface, nodes = topology.boundary_surface(mesh)
     assert nodes.tolist() == [0, 1, 2, 3, 4] and topology.surface_topology(surface.faces).is_closed_manifold
 

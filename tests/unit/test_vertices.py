@@ -146,7 +146,7 @@ def test_the_same_bits_for_any_number_of_threads(boundary):
 
 def test_runs_of_one_colour_share_no_tetrahedron():
     mesh = cube_mesh(16)
-    colours = vertices._colours(mesh.cells, len(mesh.points))
+    colours = vertices._colours(vertices._patches(mesh, np.full(len(mesh.points), vertices.FREE, np.int8)))
     runs = np.concatenate(colours)
     assert np.array_equal(np.sort(runs), np.arange(-(-len(mesh.points) // vertices._RUN)))
     assert 1 < len(colours) < len(runs)
