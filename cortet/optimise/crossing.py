@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -34,6 +34,31 @@ def crossing_faces(mesh: TetMesh) -> IntArray:
     return topology.boundary_faces(mesh)[self_intersections(topology.boundary_surface(mesh)[0])]
 
 
+class Flaws(NamedTuple):
+    """Boundary faces, (k, 3) int32 node indices, that are worse than they were."""
+
+    #: cross others
+    crossed: IntArray
+    #: leave a part of the surface farther behind than `MOST_LEFT_BEHIND`
+    left: IntArray
+
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return len(self.crossed) > 0 or len(self.left) > 0
+
+
+def flaws_since(mesh: TetMesh, surface: TriSurface | None) -> Callable[[TetMesh], Flaws]:
+    """What finds the flaws of a mesh made from `mesh`; what was so in that one already is no flaw."""
+    left_in = _nothing_left if surface is None else _left_behind(mesh, surface)
+
+    def flaws(result: TetMesh) -> Flaws:
+        crossing = crossing_faces(result)
+        new = len(crossing) and len(crossing) > len(crossing_faces(mesh))
+        return Flaws(crossing if new else crossing[:0], left_in(result))
+
+    return flaws
+
+
 def without_crossing(
     mesh: TetMesh,
     optimise: Callable[[TetMesh, IntArray], tuple[TetMesh, Report]],
@@ -56,28 +81,27 @@ def without_crossing(
     The result and report of the last call, and the vertices held in it, (h,) int32. If something remains after a few
     rounds the result has it, for the certificate to judge.
     """
-    left_in = _nothing_left if surface is None else _left_behind(mesh, surface)
+    flaws_of = flaws_since(mesh, surface)
     held = np.zeros(0, np.int32) if held is None else held
     for remaining in reversed(range(_ROUNDS)):
         result, report = optimise(mesh, held)
-        crossing = crossing_faces(result)
-        crossed = crossing if len(crossing) and len(crossing) > len(crossing_faces(mesh)) else crossing[:0]
-        left = left_in(result)
-        if not (len(crossed) or len(left)):
+        flaws = flaws_of(result)
+        if not flaws:
             break
         if not remaining:
-            _warn(result, crossed, left)
+            _warn(result, flaws)
             break
-        touched = np.isin(mesh.cells, crossed).any(axis=1)
-        held = np.unique(np.concatenate([held, mesh.cells[touched].ravel(), left.ravel()]))
-        what = f"{len(crossed)} boundary faces cross, {len(left)} leave the surface"
+        touched = np.isin(mesh.cells, flaws.crossed).any(axis=1)
+        held = np.unique(np.concatenate([held, mesh.cells[touched].ravel(), flaws.left.ravel()]))
+        what = f"{len(flaws.crossed)} boundary faces cross, {len(flaws.left)} leave the surface"
         logger.info("%s: again, with %d vertices held in place", what, len(held))
     return result, report, held
 
 
-def _warn(mesh: TetMesh, crossed: IntArray, left: IntArray) -> None:
+def _warn(mesh: TetMesh, flaws: Flaws) -> None:
     """Say what remains after all rounds, and where."""
-    for faces, what in ((crossed, "boundary faces cross"), (left, "boundary faces leave a part of the surface behind")):
+    words = "boundary faces cross", "boundary faces leave a part of the surface behind"
+    for faces, what in zip(flaws, words, strict=True):
         if len(faces):
             x, y, z = mesh.points[faces[0]].mean(axis=0)
             logger.warning("%d %s, the first at (%.1f, %.1f, %.1f) mm", len(faces), what, x, y, z)

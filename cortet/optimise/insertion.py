@@ -6,7 +6,9 @@ as many behind the worst face of that cavity as pay, and the cavity is filled by
 (Klingner and Shewchuk, Aggressive tetrahedral mesh improvement, IMR 2007). The place of the vertex is that of least
 sum of mu^p over the new tetrahedra. A vertex that the cavity swallows is taken out of the mesh, so edges collapse, too.
 
-Only the inside changes: each boundary face of a cavity is a face of its filling. Serial, worst tetrahedron first.
+Each boundary face of a cavity is a face of its filling, so that only the inside changes. The exception is a boundary
+edge that a vertex on the surface halves: where the edge runs along a crest that no flip may cut, tetrahedra that hold
+it stay flat otherwise. Serial, worst tetrahedron first.
 """
 
 from __future__ import annotations
@@ -15,10 +17,20 @@ from dataclasses import replace
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
+from cortet.geometry.closest_point import SurfaceTree, closest_point, tree_of
 from cortet.geometry.topology import TET_FACES, neighbours, numbers, used_vertices
-from cortet.mesh import FloatArray, IntArray, TetMesh
-from cortet.optimise.swaps import EDGE_FRAMES, MAX_RING, live_cells, replace_cells, ring_around, swappable
+from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.optimise.swaps import (
+    EDGE_FRAMES,
+    MAX_RING,
+    live_cells,
+    replace_cells,
+    ring_around,
+    swappable,
+    unit_normal,
+)
 from cortet.optimise.vertices import fill_row, newton_step, row_derivatives, row_energy, row_mu2
 
 #: tetrahedra in a cavity, at most
@@ -30,12 +42,31 @@ _POWER, _STEPS = 8, 2
 #: step lengths that are tried, each this share of the one before
 _BACKTRACKS, _SHRINK = 5, 0.4
 #: the worst mu of a cavity must fall by this factor, or it is not worth a vertex
-_MIN_GAIN = 0.995
+MIN_GAIN = 0.995
+#: where a boundary edge may be halved, as shares of its length
+_PARTS = (0.5, 0.35, 0.65)
+#: the surface must be within this share of the edge's length there, and new faces within acos(the second) of old ones
+_MAX_SAG, _MIN_FACE_COSINE = 0.35, 0.3
 #: times the list of bad tetrahedra is worked through
 _ROUNDS = 2
 
 
-def insert_vertices(mesh: TetMesh, mu2: FloatArray, region: IntArray, threshold: float) -> tuple[TetMesh, int]:
+#: the tree of no surface
+_NOWHERE = SurfaceTree(
+    np.zeros((0, 9)), np.zeros(0, np.int32), np.zeros((0, 6)), np.zeros(0, np.int32), np.zeros(0, np.int32)
+)
+
+
+def insert_vertices(
+    mesh: TetMesh,
+    mu2: FloatArray,
+    region: IntArray,
+    threshold: float,
+    *,
+    gain: float = MIN_GAIN,
+    surface: TriSurface | None = None,
+    held: NDArray[np.bool_] | None = None,
+) -> tuple[TetMesh, int]:
     """Insert vertices in tetrahedra with mu^2 above `threshold` where that makes their worst better.
 
     Vertices that tetrahedra swallow are taken out. A new vertex carries the values of one near it.
@@ -44,6 +75,9 @@ def insert_vertices(mesh: TetMesh, mu2: FloatArray, region: IntArray, threshold:
     ----------
     mesh : positive volumes
     mu2, region : (m,) of the tetrahedra; those of different regions are never joined in one cavity
+    gain : the worst mu of a cavity must fall by this factor; above 1, it may rise before the vertices are moved
+    surface : where boundary edges may be halved, the surface that the new vertices lie on
+    held : (n,) vertices whose boundary edges are not halved
 
     Returns
     -------
@@ -53,13 +87,15 @@ def insert_vertices(mesh: TetMesh, mu2: FloatArray, region: IntArray, threshold:
     if not bad:
         return mesh, 0
     count, room = len(mesh.points), len(mesh.points) + 2 * bad + 8
-    work = swappable(mesh, mu2, region, np.zeros(count, np.bool_), vertices=room)
+    held = np.zeros(count, np.bool_) if held is None else held
+    work = swappable(mesh, mu2, region, held, vertices=room)
     like = np.arange(room)
     used = np.array([count])
+    tree = _NOWHERE if surface is None else tree_of(surface)
     for _ in range(_ROUNDS):
         rows = np.flatnonzero(work.mu2[: work.counters[0]] > threshold).astype(np.int32)
         queue = rows[np.argsort(-work.mu2[rows], kind="stable")]
-        if not _insert_all(work, queue, like, used, threshold):
+        if not _insert_all(work, tree, queue, like, used, threshold, gain):
             break
     live = live_cells(work)
     kept = used_vertices(live.cells, room)
@@ -72,31 +108,45 @@ def insert_vertices(mesh: TetMesh, mu2: FloatArray, region: IntArray, threshold:
 
 
 @numba.njit(cache=True)
-def _insert_all(mesh, queue, like, used, threshold):  # type: ignore[no-untyped-def]
+def _insert_all(mesh, tree, queue, like, used, threshold, gain):  # type: ignore[no-untyped-def]
     done = 0
     for e in queue:
         if mesh.cells[e, 0] < 0 or mesh.mu2[e] <= threshold:
             continue
         if used[0] == len(mesh.points) or mesh.counters[0] + 4 * _MOST > len(mesh.cells):
             break
-        done += _insert(mesh, e, like, used)
+        done += _insert(mesh, tree, e, like, used, gain)
     return done
 
 
 @numba.njit(cache=True)
-def _insert(mesh, e, like, used):  # type: ignore[no-untyped-def]
+def _insert(mesh, tree, e, like, used, gain):  # type: ignore[no-untyped-def]
     """Try a new vertex on every edge, on every face and in the middle of a tetrahedron; True if the best was made."""
     cavity, faces = np.empty(_MOST, np.int32), np.empty((4 * _MOST, 4), np.int32)
     best_cavity = np.empty(_MOST, np.int32)
     place, best_place = np.empty(3), np.empty(3)
     ring, around = np.empty(MAX_RING + 1, np.int32), np.empty(MAX_RING, np.int32)
-    best, size = _MIN_GAIN**2, 0
+    halved, inner = np.empty(4, np.int32), np.full(4, -1, np.int32)
+    best_halved = inner
+    best, size = gain**2, 0
     for seed in range(11):
         count = 0
         place[:] = 0.0
         if seed < 6:
             a, b, n, tets = ring_around(mesh, e, EDGE_FRAMES[seed], ring, around)
-            if n == 0 or n != tets:
+            if n == 0:
+                continue
+            if n != tets:
+                halved[0], halved[1], halved[2], halved[3] = a, b, ring[0], ring[n - 1]
+                for part in _PARTS:
+                    if not (len(tree.faces) and _on_crest(mesh, tree, halved, part, place)):
+                        continue
+                    cavity[:tets] = around[:tets]
+                    ratio, count = _best_cavity(mesh, cavity, tets, faces, place, halved)
+                    if ratio < best:
+                        best, size = ratio, count
+                        best_cavity[:count], best_place[:] = cavity[:count], place
+                        best_halved = halved.copy()
                 continue
             cavity[:tets], count = around[:tets], tets
             place[:] = (mesh.points[a] + mesh.points[b]) / 2
@@ -110,17 +160,18 @@ def _insert(mesh, e, like, used):  # type: ignore[no-untyped-def]
             for i in range(4):
                 if seed == 10 or i != seed - 6:
                     place += mesh.points[mesh.cells[e, i]] / (4 if seed == 10 else 3)
-        ratio, tets = _best_cavity(mesh, cavity, count, faces, place)
+        ratio, tets = _best_cavity(mesh, cavity, count, faces, place, inner)
         if ratio < best:
             best, size = ratio, tets
             best_cavity[:tets], best_place[:] = cavity[:tets], place
+            best_halved = inner
     if size == 0:
         return False
     v = used[0]
     used[0] += 1
     mesh.points[v] = best_place
-    like[v] = like[mesh.cells[e, 0]]
-    outer = _outer_faces(mesh, best_cavity, size, faces)
+    like[v] = like[best_halved[0]] if best_halved[0] >= 0 else like[mesh.cells[e, 0]]
+    outer = _outer_faces(mesh, best_cavity, size, faces, best_halved)
     new = np.empty((outer, 4), np.int32)
     for i in range(outer):
         new[i, 0], new[i, 1], new[i, 2], new[i, 3] = v, faces[i, 0], faces[i, 1], faces[i, 2]
@@ -131,8 +182,35 @@ def _insert(mesh, e, like, used):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _outer_faces(mesh, cavity, size, faces):  # type: ignore[no-untyped-def]
-    """Write the faces around a cavity, outward, and the tetrahedron behind each (-1: none); returns their number."""
+def _on_crest(mesh, tree, halved, part, place):  # type: ignore[no-untyped-def]
+    """Set `place` to the point of the surface nearest to that part of a boundary edge; False if no vertex may go there.
+
+    `halved` holds the ends a, b of the edge, and c, d: its faces are (a, c, b) and (a, b, d), outward.
+    """
+    points = mesh.points
+    a, b, c, d = halved
+    if mesh.held[a] or mesh.held[b] or mesh.held[c] or mesh.held[d]:
+        return False
+    at, side = points[a] + part * (points[b] - points[a]), points[b] - points[a]
+    px, py, pz, _, _, _, _ = closest_point(tree, at[0], at[1], at[2], -1)
+    place[0], place[1], place[2] = px, py, pz
+    if ((place - at) ** 2).sum() > _MAX_SAG**2 * (side * side).sum():
+        return False
+    for third, turn in ((c, 1), (d, -1)):
+        old = turn * unit_normal(points[a], points[third], points[b])
+        for start, end in ((a, third), (third, b)):
+            new = turn * unit_normal(points[start], points[end], place)
+            if not (new * old).sum() >= _MIN_FACE_COSINE:
+                return False
+    return True
+
+
+@numba.njit(cache=True)
+def _outer_faces(mesh, cavity, size, faces, halved):  # type: ignore[no-untyped-def]
+    """Write the faces around a cavity, outward, and the tetrahedron behind each (-1: none); returns their number.
+
+    The two boundary faces of an edge that is `halved` are left out, which replaces them by four.
+    """
     count = 0
     for i in range(size):
         for k in range(4):
@@ -141,19 +219,23 @@ def _outer_faces(mesh, cavity, size, faces):  # type: ignore[no-untyped-def]
             for j in range(size):
                 inside |= f == cavity[j]
             if not inside:
+                ends = 0
                 for j in range(3):
-                    faces[count, j] = mesh.cells[cavity[i], TET_FACES[k, j]]
+                    vertex = mesh.cells[cavity[i], TET_FACES[k, j]]
+                    faces[count, j] = vertex
+                    ends += vertex == halved[0] or vertex == halved[1]
                 faces[count, 3] = f
-                count += 1
+                count += f >= 0 or ends < 2
     return count
 
 
 @numba.njit(cache=True)
-def _best_cavity(mesh, cavity, count, faces, place):  # type: ignore[no-untyped-def]
+def _best_cavity(mesh, cavity, count, faces, place, halved):  # type: ignore[no-untyped-def]
     """Let a cavity grow behind its worst face, and find where its filling improves the worst mu^2 most.
 
-    Starts from cavity[:count] and a vertex at `place`; both hold what was found in the end. Returns the new worst over
-    the old, infinite where no filling is valid, and the size of the cavity.
+    Starts from cavity[:count] and a vertex at `place`; both hold what was found in the end. A vertex that halves a
+    boundary edge stays there. Returns the new worst over the old, infinite where no filling is valid, and the size of
+    the cavity.
     """
     star = np.empty((4 * _MOST, 8))
     trial = place.copy()
@@ -162,8 +244,8 @@ def _best_cavity(mesh, cavity, count, faces, place):  # type: ignore[no-untyped-
     for i in range(count):
         worst = max(worst, mesh.mu2[cavity[i]])
     while True:
-        outer = _outer_faces(mesh, cavity, count, faces)
-        achieved, at = _settled(mesh, faces, outer, trial, star)
+        outer = _outer_faces(mesh, cavity, count, faces, halved)
+        achieved, at = _settled(mesh, faces, outer, trial, star, _STEPS if halved[0] < 0 else 0)
         if achieved / worst < best:
             best, size = achieved / worst, count
             place[:] = trial
@@ -176,9 +258,9 @@ def _best_cavity(mesh, cavity, count, faces, place):  # type: ignore[no-untyped-
 
 
 @numba.njit(cache=True)
-def _settled(mesh, faces, outer, place, star):  # type: ignore[no-untyped-def]
+def _settled(mesh, faces, outer, place, star, steps):  # type: ignore[no-untyped-def]
     """Move a vertex that is joined to all `faces` to where these tetrahedra are best; their worst mu^2, and which."""
-    for _ in range(_STEPS):
+    for _ in range(steps):
         _rows(mesh, faces, outer, place, star)
         before = row_energy(star, outer, 0.0, 0.0, 0.0, _POWER // 2, np.inf)
         if not before < np.inf:

@@ -57,7 +57,7 @@ class Swappable(NamedTuple):
     origin: IntArray
     #: (m,) int32, tetrahedra of different regions are never joined in one cavity
     region: IntArray
-    #: (n,) bool, vertices whose boundary edges stay
+    #: (n,) bool, vertices whose boundary edges stay; as many as points
     held: np.ndarray
     #: (2,) int64: rows in use (dead ones included), dead rows kept for reuse
     counters: np.ndarray
@@ -100,7 +100,7 @@ def swappable(mesh: TetMesh, mu2: FloatArray, region: IntArray, held: np.ndarray
         mu2=grown(mu2, 0),
         origin=grown(np.arange(count, dtype=np.int32), -1),
         region=grown(region.astype(np.int32), -1),
-        held=held,
+        held=grown(held, False, max(vertices, len(held))),
         counters=np.array([count, 0]),
         dead=np.empty(room, np.int32),
     )
@@ -354,8 +354,9 @@ def _joined(mesh, e, a, b):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _unit_normal(points, a, b, c):  # type: ignore[no-untyped-def]
-    normal = np.cross(points[b] - points[a], points[c] - points[a])
+def unit_normal(a, b, c):  # type: ignore[no-untyped-def]
+    """Of the triangle with corners a, b, c (3,), counter-clockwise seen from where it points; NaN for a flat one."""
+    normal = np.cross(b - a, c - a)
     return normal / np.sqrt((normal * normal).sum())
 
 
@@ -381,9 +382,13 @@ def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size, worst):  # type:
             return False
     elif _joined(mesh, cavity[0], first, last):
         return False
-    old = _unit_normal(points, a, first, b) + _unit_normal(points, a, b, last)
+    old = unit_normal(points[a], points[first], points[b]) + unit_normal(points[a], points[b], points[last])
     old /= np.sqrt((old * old).sum())
-    for normal in (_unit_normal(points, first, b, last), _unit_normal(points, first, last, a)):
+    new = (
+        unit_normal(points[first], points[b], points[last]),
+        unit_normal(points[first], points[last], points[a]),
+    )
+    for normal in new:
         if not (normal * old).sum() >= _MIN_FACE_COSINE:
             return False
     middle, side = (points[first] + points[last]) / 2, points[last] - points[first]

@@ -18,13 +18,14 @@ from cortet.geometry.closest_point import SurfaceTree, tree_of
 from cortet.geometry.topology import neighbours
 from cortet.measure.quality import quality
 from cortet.mesh import IntArray, TetMesh, TriSurface
-from cortet.optimise.crossing import without_crossing
-from cortet.optimise.insertion import insert_vertices
+from cortet.optimise.crossing import flaws_since, without_crossing
+from cortet.optimise.insertion import MIN_GAIN, insert_vertices
+from cortet.optimise.places import Part, better_of_each, cut_out, put_back, rim_of
 from cortet.optimise.swaps import NO_SWAPS, SwapCount, improve, live_cells, swappable
 from cortet.optimise.vertices import Boundary, Pass, move_vertices, mu2_of
 from cortet.stages.clean import KEPT, require_positive
 
-VERSION: int = 5
+VERSION: int = 6
 
 _ROUNDS = 4
 #: the first round swaps above this q, which improves the mean, too
@@ -36,6 +37,9 @@ _INSERT_ABOVE = 0.335
 #: rounds of insertions after everything else
 _LAST_ROUNDS = 4
 _SWEEPS, _LAST_MEAN_SWEEPS = 12, 4
+#: the search around what is left: by how much an insertion may make things worse at first, and for how many rounds
+_SEARCHES = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
+_SEARCH_POWERS, _SEARCH_SWEEPS = (8, 16, 32, 64), 25
 
 logger = logging.getLogger(__name__)
 
@@ -94,7 +98,8 @@ def reconnect(
     result, counts, held = without_crossing(start, optimise, surface if boundary == "slide" else None)
     if insert:
         result, more, last = _mended_inside(result, tree, above)
-        inserted, swaps = inserted + more, swaps + last
+        result, found = _searched(result, mesh, surface, above, boundary)
+        inserted, swaps = inserted + more + found, swaps + last
     after = quality(result.points, result.cells)
     total = [sum(values) for values in zip(*counts, *swaps, strict=True)]
     return result, ReconnectReport(
@@ -136,6 +141,55 @@ def _mended_inside(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[
         aims = [Pass(threshold, power, _SWEEPS) for power in _FIRST_POWERS[1:]]
         mesh, _ = move_vertices(mesh, tree, aims, boundary="fixed")
     return mesh, inserted, counts
+
+
+def _searched(
+    mesh: TetMesh, began: TetMesh, surface: TriSurface, threshold: float, boundary: Boundary
+) -> tuple[TetMesh, int]:
+    """Try harder in the places of what is worse than `threshold` still; also the number of vertices inserted.
+
+    A vertex may make a place worse before it makes it better. Where the boundary may slide, its edges may be halved,
+    too; it must end as sound as it was when the stage `began`, or it stays.
+    """
+    bad = quality(mesh.points, mesh.cells) > threshold
+    if not bad.any():
+        return mesh, 0
+    part = cut_out(mesh, bad)
+    flaws = flaws_since(began, surface if boundary == "slide" else None)
+    freedoms: tuple[Boundary, ...] = (boundary, "fixed") if boundary == "slide" else (boundary,)
+    for freedom in freedoms:
+        best = part.mesh
+        for gain, rounds in _SEARCHES:
+            trial = best
+            for _ in range(rounds):
+                trial = _tried(trial, part, surface, threshold, gain, freedom)
+                best = better_of_each(best, trial)
+        result = put_back(mesh, part, best)
+        if freedom == "fixed" or not flaws(result):
+            break
+    logger.info("%d tetrahedra above q = %g: searched around them", np.count_nonzero(bad), threshold)
+    return result, len(result.points) - len(mesh.points)
+
+
+def _tried(
+    mesh: TetMesh, part: Part, surface: TriSurface, threshold: float, gain: float, boundary: Boundary
+) -> TetMesh:
+    """One round of swaps, insertions and moves in what has become of a `part`, whose rim stays."""
+    tree = tree_of(surface)
+
+    def rigid() -> NDArray[np.bool_]:
+        vertices = np.full(len(mesh.points), boundary != "slide")
+        vertices[rim_of(part, mesh)] = True
+        return vertices
+
+    mesh, _ = _swapped(mesh, tree, threshold, rigid())
+    mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
+    halving = surface if boundary == "slide" else None
+    mesh, _ = insert_vertices(
+        mesh, mu2, _regions(mesh), float(mu2_of(threshold)), gain=gain, surface=halving, held=rigid()
+    )
+    aims = [Pass(threshold, power, _SEARCH_SWEEPS) for power in _SEARCH_POWERS]
+    return move_vertices(mesh, tree, aims, boundary=boundary, held=rim_of(part, mesh))[0]
 
 
 def _improved(

@@ -1,0 +1,114 @@
+"""The few places of a mesh where its worst tetrahedra are, cut out, so that much can be tried there at little cost.
+
+Every place is judged alone: of all that was tried, each keeps what made its own worst tetrahedron best.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.geometry.topology import compact, component_labels
+from cortet.measure.quality import quality
+from cortet.mesh import IntArray, TetMesh
+
+#: the tetrahedra around the worst ones, then those around these, and so on, that belong to a place
+RINGS = 4
+#: fields of the part: the number of each node in the whole mesh, the number of the place of each tetrahedron
+_NODE, _PLACE = "node of the whole", "place"
+
+
+class Part(NamedTuple):
+    """Places that share no vertex, as a mesh of their own."""
+
+    #: with every field of the whole mesh, and two that lead back to it
+    mesh: TetMesh
+    #: vertices that tetrahedra outside use, too: (k,) int32
+    rim: IntArray
+    #: (m,) bool, the tetrahedra of the whole mesh that were cut out
+    taken: NDArray[np.bool_]
+
+
+def cut_out(mesh: TetMesh, seeds: NDArray[np.bool_]) -> Part:
+    """The places around some tetrahedra, `seeds` (m,)."""
+    taken: NDArray[np.bool_] = seeds
+    for _ in range(RINGS):
+        near = np.zeros(len(mesh.points), np.bool_)
+        near[mesh.cells[taken]] = True
+        taken = np.asarray(near[mesh.cells].any(axis=1))
+    points, cells, nodes = compact(mesh.points, mesh.cells[taken])
+    outside = np.zeros(len(mesh.points), np.bool_)
+    outside[mesh.cells[~taken]] = True
+    place = component_labels(cells)[cells[:, 0]].astype(np.int32)
+    part = TetMesh(
+        points,
+        cells,
+        {name: values[nodes] for name, values in mesh.point_data.items()} | {_NODE: nodes},
+        {name: values[taken] for name, values in mesh.cell_data.items()} | {_PLACE: place},
+    )
+    return Part(part, np.flatnonzero(outside[nodes]).astype(np.int32), taken)
+
+
+def rim_of(part: Part, mesh: TetMesh) -> IntArray:
+    """The vertices of the rim in what has become of a part: (k,) int32."""
+    nodes = part.mesh.point_data[_NODE][part.rim]
+    return np.flatnonzero(_is_old(mesh) & np.isin(mesh.point_data[_NODE], nodes)).astype(np.int32)
+
+
+def better_of_each(first: TetMesh, second: TetMesh) -> TetMesh:
+    """For each place the one of two tries whose worst tetrahedron there is better, the first where they are alike."""
+    chosen = _worst(second) < _worst(first)
+    if not chosen.any():
+        return first
+    kept = [~chosen[first.cell_data[_PLACE]], chosen[second.cell_data[_PLACE]]]
+    cells = np.concatenate([first.cells[kept[0]], second.cells[kept[1]] + np.int32(len(first.points))])
+    points, cells, used = compact(np.concatenate([first.points, second.points]), cells)
+    return TetMesh(
+        points,
+        cells,
+        {name: _joined(values, second.point_data[name])[used] for name, values in first.point_data.items()},
+        {name: _joined(values[kept[0]], second.cell_data[name][kept[1]]) for name, values in first.cell_data.items()},
+    )
+
+
+def put_back(mesh: TetMesh, part: Part, improved: TetMesh) -> TetMesh:
+    """The whole mesh with what has become of a part of it; new vertices come last."""
+    old = _is_old(improved)
+    node = improved.point_data[_NODE].copy()
+    node[~old] = len(mesh.points) + np.arange(np.count_nonzero(~old))
+    moved = mesh.points.copy()
+    moved[node[old]] = improved.points[old]
+    cells = np.concatenate([mesh.cells[~part.taken], node[improved.cells]])
+    points, cells, used = compact(np.concatenate([moved, improved.points[~old]]), cells)
+    return replace(
+        mesh,
+        points=points,
+        cells=cells,
+        point_data={
+            name: _joined(values, improved.point_data[name][~old])[used] for name, values in mesh.point_data.items()
+        },
+        cell_data={
+            name: _joined(values[~part.taken], improved.cell_data[name]) for name, values in mesh.cell_data.items()
+        },
+    )
+
+
+def _is_old(mesh: TetMesh) -> NDArray[np.bool_]:
+    """Whether each vertex of a part is one of the whole mesh; inserted ones repeat the number of an old one."""
+    old = np.zeros(len(mesh.points), np.bool_)
+    old[np.unique(mesh.point_data[_NODE], return_index=True)[1]] = True
+    return old
+
+
+def _worst(mesh: TetMesh) -> NDArray[np.float64]:
+    """Largest q in each place."""
+    worst = np.zeros(mesh.cell_data[_PLACE].max() + 1)
+    np.maximum.at(worst, mesh.cell_data[_PLACE], quality(mesh.points, mesh.cells))
+    return worst
+
+
+def _joined(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
+    return np.concatenate([first, second])

@@ -1,0 +1,80 @@
+"""Places are cut out, worked on and put back; nothing else of the mesh changes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shapes import cube_mesh
+
+from cortet.geometry import topology
+from cortet.measure.quality import quality, signed_volumes
+from cortet.mesh import TetMesh
+from cortet.optimise.insertion import insert_vertices
+from cortet.optimise.places import better_of_each, cut_out, put_back, rim_of
+
+
+@pytest.fixture
+def mesh() -> TetMesh:
+    cube = cube_mesh(14, jitter=0.05)
+    nodes, cells = np.arange(len(cube.points)), np.arange(len(cube.cells), dtype=np.int32)
+    return replace(cube, point_data={"x": cube.points[:, 0], "number": nodes}, cell_data={"region": cells % 1})
+
+
+@pytest.fixture
+def seeds(mesh: TetMesh) -> np.ndarray:
+    """A tetrahedron at each of two corners of the cube that are opposite to each other."""
+    middles = mesh.points[mesh.cells].mean(axis=1)
+    chosen = np.zeros(len(mesh.cells), np.bool_)
+    chosen[[np.argmin(middles.sum(axis=1)), np.argmax(middles.sum(axis=1))]] = True
+    return chosen
+
+
+def moved(part: TetMesh, by: float, where: int) -> TetMesh:
+    points = part.points.copy()
+    points[where] += by
+    return replace(part, points=points)
+
+
+def test_two_places_far_apart_share_nothing_and_their_rim_is_all_that_the_rest_uses(mesh, seeds):
+    part = cut_out(mesh, seeds)
+    assert part.taken[seeds].all() and topology.components(part.mesh.cells) == 2
+    numbers = part.mesh.point_data["number"]
+    outside = np.unique(mesh.cells[~part.taken])
+    assert set(numbers[part.rim]) == set(numbers) & set(outside)
+    assert np.array_equal(part.mesh.points, mesh.points[numbers]) and np.array_equal(rim_of(part, part.mesh), part.rim)
+
+
+def test_a_part_that_is_put_back_as_it_was_gives_the_same_mesh_in_another_order(mesh, seeds):
+    part = cut_out(mesh, seeds)
+    same = put_back(mesh, part, part.mesh)
+    assert np.array_equal(same.points, mesh.points) and same.point_data.keys() == mesh.point_data.keys()
+    assert {tuple(cell) for cell in same.cells.tolist()} == {tuple(cell) for cell in mesh.cells.tolist()}
+
+
+def test_each_place_keeps_the_try_that_was_better_there(mesh, seeds):
+    part = cut_out(mesh, seeds)
+    middle = part.mesh.points.mean(axis=1) < 0.5
+    inner = np.setdiff1d(np.arange(len(part.mesh.points)), part.rim)
+    low, high = (inner[middle[inner] == side] for side in (True, False))
+    worse_low, worse_high = (moved(part.mesh, 0.05, nodes[len(nodes) // 2]) for nodes in (low, high))
+    assert quality(worse_low.points, worse_low.cells).max() > quality(part.mesh.points, part.mesh.cells).max()
+    best = better_of_each(worse_low, worse_high)
+    assert quality(best.points, best.cells).max() == quality(part.mesh.points, part.mesh.cells).max()
+    whole = put_back(mesh, part, best)
+    assert sorted(map(tuple, whole.points.tolist())) == sorted(map(tuple, mesh.points.tolist()))
+    assert better_of_each(part.mesh, worse_low) is part.mesh
+
+
+def test_vertices_that_were_inserted_come_last_and_carry_values_of_a_neighbour(mesh, seeds):
+    part = cut_out(mesh, seeds)
+    mu2 = np.full(len(part.mesh.cells), 9.0)  # all are said to be bad: whatever is tried seems better
+    made, count = insert_vertices(part.mesh, mu2, np.zeros(len(mu2), np.int32), 4.0, held=np.ones(len(mu2), np.bool_))
+    assert count > 0
+    whole = put_back(mesh, part, made)
+    assert (signed_volumes(whole.points, whole.cells) > 0).all()
+    assert signed_volumes(whole.points, whole.cells).sum() == pytest.approx(1.0)
+    assert topology.surface_topology(topology.boundary_faces(whole)).is_closed_manifold
+    rest = np.unique(mesh.cells[~part.taken])
+    where = {number: k for k, number in reversed(list(enumerate(whole.point_data["number"].tolist())))}
+    assert all(np.array_equal(whole.points[where[number]], mesh.points[number]) for number in rest.tolist())
+    assert len(whole.cell_data["region"]) == len(whole.cells) and len(whole.point_data["x"]) == len(whole.points)
