@@ -77,7 +77,6 @@ wildcard_constraints:
     res=r"[1-9][0-9]*",
     mesher=r"[a-z0-9]+",
     setting="|".join(["", *SETTINGS]),  # an empty expression alone would be none
-    stage="|".join(LABELS.values()),
     suffix="|".join(map(re.escape, SOLVERS)),
 
 
@@ -118,7 +117,7 @@ def surface_log(rule, suffix="log"):
 
 
 def mesh_log(rule, suffix="log", desc=""):
-    setting = "" if rule in (*SHARED, "baseline") else "{setting}"
+    setting = "" if rule in (*SHARED, "baseline", "quality") else "{setting}"
     return run_log(f"{rule}/{{folder}}/{{case}}_res-{{res}}um_desc-{{mesher}}{setting}{desc}", suffix)
 
 

@@ -34,6 +34,30 @@ checkpoint baseline:
         "../scripts/baseline.py"
 
 
+rule quality:
+    """Element quality of a mesh of another project's mesher that did not fail."""
+    input:
+        mesh=mesh_file("Generated"),
+    output:
+        record=mesh_file("Generated", "quality.json"),
+    log:
+        mesh_log("quality"),
+    benchmark:
+        mesh_benchmark("quality")
+    wildcard_constraints:
+        mesher="|".join(COMPARED_MESHERS) or "none",
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes("quality"),
+        runtime=minutes("quality"),
+    params:
+        version=version_of("measure.quality"),
+        origin=partial(origin_of, LABELS["generate"]),
+    script:
+        "../scripts/quality.py"
+
+
 rule reference:
     """Element quality of a reference mesh."""
     input:

@@ -1,4 +1,7 @@
-"""S1 to S6: from the surface to the mesh in the order its solver wants."""
+"""S1 to S6: from the surface to the mesh in the order its solver wants.
+
+Each stage measures the mesh that it made, while it has it in memory.
+"""
 
 
 rule generate:
@@ -8,6 +11,7 @@ rule generate:
     output:
         mesh=intermediate(mesh_file("Generated")),
         report=mesh_file("Generated", "tetmesh.json"),
+        quality=mesh_file("Generated", "quality.json"),
     log:
         mesh_log("generate"),
     benchmark:
@@ -21,7 +25,7 @@ rule generate:
         runtime=minutes("generate"),
     params:
         arguments=partial(arguments_of, "generate"),
-        version=version_of("stages.generate"),
+        version=[version_of("stages.generate"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["generate"]),
     script:
         "../scripts/generate.py"
@@ -36,6 +40,7 @@ rule transfer:
     output:
         mesh=intermediate(mesh_file("Transferred")),
         report=mesh_file("Transferred", "tetmesh.json"),
+        quality=mesh_file("Transferred", "quality.json"),
         carp=intermediate(multiext(mesh_file("Transferred", "tetmesh"), ".pts", ".elem", ".lon")),
     log:
         mesh_log("transfer"),
@@ -48,7 +53,7 @@ rule transfer:
         runtime=minutes("transfer"),
     params:
         arguments=partial(arguments_of, "transfer"),
-        version=version_of("stages.transfer"),
+        version=[version_of("stages.transfer"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["transfer"]),
     script:
         "../scripts/transfer.py"
@@ -61,6 +66,7 @@ rule relocate:
     output:
         mesh=intermediate(mesh_file("Relocated")),
         report=mesh_file("Relocated", "tetmesh.json"),
+        quality=mesh_file("Relocated", "quality.json"),
     log:
         mesh_log("relocate"),
     benchmark:
@@ -72,7 +78,7 @@ rule relocate:
         runtime=minutes("relocate"),
     params:
         arguments=partial(arguments_of, "relocate"),
-        version=version_of("stages.relocate"),
+        version=[version_of("stages.relocate"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["relocate"]),
     script:
         "../scripts/mesh_stage.py"
@@ -86,6 +92,7 @@ rule clean:
     output:
         mesh=intermediate(mesh_file("Cleaned")),
         report=mesh_file("Cleaned", "tetmesh.json"),
+        quality=mesh_file("Cleaned", "quality.json"),
     log:
         mesh_log("clean"),
     benchmark:
@@ -97,7 +104,7 @@ rule clean:
         runtime=minutes("clean"),
     params:
         arguments=partial(arguments_of, "clean"),
-        version=version_of("stages.clean"),
+        version=[version_of("stages.clean"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["clean"]),
     script:
         "../scripts/mesh_stage.py"
@@ -111,6 +118,7 @@ rule reconnect:
     output:
         mesh=intermediate(mesh_file("Reconnected")),
         report=mesh_file("Reconnected", "tetmesh.json"),
+        quality=mesh_file("Reconnected", "quality.json"),
     log:
         mesh_log("reconnect"),
     benchmark:
@@ -122,7 +130,7 @@ rule reconnect:
         runtime=minutes("reconnect"),
     params:
         arguments=partial(arguments_of, "reconnect"),
-        version=version_of("stages.reconnect"),
+        version=[version_of("stages.reconnect"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["reconnect"]),
     script:
         "../scripts/mesh_stage.py"
@@ -136,6 +144,7 @@ rule smooth_boundary:
     output:
         mesh=intermediate(mesh_file("BoundarySmoothed")),
         report=mesh_file("BoundarySmoothed", "tetmesh.json"),
+        quality=mesh_file("BoundarySmoothed", "quality.json"),
     log:
         mesh_log("smooth_boundary"),
     benchmark:
@@ -147,7 +156,7 @@ rule smooth_boundary:
         runtime=minutes("smooth_boundary"),
     params:
         arguments=partial(arguments_of, "smooth_boundary"),
-        version=version_of("stages.smooth_boundary"),
+        version=[version_of("stages.smooth_boundary"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["smooth_boundary"]),
     script:
         "../scripts/mesh_stage.py"
@@ -161,6 +170,7 @@ rule snap:
     output:
         mesh=intermediate(mesh_file("Snapped")),
         report=mesh_file("Snapped", "tetmesh.json"),
+        quality=mesh_file("Snapped", "quality.json"),
     log:
         mesh_log("snap"),
     benchmark:
@@ -172,7 +182,7 @@ rule snap:
         runtime=minutes("snap"),
     params:
         arguments=partial(arguments_of, "snap"),
-        version=version_of("stages.snap"),
+        version=[version_of("stages.snap"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["snap"]),
     script:
         "../scripts/mesh_stage.py"
@@ -187,6 +197,7 @@ rule solver_ready:
     output:
         mesh=mesh_file("Solver"),
         report=mesh_file("Solver", "tetmesh.json"),
+        quality=mesh_file("Solver", "quality.json"),
     log:
         mesh_log("solver_ready"),
     benchmark:
@@ -198,7 +209,7 @@ rule solver_ready:
         runtime=minutes("solver_ready"),
     params:
         arguments=partial(arguments_of, "solver_ready"),
-        version=version_of("stages.solver_ready"),
+        version=[version_of("stages.solver_ready"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["solver_ready"]),
     script:
         "../scripts/mesh_stage.py"

@@ -1,26 +1,4 @@
-"""Measure, certify, export."""
-
-
-rule quality:
-    """Element quality of the mesh of any stage."""
-    input:
-        mesh=mesh_file("{stage}"),
-    output:
-        record=mesh_file("{stage}", "quality.json"),
-    log:
-        mesh_log("quality", desc="{stage}"),
-    benchmark:
-        mesh_benchmark("quality", desc="{stage}")
-    conda:
-        "../envs/cortet.yaml"
-    resources:
-        mem_mb=megabytes("quality"),
-        runtime=minutes("quality"),
-    params:
-        version=version_of("measure.quality"),
-        origin=lambda wildcards: origin_of(wildcards.stage, wildcards),
-    script:
-        "../scripts/quality.py"
+"""Certify, show, export."""
 
 
 rule certify:

@@ -95,15 +95,15 @@ def _save(snakemake: Any, folder: Path) -> None:
     """Save a job for a debugger; `_run_saved` runs it."""
     folder.mkdir(parents=True, exist_ok=True)
     name = ".".join([snakemake.rule, *snakemake.wildcards]).replace("/", "_")
-    (folder / f"{name}.job").write_bytes(pickle.dumps(snakemake))
+    script = Path(sys.modules["__main__"].__file__ or "").name  # Snakemake runs a copy that says what it is a copy of
+    (folder / f"{name}.job").write_bytes(pickle.dumps((script, snakemake)))
 
 
 def _run_saved(path: Path) -> None:
     """Run a saved job in this process, without a log, so that a debugger and its messages have the terminal."""
-    job = pickle.loads(path.read_bytes())
+    script, job = pickle.loads(path.read_bytes())
     job.log = []
-    script = Path(__file__).with_name(Path(job.scriptfile).name)
-    runpy.run_path(str(script), init_globals={"snakemake": job}, run_name="__main__")
+    runpy.run_path(str(Path(__file__).with_name(script)), init_globals={"snakemake": job}, run_name="__main__")
 
 
 def _use_own_temporary_folder() -> None:

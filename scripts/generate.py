@@ -8,8 +8,10 @@ job = start(snakemake)
 
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
+from cortet.measure.quality import summarise
 from cortet.stages.generate import generate
 
 mesh, report = generate(gifti.read_surface(job.input.surface), **job.arguments)
 vtu.write(mesh, job.output.mesh)
 write_json(job.record(asdict(report)), job.output.report)
+write_json(job.record(asdict(summarise(mesh))), job.output.quality)

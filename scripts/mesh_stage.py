@@ -8,6 +8,7 @@ job = start(snakemake)
 
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
+from cortet.measure.quality import summarise
 from cortet.mesh import TetMesh, TriSurface
 from cortet.stages import STAGES
 
@@ -21,3 +22,4 @@ if "surface" in stage.takes:
 mesh, report = stage.function(*(given[kind] for kind in stage.takes), **job.arguments)
 vtu.write(mesh, job.output.mesh)
 write_json(job.record(asdict(report)), job.output.report)
+write_json(job.record(asdict(summarise(mesh))), job.output.quality)

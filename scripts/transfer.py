@@ -8,6 +8,7 @@ job = start(snakemake)
 
 from cortet.formats import carp, gifti, vtu
 from cortet.formats.atomic import write_json
+from cortet.measure.quality import summarise
 from cortet.stages.transfer import transfer
 
 surface = gifti.read_surface(job.input.surface)
@@ -17,3 +18,4 @@ mesh, report = transfer(vtu.read(job.input.mesh), surface, **job.arguments)
 vtu.write(mesh, job.output.mesh)
 carp.write(replace(mesh, point_data={}), job.output.carp[0])
 write_json(job.record(asdict(report)), job.output.report)
+write_json(job.record(asdict(summarise(mesh))), job.output.quality)

@@ -7,6 +7,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,11 +17,11 @@ import pytest
 
 from cortet.cohort.lock import NAME
 from cortet.config import Config
-from tests.integration.study import Study, is_result, surface
+from tests.integration.study import ROOT, Study, is_result, surface
 
 SABOTAGE = Path(__file__).parent / "sabotage"
 STAGES = [stage.name for stage in Config().line()]
-JOBS = (*STAGES, "quality", "certify", "export")
+JOBS = (*STAGES, "certify", "export")
 
 
 def sabotaged(study: Study, **plan: list[tuple[str, str]]) -> dict[str, str]:
@@ -55,7 +56,7 @@ def test_every_job_killed_in_its_last_moment_is_done_again_with_the_same_bits(fi
     study = Study(tmp_path / "study")
     (tmp_path / "study").mkdir()
     study.add_case(study.case("a"), surface(0))
-    result = run(study, "--retries", "1", "meshes", *_records(finished), env=sabotaged(study, kill=[("*", "sub-a")]))
+    result = run(study, "--retries", "1", "meshes", env=sabotaged(study, kill=[("*", "sub-a")]))
     assert result.returncode == 0, result.stdout + result.stderr
     marks = {path.name.split("-")[1]: path.read_text() for path in (study.folder / "sabotage").glob("kill-*")}
     assert marks == dict.fromkeys(JOBS, "not there")  # though complete under another name
@@ -64,10 +65,20 @@ def test_every_job_killed_in_its_last_moment_is_done_again_with_the_same_bits(fi
     assert not [name for name in sums(study.folder) if "/." in name]
 
 
-def _records(finished: Study) -> list[str]:
-    """Outputs of case a that are no solver files: quality records."""
-    outputs = finished.folder
-    return [str(path.relative_to(outputs)) for path in finished.files("sub-a*quality.json")]
+def test_a_saved_job_can_be_run_again_in_a_debugger(finished: Study, tmp_path: Path) -> None:
+    study = Study(tmp_path / "study")
+    (tmp_path / "study").mkdir()
+    study.add_case(study.case("a"), surface(0))
+    gated = next(path for path in finished.files("sub-a*desc-gated_white.surf.gii"))
+    made = study.folder / gated.relative_to(finished.folder)
+    environment = {**os.environ, "CORTET_SAVE_JOBS": str(tmp_path / "jobs")}
+    result = run(study, str(made.relative_to(study.folder)), env=environment)
+    assert result.returncode == 0, result.stderr
+    made.unlink()
+    (job,) = (tmp_path / "jobs").glob("gate.*.job")
+    again = [sys.executable, str(ROOT / "scripts/_job.py"), str(job)]
+    subprocess.run(again, cwd=study.folder, check=True)
+    assert made.read_bytes() == gated.read_bytes()
 
 
 def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study: Study, tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ COHORT = {
     ("cohort_status", "-"),
     ("cohort_page", "-"),
 }
-FROM_CLEAN = {"clean", "reconnect", "solver_ready", "quality", "certify", "case_page", "export"}
+FROM_CLEAN = {"clean", "reconnect", "solver_ready", "certify", "case_page", "export"}
 FROM_GATE = {"gate", "smooth_surface", "generate", "transfer"} | FROM_CLEAN
 
 
