@@ -163,7 +163,7 @@ class Generate(Section):
     exude: bool = True
     """Sliver exudation, last."""
     seed: NonNegativeInt = 0
-    """Seed of CGAL's random numbers."""
+    """Seed of CGAL's random numbers, and of the direction of the lattice (0: along the axes)."""
     fallback: Literal["lattice"] | None = "lattice"
     """Mesher to take where no facet distance gives the right topology; null: none."""
     edge_length: Annotated[list[Positive], BeforeValidator(_as_list), Field(min_length=1)] = [

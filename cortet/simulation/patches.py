@@ -21,9 +21,9 @@ from cortet.simulation.body import Body
 
 #: elements of a patch; the last one is filled up with copies of the last element, which nothing is taken from
 SIZE = 512
-#: first rows of `Patches.constants`
+#: first rows of `Patches.constants`, and how many there are
 GRADIENTS, NORMAL, VOLUME, DEPTH, THICKNESS, MASK, ACROSS = 0, 9, 12, 13, 14, 15, 16
-_ROWS = 17
+ROWS = 17
 
 
 class Patches(NamedTuple):
@@ -72,7 +72,7 @@ def _rows(body: Body, filled: NDArray[np.int64], count: int) -> FloatArray:
     across = 1 - (body.normals**2).sum(axis=1)
     scalars = (body.volumes, body.depth, body.thickness, body.mask, across)
     columns = [*body.gradients.reshape(-1, 9).T, *body.normals.T, *scalars]
-    rows = np.empty((count, _ROWS, SIZE))
+    rows = np.empty((count, ROWS, SIZE))
     for row, values in enumerate(columns):
         rows[:, row] = values[filled].reshape(count, SIZE)
     return rows.reshape(count, -1)
