@@ -5,7 +5,9 @@
 The body is a cube of Kuhn tetrahedra with displaced inner nodes that grows as a cortex does, its surface in contact
 search; each row is a process of its own, kernels compiled beforehand. On a busy machine wall time says little: compare
 the CPU seconds, and element-steps per CPU second and core. Memory is the peak of the process from the making of the
-body on, and what of it is above that before.
+body on, and what of it is above that before. Bytes are what a step has to bring from memory and back, every array once
+in each loop that uses it; operations are those of the formulas. Beside them stand what a plain sum of arrays and plain
+multiply-adds reach on one core at that moment, and how CPU seconds per step grow with the number of tetrahedra.
 """
 
 from __future__ import annotations
@@ -26,10 +28,20 @@ from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 from cortet.simulation.body import Material, body_of, scale_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
 from cortet.simulation.kernels import DONE, Motion, advance, workspace
+from cortet.simulation.patches import ROWS, VOLUME
 from tests.unit.shapes import cube_mesh
 
 #: growth at every step: enough that no term of the forces is zero
 _GROWTH = 1e-3
+#: additions, multiplications and divisions per element and step, counted in the source: edges 2 x 9, growth and volumes
+#: 2 x 62, gradients after growth 50, F 45, its cofactors, J and tr B 49, J^(-1/3) 35, stress 43, forces 54, sums 30
+OPERATIONS = 448
+#: bytes per element: rows of growth and volume, then all rows; corners and label in both
+_ELEMENT_BYTES = (ROWS - VOLUME) * 8 + 12 + ROWS * 8 + 12
+#: bytes per slot: its node or number four times, volumes and forces written and read
+_SLOT_BYTES = 4 * 4 + 2 * 16 + 2 * 24
+#: bytes per node: positions read three times and written, velocities, contact forces, volume and ratio, offsets, held
+_NODE_BYTES = 4 * 24 + 2 * 24 + 24 + 2 * 16 + 2 * 8 + 1
 
 
 def measure(cells: float, threads: int, steps: int, answer: Any) -> None:
@@ -40,7 +52,7 @@ def measure(cells: float, threads: int, steps: int, answer: Any) -> None:
     mesh = TetMesh(*ordered_along_curve(mesh.points, mesh.cells))
     reset_peak_memory()
     before = peak_memory_mb() or 0
-    wall, cpu = run(mesh, steps)
+    wall, cpu, bytes_moved = run(mesh, steps)
     peak = peak_memory_mb() or 0
     work = len(mesh.cells) * steps / 1e6
     answer.send(
@@ -48,17 +60,20 @@ def measure(cells: float, threads: int, steps: int, answer: Any) -> None:
             "tets": len(mesh.cells),
             "threads": threads,
             "wall_s": round(wall, 2),
-            "cpu_s": round(cpu, 2),
+            "cpu_s": round(cpu, 3),
             "million_element_steps_per_s": round(work / wall, 2),
             "per_cpu_s": round(work / cpu, 2),
+            "bytes": round(bytes_moved),
+            "GB_per_cpu_s": round(bytes_moved * work / cpu / 1e3, 1),
+            "GFLOP_per_cpu_s": round(OPERATIONS * work / cpu / 1e3, 1),
             "peak_MB": peak,
             "MB_per_million_tets": round((peak - before) / len(mesh.cells) * 1e6),
         }
     )
 
 
-def run(mesh: TetMesh, steps: int) -> tuple[float, float]:
-    """Wall and CPU seconds of some steps; the CPU time is that of all threads."""
+def run(mesh: TetMesh, steps: int) -> tuple[float, float, float]:
+    """Wall and CPU seconds of some steps, and bytes per element-step; the CPU time is that of all threads."""
     scale, material = scale_of(mesh, None), Material()
     x = (mesh.points - scale.origin) / scale.length
     body = body_of(mesh, scale)
@@ -70,7 +85,45 @@ def run(mesh: TetMesh, steps: int) -> tuple[float, float]:
     ended = advance(body, material, state, work, contact, growth, np.zeros(steps), dt)
     if ended != (steps, DONE):
         raise RuntimeError(f"the steps ended with {ended}")
-    return time.perf_counter() - wall, time.process_time() - cpu
+    seconds = time.perf_counter() - wall, time.process_time() - cpu
+    slots, nodes = len(work.patches.nodes) * _SLOT_BYTES, len(x) * _NODE_BYTES
+    return *seconds, _ELEMENT_BYTES + (slots + nodes) / len(mesh.cells)
+
+
+def machine() -> str:
+    """What one core reaches now: bytes of a + 3 b into c, too long for any cache; multiply-adds on 64 numbers."""
+    a, b, c = np.ones((3, 10**7))
+    _copy(a, b, c), _multiply_add(1, 0.5)
+    began = time.process_time()
+    for _ in range(5):
+        _copy(a, b, c)
+    copied = time.process_time()
+    _multiply_add(10**7, 0.999)
+    ended = time.process_time()
+    return (
+        f"one core: {5 * 24 * len(a) / (copied - began) / 1e9:.1f} GB/s of a plain sum of arrays, "
+        f"{10**7 * 128 / (ended - copied) / 1e9:.0f} GFLOP/s"
+    )
+
+
+@numba.njit
+def _copy(a, b, c):  # type: ignore[no-untyped-def]
+    for i in range(len(a)):
+        c[i] = a[i] + 3.0 * b[i]
+
+
+@numba.njit(fastmath={"contract"})
+def _multiply_add(n, x):  # type: ignore[no-untyped-def]
+    values = np.ones(64)
+    for _ in range(n):
+        for i in range(64):
+            values[i] = values[i] * x + x
+    return values.sum()
+
+
+def exponent(rows: list[dict[str, Any]]) -> float:
+    """Power of the number of tetrahedra with which CPU seconds grow (least squares of the logarithms)."""
+    return float(np.polyfit(np.log([row["tets"] for row in rows]), np.log([row["cpu_s"] for row in rows]), 1)[0])
 
 
 def main() -> None:
@@ -82,7 +135,8 @@ def main() -> None:
     options = parser.parse_args()
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that wait do not count as work
     context = multiprocessing.get_context("spawn")
-    header = ""
+    header, rows = "", []
+    print(f"{machine()}; {OPERATIONS} operations per element-step")
     for cells in options.cells:
         for threads in options.threads:
             receive, send = context.Pipe(duplex=False)
@@ -91,9 +145,14 @@ def main() -> None:
             send.close()
             row = receive.recv()
             process.join()
+            rows.append(row)
             if not header:
                 print(header := "  ".join(row))
             print("  ".join(f"{value:{len(name)}}" for name, value in row.items()), flush=True)
+    if len(options.cells) > 1:
+        for threads in options.threads:
+            power = exponent([row for row in rows if row["threads"] == threads])
+            print(f"{threads} threads: CPU seconds grow with tetrahedra^{power:.2f}")
 
 
 if __name__ == "__main__":

@@ -163,7 +163,7 @@ class Generate(Section):
     exude: bool = True
     """Sliver exudation, last."""
     seed: NonNegativeInt = 0
-    """Seed of CGAL's random numbers."""
+    """Seed of CGAL's random numbers, and of the direction of the lattice (0: along the axes)."""
     fallback: Literal["lattice"] | None = "lattice"
     """Mesher to take where no facet distance gives the right topology; null: none."""
     edge_length: Annotated[list[Positive], BeforeValidator(_as_list), Field(min_length=1)] = [
@@ -354,6 +354,19 @@ class Series(Section):
     hemispheres are drawn where the sheet has them."""
 
 
+class Convergence(Section):
+    """Folding against the cell size: `snakemake convergence`. What is folded, and until when, is as in `fold`."""
+
+    cases: Cases = 1
+    """Cases: all, a number of them spread over the ages, or a list of their names."""
+    cell_size: Annotated[list[CellSize], Field(min_length=2)] = [1.6, 1.2, 0.9]
+    """Cell sizes h, mm; three or more, in about equal ratios, allow an extrapolation to h = 0."""
+    seeds: Annotated[list[NonNegativeInt], Field(min_length=1)] = [0, 1]
+    """Realisations of a mesh: directions of the lattice, seeds of CGAL. How much they differ is chance."""
+    meshers: Annotated[list[Mesher], Field(min_length=1)] = ["lattice", "cgal"]
+    """Meshers: lattice, cgal."""
+
+
 class Experiments(Section):
     """The experiments of the paper, on this cohort: `snakemake tables figures report`."""
 
@@ -366,6 +379,7 @@ class Experiments(Section):
     resolution: Resolution = Resolution()
     measures: Measures = Measures()
     series: Series = Series()
+    convergence: Convergence = Convergence()
 
 
 class Fold(Section):

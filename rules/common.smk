@@ -75,6 +75,7 @@ wildcard_constraints:
     folder=r"sub-[A-Za-z0-9]+(/ses-[A-Za-z0-9]+)?",
     case=r"sub-[A-Za-z0-9]+(_ses-[A-Za-z0-9]+)?(_hemi-[LR])?",
     res=r"[1-9][0-9]*",
+    seed=r"[0-9]+",
     mesher=r"[a-z0-9]+",
     setting="|".join(["", *SETTINGS]),  # an empty expression alone would be none
     suffix="|".join(map(re.escape, SOLVERS)),
@@ -104,6 +105,11 @@ def intermediate(files):
 def fold_file(name):
     """File of a simulation: a run has a folder of its own."""
     return f"{OUT}/{{folder}}/simulation/{{case}}_res-{{res}}um_desc-{{mesher}}{{setting}}Folded/{name}"
+
+
+def convergence_file(name):
+    """File of a fold of the experiment on convergence: a realisation of a mesh has a folder of its own."""
+    return f"{OUT}/{{folder}}/convergence/{{case}}_res-{{res}}um_desc-{{mesher}}_seed-{{seed}}/{name}"
 
 
 def run_log(name, suffix="log"):

@@ -1,6 +1,36 @@
 """Fold meshes: the simulation that they are made for."""
 
 
+def realisation_of(wildcards):
+    """Configuration of the line that makes a realisation of a mesh."""
+    own = {"cell_size": [int(wildcards.res) / 1000], "meshers": [wildcards.mesher], "seed": int(wildcards.seed)}
+    return {
+        "setting": CONFIG.setting,
+        **{
+            stage.name: getattr(CONFIG, stage.name).model_dump(mode="json") | (own if stage.name == "generate" else {})
+            for stage in CONFIG.line()
+            if hasattr(CONFIG, stage.name)
+        },
+    }
+
+
+def convergence_runs():
+    """Records and surfaces of all runs of the experiment, by case, cell size, mesher and seed."""
+    experiment = EXPERIMENTS.convergence
+    return {
+        (case.name, size, mesher, seed): [
+            convergence_file(name).format(
+                folder=case.folder, case=case.name, res=round(1000 * size), mesher=mesher, seed=seed
+            )
+            for name in ("record.json", "fold.tsv", "start.surf.gii", "folded.surf.gii")
+        ]
+        for case in cases_of(experiment.cases)
+        for size in experiment.cell_size
+        for mesher in experiment.meshers
+        for seed in experiment.seeds
+    }
+
+
 rule fold:
     """Grow the cortex until the end, or until an element inverts; goes on where a killed job was.
 
@@ -29,6 +59,71 @@ rule fold:
         version=version_of("simulation.fold"),
     script:
         "../scripts/fold.py"
+
+
+rule convergence_run:
+    """Mesh a surface in one realisation, fold the mesh, and carry the surface along."""
+    input:
+        surface=surface_of,
+    output:
+        record=convergence_file("record.json"),
+        table=convergence_file("fold.tsv"),
+        start=convergence_file("start.surf.gii"),
+        folded=convergence_file("folded.surf.gii"),
+    log:
+        run_log("convergence/{folder}/{case}_res-{res}um_desc-{mesher}_seed-{seed}"),
+    benchmark:
+        run_benchmark("convergence/{folder}/{case}_res-{res}um_desc-{mesher}_seed-{seed}")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes("fold"),
+        runtime=minutes("fold"),
+    params:
+        arguments=partial(arguments_of, "fold"),
+        line=realisation_of,
+        origin=lambda wildcards: {
+            "case": wildcards.case,
+            "mesher": wildcards.mesher,
+            "seed": int(wildcards.seed),
+            "cell_size_mm": int(wildcards.res) / 1000,
+        },
+        age=lambda wildcards: CASES[wildcards.case].scan_age,
+        version=[version_of("simulation.fold"), *(version_of(f"stages.{stage.name}") for stage in CONFIG.line())],
+    script:
+        "../scripts/convergence_run.py"
+
+
+rule convergence:
+    """Which cell size a fold needs: its numbers and the places of its folds against the cell size."""
+    input:
+        [path for files in convergence_runs().values() for path in files],
+    output:
+        report(
+            f"{OUT}/cohort/table-convergence.html",
+            caption="../reports/table_convergence.rst",
+            category="Folding",
+            labels={"table": "convergence"},
+        ),
+        report(
+            f"{OUT}/cohort/figure-convergence.svg",
+            caption="../reports/table_convergence.rst",
+            category="Folding",
+            labels={"figure": "convergence"},
+        ),
+        multiext(f"{OUT}/cohort/table-convergence", ".tsv", ".json", ".tex", ".md"),
+        multiext(f"{OUT}/cohort/figure-convergence", ".pdf", ".png"),
+        f"{OUT}/cohort/convergence.txt",
+    log:
+        run_log("convergence"),
+    benchmark:
+        run_benchmark("convergence")
+    conda:
+        "../envs/cortet.yaml"
+    params:
+        version=[version_of("report.convergence"), version_of("report.table_files")],
+    script:
+        "../scripts/convergence.py"
 
 
 rule fold_figures:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
-from cortet.geometry.topology import TET_FACES, boundary_faces, boundary_nodes, face_areas, incidence, vertex_normals
+from cortet.geometry.topology import TET_FACES, boundary_faces, boundary_nodes, face_areas, vertex_normals
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh
 
@@ -67,10 +67,6 @@ class Body(NamedTuple):
     thickness: FloatArray
     #: (m,) int32, which growth law holds
     label: IntArray
-    #: elements around node i: around[offsets[i]:offsets[i + 1]], of which it is corner corners[...]
-    offsets: NDArray[np.int64]
-    around: IntArray
-    corners: NDArray[np.int8]
     #: (n,), nodes that stay in their sagittal plane
     held: NDArray[np.bool_]
 
@@ -129,7 +125,6 @@ def body_of(
         node_thickness = np.full(len(points), thickness)
     nearest_corner = depth[cells].argmin(axis=1)[:, None]
     node_label = np.zeros(len(points), np.int32) if labels is None else labels
-    around = incidence(cells, len(points))
     total = normals[cells].sum(axis=1)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return Body(
@@ -141,9 +136,6 @@ def body_of(
         mask=np.ones(len(cells)) if mask is None else mask[cells].mean(axis=1),
         thickness=node_thickness[cells].mean(axis=1),
         label=np.take_along_axis(node_label[cells], nearest_corner, axis=1)[:, 0].astype(np.int32),
-        offsets=around.offsets,
-        around=around.cells,
-        corners=around.corners,
         held=np.zeros(len(points), bool) if held is None else held,
     )
 

@@ -36,10 +36,15 @@ def fold_spacing(points: FloatArray, faces: IntArray, cortex: FloatArray) -> flo
 
 def sulcal_depth(points: FloatArray, faces: IntArray, cortex: FloatArray) -> float:
     """Mean distance of the cortex from the convex hull of the surface, mm; arguments as in `fold_spacing`."""
-    planes = ConvexHull(points).equations
-    depth = np.array([-(planes[:, :3] @ point + planes[:, 3]).max() for point in points])
+    depth = depth_below_hull(points)
     weight = np.bincount(faces.ravel(), np.repeat(face_areas(points, faces), 3), minlength=len(points)) * cortex
     return float(np.average(depth, weights=weight))
+
+
+def depth_below_hull(points: FloatArray) -> FloatArray:
+    """Distance of each of some points (n, 3) from their convex hull: (n,)."""
+    planes = ConvexHull(points).equations
+    return np.array([-(planes[:, :3] @ point + planes[:, 3]).max() for point in points])
 
 
 def mean_curvature(points: FloatArray, faces: IntArray) -> FloatArray:

@@ -1,8 +1,11 @@
-"""One step in time, in compiled loops: first over elements, then over nodes.
+"""One step in time, in compiled loops: over patches of elements, over nodes, over patches again, over nodes again.
 
-No loop adds into what another iteration writes: an element stores its forces, a node gathers those around it in a fixed
-order. Loops run over blocks of fixed size, so that what the compiler makes of a block's end cannot depend on the number
-of threads either: the bits of a result are the same for any.
+No loop adds into what another iteration writes: see `patches`. Loops run over blocks of fixed size, so that what the
+compiler makes of a block's end cannot depend on the number of threads either: the bits are the same for any.
+
+In a patch, loops that gather and add go from element to element; those in between have the same arithmetic for every
+element and no branch, and the compiler makes vector instructions of them (`docs/design.md` has what they take). So
+elements in the degenerate branch, which are rare, are computed once more, one by one.
 
 `advance` is the seam: arrays in, arrays changed in place, nothing else of the package is called from the loop in time.
 
@@ -20,6 +23,7 @@ energy stays smooth, and the flatter the element, the harder it is pushed open. 
 """
 # Vectors are tuples of three floats; matrices are three of them, rows first. Numba keeps both in registers.
 # Its parallel loops take no named tuples: these become plain ones on the way in and get their names back in each block.
+# Rows of a patch lie in one array at places that are constants: so the compiler sees that they do not overlap.
 
 from __future__ import annotations
 
@@ -32,13 +36,31 @@ from numpy.typing import NDArray
 from cortet.mesh import FloatArray
 from cortet.simulation.body import Body, Material
 from cortet.simulation.contact import contact_forces, moved_too_far
+from cortet.simulation.patches import (
+    ACROSS,
+    DEPTH,
+    GRADIENTS,
+    MASK,
+    NORMAL,
+    SIZE,
+    THICKNESS,
+    VOLUME,
+    Patches,
+    patches_of,
+)
 
 #: how `advance` ended
 DONE, INVERTED, LIST_OUTDATED = 0, 1, 2
 #: stretch below which the law is continued by a polynomial
 SMALLEST_STRETCH = 0.1
 
+#: nodes of a block
 _BLOCK = 256
+#: rows of a patch's own memory, few, so that the cache holds them: edges from corner 0, in whose place forces on the
+#: corners 1, 2 and 3 come; growth between 0 and 1, its alpha, grown volume; current volume, in whose place J comes; and
+#: the mean ratio of the nodal volumes, in whose place tr B comes
+_EDGES, _SHARE, _ALPHA, _GROWN, _CURRENT, _MEAN, _OWN_ROWS = 0, 9, 10, 11, 12, 13, 14
+_J, _TRACE = _CURRENT, _MEAN
 
 
 class Motion(NamedTuple):
@@ -51,18 +73,24 @@ class Motion(NamedTuple):
 class Work(NamedTuple):
     """What a step computes on its way."""
 
-    #: (m,), growth g of each element between 0 and 1; current volume; volume after growth alone
+    patches: Patches
+    #: (m,), growth g of each element between 0 and 1; current volume; volume after growth alone: for the last positions
+    #: for which `elastic_forces` was called
     share: FloatArray
     current: FloatArray
     grown: FloatArray
     #: (n,), a quarter of the grown volumes around each node, and the ratio of current to grown volume there
     node_grown: FloatArray
     ratio: FloatArray
-    #: (m, 3, 3), forces on the nodes 1, 2 and 3 of each element
-    forces: FloatArray
+    #: per slot (s, 2), current and grown volumes of the patch's elements around it; and (s, 3) their forces on it
+    slot_volumes: FloatArray
+    slot_forces: FloatArray
     #: (n, 3), contact forces
     external: FloatArray
-    #: per block of elements: smallest J, and elements in the degenerate branch
+    #: memory of each thread for its patch: rows of its elements; and position, ratio and sums of its own nodes
+    own_rows: FloatArray
+    own_nodes: FloatArray
+    #: per patch: smallest J, and elements in the degenerate branch
     block_min: FloatArray
     block_degenerate: NDArray[np.int64]
     #: (1,), smallest J of all steps since it was last set to infinity
@@ -76,18 +104,22 @@ class Work(NamedTuple):
 
 def workspace(body: Body) -> Work:
     """Arrays for the steps of a body."""
-    m, n = len(body.cells), len(body.offsets) - 1
-    blocks = -(-m // _BLOCK)
+    m, n, patches = len(body.cells), len(body.held), patches_of(body)
+    threads: int = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
     return Work(
+        patches=patches,
         share=np.zeros(m),
         current=np.zeros(m),
         grown=np.zeros(m),
         node_grown=np.zeros(n),
         ratio=np.ones(n),
-        forces=np.zeros((m, 3, 3)),
+        slot_volumes=np.zeros((len(patches.nodes), 2)),
+        slot_forces=np.zeros((len(patches.nodes), 3)),
         external=np.zeros((n, 3)),
-        block_min=np.full(blocks, np.inf),
-        block_degenerate=np.zeros(blocks, np.int64),
+        own_rows=np.zeros((threads, _OWN_ROWS * SIZE)),
+        own_nodes=np.zeros((threads, int(np.diff(patches.offsets).max()), 8)),
+        block_min=np.full(len(patches.corners), np.inf),
+        block_degenerate=np.zeros(len(patches.corners), np.int64),
         min_j=np.full(1, np.inf),
         counts=np.zeros(2, np.int64),
         block_energy=np.zeros((-(-n // _BLOCK), 2)),
@@ -96,52 +128,54 @@ def workspace(body: Body) -> Work:
 
 
 _fast = numba.njit(fastmath={"contract"}, error_model="numpy", cache=True)
+#: what stands in a loop that shall become vector instructions: a call that is left would prevent it
+_inlined = numba.njit(fastmath={"contract"}, error_model="numpy", cache=True, forceinline=True)
 
 
-@_fast
+@_inlined
 def _dot(a, b):  # type: ignore[no-untyped-def]
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@_fast
+@_inlined
 def _cross(a, b):  # type: ignore[no-untyped-def]
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@_fast
+@_inlined
 def _sum(p, a, q, b):  # type: ignore[no-untyped-def]
     """p a + q b."""
     return p * a[0] + q * b[0], p * a[1] + q * b[1], p * a[2] + q * b[2]
 
 
-@_fast
+@_inlined
 def _row(a, i):  # type: ignore[no-untyped-def]
     return a[i, 0], a[i, 1], a[i, 2]
 
 
-@_fast
-def _edges(x, cells, e):  # type: ignore[no-untyped-def]
-    """The three edges from node 0 of an element."""
-    a = _row(x, cells[e, 0])
-    b, c, d = _row(x, cells[e, 1]), _row(x, cells[e, 2]), _row(x, cells[e, 3])
-    return _sum(1.0, b, -1.0, a), _sum(1.0, c, -1.0, a), _sum(1.0, d, -1.0, a)
+@_inlined
+def _at(rows, row, e):  # type: ignore[no-untyped-def]
+    """The vector of element e of a patch whose components are in three rows from `row` on."""
+    return rows[row * SIZE + e], rows[(row + 1) * SIZE + e], rows[(row + 2) * SIZE + e]
 
 
-@_fast
-def _grown_gradients(body, e, alpha):  # type: ignore[no-untyped-def]
-    """Gradients of the shape functions after growth Fg = I + (I - n n^T) alpha: A_r^-1 Fg^-1."""
-    n = _row(body.normals, e)
-    across = alpha / (1 + alpha * (1 - _dot(n, n)))
-    a, b, c = _row(body.gradients[e], 0), _row(body.gradients[e], 1), _row(body.gradients[e], 2)
+@_inlined
+def _put(rows, row, e, a):  # type: ignore[no-untyped-def]
+    rows[row * SIZE + e], rows[(row + 1) * SIZE + e], rows[(row + 2) * SIZE + e] = a
+
+
+@_inlined
+def _grown_gradients(a, b, c, n, across, alpha):  # type: ignore[no-untyped-def]
+    """Gradients of the shape functions after growth Fg = I + (I - n n^T) alpha: A_r^-1 Fg^-1.
+
+    `across` is 1 - n n: 0, or 1 where an element grows in all directions.
+    """
     s = 1 / (1 + alpha)
-    return (
-        _sum(s, a, s * across * _dot(a, n), n),
-        _sum(s, b, s * across * _dot(b, n), n),
-        _sum(s, c, s * across * _dot(c, n), n),
-    )
+    t = s * alpha / (1 + alpha * across)
+    return _sum(s, a, t * _dot(a, n), n), _sum(s, b, t * _dot(b, n), n), _sum(s, c, t * _dot(c, n), n)
 
 
-@_fast
+@_inlined
 def _deformation(u, v, w, a, b, c):  # type: ignore[no-untyped-def]
     """Rows of F = u a^T + v b^T + w c^T from current edges and grown gradients."""
     return (
@@ -152,78 +186,220 @@ def _deformation(u, v, w, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @_fast
-def _volumes(first, last, body, x, work, alphas, thickening):  # type: ignore[no-untyped-def]
-    """Growth, grown and current volume of a block of elements."""
-    body, work = Body(*body), Work(*work)
-    for e in range(first, last):
-        u, v, w = _edges(x, body.cells, e)
-        work.current[e] = _dot(u, _cross(v, w)) / 6
-        share = body.mask[e] / (1 + np.exp(10 * (body.depth[e] / (body.thickness[e] + thickening) - 1)))
-        alpha = share * alphas[body.label[e]]
-        n = _row(body.normals, e)
-        work.share[e] = share
-        work.grown[e] = body.volumes[e] * (1 + alpha) * (1 + alpha) * (1 + alpha * (1 - _dot(n, n)))
+def _own_edges(rows, corners, x):  # type: ignore[no-untyped-def]
+    """The three edges from corner 0 of each element of a patch, from the positions of its own nodes."""
+    for e in range(SIZE):
+        origin = _row(x, corners[e])
+        for k in range(3):
+            _put(rows, _EDGES + 3 * k, e, _sum(1.0, _row(x, corners[(k + 1) * SIZE + e]), -1.0, origin))
 
 
 @_fast
-def _ratios(first, last, body, work):  # type: ignore[no-untyped-def]
-    """Grown volume of a block of nodes, and the ratio of current to grown volume."""
-    body, work = Body(*body), Work(*work)
-    for i in range(first, last):
-        current, grown = 0.0, 0.0
-        for k in range(body.offsets[i], body.offsets[i + 1]):
-            current += work.current[body.around[k]]
-            grown += work.grown[body.around[k]]
-        work.node_grown[i] = grown / 4
-        work.ratio[i] = current / grown
+def _own_growth(rows, constants, label, alphas, thickening):  # type: ignore[no-untyped-def]
+    """Growth, grown and current volume of each element of a patch."""
+    for e in range(SIZE):
+        rows[_ALPHA * SIZE + e] = alphas[label[e]]
+    for e in range(SIZE):
+        depth = constants[DEPTH * SIZE + e] / (constants[THICKNESS * SIZE + e] + thickening)
+        share = constants[MASK * SIZE + e] / (1 + _exponential(10 * (depth - 1)))
+        alpha = share * rows[_ALPHA * SIZE + e]
+        normal = 1 + alpha * constants[ACROSS * SIZE + e]
+        edges = _at(rows, _EDGES, e), _at(rows, _EDGES + 3, e), _at(rows, _EDGES + 6, e)
+        rows[_SHARE * SIZE + e] = share
+        rows[_ALPHA * SIZE + e] = alpha
+        rows[_GROWN * SIZE + e] = constants[VOLUME * SIZE + e] * (1 + alpha) * (1 + alpha) * normal
+        rows[_CURRENT * SIZE + e] = _dot(edges[0], _cross(edges[1], edges[2])) / 6
+
+
+@_inlined
+def _exponential(x):  # type: ignore[no-untyped-def]
+    """e^x to rounding, between e^-300 and e^300, without a call: so that a loop with it can be made of vectors."""
+    x = min(max(x, -300.0), 300.0)
+    # x = n ln 2 + r: adding 1.5 2^52 rounds to a whole number n, which then stands in the last bits
+    shifted = x * 1.4426950408889634 + 6755399441055744.0
+    n = shifted - 6755399441055744.0
+    r = (x - n * 6.93145751953125e-1) - n * 1.42860682030941723212e-6
+    series = 1 / 362880 + r * (1 / 3628800 + r * (1 / 39916800 + r * (1 / 479001600)))
+    series = 1 / 24 + r * (1 / 120 + r * (1 / 720 + r * (1 / 5040 + r * (1 / 40320 + r * series))))
+    series = 1 + r * (1 + r * (1 / 2 + r * (1 / 6 + r * series)))
+    return series * np.int64((np.float64(shifted).view(np.int64) + 1023) << 52).view(np.float64)
+
+
+@_inlined
+def _inverse_cube_root(j):  # type: ignore[no-untyped-def]
+    """j^(-1/3) of a positive number to rounding, without a call."""
+    # the bits of a float, read as an integer, go with its logarithm: right to some per cent; the rest is Newton's
+    # iteration with two more terms of the series of (1 - r)^(-1/3)
+    y = np.int64(6.142909891733356e18 - np.float64(np.float64(j).view(np.int64)) / 3).view(np.float64)
+    for _ in range(3):
+        r = 1 - j * (y * y * y)
+        y += y * r * (1 / 3 + r * (2 / 9 + r * (14 / 81)))
+    return y
+
+
+@_inlined
+def _own_gradients(constants, e, alpha):  # type: ignore[no-untyped-def]
+    """Grown gradients of element e of a patch."""
+    a, b, c = _at(constants, GRADIENTS, e), _at(constants, GRADIENTS + 3, e), _at(constants, GRADIENTS + 6, e)
+    return _grown_gradients(a, b, c, _at(constants, NORMAL, e), constants[ACROSS * SIZE + e], alpha)
 
 
 @_fast
-def _forces(first, last, body, material, x, work, alphas):  # type: ignore[no-untyped-def]
-    """Forces of a block of elements; returns their smallest J, NaN if there is one, and how many are degenerate."""
-    body, material, work = Body(*body), Material(*material), Work(*work)
-    smallest, degenerate = np.inf, 0
-    for e in range(first, last):
-        share = work.share[e]
-        mu = material.mu_core * (1 - share) + material.mu_cortex * share
-        u, v, w = _edges(x, body.cells, e)
-        a, b, c = _grown_gradients(body, e, share * alphas[body.label[e]])
-        f0, f1, f2 = _deformation(u, v, w, a, b, c)
+def _own_stress(rows, constants, material):  # type: ignore[no-untyped-def]
+    """Forces on the corners 1, 2 and 3 of each element of a patch in place of its edges, as if none were degenerate."""
+    for e in range(SIZE):
+        a, b, c = _own_gradients(constants, e, rows[_ALPHA * SIZE + e])
+        f0, f1, f2 = _deformation(_at(rows, _EDGES, e), _at(rows, _EDGES + 3, e), _at(rows, _EDGES + 6, e), a, b, c)
         c0, c1, c2 = _cross(f1, f2), _cross(f2, f0), _cross(f0, f1)  # cofactors: J F^-T
         j = _dot(f0, c0)
         trace = _dot(f0, f0) + _dot(f1, f1) + _dot(f2, f2)
-        cells = body.cells
-        mean = (
-            work.ratio[cells[e, 0]] + work.ratio[cells[e, 1]] + work.ratio[cells[e, 2]] + work.ratio[cells[e, 3]]
-        ) / 4
-        q = work.grown[e] * material.bulk * (mean - 1)
+        share, grown = rows[_SHARE * SIZE + e], rows[_GROWN * SIZE + e]
         y = _inverse_cube_root(j)
-        p = work.grown[e] * mu * y * y
-        r = q - p * trace * (y * y * y) / 3
+        p = grown * _shear_modulus(material, share) * y * y
+        r = grown * material.bulk * (rows[_MEAN * SIZE + e] - 1) - p * trace * (y * y * y) * (1 / 3)
         p0, p1, p2 = _sum(p, f0, r, c0), _sum(p, f1, r, c1), _sum(p, f2, r, c2)
-        if _may_be_degenerate(j, trace):
-            left, stretch, right = _stretches(f0, f1, f2)
-            if stretch[2] < SMALLEST_STRETCH:
-                degenerate += 1
-                s0, s1, s2 = _degenerate_stress(left, stretch, right, work.grown[e] * mu)
-                p0, p1, p2 = _sum(1.0, s0, q, c0), _sum(1.0, s1, q, c1), _sum(1.0, s2, q, c2)
-        forces = work.forces[e]
-        forces[0, 0], forces[0, 1], forces[0, 2] = -_dot(p0, a), -_dot(p1, a), -_dot(p2, a)
-        forces[1, 0], forces[1, 1], forces[1, 2] = -_dot(p0, b), -_dot(p1, b), -_dot(p2, b)
-        forces[2, 0], forces[2, 1], forces[2, 2] = -_dot(p0, c), -_dot(p1, c), -_dot(p2, c)
-        if j < smallest or j != j:  # a NaN stays
-            smallest = j
-    return smallest, degenerate
+        _put_forces(rows, e, p0, p1, p2, a, b, c)
+        rows[_J * SIZE + e] = j
+        rows[_TRACE * SIZE + e] = trace
+
+
+@_inlined
+def _shear_modulus(material, share):  # type: ignore[no-untyped-def]
+    return material.mu_core * (1 - share) + material.mu_cortex * share
+
+
+@_inlined
+def _put_forces(rows, e, p0, p1, p2, a, b, c):  # type: ignore[no-untyped-def]
+    """Forces of an element on its corners 1, 2 and 3 from the rows of its stress P and its grown gradients."""
+    _put(rows, _EDGES, e, (-_dot(p0, a), -_dot(p1, a), -_dot(p2, a)))
+    _put(rows, _EDGES + 3, e, (-_dot(p0, b), -_dot(p1, b), -_dot(p2, b)))
+    _put(rows, _EDGES + 6, e, (-_dot(p0, c), -_dot(p1, c), -_dot(p2, c)))
+
+
+@numba.njit(cache=True)
+def _open_degenerate(rows, constants, material, e, x, corners):  # type: ignore[no-untyped-def]
+    """Forces of an element that may be in the degenerate branch; returns whether it is."""
+    origin = _row(x, corners[e])
+    u = _sum(1.0, _row(x, corners[SIZE + e]), -1.0, origin)
+    v = _sum(1.0, _row(x, corners[2 * SIZE + e]), -1.0, origin)
+    w = _sum(1.0, _row(x, corners[3 * SIZE + e]), -1.0, origin)
+    a, b, c = _own_gradients(constants, e, rows[_ALPHA * SIZE + e])
+    f0, f1, f2 = _deformation(u, v, w, a, b, c)
+    left, stretch, right = _stretches(f0, f1, f2)
+    if not stretch[2] < SMALLEST_STRETCH:
+        return False
+    grown = rows[_GROWN * SIZE + e]
+    s0, s1, s2 = _degenerate_stress(left, stretch, right, grown * _shear_modulus(material, rows[_SHARE * SIZE + e]))
+    q = grown * material.bulk * (_mean_ratio(x, corners, e) - 1)
+    p0, p1, p2 = _sum(1.0, s0, q, _cross(f1, f2)), _sum(1.0, s1, q, _cross(f2, f0)), _sum(1.0, s2, q, _cross(f0, f1))
+    _put_forces(rows, e, p0, p1, p2, a, b, c)
+    return True
 
 
 @_fast
-def _inverse_cube_root(j):  # type: ignore[no-untyped-def]
-    """j^(-1/3) of a positive number, sooner than the power would have it."""
-    # the bits of a float, read as an integer, go with its logarithm: right to some per cent; the rest is Newton's
-    y = np.int64(0x553EF0FF289DD796 - np.float64(j).view(np.int64) // 3).view(np.float64)
-    for _ in range(5):
-        y *= 4 / 3 - j / 3 * (y * y * y)
-    return y
+def _fetch(patches, patch, x, own):  # type: ignore[no-untyped-def]
+    """Positions of a patch's own nodes; their sums begin at 0."""
+    first = patches.offsets[patch]
+    for i in range(patches.offsets[patch + 1] - first):
+        node = patches.nodes[first + i]
+        own[i, 0], own[i, 1], own[i, 2] = x[node, 0], x[node, 1], x[node, 2]
+        own[i, 4] = own[i, 5] = own[i, 6] = 0.0
+
+
+@_fast
+def _volumes(patch, patches, x, alphas, thickening, elements, slot_volumes, rows, own):  # type: ignore[no-untyped-def]
+    """What the current and grown volumes of the elements of a patch add to its own nodes."""
+    patches = Patches(*patches)
+    corners, slot = patches.corners[patch], patches.offsets[patch]
+    _fetch(patches, patch, x, own)
+    _own_edges(rows, corners, own)
+    _own_growth(rows, patches.constants[patch], patches.label[patch], alphas, thickening)
+    for e in range(min(SIZE, elements - patch * SIZE)):
+        current, grown = rows[_CURRENT * SIZE + e], rows[_GROWN * SIZE + e]
+        for k in range(4):
+            corner = corners[k * SIZE + e]
+            own[corner, 4] += current
+            own[corner, 5] += grown
+    for i in range(patches.offsets[patch + 1] - slot):
+        slot_volumes[slot + i, 0], slot_volumes[slot + i, 1] = own[i, 4], own[i, 5]
+
+
+@numba.njit(cache=True)
+def _record(work, x, alphas, thickening):  # type: ignore[no-untyped-def]
+    """Growth, current and grown volume of each element, for those who measure: no step needs them."""
+    patches, rows, own = work.patches, work.own_rows[0], work.own_nodes[0]
+    for patch in range(len(patches.corners)):
+        first = patch * SIZE
+        _fetch(patches, patch, x, own)
+        _own_edges(rows, patches.corners[patch], own)
+        _own_growth(rows, patches.constants[patch], patches.label[patch], alphas, thickening)
+        for e in range(min(SIZE, len(work.share) - first)):
+            work.share[first + e] = rows[_SHARE * SIZE + e]
+            work.current[first + e] = rows[_CURRENT * SIZE + e]
+            work.grown[first + e] = rows[_GROWN * SIZE + e]
+
+
+@_fast
+def _ratios(first, last, patches, slot_volumes, node_grown, ratio):  # type: ignore[no-untyped-def]
+    """Grown volume of a block of nodes, and the ratio of current to grown volume."""
+    patches = Patches(*patches)
+    for i in range(first, last):
+        current, grown = 0.0, 0.0
+        for k in range(patches.starts[i], patches.starts[i + 1]):
+            slot = patches.around[k]
+            current += slot_volumes[slot, 0]
+            grown += slot_volumes[slot, 1]
+        node_grown[i] = grown / 4
+        ratio[i] = current / grown
+
+
+@_fast
+def _forces(patch, patches, material, x, alphas, thickening, elements, ratio, slot_forces, rows, own):  # type: ignore[no-untyped-def]
+    """Forces of a patch on its own nodes; returns its smallest J, NaN if there is one, and how many are degenerate."""
+    patches, material = Patches(*patches), Material(*material)
+    corners, constants = patches.corners[patch], patches.constants[patch]
+    slot, nodes = patches.offsets[patch], patches.offsets[patch + 1] - patches.offsets[patch]
+    count = min(SIZE, elements - patch * SIZE)
+    _fetch(patches, patch, x, own)
+    for i in range(nodes):
+        own[i, 3] = ratio[patches.nodes[slot + i]]
+    _own_edges(rows, corners, own)
+    _own_growth(rows, constants, patches.label[patch], alphas, thickening)
+    for e in range(SIZE):
+        rows[_MEAN * SIZE + e] = _mean_ratio(own, corners, e)
+    _own_stress(rows, constants, material)
+    smallest, degenerate = np.inf, 0
+    for e in range(count):
+        j = rows[_J * SIZE + e]
+        if _may_be_degenerate(j, rows[_TRACE * SIZE + e]):
+            degenerate += _open_degenerate(rows, constants, material, e, own, corners)
+        if j < smallest or j != j:  # a NaN stays
+            smallest = j
+    _add_forces(rows, corners, count, own)
+    for i in range(nodes):
+        for k in range(3):
+            slot_forces[slot + i, k] = own[i, 4 + k]
+    return smallest, degenerate
+
+
+@_inlined
+def _mean_ratio(own, corners, e):  # type: ignore[no-untyped-def]
+    """Mean over the corners of an element of the ratio of current to grown volume around them."""
+    a, b, c, d = corners[e], corners[SIZE + e], corners[2 * SIZE + e], corners[3 * SIZE + e]
+    return (own[a, 3] + own[b, 3] + own[c, 3] + own[d, 3]) / 4
+
+
+@_fast
+def _add_forces(rows, corners, count, own):  # type: ignore[no-untyped-def]
+    """Add the forces of each element to its nodes; on corner 0 acts what the other three leave over."""
+    for e in range(count):
+        corner0, corner1, corner2, corner3 = corners[e], corners[SIZE + e], corners[2 * SIZE + e], corners[3 * SIZE + e]
+        for k in range(3):
+            a, b, c = rows[k * SIZE + e], rows[(k + 3) * SIZE + e], rows[(k + 6) * SIZE + e]
+            own[corner0, 4 + k] -= a + b + c
+            own[corner1, 4 + k] += a
+            own[corner2, 4 + k] += b
+            own[corner3, 4 + k] += c
 
 
 @_fast
@@ -262,81 +438,101 @@ def _degenerate_stress(u, s, vt, mu):  # type: ignore[no-untyped-def]
 
 
 @_fast
-def _gathered(body, work, i):  # type: ignore[no-untyped-def]
-    """Elastic force on node i; on node 0 of an element acts what its other three leave over."""
+def _gathered(patches, slot_forces, i):  # type: ignore[no-untyped-def]
+    """Elastic force on node i."""
     x, y, z = 0.0, 0.0, 0.0
-    for k in range(body.offsets[i], body.offsets[i + 1]):
-        f, corner = work.forces[body.around[k]], body.corners[k]
-        if corner == 0:
-            x -= f[0, 0] + f[1, 0] + f[2, 0]
-            y -= f[0, 1] + f[1, 1] + f[2, 1]
-            z -= f[0, 2] + f[1, 2] + f[2, 2]
-        else:
-            x += f[corner - 1, 0]
-            y += f[corner - 1, 1]
-            z += f[corner - 1, 2]
+    for k in range(patches.starts[i], patches.starts[i + 1]):
+        slot = patches.around[k]
+        x += slot_forces[slot, 0]
+        y += slot_forces[slot, 1]
+        z += slot_forces[slot, 2]
     return x, y, z
 
 
 @_fast
-def _move(first, last, body, material, state, work, dt):  # type: ignore[no-untyped-def]
+def _move(first, last, patches, held, material, state, slot_forces, external, node_grown, dt):  # type: ignore[no-untyped-def]
     """Step a block of nodes: v += dt (f - gamma V v) / (rho V), x += dt v, with the grown volume V around each.
 
     A node that is held does not move along x. Returns the energy dissipated and the work of the contact. Work is force
     times dt times the mean of the velocities before and after the step: so the work of all forces together is exactly
     the gain of kinetic energy.
     """
-    body, material, state, work = Body(*body), Material(*material), Motion(*state), Work(*work)
+    patches, material, state = Patches(*patches), Material(*material), Motion(*state)
     dissipated, pushed = 0.0, 0.0
     for i in range(first, last):
-        force, volume = _gathered(body, work, i), work.node_grown[i]
+        force, volume = _gathered(patches, slot_forces, i), node_grown[i]
+        per_mass = dt / (material.density * volume)
         for k in range(3):
             before, resistance = state.v[i, k], material.damping * volume * state.v[i, k]
-            after = before + dt * (force[k] + work.external[i, k] - resistance) / (material.density * volume)
-            if k == 0 and body.held[i]:
+            after = before + per_mass * (force[k] + external[i, k] - resistance)
+            if k == 0 and held[i]:
                 after = 0.0
             way = dt * (before + after) / 2
             dissipated += resistance * way
-            pushed += work.external[i, k] * way
+            pushed += external[i, k] * way
             state.v[i, k] = after
             state.x[i, k] += dt * after
     return dissipated, pushed
 
 
 @numba.njit(parallel=True, cache=True)
-def _elastic_forces(body, material, x, work, alphas, thickening, block_min, block_degenerate, nodes):  # type: ignore[no-untyped-def]
-    m = len(work[0])
-    for block in numba.prange(len(block_min)):
-        first, last = block * _BLOCK, min(m, (block + 1) * _BLOCK)
-        _volumes(first, last, body, x, work, alphas, thickening)
-    for block in numba.prange((nodes + _BLOCK - 1) // _BLOCK):
-        _ratios(block * _BLOCK, min(nodes, (block + 1) * _BLOCK), body, work)
-    for block in numba.prange(len(block_min)):
-        first, last = block * _BLOCK, min(m, (block + 1) * _BLOCK)
-        block_min[block], block_degenerate[block] = _forces(first, last, body, material, x, work, alphas)
+def _elastic_forces(  # type: ignore[no-untyped-def]
+    patches, material, x, alphas, thickening, elements, node_grown, ratio, slots, own, block_min, degenerate
+):
+    (slot_volumes, slot_forces), (rows, nodes) = slots, own
+    for patch in numba.prange(len(block_min)):
+        t = numba.get_thread_id()  # type: ignore[attr-defined]
+        _volumes(patch, patches, x, alphas, thickening, elements, slot_volumes, rows[t], nodes[t])
+    for block in numba.prange((len(ratio) + _BLOCK - 1) // _BLOCK):
+        first, last = block * _BLOCK, min(len(ratio), (block + 1) * _BLOCK)
+        _ratios(first, last, patches, slot_volumes, node_grown, ratio)
+    for patch in numba.prange(len(block_min)):
+        t = numba.get_thread_id()  # type: ignore[attr-defined]
+        block_min[patch], degenerate[patch] = _forces(
+            patch, patches, material, x, alphas, thickening, elements, ratio, slot_forces, rows[t], nodes[t]
+        )
 
 
 @numba.njit(parallel=True, cache=True)
-def _move_all(body, material, state, work, dt, nodes, block_energy):  # type: ignore[no-untyped-def]
-    for block in numba.prange((nodes + _BLOCK - 1) // _BLOCK):
-        first, last = block * _BLOCK, min(nodes, (block + 1) * _BLOCK)
-        block_energy[block, 0], block_energy[block, 1] = _move(first, last, body, material, state, work, dt)
+def _move_all(patches, held, material, state, slot_forces, external, node_grown, dt, block_energy):  # type: ignore[no-untyped-def]
+    for block in numba.prange(len(block_energy)):
+        first, last = block * _BLOCK, min(len(node_grown), (block + 1) * _BLOCK)
+        block_energy[block, 0], block_energy[block, 1] = _move(
+            first, last, patches, held, material, state, slot_forces, external, node_grown, dt
+        )
 
 
 @numba.njit(cache=True)
-def elastic_forces(body, material, x, work, alphas, thickening):  # type: ignore[no-untyped-def]
-    """Compute `work.forces` and everything before them for positions x; returns the smallest J, NaN if there is one.
+def _all_forces(material, x, work, alphas, thickening):  # type: ignore[no-untyped-def]
+    """Compute `work.slot_forces` and the nodal volumes for positions x; returns the smallest J, NaN if there is one."""
+    _elastic_forces(
+        tuple(work.patches),
+        tuple(material),
+        x,
+        alphas,
+        thickening,
+        len(work.share),
+        work.node_grown,
+        work.ratio,
+        (work.slot_volumes, work.slot_forces),
+        (work.own_rows, work.own_nodes),
+        work.block_min,
+        work.block_degenerate,
+    )
+    return work.block_min.min()
+
+
+@numba.njit(cache=True)
+def elastic_forces(material, x, work, alphas, thickening):  # type: ignore[no-untyped-def]
+    """Compute forces, growth and volumes in `work` for positions x; returns the smallest J, NaN if there is one.
 
     Parameters
     ----------
     alphas : growth of each label
     thickening : what the cortex has gained in thickness
     """
-    plain_body, plain_work, nodes = tuple(body), tuple(work), len(work.ratio)
-    _elastic_forces(
-        plain_body, tuple(material), x, plain_work, alphas, thickening, work.block_min, work.block_degenerate, nodes
-    )
-    return work.block_min.min()
+    _record(work, x, alphas, thickening)
+    return _all_forces(material, x, work, alphas, thickening)
 
 
 @numba.njit(cache=True)
@@ -357,29 +553,39 @@ def advance(body, material, state, work, contact, alphas, thickening, dt):  # ty
     for step in range(len(alphas)):
         if moved_too_far(contact, state.x):
             return step, LIST_OUTDATED
-        smallest = elastic_forces(body, material, state.x, work, alphas[step], thickening[step])
+        smallest = _all_forces(material, state.x, work, alphas[step], thickening[step])
         if smallest < work.min_j[0]:
             work.min_j[0] = smallest
         if not smallest > 0:
             return step, INVERTED
         work.counts[0] += work.block_degenerate.sum()
         work.counts[1] = contact_forces(contact, state.x, work.external)
-        _move_all(tuple(body), tuple(material), tuple(state), tuple(work), dt, len(state.x), work.block_energy)
+        _move_all(
+            tuple(work.patches),
+            body.held,
+            tuple(material),
+            tuple(state),
+            work.slot_forces,
+            work.external,
+            work.node_grown,
+            dt,
+            work.block_energy,
+        )
         for block in range(len(work.block_energy)):  # in order: the sum has the same bits for any number of threads
             work.energy[:] += work.block_energy[block]
     return len(alphas), DONE
 
 
-def nodal_forces(body: Body, work: Work) -> FloatArray:
+def nodal_forces(work: Work) -> FloatArray:
     """Elastic force on every node, as the last `elastic_forces` left it: (n, 3)."""
-    return _nodal_forces(body, work)
+    return _nodal_forces(work)
 
 
 @numba.njit(cache=True)
-def _nodal_forces(body, work):  # type: ignore[no-untyped-def]
+def _nodal_forces(work):  # type: ignore[no-untyped-def]
     result = np.empty((len(work.ratio), 3))
     for i in range(len(result)):
-        result[i] = np.array(_gathered(body, work, i))
+        result[i] = np.array(_gathered(work.patches, work.slot_forces, i))
     return result
 
 
@@ -400,14 +606,15 @@ def _deviatoric_energy(body, material, x, work, alphas):  # type: ignore[no-unty
     energy = np.empty(len(body.cells))
     for e in range(len(energy)):
         share = work.share[e]
-        u, v, w = _edges(x, body.cells, e)
-        a, b, c = _grown_gradients(body, e, share * alphas[body.label[e]])
-        f0, f1, f2 = _deformation(u, v, w, a, b, c)
+        origin, n, gradients, cells = _row(x, body.cells[e, 0]), _row(body.normals, e), body.gradients[e], body.cells
+        u, v = _sum(1.0, _row(x, cells[e, 1]), -1.0, origin), _sum(1.0, _row(x, cells[e, 2]), -1.0, origin)
+        w, alpha = _sum(1.0, _row(x, cells[e, 3]), -1.0, origin), share * alphas[body.label[e]]
+        a, b, c = _row(gradients, 0), _row(gradients, 1), _row(gradients, 2)
+        f0, f1, f2 = _deformation(u, v, w, *_grown_gradients(a, b, c, n, 1 - _dot(n, n), alpha))
         j, trace = _dot(f0, _cross(f1, f2)), _dot(f0, f0) + _dot(f1, f1) + _dot(f2, f2)
         factor = j ** (-2 / 3)
         if _may_be_degenerate(j, trace):
             stretch = _stretches(f0, f1, f2)[1]
             factor = _phi(stretch[0])[0] * _phi(stretch[1])[0] * _phi(stretch[2])[0]
-        mu = material.mu_core * (1 - share) + material.mu_cortex * share
-        energy[e] = work.grown[e] * mu / 2 * (factor * trace - 3)
+        energy[e] = work.grown[e] * _shear_modulus(material, share) / 2 * (factor * trace - 3)
     return energy

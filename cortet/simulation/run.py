@@ -267,7 +267,7 @@ def _growth_work(run: Run, moment: Moment, before: Motion, begin: float, end: fl
 def _energies(run: Run, work: Work, state: Motion, time: float, dt: float) -> tuple[float, float]:
     """Kinetic and elastic energy of a state with the growth of a time; `work` is left with J and growth there."""
     (alphas,), (thickening,) = growth_at(run, np.array([time]), dt)
-    elastic_forces(run.body, run.material, state.x, work, alphas, thickening)
+    elastic_forces(run.material, state.x, work, alphas, thickening)
     return kinetic_energy(run.material, state.v, work), elastic_energy(run.body, run.material, state.x, work, alphas)
 
 

@@ -95,7 +95,7 @@ class GenerateReport:
     mesher: str
     backend: str
     backend_version: str
-    #: None where the backend takes no seed
+    #: None where the backend takes no seed; of the lattice, its direction
     seed: int | None
     cell_size_mm: float
     #: None where the boundary was given
@@ -148,7 +148,7 @@ def generate(
         upper bound of the distance between the circumcentre of a boundary triangle and the centre of its surface ball
     radius_edge_ratio : upper bound of circumradius over shortest edge of tetrahedra
     odt, lloyd, perturb, exude : CGAL's optimisation passes
-    seed : of CGAL's random numbers; pygalmesh only
+    seed : of CGAL's random numbers, pygalmesh only; and of the direction of ``lattice``, 0: along the axes
     fallback : what to try when no facet distance gives the topology of the surface; None (published) for nothing
     edge_length : of the boundary triangles of ``lattice``, as fractions of `cell_size`, tried in this order until no
         two of them cross
@@ -198,9 +198,17 @@ def generate(
             logger.warning("facet distances of %s h: %s", list(facet_distance), "; ".join(attempts[-1].problems))
     if mesher == "lattice" or (attempts[-1].problems and fallback):
         backend, passes = "tetgen", ()
+        turn = _rotation(seed)
         mesh, tried = _filled_with_lattice(
-            surface, cell_size, edge_length, surface_distance, core_ratio=core_ratio, core_depth=core_depth
+            replace(surface, points=surface.points @ turn) if seed else surface,
+            cell_size,
+            edge_length,
+            surface_distance,
+            core_ratio=core_ratio,
+            core_depth=core_depth,
         )
+        if seed:
+            mesh = replace(mesh, points=mesh.points @ turn.T)
         attempts += tried
 
     final = attempts[-1]
@@ -208,7 +216,7 @@ def generate(
         mesher=mesher,
         backend=backend,
         backend_version=version(backend),
-        seed=seed if backend == "pygalmesh" else None,
+        seed=None if backend == "cgal" else seed,
         cell_size_mm=cell_size,
         facet_distance_mm=final.facet_distance_mm,
         facet_distance_fraction=None if final.facet_distance_mm is None else final.facet_distance_mm / cell_size,
@@ -297,6 +305,13 @@ def _attempt(
     attempt = _judged(mesh, genus, facet_distance=criteria.facet_distance, passes=passes, flat=flat)
     _log(what, attempt, time.perf_counter() - began)
     return mesh, attempt
+
+
+def _rotation(seed: int) -> FloatArray:
+    """A rotation (3, 3), any of them equally likely (Mezzadri, Notices of the AMS 54, 2007)."""
+    q, r = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    q *= np.sign(np.diag(r))
+    return q * np.linalg.det(q)
 
 
 def _filled_with_lattice(

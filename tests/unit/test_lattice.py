@@ -16,7 +16,7 @@ from cortet.mesh import TetMesh, TriSurface
 from cortet.meshers import lattice
 from cortet.meshers.lattice import graded_nodes, lattice_nodes, tetrahedralised
 from cortet.meshers.remesh import remesh_apart, wanted
-from cortet.stages.generate import oriented
+from cortet.stages.generate import _rotation, generate, oriented
 
 
 def box(size: float) -> TriSurface:
@@ -103,3 +103,20 @@ def test_a_real_cortex_is_remeshed_and_filled():
     points, cells = tetrahedralised(boundary, nodes_in(boundary, cell_size=2.0))
     made = boundary_faces(TetMesh(points, oriented(points, cells)[0]))
     assert len(made) == len(boundary.faces) and surface_topology(made).problems() == []
+
+
+def test_a_seed_turns_the_lattice_and_another_one_otherwise() -> None:
+    ball = ball_surface(3)
+    usual, turned, other = (generate(ball, cell_size=0.8, mesher="lattice", seed=seed)[0] for seed in (0, 1, 2))
+    assert np.array_equal(usual.points, generate(ball, cell_size=0.8, mesher="lattice")[0].points)
+
+    def along_axes(mesh: TetMesh) -> float:
+        """Share of the edges from corner 0 that lie along an axis, as those of cubes do."""
+        edges = mesh.points[mesh.cells[:, 1]] - mesh.points[mesh.cells[:, 0]]
+        return float((np.abs(edges).max(axis=1) > 0.999 * np.linalg.norm(edges, axis=1)).mean())
+
+    assert along_axes(usual) > 10 * max(along_axes(turned), along_axes(other), 1e-3)
+    assert len(turned.points) != len(other.points) or not np.allclose(turned.points, other.points)
+    assert np.linalg.norm(turned.points, axis=1).max() == pytest.approx(5.0, rel=1e-3)  # where the surface is
+    assert _rotation(3) @ _rotation(3).T == pytest.approx(np.eye(3))
+    assert np.linalg.det(_rotation(3)) == pytest.approx(1)

@@ -1,0 +1,361 @@
+"""Folding against the cell size: a table, a figure, and a sentence that says which cell size is small enough.
+
+Every run is a realisation of a mesh: a direction of the lattice or a seed of CGAL. What differs between realisations of
+one cell size is chance; what is left between cell sizes is the cell size. Where the mean over the realisations goes
+evenly towards a limit, by more than chance, this limit is extrapolated (Richardson 1911; Roache, J. Fluids Eng. 116,
+1994) and the error is a quarter more than the way that is left, as Roache advises.
+
+Where folds are is compared on the surface that all meshes were made from: the depth below its convex hull that each of
+its vertices has gained, and the correlation of these depths between two runs, weighted by area.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cortet.formats.atomic import atomic_path
+from cortet.formats.gifti import read_surface
+from cortet.formats.tsv import read_tsv
+from cortet.geometry.topology import face_areas
+from cortet.mesh import FloatArray
+from cortet.report.figures import BLUE, GREEN, PAGE, STYLE, VERMILION, save
+from cortet.report.table_files import PrintedColumn, Table, number, write
+from cortet.simulation.fold import TABLE
+from cortet.simulation.folds import depth_below_hull
+
+VERSION: int = 1
+
+#: relative difference from the limit up to which a number counts as converged
+TOLERANCE = 0.05
+#: orders of convergence that are believed; others come from chance or from cells that are far too large
+ORDERS = (0.5, 4.0)
+#: numbers of a run that are compared -> its column in the table of the fold, heading, unit
+QUANTITIES = {
+    "gyrification_index": ("gyrification index", ""),
+    "area_mm2": ("area", "mm2"),
+    "fold_spacing_mm": ("width of folds", "mm"),
+    "sulcal_depth_mm": ("depth of sulci", "mm"),
+}
+#: pairs of runs whose places of folds are compared -> what differs
+PAIRS = {
+    "realisations": "the same mesher and cell size, another direction or seed",
+    "meshers": "the same cell size, another mesher",
+    "sizes": "the same mesher, this cell size and the smallest",
+}
+
+_COLUMNS: dict[str, dict[str, Any]] = {
+    "case": {"Description": "Name of the case"},
+    "mesher": {"Description": "Mesher"},
+    "cell_size_mm": {"Description": "Cell size h; 0: the limit that the sizes tend to", "Units": "mm"},
+    "h_over_thickness": {"Description": "Cell size over the thickness of the cortex at the start"},
+    "runs": {"Description": "Realisations that folded to the end"},
+    "stopped": {"Description": "Realisations that stopped at an inverted element"},
+    "tets": {"Description": "Mean number of tetrahedra"},
+    **{
+        column: {"Description": f"Mean over the realisations of the {name} at the end"}
+        | ({"Units": unit} if unit else {})
+        for column, (name, unit) in QUANTITIES.items()
+    },
+    **{
+        f"{column}_error": {
+            "Description": f"Standard deviation of the {name} over the realisations; of a limit, its error"
+        }
+        for column, (name, _) in QUANTITIES.items()
+    },
+    **{
+        f"correlation_{pair}": {"Description": f"Mean correlation of gained depth between two runs: {what}"}
+        for pair, what in PAIRS.items()
+    },
+}
+
+
+def _with_error(column: str, digits: int) -> Any:
+    def text(row: Any) -> str:
+        error = row[f"{column}_error"]
+        return number(row[column], digits) + ("" if error is None else f" ± {error:.{digits}f}")
+
+    return text
+
+
+def _correlation(pair: str) -> Any:
+    return lambda row: number(row[f"correlation_{pair}"], 2)
+
+
+CONVERGENCE = Table(
+    "Folding against the cell size",
+    _COLUMNS,
+    (
+        PrintedColumn("Case", lambda row: row["case"], "Name of the case"),
+        PrintedColumn("Mesher", lambda row: row["mesher"], "Mesher"),
+        PrintedColumn("h (mm)", lambda row: f"{row['cell_size_mm']:g}", "Cell size; 0: the limit that sizes tend to"),
+        PrintedColumn("h / thickness", lambda row: number(row["h_over_thickness"], 2), "Of the cortex at the start"),
+        PrintedColumn("runs", lambda row: number(row["runs"], 0), "Realisations that folded to the end"),
+        *(
+            PrintedColumn(
+                name + (f" ({unit})" if unit else ""),
+                _with_error(column, 0 if unit == "mm2" else 3 if not unit else 2),
+                f"Mean ± sd of the {name} over the realisations; of a limit, its error",
+            )
+            for column, (name, unit) in QUANTITIES.items()
+        ),
+        *(
+            PrintedColumn(f"r, {pair}", _correlation(pair), f"Correlation of gained depth between two runs: {what}")
+            for pair, what in PAIRS.items()
+        ),
+    ),
+    group=("case", "mesher"),
+)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One fold."""
+
+    case: str
+    mesher: str
+    seed: int
+    cell_size_mm: float
+    thickness_mm: float
+    tets: int
+    folded: bool
+    #: by `QUANTITIES`, at the end
+    values: dict[str, float]
+    #: (n,) depth below the hull that each vertex of the surface has gained, mm, and area around it at the start
+    gained: FloatArray
+    weight: FloatArray
+
+
+def read_run(folder: Path) -> Run:
+    """What is compared of a run in a folder."""
+    record = json.loads((folder / "record.json").read_text(encoding="utf-8"))
+    last = read_tsv(folder / TABLE).apply(pd.to_numeric, errors="coerce").iloc[-1]
+    start, folded = read_surface(folder / "start.surf.gii"), read_surface(folder / "folded.surf.gii")
+    areas: FloatArray = np.repeat(face_areas(start.points, start.faces) / 3, 3)
+    return Run(
+        **record["origin"],
+        thickness_mm=record["thickness_mm"],
+        tets=record["tets"],
+        folded=record["outcome"] == "folded",
+        values={column: float(last[column]) for column in QUANTITIES},
+        gained=depth_below_hull(folded.points) - depth_below_hull(start.points),
+        weight=np.bincount(start.faces.ravel(), areas, minlength=len(start.points)).astype(float),
+    )
+
+
+def convergence_table(runs: Sequence[Run]) -> pd.DataFrame:
+    """A row per case, mesher and cell size, the largest first, and one for the limit where there is one."""
+    rows = []
+    for case, mesher in dict.fromkeys((run.case, run.mesher) for run in runs):
+        own = [run for run in runs if (run.case, run.mesher) == (case, mesher)]
+        sizes = sorted({run.cell_size_mm for run in own}, reverse=True)
+        groups = [_row([run for run in own if run.cell_size_mm == size], runs, sizes[-1]) for size in sizes]
+        limits: dict[str, Any] = {}
+        for column in QUANTITIES:
+            found = limit(sizes, [row[column] for row in groups], _chance([row[f"{column}_error"] for row in groups]))
+            if found:
+                limits |= {column: found.value, f"{column}_error": found.error}
+        rows += groups
+        if limits:
+            rows.append({"case": case, "mesher": mesher, "cell_size_mm": 0.0, "h_over_thickness": 0.0, **limits})
+    return pd.DataFrame(rows, columns=list(_COLUMNS))
+
+
+def _row(group: Sequence[Run], runs: Sequence[Run], smallest: float) -> dict[str, Any]:
+    """Numbers of the realisations of one mesher and cell size."""
+    first, folded = group[0], [run for run in group if run.folded]
+    values = {column: np.array([run.values[column] for run in folded]) for column in QUANTITIES}
+    pairs: dict[str, Iterable[tuple[Run, Run]]] = {
+        "realisations": itertools.combinations(folded, 2),
+        "meshers": _others(folded, runs, lambda a, b: a.mesher != b.mesher and a.cell_size_mm == b.cell_size_mm),
+        "sizes": _others(folded, runs, lambda a, b: a.mesher == b.mesher and b.cell_size_mm == smallest)
+        if first.cell_size_mm > smallest
+        else (),
+    }
+    return {
+        "case": first.case,
+        "mesher": first.mesher,
+        "cell_size_mm": first.cell_size_mm,
+        "h_over_thickness": first.cell_size_mm / first.thickness_mm,
+        "runs": len(folded),
+        "stopped": len(group) - len(folded),
+        "tets": float(np.mean([run.tets for run in group])),
+        **{column: _mean(found) for column, found in values.items()},
+        **{f"{column}_error": float(found.std(ddof=1)) if len(found) > 1 else None for column, found in values.items()},
+        **{f"correlation_{pair}": _mean([correlation(a, b) for a, b in found]) for pair, found in pairs.items()},
+    }
+
+
+def _others(group: Sequence[Run], runs: Sequence[Run], compared: Any) -> Iterator[tuple[Run, Run]]:
+    """Pairs of a run of the group and another run of its case that folded."""
+    for a, b in itertools.product(group, runs):
+        if b.folded and a is not b and a.case == b.case and compared(a, b):
+            yield a, b
+
+
+def _mean(values: Sequence[float] | FloatArray) -> float | None:
+    return float(np.mean(values)) if len(values) else None
+
+
+def _chance(deviations: Sequence[float | None]) -> float:
+    """Standard deviation over the realisations, pooled over the cell sizes; 0 where there is one of each only."""
+    known = [deviation**2 for deviation in deviations if deviation is not None]
+    return float(np.sqrt(np.mean(known))) if known else 0.0
+
+
+def correlation(a: Run, b: Run) -> float:
+    """Correlation over the surface of the depth gained in two runs, weighted by area."""
+    covariance = np.cov(a.gained, b.gained, aweights=a.weight)
+    return float(covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1]))
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a number tends to for h = 0."""
+
+    value: float
+    error: float
+    order: float
+
+
+def limit(sizes: Sequence[float], values: Sequence[float | None], chance: float) -> Limit | None:
+    """The limit of values at falling cell sizes, from the last three; None where they do not go evenly towards one.
+
+    Parameters
+    ----------
+    chance : standard deviation of a value over the realisations: a step that is not larger says nothing
+    """
+    if len(sizes) < 3 or any(value is None for value in values[-3:]):
+        return None
+    (h1, h2, h3), (f1, f2, f3) = sizes[-3:], [float(value or 0) for value in values[-3:]]
+    first, last = f2 - f1, f3 - f2
+    if first * last <= 0 or abs(last) <= chance:
+        return None
+    # f = limit + c h^p: the ratio of both steps rises with p
+    orders = np.linspace(*ORDERS, 3501)
+    ratios = (h1**orders - h2**orders) / (h2**orders - h3**orders)
+    if not ratios[0] <= first / last <= ratios[-1]:
+        return None
+    order = float(np.interp(first / last, ratios, orders))
+    left = last * h3**order / (h2**order - h3**order)
+    return Limit(f3 + left, 1.25 * abs(left), order)
+
+
+def large_enough(sizes: Sequence[float], values: Sequence[float | None], at_limit: float | None) -> float | None:
+    """The largest cell size from which on a number is within `TOLERANCE` of its limit, or of that at the smallest size.
+
+    Without a limit the smallest size itself only counts together with the one before it.
+    """
+    if any(value is None for value in values):
+        return None
+    known = np.array([float(value or 0) for value in values])
+    end = known[-1] if at_limit is None else at_limit
+    near = np.abs(known - end) <= TOLERANCE * abs(end)
+    if at_limit is None:
+        near[-1] = len(near) > 1 and bool(near[-2])
+    far = np.flatnonzero(~near)
+    first = far[-1] + 1 if len(far) else 0
+    return float(sizes[first]) if first < len(sizes) else None
+
+
+def sentence(table: pd.DataFrame) -> str:
+    """Which cell size is small enough, and where folds are, from the rows of `convergence_table`."""
+    found: list[tuple[str, float | None]] = []
+    for _, rows in table.groupby(["case", "mesher"], sort=False):
+        measured, limits = rows[rows["cell_size_mm"] > 0], rows[rows["cell_size_mm"] == 0]
+        for column, (name, _) in QUANTITIES.items():
+            end = None if limits.empty or pd.isna(limits[column].iloc[0]) else float(limits[column].iloc[0])
+            values = [None if pd.isna(value) else float(value) for value in measured[column]]
+            found.append((name, large_enough(list(measured["h_over_thickness"]), values, end)))
+    failed = list(dict.fromkeys(name for name, size in found if size is None))
+    sizes = [size for _, size in found if size is not None]
+    measured = table[table["cell_size_mm"] > 0]
+    if failed:
+        first = (
+            f"No size tried is small enough for every number: with the smallest cells, "
+            f"{measured['h_over_thickness'].min():.2f} of the thickness, {' and '.join(failed)} "
+            f"may still be more than {TOLERANCE:.0%} off."
+        )
+    else:
+        first = f"Use h <= {min(sizes):.2f} of the thickness: every number is then within {TOLERANCE:.0%} of its limit."
+    finest = measured[measured["cell_size_mm"] == measured["cell_size_mm"].min()]
+    places = [
+        f"{finest[column].mean():.2f} {words}"
+        for column, words in (
+            ("correlation_realisations", "between realisations of one mesher"),
+            ("correlation_meshers", "between meshers"),
+        )
+        if finest[column].notna().any()
+    ]
+    return first + (f" Places of folds at the smallest size correlate by {' and '.join(places)}." if places else "")
+
+
+_MARKERS = {"lattice": (BLUE, "o"), "cgal": (VERMILION, "^")}
+
+
+def convergence_figure(runs: Sequence[Run], table: pd.DataFrame) -> Figure:
+    """Every number of every run against h over thickness, with limits at 0, and the correlations of places of folds."""
+    shown = [*(name for name in QUANTITIES if name != "area_mm2")]
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 2.1), layout="constrained")
+        *axes, places = figure.subplots(1, len(shown) + 1)
+        for axis, column in zip(axes, shown, strict=True):
+            name, unit = QUANTITIES[column]
+            axis.set(xlabel="h / thickness", ylabel=name + (f" ({unit})" if unit else ""))
+            for mesher in dict.fromkeys(run.mesher for run in runs):
+                _draw_number(axis, [run for run in runs if run.mesher == mesher], table, column)
+            axis.set_xlim(left=-0.03)
+        axes[0].legend(loc="best")
+        _draw_places(places, table)
+        figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    return figure
+
+
+def _draw_number(axis: Axes, runs: Sequence[Run], table: pd.DataFrame, column: str) -> None:
+    colour, marker = _MARKERS.get(runs[0].mesher, (GREEN, "s"))
+    x = [run.cell_size_mm / run.thickness_mm for run in runs]
+    axis.plot(x, [run.values[column] for run in runs], marker, color=colour, fillstyle="none", label=runs[0].mesher)
+    rows = table[(table["mesher"] == runs[0].mesher)]
+    for _, own in rows.groupby("case", sort=False):
+        measured, end = own[own["cell_size_mm"] > 0], own[own["cell_size_mm"] == 0]
+        axis.plot(measured["h_over_thickness"], measured[column], color=colour)
+        if len(end) and not pd.isna(end[column].iloc[0]):
+            axis.errorbar([0], end[column], end[f"{column}_error"], fmt=marker, color=colour, capsize=2)
+
+
+def _draw_places(axis: Axes, table: pd.DataFrame) -> None:
+    """Correlations of gained depth against h over thickness, one line per kind of pair and mesher."""
+    measured = table[table["cell_size_mm"] > 0]
+    styles = dict(zip(PAIRS, ("-", ":", "--"), strict=True))
+    for (_, mesher), rows in measured.groupby(["case", "mesher"], sort=False):
+        colour, marker = _MARKERS.get(mesher, (GREEN, "s"))
+        for pair, style in styles.items():
+            axis.plot(rows["h_over_thickness"], rows[f"correlation_{pair}"], style, color=colour, marker=marker, ms=2)
+    for pair, style in styles.items():
+        axis.plot([], [], style, color="black", label=pair)
+    axis.set(xlabel="h / thickness", ylabel="correlation of gained depth", ylim=(None, 1), xlim=(-0.03, None))
+    axis.legend(loc="lower left")
+
+
+def write_convergence(folders: Sequence[Path], outputs: Sequence[str | Path]) -> None:
+    """Write table, figure and sentence of the runs in some folders, each in the form of the path's suffix."""
+    runs = [read_run(folder) for folder in folders]
+    table = convergence_table(runs)
+    figures = [path for path in map(Path, outputs) if path.suffix in (".svg", ".pdf", ".png")]
+    texts = [path for path in map(Path, outputs) if path.suffix == ".txt"]
+    write(CONVERGENCE, table, *(path for path in map(Path, outputs) if path not in figures and path not in texts))
+    save(convergence_figure(runs, table), *figures)
+    for path in texts:
+        with atomic_path(path) as temporary:
+            temporary.write_text(sentence(table) + "\n", encoding="utf-8")

@@ -1,0 +1,24 @@
+"""The surface that a mesh was made from, carried along as the mesh folds: so that folds on different meshes compare."""
+
+from __future__ import annotations
+
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.topology import boundary_faces
+from cortet.mesh import FloatArray, TetMesh
+
+
+def carried(points: FloatArray, mesh: TetMesh, moved: FloatArray) -> FloatArray:
+    """Where the vertices of a surface are when the nodes of a mesh have moved: (k, 3) mm.
+
+    A vertex goes with the place of the boundary that was nearest to it, and keeps its offset from it, which is less
+    than a cell.
+
+    Parameters
+    ----------
+    points : (k, 3) vertices of the surface, mm
+    mesh : before it moved
+    moved : (n, 3) its nodes, mm
+    """
+    faces = boundary_faces(mesh)
+    found = closest_points(surface_tree(mesh.points, faces), points)
+    return points - found.points + (found.barycentric[:, :, None] * moved[faces[found.faces]]).sum(axis=1)

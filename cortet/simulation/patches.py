@@ -1,0 +1,78 @@
+"""Elements in patches of 512 neighbours: what a thread loads once, works on in its cache, and hands on as sums.
+
+The elements of a patch number their own nodes from 0. A kernel copies the positions of these nodes, works on all
+elements of the patch, adds what they do to the patch's own nodes, one element after another, and writes one sum for
+each of these nodes: a slot. A node then adds its slots, of two or three patches, in the order of the patches. Nothing
+is added from two threads, so the bits are the same for any number of them; and no force of an element goes to memory.
+
+Within a patch everything lies in rows of 512 values, one for each element, so that the compiler works on as many
+elements at a time as a vector register holds.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.mesh import FloatArray, IntArray
+from cortet.simulation.body import Body
+
+#: elements of a patch; the last one is filled up with copies of the last element, which nothing is taken from
+SIZE = 512
+#: first rows of `Patches.constants`, and how many there are
+GRADIENTS, NORMAL, VOLUME, DEPTH, THICKNESS, MASK, ACROSS = 0, 9, 12, 13, 14, 15, 16
+ROWS = 17
+
+
+class Patches(NamedTuple):
+    """b patches of m elements on n nodes; s slots."""
+
+    #: (b + 1,), slots of patch k: offsets[k] to offsets[k + 1]
+    offsets: NDArray[np.int64]
+    #: (s,) int32, node of each slot
+    nodes: IntArray
+    #: (b, 4 SIZE), rows of the four corners of each element, as slots of the patch counted from 0
+    corners: NDArray[np.uint16]
+    #: (b, 17 SIZE), rows of what does not change: gradients of the shape functions 1, 2 and 3, normal n, reference
+    #: volume, depth, thickness, mask, and 1 - n n
+    constants: FloatArray
+    #: (b, SIZE), row of the growth law of each element
+    label: IntArray
+    #: slots of node i: around[starts[i]:starts[i + 1]]
+    starts: NDArray[np.int64]
+    around: IntArray
+
+
+def patches_of(body: Body) -> Patches:
+    """The patches of a body, in the order of its elements: neighbours should be near each other in it."""
+    m, n = len(body.cells), len(body.held)
+    count = -(-m // SIZE)
+    filled = np.minimum(np.arange(count * SIZE), m - 1)
+    corners = np.empty((count, 4, SIZE), np.uint16)
+    own = []
+    for patch, cells in enumerate(body.cells[filled].reshape(count, SIZE, 4)):
+        nodes, local = np.unique(cells, return_inverse=True)
+        corners[patch] = local.reshape(SIZE, 4).T
+        own.append(nodes)
+    nodes = np.concatenate(own).astype(np.int32)
+    return Patches(
+        offsets=np.append(0, np.cumsum([len(part) for part in own])),
+        nodes=nodes,
+        corners=corners.reshape(count, -1),
+        constants=_rows(body, filled, count),
+        label=body.label[filled].reshape(count, SIZE),
+        starts=np.append(0, np.cumsum(np.bincount(nodes, minlength=n))),
+        around=np.argsort(nodes, kind="stable").astype(np.int32),
+    )
+
+
+def _rows(body: Body, filled: NDArray[np.int64], count: int) -> FloatArray:
+    across = 1 - (body.normals**2).sum(axis=1)
+    scalars = (body.volumes, body.depth, body.thickness, body.mask, across)
+    columns = [*body.gradients.reshape(-1, 9).T, *body.normals.T, *scalars]
+    rows = np.empty((count, ROWS, SIZE))
+    for row, values in enumerate(columns):
+        rows[:, row] = values[filled].reshape(count, SIZE)
+    return rows.reshape(count, -1)

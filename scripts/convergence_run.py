@@ -1,0 +1,33 @@
+"""Mesh and fold one realisation; a fold that stops is a result, not a failure."""
+
+import logging
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from _job import start
+
+job = start(snakemake)
+
+from cortet.config import load
+from cortet.formats import gifti, vtu
+from cortet.formats.atomic import write_json
+from cortet.pipeline import mesh_surface
+from cortet.report.fold_figures import series
+from cortet.simulation.carried import carried
+from cortet.simulation.fold import SERIES, fold
+from cortet.simulation.progress import status
+from cortet.simulation.run import Settings
+
+folder, surface = Path(job.output.record).parent, gifti.read_surface(job.input.surface)
+made = mesh_surface(surface, load(job.params.line), gestational_age=job.params.age, source=job.input.surface)
+verdict = fold(
+    made.mesh,
+    folder,
+    Settings(**job.arguments),
+    lambda *progress: logging.getLogger("cortet").info("%s", status(*progress)),
+)
+last = vtu.read(series(folder / SERIES)[-1][0])
+gifti.write_surface(made.surface, job.output.start)
+folded = carried(made.surface.points, made.mesh, last.points)
+gifti.write_surface(replace(made.surface, points=folded), job.output.folded)
+write_json(job.record(asdict(verdict)), job.output.record)

@@ -1,0 +1,146 @@
+"""Limits of known series are found, chance is told from cell size, and folds are compared on the common surface."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from shapes import ball_mesh, ball_surface
+
+from cortet.formats.gifti import write_surface
+from cortet.formats.tsv import read_tsv, write_tsv
+from cortet.report.convergence import (
+    QUANTITIES,
+    Run,
+    convergence_table,
+    correlation,
+    large_enough,
+    limit,
+    read_run,
+    sentence,
+    write_convergence,
+)
+from cortet.simulation.carried import carried
+
+SIZES = [1.6, 1.2, 0.9]
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0, 3.0])
+def test_the_limit_of_a_known_series_is_found(order: float) -> None:
+    values = [1.3 - 0.2 * size**order for size in [3.0, *SIZES]]  # only the last three count
+    found = limit([3.0, *SIZES], values, 1e-3)
+    assert found is not None
+    assert found.value == pytest.approx(1.3, abs=1e-6)
+    assert found.order == pytest.approx(order, abs=1e-3)
+    assert found.error == pytest.approx(1.25 * abs(1.3 - values[-1]), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "values", "chance"),
+    [
+        (SIZES, [1.0, 1.2, 1.1], 0.0),  # to and fro
+        (SIZES, [1.0, 1.1, 1.3], 0.0),  # away
+        (SIZES, [1.0, 1.1, 1.13], 0.05),  # the last step may be chance
+        (SIZES[:2], [1.0, 1.1], 0.0),
+        (SIZES, [1.0, 1.1, None], 0.0),
+    ],
+)
+def test_there_is_none_where_nothing_goes_evenly_towards_one(
+    sizes: list[float], values: list[float | None], chance: float
+) -> None:
+    assert limit(sizes, values, chance) is None
+
+
+def test_a_size_is_small_enough_if_all_smaller_ones_are() -> None:
+    assert large_enough([3.0, 2.0, 1.0], [0.9, 0.96, 0.98], 1.0) == 2.0
+    assert large_enough([3.0, 2.0, 1.0], [1.0, 0.9, 0.98], 1.0) == 1.0
+    assert large_enough([3.0, 2.0, 1.0], [0.7, 0.8, 0.9], 1.0) is None
+    assert large_enough([3.0, 2.0, 1.0], [0.7, 0.97, 1.0], None) == 2.0
+    assert large_enough([3.0, 2.0, 1.0], [0.7, 0.8, 1.0], None) is None  # nothing says that the last one is
+    assert large_enough([3.0, 2.0], [1.0, None], None) is None
+
+
+def runs(offset: float = 0.0) -> list[Run]:
+    """Two seeds and two meshers at three sizes: order 2 towards 1.3, folds that agree better the smaller the cells."""
+    rng = np.random.default_rng(0)
+    pattern = np.sin(np.linspace(0, 20, 500))
+    found = []
+    for mesher in ("lattice", "cgal"):
+        for size in SIZES:
+            for seed in (0, 1):
+                value = 1.3 - offset * size**2 + 1e-4 * seed
+                gained = pattern + 0.3 * size * rng.normal(size=500)
+                values = dict.fromkeys(QUANTITIES, value)
+                found.append(Run("a", mesher, seed, size, 1.25, 1000, True, values, gained, np.ones(500)))
+    return found
+
+
+def test_the_table_tells_chance_from_cell_size() -> None:
+    table = convergence_table(runs(0.1))
+    assert list(table["cell_size_mm"]) == [*SIZES, 0.0] * 2
+    limits = table[table["cell_size_mm"] == 0]
+    assert limits["gyrification_index"].to_numpy() == pytest.approx(1.3, abs=1e-3)
+    measured = table[table["cell_size_mm"] > 0]
+    assert measured["gyrification_index_error"].to_numpy() == pytest.approx(1e-4 / np.sqrt(2))
+    assert (measured["runs"] == 2).all()
+    for pair in ("realisations", "meshers"):
+        column = measured[f"correlation_{pair}"].to_numpy().reshape(2, 3)
+        assert (np.diff(column, axis=1) > 0).all()
+    assert measured["correlation_sizes"].isna().tolist() == [False, False, True] * 2
+    assert "Use h <= 0.72 of the thickness" in sentence(convergence_table(runs(0.08)))
+    assert "No size tried" in sentence(table)
+
+
+def test_a_run_that_stopped_is_counted_and_not_averaged() -> None:
+    made = runs()
+    made[0] = replace(made[0], folded=False, values=dict.fromkeys(QUANTITIES, 9.0))
+    first = convergence_table(made).iloc[0]
+    assert (first["runs"], first["stopped"]) == (1, 1)
+    assert first["gyrification_index"] == pytest.approx(1.3001)
+    assert pd.isna(first["correlation_realisations"])
+
+
+def test_correlation_is_weighted_by_area() -> None:
+    a, b = runs()[:2]
+    weight = np.r_[np.ones(250), np.zeros(250)]
+    b = replace(b, gained=np.r_[a.gained[:250], -a.gained[250:]])
+    assert correlation(replace(a, weight=weight), b) == pytest.approx(1)
+    assert abs(correlation(a, b)) < 0.9
+
+
+def test_a_surface_goes_with_the_mesh() -> None:
+    mesh, surface = ball_mesh(3), ball_surface(4, radius=1.02)
+    linear = np.array([[1.2, 0.1, 0.0], [0.0, 0.9, 0.2], [0.1, 0.0, 1.1]])
+    assert carried(surface.points, mesh, mesh.points) == pytest.approx(surface.points)
+    moved = carried(surface.points, mesh, mesh.points @ linear.T)
+    assert np.abs(moved - surface.points @ linear.T).max() < 0.03  # the offset of 0.02 does not turn
+
+
+def test_files_of_runs_become_a_table_a_figure_and_a_sentence(tmp_path: Path) -> None:
+    surface = ball_surface(3)
+    folders = []
+    for mesher in ("lattice", "cgal"):
+        for size in SIZES:
+            folder = tmp_path / f"{mesher}{size}"
+            folder.mkdir()
+            origin = {"case": "a", "mesher": mesher, "seed": 0, "cell_size_mm": size}
+            record = {"origin": origin, "thickness_mm": 1.25, "tets": 10, "outcome": "folded"}
+            (folder / "record.json").write_text(json.dumps(record))
+            write_tsv([dict.fromkeys(QUANTITIES, 1.3 - 0.1 * size)], list(QUANTITIES), folder / "fold.tsv")
+            write_surface(surface, folder / "start.surf.gii")
+            dented = surface.points * (1 - 0.1 * size * np.sin(surface.points[:, :1]) ** 2)
+            write_surface(replace(surface, points=dented), folder / "folded.surf.gii")
+            folders.append(folder)
+    run = read_run(folders[0])
+    assert run.gained.max() > 0.05 and run.weight.sum() == pytest.approx(4 * np.pi * 25, rel=0.02)
+    names = ("t.tsv", "t.json", "t.md", "t.html", "t.tex", "f.svg", "f.png", "s.txt")
+    write_convergence(folders, [tmp_path / name for name in names])
+    rows = read_tsv(tmp_path / "t.tsv")
+    assert set(rows.columns) == set(json.loads((tmp_path / "t.json").read_text()))
+    assert float(rows["gyrification_index"].iloc[3]) == pytest.approx(1.3, abs=1e-3)
+    assert "of the thickness" in (tmp_path / "s.txt").read_text()
+    assert (tmp_path / "f.png").stat().st_size > 10_000
