@@ -17,7 +17,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from cortet.geometry.counting import behind_faces, cells_around
-from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.mesh import REGION, FloatArray, IntArray, TetMesh, TriSurface
 
 #: corners of the face opposite each corner of a tetrahedron, outward for positive volume
 TET_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
@@ -60,6 +60,20 @@ class BoundaryFaces(NamedTuple):
     faces: IntArray
     #: (k,) int32, the tetrahedron each belongs to
     cells: IntArray
+
+
+class Interfaces(NamedTuple):
+    """Faces between tetrahedra of two regions. Surfaces that contain others come before them, so the higher number of
+    the two is that of the surface the face stands for.
+    """
+
+    #: (k, 3) int32, counter-clockwise seen from outside the region with the higher number
+    faces: IntArray
+    #: (k,) int32, the tetrahedron of that region, and the one behind the face
+    cells: IntArray
+    behind: IntArray
+    #: (k,) int32, the higher number
+    region: IntArray
 
 
 @dataclass(frozen=True)
@@ -144,6 +158,35 @@ def boundary_surface(mesh: TetMesh) -> tuple[TriSurface, IntArray]:
     nodes = boundary_nodes(mesh)
     faces = np.searchsorted(nodes, boundary_faces(mesh)).astype(np.int32)
     return TriSurface(mesh.points[nodes], faces), nodes
+
+
+@_once_per_mesh
+def interfaces(mesh: TetMesh) -> Interfaces:
+    """Faces between tetrahedra of two regions; none where the mesh has no regions."""
+    region = mesh.cell_data.get(REGION)
+    if region is None:
+        none = np.zeros(0, np.int32)
+        return Interfaces(np.zeros((0, 3), np.int32), none, none, none)
+    behind = cell_neighbours(mesh.cells)
+    cell, corner = np.nonzero((behind >= 0) & (region[:, None] > region[behind]))
+    faces = mesh.cells[cell[:, None], TET_FACES[corner]]
+    inside = cell.astype(np.int32)
+    return Interfaces(faces, inside, behind[cell, corner], region[cell].astype(np.int32))
+
+
+def sheet(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
+    """The faces that stand for one of the given surfaces, and the mesh node of each of their vertices.
+
+    Parameters
+    ----------
+    number : 0 for the boundary, i for the faces between region i and the one around it
+    """
+    if number == 0:
+        return boundary_surface(mesh)
+    found = interfaces(mesh)
+    faces = found.faces[found.region == number]
+    nodes = np.unique(faces)
+    return TriSurface(mesh.points[nodes], np.searchsorted(nodes, faces).astype(np.int32)), nodes
 
 
 def cell_neighbours(cells: IntArray) -> IntArray:

@@ -91,17 +91,24 @@ def _nothing_left(_: TetMesh) -> IntArray:
 def _left_behind(mesh: TetMesh, surface: TriSurface) -> Callable[[TetMesh], IntArray]:
     """What finds the boundary faces, (k, 3) node indices, that leave points of the surface behind.
 
-    Each point may be as far from the boundary as a share of the edges of `mesh`, or as it is from that of `mesh`.
+    Each point may be as far from the boundary as a share of the edges of `mesh`, or as it is from that of `mesh`. The
+    points of inner surfaces are held against their interfaces in the same way.
     """
+    numbered = enumerate((surface, *surface.inner.values()))
+    finders = [_left_behind_sheet(mesh, one, number) for number, one in numbered]
+    return lambda result: np.concatenate([find(result) for find in finders])
+
+
+def _left_behind_sheet(mesh: TetMesh, surface: TriSurface, number: int) -> Callable[[TetMesh], IntArray]:
     samples = surface_samples(surface)
-    boundary, _ = topology.boundary_surface(mesh)
+    boundary, _ = topology.sheet(mesh, number)
     start, end = topology.edges(boundary.faces).T
     edge = np.linalg.norm(boundary.points[start] - boundary.points[end], axis=1).mean()
     before = closest_points(surface_tree(boundary.points, boundary.faces), samples).distances
     limits = np.maximum(MOST_LEFT_BEHIND * edge, _SAME * before)
 
     def leaving_faces(result: TetMesh) -> IntArray:
-        boundary, nodes = topology.boundary_surface(result)
+        boundary, nodes = topology.sheet(result, number)
         found = closest_points(surface_tree(boundary.points, boundary.faces), samples)
         faces = np.unique(found.faces[found.distances > limits])
         return nodes[boundary.faces[faces]].astype(np.int32)

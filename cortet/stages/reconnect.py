@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.geometry.closest_point import SurfaceTree, surface_tree
+from cortet.geometry.closest_point import SurfaceTree, forest
 from cortet.measure.quality import quality
 from cortet.mesh import IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import without_crossing
@@ -77,13 +77,14 @@ def reconnect(
     Parameters
     ----------
     mesh : positive volumes
-    surface : the surface boundary vertices slide on, and new boundary edges must be close to
+    surface : the surface boundary vertices slide on, and new boundary edges must be close to; the vertices of
+        interfaces slide on its inner surfaces
     boundary : what boundary vertices may do when vertices move; boundary edges may be flipped unless it is `fixed`
     insert : also insert vertices inside, where no swap helps; they carry the values of a vertex near them
     """
     before = quality(mesh.points, mesh.cells)
     require_positive(before)
-    tree = surface_tree(surface.points, surface.faces)
+    tree = forest(surface)
 
     def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, list[SwapCount]]:
         return _improved(start, tree, threshold, boundary, held)
