@@ -389,14 +389,11 @@ def move_vertices(
     count = len(mesh.points)
     freedom = np.full(count, FREE, np.int8)
     freedom[topology.boundary_nodes(mesh)] = {"slide": SLIDING, "fixed": FIXED, "free": FREE}[boundary]
-    place = np.full(count, -1, np.int32)
+    place = interface_places(mesh, tree)
+    freedom[place >= 0] = {"slide": SLIDING, "fixed": FIXED, "free": FREE}[boundary]
     sheets = topology.boundary_faces(mesh)
-    first = first_triangles(tree)
-    if len(first) > 1:
-        faces, _, _, region = topology.interfaces(mesh)
-        freedom[faces] = {"slide": SLIDING, "fixed": FIXED, "free": FREE}[boundary]
-        place[faces] = first[region][:, None]
-        sheets = np.concatenate([sheets, faces])
+    if (place >= 0).any():
+        sheets = np.concatenate([sheets, topology.interfaces(mesh).faces])
     freedom[np.asarray(held, np.int32)] = FIXED
     patches = _patches(mesh, freedom, sheets)
     points = mesh.points.copy()
@@ -406,6 +403,16 @@ def move_vertices(
     colours = _colours(mesh.cells, count)
     done = tuple(_run(aim, state, patches, tree, colours) for aim in passes)
     return replace(mesh, points=state.points), done
+
+
+def interface_places(mesh: TetMesh, tree: SurfaceTree) -> IntArray:
+    """For each vertex of an interface a triangle of the surface it lies on, where `tree` is a forest; else -1: (n,)."""
+    place = np.full(len(mesh.points), -1, np.int32)
+    first = first_triangles(tree)
+    if len(first) > 1:
+        found = topology.interfaces(mesh)
+        place[found.faces] = first[found.region][:, None]
+    return place
 
 
 def _patches(mesh: TetMesh, freedom: np.ndarray, faces: IntArray) -> Patches:

@@ -20,7 +20,7 @@ from cortet.mesh import IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import without_crossing
 from cortet.optimise.insertion import insert_vertices
 from cortet.optimise.swaps import SwapCount, improve, live_cells, swappable
-from cortet.optimise.vertices import Boundary, Pass, move_vertices, mu2_of
+from cortet.optimise.vertices import Boundary, Pass, interface_places, move_vertices, mu2_of
 from cortet.stages.clean import KEPT, require_positive
 
 VERSION: int = 5
@@ -51,7 +51,7 @@ class ReconnectReport:
     tets_before: int
     tets: int
     #: swaps looked at, and those made: an edge and the tetrahedra around it replaced; a face replaced by an edge (2-3);
-    #: a boundary edge flipped; a boundary tetrahedron peeled off
+    #: an edge of the boundary or of an interface flipped; a boundary tetrahedron peeled off
     attempts: int
     edge_removals: int
     face_removals: int
@@ -72,7 +72,8 @@ def reconnect(
 
     Every swap improves the worst quality of the tetrahedra it replaces, all volumes stay positive, vertices are added
     or lost only inside and only with `insert`, and the boundary keeps its topology. Values per tetrahedron follow;
-    integer ones are labels of regions, whose interfaces no swap touches.
+    integer ones are labels of regions, which no swap joins. The interface of regions stays as it is, or, where it lies
+    on an inner surface, is treated like the boundary: its vertices slide, its edges may be flipped.
 
     Parameters
     ----------
@@ -166,7 +167,7 @@ def _improved(
 
 def _swapped(mesh: TetMesh, tree: SurfaceTree, threshold: float, rigid: NDArray[np.bool_]) -> tuple[TetMesh, SwapCount]:
     mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
-    work = swappable(mesh.points, mesh.cells, mu2, _regions(mesh), rigid)
+    work = swappable(mesh.points, mesh.cells, mu2, _regions(mesh), rigid, place=interface_places(mesh, tree))
     count = improve(work, tree, float(mu2_of(threshold)))
     cells, origin = live_cells(work)
     cell_data = {name: values[origin] for name, values in mesh.cell_data.items()}

@@ -27,7 +27,7 @@ def mesh() -> TetMesh:
 
 
 def star_of(mesh: TetMesh, v: int):
-    around = vertices._patches(mesh, np.full(len(mesh.points), FREE, np.int8))
+    around = vertices._patches(mesh, np.full(len(mesh.points), FREE, np.int8), topology.boundary_faces(mesh))
     star = np.empty((64, 8))
     return star, vertices._gather(mesh.points, around, v, star)
 
