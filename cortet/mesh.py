@@ -58,6 +58,8 @@ class CoordinateFrame:
 #: field of tetrahedra, integer, that says in which region each lies: 0 between the boundary and the inner surfaces, i
 #: inside the i-th inner surface and in none that it contains
 REGION = "region"
+#: name of region 0; the others are named as the inner surfaces around them
+OUTERMOST = "cortex"
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,10 +13,7 @@ import numpy as np
 
 from cortet.geometry.closest_point import ClosestPoints, SurfaceTree, closest_points, surface_tree
 from cortet.geometry.topology import enclosed_volume, vertex_normals
-from cortet.mesh import FloatArray, TriSurface
-
-#: name of region 0
-OUTERMOST = "cortex"
+from cortet.mesh import OUTERMOST, FloatArray, TriSurface
 
 
 def nested(surface: TriSurface, inner: Mapping[str, TriSurface]) -> TriSurface:

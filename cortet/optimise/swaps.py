@@ -448,7 +448,7 @@ def _interface_flip_is_sound(mesh, tree, e, a, b, first, last, alone, worst):  #
 
 @numba.njit(cache=True)
 def _stays_on_surface(points, tree, a, b, first, last, worst, place):  # type: ignore[no-untyped-def]
-    """Whether faces on (first, last) instead of (a, b) are much like these, and near the surface of triangle `place`."""
+    """Whether faces on (first, last) instead of (a, b) are like these, and near the surface of triangle `place`."""
     old = _unit_normal(points, a, first, b) + _unit_normal(points, a, b, last)
     old /= np.sqrt((old * old).sum())
     for normal in (_unit_normal(points, first, b, last), _unit_normal(points, first, last, a)):
