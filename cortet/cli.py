@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 from cortet import __version__
 from cortet.errors import CortetError, InputError
 from cortet.formats import FORMATS, format_of
-from cortet.mesh import OUTERMOST
 
 if TYPE_CHECKING:
     from cortet.config import Config
@@ -509,6 +508,8 @@ def _named_file(text: str) -> tuple[str, str]:
 
 
 def _inner_file(text: str) -> tuple[str, str]:
+    from cortet.mesh import OUTERMOST
+
     name, equals, file = text.rpartition("=")
     if not equals:
         return "white", text

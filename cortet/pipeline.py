@@ -110,8 +110,9 @@ def run(
             # each inner surface by itself
             within, reported["inner"] = {}, {}
             for name, one in latest["surface"].inner.items():
-                own = {**facts, "source": (inner_sources or {}).get(name, name)}
-                within[name], report = stage.function(one, **config.arguments(stage.name, own))
+                own = config.arguments(stage.name, {**facts, "source": str((inner_sources or {}).get(name, name))})
+                inside = {"inside": True} if stage.name == "gate" else {}
+                within[name], report = stage.function(one, **own, **inside)
                 reported["inner"][name] = asdict(report)
             latest["surface"] = nested(latest["surface"], within)
         seconds = time.perf_counter() - began

@@ -136,9 +136,15 @@ def packed(simplices: NDArray[np.integer]) -> NDArray[np.int64]:
 
 
 @_once_per_mesh
+def neighbours(mesh: TetMesh) -> IntArray:
+    """`cell_neighbours` of a mesh."""
+    return cell_neighbours(mesh.cells)
+
+
+@_once_per_mesh
 def boundary(mesh: TetMesh) -> BoundaryFaces:
     """Boundary faces of a mesh, outward, with the tetrahedron that owns each, in the order of the tetrahedra."""
-    cell, corner = np.nonzero(cell_neighbours(mesh.cells) < 0)
+    cell, corner = np.nonzero(neighbours(mesh) < 0)
     return BoundaryFaces(mesh.cells[cell[:, None], TET_FACES[corner]], cell.astype(np.int32))
 
 
@@ -167,7 +173,7 @@ def interfaces(mesh: TetMesh) -> Interfaces:
     if region is None:
         none = np.zeros(0, np.int32)
         return Interfaces(np.zeros((0, 3), np.int32), none, none, none)
-    behind = cell_neighbours(mesh.cells)
+    behind = neighbours(mesh)
     cell, corner = np.nonzero((behind >= 0) & (region[:, None] > region[behind]))
     faces = mesh.cells[cell[:, None], TET_FACES[corner]]
     inside = cell.astype(np.int32)

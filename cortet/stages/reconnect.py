@@ -179,4 +179,6 @@ def _regions(mesh: TetMesh) -> IntArray:
     labels = [values.reshape(len(mesh.cells), -1) for values in mesh.cell_data.values() if values.dtype.kind in "iu"]
     if not labels:
         return np.zeros(len(mesh.cells), np.int32)
+    if len(labels) == 1 and labels[0].shape[1] == 1:
+        return np.unique(labels[0], return_inverse=True)[1].ravel().astype(np.int32)
     return np.unique(np.hstack(labels), axis=0, return_inverse=True)[1].ravel().astype(np.int32)
