@@ -210,7 +210,7 @@ def _mesh(args: argparse.Namespace) -> int:
         sources = field_sources(dict(args.field), config.export.field_units)
         labels = {name: field.labels for name, field in sources.items()}
         export(
-            named_sets(mesh, **config.export.sets, label_names=labels),
+            named_sets(mesh, **config.export.sets, label_names=labels, inner=list(meshed.inner)),
             args.output,
             solver=solver,
             certificate=asdict(certificate),

@@ -161,7 +161,7 @@ def certify(
     boundary, _ = boundary_surface(mesh)
     topology = surface_topology(boundary.faces)
     measured, faithful = summarise(mesh), fidelity(mesh, surface)
-    walls = sheets_of(mesh)  # beginning with the boundary
+    walls = sheets_of(mesh) if surface.inner else boundary  # beginning with the boundary
     crossing = self_intersections(walls)
     regions = region_records(mesh, surface) if surface.inner else ()
     interfaces = interface_records(mesh, surface) if surface.inner else ()

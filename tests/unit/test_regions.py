@@ -11,6 +11,7 @@ from shapes import ball_surface
 
 from cortet.config import load
 from cortet.errors import InputError
+from cortet.formats import FORMATS
 from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closest_points, forest, surface_tree
 from cortet.geometry.intersection import self_intersections
@@ -20,10 +21,14 @@ from cortet.measure.certify import certify
 from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import REGION, TetMesh, TriSurface
 from cortet.pipeline import Meshed, mesh_surface
+from cortet.solver_files.export import export
+from cortet.solver_files.sets import named_sets
+from cortet.solver_files.verify import verify
 from cortet.stages.clean import clean
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
 from cortet.stages.separate import separate
+from cortet.stages.solver_ready import surface_nodes_first
 
 PAIRS = Path(__file__).parents[3] / "shared" / "data" / "pairs"
 H = 2.0
@@ -237,3 +242,30 @@ def test_the_same_bits_with_one_and_two_threads(pair, meshed, tmp_path):
         for threads in (1, 2)
     }
     assert len(found) == 1 and isinstance(meshed.mesh, TetMesh)
+
+
+@pytest.mark.parametrize("solver", [name for name, form in FORMATS.items() if not form.is_surface])
+def test_regions_are_materials_and_the_interface_a_named_surface_of_every_format(meshed, tmp_path, solver):
+    mesh = named_sets(meshed.mesh, inner=["white"])
+    path = tmp_path / f"balls{FORMATS[solver].suffix}"
+    export(mesh, path, solver=solver, certificate={"certified": True, "reasons": []})
+    assert verify(path, solver) == []
+    back = FORMATS[solver].read(path)
+    sets = back.sets
+    if solver != "braingrowth":  # which has one material
+        for name in ("cortex", "core"):
+            assert np.array_equal(np.sort(sets.cells[name]), mesh.sets.cells[name])
+    if solver in ("abaqus", "febio", "fenics", "gmsh", "vtu"):
+        assert len(sets.faces["white_interface"]) == len(interfaces(meshed.mesh).faces)
+        faces = TriSurface(back.points, sets.faces["white_interface"])
+        assert surface_topology(faces.faces).problems() == []
+        assert volume(faces) == pytest.approx(1000 * meshed.certificate.regions[1].volume_ml)  # outward
+
+
+def test_several_inner_regions_are_sets_by_name():
+    inner = {"white": ball(10.0), "deep": ball(5.0)}
+    mesh, _ = generate(nested(ball(14.0), inner), cell_size=H)
+    sets = named_sets(surface_nodes_first(mesh)[0], inner=["white", "deep"]).sets
+    assert sets.cells.keys() == {"core", "cortex", "white", "deep"}
+    assert len(sets.cells["core"]) == len(sets.cells["white"]) + len(sets.cells["deep"])
+    assert sets.faces.keys() == {"cortical_surface", "white_interface", "deep_interface"}
