@@ -89,6 +89,8 @@ class Scan(Section):
         "sub-{participant}/anat/sub-{participant}_hemi-{hemi}_white.surf.gii",
     ]
     """Where surfaces lie below the release's folder; the first pattern that finds a case wins."""
+    pial: bool = False
+    """true: a pial surface beside a white one becomes the surface, and the white one its inner surface."""
     sessions: str = "sub-{participant}/sub-{participant}_sessions.tsv"
     """Table of a participant's sessions."""
     participants: str = "participants.tsv"

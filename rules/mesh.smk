@@ -5,6 +5,7 @@ rule generate:
     """S1: fill the surface with tetrahedra."""
     input:
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("Generated")),
         report=mesh_file("Generated", "tetmesh.json"),
@@ -32,6 +33,7 @@ rule transfer:
     input:
         mesh=mesh_before("transfer"),
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
         fields=fields_of,
     output:
         mesh=intermediate(mesh_file("Transferred")),
@@ -83,6 +85,7 @@ rule clean:
     input:
         mesh=mesh_before("clean"),
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("Cleaned")),
         report=mesh_file("Cleaned", "tetmesh.json"),
@@ -108,6 +111,7 @@ rule reconnect:
     input:
         mesh=mesh_before("reconnect"),
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("Reconnected")),
         report=mesh_file("Reconnected", "tetmesh.json"),
@@ -133,6 +137,7 @@ rule smooth_boundary:
     input:
         mesh=mesh_before("smooth_boundary"),
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("BoundarySmoothed")),
         report=mesh_file("BoundarySmoothed", "tetmesh.json"),
@@ -158,6 +163,7 @@ rule snap:
     input:
         mesh=mesh_before("snap"),
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("Snapped")),
         report=mesh_file("Snapped", "tetmesh.json"),
@@ -183,6 +189,7 @@ rule solver_ready:
     input:
         mesh=mesh_before("solver_ready"),
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
         fields=fields_of,
     output:
         mesh=mesh_file("Solver"),

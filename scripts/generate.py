@@ -10,6 +10,6 @@ from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.stages.generate import generate
 
-mesh, report = generate(gifti.read_surface(job.input.surface), **job.arguments)
+mesh, report = generate(gifti.read_nested(job.input.surface, job.input.inner), **job.arguments)
 vtu.write(mesh, job.output.mesh)
 write_json(job.record(asdict(report)), job.output.report)

@@ -10,7 +10,7 @@ from cortet.formats import carp, gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.stages.transfer import transfer
 
-surface = gifti.read_surface(job.input.surface)
+surface = gifti.read_nested(job.input.surface, job.input.inner)
 if job.input.fields:
     surface = replace(surface, point_data=gifti.read_surface(job.input.fields).point_data)
 mesh, report = transfer(vtu.read(job.input.mesh), surface, **job.arguments)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.formats.gifti import single_precision
 from cortet.geometry.closest_point import SurfaceTree, surface_tree
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import depths, joined, parents, region_boundary, region_names, sheets
@@ -76,6 +77,8 @@ def separate(
 ) -> tuple[TriSurface, SeparateReport]:
     """Move inner surfaces inward until they keep a distance from the surfaces around them.
 
+    Coordinates of the result are float32 values, so GIfTI files hold them exactly.
+
     Parameters
     ----------
     surface : with its inner surfaces, none of which crosses itself
@@ -135,7 +138,8 @@ def _moved_inside(
         )
     crossing = _crossing(surface, container)
     points = _pushed(surface, container, tree, gaps)
-    moved = replace(surface, points=points)
+    moved = single_precision(replace(surface, points=points))
+    points = moved.points
     if remaining := _crossing(moved, container):
         faces = self_intersections(joined([moved, container]))
         first = joined([moved, container]).points[joined([moved, container]).faces[faces[0]]].mean(axis=0)
