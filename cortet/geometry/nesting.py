@@ -12,8 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from cortet.geometry.closest_point import ClosestPoints, SurfaceTree, closest_points, surface_tree
-from cortet.geometry.topology import enclosed_volume, vertex_normals
-from cortet.mesh import OUTERMOST, FloatArray, TriSurface
+from cortet.geometry.topology import enclosed_volume, face_normals, packed, vertex_normals
+from cortet.mesh import OUTERMOST, FloatArray, IntArray, TriSurface
+
+#: a barycentric weight below this is that of a point on the opposite edge
+_ON_EDGE = 1e-9
 
 
 def nested(surface: TriSurface, inner: Mapping[str, TriSurface]) -> TriSurface:
@@ -66,20 +69,57 @@ def joined(surfaces: Sequence[TriSurface]) -> TriSurface:
 
 
 def depths(tree: SurfaceTree, surface: TriSurface, points: FloatArray) -> tuple[FloatArray, FloatArray, ClosestPoints]:
-    """How deep points lie below a closed surface whose triangles point outward, negative outside.
+    """How deep points lie below a closed manifold whose triangles point outward, negative outside.
 
-    The normal at the nearest point, interpolated between those of the vertices, tells inside from outside.
+    The pseudonormal of the face, edge or vertex that is nearest tells inside from outside, always where the surface
+    does not cross itself (Baerentzen and Aanaes, IEEE Transactions on Visualization and Computer Graphics 11, 2005).
 
     Returns
     -------
-    depth (k,) mm, that normal (k, 3), and the nearest points
+    depth (k,) mm; the unit normal at the nearest point (k, 3), interpolated between those of the vertices; and the
+    nearest points
     """
     found = closest_points(tree, points)
     normals = vertex_normals(surface.points, surface.faces)[surface.faces[found.faces]]
     normal = np.einsum("kc,kcj->kj", found.barycentric, normals)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
-    side = np.einsum("kj,kj->k", found.points - points, normal)
+    side = np.einsum("kj,kj->k", found.points - points, _pseudonormals(surface, found))
     return np.where(side >= 0, 1, -1) * found.distances, normal, found
+
+
+def _pseudonormals(surface: TriSurface, found: ClosestPoints) -> FloatArray:
+    """Normal of the face, sum of those of both faces of the edge, or those of the vertex weighted by angle: (k, 3)."""
+    faces = surface.faces
+    normal = face_normals(surface.points, faces)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    off = found.barycentric < _ON_EDGE
+    result = normal[found.faces]
+    on_edge, on_vertex = off.sum(axis=1) == 1, off.sum(axis=1) == 2
+    result[on_edge] += normal[_across_edges(faces)[found.faces[on_edge], off[on_edge].argmax(axis=1)]]
+    vertex = faces[found.faces[on_vertex], found.barycentric[on_vertex].argmax(axis=1)]
+    result[on_vertex] = _angle_weighted(surface, normal)[vertex]
+    return result
+
+
+def _across_edges(faces: IntArray) -> IntArray:
+    """The face behind the edge opposite each corner of the faces of a closed manifold: (m, 3)."""
+    opposite = faces[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
+    order = np.argsort(packed(opposite), kind="stable")
+    behind = np.empty(len(order), np.int32)
+    behind[order[0::2]], behind[order[1::2]] = order[1::2] // 3, order[0::2] // 3
+    return behind.reshape(-1, 3)
+
+
+def _angle_weighted(surface: TriSurface, normal: FloatArray) -> FloatArray:
+    """For each vertex the sum of the unit normals of its faces times their angles there: (n, 3)."""
+    corners = surface.points[surface.faces]
+    ahead, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    length = np.linalg.norm(ahead, axis=2) * np.linalg.norm(back, axis=2)
+    cosine = np.einsum("mcj,mcj->mc", ahead, back) / np.maximum(length, np.finfo(float).tiny)
+    angle = np.arccos(np.clip(cosine, -1, 1))
+    weighted = (angle[:, :, None] * normal[:, None]).reshape(-1, 3)
+    vertex, count = surface.faces.ravel(), len(surface.points)
+    return np.stack([np.bincount(vertex, weighted[:, axis], minlength=count) for axis in range(3)], axis=1)
 
 
 def _contains(outer: TriSurface, inner: TriSurface) -> bool:

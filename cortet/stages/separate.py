@@ -19,7 +19,7 @@ from cortet.formats.gifti import single_precision
 from cortet.geometry.closest_point import SurfaceTree, surface_tree
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import depths, joined, parents, region_boundary, region_names, sheets
-from cortet.geometry.topology import edges, enclosed_volume, vertex_normals
+from cortet.geometry.topology import edges, enclosed_volume, neighbour_means, vertex_normals
 from cortet.mesh import FloatArray, IntArray, TriSurface
 from cortet.meshers.thickness import thickness
 
@@ -31,6 +31,8 @@ SHARE_OF_BLADE = 0.25
 _STEPS, _TOLERANCE = 40, 0.02
 #: share of each step that is the mean of the steps of the neighbours, and how often that mean is taken
 _SMOOTH, _SMOOTHINGS = 0.3, 2
+#: rounds of smoothing where triangles cross after that; share of the gap that vertices there are pushed in each
+_ROUNDS, _NUDGE = 15, 0.2
 
 logger = logging.getLogger(__name__)
 
@@ -136,16 +138,17 @@ def _moved_inside(
             f"{max_outside:g} mm",
             remedy="check that both are of one subject, in one space; where that is right, set regions.max_outside",
         )
-    crossing = _crossing(surface, container)
-    points = _pushed(surface, container, tree, gaps)
-    moved = single_precision(replace(surface, points=points))
+    crossing = len(self_intersections(joined([surface, container])))
+    pushed = replace(surface, points=_pushed(surface, container, tree, gaps))
+    moved = single_precision(_uncrossed(pushed, container, tree, gap))
     points = moved.points
-    if remaining := _crossing(moved, container):
-        faces = self_intersections(joined([moved, container]))
-        first = joined([moved, container]).points[joined([moved, container]).faces[faces[0]]].mean(axis=0)
+    both = joined([moved, container])
+    remaining = self_intersections(both)
+    if len(remaining):
+        first = both.points[both.faces[remaining[0]]].mean(axis=0)
         raise InputError(
-            f"the inner surface {name} cannot be moved away from the one around it: {remaining} triangles cross, the "
-            f"first at {_place(first)}",
+            f"the inner surface {name} cannot be moved away from the one around it: {len(remaining)} triangles "
+            f"cross, the first at {_place(first)}",
             remedy="edit the surfaces there, or choose a smaller regions.min_gap",
         )
     after, _, found = depths(tree, container, points)
@@ -187,7 +190,7 @@ def _pushed(surface: TriSurface, container: TriSurface, tree: SurfaceTree, gaps:
     """Positions of the vertices of `surface` at which it keeps the `gaps` of the container's vertices."""
     links = edges(surface.faces)
     points = surface.points.copy()
-    corners, weights = _samples(surface)
+    corners, weights = _samples(surface, spacing=float(gaps.max()))
     active = np.arange(len(corners))
     for step in range(_STEPS):
         places = np.einsum("kc,kcj->kj", weights[active], points[corners[active]])
@@ -204,13 +207,42 @@ def _pushed(surface: TriSurface, container: TriSurface, tree: SurfaceTree, gaps:
     return points
 
 
-def _samples(surface: TriSurface) -> tuple[IntArray, FloatArray]:
-    """Vertices, then face centres: the corners (k, 3) of a triangle and their weights (k, 3)."""
+def _samples(surface: TriSurface, *, spacing: float) -> tuple[IntArray, FloatArray]:
+    """Vertices, then points in the faces: the corners (k, 3) of a triangle and their weights (k, 3).
+
+    A face is sampled at its centre, or where edges are more than twice the spacing (mm) long, on a grid of that.
+    """
     number = np.arange(len(surface.points), dtype=np.int32)
-    corners = np.concatenate([np.column_stack([number] * 3), surface.faces])
-    weights = np.full(corners.shape, 1 / 3)
-    weights[: len(number)] = [1, 0, 0]
-    return corners, weights
+    corners, weights = [np.column_stack([number] * 3)], [np.tile([1.0, 0, 0], (len(number), 1))]
+    start, end = edges(surface.faces).T
+    edge = float(np.linalg.norm(surface.points[start] - surface.points[end], axis=1).mean())
+    parts = int(np.ceil(edge / (2 * spacing)))
+    grid = [(i / parts, j / parts) for i in range(parts + 1) for j in range(parts + 1 - i)] if parts > 1 else []
+    for u, v in [(1 / 3, 1 / 3), *grid]:
+        if max(u, v, 1 - u - v) < 1:
+            corners.append(surface.faces)
+            weights.append(np.tile([u, v, 1 - u - v], (len(surface.faces), 1)))
+    return np.concatenate(corners), np.concatenate(weights)
+
+
+def _uncrossed(surface: TriSurface, container: TriSurface, tree: SurfaceTree, gap: float) -> TriSurface:
+    """Smooth and push inward the vertices of triangles that still cross others, and of ever more around them."""
+    for number in range(_ROUNDS):
+        crossing = self_intersections(joined([surface, container]))
+        crossing = crossing[crossing < len(surface.faces)]
+        if not len(crossing):
+            break
+        chosen = np.zeros(len(surface.points), np.bool_)
+        chosen[surface.faces[crossing]] = True
+        for _ in range(number // 3):
+            chosen[surface.faces[chosen[surface.faces].any(axis=1)]] = True
+        depth, normal, _ = depths(tree, container, surface.points[chosen])
+        points = surface.points.copy()
+        points[chosen] = (points[chosen] + neighbour_means(points, surface.faces)[chosen]) / 2
+        # only where the other surface is near: a surface may also cross itself deep inside
+        points[chosen] -= np.where(depth < 2 * gap, _NUDGE * gap, 0)[:, None] * normal
+        surface = replace(surface, points=points)
+    return surface
 
 
 def _largest(corners: IntArray, lengths: FloatArray, directions: FloatArray, count: int) -> FloatArray:
@@ -240,11 +272,6 @@ def _neighbour_mean(links: IntArray, values: FloatArray) -> FloatArray:
     total = np.stack([np.bincount(start, values[end, axis], minlength=len(values)) for axis in range(3)], axis=1)
     mean: NDArray[np.float64] = total / np.maximum(count, 1)[:, None]
     return mean
-
-
-def _crossing(one: TriSurface, other: TriSurface) -> int:
-    """Triangles of two surfaces that cross others, of the same or of the other one."""
-    return len(self_intersections(joined([one, other])))
 
 
 def _place(point: FloatArray) -> str:
