@@ -8,8 +8,9 @@ import json
 import logging
 import math
 import os
+import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -78,6 +79,14 @@ def parser() -> argparse.ArgumentParser:
         type=_named_file,
         metavar="NAME=FILE",
         help="per-vertex field to carry to the mesh, GIfTI; repeatable",
+    )
+    line.add_argument(
+        "--inner",
+        action="append",
+        default=[],
+        type=_inner_file,
+        metavar="[NAME=]FILE",
+        help="closed surface inside SURFACE, whose inside is a region NAME (default: white); repeatable",
     )
 
     mesh = commands.add_parser("mesh", parents=[common, line], help="mesh one surface and certify the mesh")
@@ -184,16 +193,24 @@ def _mesh(args: argparse.Namespace) -> int:
 
     solver = format_of(args.output).name  # an unknown one is refused before the work, not after
     config, surface = _config(args), _surface(args)
-    progress = Progress(config, args.ga)
+    inner = dict(args.inner)
+    progress = Progress(config, args.ga, nested=bool(inner))
     mesh, certificate, meshed = mesh_surface(
-        surface, config, gestational_age=args.ga, source=args.surface, case=_stem(args.output), progress=progress
+        surface,
+        config,
+        gestational_age=args.ga,
+        source=args.surface,
+        inner=_inner_surfaces(inner),
+        inner_sources=inner,
+        case=_stem(args.output),
+        progress=progress,
     )
     record = args.output.with_suffix(".certificate.json")
     if certificate.certified:
         sources = field_sources(dict(args.field), config.export.field_units)
         labels = {name: field.labels for name, field in sources.items()}
         export(
-            named_sets(mesh, **config.export.sets, label_names=labels),
+            named_sets(mesh, **config.export.sets, label_names=labels, inner=list(meshed.inner)),
             args.output,
             solver=solver,
             certificate=asdict(certificate),
@@ -232,7 +249,16 @@ def _stages(args: argparse.Namespace) -> int:
     rows = []
     widths = [max(len(name) + 2, 12) for name in STAGE_COLUMNS]
     print("".join(f"{name:>{width}}" for name, width in zip(STAGE_COLUMNS, widths, strict=True)))
-    for row in measured_stages(run(surface, config, gestational_age=args.ga, source=args.surface)):
+    inner = dict(args.inner)
+    line = run(
+        surface,
+        config,
+        gestational_age=args.ga,
+        source=args.surface,
+        inner=_inner_surfaces(inner),
+        inner_sources=inner,
+    )
+    for row in measured_stages(line):
         values = (cell(row[name]) for name in STAGE_COLUMNS)
         print("".join(f"{value:>{width}}" for value, width in zip(values, widths, strict=True)), flush=True)
         rows.append(row)
@@ -394,11 +420,11 @@ class Progress:
 
     HEAD = ("stage", "seconds", "nodes", "tets", "mean q", "q_max", "q > 0.6")
 
-    def __init__(self, config: Config, gestational_age: float | None) -> None:
+    def __init__(self, config: Config, gestational_age: float | None, *, nested: bool) -> None:
         from cortet.pipeline import stages
 
         self.live = sys.stdout.isatty()
-        self.waiting = stages(config, gestational_age=gestational_age)
+        self.waiting = stages(config, gestational_age=gestational_age, nested=nested)
         print(self._row(self.HEAD))
         self._announce()
 
@@ -479,6 +505,25 @@ def _named_file(text: str) -> tuple[str, str]:
     if not (name and equals and file):
         raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE")
     return name, file
+
+
+def _inner_file(text: str) -> tuple[str, str]:
+    from cortet.mesh import OUTERMOST
+
+    name, equals, file = text.rpartition("=")
+    if not equals:
+        return "white", text
+    if not (re.fullmatch("[A-Za-z][A-Za-z0-9]*", name) and file) or name == OUTERMOST:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not NAME=FILE, NAME of letters and digits, other than {OUTERMOST}"
+        )
+    return name, file
+
+
+def _inner_surfaces(files: Mapping[str, str]) -> dict[str, TriSurface]:
+    from cortet.formats.gifti import read_surface
+
+    return {name: read_surface(file) for name, file in files.items()}
 
 
 def _stem(path: Path) -> str:

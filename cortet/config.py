@@ -89,6 +89,8 @@ class Scan(Section):
         "sub-{participant}/anat/sub-{participant}_hemi-{hemi}_white.surf.gii",
     ]
     """Where surfaces lie below the release's folder; the first pattern that finds a case wins."""
+    pial: bool = False
+    """true: a pial surface beside a white one becomes the surface, and the white one its inner surface."""
     sessions: str = "sub-{participant}/sub-{participant}_sessions.tsv"
     """Table of a participant's sessions."""
     participants: str = "participants.tsv"
@@ -135,6 +137,16 @@ class SmoothSurface(Section):
     """Largest relative loss of area."""
     max_displacement: Positive = 0.25
     """Largest symmetric mean nearest-vertex distance to the unsmoothed surface, mm."""
+
+
+class Regions(Section):
+    """Meshes with inner surfaces (column `inner` of the sheet): what is between them and the outer one."""
+
+    min_gap: Annotated[float, Field(gt=0, le=2)] = 0.5
+    """Distance that inner surfaces keep from the one around them, a fraction of h: where they are nearer, as at the
+    medial wall, they are moved inward."""
+    max_outside: Positive = 0.5
+    """Farthest that an inner surface may lie outside the one around it and still be moved inside, mm."""
 
 
 class Generate(Section):
@@ -428,6 +440,7 @@ class Config(Section):
     phantom: Phantom = Phantom()
     gate: Gate = Gate()
     smooth_surface: SmoothSurface = SmoothSurface()
+    regions: Regions = Regions()
     generate: Generate = Generate()
     transfer: Transfer = Transfer()
     relocate: Relocate = Relocate()
@@ -445,9 +458,9 @@ class Config(Section):
         """Whether the line of stages contains `stage`."""
         return bool(getattr(getattr(self, stage, None), "enabled", True))
 
-    def line(self) -> list[Stage]:
-        """The stages that run, in their order."""
-        return [stage for stage in STAGES.values() if self.enabled(stage.name)]
+    def line(self, *, nested: bool = False) -> list[Stage]:
+        """The stages that run, in their order; `nested`: on a surface with inner ones."""
+        return [stage for stage in STAGES.values() if self.enabled(stage.name) and (nested or not stage.nested)]
 
     def require_programs(self) -> None:
         """Raise InputError naming a program that the line calls and that is not installed here."""
@@ -461,6 +474,21 @@ class Config(Section):
             if instead and shutil.which(program) is None:
                 raise InputError(
                     f"the program {program} is not installed", remedy=f"put it on the PATH, or set {instead}"
+                )
+
+    def require_nesting(self, nested: bool) -> None:
+        """Raise InputError where inner surfaces meet a mesher or a stage that knows no interfaces."""
+        if not nested:
+            return
+        for key, in_the_way in {
+            f"generate.meshers: {', '.join(self.generate.meshers)}": self.generate.meshers != ["lattice"],
+            "relocate.enabled: true": self.relocate.enabled,
+            "smooth_boundary.enabled: true": self.smooth_boundary.enabled,
+            "clean.boundary: free": self.clean.enabled and self.clean.boundary == "free",
+        }.items():
+            if in_the_way:
+                raise InputError(
+                    f"{key} knows no inner surfaces", remedy="use the setting `default` for cases that have some"
                 )
 
     def notices(self) -> list[str]:
@@ -481,7 +509,7 @@ class Config(Section):
         facts : what is known of the mesh that is asked for, by the names in `_FACTS`
         """
         # S5 carries the fields onto the final positions as S2 did
-        section = getattr(self, {"solver_ready": "transfer"}.get(step, step), None)
+        section = getattr(self, {"solver_ready": "transfer", "separate": "regions"}.get(step, step), None)
         values = section.model_dump(mode="json", exclude=_CHOICES) if section is not None else {}
         if values.get("backend") == "auto":  # meshes of a cohort must come from one backend
             values["backend"] = installed_backend()
@@ -499,6 +527,7 @@ _FACTS = {
     "phantom": ("gestational_age", "hemisphere"),
     "gate": ("source",),
     "smooth_surface": ("gestational_age",),
+    "separate": ("cell_size",),
     "generate": ("cell_size", "mesher"),
     "certify": ("cell_size",),
     "fold": ("gestational_age", "hemisphere"),

@@ -55,6 +55,13 @@ class CoordinateFrame:
     matrix: tuple[float, ...] = (1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1)
 
 
+#: field of tetrahedra, integer, that says in which region each lies: 0 between the boundary and the inner surfaces, i
+#: inside the i-th inner surface and in none that it contains
+REGION = "region"
+#: name of region 0; the others are named as the inner surfaces around them
+OUTERMOST = "cortex"
+
+
 @dataclass(frozen=True, eq=False)
 class TriSurface:
     """A triangulated surface; ValueError where an array has a wrong shape."""
@@ -67,6 +74,8 @@ class TriSurface:
     point_data: dict[str, NDArray[Any]] = field(default_factory=dict)
     #: coordinate system of `points`
     frame: CoordinateFrame = CoordinateFrame()
+    #: closed surfaces inside this one, name of the region within -> surface; `geometry.nesting.nested` puts them there
+    inner: dict[str, TriSurface] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", _frozen(self.points, np.float64, 3, "points"))

@@ -1,4 +1,4 @@
-"""The whole line for one surface, in memory: gate, smoothing, S1 to S6, certificate.
+"""The whole line for one surface, and those inside it, in memory: gate, smoothing, S1 to S6, certificate.
 
 The workflow runs the same stages with the same arguments in the same order, one file at a time.
 """
@@ -7,16 +7,20 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from cortet.config import Config, load
+from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
 from cortet.mesh import TetMesh, TriSurface
 from cortet.phantom import phantom
 from cortet.stages import STAGES
+
+#: stages that take every surface by itself
+ALONE = ("gate", "smooth_surface")
 
 logger = logging.getLogger(__name__)
 
@@ -46,14 +50,25 @@ class Meshed(NamedTuple):
     surface: TriSurface
 
 
-def stages(config: Config, *, gestational_age: float | None) -> list[str]:
-    """Names of the stages that run; without a gestational age (weeks) there is no smoothing."""
-    names = [stage.name for stage in config.line()]
+def stages(config: Config, *, gestational_age: float | None, nested: bool = False) -> list[str]:
+    """Names of the stages that run; without a gestational age (weeks) there is no smoothing.
+
+    Parameters
+    ----------
+    nested : whether there are inner surfaces
+    """
+    names = [stage.name for stage in config.line(nested=nested)]
     return [name for name in names if name != "smooth_surface" or gestational_age is not None]
 
 
 def run(
-    surface: TriSurface, config: Config, *, gestational_age: float | None = None, source: str | Path | None = None
+    surface: TriSurface,
+    config: Config,
+    *,
+    gestational_age: float | None = None,
+    source: str | Path | None = None,
+    inner: Mapping[str, TriSurface] | None = None,
+    inner_sources: Mapping[str, str | Path] | None = None,
 ) -> Iterator[Step]:
     """Run the line and hand out every stage when it is done.
 
@@ -63,6 +78,8 @@ def run(
     config : of the line; the first of its cell sizes and meshers counts
     gestational_age : weeks; None leaves out smoothing, whose strength depends on it
     source : file of the surface, named in messages
+    inner : name of a region -> the surface around it, inside `surface`
+    inner_sources : their files
 
     Raises
     ------
@@ -82,11 +99,22 @@ def run(
         "cell_size": config.generate.cell_size[0],
         "mesher": config.generate.meshers[0],
     }
-    latest: dict[str, Any] = {"surface": surface}
-    for stage in map(STAGES.__getitem__, stages(config, gestational_age=gestational_age)):
+    latest: dict[str, Any] = {"surface": nested(surface, inner or {})}
+    config.require_nesting(bool(inner))
+    for stage in map(STAGES.__getitem__, stages(config, gestational_age=gestational_age, nested=bool(inner))):
         taken = [latest[kind] for kind in stage.takes]
         began = time.perf_counter()
         latest[stage.gives], report = stage.function(*taken, **config.arguments(stage.name, facts))
+        reported = asdict(report)
+        if stage.name in ALONE and inner:
+            # each inner surface by itself
+            within, reported["inner"] = {}, {}
+            for name, one in latest["surface"].inner.items():
+                own = config.arguments(stage.name, {**facts, "source": str((inner_sources or {}).get(name, name))})
+                inside = {"inside": True} if stage.name == "gate" else {}
+                within[name], report = stage.function(one, **own, **inside)
+                reported["inner"][name] = asdict(report)
+            latest["surface"] = nested(latest["surface"], within)
         seconds = time.perf_counter() - began
         logger.info("%s: %.1f s", stage.name, seconds)
         yield Step(
@@ -94,7 +122,7 @@ def run(
             latest[stage.gives],
             latest["surface"],
             config.record(stage.name, facts),
-            asdict(report),
+            reported,
             seconds,
         )
 
@@ -110,6 +138,8 @@ def mesh_surface(
     *,
     gestational_age: float | None = None,
     source: str | Path | None = None,
+    inner: Mapping[str, TriSurface] | None = None,
+    inner_sources: Mapping[str, str | Path] | None = None,
     case: str = "",
     progress: Callable[[Step], None] = lambda _: None,
 ) -> Meshed:
@@ -121,7 +151,15 @@ def mesh_surface(
     parameters, reports = {}, {}
     facts = {"cell_size": config.generate.cell_size[0]}
     mesh: TriSurface | TetMesh = surface
-    for step in run(surface, config, gestational_age=gestational_age, source=source):
+    line = run(
+        surface,
+        config,
+        gestational_age=gestational_age,
+        source=source,
+        inner=inner,
+        inner_sources=inner_sources,
+    )
+    for step in line:
         progress(step)
         parameters[step.stage], reports[step.stage] = step.parameters, step.report
         mesh, meshed = step.result, step.surface

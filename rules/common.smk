@@ -45,6 +45,10 @@ os.environ.update(CORTET_TIME_LIMIT=str(CONFIG.time_limit or 0))
 
 OUT = CONFIG.output.as_posix()
 CASES = {case.name: case for case in SHEET if case.include}
+try:
+    CONFIG.require_nesting(any(case.inner for case in CASES.values()))
+except CortetError as error:
+    raise WorkflowError(f"the sheet has inner surfaces: {error}") from None
 # meshers of other projects, for comparison: where one fails, its report says so and the run goes on
 COMPARED_MESHERS = [
     mesher
@@ -76,6 +80,7 @@ wildcard_constraints:
     case=r"sub-[A-Za-z0-9]+(_ses-[A-Za-z0-9]+)?(_hemi-[LR])?",
     res=r"[1-9][0-9]*",
     seed=r"[0-9]+",
+    inner=r"[A-Za-z][A-Za-z0-9]*",
     mesher=r"[a-z0-9]+",
     setting="|".join(["", *SETTINGS]),  # an empty expression alone would be none
     suffix="|".join(map(re.escape, SOLVERS)),
@@ -89,6 +94,11 @@ def bids(suffix, datatype, **entities):
 
 def surface_file(desc, suffix="white.surf.gii"):
     return bids(suffix, "anat", desc=desc)
+
+
+def inner_file(desc, suffix="white.surf.gii", **entities):
+    """File of an inner surface, by the name of the region inside it."""
+    return bids(suffix, "anat", **entities, inner="{inner}", desc=desc)
 
 
 def mesh_file(desc, suffix="tetmesh.vtu"):
@@ -130,6 +140,12 @@ def mesh_log(rule, suffix="log", desc=""):
 run_benchmark = partial(run_log, suffix="tsv")
 surface_benchmark = partial(surface_log, suffix="tsv")
 mesh_benchmark = partial(mesh_log, suffix="tsv")
+
+
+def inner_log(rule, suffix="log"):
+    """Log or benchmark of a job on an inner surface, for one cell size where that matters."""
+    res = "_res-{res}um" if rule == "separate" else ""
+    return run_log(f"{rule}/{{folder}}/{{case}}{res}_inner-{{inner}}", suffix)
 
 
 def file_of(pattern, case, res, mesher, setting=""):
@@ -174,7 +190,9 @@ def facts_of(wildcards):
     case = CASES[wildcards.case]
     facts = {"source": str(case.surface), "gestational_age": case.scan_age, "hemisphere": case.hemi}
     if "res" in wildcards.keys():
-        facts |= {"cell_size": int(wildcards.res) / 1000, "mesher": wildcards.mesher}
+        facts |= {"cell_size": int(wildcards.res) / 1000, "mesher": wildcards.get("mesher")}
+    if "inner" in wildcards.keys():
+        facts["source"] = str(case.inner.get(wildcards.inner))
     return facts
 
 
@@ -190,10 +208,11 @@ def arguments_of(step, wildcards):
 
 def origin_of(stage, wildcards):
     """Whose record a job writes; `stage` is the one that made the mesh or surface, by its label."""
-    if "res" in wildcards.keys():
+    if "mesher" in wildcards.keys():
         setting = wildcards.get("setting", "")
         return origin_of_mesh(stage, wildcards.case, wildcards.res, wildcards.mesher, setting)
-    return {"case": wildcards.case, "stage": stage}
+    inner = {"inner": wildcards.inner} if "inner" in wildcards.keys() else {}
+    return {"case": wildcards.case, "stage": stage, **inner}
 
 
 def origin_of_mesh(stage, case, res, mesher, setting=""):
@@ -212,9 +231,30 @@ def origin_of_mesh(stage, case, res, mesher, setting=""):
 MESHED_SURFACE = surface_file([stage.label for stage in CONFIG.line() if stage.gives == "surface"][-1])
 
 
+# the inner surfaces as S1 meshes them, and as they are before `separate`, which depends on the cell size
+INNER_SURFACE = inner_file(STAGES["separate"].label, res="{res}um")
+SMOOTHED_INNER = inner_file(STAGES["smooth_surface" if CONFIG.enabled("smooth_surface") else "gate"].label)
+
+
+def inner_of(pattern):
+    """Files of a pattern for the inner surfaces of a case, as an input function; none where it has none."""
+
+    def files(wildcards):
+        inner = CASES[wildcards.case].inner
+        return [pattern.format(**{**wildcards, "inner": name}) for name in inner]
+
+    return files
+
+
+def inner_source(wildcards):
+    """File of the sheet for one inner surface of a case."""
+    path = CASES[wildcards.case].inner.get(wildcards.inner)
+    return existing(path) if path else []
+
+
 def tets(wildcards):
     """Tetrahedra to expect: from the volume that the gate found, before it has run from the age; 0 on a surface."""
-    if "res" not in wildcards.keys():
+    if "mesher" not in wildcards.keys():
         return 0
     case = CASES[wildcards.case]
     try:
@@ -260,15 +300,19 @@ SOLVER_FILES = [mesh_file("Solver", suffix) for suffix, solver in SOLVERS.items(
 
 def reports_of(wildcards):
     """What the stages of a setting reported, by stage."""
-    files = {
-        stage.name: (
-            surface_file(stage.label, "white.json")
-            if stage.gives == "surface"
-            else mesh_file(stage.label, "tetmesh.json")
-        )
-        for stage in setting_of(wildcards).line()
-    }
-    return {stage: path.format(**wildcards) for stage, path in files.items()}
+    inner = CASES[wildcards.case].inner
+
+    def report(stage):
+        if stage.nested:
+            return inner_file(stage.label, "white.json", res="{res}um")
+        if stage.gives == "surface":
+            return surface_file(stage.label, "white.json")
+        return mesh_file(stage.label, "tetmesh.json")
+
+    files = {stage.name: report(stage) for stage in setting_of(wildcards).line(nested=bool(inner))}
+    # each report of `separate` is about all inner surfaces
+    first = {"inner": next(iter(inner), "")}
+    return {stage: path.format(**{**wildcards, **first}) for stage, path in files.items()}
 
 
 def recorded_line(wildcards):

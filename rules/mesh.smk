@@ -8,6 +8,7 @@ rule generate:
     """S1: fill the surface with tetrahedra."""
     input:
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("Generated")),
         report=mesh_file("Generated", "tetmesh.json"),
@@ -36,6 +37,7 @@ rule transfer:
     input:
         mesh=mesh_before("transfer"),
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
         fields=fields_of,
     output:
         mesh=intermediate(mesh_file("Transferred")),
@@ -89,6 +91,7 @@ rule clean:
     input:
         mesh=mesh_before("clean"),
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("Cleaned")),
         report=mesh_file("Cleaned", "tetmesh.json"),
@@ -115,6 +118,7 @@ rule reconnect:
     input:
         mesh=mesh_before("reconnect"),
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("Reconnected")),
         report=mesh_file("Reconnected", "tetmesh.json"),
@@ -141,6 +145,7 @@ rule smooth_boundary:
     input:
         mesh=mesh_before("smooth_boundary"),
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("BoundarySmoothed")),
         report=mesh_file("BoundarySmoothed", "tetmesh.json"),
@@ -167,6 +172,7 @@ rule snap:
     input:
         mesh=mesh_before("snap"),
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("Snapped")),
         report=mesh_file("Snapped", "tetmesh.json"),
@@ -193,6 +199,7 @@ rule solver_ready:
     input:
         mesh=mesh_before("solver_ready"),
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
         fields=fields_of,
     output:
         mesh=mesh_file("Solver"),

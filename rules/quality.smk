@@ -6,6 +6,7 @@ rule certify:
     input:
         mesh=mesh_file("Solver"),
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
         source=surface_of,
         reports=lambda wildcards: list(reports_of(wildcards).values()),
     output:
@@ -62,6 +63,7 @@ rule export:
         mesh=mesh_file("Solver"),
         certificate=CERTIFICATE,
         surface=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
         fields=lambda wildcards: [existing(path) for path in CASES[wildcards.case].fields.values()],
     output:
         mesh=mesh_file("Solver", "{suffix}"),

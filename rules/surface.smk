@@ -91,3 +91,76 @@ rule smooth_surface:
         origin=partial(origin_of, STAGES["smooth_surface"].label),
     script:
         "../scripts/smooth_surface.py"
+
+
+rule gate_inner:
+    """Let an inner surface in, as the gate does the outer one; of any size."""
+    input:
+        surface=inner_source,
+    output:
+        surface=inner_file("gated"),
+        report=inner_file("gated", "white.json"),
+    log:
+        inner_log("gate_inner"),
+    benchmark:
+        inner_log("gate_inner", "tsv")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes("gate_inner"),
+        runtime=minutes("gate_inner"),
+    params:
+        arguments=lambda wildcards: {**arguments_of("gate", wildcards), "inside": True},
+        version=version_of("stages.gate"),
+        origin=partial(origin_of, STAGES["gate"].label),
+    script:
+        "../scripts/gate.py"
+
+
+rule smooth_inner:
+    """Smooth an inner surface, as the outer one."""
+    input:
+        surface=inner_file("gated"),
+    output:
+        surface=inner_file("smoothed"),
+        report=inner_file("smoothed", "white.json"),
+    log:
+        inner_log("smooth_inner"),
+    benchmark:
+        inner_log("smooth_inner", "tsv")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes("smooth_inner"),
+        runtime=minutes("smooth_inner"),
+    params:
+        arguments=partial(arguments_of, "smooth_surface"),
+        version=version_of("stages.smooth_surface"),
+        origin=partial(origin_of, STAGES["smooth_surface"].label),
+    script:
+        "../scripts/smooth_surface.py"
+
+
+rule separate:
+    """Move inner surfaces away from the one around them; the output is one of them, the report is about all."""
+    input:
+        surface=MESHED_SURFACE,
+        inner=inner_of(SMOOTHED_INNER),
+    output:
+        surface=INNER_SURFACE,
+        report=inner_file("separated", "white.json", res="{res}um"),
+    log:
+        inner_log("separate"),
+    benchmark:
+        inner_log("separate", "tsv")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes("separate"),
+        runtime=minutes("separate"),
+    params:
+        arguments=partial(arguments_of, "separate"),
+        version=version_of("stages.separate"),
+        origin=partial(origin_of, STAGES["separate"].label),
+    script:
+        "../scripts/separate.py"

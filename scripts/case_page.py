@@ -19,7 +19,7 @@ if params.failure is None:
         gifti.read_surface(given.surface),
         json.loads(Path(given.certificate).read_text(encoding="utf-8")),
         page,
-        meshed=gifti.read_surface(given.meshed),
+        meshed=gifti.read_nested(given.meshed, given.get("inner", [])),
         files=[
             (Path(given.certificate).name, "certificate (JSON)"),
             (Path(given.mesh).name, "mesh (VTU, for ParaView)"),

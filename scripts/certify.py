@@ -16,7 +16,7 @@ stages = [step for step in job.params.line if step != "certify"]
 reports = [json.loads(Path(path).read_text(encoding="utf-8")) for path in job.input.reports]
 certificate = certify(
     vtu.read(job.input.mesh),
-    gifti.read_surface(job.input.surface),
+    gifti.read_nested(job.input.surface, job.input.inner),
     **job.arguments,
     case=job.wildcards.case,
     source=job.input.source,

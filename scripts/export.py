@@ -14,12 +14,13 @@ from cortet.solver_files.sets import named_sets
 
 sources = field_sources(job.params.fields, job.params.units)
 labels = {name: source.labels for name, source in sources.items()}
-mesh = named_sets(vtu.read(job.input.mesh), **job.params.sets, label_names=labels)
+surface = gifti.read_nested(job.input.surface, job.input.inner)
+mesh = named_sets(vtu.read(job.input.mesh), **job.params.sets, label_names=labels, inner=list(surface.inner))
 export(
     mesh,
     Path(job.output.mesh),
     certificate=json.loads(Path(job.input.certificate).read_text()),
-    frame=gifti.read_surface(job.input.surface).frame,
+    frame=surface.frame,
     sources=sources,
     **job.arguments,
 )

@@ -15,7 +15,7 @@ from cortet.stages import STAGES
 stage = STAGES[snakemake.rule]
 given: dict[str, TetMesh | TriSurface] = {"mesh": vtu.read(job.input.mesh)}
 if "surface" in stage.takes:
-    surface = gifti.read_surface(job.input.surface)
+    surface = gifti.read_nested(job.input.surface, job.input.inner)
     if job.input.get("fields"):
         surface = replace(surface, point_data=gifti.read_surface(job.input.fields).point_data)
     given["surface"] = surface

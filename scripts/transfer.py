@@ -11,7 +11,7 @@ from cortet.formats.atomic import write_json
 from cortet.measure.quality import summarise
 from cortet.stages.transfer import transfer
 
-surface = gifti.read_surface(job.input.surface)
+surface = gifti.read_nested(job.input.surface, job.input.inner)
 if job.input.fields:
     surface = replace(surface, point_data=gifti.read_surface(job.input.fields).point_data)
 mesh, report = transfer(vtu.read(job.input.mesh), surface, **job.arguments)

@@ -2,7 +2,7 @@
 
 A sheet is a table of tab-separated values, one hemisphere (or whole brain) per row:
 
-    participant_id  session_id  hemi  scan_age  surface  include  exclude_reason  [further columns]
+    participant_id  session_id  hemi  scan_age  surface  include  exclude_reason  [inner]  [further columns]
 
 Missing values are `n/a`, as in BIDS. Labels stay strings: participant `007` is not 7.
 
@@ -24,6 +24,7 @@ from typing import Any, Literal
 from cortet.config import Scan
 from cortet.errors import InputError
 from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
+from cortet.mesh import OUTERMOST
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
 #: value of column `surface` that stands for a synthetic cortex of the row's age and hemisphere
@@ -31,6 +32,8 @@ PHANTOM = "phantom"
 #: ages a surface can plausibly have, gestational weeks: below there is no cortical plate to mesh, above lies infancy
 SCAN_AGE_RANGE = (12.0, 60.0)
 FIELD_PREFIX = "field_"
+#: columns of inner surfaces: `inner` names that of the region `white`, `inner_NAME` that of the region NAME
+INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
 #: characters of a label: names of files are made of two of them and more, and have at most 255
 LONGEST_LABEL = 40
 
@@ -40,6 +43,8 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 _RowsByParticipant = dict[str, list[dict[str, str]]]
 
 _MISSING = {"", "n/a"}
+#: names of sets that every mesh for a solver has
+_STANDING = ("core", "tissue")
 _YES, _NO = {"yes", "true", "1"}, {"no", "false", "0"}
 _HEMI = {"l": "L", "left": "L", "lh": "L", "r": "R", "right": "R", "rh": "R"}
 
@@ -63,6 +68,8 @@ class Case:
     exclude_reason: str = ""
     #: per-vertex fields, name -> GIfTI file
     fields: dict[str, Path] = field(default_factory=dict)
+    #: surfaces inside `surface`, name of the region within -> GIfTI file
+    inner: dict[str, Path] = field(default_factory=dict)
     #: further columns of the sheet, carried through
     extra: dict[str, str] = field(default_factory=dict)
 
@@ -154,8 +161,9 @@ def write_sheet(cases: Sequence[Case], path: Path) -> None:
     """
     rows = [_row(case, path.parent) for case in cases]
     fields = (FIELD_PREFIX + name for case in cases for name in case.fields)
+    inner = (_inner_column(name) for case in cases for name in case.inner)
     extra = (name for case in cases for name in case.extra)
-    write_tsv(rows, list(dict.fromkeys([*COLUMNS, *fields, *extra])), path)
+    write_tsv(rows, list(dict.fromkeys([*COLUMNS, *inner, *fields, *extra])), path)
 
 
 def add_to_sheet(cases: Sequence[Case], path: Path) -> list[Case]:
@@ -187,6 +195,7 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
         "surface": PHANTOM if case.is_phantom else _relative(Path(case.surface), folder),
         "include": "yes" if case.include else "no",
         "exclude_reason": case.exclude_reason,
+        **{_inner_column(name): _relative(file, folder) for name, file in case.inner.items()},
         **{FIELD_PREFIX + name: _relative(file, folder) for name, file in case.fields.items()},
         **case.extra,
     }
@@ -220,8 +229,19 @@ def scan(directory: Path, patterns: Scan | None = None) -> list[Case]:
     for (participant, session, hemi), path in sorted(found.items(), key=lambda item: [part or "" for part in item[0]]):
         age = _scan_age(directory, participant, session, patterns, tables)
         reason = "" if age is not None else "no scan age in the sessions or participants table"
-        cases.append(Case(participant, session, hemi, age, path, include=age is not None, exclude_reason=reason))
+        surface, inner = _around(path)
+        cases.append(
+            Case(participant, session, hemi, age, surface, age is not None, reason, inner=inner)
+            if patterns.pial
+            else Case(participant, session, hemi, age, path, age is not None, reason)
+        )
     return cases
+
+
+def _around(path: Path) -> tuple[Path, dict[str, Path]]:
+    """The pial surface beside a white one, and the white one as its inner surface; the white one alone without it."""
+    pial = path.with_name(re.sub(r"(wm|white)(\.surf\.gii)$", r"pial\2", path.name))
+    return (pial, {WHITE: path}) if pial != path and pial.is_file() else (path, {})
 
 
 def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
@@ -252,13 +272,29 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
     for column, value in row.items():
         if column == "surface" and value in _MISSING:
             yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
-        if (column == "surface" or column.startswith(FIELD_PREFIX)) and not _is_file_name(value):
+        if column.startswith(INNER_PREFIX) and not re.fullmatch("[A-Za-z][A-Za-z0-9]*", _region(column)):
+            yield f"column {column}: {_region(column)!r} is no name of a region (use letters and digits only)"
+        if _region(column) in (OUTERMOST, *_STANDING) and value not in _MISSING:
+            yield f"column {column}: {_region(column)!r} stands for another part of every mesh (use another name)"
+        if _region(column) and value not in _MISSING and row["surface"] == PHANTOM:
+            yield f"column {column}: a {PHANTOM} has no inner surface (write both with `cortet phantom`, or use n/a)"
+        is_file = column == "surface" or _region(column) or column.startswith(FIELD_PREFIX)
+        if is_file and not _is_file_name(value):
             yield (
                 f"column {column}: {value!r} cannot be a file name here "
                 "(avoid braces, wildcards, control characters and long names)"
             )
         elif _CONTROL.search(value):
             yield f"column {column}: {value!r} holds a control character (delete it)"
+
+
+def _region(column: str) -> str:
+    """The region whose surface a column names; nothing for other columns."""
+    return WHITE if column == INNER else column.removeprefix(INNER_PREFIX) if column.startswith(INNER_PREFIX) else ""
+
+
+def _inner_column(region: str) -> str:
+    return INNER if region == WHITE else INNER_PREFIX + region
 
 
 def _is_file_name(text: str) -> bool:
@@ -272,6 +308,7 @@ def _is_file_name(text: str) -> bool:
 def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str]) -> Case:
     """The case of a valid row."""
     own = {column: value for column, value in row.items() if column.startswith(FIELD_PREFIX)}
+    inner = {column: value for column, value in row.items() if _region(column)}
     fields = {name: _formatted(pattern, row) for name, pattern in field_patterns.items()}
     fields |= {column.removeprefix(FIELD_PREFIX): value for column, value in own.items()}
     session, hemi = row["session_id"].removeprefix("ses-"), row["hemi"]
@@ -285,7 +322,8 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
         include=include,
         exclude_reason="" if include else row["exclude_reason"],
         fields={name: _located(value, folder) for name, value in fields.items() if value not in _MISSING},
-        extra={name: value for name, value in row.items() if name not in COLUMNS and name not in own},
+        inner={_region(name): _located(value, folder) for name, value in inner.items() if value not in _MISSING},
+        extra={name: value for name, value in row.items() if name not in (*COLUMNS, *own, *inner)},
     )
 
 

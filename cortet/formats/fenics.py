@@ -30,9 +30,10 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import (
     REGION_TAGS,
     SURFACE_TAGS,
+    interface_sets,
+    listed_faces,
     members,
     region_tags,
-    surface_faces,
     with_surface,
 )
 from cortet.formats.untrusted import check_file, content, sound, xml_root
@@ -46,7 +47,8 @@ _XDMF_TYPES = {"i": "Int", "u": "UInt", "f": "Float"}
 def write(mesh: TetMesh, path: str | Path) -> None:
     """Write `path` (.xdmf) and the three files beside it, each complete or not at all."""
     mesh = with_surface(mesh)
-    faces = surface_faces(mesh)
+    faces, interfaces = listed_faces(mesh), interface_sets(mesh)
+    tags = SURFACE_TAGS | {name: number for number, name in enumerate(interfaces, start=len(SURFACE_TAGS) + 1)}
     arrays: dict[str, NDArray[Any]] = {
         "nodes": mesh.points,
         "mesh/topology": mesh.cells,
@@ -55,7 +57,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
         "facets/surface": np.concatenate(
             [
                 np.full(len(mesh.sets.faces[name]), tag, np.int32)
-                for name, tag in SURFACE_TAGS.items()
+                for name, tag in tags.items()
                 if name in mesh.sets.faces
             ]
         ),

@@ -14,7 +14,9 @@ from __future__ import annotations
 
 import base64
 import math
+import re
 import zlib
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -39,8 +41,11 @@ from cortet.formats.untrusted import (
     safely_named,
     xml_root,
 )
+from cortet.geometry.nesting import nested
 from cortet.mesh import CoordinateFrame, TriSurface
 
+#: the region in the name of a file of an inner surface
+_REGION = re.compile(r"_inner-([A-Za-z0-9]+)_")
 _EXPORT_AGAIN = "export the surface again as GIfTI (.surf.gii)"
 _TYPES = {
     f"NIFTI_TYPE_{name.upper()}": np.dtype(name)
@@ -91,6 +96,18 @@ def read_surface(path: str | Path) -> TriSurface:
         what = f"triangle {bad[0]} is {triangles.values[bad[0]].tolist()}, but vertices run from 0 to {count - 1}"
         raise InputError(what, file=path, remedy=_EXPORT_AGAIN)
     return TriSurface(points.values, triangles.values, _fields(arrays, path, count), points.frame)
+
+
+def read_nested(path: str | Path, inner: Iterable[str | Path]) -> TriSurface:
+    """Read a surface and its inner ones, whose files are named `..._inner-NAME_...` by the regions inside them.
+
+    Raises
+    ------
+    InputError
+        as `read_surface`
+    """
+    named = {str(_REGION.findall(Path(file).name)[-1]): read_surface(file) for file in inner}
+    return nested(read_surface(path), named)
 
 
 def read_fields(path: str | Path) -> dict[str, NDArray[Any]]:

@@ -27,7 +27,7 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
 from cortet.formats.gmsh_reader import FIELDS, KINDS, TETRAHEDRON, TRIANGLE, session
 from cortet.formats.numbering import indices
-from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS, surface_faces, with_surface
+from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS, listed_faces, with_surface
 from cortet.formats.untrusted import check_file, sound
 from cortet.geometry.topology import packed
 from cortet.mesh import IntArray, MeshSets, TetMesh
@@ -44,7 +44,7 @@ _SECONDS, _BYTES_PER_SECOND = 30, 500_000
 def write(mesh: TetMesh, path: str | Path) -> None:
     """Write `path`, complete or not at all."""
     mesh = with_surface(mesh)
-    faces, face_groups = surface_faces(mesh), _face_groups(mesh)
+    faces, face_groups = listed_faces(mesh), _face_groups(mesh)
     cell_groups = _cell_groups(mesh)
     with session(), atomic_path(path) as temporary:
         gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
@@ -64,9 +64,11 @@ def write(mesh: TetMesh, path: str | Path) -> None:
 def _face_groups(mesh: TetMesh) -> dict[str, NDArray[np.bool_]]:
     """Name -> which of the listed faces belong to it; parts of the surface by their place, others by their nodes."""
     parts = [name for name in SURFACE_TAGS if name in mesh.sets.faces]
-    part = np.repeat(np.arange(len(parts)), [len(mesh.sets.faces[name]) for name in parts])
+    faces = listed_faces(mesh)
+    part = np.full(len(faces), -1)
+    count = [len(mesh.sets.faces[name]) for name in parts]
+    part[: sum(count)] = np.repeat(np.arange(len(parts)), count)
     groups = {name: part == number for number, name in enumerate(parts)}
-    faces = surface_faces(mesh)
     for name in mesh.sets.faces.keys() - groups.keys():
         key = packed(np.concatenate([faces, mesh.sets.faces[name]]))
         groups[name] = np.isin(key[: len(faces)], key[len(faces) :])

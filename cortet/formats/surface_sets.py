@@ -15,6 +15,8 @@ from cortet.mesh import IntArray, MeshSets, TetMesh
 CORTICAL_SURFACE, MEDIAL_WALL = "cortical_surface", "medial_wall"
 #: the two parts of the tissue; every tetrahedron belongs to one of them
 CORTEX, CORE = "cortex", "core"
+#: end of the name of a set of faces between two regions, counter-clockwise seen from outside the inner one
+INTERFACE = "_interface"
 #: tags where a format numbers parts instead of naming them
 SURFACE_TAGS = {CORTICAL_SURFACE: 1, MEDIAL_WALL: 2}
 REGION_TAGS = {CORE: 1, CORTEX: 2}
@@ -39,6 +41,16 @@ def surface_faces(mesh: TetMesh) -> IntArray:
     return np.concatenate([faces[name] for name in SURFACE_TAGS if name in faces])
 
 
+def interface_sets(mesh: TetMesh) -> dict[str, IntArray]:
+    """The sets of faces that are between two regions, by what their names end with."""
+    return {name: faces for name, faces in mesh.sets.faces.items() if name.endswith(INTERFACE)}
+
+
+def listed_faces(mesh: TetMesh) -> IntArray:
+    """Faces of the parts of the surface, then of the interfaces: (k, 3)."""
+    return np.concatenate([surface_faces(mesh), *interface_sets(mesh).values()])
+
+
 def region_tags(mesh: TetMesh) -> IntArray:
     """`REGION_TAGS` of each tetrahedron: (m,) int32, 0 where it is in none of the named regions."""
     tags = np.zeros(len(mesh.cells), np.int32)
@@ -55,23 +67,39 @@ def members(count: int, indices: IntArray) -> NDArray[np.uint8]:
 
 
 def sides(mesh: TetMesh, faces: IntArray) -> tuple[IntArray, IntArray]:
-    """The tetrahedron that each boundary face belongs to, and its corner that is opposite: (k,), (k,) int32.
+    """The tetrahedron that each face belongs to, and its corner that is opposite: (k,), (k,) int32.
+
+    Of the two tetrahedra of a face inside the mesh it is the one that sees it counter-clockwise from outside.
 
     Raises
     ------
     InputError
-        a face is no boundary face
+        a face is none of a tetrahedron that sees it so
     """
     found = boundary(mesh)
-    key = packed(np.concatenate([found.faces, faces]))
-    known, asked = key[: len(found.faces)], key[len(found.faces) :]
-    order = np.argsort(known)
-    place = order[np.minimum(np.searchsorted(known, asked, sorter=order), len(known) - 1)]
-    if (known[place] != asked).any():
-        raise InputError(f"face {faces[np.argmax(known[place] != asked)].tolist()} is no boundary face")
-    cells = found.cells[place]
+    cells, missing = _owners(found.faces, found.cells, faces)
+    if missing.any():
+        near = np.flatnonzero(np.isin(mesh.cells, faces[missing]).sum(axis=1) >= 3)
+        every = mesh.cells[near][:, TET_FACES].reshape(-1, 3)
+        turned = np.roll(every, 1, axis=1), np.roll(every, 2, axis=1)
+        all_turns = np.concatenate([every, *turned])
+        cells[missing], strange = _owners(all_turns, np.tile(np.repeat(near, 4), 3), faces[missing], directed=True)
+        if strange.any():
+            raise InputError(f"face {faces[missing][np.argmax(strange)].tolist()} is no face of a tetrahedron")
     on_face = (mesh.cells[cells][:, :, None] == faces[:, None, :]).any(axis=2)
     return cells, on_face.argmin(axis=1).astype(np.int32)
+
+
+def _owners(
+    known: IntArray, owners: IntArray, asked: IntArray, *, directed: bool = False
+) -> tuple[IntArray, NDArray[np.bool_]]:
+    """The owner of each face that is asked for among known ones, and which of them are not known."""
+    both = np.concatenate([known, asked])
+    key = np.unique(both, axis=0, return_inverse=True)[1].ravel() if directed else packed(both)
+    order = np.argsort(key[: len(known)], kind="stable")
+    place = np.searchsorted(key[: len(known)], key[len(known) :], sorter=order)
+    place = order[np.minimum(place, len(known) - 1)]
+    return owners[place].astype(np.int32), key[place] != key[len(known) :]
 
 
 def faces_of_sides(cells: IntArray, owners: IntArray, opposite: IntArray) -> IntArray:

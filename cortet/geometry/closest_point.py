@@ -34,6 +34,8 @@ class SurfaceTree(NamedTuple):
     child: IntArray
     #: (b,) int32, number of triangles of a leaf, 0 for an inner box
     size: IntArray
+    #: (m,) int32, topmost box of the surface that each triangle belongs to; the first surface's is 0
+    root: IntArray
 
 
 class ClosestPoints(NamedTuple):
@@ -53,7 +55,41 @@ def surface_tree(points: FloatArray, faces: IntArray) -> SurfaceTree:
     """Build the tree for a surface of `points` (n, 3) mm and `faces` (m, 3); O(m log m)."""
     corners = np.ascontiguousarray(points[faces].reshape(-1, 9))
     order, boxes, child, size = _build(corners)
-    return SurfaceTree(corners[order], order.astype(np.int32), boxes, child, size)
+    root = np.zeros(len(order), np.int32)
+    return SurfaceTree(corners[order], order.astype(np.int32), boxes, child, size, root)
+
+
+def forest(surface: TriSurface) -> SurfaceTree:
+    """The trees of a surface and of its inner surfaces in one.
+
+    A search that begins from a triangle stays on that triangle's surface, any other one is on the first. The faces of
+    each inner surface are numbered after those of the ones before.
+    """
+    trees = [tree_of(one) for one in (surface, *surface.inner.values())]
+    if len(trees) == 1:
+        return trees[0]
+    triangles = np.cumsum([0, *(len(tree.faces) for tree in trees)])
+    boxes = np.cumsum([0, *(len(tree.boxes) for tree in trees)])
+    return SurfaceTree(
+        corners=np.concatenate([tree.corners for tree in trees]),
+        faces=np.concatenate([tree.faces + first for tree, first in zip(trees, triangles, strict=False)]).astype(
+            np.int32
+        ),
+        boxes=np.concatenate([tree.boxes for tree in trees]),
+        child=np.concatenate(
+            [
+                np.where(tree.size > 0, tree.child + first, tree.child + box)
+                for tree, first, box in zip(trees, triangles, boxes, strict=False)
+            ]
+        ).astype(np.int32),
+        size=np.concatenate([tree.size for tree in trees]),
+        root=np.concatenate([tree.root + box for tree, box in zip(trees, boxes, strict=False)]).astype(np.int32),
+    )
+
+
+def first_triangles(tree: SurfaceTree) -> NDArray[np.int64]:
+    """A triangle, in tree order, of each surface of a forest: (surfaces,)."""
+    return np.unique(tree.root, return_index=True)[1]
 
 
 _trees: WeakKeyDictionary[TriSurface, SurfaceTree] = WeakKeyDictionary()
@@ -196,7 +232,8 @@ def triangle_normal(c):  # type: ignore[no-untyped-def]
 def closest_point(tree, x, y, z, hint):  # type: ignore[no-untyped-def]
     """Nearest point of the surface to (x, y, z).
 
-    `hint` is a triangle (in tree order) thought to be near, which bounds the search, or -1.
+    `hint` is a triangle (in tree order) thought to be near, which bounds the search and says on which surface of a
+    forest to search, or -1.
     Returns px, py, pz, triangle in tree order, and the three weights.
     """
     corners, boxes, child, size = tree.corners, tree.boxes, tree.child, tree.size
@@ -208,7 +245,8 @@ def closest_point(tree, x, y, z, hint):  # type: ignore[no-untyped-def]
         px, py, pz = u * c[0] + v * c[3] + w * c[6], u * c[1] + v * c[4] + w * c[7], u * c[2] + v * c[5] + w * c[8]
         best = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
     stack, bounds = np.empty(_STACK_SIZE, np.int32), np.empty(_STACK_SIZE)
-    stack[0], bounds[0] = 0, _box_distance2(boxes, 0, x, y, z)
+    root = tree.root[hint] if hint >= 0 else 0
+    stack[0], bounds[0] = root, _box_distance2(boxes, root, x, y, z)
     top = 1
     while top:
         top -= 1

@@ -26,10 +26,14 @@ def curve_order(points: FloatArray) -> NDArray[np.int64]:
     return np.argsort(key, kind="stable")
 
 
-def ordered_along_curve(points: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray]:
-    """The same mesh with nodes in `curve_order` and cells by their first node; orientation is kept."""
+def ordered_along_curve(points: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray, NDArray[np.int64]]:
+    """The same mesh with nodes in `curve_order` and cells by their first node; orientation is kept.
+
+    Returns points, cells, and the old index of each cell.
+    """
     order = curve_order(points)
     number = np.empty(len(points), np.int32)
     number[order] = np.arange(len(points), dtype=np.int32)
     renumbered = number[cells]
-    return points[order], renumbered[np.argsort(renumbered.min(axis=1), kind="stable")]
+    cell_order = np.argsort(renumbered.min(axis=1), kind="stable")
+    return points[order], renumbered[cell_order], cell_order

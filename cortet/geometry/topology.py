@@ -18,7 +18,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from cortet.geometry.counting import behind_faces, cells_around
-from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.mesh import REGION, FloatArray, IntArray, TetMesh, TriSurface
 
 #: corners of the face opposite each corner of a tetrahedron, outward for positive volume
 TET_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
@@ -70,6 +70,20 @@ class BoundaryFaces(NamedTuple):
     faces: IntArray
     #: (k,) int32, the tetrahedron each belongs to
     cells: IntArray
+
+
+class Interfaces(NamedTuple):
+    """Faces between tetrahedra of two regions. Surfaces that contain others come before them, so the higher number of
+    the two is that of the surface the face stands for.
+    """
+
+    #: (k, 3) int32, counter-clockwise seen from outside the region with the higher number
+    faces: IntArray
+    #: (k,) int32, the tetrahedron of that region, and the one behind the face
+    cells: IntArray
+    behind: IntArray
+    #: (k,) int32, the higher number
+    region: IntArray
 
 
 @dataclass(frozen=True)
@@ -179,6 +193,42 @@ def numbers(chosen: NDArray[np.integer], count: int) -> IntArray:
     place = np.full(count, -1, np.int32)
     place[chosen] = np.arange(len(chosen), dtype=np.int32)
     return place
+
+
+_interfaces: weakref.WeakKeyDictionary[TetMesh, Interfaces] = weakref.WeakKeyDictionary()
+
+
+def interfaces(mesh: TetMesh) -> Interfaces:
+    """Faces between tetrahedra of two regions, found once; none where the mesh has no regions."""
+    if mesh not in _interfaces:
+        _interfaces[mesh] = _found_interfaces(mesh)
+    return _interfaces[mesh]
+
+
+def _found_interfaces(mesh: TetMesh) -> Interfaces:
+    region = mesh.cell_data.get(REGION)
+    if region is None:
+        none = np.zeros(0, np.int32)
+        return Interfaces(np.zeros((0, 3), np.int32), none, none, none)
+    behind = neighbours(mesh)
+    cell, corner = np.nonzero((behind >= 0) & (region[:, None] > region[behind]))
+    faces = mesh.cells[cell[:, None], TET_FACES[corner]]
+    inside = cell.astype(np.int32)
+    return Interfaces(faces, inside, behind[cell, corner], region[cell].astype(np.int32))
+
+
+def sheet(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
+    """The faces that stand for one of the given surfaces, and the mesh node of each of their vertices.
+
+    Parameters
+    ----------
+    number : 0 for the boundary, i for the faces between region i and the one around it
+    """
+    if number == 0:
+        return boundary_surface(mesh)
+    found = interfaces(mesh)
+    points, faces, nodes = compact(mesh.points, found.faces[found.region == number])
+    return TriSurface(points, faces), nodes
 
 
 def incidence(cells: IntArray, vertex_count: int) -> Incidence:

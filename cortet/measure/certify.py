@@ -27,10 +27,17 @@ from cortet.geometry.topology import SurfaceTopology, boundary_surface, enclosed
 from cortet.measure.fidelity import Fidelity, fidelity
 from cortet.measure.lost import LostPlace, lost_places
 from cortet.measure.quality import QualitySummary, quality, signed_volumes, summarise
+from cortet.measure.regions import (
+    InterfaceRecord,
+    RegionRecord,
+    interface_records,
+    region_records,
+    sheets_of,
+)
 from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound, worst_elements
 from cortet.mesh import FloatArray, TetMesh, TriSurface
 
-VERSION: int = 2
+VERSION: int = 3
 
 #: relative difference allowed between the sum of volumes and the volume inside the boundary
 VOLUME_TOLERANCE = 1e-9
@@ -88,12 +95,15 @@ class Certificate:
     lost_places: tuple[LostPlace, ...]
     #: boundary vertices where it is open, pinched or fused, the first few
     defects_mm: tuple[tuple[float, ...], ...]
-    #: centres of boundary faces that cross others, the first few
+    #: centres of faces of the boundary or of an interface that cross others, the first few
     crossings_mm: tuple[tuple[float, ...], ...]
     quality: QualitySummary
     fidelity: Fidelity
     #: of the boundary
     topology: SurfaceTopology
+    #: the regions of a mesh with inner surfaces, and what is between them; empty for one of a single region
+    regions: tuple[RegionRecord, ...]
+    interfaces: tuple[InterfaceRecord, ...]
     #: `file` and `sha256` of the input surface
     input: dict[str, str]
     #: stage -> its parameters
@@ -125,7 +135,8 @@ def certify(
     Parameters
     ----------
     mesh : the mesh to be exported
-    surface : the closed surface it was made from; the boundary must have its Euler number
+    surface : the closed surface it was made from; the boundary must have its Euler number, and each interface that of
+        its inner surface
     q_max : limit that the worst q must stay below
     max_boundary_distance : mm, largest distance of a boundary node to `surface`
     cell_size : mm; None where it is not known, and the two limits that are fractions of it do not hold
@@ -150,11 +161,14 @@ def certify(
     boundary, _ = boundary_surface(mesh)
     topology = surface_topology(boundary.faces)
     measured, faithful = summarise(mesh), fidelity(mesh, surface)
-    crossing = self_intersections(boundary)
+    walls = sheets_of(mesh) if surface.inner else boundary  # beginning with the boundary
+    crossing = self_intersections(walls)
+    regions = region_records(mesh, surface) if surface.inner else ()
+    interfaces = interface_records(mesh, surface) if surface.inner else ()
     around = fans(mesh)
     worst = worst_elements(mesh, around, count=PLACES, stages=reports)
     defects = boundary.points[defective_vertices(boundary.faces)[:PLACES]]
-    centres = boundary.points[boundary.faces[crossing[:PLACES]]].mean(axis=1)
+    centres = walls.points[walls.faces[crossing[:PLACES]]].mean(axis=1)
 
     volumes = signed_volumes(mesh.points, mesh.cells)
     enclosed = enclosed_volume(boundary.points, boundary.faces)
@@ -186,6 +200,14 @@ def certify(
             area=max_area_change,
             volume=max_volume_change,
         ),
+        *_region_checks(regions, volume=max_volume_change),
+        *_interface_checks(
+            interfaces,
+            nodes=max_boundary_distance,
+            largest=_times(max_surface_distance, cell_size),
+            mean=_times(max_mean_surface_distance, cell_size),
+            area=max_area_change,
+        ),
     )
     limit = _times(max_surface_distance, cell_size)
     lost: list[LostPlace] = []
@@ -211,6 +233,8 @@ def certify(
         quality=measured,
         fidelity=faithful,
         topology=topology,
+        regions=regions,
+        interfaces=interfaces,
         input={} if source is None else {"file": str(source), "sha256": sha256(source)},
         parameters=dict(parameters or {}),
         reports=reports,
@@ -262,6 +286,52 @@ def _topology_checks(boundary: SurfaceTopology, euler_number: int) -> Iterator[C
     }
     for name, (value, limit) in wanted.items():
         yield _check(name, value, "==", limit, remedy=_TOPOLOGY_REMEDY)
+
+
+def _region_checks(regions: Sequence[RegionRecord], *, volume: float | None) -> Iterator[Check]:
+    for one in regions:
+        yield _check(f"tetrahedra of region {one.name}: none", int(one.tetrahedra == 0), "==", 0)
+        yield _check(
+            f"relative change of the volume of region {one.name}",
+            abs(one.relative_volume_change),
+            None if volume is None else "<=",
+            volume,
+            remedy=_LOSS_REMEDY,
+        )
+
+
+def _interface_checks(
+    interfaces: Sequence[InterfaceRecord],
+    *,
+    nodes: float | None,
+    largest: float | None,
+    mean: float | None,
+    area: float | None,
+) -> Iterator[Check]:
+    for one in interfaces:
+        genus = (2 - one.surface_euler_number) // 2
+        problems = one.topology.problems(genus)
+        remedy = "; ".join([*problems, "use a smaller cell size, or a larger regions.min_gap"])
+        yield _check(f"topology problems of the interface {one.name}", len(problems), "==", 0, remedy=remedy)
+        yield _check(
+            f"faces of the interface {one.name} that are not between {one.name} and {one.around}",
+            one.misplaced_faces,
+            "==",
+            0,
+        )
+        for what, value, limit, unit in (
+            (
+                "distance of a node of the interface {} to its surface, at most",
+                one.nodes_to_surface_mm.max,
+                nodes,
+                "mm",
+            ),
+            ("distance of the surface {} to the interface, at most", one.surface_to_interface_mm.max, largest, "mm"),
+            ("distance of the surface {} to the interface, on average", one.surface_to_interface_mm.mean, mean, "mm"),
+            ("relative change of the area of the interface {}", abs(one.relative_area_change), area, ""),
+        ):
+            comparison: Comparison | None = None if limit is None else "<="
+            yield _check(what.format(one.name), value, comparison, limit, unit=unit, remedy=_LOSS_REMEDY)
 
 
 def _meshing_checks(report: Mapping[str, Any] | None) -> Iterator[Check]:

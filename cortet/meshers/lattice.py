@@ -34,7 +34,9 @@ _MANY = 200
 _ORIGIN = np.array([0.123, 0.347, 0.211])
 
 
-def lattice_nodes(boundary: TriSurface, *, cell_size: float, core_ratio: float, core_depth: float) -> FloatArray:
+def lattice_nodes(
+    boundary: TriSurface, *, cell_size: float, core_ratio: float, core_depth: float, walls: TriSurface | None = None
+) -> FloatArray:
     """Nodes of the lattice in the inside of a closed surface, (n, 3) float64 mm.
 
     Parameters
@@ -42,8 +44,9 @@ def lattice_nodes(boundary: TriSurface, *, cell_size: float, core_ratio: float, 
     cell_size : mm
     core_ratio : how many times coarser the lattice is in the core
     core_depth : mm, depth below the boundary at which the core begins; of no effect when `core_ratio` is 1
+    walls : all triangles that nodes keep away from, where they are more than the boundary
     """
-    tree = tree_of(boundary)
+    tree = tree_of(walls or boundary)
     nodes = _inside(boundary, CONSTANT * cell_size)
     nodes = nodes[~closer_than(tree, nodes, GAP * cell_size)]
     if core_ratio == 1:
@@ -60,24 +63,31 @@ def lattice_nodes(boundary: TriSurface, *, cell_size: float, core_ratio: float, 
 
 
 def graded_nodes(
-    boundary: TriSurface, size: FloatArray, *, cell_size: float, core_ratio: float, core_depth: float
+    boundary: TriSurface,
+    size: FloatArray,
+    *,
+    cell_size: float,
+    core_ratio: float,
+    core_depth: float,
+    walls: TriSurface | None = None,
 ) -> FloatArray:
     """Nodes of the lattice, and of finer ones near triangles that are smaller than the others, (n, 3) float64 mm.
 
     Parameters
     ----------
-    size : (k,) mm, edge length at each vertex of the boundary, graded by `GROWTH`
-    cell_size, core_ratio, core_depth : as in `lattice_nodes`
+    size : (k,) mm, edge length at each vertex of the walls, graded by `GROWTH`
+    cell_size, core_ratio, core_depth, walls : as in `lattice_nodes`
     """
-    nodes = lattice_nodes(boundary, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth)
+    nodes = lattice_nodes(boundary, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth, walls=walls)
     usual = size.max()
-    tree = tree_of(boundary)
+    walls = walls or boundary
+    tree = tree_of(walls)
     kept = np.zeros((0, 3))
     ratio = _finest(size.min() / usual)
     while ratio < 1:
         reach = (usual * ratio * _STEP**0.5 - size) / GROWTH
         near = reach > 0
-        finer = _near_inside(boundary, CONSTANT * cell_size * ratio, boundary.points[near], reach[near])
+        finer = _near_inside(boundary, CONSTANT * cell_size * ratio, walls.points[near], reach[near])
         finer = finer[~closer_than(tree, finer, GAP * cell_size * ratio)]
         kept = np.concatenate([kept, _apart(finer, kept, GAP * cell_size * ratio * (1 + 1 / _STEP))])
         ratio *= _STEP

@@ -79,7 +79,7 @@ def wanted(surface: TriSurface, edge_length: float, distance: float) -> Wanted:
     normals = vertex_normals(surface.points, surface.faces)
     most = 4 * edge_length
     inside, outside = (thickness(tree, surface.points, normals, most, inside=side) for side in (outward, not outward))
-    inside = _opened(surface, inside, below=edge_length / EDGE_OVER_THICKNESS, radius=CREST * distance)
+    inside = opened(surface, inside, below=edge_length / EDGE_OVER_THICKNESS, radius=CREST * distance)
     size = np.clip(EDGE_OVER_THICKNESS * inside, SHORTEST * edge_length, edge_length)
     gap = np.minimum(inside, outside)
     return Wanted(size, np.clip(SHARE_OF_GAP * gap, SHORTEST * distance, distance))
@@ -134,7 +134,7 @@ def remesh_apart(surface: TriSurface, want: Wanted) -> Remeshed:
             break
         corners = made.surface.faces[crossing]
         radius = REACH * made.size[corners].max(axis=1)
-        want = _tightened(surface, want, made.surface.points[corners].mean(axis=1), radius)
+        want = tightened(surface, want, made.surface.points[corners].mean(axis=1), radius)
         logger.info("%d boundary triangles cross or are flat: again, finer around them", len(crossing))
     return made
 
@@ -151,7 +151,7 @@ def shapes(surface: TriSurface) -> FloatArray:
     return 4 * np.sqrt(3) * face_areas(surface.points, surface.faces) / squares
 
 
-def _tightened(surface: TriSurface, want: Wanted, centres: FloatArray, radius: FloatArray) -> Wanted:
+def tightened(surface: TriSurface, want: Wanted, centres: FloatArray, radius: FloatArray) -> Wanted:
     """Shorter edges and distances at the vertices within `radius` (k,) of `centres` (k, 3), mm."""
     near = KDTree(surface.points).query_ball_point(centres, radius)
     around = np.unique(np.concatenate([np.asarray(ball, np.int64) for ball in near]))
@@ -161,7 +161,7 @@ def _tightened(surface: TriSurface, want: Wanted, centres: FloatArray, radius: F
     return Wanted(size, distance)
 
 
-def _opened(surface: TriSurface, values: FloatArray, *, below: float, radius: float) -> FloatArray:
+def opened(surface: TriSurface, values: FloatArray, *, below: float, radius: float) -> FloatArray:
     """Replace each value (n,) that is `below` a limit by the largest one around it.
 
     Around are its neighbours by an edge, and the vertices within `radius` (mm).

@@ -114,15 +114,22 @@ def _nothing_left(_: TetMesh) -> IntArray:
 def _left_behind(mesh: TetMesh, surface: TriSurface) -> Callable[[TetMesh], IntArray]:
     """What finds the boundary faces, (k, 3) node indices, that leave points of the surface behind.
 
-    Each point may be as far from the boundary as a share of the edges of `mesh`, or as it is from that of `mesh`.
+    Each point may be as far from the boundary as a share of the edges of `mesh`, or as it is from that of `mesh`. The
+    points of inner surfaces are held against their interfaces in the same way.
     """
+    numbered = enumerate((surface, *surface.inner.values()))
+    finders = [_left_behind_sheet(mesh, one, number) for number, one in numbered]
+    return lambda result: np.concatenate([find(result) for find in finders])
+
+
+def _left_behind_sheet(mesh: TetMesh, surface: TriSurface, number: int) -> Callable[[TetMesh], IntArray]:
     samples = surface_samples(surface)
-    began, _ = topology.boundary_surface(mesh)
+    began, _ = topology.sheet(mesh, number)
     start, end = topology.edges(began.faces).T
     limit = MOST_LEFT_BEHIND * np.linalg.norm(began.points[start] - began.points[end], axis=1).mean()
 
     def leaving_faces(result: TetMesh) -> IntArray:
-        boundary, nodes = topology.boundary_surface(result)
+        boundary, nodes = topology.sheet(result, number)
         far = samples[~closer_than(tree_of(boundary), samples, limit)]
         found = closest_points(tree_of(boundary), far)
         before = closest_points(tree_of(began), far).distances

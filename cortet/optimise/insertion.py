@@ -19,7 +19,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.geometry.closest_point import SurfaceTree, closest_point, tree_of
+from cortet.geometry.closest_point import closest_point, surface_tree, tree_of
 from cortet.geometry.topology import TET_FACES, neighbours, numbers, used_vertices
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.optimise.swaps import (
@@ -52,9 +52,7 @@ _ROUNDS = 2
 
 
 #: the tree of no surface
-_NOWHERE = SurfaceTree(
-    np.zeros((0, 9)), np.zeros(0, np.int32), np.zeros((0, 6)), np.zeros(0, np.int32), np.zeros(0, np.int32)
-)
+_NOWHERE = surface_tree(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
 
 
 def insert_vertices(

@@ -4,7 +4,8 @@ Two moves cover the classical swaps. *Edge removal* takes all n tetrahedra aroun
 best triangulation of the ring of opposite vertices, found by dynamic programming (Klincsek 1980; Shewchuk 2002, "Two
 discrete optimization algorithms for the topological improvement of tetrahedral meshes"): 3-2 and 4-4 swaps are its
 cases n = 3 and 4. *Face removal* is the 2-3 swap. On the boundary, edge removal flips a boundary edge; with a
-single tetrahedron around that edge it peels this tetrahedron off. A move is made only if the worst quality of the
+single tetrahedron around that edge it peels this tetrahedron off. On the interface of two regions it flips an edge,
+too: both regions are refilled up to the new edge. A move is made only if the worst quality of the
 cavity improves, so the mesh can only get better and the process ends.
 
 Tetrahedra live in arrays with spare rows; a dead row has -1 as its first vertex. Everything is local: a move costs
@@ -59,6 +60,9 @@ class Swappable(NamedTuple):
     region: IntArray
     #: (n,) bool, vertices whose boundary edges stay; as many as points
     held: np.ndarray
+    #: (n,) int32, for a vertex of an interface a triangle of the surface it lies on; -1 for others, whose edges between
+    #: two regions stay
+    place: IntArray
     #: (2,) int64: rows in use (dead ones included), dead rows kept for reuse
     counters: np.ndarray
     #: (m,) int32, stack of dead rows
@@ -80,10 +84,19 @@ class SwapCount(NamedTuple):
 NO_SWAPS = SwapCount(0, 0, 0, 0, 0, 0.0)
 
 
-def swappable(mesh: TetMesh, mu2: FloatArray, region: IntArray, held: np.ndarray, *, vertices: int = 0) -> Swappable:
+def swappable(
+    mesh: TetMesh,
+    mu2: FloatArray,
+    region: IntArray,
+    held: np.ndarray,
+    *,
+    place: IntArray | None = None,
+    vertices: int = 0,
+) -> Swappable:
     """Copy a mesh into arrays with room to grow, for that many `vertices` in all.
 
-    No boundary edge between, or to, `held` vertices (n,) is flipped.
+    No boundary edge between, or to, `held` vertices (n,) is flipped, nor one of an interface; and of interfaces only
+    those between vertices with a `place` (n,).
     """
     count = len(mesh.cells)
     room = count + count // 4 + 1000
@@ -101,6 +114,7 @@ def swappable(mesh: TetMesh, mu2: FloatArray, region: IntArray, held: np.ndarray
         origin=grown(np.arange(count, dtype=np.int32), -1),
         region=grown(region.astype(np.int32), -1),
         held=grown(held, False, max(vertices, len(held))),
+        place=grown(np.full(len(mesh.points), -1, np.int32) if place is None else place, -1, max(vertices, len(held))),
         counters=np.array([count, 0]),
         dead=np.empty(room, np.int32),
     )
@@ -196,6 +210,48 @@ def ring_around(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
         before = ahead
         ahead = _other(cells, f, a, b, before)
     return a, b, size if closed else size + 1, size
+
+
+@numba.njit(cache=True)
+def _ring_of_two(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
+    """Walk around an edge of tetrahedron e that lies on the interface of two regions.
+
+    As `ring_around`, beginning with the region of e at ring[0] and with ring[0] again at the end. Returns the number
+    of tetrahedra in that region and in both; zeros if there are too many, one region, more than two, or the outside.
+    """
+    cells, neighbours, region = mesh.cells, mesh.neighbours, mesh.region
+    a, b, before, ahead = cells[e, frame[0]], cells[e, frame[1]], cells[e, frame[2]], cells[e, frame[3]]
+    start = e
+    while True:
+        f = neighbours[start, _corner(cells, start, ahead)]
+        if f < 0 or f == e:
+            return 0, 0
+        if region[f] != region[e]:
+            break
+        ahead = before
+        before = _other(cells, f, a, b, ahead)
+        start = f
+    size, first = 0, 0
+    f = start
+    ring[0] = before
+    while True:
+        if size == MAX_RING:
+            return 0, 0
+        if first == 0 and region[f] != region[e]:
+            first = size
+            other = region[f]
+        if first > 0 and region[f] != other:
+            return 0, 0
+        cavity[size] = f
+        size += 1
+        ring[size] = ahead
+        f = neighbours[f, _corner(cells, f, before)]
+        if f < 0:
+            return 0, 0
+        if f == start:
+            return first, size
+        before = ahead
+        ahead = _other(cells, f, a, b, before)
 
 
 @numba.njit(cache=True)
@@ -382,6 +438,32 @@ def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size, worst):  # type:
             return False
     elif _joined(mesh, cavity[0], first, last):
         return False
+    return _stays_on_surface(points, tree, a, b, first, last, worst, -1)
+
+
+@numba.njit(cache=True)
+def _interface_flip_is_sound(mesh, tree, e, a, b, first, last, alone, worst):  # type: ignore[no-untyped-def]
+    """Whether edge (a, b) of an interface may give way to (first, last), as `_flip_is_sound` for the boundary.
+
+    `alone` says that tetrahedron e is the only one of its region at the edge: it goes over to the other region.
+    """
+    for v in (a, b, first, last):
+        if mesh.place[v] < 0 or mesh.held[v]:
+            return False
+    if alone:  # (first, last) is an edge already, and must be inside its region
+        ring, around = np.empty(MAX_RING + 1, np.int32), np.empty(MAX_RING, np.int32)
+        frame = np.empty(4, np.int64)
+        frame[0], frame[1] = _corner(mesh.cells, e, first), _corner(mesh.cells, e, last)
+        frame[2], frame[3] = _corner(mesh.cells, e, a), _corner(mesh.cells, e, b)
+        _, _, n, tets = ring_around(mesh, e, frame, ring, around)
+        if n == 0 or n != tets:
+            return False
+    return _stays_on_surface(mesh.points, tree, a, b, first, last, worst, mesh.place[first])
+
+
+@numba.njit(cache=True)
+def _stays_on_surface(points, tree, a, b, first, last, worst, place):  # type: ignore[no-untyped-def]
+    """Whether faces on (first, last) instead of (a, b) are like these, and near the surface of triangle `place`."""
     old = unit_normal(points[a], points[first], points[b]) + unit_normal(points[a], points[b], points[last])
     old /= np.sqrt((old * old).sum())
     new = (
@@ -392,7 +474,7 @@ def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size, worst):  # type:
         if not (normal * old).sum() >= _MIN_FACE_COSINE:
             return False
     middle, side = (points[first] + points[last]) / 2, points[last] - points[first]
-    px, py, pz, _, _, _, _ = closest_point(tree, middle[0], middle[1], middle[2], -1)
+    px, py, pz, _, _, _, _ = closest_point(tree, middle[0], middle[1], middle[2], place)
     sag2 = (px - middle[0]) ** 2 + (py - middle[1]) ** 2 + (pz - middle[2]) ** 2
     allowed = _MAX_SAG if worst < _BAD else _MAX_SAG_OF_BAD
     return sag2 <= allowed**2 * (side * side).sum()
@@ -412,13 +494,34 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
     """
     cavity, ring, cost, split, new, best_new = work
     points, cells = mesh.points, mesh.cells
-    best_ratio, kind, best_size, best_old = _MIN_GAIN, 0, 0, 0
+    best_ratio, kind, best_size, best_old, best_other = _MIN_GAIN, 0, 0, 0, 0
     best_cavity = np.empty(MAX_RING, np.int32)
     cut = 0.0
     for k in range(6):
         tally[0] += 1
         a, b, n, tets = ring_around(mesh, e, EDGE_FRAMES[k], ring, cavity)
         if n == 0:
+            first, tets = _ring_of_two(mesh, e, EDGE_FRAMES[k], ring, cavity)
+            if tets == 0:
+                continue
+            worst = 0.0
+            for i in range(tets):
+                worst = max(worst, mesh.mu2[cavity[i]])
+            achieved = _fill(points, a, b, ring, first + 1, worst, cost, split)
+            if not achieved < best_ratio * worst:
+                continue
+            achieved = max(achieved, _fill(points, a, b, ring[first:], tets - first + 1, worst, cost, split))
+            alone = first == 1 or tets - first == 1
+            lone = cavity[0] if first == 1 else cavity[tets - 1]
+            if achieved < best_ratio * worst and _interface_flip_is_sound(
+                mesh, tree, lone, a, b, ring[0], ring[first], alone, worst
+            ):
+                best_ratio, best_old, kind, cut = achieved / worst, tets, 3, 0.0
+                best_cavity[:tets] = cavity[:tets]
+                best_size = _filling(a, b, ring[first:], tets - first + 1, split, best_new)
+                best_other = best_size
+                _fill(points, a, b, ring, first + 1, worst, cost, split)
+                best_size += _filling(a, b, ring, first + 1, split, best_new[best_size:])
             continue
         if n != tets and (mesh.held[a] or mesh.held[b] or mesh.held[ring[0]] or mesh.held[ring[n - 1]]):
             continue
@@ -431,7 +534,7 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
         if achieved < _MIN_GAIN * worst and ratio < best_ratio:
             if n != tets and not _flip_is_sound(mesh, tree, a, b, ring[0], ring[n - 1], cavity, tets, worst):
                 continue
-            best_ratio, best_old = ratio, tets
+            best_ratio, best_old, best_other = ratio, tets, 0
             best_cavity[:tets] = cavity[:tets]
             best_size = _filling(a, b, ring, n, split, best_new)
             kind = 1 if n == tets else (4 if n == 2 else 3)
@@ -457,13 +560,17 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
             achieved = 0.0
             for i in range(3):
                 achieved = max(achieved, mu2_at(points, new[i, 0], new[i, 1], new[i, 2], new[i, 3]))
-            best_ratio, kind, best_size, best_old = achieved / worst, 2, 3, 2
+            best_ratio, kind, best_size, best_old, best_other = achieved / worst, 2, 3, 2, 0
             best_cavity[0], best_cavity[1] = e, f
             best_new[:3] = new[:3]
     if kind == 0 or mesh.counters[0] + best_size > len(cells):
         return -1
     cavity[:best_old] = best_cavity[:best_old]
+    behind = best_cavity[best_old - 1]
+    origin, region = mesh.origin[behind], mesh.region[behind]
     replace_cells(mesh, cavity, best_old, best_new, best_size)
+    for i in range(best_other):  # the first ones are on the other side of an interface
+        mesh.origin[cavity[i]], mesh.region[cavity[i]] = origin, region
     tally[kind] += 1
     if kind >= 3:
         tally[5] += cut

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.geometry import topology
-from cortet.geometry.closest_point import SurfaceTree, closest_point, triangle_normal
+from cortet.geometry.closest_point import SurfaceTree, closest_point, first_triangles, triangle_normal
 from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh
 
@@ -55,7 +55,7 @@ class Patches(NamedTuple):
     offsets: np.ndarray
     around: IntArray
     corners: np.ndarray
-    #: boundary faces around v: (v, *rims[i]) is outward for i in rim_offsets[v]:rim_offsets[v + 1]
+    #: boundary (and interface) faces around v: (v, *rims[i]) is outward for i in rim_offsets[v]:rim_offsets[v + 1]
     rim_offsets: np.ndarray
     rims: IntArray
     #: (n,) int8, FIXED, FREE or SLIDING
@@ -89,10 +89,10 @@ def q_of(mu2: FloatArray) -> FloatArray:
 
 @numba.njit(parallel=True, cache=True)
 def _locate(points, tree, freedom, place):  # type: ignore[no-untyped-def]
-    """Find the surface triangle under every sliding vertex."""
+    """Find the surface triangle under every sliding vertex; `place` holds a triangle of its surface, -1 the first."""
     for v in numba.prange(len(points)):
         if freedom[v] == SLIDING:
-            place[v] = closest_point(SurfaceTree(*tree), points[v, 0], points[v, 1], points[v, 2], -1)[3]
+            place[v] = closest_point(SurfaceTree(*tree), points[v, 0], points[v, 1], points[v, 2], place[v])[3]
 
 
 @numba.njit(cache=True, inline="always")
@@ -387,27 +387,43 @@ def move_vertices(
 
     Parameters
     ----------
-    tree : of the surface that boundary vertices slide on
+    tree : of the surface that boundary vertices slide on; or a forest, then the vertices of each interface are treated
+        like those of the boundary, on the surface of that interface
     boundary : `slide` along the surface, stay `fixed`, or move `free` like interior vertices
     held : vertices that stay where they are
     """
     count = len(mesh.points)
     freedom = np.full(count, FREE, np.int8)
     freedom[topology.boundary_nodes(mesh)] = {"slide": SLIDING, "fixed": FIXED, "free": FREE}[boundary]
+    place = interface_places(mesh, tree)
+    freedom[place >= 0] = {"slide": SLIDING, "fixed": FIXED, "free": FREE}[boundary]
+    sheets = topology.boundary_faces(mesh)
+    if (place >= 0).any():
+        sheets = np.concatenate([sheets, topology.interfaces(mesh).faces])
     freedom[np.asarray(held, np.int32)] = FIXED
-    patches = _patches(mesh, freedom)
+    patches = _patches(mesh, freedom, sheets)
     points = mesh.points.copy()
     mu2 = np.asarray(mu2_of(quality(points, mesh.cells)))
-    state = State(points, mu2, np.full(count, -1, np.int32), np.empty(count, np.bool_))
+    state = State(points, mu2, place, np.empty(count, np.bool_))
     _locate(points, tuple(tree), freedom, state.place)
     colours = _colours(patches)
     done = tuple(_run(aim, state, patches, tree, colours) for aim in passes)
     return replace(mesh, points=state.points), done
 
 
-def _patches(mesh: TetMesh, freedom: np.ndarray) -> Patches:
+def interface_places(mesh: TetMesh, tree: SurfaceTree) -> IntArray:
+    """For each vertex of an interface a triangle of the surface it lies on, where `tree` is a forest; else -1: (n,)."""
+    place = np.full(len(mesh.points), -1, np.int32)
+    first = first_triangles(tree)
+    if len(first) > 1:
+        found = topology.interfaces(mesh)
+        place[found.faces] = first[found.region][:, None]
+    return place
+
+
+def _patches(mesh: TetMesh, freedom: np.ndarray, faces: IntArray) -> Patches:
+    """What surrounds each vertex; `faces` (k, 3) are those that lie on surfaces."""
     tets = topology.incidence(mesh.cells, len(mesh.points))
-    faces = topology.boundary_faces(mesh)
     fans = topology.incidence(faces, len(mesh.points))
     turn = (fans.corners[:, None] + np.array([1, 2])) % 3
     rims = np.ascontiguousarray(faces[fans.cells[:, None], turn])

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.formats.as_read import AsRead
-from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS, surface_faces
-from cortet.geometry.topology import boundary_faces, enclosed_volume, packed, surface_topology
+from cortet.formats.surface_sets import INTERFACE, REGION_TAGS, SURFACE_TAGS, surface_faces
+from cortet.geometry.topology import TET_FACES, boundary_faces, enclosed_volume, packed, surface_topology
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 
@@ -123,10 +123,32 @@ def _surface(file: AsRead) -> Iterator[str]:
 def _other_faces(mesh: TetMesh, true: NDArray[np.int64], boundary: IntArray) -> Iterator[str]:
     """Faces of sets that are no part of the division of the boundary."""
     for name, faces in mesh.sets.faces.items():
-        if name not in SURFACE_TAGS and len(faces):
+        if name.endswith(INTERFACE) and len(faces):
+            if misplaced := _not_between_regions(mesh, faces):
+                yield f"face set {name} names {misplaced} faces that are not between two regions"
+        elif name not in SURFACE_TAGS and len(faces):
             both = packed(np.concatenate([boundary, faces]))
             if strange := np.count_nonzero(~np.isin(both[len(true) :], both[: len(true)])):
                 yield f"face set {name} names {strange} faces that are not on the boundary"
+
+
+def _not_between_regions(mesh: TetMesh, faces: IntArray) -> int:
+    """Number of faces that are not shared by two tetrahedra of different sets."""
+    near = np.flatnonzero(np.isin(mesh.cells, faces).sum(axis=1) >= 3)
+    every = mesh.cells[near][:, TET_FACES].reshape(-1, 3)
+    key = packed(np.concatenate([faces, every]))
+    belongs = np.zeros(len(mesh.cells), np.int64)
+    for cells in mesh.sets.cells.values():
+        belongs *= 2
+        belongs[cells] += 1
+    good = np.zeros(len(faces), np.bool_)
+    order = np.argsort(key[len(faces) :], kind="stable")
+    ordered, owner = key[len(faces) :][order], np.repeat(near, 4)[order]
+    first = np.searchsorted(ordered, key[: len(faces)], "left")
+    count = np.searchsorted(ordered, key[: len(faces)], "right") - first
+    two = count == 2
+    good[two] = belongs[owner[first[two]]] != belongs[owner[first[two] + 1]]
+    return int(np.count_nonzero(~good))
 
 
 def _sets(mesh: TetMesh) -> Iterator[str]:

@@ -8,17 +8,17 @@ holds those of the surface alone.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, MEDIAL_WALL
+from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL
 from cortet.geometry.closest_point import closest_points, surface_tree
-from cortet.geometry.topology import boundary_faces
-from cortet.mesh import IntArray, MeshSets, TetMesh
+from cortet.geometry.topology import boundary_faces, interfaces
+from cortet.mesh import REGION, IntArray, MeshSets, TetMesh
 
 #: some solvers take no longer names
 _LONGEST_NAME = 80
@@ -31,6 +31,7 @@ def named_sets(
     cortex_thickness: str | None = None,
     medial_wall: Mapping[str, Collection[int]] | None = None,
     label_names: Mapping[str, Mapping[int, str]] | None = None,
+    inner: Sequence[str] = (),
 ) -> TetMesh:
     """The mesh with its sets; those it had before are replaced.
 
@@ -42,6 +43,8 @@ def named_sets(
         cortical surface counts
     medial_wall : label field -> keys that mark the medial wall
     label_names : label field -> key -> name, where there are names
+    inner : names of the regions of the mesh from 1 on, where it has any: then region 0 is the cortex, whatever its
+        depth, the others are the core, each of several is a set too, and so are the faces between two regions
 
     Raises
     ------
@@ -62,11 +65,30 @@ def named_sets(
     sets = MeshSets({name: np.unique(part) for name, part in parts.items()}, parts, {})
     for name, values in labels.items():
         _add_labels(sets, name, values, faces, (label_names or {}).get(name, {}))
-    cortex = _is_cortex(mesh, parts[CORTICAL_SURFACE], cortex_depth, cortex_thickness)
+    number = mesh.cell_data.get(REGION) if inner else None
+    if number is None:
+        cortex = _is_cortex(mesh, parts[CORTICAL_SURFACE], cortex_depth, cortex_thickness)
+    else:
+        cortex = number == 0
+        _add_interfaces(sets, mesh, inner)
     regions = {CORE: np.flatnonzero(~cortex).astype(np.int32), CORTEX: np.flatnonzero(cortex).astype(np.int32)}
+    if number is not None:  # sets take the place of the numbers
+        mesh = replace(mesh, cell_data={name: values for name, values in mesh.cell_data.items() if name != REGION})
+        if len(inner) > 1:
+            for i, name in enumerate(inner, start=1):
+                regions[set_name(name, regions)] = np.flatnonzero(number == i).astype(np.int32)
     return replace(
         mesh, sets=MeshSets(sets.nodes, sets.faces, {name: cells for name, cells in regions.items() if len(cells)})
     )
+
+
+def _add_interfaces(sets: MeshSets, mesh: TetMesh, inner: Sequence[str]) -> None:
+    """One set of nodes and one of faces for the outside of each region but the first, seen from outside it."""
+    found = interfaces(mesh)
+    for number in np.unique(found.region).tolist():
+        name = set_name(f"{inner[number - 1]}{INTERFACE}", [*sets.nodes, *sets.faces])
+        sets.faces[name] = found.faces[found.region == number]
+        sets.nodes[name] = np.unique(sets.faces[name])
 
 
 def face_labels(values: NDArray[np.integer], faces: IntArray) -> NDArray[np.integer]:

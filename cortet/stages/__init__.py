@@ -27,6 +27,8 @@ class Stage:
     gives: Literal["surface", "mesh"]
     #: number in the paper's line, where it has one
     number: str = ""
+    #: whether it has something to do only where there are inner surfaces
+    nested: bool = False
     #: whether the result is the same in every setting of the configuration, so that all of them share it
     shared_by_settings: bool = False
 
@@ -43,6 +45,14 @@ STAGES: dict[str, Stage] = {
     for stage in (
         Stage("gate", "lets in a surface that can be meshed", "gated", ("surface",), "surface"),
         Stage("smooth_surface", "smooths the surface by its age", "smoothed", ("surface",), "surface"),
+        Stage(
+            "separate",
+            "moves inner surfaces away from the one around them",
+            "separated",
+            ("surface",),
+            "surface",
+            nested=True,
+        ),
         Stage(
             "generate",
             "fills the surface with tetrahedra",

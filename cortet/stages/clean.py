@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from cortet.errors import InputError, StageError
-from cortet.geometry.closest_point import tree_of
+from cortet.geometry.closest_point import forest
 from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import without_crossing
@@ -67,7 +67,7 @@ def clean(
     Parameters
     ----------
     mesh : positive volumes
-    surface : the surface boundary vertices slide on
+    surface : the surface boundary vertices slide on; those of interfaces slide on its inner ones
     thresholds : one pass for each; it moves only vertices of tetrahedra with q above it
     boundary : `slide` keeps boundary vertices on `surface` (those of S1 lie on it), `fixed` keeps them in place,
         `free` treats them like interior ones (published)
@@ -98,7 +98,7 @@ def clean(
         result = clean_with_meshtool(mesh, thresholds=thresholds)
         program = program_version()
     else:
-        tree = tree_of(surface)
+        tree = forest(surface)
         aims = schedule(thresholds, improve_mean)
 
         def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, tuple[PassReport, ...]]:

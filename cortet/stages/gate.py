@@ -57,7 +57,9 @@ class GateReport:
     repair_max_displacement_mm: float
 
 
-def gate(surface: TriSurface, *, source: Any, allow_genus: int = 0) -> tuple[TriSurface, GateReport]:
+def gate(
+    surface: TriSurface, *, source: Any, allow_genus: int = 0, inside: bool = False
+) -> tuple[TriSurface, GateReport]:
     """Let one closed, oriented, mm-sized manifold without self-intersections through.
 
     Unused vertices are dropped, triangles are oriented consistently and outward, and a few crossing triangles are
@@ -67,6 +69,7 @@ def gate(surface: TriSurface, *, source: Any, allow_genus: int = 0) -> tuple[Tri
     ----------
     source : where the surface comes from, for messages and the report
     allow_genus : largest number of handles accepted
+    inside : the surface lies inside another one, and may be smaller than a brain
 
     Raises
     ------
@@ -86,7 +89,8 @@ def gate(surface: TriSurface, *, source: Any, allow_genus: int = 0) -> tuple[Tri
     genus = _check_topology(oriented, source, allow_genus)
     if reoriented:
         logger.warning("%s: %d of %d triangles turned outward", source, reoriented, len(surface.faces))
-    _check_size(oriented, source)
+    if not inside:
+        _check_size(oriented, source)
     repaired, crossing = _uncross(oriented, source)
     moved = np.linalg.norm(repaired.points - oriented.points, axis=1)
     moved = moved[moved > 0]

@@ -26,6 +26,7 @@ from typing import Literal
 import numpy as np
 
 from cortet.errors import InputError, StageError
+from cortet.geometry.nesting import joined, sheets
 from cortet.geometry.ordering import ordered_along_curve
 from cortet.geometry.topology import (
     SurfaceTopology,
@@ -34,13 +35,15 @@ from cortet.geometry.topology import (
     components,
     edges,
     enclosed_volume,
+    sheet,
     surface_topology,
 )
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.mesh import REGION, FloatArray, IntArray, TetMesh, TriSurface
 from cortet.meshers import BASELINES, MESHERS, baselines, cgal, installed_backend
 from cortet.meshers.cgal import BACKENDS, PASSES, Criteria, write_off
 from cortet.meshers.lattice import graded_nodes, tetrahedralised
+from cortet.meshers.nested import regions_of, remesh_nested, wanted_nested
 from cortet.meshers.remesh import Remeshed, remesh_apart, shapes, unsound, wanted
 from cortet.meshers.triangles import FLAT
 from cortet.stages.reconnect import reconnect
@@ -139,7 +142,8 @@ def generate(
 
     Parameters
     ----------
-    surface : a closed, connected manifold of any genus, without self-intersections
+    surface : a closed, connected manifold of any genus, without self-intersections; its inner surfaces, which keep
+        apart from it and from each other, bound regions of their own, the mesh's cell data `region`
     cell_size : mm, upper bound of circumradii of tetrahedra and of surface Delaunay balls
     mesher : ``lattice``, ``cgal``, or one of `meshers.BASELINES`, which take the cell size and nothing else
     backend : ``pygalmesh``, ``cgal``, or ``auto``: pygalmesh where it is installed, else cgal
@@ -180,6 +184,8 @@ def generate(
     topology = surface_topology(surface.faces)
     if not topology.is_closed_manifold:
         raise InputError(f"surface cannot be meshed: {'; '.join(topology.problems(int(topology.genus)))}")
+    if surface.inner and mesher != "lattice":
+        raise InputError(f"the mesher {mesher} knows no inner surfaces", remedy="use the mesher lattice")
     if mesher in BASELINES:
         return generate_with_baseline(surface, mesher, cell_size=cell_size)
     backend = installed_backend() if backend == "auto" else backend
@@ -199,8 +205,9 @@ def generate(
     if mesher == "lattice" or (attempts[-1].problems and fallback):
         backend, passes = "tetgen", ()
         turn = _rotation(seed)
-        mesh, tried = _filled_with_lattice(
-            replace(surface, points=surface.points @ turn) if seed else surface,
+        fill = _filled_between if surface.inner else _filled_with_lattice
+        mesh, tried = fill(
+            _turned(surface, turn) if seed else surface,
             cell_size,
             edge_length,
             surface_distance,
@@ -314,6 +321,12 @@ def _rotation(seed: int) -> FloatArray:
     return q * np.linalg.det(q)
 
 
+def _turned(surface: TriSurface, turn: FloatArray) -> TriSurface:
+    """A surface, and those inside it, in coordinates of a turned lattice."""
+    inner = {name: replace(one, points=one.points @ turn) for name, one in surface.inner.items()}
+    return replace(surface, points=surface.points @ turn, inner=inner)
+
+
 def _filled_with_lattice(
     surface: TriSurface,
     cell_size: float,
@@ -342,7 +355,7 @@ def _filled_with_lattice(
             mesh, flat = _well_ordered(points, cells)
             mesh, _ = reconnect(mesh, surface, insert=False)
             attempt = _judged(mesh, genus, edge_length=fraction * cell_size, passes=(), flat=flat)
-        attempts.append(replace(attempt, refinement=_refinement(made)))
+        attempts.append(replace(attempt, refinement=_refinement([made])))
         _log(f"lattice, edges of {fraction * cell_size:g} mm", attempt, time.perf_counter() - began)
         if not attempt.problems:
             return mesh, attempts
@@ -352,15 +365,81 @@ def _filled_with_lattice(
     )
 
 
-def _refinement(made: Remeshed) -> Refinement:
-    start, end = edges(made.surface.faces).T
+def _filled_between(
+    surface: TriSurface,
+    cell_size: float,
+    edge_length: Sequence[float],
+    surface_distance: float,
+    *,
+    core_ratio: float,
+    core_depth: float,
+) -> tuple[TetMesh, list[Attempt]]:
+    """Mesh a surface and those inside it, as `_filled_with_lattice` does one; the regions are cell data.
+
+    Raises `StageError` when triangles cross with all edge lengths.
+    """
+    every = sheets(surface)
+    attempts: list[Attempt] = []
+    for fraction in edge_length:
+        began = time.perf_counter()
+        edge = fraction * cell_size
+        made = remesh_nested(surface, wanted_nested(surface, edge, surface_distance * cell_size))
+        walls = [one.surface for one in made]
+        faults = [_fault(wall, one) for wall, one in zip(walls, every, strict=True)]
+        if problem := next(filter(None, faults), "") or _fault(joined(walls), joined(every)):
+            topology = surface_topology(walls[0].faces)
+            attempt = Attempt(None, edge, (), sum(len(wall.points) for wall in walls), 0, 0, topology, (problem,))
+        else:
+            mesh, flat = _nested_lattice(made, cell_size, core_ratio, core_depth)
+            mesh, _ = reconnect(mesh, surface, insert=False)
+            attempt = _judged(mesh, int(surface_topology(surface.faces).genus), edge_length=edge, passes=(), flat=flat)
+            attempt = replace(attempt, problems=attempt.problems + _interface_problems(mesh, surface))
+        attempts.append(replace(attempt, refinement=_refinement(made)))
+        _log(f"lattice between surfaces, edges of {edge:g} mm", attempt, time.perf_counter() - began)
+        if not attempt.problems:
+            return mesh, attempts
+    raise StageError(
+        f"no edge length of {list(edge_length)} h gives surfaces to fill: {'; '.join(attempts[-1].problems)}",
+        remedy="choose a smaller cell size, add a smaller generate.edge_length, or a larger regions.min_gap",
+    )
+
+
+def _nested_lattice(
+    made: Sequence[Remeshed], cell_size: float, core_ratio: float, core_depth: float
+) -> tuple[TetMesh, int]:
+    """Tetrahedra between remeshed surfaces, with their regions, and how many flat ones were left out."""
+    walls = [one.surface for one in made]
+    both = joined(walls)
+    size = np.concatenate([one.size for one in made])
+    nodes = graded_nodes(walls[0], size, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth, walls=both)
+    points, cells = tetrahedralised(both, nodes)
+    region = regions_of(points, cells, walls)[signed_volumes(points, cells) != 0]
+    cells, flat = oriented(points, cells)
+    points, cells, _ = compact(points, cells)
+    points, cells, order = ordered_along_curve(points, cells)
+    return TetMesh(points, cells, cell_data={REGION: region[order]}), flat
+
+
+def _interface_problems(mesh: TetMesh, surface: TriSurface) -> tuple[str, ...]:
+    """In plain words, where an interface has not the topology of its surface."""
+    found = []
+    for number, (name, one) in enumerate(surface.inner.items(), start=1):
+        genus = int(surface_topology(one.faces).genus)
+        found += [f"{name}: {what}" for what in surface_topology(sheet(mesh, number)[0].faces).problems(genus)]
+    return tuple(found)
+
+
+def _refinement(made: Sequence[Remeshed]) -> Refinement:
+    both = joined([one.surface for one in made])
+    size, distances = (np.concatenate([getattr(one, name) for one in made]) for name in ("size", "distances"))
+    start, end = edges(both.faces).T
     return Refinement(
-        vertices=len(made.surface.points),
-        vertices_refined=int((made.size < 0.8 * made.size.max()).sum()),
-        shortest_edge_mm=float(np.linalg.norm(made.surface.points[start] - made.surface.points[end], axis=1).min()),
-        distance_mean_mm=float(made.distances.mean()),
-        distance_max_mm=float(made.distances.max()),
-        rounds=made.rounds,
+        vertices=len(both.points),
+        vertices_refined=int((size < 0.8 * size.max()).sum()),
+        shortest_edge_mm=float(np.linalg.norm(both.points[start] - both.points[end], axis=1).min()),
+        distance_mean_mm=float(distances.mean()),
+        distance_max_mm=float(distances.max()),
+        rounds=made[0].rounds,
     )
 
 
@@ -414,7 +493,8 @@ def _well_ordered(points: FloatArray, cells: IntArray) -> tuple[TetMesh, int]:
     """Tetrahedra of a mesher with positive volumes, numbered along a curve; and how many flat ones were left out."""
     cells, flat = oriented(points, cells)
     points, cells, _ = compact(points, cells)
-    return TetMesh(*ordered_along_curve(points, cells)), flat
+    points, cells, _ = ordered_along_curve(points, cells)
+    return TetMesh(points, cells), flat
 
 
 def oriented(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:

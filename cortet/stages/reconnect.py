@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.geometry.closest_point import SurfaceTree, tree_of
+from cortet.geometry.closest_point import SurfaceTree, forest
 from cortet.geometry.topology import neighbours
 from cortet.measure.quality import quality
 from cortet.mesh import IntArray, TetMesh, TriSurface
@@ -22,7 +22,7 @@ from cortet.optimise.crossing import flaws_since, without_crossing
 from cortet.optimise.insertion import MIN_GAIN, insert_vertices
 from cortet.optimise.places import Part, better_of_each, cut_out, put_back, rim_of
 from cortet.optimise.swaps import NO_SWAPS, SwapCount, improve, live_cells, swappable
-from cortet.optimise.vertices import Boundary, Pass, move_vertices, mu2_of
+from cortet.optimise.vertices import Boundary, Pass, interface_places, move_vertices, mu2_of
 from cortet.stages.clean import KEPT, require_positive
 
 VERSION: int = 6
@@ -56,7 +56,7 @@ class ReconnectReport:
     tets_before: int
     tets: int
     #: swaps looked at, and those made: an edge and the tetrahedra around it replaced; a face replaced by an edge (2-3);
-    #: a boundary edge flipped; a boundary tetrahedron peeled off
+    #: an edge of the boundary or of an interface flipped; a boundary tetrahedron peeled off
     attempts: int
     edge_removals: int
     face_removals: int
@@ -77,18 +77,20 @@ def reconnect(
 
     Every swap improves the worst quality of the tetrahedra it replaces, all volumes stay positive, vertices are added
     or lost only inside and only with `insert`, and the boundary keeps its topology. Values per tetrahedron follow;
-    integer ones are labels of regions, whose interfaces no swap touches.
+    integer ones are labels of regions, which no swap joins. The interface of regions stays as it is, or, where it lies
+    on an inner surface, is treated like the boundary: its vertices slide, its edges may be flipped.
 
     Parameters
     ----------
     mesh : positive volumes
-    surface : the surface boundary vertices slide on, and new boundary edges must be close to
+    surface : the surface boundary vertices slide on, and new boundary edges must be close to; the vertices of
+        interfaces slide on its inner surfaces
     boundary : what boundary vertices may do when vertices move; boundary edges may be flipped unless it is `fixed`
     insert : also insert vertices inside, where no swap helps; they carry the values of a vertex near them
     """
     before = quality(mesh.points, mesh.cells)
     require_positive(before)
-    tree = tree_of(surface)
+    tree = forest(surface)
 
     def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, list[SwapCount]]:
         return _improved(start, tree, threshold, boundary, held)
@@ -175,7 +177,7 @@ def _tried(
     mesh: TetMesh, part: Part, surface: TriSurface, threshold: float, gain: float, boundary: Boundary
 ) -> TetMesh:
     """One round of swaps, insertions and moves in what has become of a `part`, whose rim stays."""
-    tree = tree_of(surface)
+    tree = forest(surface)
 
     def rigid() -> NDArray[np.bool_]:
         vertices = np.full(len(mesh.points), boundary != "slide")
@@ -218,7 +220,7 @@ def _swapped(mesh: TetMesh, tree: SurfaceTree, threshold: float, rigid: NDArray[
     mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
     if not (mu2 > mu2_of(threshold)).any():
         return mesh, NO_SWAPS
-    work = swappable(mesh, mu2, _regions(mesh), rigid)
+    work = swappable(mesh, mu2, _regions(mesh), rigid, place=interface_places(mesh, tree))
     count = improve(work, tree, float(mu2_of(threshold)))
     live = live_cells(work)
     cell_data = {name: values[live.origin] for name, values in mesh.cell_data.items()}
@@ -232,4 +234,6 @@ def _regions(mesh: TetMesh) -> IntArray:
     labels = [values.reshape(len(mesh.cells), -1) for values in mesh.cell_data.values() if values.dtype.kind in "iu"]
     if not labels:
         return np.zeros(len(mesh.cells), np.int32)
+    if len(labels) == 1 and labels[0].shape[1] == 1:
+        return np.unique(labels[0], return_inverse=True)[1].ravel().astype(np.int32)
     return np.unique(np.hstack(labels), axis=0, return_inverse=True)[1].ravel().astype(np.int32)

@@ -205,3 +205,31 @@ def test_cases_are_chosen_by_name_by_number_over_the_ages_or_all() -> None:
     assert chosen(cases, ["sub-36_hemi-L"]) == [cases[2]]
     with pytest.raises(InputError, match="no included case is named sub-40_hemi-L"):
         chosen(cases, ["sub-40_hemi-L"])
+
+
+def test_inner_surfaces_are_named_by_their_columns(tmp_path: Path) -> None:
+    path = tmp_path / "cohort.tsv"
+    header = "participant_id\tsession_id\themi\tscan_age\tsurface\tinclude\texclude_reason\tinner\tinner_ventricle\n"
+    path.write_text(header + "sub-1\tn/a\tL\t30\tpial.surf.gii\tyes\tn/a\twhite.surf.gii\tv.surf.gii\n")
+    (case,) = read_sheet(path)
+    assert case.inner == {"white": tmp_path / "white.surf.gii", "ventricle": tmp_path / "v.surf.gii"}
+    write_sheet([case], tmp_path / "again.tsv")
+    assert read_sheet(tmp_path / "again.tsv") == [case]
+    path.write_text(path.read_text().replace("inner_ventricle", "inner_core"))
+    with pytest.raises(InputError, match="column inner_core: 'core' stands for another part of every mesh"):
+        read_sheet(path)
+    path.write_text(path.read_text().replace("inner_core", "inner_v").replace("pial.surf.gii", "phantom"))
+    with pytest.raises(InputError, match="column inner: a phantom has no inner surface"):
+        read_sheet(path)
+
+
+def test_scan_takes_the_pial_surface_beside_a_white_one_where_asked(tmp_path: Path) -> None:
+    folder = release(tmp_path)
+    found = {case.name: case for case in scan(folder, Scan(pial=True))}
+    left = found["sub-CC01_ses-100_hemi-L"]
+    assert Path(left.surface).name.endswith("left_pial.surf.gii") and left.inner["white"].name.endswith(
+        "left_wm.surf.gii"
+    )
+    right = found["sub-CC01_ses-100_hemi-R"]
+    assert Path(right.surface).name.endswith("right_wm.surf.gii") and not right.inner
+    assert not any(case.inner for case in scan(folder))

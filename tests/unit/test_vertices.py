@@ -27,7 +27,7 @@ def mesh() -> TetMesh:
 
 
 def star_of(mesh: TetMesh, v: int):
-    around = vertices._patches(mesh, np.full(len(mesh.points), FREE, np.int8))
+    around = vertices._patches(mesh, np.full(len(mesh.points), FREE, np.int8), topology.boundary_faces(mesh))
     star = np.empty((64, 8))
     return star, vertices._gather(mesh.points, around, v, star)
 
@@ -146,7 +146,9 @@ def test_the_same_bits_for_any_number_of_threads(boundary):
 
 def test_runs_of_one_colour_share_no_tetrahedron():
     mesh = cube_mesh(16)
-    colours = vertices._colours(vertices._patches(mesh, np.full(len(mesh.points), vertices.FREE, np.int8)))
+    colours = vertices._colours(
+        vertices._patches(mesh, np.full(len(mesh.points), vertices.FREE, np.int8), topology.boundary_faces(mesh))
+    )
     runs = np.concatenate(colours)
     assert np.array_equal(np.sort(runs), np.arange(-(-len(mesh.points) // vertices._RUN)))
     assert 1 < len(colours) < len(runs)

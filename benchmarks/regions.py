@@ -1,0 +1,141 @@
+"""Meshes of two regions: white inside pial. How good they are, how near both surfaces, and what that costs.
+
+    python benchmarks/regions.py PIAL... [--cell-sizes 1.0] [--inner white] [--min-gap 0.5] [--keep FOLDER]
+
+The inner surface of `X_pial.surf.gii` is `X_white.surf.gii` beside it. One row per pair and cell size, of the whole
+line on the surfaces as they are (not smoothed) and the certificate. `moved` is what `separate` did. Each row comes from
+a process of its own with kernels compiled; CPU seconds are those of all threads, without reading and the certificate;
+MB those above the idle process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from cortet.config import load
+from cortet.errors import CortetError
+from cortet.formats import vtu
+from cortet.formats.gifti import read_surface
+from cortet.measure.certify import certify
+from cortet.measure.quality import quality
+from cortet.mesh import REGION, TetMesh, TriSurface
+from cortet.pipeline import run
+from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
+
+COLUMNS = (
+    *("pair", "h_mm", "certified", "tets", "q_max", "q_mean", "q_mean_cortex", "above_0.45", "euler"),
+    *("nodes_off_max_mm", "interface_nodes_off_max_mm", "surface_off_max_h", "interface_off_max_h"),
+    *("cortex_volume_change", "edges_across_least", "edges_across_p5", "edges_across_median"),
+    *("moved", "moved_mean_mm", "moved_max_mm", "cortex_ml_before", "cortex_ml", "edge_length_h"),
+    *("cpu_seconds", "tets_per_cpu_second", "MB_per_million_tets", "why_not"),
+)
+
+
+def ball(radius: float) -> TriSurface:
+    """A sphere about the origin, mm."""
+    sphere = trimesh.creation.icosphere(subdivisions=4, radius=radius)
+    return TriSurface(sphere.vertices, sphere.faces)
+
+
+def compile_kernels() -> None:
+    """Mesh one ball inside another."""
+    list(run(ball(20.0), load({"generate": {"cell_size": 3.0}}), inner={"white": ball(16.0)}))
+
+
+def measure(file: Path, cell_size: float, options: argparse.Namespace, answer) -> None:  # type: ignore[no-untyped-def]
+    """Run the line in this process and send back the row of its mesh."""
+    row: dict[str, Any] = {"pair": file.name.removesuffix("_pial.surf.gii"), "h_mm": cell_size}
+    compile_kernels()
+    inner_file = file.with_name(file.name.replace("_pial.", f"_{options.inner}."))
+    surface, inner = read_surface(file), {options.inner: read_surface(inner_file)}
+    reset_peak_memory()
+    idle, began = peak_memory_mb() or 0, time.process_time()
+    try:
+        config = load({"generate": {"cell_size": cell_size}, "regions": {"min_gap": options.min_gap}})
+        for step in run(surface, config, source=file, inner=inner, inner_sources={options.inner: inner_file}):
+            if step.stage == "separate":
+                (did,) = step.report["surfaces"]
+                row |= {"moved": did["vertices_moved"], "cortex_ml_before": did["around_before_ml"]}
+                row |= {key: did[key] for key in ("moved_mean_mm", "moved_max_mm")} | {"cortex_ml": did["around_ml"]}
+            if step.stage == "generate":
+                row["edge_length_h"] = step.report["edge_length_mm"] / cell_size
+    except CortetError as error:
+        answer.send(row | {"why_not": str(error)})
+        return
+    seconds, memory = time.process_time() - began, (peak_memory_mb() or 0) - idle
+    mesh = step.result
+    assert isinstance(mesh, TetMesh)  # the line ends with a mesh
+    if options.keep:
+        options.keep.mkdir(parents=True, exist_ok=True)
+        vtu.write(mesh, options.keep / f"{row['pair']}_{cell_size:g}.vtu")
+    verdict = certify(mesh, step.surface, **config.arguments("certify", {"cell_size": cell_size}))
+    (interface,) = verdict.interfaces
+    q, across = quality(mesh.points, mesh.cells), verdict.regions[0].edges_across
+    assert across is not None  # the cortex has the white surface inside it
+    answer.send(
+        row
+        | {
+            "certified": "yes" if verdict.certified else "no",
+            "tets": len(q),
+            "q_max": q.max(),
+            "q_mean": q.mean(),
+            "q_mean_cortex": q[np.asarray(mesh.cell_data[REGION]) == 0].mean(),
+            "above_0.45": int((q > 0.45).sum()),
+            "euler": f"{verdict.topology.euler_number}, {interface.topology.euler_number}",
+            "nodes_off_max_mm": verdict.fidelity.nodes_to_surface_mm.max,
+            "interface_nodes_off_max_mm": interface.nodes_to_surface_mm.max,
+            "surface_off_max_h": verdict.fidelity.surface_to_boundary_mm.max / cell_size,
+            "interface_off_max_h": interface.surface_to_interface_mm.max / cell_size,
+            "cortex_volume_change": verdict.regions[0].relative_volume_change,
+            "edges_across_least": across.least,
+            "edges_across_p5": across.p5,
+            "edges_across_median": across.median,
+            "cpu_seconds": seconds,
+            "tets_per_cpu_second": len(q) / seconds,
+            "MB_per_million_tets": memory / len(q) * 1e6,
+            "why_not": "; ".join(verdict.reasons),
+        }
+    )
+
+
+def in_own_process(*args: object) -> dict[str, Any]:
+    """Run `measure` in a fresh process, whose end without an answer is an answer, too."""
+    context = multiprocessing.get_context("spawn")
+    receive, send = context.Pipe(duplex=False)
+    process = context.Process(target=measure, args=(*args, send))
+    process.start()
+    send.close()
+    try:
+        row: dict[str, Any] = receive.recv()
+    except EOFError:
+        row = {"pair": str(args[0]), "h_mm": args[1], "why_not": "the process ended without a word"}
+    process.join()
+    return row
+
+
+def main() -> None:
+    """Mesh every pair at every cell size and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("pials", nargs="+", type=Path)
+    parser.add_argument("--cell-sizes", nargs="+", type=float, default=[1.0])
+    parser.add_argument("--inner", default="white")
+    parser.add_argument("--min-gap", type=float, default=0.5, help="as regions.min_gap")
+    parser.add_argument("--keep", type=Path, metavar="FOLDER", help="write the meshes there")
+    options = parser.parse_args()
+    print(*COLUMNS, sep="\t")
+    for file in options.pials:
+        for cell_size in options.cell_sizes:
+            row = in_own_process(file, cell_size, options)
+            values = (row.get(column, "") for column in COLUMNS)
+            print(*(f"{value:.4g}" if isinstance(value, float) else value for value in values), sep="\t", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,127 @@
+"""Surfaces inside surfaces: which contains which, and the boundaries of the regions between them.
+
+A surface with inner ones stands for a list of sheets: number 0 is the outer surface, number i the i-th inner one, and
+region i is what is inside sheet i and outside of all sheets within it. Sheets that contain others come before them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cortet.geometry.closest_point import ClosestPoints, SurfaceTree, closest_points, surface_tree
+from cortet.geometry.topology import enclosed_volume, face_normals, packed, vertex_normals
+from cortet.mesh import OUTERMOST, FloatArray, IntArray, TriSurface
+
+#: a barycentric weight below this is that of a point on the opposite edge
+_ON_EDGE = 1e-9
+
+
+def nested(surface: TriSurface, inner: Mapping[str, TriSurface]) -> TriSurface:
+    """The surface with its inner ones, the one that encloses most first, so that none comes after one it contains."""
+    volumes = {name: abs(enclosed_volume(one.points, one.faces)) for name, one in inner.items()}
+    return replace(surface, inner={name: inner[name] for name in sorted(inner, key=lambda name: -volumes[name])})
+
+
+def sheets(surface: TriSurface) -> list[TriSurface]:
+    """The surface, without its inner ones, and these."""
+    return [replace(surface, inner={}), *surface.inner.values()]
+
+
+def region_names(surface: TriSurface) -> list[str]:
+    """Name of each region by its number."""
+    return [OUTERMOST, *surface.inner]
+
+
+def parents(surface: TriSurface) -> list[int]:
+    """For each sheet, the smallest one around it; -1 for the outer one.
+
+    Most vertices decide: surfaces that touch or cross here and there have an order, too.
+    """
+    every = sheets(surface)
+    around = [-1]
+    for number in range(1, len(every)):
+        holding = [other for other in range(1, number) if _contains(every[other], every[number])]
+        around.append(max(holding, default=0))
+    return around
+
+
+def region_boundary(surface: TriSurface, number: int) -> TriSurface:
+    """All triangles around one region, counter-clockwise seen from outside of it: its sheet, and those within turned.
+
+    The vertices are those of its sheet, then of the others in their order.
+    """
+    every, around = sheets(surface), parents(surface)
+    within = [every[child] for child, parent in enumerate(around) if parent == number]
+    turned = [TriSurface(one.points, one.faces[:, ::-1]) for one in within]
+    return joined([every[number], *turned])
+
+
+def joined(surfaces: Sequence[TriSurface]) -> TriSurface:
+    """Several surfaces as one, vertices and triangles in their order, without fields."""
+    first = np.cumsum([0, *(len(one.points) for one in surfaces)])
+    return TriSurface(
+        np.concatenate([one.points for one in surfaces]),
+        np.concatenate([one.faces + number for one, number in zip(surfaces, first, strict=False)]),
+    )
+
+
+def depths(tree: SurfaceTree, surface: TriSurface, points: FloatArray) -> tuple[FloatArray, FloatArray, ClosestPoints]:
+    """How deep points lie below a closed manifold whose triangles point outward, negative outside.
+
+    The pseudonormal of the face, edge or vertex that is nearest tells inside from outside, always where the surface
+    does not cross itself (Baerentzen and Aanaes, IEEE Transactions on Visualization and Computer Graphics 11, 2005).
+
+    Returns
+    -------
+    depth (k,) mm; the unit normal at the nearest point (k, 3), interpolated between those of the vertices; and the
+    nearest points
+    """
+    found = closest_points(tree, points)
+    normals = vertex_normals(surface.points, surface.faces)[surface.faces[found.faces]]
+    normal = np.einsum("kc,kcj->kj", found.barycentric, normals)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    side = np.einsum("kj,kj->k", found.points - points, _pseudonormals(surface, found))
+    return np.where(side >= 0, 1, -1) * found.distances, normal, found
+
+
+def _pseudonormals(surface: TriSurface, found: ClosestPoints) -> FloatArray:
+    """Normal of the face, sum of those of both faces of the edge, or those of the vertex weighted by angle: (k, 3)."""
+    faces = surface.faces
+    normal = face_normals(surface.points, faces)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    off = found.barycentric < _ON_EDGE
+    result = normal[found.faces]
+    on_edge, on_vertex = off.sum(axis=1) == 1, off.sum(axis=1) == 2
+    result[on_edge] += normal[_across_edges(faces)[found.faces[on_edge], off[on_edge].argmax(axis=1)]]
+    vertex = faces[found.faces[on_vertex], found.barycentric[on_vertex].argmax(axis=1)]
+    result[on_vertex] = _angle_weighted(surface, normal)[vertex]
+    return result
+
+
+def _across_edges(faces: IntArray) -> IntArray:
+    """The face behind the edge opposite each corner of the faces of a closed manifold: (m, 3)."""
+    opposite = faces[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
+    order = np.argsort(packed(opposite), kind="stable")
+    behind = np.empty(len(order), np.int32)
+    behind[order[0::2]], behind[order[1::2]] = order[1::2] // 3, order[0::2] // 3
+    return behind.reshape(-1, 3)
+
+
+def _angle_weighted(surface: TriSurface, normal: FloatArray) -> FloatArray:
+    """For each vertex the sum of the unit normals of its faces times their angles there: (n, 3)."""
+    corners = surface.points[surface.faces]
+    ahead, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    length = np.linalg.norm(ahead, axis=2) * np.linalg.norm(back, axis=2)
+    cosine = np.einsum("mcj,mcj->mc", ahead, back) / np.maximum(length, np.finfo(float).tiny)
+    angle = np.arccos(np.clip(cosine, -1, 1))
+    weighted = (angle[:, :, None] * normal[:, None]).reshape(-1, 3)
+    vertex, count = surface.faces.ravel(), len(surface.points)
+    return np.stack([np.bincount(vertex, weighted[:, axis], minlength=count) for axis in range(3)], axis=1)
+
+
+def _contains(outer: TriSurface, inner: TriSurface) -> bool:
+    depth, _, _ = depths(surface_tree(outer.points, outer.faces), outer, inner.points)
+    return bool((depth > 0).mean() > 0.5)

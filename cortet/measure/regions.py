@@ -1,0 +1,158 @@
+"""What a certificate says of each region of a mesh, and of each interface between two.
+
+The interface of a region must be what its boundary must be: one closed manifold with the topology of the surface it
+stands for, every vertex on that surface, no part of the surface left behind, no face that crosses another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.nesting import joined, parents, region_boundary, region_names, sheets
+from cortet.geometry.topology import (
+    SurfaceTopology,
+    boundary_surface,
+    edges,
+    enclosed_volume,
+    interfaces,
+    sheet,
+    surface_topology,
+)
+from cortet.measure.fidelity import Distances, summary
+from cortet.measure.lost import distances_to
+from cortet.measure.quality import quality, signed_volumes
+from cortet.mesh import REGION, TetMesh, TriSurface
+
+
+@dataclass(frozen=True)
+class Across:
+    """How many edges lead through a region: from each node of its outer side the fewest to its inner sides."""
+
+    least: int
+    p5: float
+    median: float
+
+
+@dataclass(frozen=True)
+class RegionRecord:
+    """One region of a mesh beside the surfaces that bound it."""
+
+    name: str
+    #: value of the cell data
+    number: int
+    tetrahedra: int
+    volume_ml: float
+    #: between the surfaces
+    surfaces_volume_ml: float
+    relative_volume_change: float
+    q_mean: float
+    q_max: float
+    #: None for a region with nothing inside it
+    edges_across: Across | None
+
+
+@dataclass(frozen=True)
+class InterfaceRecord:
+    """The faces between a region and the one around it, beside the surface they stand for."""
+
+    #: of the region inside
+    name: str
+    around: str
+    faces: int
+    topology: SurfaceTopology
+    #: Euler number of the surface
+    surface_euler_number: int
+    #: faces that are not between these two regions
+    misplaced_faces: int
+    nodes_to_surface_mm: Distances
+    surface_to_interface_mm: Distances
+    relative_area_change: float
+
+
+def region_records(mesh: TetMesh, surface: TriSurface) -> tuple[RegionRecord, ...]:
+    """One record for each region; `mesh` has the cell data `region` of the nested `surface`."""
+    region = _region(mesh)
+    volumes, q = signed_volumes(mesh.points, mesh.cells), quality(mesh.points, mesh.cells)
+    around = parents(surface)
+    records = []
+    for number, name in enumerate(region_names(surface)):
+        mine = region == number
+        bounds = region_boundary(surface, number)
+        volume, given = float(volumes[mine].sum()) / 1000, enclosed_volume(bounds.points, bounds.faces) / 1000
+        within = [child for child, parent in enumerate(around) if parent == number]
+        records.append(
+            RegionRecord(
+                name=name,
+                number=number,
+                tetrahedra=int(mine.sum()),
+                volume_ml=volume,
+                surfaces_volume_ml=given,
+                relative_volume_change=volume / given - 1,
+                q_mean=float(q[mine].mean()) if mine.any() else 0.0,
+                q_max=float(q[mine].max(initial=0)),
+                edges_across=_across(mesh, number, within) if within and mine.any() else None,
+            )
+        )
+    return tuple(records)
+
+
+def interface_records(mesh: TetMesh, surface: TriSurface) -> tuple[InterfaceRecord, ...]:
+    """One record for each inner surface; distances are infinite where the mesh has no such interface."""
+    region = _region(mesh)
+    found, names, around = interfaces(mesh), region_names(surface), parents(surface)
+    records = []
+    for number, one in enumerate(sheets(surface)[1:], start=1):
+        faces, nodes = sheet(mesh, number)
+        mine = found.region == number
+        if len(nodes):
+            off = summary(closest_points(surface_tree(one.points, one.faces), faces.points).distances)
+            lost = summary(distances_to(faces, one))
+        else:
+            off = lost = Distances(np.inf, np.inf, np.inf)
+        records.append(
+            InterfaceRecord(
+                name=names[number],
+                around=names[around[number]],
+                faces=len(faces.faces),
+                topology=surface_topology(faces.faces),
+                surface_euler_number=surface_topology(one.faces).euler_number,
+                misplaced_faces=int((region[found.behind[mine]] != around[number]).sum()),
+                nodes_to_surface_mm=off,
+                surface_to_interface_mm=lost,
+                relative_area_change=_area(faces) / _area(one) - 1,
+            )
+        )
+    return tuple(records)
+
+
+def sheets_of(mesh: TetMesh) -> TriSurface:
+    """Boundary and interfaces of a mesh in one, the boundary first: none of these faces may cross another."""
+    numbers = np.unique(interfaces(mesh).region).tolist()
+    return joined([boundary_surface(mesh)[0], *(sheet(mesh, number)[0] for number in numbers)])
+
+
+def _region(mesh: TetMesh) -> NDArray[np.integer]:
+    return np.asarray(mesh.cell_data.get(REGION, np.zeros(len(mesh.cells), np.int32)))
+
+
+def _across(mesh: TetMesh, number: int, within: list[int]) -> Across | None:
+    links = edges(mesh.cells[_region(mesh) == number])
+    graph = coo_matrix((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(len(mesh.points),) * 2)
+    outer = sheet(mesh, number)[1]
+    inner = np.concatenate([sheet(mesh, other)[1] for other in within])
+    if not len(inner) or not len(outer):
+        return None
+    steps = dijkstra(graph.tocsr(), directed=False, indices=inner, unweighted=True, min_only=True)[outer]
+    return Across(int(steps.min()), float(np.percentile(steps, 5)), float(np.median(steps)))
+
+
+def _area(surface: TriSurface) -> float:
+    corners = surface.points[surface.faces]
+    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return float(np.linalg.norm(sides, axis=1).sum()) / 2

@@ -1,0 +1,145 @@
+"""Triangles on a surface and on those inside it that leave room for each other, and the tetrahedra between them.
+
+The edges follow the thickness of each region, as those of one surface follow that of its blades: the cortex is a blade
+between two surfaces. TetGen keeps the triangles of all of them, so a tetrahedron lies in one region.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from cortet.errors import StageError
+from cortet.geometry.closest_point import surface_tree
+from cortet.geometry.nesting import joined, parents, region_boundary, sheets
+from cortet.geometry.topology import TET_FACES, neighbours, packed, vertex_normals
+from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshers.remesh import (
+    CREST,
+    EDGE_OVER_THICKNESS,
+    REACH,
+    ROUNDS,
+    SHARE_OF_GAP,
+    SHORTEST,
+    Remeshed,
+    Wanted,
+    opened,
+    remesh,
+    tightened,
+    unsound,
+)
+from cortet.meshers.thickness import thickness
+
+logger = logging.getLogger(__name__)
+
+
+def wanted_nested(surface: TriSurface, edge_length: float, distance: float) -> list[Wanted]:
+    """For each sheet, edges that follow the thickness of the regions on both sides, as `remesh.wanted` for one.
+
+    Parameters
+    ----------
+    surface : with its inner ones; all triangles point outward
+    edge_length, distance : mm, where regions are thick
+    """
+    every, around = sheets(surface), parents(surface)
+    regions = [region_boundary(surface, number) for number in range(len(every))]
+    trees = [surface_tree(region.points, region.faces) for region in regions]
+    outer = surface_tree(every[0].points, every[0].faces)
+    most = 4 * edge_length
+    found = []
+    for number, (one, parent) in enumerate(zip(every, around, strict=True)):
+        normals = vertex_normals(one.points, one.faces)
+        within = thickness(trees[number], one.points, normals, most, inside=True)
+        filled = opened(one, within, below=edge_length / EDGE_OVER_THICKNESS, radius=CREST * distance)
+        if parent < 0:
+            gap = np.minimum(filled, thickness(outer, one.points, normals, most, inside=False))
+        else:
+            # seen from the region around it, this sheet's triangles are turned
+            without = thickness(trees[parent], one.points, -normals, most, inside=True)
+            filled = np.minimum(filled, without)
+            gap = filled
+        size = np.clip(EDGE_OVER_THICKNESS * filled, SHORTEST * edge_length, edge_length)
+        found.append(Wanted(size, np.clip(SHARE_OF_GAP * gap, SHORTEST * distance, distance)))
+    return found
+
+
+def remesh_nested(surface: TriSurface, want: Sequence[Wanted]) -> list[Remeshed]:
+    """Remesh all sheets, again, nearer to them and finer, around triangles that cross or are flat, until none are.
+
+    After a few rounds the last result is returned, in which some may remain.
+    """
+    every, wants = sheets(surface), list(want)
+    for number in range(1, ROUNDS + 1):
+        made = [replace(remesh(one, its), rounds=number) for one, its in zip(every, wants, strict=True)]
+        both = joined([one.surface for one in made])
+        bad = unsound(both)
+        if not len(bad) or number == ROUNDS:
+            break
+        corners = both.faces[bad]
+        centres = both.points[corners].mean(axis=1)
+        radius = REACH * np.concatenate([one.size for one in made])[corners].max(axis=1)
+        wants = [tightened(one, its, centres, radius) for one, its in zip(every, wants, strict=True)]
+        logger.info("%d triangles cross or are flat: again, finer around them", len(bad))
+    return made
+
+
+def regions_of(points: FloatArray, cells: IntArray, walls: Sequence[TriSurface]) -> IntArray:
+    """The region of each tetrahedron: (m,) int32.
+
+    Parameters
+    ----------
+    points, cells : of either orientation, with every triangle of the walls among their faces; the vertices of the walls
+        come first, in their order
+    walls : the sheets; none touches another
+
+    Raises
+    ------
+    StageError
+        the sheets do not divide the tetrahedra into one body each
+    """
+    sheet_of_node = np.full(len(points), -1)
+    count = sum(len(wall.points) for wall in walls)
+    sheet_of_node[:count] = np.repeat(np.arange(len(walls)), [len(wall.points) for wall in walls])
+    behind = neighbours(TetMesh(points, cells))
+    on = sheet_of_node[cells[:, TET_FACES]]
+    cell, corner = np.nonzero((on[..., 0] > 0) & (on == on[..., :1]).all(axis=2) & (behind >= 0))
+    faces = cells[cell[:, None], TET_FACES[corner]]
+    facets = joined(walls).faces
+    facets = facets[len(walls[0].faces) :]
+    keys = packed(np.concatenate([facets, faces]))
+    order = np.argsort(keys[: len(facets)], kind="stable")
+    place = np.searchsorted(keys[: len(facets)], keys[len(facets) :], sorter=order)
+    place = order[np.minimum(place, len(facets) - 1)]
+    is_facet = keys[place] == keys[len(facets) :]
+    cell, corner, place = cell[is_facet], corner[is_facet], place[is_facet]
+    part = _parts(behind, cell, corner)
+    # a body lies inside a sheet where its tetrahedra are below the triangles
+    corners = points[facets[place]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    below = np.einsum("kj,kj->k", normal, points[cells[cell]].mean(axis=1) - corners.mean(axis=1)) < 0
+    inside = np.zeros((part.max() + 1, len(walls)), np.int64)
+    np.add.at(inside, (part[cell], sheet_of_node[facets[place, 0]]), np.where(below, 1, -1))
+    label = np.where((inside > 0).any(axis=1), inside.argmax(axis=1), 0)
+    if not np.array_equal(np.sort(label), np.arange(len(walls))):
+        raise StageError(
+            f"the surfaces divide the mesh into {len(label)} bodies instead of {len(walls)}",
+            remedy="look at the certificate of each surface alone, or use a smaller cell size",
+        )
+    return label[part].astype(np.int32)
+
+
+def _parts(behind: IntArray, cell: NDArray[np.int64], corner: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Number of the connected body of each tetrahedron, were the mesh cut open at some faces: (m,)."""
+    open_to = behind.copy()
+    open_to[cell, corner] = -1
+    start, _ = np.nonzero(open_to >= 0)
+    end = open_to[open_to >= 0]
+    graph = coo_matrix((np.ones(len(start), np.int8), (start, end)), shape=(len(behind),) * 2)
+    label: NDArray[np.int32] = connected_components(graph, directed=False)[1]
+    return label

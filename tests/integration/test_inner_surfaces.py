@@ -1,0 +1,58 @@
+"""A sheet with and without inner surfaces: both kinds of cases run, and an edited inner surface reruns its case."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cortet.formats import vtu
+from cortet.formats.gifti import write_surface
+from cortet.mesh import REGION, TriSurface
+from tests.integration.study import Study, surface
+
+
+def shrunk(one: TriSurface, factor: float) -> TriSurface:
+    return replace(one, points=one.points * factor)
+
+
+def test_cases_with_and_without_inner_surfaces(tmp_path: Path) -> None:
+    study = Study(tmp_path)
+    study.config["generate"]["cell_size"] = [3.0]
+    study.config["export"] = {"formats": ["abaqus"]}
+    study.config["certify"] |= {"max_surface_distance": 1.0}
+    inner = tmp_path / "surfaces/b_white.surf.gii"
+    study.add_case(study.case("a"), surface(0))
+    study.add_case(replace(study.case("b"), inner={"white": inner}), surface(1))
+    write_surface(shrunk(surface(1), 0.7), inner)
+    first = study.jobs_of_run()
+    of_inner = {"gate_inner", "smooth_inner", "separate"}
+    assert {case for rule, case in first if rule in of_inner} == {"sub-b"} and {r for r, _ in first} >= of_inner
+
+    assert study.status()["sub-b_hemi-L"]["state"] == "certified"
+    certificate = json.loads(study.files("sub-b*Solver_certificate.json")[0].read_text())
+    assert [region["name"] for region in certificate["regions"]] == ["cortex", "white"]
+    assert certificate["reports"]["separate"]["surfaces"][0]["vertices_moved"] == 0
+    mesh = vtu.read(study.files("sub-b*Solver_tetmesh.vtu")[0])
+    assert np.unique(mesh.cell_data[REGION]).tolist() == [0, 1]
+    assert REGION not in vtu.read(study.files("sub-a*Solver_tetmesh.vtu")[0]).cell_data
+    assert "NAME=white_interface" in study.files("sub-b*Solver_tetmesh.inp")[0].read_text()
+
+    write_surface(shrunk(surface(1), 0.65), inner)
+    again = study.jobs_of_run()
+    assert {case for _, case in again} == {"sub-b", "-"}
+    assert {rule for rule, case in again if case == "sub-b"} >= {*of_inner, "generate", "certify", "export"}
+    assert ("gate", "sub-b") not in again
+    assert not {rule for rule, _ in study.jobs_of_run()}
+
+
+def test_a_missing_inner_surface_fails_its_case_alone(tmp_path: Path) -> None:
+    study = Study(tmp_path)
+    study.add_case(study.case("a"), surface(0))
+    study.add_case(replace(study.case("b"), inner={"white": tmp_path / "none.surf.gii"}), surface(1))
+    study.run("--keep-going")
+    assert study.status()["sub-a_hemi-L"]["state"] == "certified"
+    failed = study.status()["sub-b_hemi-L"]
+    assert failed["stage"] == "gate_inner" and "none.surf.gii: no such file" in failed["reason"]

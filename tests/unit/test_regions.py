@@ -1,0 +1,271 @@
+"""Two regions: one surface inside another, from `separate` to the certificate."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import ball_surface
+
+from cortet.config import load
+from cortet.errors import InputError
+from cortet.formats import FORMATS
+from cortet.formats.gifti import read_surface
+from cortet.geometry.closest_point import closest_points, forest, surface_tree
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.nesting import depths, joined, nested, parents, region_boundary
+from cortet.geometry.topology import enclosed_volume, interfaces, sheet, surface_topology
+from cortet.measure.certify import certify
+from cortet.measure.quality import quality, signed_volumes
+from cortet.mesh import REGION, TetMesh, TriSurface
+from cortet.pipeline import Meshed, mesh_surface
+from cortet.solver_files.export import export
+from cortet.solver_files.sets import named_sets
+from cortet.solver_files.verify import verify
+from cortet.stages.clean import clean
+from cortet.stages.generate import generate
+from cortet.stages.reconnect import reconnect
+from cortet.stages.separate import separate
+from cortet.stages.solver_ready import surface_nodes_first
+
+PAIRS = Path(__file__).parents[3] / "shared" / "data" / "pairs"
+H = 2.0
+
+
+def ball(radius: float, centre: tuple[float, float, float] = (0, 0, 0), subdivisions: int = 4) -> TriSurface:
+    sphere = ball_surface(subdivisions, radius=radius)
+    return replace(sphere, points=sphere.points + centre)
+
+
+def volume(surface: TriSurface) -> float:
+    return enclosed_volume(surface.points, surface.faces)
+
+
+@pytest.fixture(scope="module")
+def pair() -> TriSurface:
+    return nested(ball(14.0), {"white": ball(10.0)})
+
+
+@pytest.fixture(scope="module")
+def meshed(pair: TriSurface) -> Meshed:
+    outer = replace(pair, inner={})
+    return mesh_surface(outer, load({"generate": {"cell_size": H}}), inner=pair.inner)
+
+
+def test_order_and_parents_follow_from_what_contains_what():
+    one, other, deep = ball(4.0, (5, 0, 0)), ball(3.0, (-5, 0, 0)), ball(1.5, (5, 0, 0))
+    surface = nested(ball(14.0), {"deep": deep, "other": other, "one": one})
+    assert list(surface.inner) == ["one", "other", "deep"] and parents(surface) == [-1, 0, 0, 1]
+    bounds = [region_boundary(surface, number) for number in range(4)]
+    around = volume(ball(14.0)) - volume(one) - volume(other)
+    expected = [around, volume(one) - volume(deep), volume(other), volume(deep)]
+    assert [volume(bound) for bound in bounds] == pytest.approx(expected)
+
+
+def test_a_search_in_a_forest_stays_on_the_surface_it_began_on(pair):
+    tree = forest(pair)
+    assert len(np.unique(tree.root)) == 2 and np.sort(tree.faces).tolist() == list(range(len(tree.faces)))
+    alone = surface_tree(pair.points, pair.faces)
+    queries = ball(11.0, subdivisions=2).points  # nearer to the inner surface
+    assert (closest_points(tree, queries).points == closest_points(alone, queries).points).all()
+
+
+def test_two_balls_are_certified_with_known_volumes(pair, meshed):
+    certificate = meshed.certificate
+    assert certificate.certified, certificate.reasons
+    outer, inner = (4 / 3 * np.pi * radius**3 / 1000 for radius in (14, 10))
+    cortex, white = certificate.regions
+    assert (cortex.name, white.name) == ("cortex", "white")
+    assert cortex.volume_ml == pytest.approx(outer - inner, rel=0.03)
+    assert white.volume_ml == pytest.approx(inner, rel=0.03)
+    assert cortex.volume_ml + white.volume_ml == pytest.approx(certificate.fidelity.volume_ml)
+    (interface,) = certificate.interfaces
+    assert interface.topology.problems() == [] and interface.misplaced_faces == 0
+    assert interface.nodes_to_surface_mm.max < 1e-9 and interface.surface_to_interface_mm.max < 0.2 * H
+    assert certificate.quality.q.max < 0.35
+    assert cortex.edges_across is not None and cortex.edges_across.least >= 1 and white.edges_across is None
+
+
+def test_regions_are_numbers_of_tetrahedra_and_follow_every_stage(meshed):
+    mesh = meshed.mesh
+    centres = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1)
+    assert centres[mesh.cell_data[REGION] == 1].max() < 10.01 and centres[mesh.cell_data[REGION] == 0].min() > 9.5
+    faces = interfaces(mesh)
+    normals = np.cross(*(mesh.points[faces.faces[:, i]] - mesh.points[faces.faces[:, 0]] for i in (1, 2)))
+    assert (np.einsum("ij,ij->i", normals, mesh.points[faces.faces[:, 0]]) > 0).all()  # outward
+
+
+def test_nested_and_disjoint_regions_are_one_body_each():
+    inner = {"white": ball(10.0), "ventricle": ball(4.0, (3, 0, 0)), "deep": ball(3.0, (-5, 0, 0))}
+    result = mesh_surface(ball(13.0), load({"generate": {"cell_size": 1.0}}), inner=inner)
+    assert result.certificate.certified, result.certificate.reasons
+    volumes = {region.name: 1000 * region.volume_ml for region in result.certificate.regions}
+    white = volume(ball(10.0)) - volume(ball(4.0)) - volume(ball(3.0))
+    assert volumes["white"] == pytest.approx(white, rel=0.03)
+    assert volumes["deep"] == pytest.approx(volume(ball(3.0)), rel=0.08)
+    around = {one.name: one.around for one in result.certificate.interfaces}
+    assert around == {"white": "cortex", "ventricle": "white", "deep": "white"}
+
+
+def test_the_inner_surface_gives_way_where_the_two_touch():
+    inner = ball(10.0, (4.1, 0, 0), subdivisions=5)  # pokes out by 0.1 mm at one end
+    surface, report = separate(nested(ball(14.0, subdivisions=5), {"white": inner}), cell_size=H, min_gap=0.5)
+    (did,) = report.surfaces
+    moved = np.linalg.norm(surface.inner["white"].points - inner.points, axis=1)
+    assert did.crossing_faces_before > 0 and did.outside_max_mm == pytest.approx(0.1, abs=0.03)
+    assert did.gap_least_mm > 0.95 and did.moved_max_mm == pytest.approx(1.1, abs=0.1)
+    assert did.vertices_moved == (moved > 0).sum() and did.moved_mean_mm == pytest.approx(moved.mean())
+    assert moved[inner.points[:, 0] < 5].max() == 0  # nothing moves where there is room
+    assert len(self_intersections(joined([surface, surface.inner["white"]]))) == 0
+    assert 0 < did.volume_before_ml - did.volume_ml == pytest.approx(did.around_ml - did.around_before_ml)
+    assert np.linalg.norm(np.array(did.moved_most_at_mm) - (14.1, 0, 0)) < 1
+
+
+def test_apart_surfaces_stay_as_they_are(pair):
+    surface, report = separate(pair, cell_size=H)
+    assert (surface.inner["white"].points == pair.inner["white"].points).all()
+    assert report.surfaces[0].vertices_moved == report.surfaces[0].crossing_faces_before == 0
+
+
+@pytest.mark.parametrize(
+    ("outer", "inner", "words"),
+    [
+        (ball(10.0), ball(14.0), "encloses 11.5 mL, the outer one 4.2 mL"),
+        (ball(14.0), ball(11.0, (8, 0, 0)), "lies up to 5.00 mm outside the one around it, at \\(19.0, "),
+    ],
+    ids=["swapped", "shifted by 5 mm"],
+)
+def test_surfaces_that_do_not_belong_together_are_refused(outer, inner, words):
+    with pytest.raises(InputError, match=words):
+        separate(nested(outer, {"white": inner}), cell_size=1.0)
+
+
+def test_an_inner_surface_with_a_hole_is_refused_by_name():
+    whole = ball(12.0)
+    torn = TriSurface(whole.points, whole.faces[1:])
+    config = load({"generate": {"cell_size": H}})
+    with pytest.raises(InputError, match=r"torn.gii: not one closed manifold: 3 open edges"):
+        mesh_surface(ball(15.0), config, inner={"white": torn}, inner_sources={"white": "torn.gii"})
+
+
+def test_stages_that_know_no_interface_are_refused_beforehand(pair):
+    for data in ({"relocate": {"enabled": True}}, {"generate": {"meshers": ["cgal"]}}):
+        with pytest.raises(InputError, match="knows no inner surfaces"):
+            mesh_surface(replace(pair, inner={}), load(data), inner=pair.inner)
+
+
+def test_the_certificate_sees_a_vertex_off_the_interface_and_a_tetrahedron_on_the_wrong_side(meshed):
+    mesh, _, surface = meshed
+    node = interfaces(mesh).faces[0, 0]
+    points = mesh.points.copy()
+    points[node] *= 1 + 0.01 / np.linalg.norm(points[node])
+    judged = certify(replace(mesh, points=points), surface)
+    assert [c.name for c in judged.checks if not c.passed] == [
+        "distance of a node of the interface white to its surface, at most"
+    ]
+    region = mesh.cell_data[REGION].copy()
+    region[interfaces(mesh).behind[0]] = 1  # a face of it may still be flat on the surface
+    region[np.flatnonzero(region == 0)[np.argmax(mesh.points[mesh.cells[region == 0]].mean(axis=1)[:, 0])]] = 1
+    judged = certify(replace(mesh, cell_data={REGION: region}), surface)
+    assert not judged.certified
+    assert "topology problems of the interface white" in [c.name for c in judged.checks if not c.passed]
+
+
+def test_interface_vertices_slide_on_their_surface_and_edges_are_flipped(pair):
+    mesh, _ = generate(pair, cell_size=H)
+    rng = np.random.default_rng(0)
+    # spoil it: push nodes of the interface along the sphere
+    _, nodes = sheet(mesh, 1)
+    points = mesh.points.copy()
+    points[nodes] += rng.normal(0, 0.15, (len(nodes), 3))
+    found = closest_points(surface_tree(pair.inner["white"].points, pair.inner["white"].faces), points[nodes])
+    points[nodes] = found.points
+    spoilt = replace(mesh, points=points)
+    assert (signed_volumes(points, mesh.cells) > 0).all()
+    for stage in (clean, reconnect):
+        better, _ = stage(spoilt, pair)
+        assert quality(better.points, better.cells).max() < quality(points, mesh.cells).max()
+        faces, _ = sheet(better, 1)
+        assert surface_topology(faces.faces).problems() == []
+        white = pair.inner["white"]
+        assert closest_points(surface_tree(white.points, white.faces), faces.points).distances.max() < 1e-9
+        assert signed_volumes(better.points, better.cells).sum() == pytest.approx(
+            signed_volumes(points, mesh.cells).sum(), rel=0.01
+        )
+
+
+@pytest.mark.skipif(not PAIRS.exists(), reason="no ../shared/data/pairs")
+def test_a_real_pair_is_separated_at_the_medial_wall():
+    pial, white = (read_surface(PAIRS / f"neonatal_dhcp_w28_lh_{name}.surf.gii") for name in ("pial", "white"))
+    surface, report = separate(nested(pial, {"white": white}), cell_size=1.0)
+    (did,) = report.surfaces
+    assert did.crossing_faces_before > 1000 and did.outside_max_mm < 0.15
+    assert did.moved_max_mm < 0.75 and did.moved_mean_mm < 0.1
+    depth, _, _ = depths(surface_tree(pial.points, pial.faces), pial, surface.inner["white"].points)
+    assert depth.min() == pytest.approx(did.gap_least_mm) and depth.min() > 0.1
+
+
+@pytest.mark.skipif(not PAIRS.exists(), reason="no ../shared/data/pairs")
+def test_pairs_of_two_subjects_are_refused_with_the_place():
+    pial = read_surface(PAIRS / "neonatal_dhcp_w28_lh_pial.surf.gii")
+    white = read_surface(PAIRS / "adult_fsaverage5_lh_white.surf.gii")
+    with pytest.raises(InputError, match="encloses"):
+        separate(nested(pial, {"white": white}), cell_size=1.0)
+    other = read_surface(PAIRS / "neonatal_dhcp_w30_rh_white.surf.gii")
+    with pytest.raises(InputError, match="outside the one around it, at .*check that both are of one subject"):
+        separate(nested(pial, {"white": other}), cell_size=1.0)
+
+
+def test_the_same_bits_with_one_and_two_threads(pair, meshed, tmp_path):
+    import os
+    import subprocess
+    import sys
+
+    code = (
+        "import sys, hashlib; sys.path.insert(0, sys.argv[1])\n"
+        "import test_regions as t\n"
+        "from dataclasses import replace\n"
+        "pair = t.nested(t.ball(14.0), {'white': t.ball(10.0)})\n"
+        "m = t.mesh_surface(replace(pair, inner={}), t.load({'generate': {'cell_size': t.H}}), inner=pair.inner).mesh\n"
+        "print(hashlib.sha256(m.points.tobytes() + m.cells.tobytes() + m.cell_data['region'].tobytes()).hexdigest())"
+    )
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", code, str(Path(__file__).parent)],
+            env={**os.environ, "NUMBA_NUM_THREADS": str(threads)},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.split()[-1]
+        for threads in (1, 2)
+    }
+    assert len(found) == 1 and isinstance(meshed.mesh, TetMesh)
+
+
+@pytest.mark.parametrize("solver", [name for name, form in FORMATS.items() if not form.is_surface])
+def test_regions_are_materials_and_the_interface_a_named_surface_of_every_format(meshed, tmp_path, solver):
+    mesh = named_sets(meshed.mesh, inner=["white"])
+    path = tmp_path / f"balls{FORMATS[solver].suffix}"
+    export(mesh, path, solver=solver, certificate={"certified": True, "reasons": []})
+    assert verify(path, solver) == []
+    back = FORMATS[solver].read(path)
+    sets = back.sets
+    if solver != "braingrowth":  # which has one material
+        for name in ("cortex", "core"):
+            assert np.array_equal(np.sort(sets.cells[name]), mesh.sets.cells[name])
+    if solver in ("abaqus", "febio", "fenics", "gmsh", "vtu"):
+        assert len(sets.faces["white_interface"]) == len(interfaces(meshed.mesh).faces)
+        faces = TriSurface(back.points, sets.faces["white_interface"])
+        assert surface_topology(faces.faces).problems() == []
+        assert volume(faces) == pytest.approx(1000 * meshed.certificate.regions[1].volume_ml)  # outward
+
+
+def test_several_inner_regions_are_sets_by_name():
+    inner = {"white": ball(10.0), "deep": ball(5.0)}
+    mesh, _ = generate(nested(ball(14.0), inner), cell_size=H)
+    sets = named_sets(surface_nodes_first(mesh)[0], inner=["white", "deep"]).sets
+    assert sets.cells.keys() == {"core", "cortex", "white", "deep"}
+    assert len(sets.cells["core"]) == len(sets.cells["white"]) + len(sets.cells["deep"])
+    assert sets.faces.keys() == {"cortical_surface", "white_interface", "deep_interface"}
