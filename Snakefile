@@ -25,6 +25,7 @@ include: "rules/failures.smk"
 localrules:
     all,
     meshes,
+    participants,
     cohort,
     tables,
     figures,
@@ -45,6 +46,16 @@ rule meshes:
     """Certified solver files of every case, without cohort tables and figures."""
     input:
         lambda _: solver_files(),
+
+
+rule participants:
+    """Everything on single cases: solver files, certificates, pages, records, folding."""
+    input:
+        rules.dataset_description.output,
+        lambda _: solver_files(),
+        lambda _: quality_records(),
+        lambda _: list(each_case(CASE_PAGE).values()),
+        lambda _: fold_files(),
 
 
 rule cohort:

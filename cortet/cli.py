@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cortet import __version__
 from cortet.errors import CortetError, InputError
@@ -178,6 +178,27 @@ def parser() -> argparse.ArgumentParser:
     existing.add_argument("--update", action="store_true", help="add new cases to an existing sheet, keep its rows")
     existing.add_argument("--force", action="store_true", help="replace an existing sheet")
     scan.set_defaults(run=_scan)
+
+    run = commands.add_parser("run", parents=[common], help="mesh the surfaces of a BIDS dataset (a BIDS App)")
+    run.add_argument("bids_dir", type=Path, metavar="BIDS_DIR", help="dataset, or derivatives of one, with surfaces")
+    run.add_argument("output_dir", type=Path, metavar="OUTPUT_DIR", help="where the derivatives go")
+    run.add_argument("level", choices=["participant", "group"], help="single cases, or tables and figures over all")
+    for words, name, of in (
+        (("--participant-label", "--participant_label"), "participants", "participants"),
+        (("--session-label", "--session_label"), "sessions", "sessions"),
+    ):
+        run.add_argument(*words, dest=name, nargs="+", default=[], metavar="LABEL", help=f"only these {of}")
+    run.add_argument("--hemi", choices=["L", "R"], help="only this hemisphere")
+    run.add_argument("--cell-size", type=float, metavar="MM", help="cell size h (default: 0.6, or what --config says)")
+    run.add_argument("--setting", choices=["default", "cgal", "published"], help="as of `cortet mesh`")
+    run.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see config.yaml")
+    run.add_argument("--cores", type=int, metavar="N", help="default: all")
+    run.add_argument("--profile", metavar="NAME", help="profile of Snakemake: slurm, or a folder")
+    run.add_argument("-n", "--dry-run", action="store_true", help="say what would be done")
+    run.add_argument(
+        "-w", "--work-dir", type=Path, metavar="DIR", help="cohort sheet, configuration and what Snakemake remembers"
+    )
+    run.set_defaults(run=_run)
 
     doctor = commands.add_parser("doctor", parents=[common], help="prove that everything needed is installed and works")
     doctor.set_defaults(run=_doctor)
@@ -409,6 +430,35 @@ def _scan(args: argparse.Namespace) -> int:
     return 0
 
 
+def _run(args: argparse.Namespace) -> int:
+    import time
+
+    from cortet.cohort import app
+
+    began = time.time()
+    work = args.work_dir or app.work_folder(args.output_dir)
+    selection = app.Selection(args.participants, args.sessions, args.hemi)
+    cases, _ = app.prepare(args.bids_dir, args.output_dir, work, selection, _settings(args))
+    left_out = [case for case in cases if not case.include]
+    print(f"{len(cases) - len(left_out)} surfaces of {args.bids_dir}", flush=True)
+    for case in left_out:
+        print(f"  without {case.name}: {case.exclude_reason}", flush=True)
+    if len(left_out) == len(cases):
+        raise InputError(
+            "no surface has an age",
+            file=args.bids_dir,
+            remedy="give it in weeks in participants.tsv or the sessions tables, column scan_age",
+        )
+    code = app.snakemake(
+        work, args.level, cores=args.cores or os.cpu_count() or 1, profile=args.profile, dry_run=args.dry_run
+    )
+    for line in app.failures(args.output_dir, began):
+        print(line, file=sys.stderr)
+    if not code and not args.dry_run:
+        print(f"{args.output_dir}: done")
+    return int(code != 0)
+
+
 def _doctor(_: argparse.Namespace) -> int:
     from cortet import doctor
 
@@ -478,11 +528,18 @@ def _print_verdict(certificate: Certificate) -> None:
 
 def _config(args: argparse.Namespace) -> Config:
     """The configuration of a file, with the options of the command on top."""
+    from cortet.config import load
+
+    return load(_settings(args))
+
+
+def _settings(args: argparse.Namespace) -> dict[str, Any]:
+    """The sections of a configuration file, with the options of the command on top."""
     import yaml
 
     from cortet.config import load
 
-    data = {}
+    data: dict[str, Any] = {}
     if args.config:
         load(args.config)  # complaints name the file
         data = yaml.safe_load(args.config.read_text(encoding="utf-8"))
@@ -490,7 +547,7 @@ def _config(args: argparse.Namespace) -> Config:
         data["setting"] = args.setting
     if args.cell_size is not None:
         data["generate"] = {**(data.get("generate") or {}), "cell_size": args.cell_size}
-    return load(data)
+    return data
 
 
 def _surface(args: argparse.Namespace) -> TriSurface:

@@ -87,6 +87,7 @@ class Scan(Section):
         "sub-{participant}/ses-{session}/anat/sub-{participant}_ses-{session}_hemi-{hemi}_white.surf.gii",
         "sub-{participant}/anat/sub-{participant}_hemi-{hemi}_wm.surf.gii",
         "sub-{participant}/anat/sub-{participant}_hemi-{hemi}_white.surf.gii",
+        "sub-{participant}/surf/{hemi}.white",
     ]
     """Where surfaces lie below the release's folder; the first pattern that finds a case wins."""
     pial: bool = False

@@ -33,8 +33,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-# the workflow runs the package beside it, also in a conda environment that has another one or none
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+# the workflow runs the package it comes with, beside it in a checkout and around it in an installed package, also in a
+# conda environment that has another one or none
+_folder = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(_folder if (_folder / "cortet").is_dir() else _folder.parents[1]))
 
 from cortet.errors import CortetError
 from cortet.formats import child

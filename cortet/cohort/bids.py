@@ -8,6 +8,7 @@ import cortet
 from cortet.formats.atomic import atomic_path, write_json
 
 BIDS_VERSION = "1.10.0"
+PAPER = "https://doi.org/10.48550/arXiv.2607.12157"
 #: what the specification has no names for: tetrahedral meshes and what is known of them, tables over all cases
 IGNORED = (
     "*_tetmesh.*",
@@ -16,10 +17,12 @@ IGNORED = (
     "*_report.html",
     "*_white.json",
     "*.surf.gii",
-    "cohort/",
-    "simulation/",
-    "logs/",
-    "benchmarks/",
+    "mesh",
+    "cohort",
+    "simulation",
+    "logs",
+    "benchmarks",
+    "work",
 )
 
 
@@ -31,6 +34,7 @@ def write_dataset_description(description: Path, ignore: Path) -> None:
             "BIDSVersion": BIDS_VERSION,
             "DatasetType": "derivative",
             "GeneratedBy": [{"Name": "cortet", "Version": cortet.__version__}],
+            "ReferencesAndLinks": [PAPER],
         },
         description,
     )

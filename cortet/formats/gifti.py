@@ -28,6 +28,7 @@ from nibabel.nifti1 import xform_codes
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.formats import freesurfer
 from cortet.formats.atomic import atomic_path
 from cortet.formats.untrusted import (
     MOST_ELEMENTS,
@@ -72,6 +73,7 @@ class _Array(NamedTuple):
 def read_surface(path: str | Path) -> TriSurface:
     """Read a triangulated surface; further per-vertex arrays in the file become its `point_data`.
 
+    A surface of FreeSurfer (`lh.white`) is read as well, which its first bytes tell.
     Any valid GIfTI will do: arrays in either order, row- or column-major, either endianness, ASCII, base64, compressed
     or in an external file, integer triangles of any type. Memory is bounded by what the file can hold, and by 2 GiB of
     values; names of fields that no file could be named by are changed (`untrusted.safe_name`).
@@ -81,6 +83,8 @@ def read_surface(path: str | Path) -> TriSurface:
     InputError : the file is missing, empty, truncated or no GIfTI; an array is missing; a coordinate is not finite; a
         triangle refers to a vertex that does not exist
     """
+    if freesurfer.is_surface(Path(path)):
+        return freesurfer.read_surface(Path(path))
     arrays = _read(Path(path))
     points = _geometry(arrays, "NIFTI_INTENT_POINTSET", path)
     triangles = _geometry(arrays, "NIFTI_INTENT_TRIANGLE", path)

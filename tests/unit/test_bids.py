@@ -15,4 +15,4 @@ def test_the_folder_says_what_made_it_and_what_is_not_bids(tmp_path: Path) -> No
     assert {"Name", "BIDSVersion"} <= description.keys()  # required of every dataset
     assert description["DatasetType"] == "derivative"
     assert description["GeneratedBy"] == [{"Name": "cortet", "Version": cortet.__version__}]
-    assert "cohort/" in (tmp_path / ".bidsignore").read_text().splitlines()
+    assert "cohort" in (tmp_path / ".bidsignore").read_text().splitlines()

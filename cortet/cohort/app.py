@@ -1,0 +1,155 @@
+"""The workflow as a BIDS App: `cortet run BIDS_DIR OUTPUT_DIR {participant,group}` (https://bids-apps.neuroimaging.io).
+
+It looks for surfaces in a BIDS dataset, writes the cohort sheet and the configuration of the run to a working folder,
+and calls Snakemake there.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import pandas as pd
+import yaml
+
+import cortet
+from cortet.cohort.sheet import Case, scan, write_sheet
+from cortet.config import load
+from cortet.errors import InputError
+from cortet.formats import child
+
+#: level of the analysis, as BIDS Apps call it, and the rule that makes it
+LEVELS = {"participant": "participants", "group": "cohort"}
+#: where outputs go, and where Snakemake keeps its own files below it
+_WORK = "work"
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which hemispheres of a dataset are meshed; empty: all."""
+
+    #: with or without `sub-`
+    participants: Sequence[str] = ()
+    #: with or without `ses-`
+    sessions: Sequence[str] = ()
+    hemi: Literal["L", "R"] | None = None
+
+    def of(self, cases: Sequence[Case], dataset: Path) -> list[Case]:
+        """The cases that are selected.
+
+        Raises
+        ------
+        InputError
+            a label is not in the dataset, or nothing is selected
+        """
+        wanted = (
+            ("participant", {_label(name, "sub-") for name in self.participants}, {case.participant for case in cases}),
+            ("session", {_label(name, "ses-") for name in self.sessions}, {case.session for case in cases}),
+        )
+        for what, labels, known in wanted:
+            if unknown := sorted(labels - known):
+                there = ", ".join(sorted(name for name in known if name)) or "none"
+                raise InputError(
+                    f"no surfaces of {what} {', '.join(unknown)}", file=dataset, remedy=f"there are those of {there}"
+                )
+        participants, sessions = wanted[0][1], wanted[1][1]
+        found = [
+            case
+            for case in cases
+            if (not participants or case.participant in participants)
+            and (not sessions or case.session in sessions)
+            and (self.hemi is None or case.hemi == self.hemi)
+        ]
+        if not found:
+            raise InputError("no surface is selected", file=dataset, remedy="ask for fewer conditions at once")
+        return found
+
+
+def workflow() -> Path:
+    """The folder of the Snakefile: inside the installed package, or the checkout that the package lies in.
+
+    Raises
+    ------
+    InputError
+        there is none
+    """
+    package = Path(cortet.__file__).parent
+    for folder in (package / "workflow", package.parent):
+        if (folder / "Snakefile").is_file():
+            return folder
+    raise InputError("no Snakefile in the package", file=package, remedy="install cortet from its wheel or a checkout")
+
+
+def prepare(
+    dataset: Path, output: Path, work: Path, selection: Selection, settings: Mapping[str, Any]
+) -> tuple[list[Case], Path]:
+    """Write the cohort sheet and the configuration of a run.
+
+    Parameters
+    ----------
+    settings : sections of the configuration, as of its file
+
+    Returns
+    -------
+    The cases on the sheet, those without an age among them, and the configuration file.
+
+    Raises
+    ------
+    InputError
+        no surface is found or selected, or the settings are wrong
+    """
+    cohort = dict(settings.get("cohort") or {})
+    chosen = selection.of(scan(dataset, load({"cohort": cohort}).cohort.scan), dataset)
+    work.mkdir(parents=True, exist_ok=True)
+    sheet, file = work / "cohort.tsv", work / "config.yaml"
+    write_sheet(chosen, sheet)
+    data = {**settings, "cohort": {**cohort, "sheet": str(sheet.resolve())}, "output": str(output.resolve())}
+    load(data)
+    file.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
+    return chosen, file
+
+
+def snakemake(
+    work: Path, level: str, *, cores: int, profile: str | None = None, dry_run: bool = False, extra: Sequence[str] = ()
+) -> int:
+    """Run the workflow in its working folder to its end; the exit code of Snakemake.
+
+    Parameters
+    ----------
+    level : of `LEVELS`
+    profile : a profile of Snakemake, or the name of one that comes with the workflow, as `slurm`
+    extra : further options of Snakemake
+    """
+    folder = workflow()
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(folder / "Snakefile"), "--cores", str(cores)]
+    # the output folder has a lock of its own, which a killed run does not leave behind
+    command += ["--directory", str(work), "--nolock"]
+    if profile:
+        own = folder / "profiles" / profile
+        command += ["--profile", str(own if own.is_dir() else profile)]
+    if dry_run:
+        command.append("--dry-run")
+    return subprocess.run([*command, *extra, LEVELS[level]], check=False, preexec_fn=child.end_with_parent).returncode
+
+
+def failures(output: Path, since: float) -> list[str]:
+    """A line for each case that a run left without a certificate, from the status table that was written since then."""
+    table = output / "cohort" / "cohort_status.tsv"
+    if not table.is_file() or table.stat().st_mtime < since:
+        return []
+    rows = pd.read_csv(table, sep="\t", dtype=str, keep_default_na=False)
+    bad = rows[~rows["state"].isin(["certified", "excluded"])]
+    return [f"{row.case}: {row.state} in {row.stage}: {row.reason}" for row in bad.itertuples()]
+
+
+def work_folder(output: Path) -> Path:
+    """Where a run keeps its sheet, its configuration and Snakemake's own files, unless it is told otherwise."""
+    return output / _WORK
+
+
+def _label(name: str, prefix: str) -> str:
+    return name.removeprefix(prefix)

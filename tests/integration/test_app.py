@@ -1,0 +1,109 @@
+"""The BIDS App as its users have it: the wheel, installed outside any checkout, on a dataset."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cortet.formats.gifti import write_surface
+from tests.integration.study import CONFIG, ROOT, surface
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the package from its wheel, and nothing else."""
+    folder = tmp_path_factory.mktemp("wheel")
+    tracked = subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    for name in tracked.splitlines():
+        if (ROOT / name).is_file() and not name.startswith(("tests/", "docs/")):
+            (folder / "source" / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(ROOT / name, folder / "source" / name)
+    pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
+    build = [*pip, "wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder), str(folder / "source")]
+    subprocess.run(build, check=True, capture_output=True)
+    (wheel,) = folder.glob("cortet-*.whl")
+    subprocess.run([*pip, "install", "--no-deps", "--target", str(folder / "site"), str(wheel)], check=True)
+    shutil.rmtree(folder / "source")
+    return folder / "site"
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    """Two participants, of whom one has two sessions and the other a surface that no one can mesh."""
+    folder = tmp_path / "bids"
+    for number, name in enumerate(
+        ("sub-01/ses-a/anat/sub-01_ses-a", "sub-01/ses-b/anat/sub-01_ses-b", "sub-02/anat/sub-02")
+    ):
+        path = folder / f"{name}_hemi-L_white.surf.gii"
+        path.parent.mkdir(parents=True)
+        write_surface(surface(number), path)
+    path.write_text("no surface")
+    (folder / "participants.tsv").write_text("participant_id\tscan_age\nsub-01\t24\nsub-02\t27\n")
+    return folder
+
+
+def run(installed: Path, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    (cwd / "settings.yaml").write_text(json.dumps({"certify": CONFIG["certify"]}))
+    code = "import sys; from cortet.cli import main; sys.exit(main())"
+    command = [sys.executable, "-c", code, "run", *arguments]
+    options = ["--config", "settings.yaml", "--cell-size", "4", "--cores", "2"]
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    return subprocess.run([*command, *options], cwd=cwd, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_participants_then_the_group_with_the_conventional_words(
+    installed: Path, dataset: Path, tmp_path: Path
+) -> None:
+    one = run(
+        installed, "bids", "out", "participant", "--participant-label", "sub-01", "--session-label", "a", cwd=tmp_path
+    )
+    assert one.returncode == 0, one.stdout + one.stderr
+    out = tmp_path / "out"
+    made = {path.name for path in out.rglob("sub-*_report.html")}
+    assert made == {"sub-01_ses-a_hemi-L_res-4000um_desc-latticeSolver_report.html"}
+    assert not (out / "cohort").exists()
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("sub-01_ses-a*Solver*")}
+
+    all_of_them = run(installed, "bids", "out", "group", cwd=tmp_path)
+    assert all_of_them.returncode == 1
+    assert "sub-02_hemi-L: failed in gate: " in all_of_them.stderr.splitlines()[-1]
+    assert {path: path.stat().st_mtime_ns for path in before} == before, "what was done is not done again"
+    states = [line.split("\t") for line in (out / "cohort/cohort_status.tsv").read_text().splitlines()]
+    column = states[0].index("state")
+    assert [row[column] for row in states[1:]] == ["certified", "certified", "failed"]
+
+    validator = Path(sys.executable).with_name("bids-validator-deno")
+    judged = subprocess.run([validator, "--json", str(out)], capture_output=True, text=True, check=False)
+    issues = json.loads(judged.stdout)["issues"]["issues"]
+    assert [issue for issue in issues if issue["severity"] == "error"] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            ["bids", "out", "participant", "--participant-label", "07"],
+            "no surfaces of participant 07 (there are those of",
+        ),
+        (["bids", "out", "participant", "--participant-label", "02", "--session-label", "a"], "no surface is selected"),
+        (["nowhere", "out", "participant"], "nowhere"),
+    ],
+)
+def test_what_is_not_there_is_said_before_anything_is_made(
+    installed: Path, dataset: Path, tmp_path: Path, arguments: list[str], words: str
+) -> None:
+    result = run(installed, *arguments, cwd=tmp_path)
+    assert result.returncode == 1 and words in result.stderr and len(result.stderr.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
