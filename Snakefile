@@ -39,7 +39,7 @@ rule all:
         lambda _: solver_files(),
         lambda _: quality_records(),
         COHORT_FILES,
-        lambda _: fold_files(),
+        lambda _: [*fold_files(), *rules.cohort_folding.output] if FOLDED else [],
 
 
 rule meshes:

@@ -157,6 +157,7 @@ def parser() -> argparse.ArgumentParser:
     fold.add_argument("--time-step", type=float, metavar="DT", help="dimensionless (default: from smallest altitude)")
     fold.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section fold says the rest")
     fold.add_argument("--threads", type=int, metavar="N", help="default: one per core; the result is the same")
+    fold.add_argument("--status", action=_FoldStatus, metavar="DIR", help="say how far the run in a folder is, and end")
     fold.set_defaults(run=_fold)
 
     phantom = commands.add_parser("phantom", parents=[common], help="make a synthetic cortex of any gestational age")
@@ -363,6 +364,20 @@ def _convert(args: argparse.Namespace) -> int:
 def _picture(args: argparse.Namespace) -> int:
     _draw(_read_mesh(args.mesh), args.output)
     return 0
+
+
+class _FoldStatus(argparse.Action):
+    """Says how far a run has come; no mesh is needed then."""
+
+    def __call__(self, parser: argparse.ArgumentParser, _: object, folder: object, *__: object) -> None:
+        """Print it and end the program."""
+        from cortet.simulation.progress import reached
+
+        try:
+            print(reached(Path(str(folder))))
+        except CortetError as error:
+            parser.error(str(error))
+        parser.exit()
 
 
 def _fold(args: argparse.Namespace) -> int:

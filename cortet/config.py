@@ -398,10 +398,13 @@ class Experiments(Section):
 class Fold(Section):
     """Folding simulation of meshes: growth of the cortex until it buckles (the model of the BrainGrowth solver)."""
 
-    cases: list[str] = []
-    """Cases whose meshes are folded, as file names begin: sub-01_ses-02_hemi-L. Each from its scan_age on, as half a
-    brain where hemi is L or R. Point data of the mesh named growth (0 to 1), thickness (mm), medial_wall and
-    label are used."""
+    cases: Cases = []
+    """Cases whose meshes are folded: all, a number of them spread over the ages, or a list of their names, as file
+    names begin: sub-01_ses-02_hemi-L. Each from its scan_age on, as half a brain where hemi is L or R. Point data of
+    the mesh named growth (0 to 1), thickness (mm), medial_wall and label are used; fields of the sheet become them."""
+    variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {}
+    """Further runs of each of these cases, name: keys of this section that differ, e.g.
+    {thin: {thickness: 1.0}, stiff: {core_stiffness: 2.0}}."""
     end: Positive = 40.0
     """Gestational age at which a run ends, weeks."""
     growth_rate: Positive = 1.829
@@ -421,6 +424,19 @@ class Fold(Section):
     """Weeks between two rows of the table of a run."""
     frame_interval: Positive = 1.0
     """Weeks between two frames (.vtu) of a run."""
+
+    @model_validator(mode="after")
+    def _variants_are_valid(self) -> Fold:
+        own = self.model_dump(exclude={"variants", "cases"})
+        for name, changed in self.variants.items():
+            if not changed or {"variants", "cases"} & set(changed):
+                raise ValueError(f"variant {name}: name keys of fold that differ, other than cases and variants")
+            try:
+                Fold(**{**own, **changed})
+            except ValidationError as error:
+                first = error.errors()[0]
+                raise ValueError(f"variant {name}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        return self
 
 
 class Config(Section):
@@ -522,7 +538,7 @@ class Config(Section):
 
 
 #: keys that choose what is run, and are arguments of no function
-_CHOICES = {"enabled", "cell_size", "meshers", "cases", "stages"}
+_CHOICES = {"enabled", "cell_size", "meshers", "cases", "stages", "variants"}
 #: arguments that differ from mesh to mesh, and stand in no section
 _FACTS = {
     "phantom": ("gestational_age", "hemisphere"),

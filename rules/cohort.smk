@@ -168,6 +168,7 @@ rule cohort_page:
         status=rules.cohort_status.output.table,
         quality=lambda _: [*rules.cohort_quality.output[:2]] if measured_certificates() else [],
         figure=lambda _: rules.cohort_figure.output[0] if measured_certificates() else [],
+        folding=lambda _: [rules.cohort_folding.output.table, rules.cohort_folding.output.figure] if FOLDED else [],
     output:
         page=COHORT_PAGE,
     log:
@@ -187,6 +188,9 @@ rule cohort_page:
                 "page": beside(page, COHORT_PAGE),
             }
             for (case, res, mesher), page in each_case(CASE_PAGE).items()
+        ],
+        folds=lambda _: [
+            {**run, "folder": beside(Path(verdict).parent, COHORT_PAGE)} for verdict, run in fold_runs().items()
         ],
         version=version_of("report.pages"),
     script:

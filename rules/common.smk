@@ -10,7 +10,7 @@ from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
 from cortet import __version__
-from cortet.cohort.sheet import read_sheet
+from cortet.cohort.sheet import chosen, read_sheet
 from cortet.config import load, version_of
 from cortet.errors import CortetError
 from cortet.formats import FORMATS
@@ -71,6 +71,7 @@ SOLVERS = {exported_suffix(form): name for name, form in FORMATS.items()}
 # rules that take every mesh that is done
 OVER_ALL_CASES = (
     *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "cohort_page"),
+    *("cohort_folding", "convergence"),
     *("table_ablation", "table_resolution", "table_measures", "figure_pooled_quality", "figure_series", "methods"),
 )
 
@@ -81,6 +82,7 @@ wildcard_constraints:
     res=r"[1-9][0-9]*",
     seed=r"[0-9]+",
     inner=r"[A-Za-z][A-Za-z0-9]*",
+    variant="|".join(["", *(name.capitalize() for name in CONFIG.fold.variants)]),
     mesher=r"[a-z0-9]+",
     setting="|".join(["", *SETTINGS]),  # an empty expression alone would be none
     suffix="|".join(map(re.escape, SOLVERS)),
@@ -114,7 +116,7 @@ def intermediate(files):
 
 def fold_file(name):
     """File of a simulation: a run has a folder of its own."""
-    return f"{OUT}/{{folder}}/simulation/{{case}}_res-{{res}}um_desc-{{mesher}}{{setting}}Folded/{name}"
+    return f"{OUT}/{{folder}}/simulation/{{case}}_res-{{res}}um_desc-{{mesher}}{{setting}}Folded{{variant}}/{name}"
 
 
 def convergence_file(name):
@@ -150,7 +152,7 @@ def inner_log(rule, suffix="log"):
 
 def file_of(pattern, case, res, mesher, setting=""):
     """A file of a pattern for one mesh."""
-    return pattern.format(folder=case.folder, case=case.name, res=res, mesher=mesher, setting=setting)
+    return pattern.format(folder=case.folder, case=case.name, res=res, mesher=mesher, setting=setting, variant="")
 
 
 def each_case(pattern):
@@ -330,22 +332,50 @@ def quality_records():
     return [path for desc in measured for path in each_case(mesh_file(desc, "quality.json")).values()]
 
 
-if unknown := set(CONFIG.fold.cases) - set(CASES):
-    raise WorkflowError(
-        f"fold.cases: {', '.join(sorted(unknown))}: not among the cases {', '.join(CASES)} (name some of these, or none: "
-        "fold.cases: [])"
-    )
+try:
+    FOLDED = {case.name for case in chosen(list(CASES.values()), CONFIG.fold.cases)}
+except CortetError as error:
+    raise WorkflowError(f"fold.cases: {error}") from None
+
+
+def fold_runs():
+    """Runs that the configuration asks for, as the table of all of them has it, by their verdict."""
+    return {
+        file_of(fold_file("verdict.json"), CASES[case], res, mesher).replace(
+            "Folded/", f"Folded{variant.capitalize()}/"
+        ): {
+            "case": case,
+            "variant": variant or None,
+            "cell_size_mm": res / 1000,
+            "mesher": mesher,
+            "hemisphere": CASES[case].hemi,
+        }
+        for case, res, mesher in each_case(CERTIFICATE)
+        for variant in ["", *CONFIG.fold.variants]
+        if case in FOLDED
+    }
 
 
 def fold_files():
     """What is drawn of the runs that the configuration asks for."""
-    files = [fold_file(name) for name in ("folding.svg", "folded.png", "folding.gif")]
-    return [path for name in files for mesh, path in each_case(name).items() if mesh[0] in CONFIG.fold.cases]
+    names = ("folding.svg", "folded.png", "folding.gif")
+    return [str(Path(verdict).with_name(name)) for verdict in fold_runs() for name in names]
+
+
+def variant_of(wildcards):
+    """What differs in a variant from the other runs of its case."""
+    return CONFIG.fold.variants.get(wildcards.variant.lower(), {})
 
 
 def is_measured(mesh, failures):
     """Whether a mesh got as far as its certificate: it did not fail, or only in what comes after."""
-    return mesh not in failures or failures[mesh]["stage"] in ("export", "case_page", "fold", "fold_figures")
+    return mesh not in failures or failures[mesh]["stage"] in (
+        "export",
+        "case_page",
+        "fold",
+        "fold_figures",
+        "convergence_run",
+    )
 
 
 def measured_certificates():

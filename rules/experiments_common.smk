@@ -119,3 +119,33 @@ def series():
             brain = brains.setdefault((case.participant, case.session), {"age": case.scan_age, "meshes": {}})
             brain["meshes"][case.hemi or "n/a"] = mesh
     return sorted(brains.values(), key=lambda brain: (brain["age"], list(brain["meshes"].values())))
+
+
+def realisation_of(wildcards):
+    """Configuration of the line that makes a realisation of a mesh."""
+    own = {"cell_size": [int(wildcards.res) / 1000], "meshers": [wildcards.mesher], "seed": int(wildcards.seed)}
+    return {
+        "setting": CONFIG.setting,
+        **{
+            stage.name: getattr(CONFIG, stage.name).model_dump(mode="json") | (own if stage.name == "generate" else {})
+            for stage in CONFIG.line()
+            if hasattr(CONFIG, stage.name)
+        },
+    }
+
+
+def convergence_runs():
+    """Records and surfaces of all runs of the experiment, by case, cell size, mesher and seed."""
+    experiment = EXPERIMENTS.convergence
+    return {
+        (case.name, size, mesher, seed): [
+            convergence_file(name).format(
+                folder=case.folder, case=case.name, res=round(1000 * size), mesher=mesher, seed=seed
+            )
+            for name in ("record.json", "fold.tsv", "start.surf.gii", "folded.surf.gii")
+        ]
+        for case in cases_of(experiment.cases)
+        for size in experiment.cell_size
+        for mesher in experiment.meshers
+        for seed in experiment.seeds
+    }

@@ -1,36 +1,6 @@
 """Fold meshes: the simulation that they are made for."""
 
 
-def realisation_of(wildcards):
-    """Configuration of the line that makes a realisation of a mesh."""
-    own = {"cell_size": [int(wildcards.res) / 1000], "meshers": [wildcards.mesher], "seed": int(wildcards.seed)}
-    return {
-        "setting": CONFIG.setting,
-        **{
-            stage.name: getattr(CONFIG, stage.name).model_dump(mode="json") | (own if stage.name == "generate" else {})
-            for stage in CONFIG.line()
-            if hasattr(CONFIG, stage.name)
-        },
-    }
-
-
-def convergence_runs():
-    """Records and surfaces of all runs of the experiment, by case, cell size, mesher and seed."""
-    experiment = EXPERIMENTS.convergence
-    return {
-        (case.name, size, mesher, seed): [
-            convergence_file(name).format(
-                folder=case.folder, case=case.name, res=round(1000 * size), mesher=mesher, seed=seed
-            )
-            for name in ("record.json", "fold.tsv", "start.surf.gii", "folded.surf.gii")
-        ]
-        for case in cases_of(experiment.cases)
-        for size in experiment.cell_size
-        for mesher in experiment.meshers
-        for seed in experiment.seeds
-    }
-
-
 rule fold:
     """Grow the cortex until the end, or until an element inverts; goes on where a killed job was.
 
@@ -44,9 +14,9 @@ rule fold:
         sidecar=fold_file("fold.json"),
         series=fold_file("fold.pvd"),
     log:
-        mesh_log("fold", desc="Folded"),
+        mesh_log("fold", desc="Folded{variant}"),
     benchmark:
-        mesh_benchmark("fold", desc="Folded")
+        mesh_benchmark("fold", desc="Folded{variant}")
     conda:
         "../envs/cortet.yaml"
     # two threads that wait for each other after every loop are no gain on a small mesh
@@ -55,7 +25,7 @@ rule fold:
         mem_mb=megabytes("fold"),
         runtime=minutes("fold"),
     params:
-        arguments=partial(arguments_of, "fold"),
+        arguments=lambda wildcards: arguments_of("fold", wildcards) | variant_of(wildcards),
         version=version_of("simulation.fold"),
     script:
         "../scripts/fold.py"
@@ -97,7 +67,7 @@ rule convergence_run:
 rule convergence:
     """Which cell size a fold needs: its numbers and the places of its folds against the cell size."""
     input:
-        [path for files in convergence_runs().values() for path in files],
+        existing_files([path for files in convergence_runs().values() for path in files]),
     output:
         report(
             f"{OUT}/cohort/table-convergence.html",
@@ -136,24 +106,24 @@ rule fold_figures:
             fold_file("folding.svg"),
             caption="../reports/folding.rst",
             category="Folding",
-            labels={"case": "{case}", "figure": "numbers"},
+            labels={"case": "{case} {variant}", "figure": "numbers"},
         ),
         picture=report(
             fold_file("folded.png"),
             caption="../reports/folded.rst",
             category="Folding",
-            labels={"case": "{case}", "figure": "before and after"},
+            labels={"case": "{case} {variant}", "figure": "before and after"},
         ),
         film=report(
             fold_file("folding.gif"),
             caption="../reports/folded.rst",
             category="Folding",
-            labels={"case": "{case}", "figure": "film"},
+            labels={"case": "{case} {variant}", "figure": "film"},
         ),
     log:
-        mesh_log("fold_figures", desc="Folded"),
+        mesh_log("fold_figures", desc="Folded{variant}"),
     benchmark:
-        mesh_benchmark("fold_figures", desc="Folded")
+        mesh_benchmark("fold_figures", desc="Folded{variant}")
     conda:
         "../envs/cortet.yaml"
     resources:
@@ -164,3 +134,41 @@ rule fold_figures:
         version=version_of("report.fold_figures"),
     script:
         "../scripts/fold_figures.py"
+
+
+rule cohort_folding:
+    """All folds of the cohort, those that stopped included: a table, and their curves over real brains."""
+    input:
+        lambda _: [
+            str(Path(verdict).with_name(name))
+            for verdict in existing_files(fold_runs())
+            for name in ("verdict.json", "fold.tsv")
+        ],
+    output:
+        table=f"{OUT}/cohort/cohort_folding.tsv",
+        sidecar=f"{OUT}/cohort/cohort_folding.json",
+        figure=report(
+            f"{OUT}/cohort/cohort_folding.svg",
+            caption="../reports/cohort_folding.rst",
+            category="Folding",
+            labels={"figure": "all folds"},
+        ),
+        print=multiext(f"{OUT}/cohort/cohort_folding", ".pdf", ".png"),
+    log:
+        run_log("cohort_folding"),
+    benchmark:
+        run_benchmark("cohort_folding")
+    conda:
+        "../envs/cortet.yaml"
+    params:
+        runs=lambda _: [
+            {**run, "folder": str(Path(verdict).parent)}
+            for verdict, run in fold_runs().items()
+            if verdict not in MISSING
+        ],
+        failed=lambda _: [
+            {**run, "reason": MISSING[verdict]} for verdict, run in fold_runs().items() if verdict in MISSING
+        ],
+        version=version_of("report.cohort_folding"),
+    script:
+        "../scripts/cohort_folding.py"

@@ -15,4 +15,6 @@ write_cohort_page(
     job.output.page,
     meshes=job.params.meshes,
     figure=Path(given.figure) if given.figure else None,
+    folding=(Path(given.folding[0]), Path(given.folding[1])) if given.folding else None,
+    folds=job.params.folds,
 )

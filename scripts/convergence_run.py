@@ -15,7 +15,7 @@ from cortet.pipeline import mesh_surface
 from cortet.report.fold_figures import series
 from cortet.simulation.carried import carried
 from cortet.simulation.fold import SERIES, fold
-from cortet.simulation.progress import status
+from cortet.simulation.progress import per_percent
 from cortet.simulation.run import Settings
 
 folder, surface = Path(job.output.record).parent, gifti.read_surface(job.input.surface)
@@ -24,7 +24,7 @@ verdict = fold(
     made.mesh,
     folder,
     Settings(**job.arguments),
-    lambda *progress: logging.getLogger("cortet").info("%s", status(*progress)),
+    per_percent(logging.getLogger("cortet").info),
 )
 last = vtu.read(series(folder / SERIES)[-1][0])
 gifti.write_surface(made.surface, job.output.start)

@@ -9,13 +9,13 @@ job = start(snakemake)
 
 from cortet.formats import vtu
 from cortet.simulation.fold import fold
-from cortet.simulation.progress import status
+from cortet.simulation.progress import per_percent
 from cortet.simulation.run import Settings
 
 verdict = fold(
     vtu.read(job.input.mesh),
     Path(job.output.verdict).parent,
     Settings(**job.arguments),
-    lambda *progress: logging.getLogger("cortet").info("%s", status(*progress)),
+    per_percent(logging.getLogger("cortet").info),
 )
 logging.getLogger("cortet").info("%s", verdict.reason)

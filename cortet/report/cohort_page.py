@@ -70,6 +70,21 @@ COLUMNS = (
     PageColumn("roughness", "Roughness", ".3f"),
 )
 
+#: columns of the table of folds, after case and state
+FOLD_COLUMNS = (
+    PageColumn("variant", "Variant"),
+    PageColumn("cell_size_mm", "h (mm)", "g"),
+    PageColumn("mesher", "Mesher"),
+    PageColumn("start_weeks", "From (weeks)", ".1f"),
+    PageColumn("end_weeks", "To (weeks)", ".1f"),
+    PageColumn("gyrification_index", "Gyrification index", ".3f"),
+    PageColumn("fold_spacing_mm", "Width of folds (mm)", ".1f"),
+    PageColumn("sulcal_depth_mm", "Depth of sulci (mm)", ".2f"),
+    PageColumn("min_j", "Smallest J", ".3f"),
+    PageColumn("q_max", "Worst q", ".3f"),
+    PageColumn("steps", "Steps", ",.0f"),
+)
+
 
 def write_cohort_page(
     status: Path,
@@ -78,6 +93,8 @@ def write_cohort_page(
     *,
     meshes: Sequence[Mapping[str, Any]],
     figure: Path | None = None,
+    folding: tuple[Path, Path] | None = None,
+    folds: Sequence[Mapping[str, Any]] = (),
 ) -> None:
     """Write the page.
 
@@ -88,6 +105,8 @@ def write_cohort_page(
     meshes : per mesh `case`, `cell_size_mm`, `mesher` and `page`, the address of its page as seen from this one; with
         `scan_age` and `hemi`, which are then shown of meshes that were not measured, too
     figure : SVG file of the cohort against age
+    folding : `cohort_folding.tsv` and its SVG file; None where nothing is folded
+    folds : per run `case`, `variant`, `cell_size_mm`, `mesher` and `folder`, as seen from the page
     """
     rows, explained = read_tsv(status), dict[str, Any](STATUS)
     described = pd.DataFrame(list(meshes), columns=None if meshes else [*KEY, "page"], dtype=object)
@@ -108,8 +127,32 @@ def write_cohort_page(
         counts=_counts(rows),
         outliers=int((rows["outlying"] != "").sum()),
         figure=pages.embedded(figure.read_text(encoding="utf-8"), "age") if figure else "",
-        files=[file.name for file in (status, *(quality or ()))],
+        folding=pages.embedded(folding[1].read_text(encoding="utf-8"), "folding") if folding else "",
+        folds=_folds(folding[0], folds) if folding else [],
+        fold_columns=FOLD_COLUMNS,
+        files=[file.name for file in (status, *(quality or ()), *(folding or ())[:1])],
     )
+
+
+def _folds(table: Path, folds: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of the table of folds as they are shown, with the folder of each run that has a result."""
+    keys = [*KEY, "variant"]
+    folders = {tuple(cell(run[key]) for key in keys): run["folder"] for run in folds}
+    return [
+        {
+            "case": row["case"],
+            "state": row["state"],
+            "why": "" if row["state"] == "folded" else row["reason"],
+            "folder": "" if row["state"] == "failed" else folders[tuple(row[key] for key in keys)],
+            "cells": [_formatted(row[column.name], column.form) for column in FOLD_COLUMNS],
+        }
+        for row in read_tsv(table).to_dict("records")
+    ]
+
+
+def _formatted(text: str, form: str) -> str:
+    number = _number(text) if form else None
+    return ("" if text == MISSING else text) if number is None else f"{number:{form}}"
 
 
 def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:

@@ -88,8 +88,7 @@ def numbers(table: Path, hemisphere: str | None) -> Figure:
 
     The first two are drawn on those of real surfaces: of one hemisphere for half a brain, else of both.
     """
-    rows = read_tsv(table).apply(pd.to_numeric, errors="coerce")
-    rows["relative_area"] = rows["area_mm2"] / rows["volume_mm3"] ** (2 / 3)
+    rows = curves(table)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 2.2), layout="constrained")
         for axis, (column, label) in zip(figure.subplots(1, len(_PANELS)), _PANELS.items(), strict=True):
@@ -98,14 +97,20 @@ def numbers(table: Path, hemisphere: str | None) -> Figure:
             if column == "min_j":
                 axis.axhline(0, color=VERMILION, linestyle="--", linewidth=0.8)
             if column in ("gyrification_index", "relative_area"):
-                _real_points(axis, column, hemisphere)
+                real_points(axis, column, hemisphere)
         figure.axes[0].legend(loc="upper left")
         figure.draw_without_rendering()
     figure.set_layout_engine("none")
     return figure
 
 
-def _real_points(axis: Axes, column: str, hemisphere: str | None) -> None:
+def curves(table: Path) -> pd.DataFrame:
+    """The table of a run as numbers, with area / volume^(2/3) as `relative_area`."""
+    rows = read_tsv(table).apply(pd.to_numeric, errors="coerce")
+    return rows.assign(relative_area=rows["area_mm2"] / rows["volume_mm3"] ** (2 / 3))
+
+
+def real_points(axis: Axes, column: str, hemisphere: str | None) -> None:
     """Inner surfaces of real brains: fetal ones in dark, those of newborns, whose index jumps at birth, in grey."""
     brains = published.real_brains()
     brains["relative_area"] = brains["area_cm2"] / brains["volume_ml"] ** (2 / 3)

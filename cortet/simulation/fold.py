@@ -122,10 +122,11 @@ def fold(
         last = inverted or stop == run.end
         if last or number % max(round(settings.frame_interval / settings.record_interval), 1) == 0:
             journal.add_frame(run, moment, measurements.gestational_age)
-        journal.add_row(measurements)
+        part = (moment.time - run.start) / (run.end - run.start)
+        journal.add_row(measurements, part)
         moment.work.min_j[0] = np.inf
         if progress:
-            progress(measurements, (moment.time - run.start) / (run.end - run.start), journal.seconds)
+            progress(measurements, part, journal.seconds)
         if last:
             break
         journal.save(moment)
@@ -193,11 +194,11 @@ class Journal:
         checkpoint.save(now, self.checkpoint)
         self.saved = time.monotonic()
 
-    def add_row(self, measurements: Measurements) -> None:
-        """Append to the tables."""
-        self.rows.append({**asdict(measurements), "seconds": round(self.seconds, 2)})
+    def add_row(self, measurements: Measurements, part: float) -> None:
+        """Append to the tables; `part` of the time of the simulation is done."""
+        self.rows.append({**asdict(measurements), "seconds": round(self.seconds, 2), "part": part})
         write_tsv(self.rows, list(COLUMNS), self.folder / TABLE)
-        write_tsv(self.rows, ["step", "seconds"], self.folder / SECONDS)
+        write_tsv(self.rows, ["step", "seconds", "part"], self.folder / SECONDS)
         columns = COLUMNS.items()
         sidecar = {name: {"Description": text} | ({"Units": unit} if unit else {}) for name, (text, unit) in columns}
         write_json(sidecar, self.folder / SIDECAR)

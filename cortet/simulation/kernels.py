@@ -105,6 +105,9 @@ class Work(NamedTuple):
 def workspace(body: Body) -> Work:
     """Arrays for the steps of a body."""
     m, n, patches = len(body.cells), len(body.held), patches_of(body)
+    # starts Numba's threads, which a cached kernel that was compiled around a cached parallel loop does not do: without
+    # them it would end the process
+    numba.get_num_threads()
     threads: int = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
     return Work(
         patches=patches,

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from cortet.simulation.measurements import Measurements
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+
+from cortet.errors import InputError
+from cortet.formats.tsv import read_tsv
+from cortet.simulation.fold import SECONDS, TABLE, Progress
+from cortet.simulation.measurements import COLUMNS, Measurements
 
 _WIDTH = 20
 
@@ -15,6 +23,35 @@ def status(now: Measurements, part: float, seconds: float) -> str:
         f"[{'#' * done}{'.' * (_WIDTH - done)}] {part:4.0%}  t {now.time:.3f}  {now.gestational_age:.2f} weeks  "
         f"min J {now.min_j:.3f}  gyrification {now.gyrification_index:.3f}  {_duration(left)} left"
     )
+
+
+def per_percent(say: Callable[[str], None]) -> Progress:
+    """What tells `fold` to say how far it has come whenever another percent of it is done, and at its end."""
+    said = -1
+
+    def progress(now: Measurements, part: float, seconds: float) -> None:
+        nonlocal said
+        if int(100 * part) > said:
+            said = int(100 * part)
+            say(status(now, part, seconds))
+
+    return progress
+
+
+def reached(folder: Path) -> str:
+    """How far the run in a folder had come when it wrote its last row; it may be going on, killed, or done.
+
+    Raises
+    ------
+    InputError : no run has written anything there
+    """
+    if not (folder / TABLE).exists() or not (folder / SECONDS).exists():
+        raise InputError(
+            "no run has begun there", file=folder, remedy="name the folder that `cortet fold -o` writes to"
+        )
+    rows = read_tsv(folder / TABLE).apply(pd.to_numeric, errors="coerce").reindex(columns=list(COLUMNS))
+    clock = read_tsv(folder / SECONDS).apply(pd.to_numeric, errors="coerce").iloc[-1]
+    return status(Measurements(**rows.iloc[-1].to_dict()), float(clock["part"]), float(clock["seconds"]))
 
 
 def _duration(seconds: float) -> str:

@@ -134,7 +134,7 @@ def test_every_column_is_explained_and_none_holds_a_time_of_day(finished: tuple[
     folder, _ = finished
     explained = json.loads((folder / "fold.json").read_text())
     assert list(explained) == list(COLUMNS) == list(rows(folder)[0]) == list(Measurements.__dataclass_fields__)
-    assert (folder / "seconds.tsv").read_text().startswith("step\tseconds\n")
+    assert (folder / "seconds.tsv").read_text().startswith("step\tseconds\tpart\n")
 
 
 def test_frames_are_meshes_in_the_users_numbering(ball: TetMesh, finished: tuple[Path, Verdict]) -> None:

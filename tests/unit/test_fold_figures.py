@@ -15,7 +15,7 @@ from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.report.fold_figures import numbers, series
 from cortet.simulation.measurements import Measurements
-from cortet.simulation.progress import status
+from cortet.simulation.progress import per_percent, reached, status
 
 
 @pytest.fixture(scope="module")
@@ -106,3 +106,25 @@ def test_the_progress_line_says_how_far_and_how_long() -> None:
         "[#####...............]  25%  t 0.250  27.10 weeks  min J 0.712  gyrification 1.234  3 min left"
     )
     assert status(now, 0.0, 0.0).endswith("? left")
+
+
+def test_another_terminal_can_ask_how_far_a_run_is(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["fold", "--status", str(run)])
+    assert ended.value.code == 0
+    line = capsys.readouterr().out.strip()
+    assert line == reached(run)
+    assert line.startswith("[####################] 100%") and "22.20 weeks" in line and line.endswith("0 s left")
+    with pytest.raises(SystemExit) as ended:
+        main(["fold", "--status", str(run / "frames")])
+    assert ended.value.code != 0
+    assert "no run has begun there" in capsys.readouterr().err
+
+
+def test_a_log_gets_a_line_per_percent() -> None:
+    values = dict.fromkeys(Measurements.__dataclass_fields__, 1.0)
+    said: list[str] = []
+    progress = per_percent(said.append)
+    for part in (0.0, 0.004, 0.011, 0.012, 0.5, 1.0):
+        progress(Measurements(**values), part, 10.0)
+    assert [line.split("] ")[1][:4].strip() for line in said] == ["0%", "1%", "50%", "100%"]

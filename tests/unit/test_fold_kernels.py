@@ -279,3 +279,11 @@ def test_the_loop_of_the_law_is_made_of_vector_instructions() -> None:
     (assembly,) = fresh.inspect_asm().values()
     scalar, packed = assembly.count("mulsd"), assembly.count("mulpd")
     assert packed > 20 and packed >= scalar  # what is scalar is the remainder of the loop
+
+
+def test_who_makes_ready_for_steps_starts_the_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kernel that comes from the cache does not always, and then ends the process."""
+    started: list[bool] = []
+    monkeypatch.setattr(numba, "get_num_threads", lambda: started.append(True))
+    ungrown(cube_mesh(1))
+    assert started
