@@ -20,19 +20,12 @@ from cortet.formats.tsv import write_tsv
 from cortet.measure.quality import COUNTED_LIMITS
 from cortet.meshers import BASELINES, MESHERS
 from cortet.report import published
+from cortet.report.ablated import ABLATED
 from cortet.report.figures import Pooled, pooled_quality_figure, save
 from cortet.report.table_files import PrintedColumn, Table, mean_and_sd, median_and_range, number, write
 from cortet.stages import STAGES
 
 VERSION: int = 3
-
-#: labels of the stages whose effect is measured -> stages that have run, what the last of them adds
-ABLATED = {
-    STAGES["generate"].label: ("S1-S2", "only"),
-    STAGES["relocate"].label: ("S1-S3", "+ Gmsh (S3)"),
-    STAGES["clean"].label: ("S1-S4", "+ cleaning (S4)"),
-    STAGES["reconnect"].label: ("S1-S4+", "+ reconnection (S4+)"),
-}
 
 
 @dataclass(frozen=True)
