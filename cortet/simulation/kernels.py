@@ -105,8 +105,8 @@ class Work(NamedTuple):
 def workspace(body: Body) -> Work:
     """Arrays for the steps of a body."""
     m, n, patches = len(body.cells), len(body.held), patches_of(body)
-    # starts Numba's threads: a kernel from the cache that was compiled when the parallel loop in it came from the cache,
-    # too, does not do so, and would end the process
+    # starts Numba's threads: a kernel from the cache that was compiled when the parallel loop in it came from the
+    # cache, too, does not do so, and would end the process
     numba.get_num_threads()
     threads: int = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
     return Work(
