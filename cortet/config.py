@@ -176,7 +176,7 @@ class Generate(Section):
     exude: bool = True
     """Sliver exudation, last."""
     seed: NonNegativeInt = 0
-    """Seed of CGAL's random numbers, and of the direction of the lattice (0: along the axes)."""
+    """Seed of CGAL's random numbers, and of the direction in which the surface is meshed (0: as it stands)."""
     fallback: Literal["lattice"] | None = "lattice"
     """Mesher to take where no facet distance gives the right topology; null: none."""
     edge_length: Annotated[list[Positive], BeforeValidator(_as_list), Field(min_length=1)] = [
@@ -375,7 +375,7 @@ class Convergence(Section):
     cell_size: Annotated[list[CellSize], Field(min_length=2)] = [1.6, 1.2, 0.9]
     """Cell sizes h, mm; three or more, in about equal ratios, allow an extrapolation to h = 0."""
     seeds: Annotated[list[NonNegativeInt], Field(min_length=1)] = [0, 1]
-    """Realisations of a mesh: directions of the lattice, seeds of CGAL. How much they differ is chance."""
+    """Realisations of a mesh (`generate.seed`): directions in which it is made. How much they differ is chance."""
     meshers: Annotated[list[Mesher], Field(min_length=1)] = ["lattice", "cgal"]
     """Meshers: lattice, cgal."""
 

@@ -1,6 +1,6 @@
 """Folding against the cell size: a table, a figure, and a sentence that says which cell size is small enough.
 
-Every run is a realisation of a mesh: a direction of the lattice or a seed of CGAL. What differs between realisations of
+Every run is a realisation of a mesh: a direction in which it is made. What differs between realisations of
 one cell size is chance; what is left between cell sizes is the cell size. Where the mean over the realisations goes
 evenly towards a limit, by more than chance, this limit is extrapolated (Richardson 1911; Roache, J. Fluids Eng. 116,
 1994) and the error is a quarter more than the way that is left, as Roache advises.
@@ -49,7 +49,7 @@ QUANTITIES = {
 }
 #: pairs of runs whose places of folds are compared -> what differs
 PAIRS = {
-    "realisations": "the same mesher and cell size, another direction or seed",
+    "realisations": "the same mesher and cell size, another direction",
     "meshers": "the same cell size, another mesher",
     "sizes": "the same mesher, this cell size and the smallest",
 }
@@ -314,7 +314,7 @@ def convergence_figure(runs: Sequence[Run], table: pd.DataFrame) -> Figure:
             axis.set(xlabel="h / thickness", ylabel=name + (f" ({unit})" if unit else ""))
             for mesher in dict.fromkeys(run.mesher for run in runs):
                 _draw_number(axis, [run for run in runs if run.mesher == mesher], table, column)
-            axis.set_xlim(left=-0.03)
+            axis.set_xlim(-0.03, 1.05 * max(run.cell_size_mm / run.thickness_mm for run in runs))
         axes[0].legend(loc="best")
         _draw_places(places, table)
         figure.draw_without_rendering()
@@ -344,7 +344,7 @@ def _draw_places(axis: Axes, table: pd.DataFrame) -> None:
             axis.plot(rows["h_over_thickness"], rows[f"correlation_{pair}"], style, color=colour, marker=marker, ms=2)
     for pair, style in styles.items():
         axis.plot([], [], style, color="black", label=pair)
-    axis.set(xlabel="h / thickness", ylabel="correlation of gained depth", ylim=(None, 1), xlim=(-0.03, None))
+    axis.set(xlabel="h / thickness", ylabel="correlation of gained depth", ylim=(None, 1.005), xlim=(-0.03, None))
     axis.legend(loc="lower left")
 
 

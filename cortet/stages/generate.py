@@ -98,8 +98,8 @@ class GenerateReport:
     mesher: str
     backend: str
     backend_version: str
-    #: None where the backend takes no seed; of the lattice, its direction
-    seed: int | None
+    #: of the direction in which the surface was meshed
+    seed: int
     cell_size_mm: float
     #: None where the boundary was given
     facet_distance_mm: float | None
@@ -152,7 +152,8 @@ def generate(
         upper bound of the distance between the circumcentre of a boundary triangle and the centre of its surface ball
     radius_edge_ratio : upper bound of circumradius over shortest edge of tetrahedra
     odt, lloyd, perturb, exude : CGAL's optimisation passes
-    seed : of CGAL's random numbers, pygalmesh only; and of the direction of ``lattice``, 0: along the axes
+    seed : of CGAL's random numbers, pygalmesh only; and of the direction in which the surface is meshed, 0: as it
+        stands. CGAL's numbers alone make the same mesh nearly always
     fallback : what to try when no facet distance gives the topology of the surface; None (published) for nothing
     edge_length : of the boundary triangles of ``lattice``, as fractions of `cell_size`, tried in this order until no
         two of them cross
@@ -192,6 +193,9 @@ def generate(
     if backend not in BACKENDS:
         raise InputError(f"unknown mesher backend {backend!r}", remedy=f"use auto, {' or '.join(BACKENDS)}")
 
+    turn = _rotation(seed)
+    if seed:
+        surface = _turned(surface, turn)
     attempts: list[Attempt] = []
     if mesher == "cgal":
         wanted = {"odt": odt, "lloyd": lloyd, "perturb": perturb, "exude": exude}
@@ -204,26 +208,20 @@ def generate(
             logger.warning("facet distances of %s h: %s", list(facet_distance), "; ".join(attempts[-1].problems))
     if mesher == "lattice" or (attempts[-1].problems and fallback):
         backend, passes = "tetgen", ()
-        turn = _rotation(seed)
         fill = _filled_between if surface.inner else _filled_with_lattice
         mesh, tried = fill(
-            _turned(surface, turn) if seed else surface,
-            cell_size,
-            edge_length,
-            surface_distance,
-            core_ratio=core_ratio,
-            core_depth=core_depth,
+            surface, cell_size, edge_length, surface_distance, core_ratio=core_ratio, core_depth=core_depth
         )
-        if seed:
-            mesh = replace(mesh, points=mesh.points @ turn.T)
         attempts += tried
 
+    if seed:
+        mesh = replace(mesh, points=mesh.points @ turn.T)
     final = attempts[-1]
     return mesh, GenerateReport(
         mesher=mesher,
         backend=backend,
         backend_version=version(backend),
-        seed=None if backend == "cgal" else seed,
+        seed=seed,
         cell_size_mm=cell_size,
         facet_distance_mm=final.facet_distance_mm,
         facet_distance_fraction=None if final.facet_distance_mm is None else final.facet_distance_mm / cell_size,
@@ -257,7 +255,7 @@ def generate_with_baseline(
         mesher=mesher,
         backend=distribution,
         backend_version=version(distribution),
-        seed=None,
+        seed=0,
         cell_size_mm=cell_size,
         facet_distance_mm=None,
         facet_distance_fraction=None,
@@ -322,7 +320,7 @@ def _rotation(seed: int) -> FloatArray:
 
 
 def _turned(surface: TriSurface, turn: FloatArray) -> TriSurface:
-    """A surface, and those inside it, in coordinates of a turned lattice."""
+    """A surface and those inside it, in other directions."""
     inner = {name: replace(one, points=one.points @ turn) for name, one in surface.inner.items()}
     return replace(surface, points=surface.points @ turn, inner=inner)
 

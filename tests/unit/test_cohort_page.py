@@ -13,6 +13,7 @@ import pytest
 from cortet.cohort.status import COLUMNS
 from cortet.formats.atomic import write_json
 from cortet.formats.tsv import write_tsv
+from cortet.report.cohort_folding import COLUMNS as FOLDING
 from cortet.report.cohort_page import modified_z_scores, ordered, with_outliers, write_cohort_page
 
 WORST = {"a": 0.50, "b": 0.51, "c": 0.49, "d": 0.50, "e": 0.58, "f": 0.505}
@@ -128,3 +129,27 @@ def test_numbers_can_be_sorted_as_numbers(tmp_path: Path) -> None:
     assert sorted({float(value) for value in values} - {0.129}) == sorted(set(WORST.values()))
     with (tmp_path / "quality.tsv").open(newline="") as file:
         assert len(list(csv.DictReader(file, delimiter="\t"))) == len(WORST)
+
+
+def test_folds_are_shown_with_what_stopped_them_and_where_their_pictures_are(tmp_path: Path) -> None:
+    mesh = {"case": "a", "cell_size_mm": 0.6, "mesher": "cgal"}
+    rows = [
+        {**mesh, "variant": "thin", "state": "failed", "reason": "fold: killed"},
+        {**mesh, "variant": None, "state": "folded", "reason": "folded", "gyrification_index": 1.23456, "min_j": 0.5},
+    ]
+    write_tsv(rows, list(FOLDING), tmp_path / "folds.tsv")
+    (tmp_path / "folds.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"><text>curves</text></svg>')
+    write_tsv([other("a", "certified")], list(COLUMNS), tmp_path / "status.tsv")
+    write_cohort_page(
+        tmp_path / "status.tsv",
+        None,
+        tmp_path / "index.html",
+        meshes=[{**mesh, "page": "a.html"}],
+        folding=(tmp_path / "folds.tsv", tmp_path / "folds.svg"),
+        folds=[{**mesh, "variant": variant, "folder": f"../a/Folded{variant or ''}"} for variant in (None, "thin")],
+    )
+    page = (tmp_path / "index.html").read_text()
+    section = page[page.index('id="folds"') :]
+    assert section.index("fold: killed") < section.index("1.235")
+    assert 'href="../a/Folded/folding.gif"' in section and "Foldedthin" not in section
+    assert "folds.tsv" in section and "curves</text>" in section

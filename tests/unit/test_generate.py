@@ -14,7 +14,7 @@ from shapes import ball_surface, bowl, horseshoe
 
 from cortet.errors import InputError, StageError
 from cortet.geometry.closest_point import closest_points, surface_tree
-from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_topology
+from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume, surface_topology
 from cortet.measure.quality import circumradii, quality, signed_volumes
 from cortet.mesh import TetMesh, TriSurface
 from cortet.meshers import cgal, remesh
@@ -59,7 +59,7 @@ def test_a_ball_is_filled_with_good_tetrahedra(backend):
     assert q.mean() < 0.2 and q.max() < 0.85
     assert report.topology_ok and report.reason == "" and report.passes == s1.PASSES
     assert (report.nodes, report.tetrahedra, report.backend) == (len(mesh.points), len(mesh.cells), backend)
-    assert report.facet_distance_fraction == 0.5 and report.seed == (0 if backend == "pygalmesh" else None)
+    assert report.facet_distance_fraction == 0.5 and report.seed == 0
 
 
 @each_backend
@@ -254,3 +254,11 @@ def test_the_core_is_given_back_also_after_a_failure():
 def test_the_report_is_plain_json():
     _, report = generate(ball_surface(2), cell_size=2.0, mesher="cgal", backend="cgal")
     assert json.loads(json.dumps(dataclasses.asdict(report)))["attempts"][0]["boundary"]["euler_number"] == 2
+
+
+def test_a_seed_makes_another_mesh_of_the_same_surface_with_cgal_too() -> None:
+    ball = ball_surface(3)
+    usual, turned = (generate(ball, cell_size=1.5, mesher="cgal", backend="cgal", seed=seed)[0] for seed in (0, 1))
+    assert len(usual.points) != len(turned.points) or not np.allclose(usual.points, turned.points)
+    inside = closest_points(surface_tree(ball.points, ball.faces), turned.points[boundary_nodes(turned)])
+    assert inside.distances.max() < 1e-3
