@@ -19,8 +19,12 @@ from cortet.geometry.nesting import depths, joined, nested, parents, region_boun
 from cortet.geometry.topology import enclosed_volume, interfaces, sheet, surface_topology
 from cortet.measure.certify import certify
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import REGION, TetMesh, TriSurface
+from cortet.mesh import REGION, MeshSets, TetMesh, TriSurface
 from cortet.pipeline import Meshed, mesh_surface
+from cortet.simulation.body import body_of, scale_of
+from cortet.simulation.cortex_region import with_interface
+from cortet.simulation.fold import fold
+from cortet.simulation.run import Settings
 from cortet.solver_files.export import export
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import verify
@@ -269,3 +273,25 @@ def test_several_inner_regions_are_sets_by_name():
     assert sets.cells.keys() == {"core", "cortex", "white", "deep"}
     assert len(sets.cells["core"]) == len(sets.cells["white"]) + len(sets.cells["deep"])
     assert sets.faces.keys() == {"cortical_surface", "white_interface", "deep_interface"}
+
+
+def test_the_outer_region_is_what_grows_in_the_direction_across_it(meshed):
+    mesh = with_interface(meshed.mesh)
+    scale = scale_of(mesh, None)
+    body = body_of(mesh, scale)
+    cortex = mesh.cell_data[REGION] == 0
+    assert body.depth[cortex].max() == 0 and (body.depth[~cortex] >= 9 * body.thickness[~cortex]).all()
+    assert body.thickness[cortex] * scale.length == pytest.approx(np.full(cortex.sum(), 4.0), rel=0.06)
+    radial = mesh.points[mesh.cells].mean(axis=1)
+    radial /= np.linalg.norm(radial, axis=1, keepdims=True)
+    assert np.einsum("ij,ij->i", body.normals, radial)[cortex].min() > 0.98
+    by_depth = body_of(replace(mesh, cell_data={}, sets=MeshSets()), scale)
+    assert by_depth.depth[~cortex].max() > 0 and len(np.unique(by_depth.depth)) > 100
+    # an exported mesh, whose regions are sets, has the same body
+    exported = named_sets(meshed.mesh, inner=["white"])
+    assert (body_of(with_interface(exported), scale).depth == body.depth).all()
+
+
+def test_a_mesh_of_two_regions_folds(meshed, tmp_path):
+    verdict = fold(meshed.mesh, tmp_path, Settings(22.0, end=22.2))
+    assert verdict.outcome == "folded" and verdict.thickness_mm > 1
