@@ -166,6 +166,12 @@ def parser() -> argparse.ArgumentParser:
     phantom.add_argument("--subdivisions", type=int, default=5, metavar="N", help="of the icosahedron (default: 5)")
     phantom.add_argument("--seed", type=int, default=0, metavar="N", help="of the individual variation (default: 0)")
     phantom.add_argument("-o", "--output", type=Path, required=True, metavar="GII")
+    phantom.add_argument(
+        "--pial", type=Path, metavar="GII", help="write the synthetic cortex there, and to -o a white surface within it"
+    )
+    phantom.add_argument(
+        "--thickness", type=float, default=1.5, metavar="MM", help="of the cortex between the two (default: 1.5)"
+    )
     phantom.set_defaults(run=_phantom)
 
     cohort = commands.add_parser("cohort", help="work on cohort sheets").add_subparsers(
@@ -412,9 +418,13 @@ def _fold(args: argparse.Namespace) -> int:
 
 def _phantom(args: argparse.Namespace) -> int:
     from cortet.formats.gifti import write_surface
-    from cortet.phantom import phantom
+    from cortet.phantom import inset, phantom
 
     surface = phantom(args.ga, hemisphere=args.hemi, subdivisions=args.subdivisions, seed=args.seed)
+    if args.pial:
+        write_surface(surface, args.pial)
+        print(f"{args.pial}: {len(surface.points)} vertices, {len(surface.faces)} faces")
+        surface = inset(surface, args.thickness)
     write_surface(surface, args.output)
     print(f"{args.output}: {len(surface.points)} vertices, {len(surface.faces)} faces")
     return 0

@@ -502,6 +502,7 @@ class Config(Section):
             "relocate.enabled: true": self.relocate.enabled,
             "smooth_boundary.enabled: true": self.smooth_boundary.enabled,
             "clean.boundary: free": self.clean.enabled and self.clean.boundary == "free",
+            "reconnect.boundary: free": self.reconnect.enabled and self.reconnect.boundary == "free",
         }.items():
             if in_the_way:
                 raise InputError(

@@ -55,8 +55,8 @@ class CoordinateFrame:
     matrix: tuple[float, ...] = (1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1)
 
 
-#: field of tetrahedra, integer, that says in which region each lies: 0 between the boundary and the inner surfaces, i
-#: inside the i-th inner surface and in none that it contains
+#: Name of the integer field that says in which region each tetrahedron lies, which is 0 between the boundary and the
+#: inner surfaces, and i inside the i-th inner surface and in none that it contains
 REGION = "region"
 #: name of region 0; the others are named as the inner surfaces around them
 OUTERMOST = "cortex"

@@ -9,6 +9,7 @@ deep they are altogether follows from the area that a real cortex of that age ha
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,9 @@ from scipy.spatial import cKDTree
 from cortet.errors import InputError
 from cortet.formats.gifti import single_precision
 from cortet.geometry import topology
+from cortet.geometry.nesting import nested
 from cortet.mesh import FloatArray, IntArray, TriSurface
+from cortet.stages.separate import separate
 
 VERSION: int = 1
 
@@ -96,6 +99,8 @@ _HOLLOW, _BEND = 0.8, 0.3
 _MEDIAL = 0.35
 #: the core is the unfolded surface shrunk by these factors towards this point
 _CORE, _CENTRE = np.array([0.0, 0.62, 0.5]), np.array([0.15, 0.0, 0.0])
+#: a white surface is moved inward by so many mm at a time, and rounded off so often in between
+_INSET_STEP, _ROUNDINGS = 0.15, 3
 #: bulges and hollows of the sphere: direction (lateral, anterior, superior), height, angular radius
 _RELIEF = (
     ((0.70, 0.42, -0.70), 0.36, 0.36),  # temporal pole
@@ -151,6 +156,28 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
     if hemisphere == "L":
         points, faces = points * np.array([-1, 1, 1]), faces[:, ::-1]
     return single_precision(TriSurface(points, faces))
+
+
+def inset(surface: TriSurface, depth: float) -> TriSurface:
+    """A white surface within a pial one: its vertices moved inward, smoothly, until they are `depth` mm below it.
+
+    Where a gyrus is too thin for that they are less deep, as `separate` does it.
+
+    Raises
+    ------
+    InputError : the depth is not positive, or too large for the shape
+    """
+    if not depth > 0:
+        raise InputError(f"a white surface cannot lie {depth:g} mm below the pial one", remedy="give a positive depth")
+    white = surface
+    for reached in np.linspace(0, depth, int(np.ceil(depth / _INSET_STEP)) + 1)[1:]:
+        moved, _ = separate(nested(surface, {"white": white}), cell_size=float(reached), min_gap=1.0)
+        white = moved.inner["white"]
+        rounder = white.points
+        for _ in range(_ROUNDINGS):
+            rounder = (rounder + topology.neighbour_means(rounder, white.faces)) / 2
+        white = single_precision(replace(white, points=rounder))
+    return white
 
 
 def _sphere(subdivisions: int) -> tuple[FloatArray, IntArray]:

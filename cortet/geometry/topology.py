@@ -297,6 +297,19 @@ def surface_topology(faces: IntArray) -> SurfaceTopology:
     )
 
 
+def cut_components(mesh: TetMesh, faces: IntArray) -> IntArray:
+    """Number of the connected body of each tetrahedron, were the mesh cut open along some faces (k, 3): (m,)."""
+    cells, behind = mesh.cells, neighbours(mesh).copy()
+    cell = np.flatnonzero(np.isin(cells, faces).sum(axis=1) >= 3)
+    near = cells[cell][:, TET_FACES].reshape(-1, 3)
+    key = packed(np.concatenate([faces, near]))
+    cut = np.isin(key[len(faces) :], key[: len(faces)]).reshape(-1, 4)
+    behind[cell] = np.where(cut, -1, behind[cell])
+    start, _ = np.nonzero(behind >= 0)
+    graph = coo_matrix((np.ones(len(start), np.int8), (start, behind[behind >= 0])), shape=(len(cells),) * 2)
+    return connected_components(graph, directed=False)[1]
+
+
 def compact(points: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray, IntArray]:
     """Drop unused vertices, keeping the order of the others.
 

@@ -29,6 +29,9 @@ from cortet.measure.lost import distances_to
 from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import REGION, TetMesh, TriSurface
 
+#: thin places that are listed, and how far apart they are, mm
+_THIN_PLACES, _APART_MM = 5, 5.0
+
 
 @dataclass(frozen=True)
 class Across:
@@ -58,6 +61,14 @@ class RegionRecord:
 
 
 @dataclass(frozen=True)
+class ThinPlace:
+    """Where a region is thin: a node of its interface and its distance to the faces on the other side."""
+
+    place_mm: tuple[float, float, float]
+    thickness_mm: float
+
+
+@dataclass(frozen=True)
 class InterfaceRecord:
     """The faces between a region and the one around it, beside the surface they stand for."""
 
@@ -73,6 +84,8 @@ class InterfaceRecord:
     nodes_to_surface_mm: Distances
     surface_to_interface_mm: Distances
     relative_area_change: float
+    #: where the region around is thinnest, some way from each other
+    thinnest: tuple[ThinPlace, ...]
 
 
 def region_records(mesh: TetMesh, surface: TriSurface) -> tuple[RegionRecord, ...]:
@@ -126,9 +139,25 @@ def interface_records(mesh: TetMesh, surface: TriSurface) -> tuple[InterfaceReco
                 nodes_to_surface_mm=off,
                 surface_to_interface_mm=lost,
                 relative_area_change=_area(faces) / _area(one) - 1,
+                thinnest=_thinnest(faces, sheet(mesh, around[number])[0]),
             )
         )
     return tuple(records)
+
+
+def _thinnest(inner: TriSurface, outer: TriSurface) -> tuple[ThinPlace, ...]:
+    """The vertices of `inner` nearest to `outer`, none within a few mm of a nearer one."""
+    if not len(inner.points) or not len(outer.points):
+        return ()
+    distance = closest_points(surface_tree(outer.points, outer.faces), inner.points).distances
+    found: list[ThinPlace] = []
+    left = np.ones(len(distance), np.bool_)
+    while len(found) < _THIN_PLACES and left.any():
+        nearest = int(np.where(left, distance, np.inf).argmin())
+        x, y, z = inner.points[nearest].tolist()
+        found.append(ThinPlace((x, y, z), float(distance[nearest])))
+        left &= np.linalg.norm(inner.points - inner.points[nearest], axis=1) > _APART_MM
+    return tuple(found)
 
 
 def sheets_of(mesh: TetMesh) -> TriSurface:

@@ -12,13 +12,14 @@ import numpy as np
 import pandas as pd
 
 from cortet.errors import StageError
-from cortet.geometry.topology import boundary_surface, surface_topology
+from cortet.geometry.nesting import region_names
+from cortet.geometry.topology import boundary_surface, sheet, surface_topology
 from cortet.measure.lost import distances_to
-from cortet.mesh import TetMesh, TriSurface
+from cortet.mesh import REGION, TetMesh, TriSurface
 from cortet.report import pages, published
 from cortet.report.boundary_view import boundary_view, three_js
 from cortet.report.figures import mesh_quality_figures, svg
-from cortet.report.render import cut_view, surface_view, webp
+from cortet.report.render import COLOUR_NAMES, cut_view, regions_view, surface_view, webp
 from cortet.stages import STAGES
 
 Certificate = Mapping[str, Any]
@@ -198,6 +199,7 @@ def _pictures(
         if mesh is not None:
             caption = "Mesh, cut open across the middle"
             shown.append(_picture(cut_view(mesh), caption, "each tetrahedron in the colour of its q"))
+            shown += _region_pictures(mesh, meshed)
         if mesh is not None and meshed is not None:
             boundary, _ = boundary_surface(mesh)
             distances = distances_to(boundary, meshed)[len(meshed.points) :]
@@ -209,6 +211,23 @@ def _pictures(
     except StageError as error:
         return [], f"Without pictures: {error}"
     return shown, ""
+
+
+def _region_pictures(mesh: TetMesh, meshed: TriSurface | None) -> list[dict[str, Any]]:
+    """The cut in the colours of the regions, and each inner surface by its distance to its interface."""
+    if meshed is None or not meshed.inner or REGION not in mesh.cell_data:
+        return []
+    names = region_names(meshed)
+    colours = ", ".join(f"{name} {COLOUR_NAMES[i % len(COLOUR_NAMES)]}" for i, name in enumerate(names))
+    shown = [_picture(regions_view(mesh), "Regions", colours)]
+    for number, (name, one) in enumerate(meshed.inner.items(), start=1):
+        distances = distances_to(sheet(mesh, number)[0], one)[len(one.points) :]
+        scale = f"by its distance to the interface, white at 0, black at {distances.max():.2g} mm"
+        shown += [
+            _picture(surface_view(one, side=side, distances=distances), f"Inner surface {name}, {side}", scale)
+            for side in _SIDES
+        ]
+    return shown
 
 
 def _picture(image: Any, caption: str, more: str = "") -> dict[str, Any]:
@@ -322,7 +341,29 @@ def _shape(certificate: Certificate) -> Facts:
         ("Euler number", str(topology["euler_number"])),
         *_listed("Where it is open, pinched or fused", certificate["defects_mm"]),
         *_listed("Where faces cross", certificate["crossings_mm"]),
+        *_regions(certificate),
     ]
+
+
+def _regions(certificate: Certificate) -> Facts:
+    """What there is to say of regions and interfaces; nothing for a mesh of one region."""
+    facts = []
+    for region in certificate["regions"]:
+        across = region["edges_across"]
+        layers = ""
+        if across:
+            layers = f", edges across it: {across['least']} at least, {across['median']:g} in the middle"
+        volume = f"{region['volume_ml']:.2f} mL ({100 * region['relative_volume_change']:+.2f} %)"
+        facts.append((f"Region {region['name']}", f"{volume}, worst q {region['q_max']:.3f}{layers}"))
+    for one in certificate["interfaces"]:
+        nodes, lost = (one[key]["max"] for key in ("nodes_to_surface_mm", "surface_to_interface_mm"))
+        text = f"nodes up to {nodes:.2g} mm off the surface, the surface up to {lost:.2g} mm from it"
+        facts.append((f"Interface {one['name']}", f"{text}, Euler number {one['topology']['euler_number']}"))
+        thin = [
+            f"{p['thickness_mm']:.2f} mm at ({', '.join(f'{x:.1f}' for x in p['place_mm'])})" for p in one["thinnest"]
+        ]
+        facts.append((f"Thinnest places of {one['around']} around {one['name']}", "; ".join(thin)))
+    return facts
 
 
 def _listed(name: str, places: Iterable[Sequence[float]]) -> Facts:

@@ -17,7 +17,7 @@ from cortet.errors import StageError
 from cortet.formats.atomic import atomic_path
 from cortet.geometry.topology import boundary_surface, compact
 from cortet.measure.quality import quality
-from cortet.mesh import FloatArray, TetMesh, TriSurface
+from cortet.mesh import REGION, FloatArray, TetMesh, TriSurface
 
 VERSION: int = 2
 
@@ -58,6 +58,12 @@ _CUT_LOOK = {
     "ambient": 0.5,
     "diffuse": 0.5,
 }
+
+
+#: of the regions by number, and what they are called in words; told apart by the colour-blind, too
+REGION_COLOURS = ("#E69F00", "#56B4E9", "#009E73", "#CC79A7", "#F0E442")
+COLOUR_NAMES = ("orange", "blue", "green", "pink", "yellow")
+_REGION_LOOK = {"show_edges": True, "edge_color": "#303030", "line_width": 0.6, "ambient": 0.5, "diffuse": 0.5}
 
 
 def picture(
@@ -102,6 +108,25 @@ def cut_view(mesh: TetMesh, *, size: tuple[int, int] = (1200, 900)) -> NDArray[n
     shell = _cut(mesh, _AXES["y"], 0.5)
     with off_screen(size) as plotter:
         plotter.add_mesh(shell, **_CUT_LOOK, show_scalar_bar=False)
+        _aim(plotter.camera, np.asarray(shell.points, float), _AXES["y"], width_to_height=size[0] / size[1])
+        return _cut_out(plotter)
+
+
+def regions_view(mesh: TetMesh, *, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
+    """A mesh cut open across the middle of y, each tetrahedron in the colour of its region (`REGION_COLOURS`).
+
+    Raises
+    ------
+    StageError
+        the graphics library cannot draw here
+    """
+    shell = _cut(mesh, _AXES["y"], 0.5)
+    with off_screen(size) as plotter:
+        for number in np.unique(mesh.cell_data[REGION]).tolist():
+            part = shell.extract_cells(np.asarray(shell.cell_data[REGION]) == number)
+            if part.n_cells:
+                colour = REGION_COLOURS[number % len(REGION_COLOURS)]
+                plotter.add_mesh(part, color=colour, **_REGION_LOOK)
         _aim(plotter.camera, np.asarray(shell.points, float), _AXES["y"], width_to_height=size[0] / size[1])
         return _cut_out(plotter)
 
@@ -248,6 +273,8 @@ def _skin(mesh: TetMesh, kept: NDArray[np.bool_]) -> pyvista.PolyData:
     points, cells, _ = compact(mesh.points, mesh.cells[kept])
     grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: cells}, points)
     grid.cell_data["q"] = quality(points, cells)
+    if REGION in mesh.cell_data:
+        grid.cell_data[REGION] = mesh.cell_data[REGION][kept]
     return grid.extract_surface(algorithm="dataset_surface")
 
 

@@ -15,6 +15,7 @@ from cortet.errors import InputError
 from cortet.geometry.topology import TET_FACES, boundary_faces, boundary_nodes, face_areas, vertex_normals
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.simulation.cortex_region import cortex_region
 
 #: cortical thickness at t = 0, and what it gains per unit of time
 THICKNESS, THICKENING = 0.042, 0.01
@@ -24,6 +25,8 @@ _CALLOSUM_RADIUS, _CALLOSUM_RIM = 0.5, 0.1
 #: and the inverse of its half axes in normalised RAS coordinates (the reference calls our -y its x, and our -z its z)
 _ELLIPSOID_RADII = (0.5, 0.6)
 _ELLIPSOID_CENTRE, _ELLIPSOID_AXES = np.array([0.0, 0.1, -0.05]), np.array([1.0, 0.714, 1.0])
+#: depth, in thicknesses, at which nothing grows
+_NO_GROWTH = 10.0
 #: point data that replace the defaults where a mesh has them
 MASK_FIELD, THICKNESS_FIELD, LABEL_FIELD = "growth", "thickness", "label"
 
@@ -59,7 +62,7 @@ class Body(NamedTuple):
     volumes: FloatArray
     #: (m, 3), unit vector across the cortex; the zero vector lets an element grow in all directions
     normals: FloatArray
-    #: (m,), distance to the surface
+    #: (m,), distance to the surface; of a cortex that is a region 0, outside of it far
     depth: FloatArray
     #: (m,), 1 where the cortex grows, 0 where it does not
     mask: FloatArray
@@ -102,6 +105,9 @@ def body_of(
 ) -> Body:
     """The body of a mesh.
 
+    Where the mesh has interfaces (sets of faces `..._interface`), the cortex is what is outside of them, and grows
+    across the direction from them to the surface; else it is told by depth.
+
     Parameters
     ----------
     thickness : of the cortex at the start, dimensionless; the point data `thickness` (mm) of the mesh replace it
@@ -117,6 +123,9 @@ def body_of(
         worst = int(np.argmin(volumes))
         raise InputError(f"tetrahedron {worst} is inverted or flat before anything grows", remedy="mesh it again")
     depth, normals, _ = across_cortex(points, mesh)
+    cortex = cortex_region(mesh, points)
+    if cortex is not None:
+        normals = cortex.direction
     if THICKNESS_FIELD in mesh.point_data:
         node_thickness = mesh.point_data[THICKNESS_FIELD].astype(float) / scale.length
         if not node_thickness.min() > 0:
@@ -126,15 +135,19 @@ def body_of(
     nearest_corner = depth[cells].argmin(axis=1)[:, None]
     node_label = np.zeros(len(points), np.int32) if labels is None else labels
     total = normals[cells].sum(axis=1)
+    cell_depth, cell_thickness = depth[cells].mean(axis=1), node_thickness[cells].mean(axis=1)
+    if cortex is not None:  # grows as at its surface, all of it and nothing else
+        cell_thickness = np.where(cortex.cells, cortex.thickness[cells].mean(axis=1), cell_thickness)
+        cell_depth = np.where(cortex.cells, 0.0, _NO_GROWTH * cell_thickness)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return Body(
         cells=cells,
         gradients=np.ascontiguousarray(np.linalg.inv(edges).transpose(0, 2, 1)),
         volumes=volumes,
         normals=np.divide(total, length, out=np.zeros_like(total), where=length > 0),
-        depth=depth[cells].mean(axis=1),
+        depth=cell_depth,
         mask=np.ones(len(cells)) if mask is None else mask[cells].mean(axis=1),
-        thickness=node_thickness[cells].mean(axis=1),
+        thickness=cell_thickness,
         label=np.take_along_axis(node_label[cells], nearest_corner, axis=1)[:, 0].astype(np.int32),
         held=np.zeros(len(points), bool) if held is None else held,
     )

@@ -18,6 +18,7 @@ from cortet.simulation import checkpoint
 from cortet.simulation.body import smallest_altitude
 from cortet.simulation.checkpoint import Checkpoint
 from cortet.simulation.contact import listed_at
+from cortet.simulation.cortex_region import with_interface
 from cortet.simulation.frames import write_frame, write_series
 from cortet.simulation.growth import age_of, time_of
 from cortet.simulation.kernels import Motion
@@ -100,12 +101,14 @@ def fold(
 
     Parameters
     ----------
-    mesh : mm, RAS coordinates; point data `growth` (0 to 1), `thickness` (mm) and `label` are used where it has them
+    mesh : mm, RAS coordinates; point data `growth` (0 to 1), `thickness` (mm) and `label` are used where it has them;
+        where it has regions, the outer one is the cortex
 
     Raises
     ------
     InputError : see `run.prepared`
     """
+    mesh = with_interface(mesh)
     run = prepared(mesh, settings)
     for sentence in described(run):
         say(sentence)

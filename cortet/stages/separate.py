@@ -114,7 +114,7 @@ def _check_volumes(surface: TriSurface) -> None:
     outer = enclosed_volume(surface.points, surface.faces)
     for name, one in surface.inner.items():
         volume = enclosed_volume(one.points, one.faces)
-        if volume >= outer:
+        if volume > outer:
             raise InputError(
                 f"the inner surface {name} encloses {volume / 1000:.1f} mL, the outer one {outer / 1000:.1f} mL",
                 remedy="exchange them: the outer surface (pial) comes first",

@@ -12,7 +12,8 @@ from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
 from cortet.geometry.closest_point import closest_points, tree_of
-from cortet.geometry.topology import boundary_nodes, numbers
+from cortet.geometry.nesting import sheets
+from cortet.geometry.topology import boundary_nodes, numbers, sheet
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.stages.harmonic import harmonic
 
@@ -20,6 +21,8 @@ VERSION: int = 1
 
 Interior = Literal["nearest", "harmonic"]
 
+#: field of the distance between two surfaces
+THICKNESS = "thickness"
 #: a boundary node further than this from the surface (mm) takes its values from a place it does not belong to
 FAR_MM = 1.0
 
@@ -49,6 +52,10 @@ def transfer(mesh: TetMesh, surface: TriSurface, *, interior: Interior = "neares
     or of an interpolated field the harmonic function of the boundary's values.
     Fields the mesh has already stay, or are replaced by those of the same name.
 
+    The nodes of an interface take the values of its inner surface as those of the boundary take those of `surface`. A
+    field that one of the surfaces lacks has its values inside there. Where the vertices of `surface` and of its only
+    inner one correspond and neither has a field `thickness`, their distance is that.
+
     Parameters
     ----------
     mesh : lying in the coordinates of `surface`
@@ -64,6 +71,8 @@ def transfer(mesh: TetMesh, surface: TriSurface, *, interior: Interior = "neares
     """
     if interior not in ("nearest", "harmonic"):
         raise InputError(f"transfer: interior {interior!r} is neither 'nearest' nor 'harmonic'")
+    if surface.inner:
+        return _of_all_sheets(mesh, _with_thickness(surface), interior)
     nodes = boundary_nodes(mesh)
     found = closest_points(tree_of(surface), mesh.points[nodes])
     fields, cut_off = {}, 0
@@ -97,6 +106,50 @@ def _nearest(points: FloatArray, nodes: IntArray) -> IntArray:
     inner = np.flatnonzero(source < 0)
     source[inner] = cKDTree(points[nodes]).query(points[inner])[1]
     return source
+
+
+def _with_thickness(surface: TriSurface) -> TriSurface:
+    """The surfaces with the distance of corresponding vertices, mm, as `thickness`, where there is none yet."""
+    name, inner = next(iter(surface.inner.items()))
+    known = THICKNESS in surface.point_data or THICKNESS in inner.point_data
+    if len(surface.inner) > 1 or known or not np.array_equal(surface.faces, inner.faces):
+        return surface
+    thickness = np.linalg.norm(surface.points - inner.points, axis=1)
+    within = replace(inner, point_data={**inner.point_data, THICKNESS: thickness})
+    return replace(surface, point_data={**surface.point_data, THICKNESS: thickness}, inner={name: within})
+
+
+def _of_all_sheets(mesh: TetMesh, surface: TriSurface, interior: Interior) -> tuple[TetMesh, TransferReport]:
+    """Carry the fields of a surface and of its inner ones."""
+    known: dict[str, list[tuple[IntArray, NDArray[Any]]]] = {}
+    distances = []
+    for number, one in enumerate(sheets(surface)):
+        nodes = sheet(mesh, number)[1]
+        found = closest_points(tree_of(one), mesh.points[nodes])
+        distances.append(found.distances)
+        for name, values in one.point_data.items():
+            there = _at(values, one.faces[found.faces], found.barycentric)
+            known.setdefault(name, []).append((nodes, there))
+    fields, cut_off = {}, 0
+    for name, parts in known.items():
+        nodes = np.concatenate([part for part, _ in parts])
+        values = np.concatenate([there for _, there in parts])
+        carried = values[cKDTree(mesh.points[nodes]).query(mesh.points)[1]]
+        carried[nodes] = values
+        if interior == "harmonic" and not _is_label(values):
+            columns = carried.reshape(len(carried), -1).astype(np.float64)
+            solved, more = harmonic(mesh, nodes, columns[nodes], columns)
+            carried, cut_off = solved.reshape(carried.shape), cut_off + more
+        fields[name] = carried
+    off = np.concatenate(distances)
+    return replace(mesh, point_data={**mesh.point_data, **fields}), TransferReport(
+        fields={name: "label" if _is_label(parts[0][1]) else "interpolated" for name, parts in known.items()},
+        mean_distance_mm=float(off.mean()),
+        max_distance_mm=float(off.max()),
+        nodes_further_than_1mm=int((off > FAR_MM).sum()),
+        interior=interior,
+        nodes_cut_off=cut_off,
+    )
 
 
 def _harmonic_inside(

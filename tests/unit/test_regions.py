@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +19,14 @@ from cortet.geometry.nesting import depths, joined, nested, parents, region_boun
 from cortet.geometry.topology import enclosed_volume, interfaces, sheet, surface_topology
 from cortet.measure.certify import certify
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import REGION, TetMesh, TriSurface
+from cortet.mesh import REGION, MeshSets, TetMesh, TriSurface
+from cortet.phantom import inset, phantom
 from cortet.pipeline import Meshed, mesh_surface
+from cortet.report.case_page import write_case_page
+from cortet.simulation.body import body_of, scale_of
+from cortet.simulation.cortex_region import with_interface
+from cortet.simulation.fold import fold
+from cortet.simulation.run import Settings
 from cortet.solver_files.export import export
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import verify
@@ -29,6 +35,7 @@ from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
 from cortet.stages.separate import separate
 from cortet.stages.solver_ready import surface_nodes_first
+from cortet.stages.transfer import transfer
 
 PAIRS = Path(__file__).parents[3] / "shared" / "data" / "pairs"
 H = 2.0
@@ -226,7 +233,7 @@ def test_the_same_bits_with_one_and_two_threads(pair, meshed, tmp_path):
     code = (
         "import sys, hashlib; sys.path.insert(0, sys.argv[1])\n"
         "import test_regions as t\n"
-        "from dataclasses import replace\n"
+        "from dataclasses import asdict, replace\n"
         "pair = t.nested(t.ball(14.0), {'white': t.ball(10.0)})\n"
         "m = t.mesh_surface(replace(pair, inner={}), t.load({'generate': {'cell_size': t.H}}), inner=pair.inner).mesh\n"
         "print(hashlib.sha256(m.points.tobytes() + m.cells.tobytes() + m.cell_data['region'].tobytes()).hexdigest())"
@@ -269,3 +276,69 @@ def test_several_inner_regions_are_sets_by_name():
     assert sets.cells.keys() == {"core", "cortex", "white", "deep"}
     assert len(sets.cells["core"]) == len(sets.cells["white"]) + len(sets.cells["deep"])
     assert sets.faces.keys() == {"cortical_surface", "white_interface", "deep_interface"}
+
+
+def test_the_outer_region_is_what_grows_in_the_direction_across_it(meshed):
+    mesh = with_interface(meshed.mesh)
+    scale = scale_of(mesh, None)
+    body = body_of(mesh, scale)
+    cortex = mesh.cell_data[REGION] == 0
+    assert body.depth[cortex].max() == 0 and (body.depth[~cortex] >= 9 * body.thickness[~cortex]).all()
+    assert body.thickness[cortex] * scale.length == pytest.approx(np.full(cortex.sum(), 4.0), rel=0.06)
+    radial = mesh.points[mesh.cells].mean(axis=1)
+    radial /= np.linalg.norm(radial, axis=1, keepdims=True)
+    assert np.einsum("ij,ij->i", body.normals, radial)[cortex].min() > 0.98
+    by_depth = body_of(replace(mesh, cell_data={}, sets=MeshSets()), scale)
+    assert by_depth.depth[~cortex].max() > 0 and len(np.unique(by_depth.depth)) > 100
+    # an exported mesh, whose regions are sets, has the same body
+    exported = named_sets(meshed.mesh, inner=["white"])
+    assert (body_of(with_interface(exported), scale).depth == body.depth).all()
+
+
+def test_a_mesh_of_two_regions_folds(meshed, tmp_path):
+    verdict = fold(meshed.mesh, tmp_path, Settings(22.0, end=22.2))
+    assert verdict.outcome == "folded" and verdict.thickness_mm > 1
+
+
+def test_a_phantom_pair_is_separate_and_one_too_folded_is_refused():
+    pial = phantom(23.0, subdivisions=4)
+    white = inset(pial, 1.5)
+    depth, _, _ = depths(surface_tree(pial.points, pial.faces), pial, white.points)
+    assert depth.min() > 0.5 and np.median(depth) == pytest.approx(1.5, abs=0.1)
+    assert len(self_intersections(joined([pial, white]))) == 0
+    with pytest.raises(InputError, match="give a positive depth"):
+        inset(pial, 0.0)
+
+
+def test_the_page_shows_regions_and_thin_places(pair, meshed, tmp_path):
+    certificate = asdict(meshed.certificate)
+    write_case_page(meshed.mesh, pair, certificate, tmp_path / "a.html", meshed=meshed.surface)
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "Regions, cortex orange, white blue" in page and "Inner surface white, L" in page
+    assert "Thinnest places of cortex around white" in page and "4.0" in page
+
+
+@pytest.mark.parametrize("interior", ["nearest", "harmonic"])
+def test_fields_of_both_surfaces_are_carried(meshed, interior):
+    outer, inner = ball(14.0), ball(10.0)
+    ones = {"one": np.ones(len(outer.points))}
+    surface = nested(
+        replace(outer, point_data={**ones, "area": np.full(len(outer.points), 7, np.int32)}),
+        {"white": replace(inner, point_data={"one": np.zeros(len(inner.points)), "deep": inner.points[:, 0]})},
+    )
+    mesh, report = transfer(replace(meshed.mesh, point_data={}), surface, interior=interior)
+    outside, within = sheet(mesh, 0)[1], sheet(mesh, 1)[1]
+    assert report.fields == {
+        "one": "interpolated",
+        "area": "label",
+        "thickness": "interpolated",
+        "deep": "interpolated",
+    }
+    assert mesh.point_data["one"][outside].min() > 0.999 and mesh.point_data["one"][within].max() < 0.001
+    assert (mesh.point_data["area"] == 7).all() and mesh.point_data["thickness"] == pytest.approx(4.0, abs=0.02)
+    assert mesh.point_data["deep"][within] == pytest.approx(mesh.points[within, 0], abs=0.02)
+    if interior == "harmonic":  # between two concentric spheres: (1 / 10 - 1 / r) / (1 / 10 - 1 / 14)
+        radius = np.linalg.norm(mesh.points, axis=1)
+        between = np.setdiff1d(np.flatnonzero((radius > 10) & (radius < 13.9)), [*outside, *within])
+        exact = (1 / 10 - 1 / radius[between]) / (1 / 10 - 1 / 14)
+        assert np.abs(mesh.point_data["one"][between] - exact).max() < 0.05
