@@ -48,7 +48,7 @@ from cortet.meshers.remesh import Remeshed, remesh_apart, shapes, unsound, wante
 from cortet.meshers.triangles import FLAT
 from cortet.stages.reconnect import reconnect
 
-VERSION: int = 6
+VERSION: int = 7
 
 #: share of the surface's volume below which a remeshed boundary is too coarse to stand for it
 LEAST_VOLUME = 0.8
