@@ -123,7 +123,7 @@ def _words(kind: Any, many: bool = False) -> str:
         return f"list of {_words(inner[0], many=True)}"
     if origin is dict:
         return f"mapping of {_words(inner[0], many=True)} to {_words(inner[1], many=True)}"
-    names = {int: "whole number", float: "number", str: "text", Path: "file name"}
+    names = {int: "whole number", float: "number", str: "text", Path: "file name", Any: "value"}
     return f"{names[kind]}{'s' * many}" if kind in names else {bool: "`true` or `false`", NoneType: "`null`"}[kind]
 
 

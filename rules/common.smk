@@ -82,7 +82,7 @@ wildcard_constraints:
     res=r"[1-9][0-9]*",
     seed=r"[0-9]+",
     inner=r"[A-Za-z][A-Za-z0-9]*",
-    variant="|".join(["", *(name.capitalize() for name in CONFIG.fold.variants)]),
+    variant=f"({'|'.join(name.capitalize() for name in CONFIG.fold.variants)})?",
     mesher=r"[a-z0-9]+",
     setting="|".join(["", *SETTINGS]),  # an empty expression alone would be none
     suffix="|".join(map(re.escape, SOLVERS)),

@@ -104,7 +104,10 @@ def run(command: str, folder: Path) -> str:
     if command.startswith("cortet ") and not SHELL.search(command):
         output = io.StringIO()
         with contextlib.chdir(folder), contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
-            status = main(shlex.split(command)[1:])
+            try:
+                status = main(shlex.split(command)[1:])
+            except SystemExit as end:  # of options like --help and --status
+                status = end.code
         assert status == 0, f"{command}: exit code {status}\n{output.getvalue()}"
         return output.getvalue()
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
