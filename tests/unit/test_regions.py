@@ -12,7 +12,7 @@ from shapes import ball_surface
 from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats import FORMATS
-from cortet.formats.gifti import read_surface
+from cortet.formats.gifti import read_surface, single_precision
 from cortet.geometry.closest_point import closest_points, forest, surface_tree
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import depths, joined, nested, parents, region_boundary
@@ -43,7 +43,7 @@ H = 2.0
 
 def ball(radius: float, centre: tuple[float, float, float] = (0, 0, 0), subdivisions: int = 4) -> TriSurface:
     sphere = ball_surface(subdivisions, radius=radius)
-    return replace(sphere, points=sphere.points + centre)
+    return single_precision(replace(sphere, points=sphere.points + centre))  # as from a file
 
 
 def volume(surface: TriSurface) -> float:
