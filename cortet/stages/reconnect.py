@@ -39,6 +39,8 @@ _LAST_ROUNDS = 4
 _SWEEPS, _LAST_MEAN_SWEEPS = 12, 4
 #: the search around what is left: by how much an insertion may make things worse at first, and for how many rounds
 _SEARCHES = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
+#: tetrahedra around which is searched, the worst ones: places that join would cost as much as the mesh
+_MOST_SOUGHT = 40
 _SEARCH_POWERS, _SEARCH_SWEEPS = (8, 16, 32, 64), 25
 
 logger = logging.getLogger(__name__)
@@ -148,12 +150,15 @@ def _mended_inside(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[
 def _searched(
     mesh: TetMesh, began: TetMesh, surface: TriSurface, threshold: float, boundary: Boundary
 ) -> tuple[TetMesh, int]:
-    """Try harder in the places of what is worse than `threshold` still; also the number of vertices inserted.
+    """Try harder in the places of the worst that are above `threshold` still; also the number of vertices inserted.
 
     A vertex may make a place worse before it makes it better. Where the boundary may slide, its edges may be halved,
     too; it must end as sound as it was when the stage `began`, or it stays.
     """
-    bad = quality(mesh.points, mesh.cells) > threshold
+    q = quality(mesh.points, mesh.cells)
+    worst = np.sort(q)[-_MOST_SOUGHT - 1 :]
+    threshold = max(threshold, float(worst[0])) if len(worst) > _MOST_SOUGHT else threshold
+    bad = q > threshold
     if not bad.any():
         return mesh, 0
     part = cut_out(mesh, bad)
