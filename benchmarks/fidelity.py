@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import multiprocessing
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -98,8 +99,8 @@ def measure(file: Path, cell_size: float, setting: str, mesher: str, answer) -> 
     answer.send(row | measured(step.result, step.surface, cell_size))
 
 
-def in_own_process(*args: object) -> dict[str, Any]:
-    """Run `measure` in a fresh process, whose end without an answer is an answer, too."""
+def in_own_process(measure: Callable[..., None], *args: object) -> dict[str, Any]:
+    """Run `measure(*args, answer)` in a fresh process, whose end without an answer is an answer, too."""
     context = multiprocessing.get_context("spawn")
     receive, send = context.Pipe(duplex=False)
     process = context.Process(target=measure, args=(*args, send))
@@ -113,9 +114,9 @@ def in_own_process(*args: object) -> dict[str, Any]:
     return row
 
 
-def print_row(row: dict[str, Any]) -> None:
+def print_row(row: dict[str, Any], columns: Sequence[str] = COLUMNS) -> None:
     """One line of tab-separated values."""
-    values = (row.get(column, "") for column in COLUMNS)
+    values = (row.get(column, "") for column in columns)
     print(*(f"{value:.4g}" if isinstance(value, float) else value for value in values), sep="\t", flush=True)
 
 
@@ -130,7 +131,7 @@ def main() -> None:
     print(*COLUMNS, sep="\t")
     for surface in options.surfaces:
         for cell_size in options.cell_sizes:
-            print_row(in_own_process(surface, cell_size, options.setting, options.mesher))
+            print_row(in_own_process(measure, surface, cell_size, options.setting, options.mesher))
 
 
 if __name__ == "__main__":

@@ -11,13 +11,13 @@ MB those above the idle process.
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
+from fidelity import in_own_process, print_row
 
 from cortet.config import load
 from cortet.errors import CortetError
@@ -105,21 +105,6 @@ def measure(file: Path, cell_size: float, options: argparse.Namespace, answer) -
     )
 
 
-def in_own_process(*args: object) -> dict[str, Any]:
-    """Run `measure` in a fresh process, whose end without an answer is an answer, too."""
-    context = multiprocessing.get_context("spawn")
-    receive, send = context.Pipe(duplex=False)
-    process = context.Process(target=measure, args=(*args, send))
-    process.start()
-    send.close()
-    try:
-        row: dict[str, Any] = receive.recv()
-    except EOFError:
-        row = {"pair": str(args[0]), "h_mm": args[1], "why_not": "the process ended without a word"}
-    process.join()
-    return row
-
-
 def main() -> None:
     """Mesh every pair at every cell size and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -132,9 +117,7 @@ def main() -> None:
     print(*COLUMNS, sep="\t")
     for file in options.pials:
         for cell_size in options.cell_sizes:
-            row = in_own_process(file, cell_size, options)
-            values = (row.get(column, "") for column in COLUMNS)
-            print(*(f"{value:.4g}" if isinstance(value, float) else value for value in values), sep="\t", flush=True)
+            print_row({"pair": file.name} | in_own_process(measure, file, cell_size, options), COLUMNS)
 
 
 if __name__ == "__main__":

@@ -463,7 +463,7 @@ def _run(args: argparse.Namespace) -> int:
     began = time.time()
     work = args.work_dir or app.work_folder(args.output_dir)
     selection = app.Selection(args.participants, args.sessions, args.hemi)
-    cases, _ = app.prepare(args.bids_dir, args.output_dir, work, selection, _settings(args))
+    cases = app.prepare(args.bids_dir, args.output_dir, work, selection, _settings(args))
     left_out = [case for case in cases if not case.include]
     print(f"{len(cases) - len(left_out)} surfaces of {args.bids_dir}", flush=True)
     for case in left_out:

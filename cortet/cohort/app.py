@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import pandas as pd
 import yaml
 
 import cortet
@@ -21,6 +20,7 @@ from cortet.cohort.sheet import Case, scan, write_sheet
 from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats import child
+from cortet.formats.tsv import read_tsv
 
 #: level of the analysis, as BIDS Apps call it, and the rule that makes it
 LEVELS = {"participant": "participants", "group": "cohort"}
@@ -46,17 +46,10 @@ class Selection:
         InputError
             a label is not in the dataset, or nothing is selected
         """
-        wanted = (
-            ("participant", {_label(name, "sub-") for name in self.participants}, {case.participant for case in cases}),
-            ("session", {_label(name, "ses-") for name in self.sessions}, {case.session for case in cases}),
-        )
-        for what, labels, known in wanted:
-            if unknown := sorted(labels - known):
-                there = ", ".join(sorted(name for name in known if name)) or "none"
-                raise InputError(
-                    f"no surfaces of {what} {', '.join(unknown)}", file=dataset, remedy=f"there are those of {there}"
-                )
-        participants, sessions = wanted[0][1], wanted[1][1]
+        participants = {name.removeprefix("sub-") for name in self.participants}
+        sessions = {name.removeprefix("ses-") for name in self.sessions}
+        _require("participant", participants, {case.participant for case in cases}, dataset)
+        _require("session", sessions, {case.session for case in cases if case.session}, dataset)
         found = [
             case
             for case in cases
@@ -84,9 +77,7 @@ def workflow() -> Path:
     raise InputError("no Snakefile in the package", file=package, remedy="install cortet from its wheel or a checkout")
 
 
-def prepare(
-    dataset: Path, output: Path, work: Path, selection: Selection, settings: Mapping[str, Any]
-) -> tuple[list[Case], Path]:
+def prepare(dataset: Path, output: Path, work: Path, selection: Selection, settings: Mapping[str, Any]) -> list[Case]:
     """Write the cohort sheet and the configuration of a run.
 
     Parameters
@@ -95,7 +86,7 @@ def prepare(
 
     Returns
     -------
-    The cases on the sheet, those without an age among them, and the configuration file.
+    The cases on the sheet, those without an age among them.
 
     Raises
     ------
@@ -110,19 +101,16 @@ def prepare(
     data = {**settings, "cohort": {**cohort, "sheet": str(sheet.resolve())}, "output": str(output.resolve())}
     load(data)
     file.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
-    return chosen, file
+    return chosen
 
 
-def snakemake(
-    work: Path, level: str, *, cores: int, profile: str | None = None, dry_run: bool = False, extra: Sequence[str] = ()
-) -> int:
+def snakemake(work: Path, level: str, *, cores: int, profile: str | None = None, dry_run: bool = False) -> int:
     """Run the workflow in its working folder to its end; the exit code of Snakemake.
 
     Parameters
     ----------
     level : of `LEVELS`
     profile : a profile of Snakemake, or the name of one that comes with the workflow, as `slurm`
-    extra : further options of Snakemake
     """
     folder = workflow()
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(folder / "Snakefile"), "--cores", str(cores)]
@@ -133,7 +121,7 @@ def snakemake(
         command += ["--profile", str(own if own.is_dir() else profile)]
     if dry_run:
         command.append("--dry-run")
-    return subprocess.run([*command, *extra, LEVELS[level]], check=False, preexec_fn=child.end_with_parent).returncode
+    return subprocess.run([*command, LEVELS[level]], check=False, preexec_fn=child.end_with_parent).returncode
 
 
 def failures(output: Path, since: float) -> list[str]:
@@ -141,7 +129,7 @@ def failures(output: Path, since: float) -> list[str]:
     table = output / "cohort" / "cohort_status.tsv"
     if not table.is_file() or table.stat().st_mtime < since:
         return []
-    rows = pd.read_csv(table, sep="\t", dtype=str, keep_default_na=False)
+    rows = read_tsv(table)
     bad = rows[~rows["state"].isin(["certified", "excluded"])]
     return [f"{row.case}: {row.state} in {row.stage}: {row.reason}" for row in bad.itertuples()]
 
@@ -151,5 +139,9 @@ def work_folder(output: Path) -> Path:
     return output / _WORK
 
 
-def _label(name: str, prefix: str) -> str:
-    return name.removeprefix(prefix)
+def _require(what: str, labels: set[str], known: set[str], dataset: Path) -> None:
+    if unknown := sorted(labels - known):
+        there = ", ".join(sorted(known)) or "none"
+        raise InputError(
+            f"no surfaces of {what} {', '.join(unknown)}", file=dataset, remedy=f"there are those of {there}"
+        )

@@ -7,12 +7,12 @@ distance to a nearby triangle as first bound a query visits a handful of boxes.
 from __future__ import annotations
 
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.geometry.remembering import once_per_object
 from cortet.mesh import FloatArray, IntArray, TriSurface
 
 _LEAF_SIZE = 4
@@ -92,14 +92,10 @@ def first_triangles(tree: SurfaceTree) -> NDArray[np.int64]:
     return np.unique(tree.root, return_index=True)[1]
 
 
-_trees: WeakKeyDictionary[TriSurface, SurfaceTree] = WeakKeyDictionary()
-
-
+@once_per_object
 def tree_of(surface: TriSurface) -> SurfaceTree:
     """The tree of a surface, built on first use and kept as long as the surface lives."""
-    if surface not in _trees:
-        _trees[surface] = surface_tree(surface.points, surface.faces)
-    return _trees[surface]
+    return surface_tree(surface.points, surface.faces)
 
 
 def closest_points(tree: SurfaceTree, queries: FloatArray) -> ClosestPoints:

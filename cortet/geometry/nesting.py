@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cortet.geometry.closest_point import ClosestPoints, SurfaceTree, closest_points, surface_tree
+from cortet.geometry.closest_point import ClosestPoints, SurfaceTree, closest_points, tree_of
 from cortet.geometry.topology import enclosed_volume, face_normals, packed, vertex_normals
 from cortet.mesh import OUTERMOST, FloatArray, IntArray, TriSurface
 
@@ -123,5 +123,5 @@ def _angle_weighted(surface: TriSurface, normal: FloatArray) -> FloatArray:
 
 
 def _contains(outer: TriSurface, inner: TriSurface) -> bool:
-    depth, _, _ = depths(surface_tree(outer.points, outer.faces), outer, inner.points)
+    depth, _, _ = depths(tree_of(outer), outer, inner.points)
     return bool((depth > 0).mean() > 0.5)

@@ -18,6 +18,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from cortet.geometry.counting import behind_faces, cells_around
+from cortet.geometry.remembering import once_per_object
 from cortet.mesh import REGION, FloatArray, IntArray, TetMesh, TriSurface
 
 #: corners of the face opposite each corner of a tetrahedron, outward for positive volume
@@ -169,16 +170,12 @@ def boundary_nodes(mesh: TetMesh) -> IntArray:
     return used_vertices(boundary_faces(mesh), len(mesh.points))
 
 
-_boundary_surfaces: weakref.WeakKeyDictionary[TetMesh, TriSurface] = weakref.WeakKeyDictionary()
-
-
+@once_per_object
 def boundary_surface(mesh: TetMesh) -> tuple[TriSurface, IntArray]:
     """The boundary as a surface of its own, the same one at each call, and the mesh node of each of its vertices."""
     nodes = boundary_nodes(mesh)
-    if mesh not in _boundary_surfaces:
-        faces = numbers(nodes, len(mesh.points))[boundary_faces(mesh)]
-        _boundary_surfaces[mesh] = TriSurface(mesh.points[nodes], faces)
-    return _boundary_surfaces[mesh], nodes
+    faces = numbers(nodes, len(mesh.points))[boundary_faces(mesh)]
+    return TriSurface(mesh.points[nodes], faces), nodes
 
 
 def used_vertices(simplices: IntArray, vertex_count: int) -> IntArray:
@@ -195,17 +192,9 @@ def numbers(chosen: NDArray[np.integer], count: int) -> IntArray:
     return place
 
 
-_interfaces: weakref.WeakKeyDictionary[TetMesh, Interfaces] = weakref.WeakKeyDictionary()
-
-
+@once_per_object
 def interfaces(mesh: TetMesh) -> Interfaces:
-    """Faces between tetrahedra of two regions, found once; none where the mesh has no regions."""
-    if mesh not in _interfaces:
-        _interfaces[mesh] = _found_interfaces(mesh)
-    return _interfaces[mesh]
-
-
-def _found_interfaces(mesh: TetMesh) -> Interfaces:
+    """Faces between tetrahedra of two regions; none where the mesh has no regions."""
     region = mesh.cell_data.get(REGION)
     if region is None:
         none = np.zeros(0, np.int32)

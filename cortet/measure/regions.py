@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.nesting import joined, parents, region_boundary, region_names, sheets
 from cortet.geometry.topology import (
     SurfaceTopology,
@@ -124,7 +124,7 @@ def interface_records(mesh: TetMesh, surface: TriSurface) -> tuple[InterfaceReco
         faces, nodes = sheet(mesh, number)
         mine = found.region == number
         if len(nodes):
-            off = summary(closest_points(surface_tree(one.points, one.faces), faces.points).distances)
+            off = summary(closest_points(tree_of(one), faces.points).distances)
             lost = summary(distances_to(faces, one))
         else:
             off = lost = Distances(np.inf, np.inf, np.inf)
@@ -149,7 +149,7 @@ def _thinnest(inner: TriSurface, outer: TriSurface) -> tuple[ThinPlace, ...]:
     """The vertices of `inner` nearest to `outer`, none within a few mm of a nearer one."""
     if not len(inner.points) or not len(outer.points):
         return ()
-    distance = closest_points(surface_tree(outer.points, outer.faces), inner.points).distances
+    distance = closest_points(tree_of(outer), inner.points).distances
     found: list[ThinPlace] = []
     left = np.ones(len(distance), np.bool_)
     while len(found) < _THIN_PLACES and left.any():

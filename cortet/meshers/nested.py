@@ -16,7 +16,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from cortet.errors import StageError
-from cortet.geometry.closest_point import surface_tree
+from cortet.geometry.closest_point import tree_of
 from cortet.geometry.nesting import joined, parents, region_boundary, sheets
 from cortet.geometry.topology import TET_FACES, neighbours, packed, vertex_normals
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
@@ -49,8 +49,8 @@ def wanted_nested(surface: TriSurface, edge_length: float, distance: float) -> l
     """
     every, around = sheets(surface), parents(surface)
     regions = [region_boundary(surface, number) for number in range(len(every))]
-    trees = [surface_tree(region.points, region.faces) for region in regions]
-    outer = surface_tree(every[0].points, every[0].faces)
+    trees = [tree_of(region) for region in regions]
+    outer = tree_of(every[0])
     most = 4 * edge_length
     found = []
     for number, (one, parent) in enumerate(zip(every, around, strict=True)):

@@ -19,7 +19,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.geometry.closest_point import closest_point, surface_tree, tree_of
+from cortet.geometry.closest_point import closest_point, tree_of
 from cortet.geometry.topology import TET_FACES, neighbours, numbers, used_vertices
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.optimise.swaps import (
@@ -49,10 +49,6 @@ _PARTS = (0.5, 0.35, 0.65)
 _MAX_SAG, _MIN_FACE_COSINE = 0.35, 0.3
 #: times the list of bad tetrahedra is worked through
 _ROUNDS = 2
-
-
-#: the tree of no surface
-_NOWHERE = surface_tree(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
 
 
 def insert_vertices(
@@ -89,7 +85,7 @@ def insert_vertices(
     work = swappable(mesh, mu2, region, held, vertices=room)
     like = np.arange(room)
     used = np.array([count])
-    tree = _NOWHERE if surface is None else tree_of(surface)
+    tree = None if surface is None else tree_of(surface)
     for _ in range(_ROUNDS):
         rows = np.flatnonzero(work.mu2[: work.counters[0]] > threshold).astype(np.int32)
         queue = rows[np.argsort(-work.mu2[rows], kind="stable")]
@@ -124,45 +120,19 @@ def _insert(mesh, tree, e, like, used, gain):  # type: ignore[no-untyped-def]
     best_cavity = np.empty(_MOST, np.int32)
     place, best_place = np.empty(3), np.empty(3)
     ring, around = np.empty(MAX_RING + 1, np.int32), np.empty(MAX_RING, np.int32)
-    halved, inner = np.empty(4, np.int32), np.full(4, -1, np.int32)
-    best_halved = inner
+    halved, best_halved = np.empty(4, np.int32), np.empty(4, np.int32)
     best, size = gain**2, 0
     for seed in range(11):
-        count = 0
-        place[:] = 0.0
-        if seed < 6:
-            a, b, n, tets = ring_around(mesh, e, EDGE_FRAMES[seed], ring, around)
-            if n == 0:
+        for part in _PARTS:
+            count = _begun(mesh, tree, e, seed, part, cavity, place, halved, ring, around)
+            if count == 0:
                 continue
-            if n != tets:
-                halved[0], halved[1], halved[2], halved[3] = a, b, ring[0], ring[n - 1]
-                for part in _PARTS:
-                    if not (len(tree.faces) and _on_crest(mesh, tree, halved, part, place)):
-                        continue
-                    cavity[:tets] = around[:tets]
-                    ratio, count = _best_cavity(mesh, cavity, tets, faces, place, halved)
-                    if ratio < best:
-                        best, size = ratio, count
-                        best_cavity[:count], best_place[:] = cavity[:count], place
-                        best_halved = halved.copy()
-                continue
-            cavity[:tets], count = around[:tets], tets
-            place[:] = (mesh.points[a] + mesh.points[b]) / 2
-        else:
-            cavity[0], count = e, 1
-            if seed < 10:
-                f = mesh.neighbours[e, seed - 6]
-                if f < 0 or mesh.region[f] != mesh.region[e]:
-                    continue
-                cavity[1], count = f, 2
-            for i in range(4):
-                if seed == 10 or i != seed - 6:
-                    place += mesh.points[mesh.cells[e, i]] / (4 if seed == 10 else 3)
-        ratio, tets = _best_cavity(mesh, cavity, count, faces, place, inner)
-        if ratio < best:
-            best, size = ratio, tets
-            best_cavity[:tets], best_place[:] = cavity[:tets], place
-            best_halved = inner
+            ratio, count = _best_cavity(mesh, cavity, count, faces, place, halved)
+            if ratio < best:
+                best, size = ratio, count
+                best_cavity[:count], best_place[:], best_halved[:] = cavity[:count], place, halved
+            if halved[0] < 0:  # one place will do
+                break
     if size == 0:
         return False
     v = used[0]
@@ -177,6 +147,37 @@ def _insert(mesh, tree, e, like, used, gain):  # type: ignore[no-untyped-def]
     rows[:size] = best_cavity[:size]
     replace_cells(mesh, rows, size, new, outer)
     return True
+
+
+@numba.njit(cache=True)
+def _begun(mesh, tree, e, seed, part, cavity, place, halved, ring, around):  # type: ignore[no-untyped-def]
+    """Write the smallest cavity of a new vertex, and its `place`; returns the number of tetrahedra, 0 for no vertex.
+
+    Seeds 0 to 5 are the edges of tetrahedron e, 6 to 9 its faces, 10 its middle. `halved` says which boundary edge the
+    vertex lies on, at which `part` of it, as `_on_crest` has it; -1 for one inside.
+    """
+    halved[:] = -1
+    if seed < 6:
+        a, b, n, tets = ring_around(mesh, e, EDGE_FRAMES[seed], ring, around)
+        cavity[:tets] = around[:tets]
+        place[:] = (mesh.points[a] + mesh.points[b]) / 2
+        if n != tets:
+            if tree is None:
+                return 0
+            halved[0], halved[1], halved[2], halved[3] = a, b, ring[0], ring[n - 1]
+            return tets if _on_crest(mesh, tree, halved, part, place) else 0
+        return tets
+    cavity[0], count = e, 1
+    if seed < 10:
+        f = mesh.neighbours[e, seed - 6]
+        if f < 0 or mesh.region[f] != mesh.region[e]:
+            return 0
+        cavity[1], count = f, 2
+    place[:] = 0.0
+    for i in range(4):
+        if seed == 10 or i != seed - 6:
+            place += mesh.points[mesh.cells[e, i]] / (4 if seed == 10 else 3)
+    return count
 
 
 @numba.njit(cache=True)

@@ -417,6 +417,17 @@ def unit_normal(a, b, c):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
+def _is_inside(mesh, e, first, last, a, b):  # type: ignore[no-untyped-def]
+    """Whether edge (first, last) of tetrahedron e, whose other corners are a and b, lies inside one region."""
+    ring, around = np.empty(MAX_RING + 1, np.int32), np.empty(MAX_RING, np.int32)
+    frame = np.empty(4, np.int64)
+    frame[0], frame[1] = _corner(mesh.cells, e, first), _corner(mesh.cells, e, last)
+    frame[2], frame[3] = _corner(mesh.cells, e, a), _corner(mesh.cells, e, b)
+    _, _, n, tets = ring_around(mesh, e, frame, ring, around)
+    return n > 0 and n == tets
+
+
+@numba.njit(cache=True)
 def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size, worst):  # type: ignore[no-untyped-def]
     """Whether boundary edge (a, b) may give way to (first, last): still a manifold, and still the input surface.
 
@@ -425,16 +436,11 @@ def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size, worst):  # type:
     points = mesh.points
     if size == 1:
         e = cavity[0]
-        # (first, last) is an edge already, and must be an interior one; a and b must keep a tetrahedron each
+        # a and b must keep a tetrahedron each
         for i in range(4):
             if (mesh.cells[e, i] == a or mesh.cells[e, i] == b) and mesh.neighbours[e, i] < 0:
                 return False
-        ring, around = np.empty(MAX_RING + 1, np.int32), np.empty(MAX_RING, np.int32)
-        frame = np.empty(4, np.int64)
-        frame[0], frame[1] = _corner(mesh.cells, e, first), _corner(mesh.cells, e, last)
-        frame[2], frame[3] = _corner(mesh.cells, e, a), _corner(mesh.cells, e, b)
-        _, _, n, tets = ring_around(mesh, e, frame, ring, around)
-        if n == 0 or n != tets:
+        if not _is_inside(mesh, e, first, last, a, b):
             return False
     elif _joined(mesh, cavity[0], first, last):
         return False
@@ -450,14 +456,8 @@ def _interface_flip_is_sound(mesh, tree, e, a, b, first, last, alone, worst):  #
     for v in (a, b, first, last):
         if mesh.place[v] < 0 or mesh.held[v]:
             return False
-    if alone:  # (first, last) is an edge already, and must be inside its region
-        ring, around = np.empty(MAX_RING + 1, np.int32), np.empty(MAX_RING, np.int32)
-        frame = np.empty(4, np.int64)
-        frame[0], frame[1] = _corner(mesh.cells, e, first), _corner(mesh.cells, e, last)
-        frame[2], frame[3] = _corner(mesh.cells, e, a), _corner(mesh.cells, e, b)
-        _, _, n, tets = ring_around(mesh, e, frame, ring, around)
-        if n == 0 or n != tets:
-            return False
+    if alone and not _is_inside(mesh, e, first, last, a, b):
+        return False
     return _stays_on_surface(mesh.points, tree, a, b, first, last, worst, mesh.place[first])
 
 

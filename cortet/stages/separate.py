@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.gifti import single_precision
-from cortet.geometry.closest_point import SurfaceTree, surface_tree
+from cortet.geometry.closest_point import SurfaceTree, tree_of
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import depths, joined, parents, region_boundary, region_names, sheets
 from cortet.geometry.topology import edges, enclosed_volume, neighbour_means, vertex_normals
@@ -124,7 +124,7 @@ def _check_volumes(surface: TriSurface) -> None:
 def _moved_inside(
     surface: TriSurface, container: TriSurface, *, name: str, gap: float, max_outside: float
 ) -> tuple[TriSurface, Separated]:
-    tree = surface_tree(container.points, container.faces)
+    tree = tree_of(container)
     normals = vertex_normals(container.points, container.faces)
     gaps = np.minimum(
         gap, SHARE_OF_BLADE * thickness(tree, container.points, normals, 4 * gap / SHARE_OF_BLADE, inside=True)

@@ -1,0 +1,24 @@
+"""Results that are found once for each object they follow from, and kept as long as it lives."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from functools import wraps
+from typing import TypeVar
+
+S = TypeVar("S")
+T = TypeVar("T")
+
+
+def once_per_object(function: Callable[[S], T]) -> Callable[[S], T]:
+    """Remember the result of a function for each (immutable) object it is called with."""
+    results: weakref.WeakKeyDictionary[S, T] = weakref.WeakKeyDictionary()
+
+    @wraps(function)
+    def remembered(given: S) -> T:
+        if given not in results:
+            results[given] = function(given)
+        return results[given]
+
+    return remembered
