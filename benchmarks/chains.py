@@ -1,6 +1,6 @@
 """Whole chains from surface to certificate: seconds per stage, memory, quality and fidelity.
 
-    python benchmarks/chains.py SURFACE... [--cell-sizes 1.0 0.8] [--chains published default fast default:tetgen]
+    python benchmarks/chains.py SURFACE... [--cell-sizes 1.0 0.8] [--chains published cgal default cgal:tetgen]
                                 [--threads 1 2] [--core-ratio 2] [--profile]
 
 A chain is a setting, or `setting:mesher` for another mesher in S1. Each runs in a process of its own with kernels
@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import cProfile
 import hashlib
-import multiprocessing
 import pstats
 import time
 from pathlib import Path
@@ -22,6 +21,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from rows import in_own_process, print_row
 
 from cortet.config import load
 from cortet.errors import CortetError
@@ -121,37 +121,19 @@ def run_chain(  # type: ignore[no-untyped-def]
     )
 
 
-def in_own_process(*args: object) -> dict[str, Any]:
-    """Run `run_chain` in a fresh process."""
-    context = multiprocessing.get_context("spawn")
-    receive, send = context.Pipe(duplex=False)
-    process = context.Process(target=run_chain, args=(*args, send))
-    process.start()
-    send.close()
-    row: dict[str, Any] = receive.recv()
-    process.join()
-    return row
-
-
-def print_row(columns: tuple[str, ...], row: dict[str, Any]) -> None:
-    """One line of tab-separated values."""
-    values = (row.get(column, "") for column in columns)
-    print(*(f"{value:.4g}" if isinstance(value, float) else value for value in values), sep="\t", flush=True)
-
-
 def main() -> None:
     """Run every chain on every surface at every cell size and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("surfaces", nargs="+", type=Path)
     parser.add_argument("--cell-sizes", nargs="+", type=float, default=[1.0])
-    parser.add_argument("--chains", nargs="+", default=["published", "default", "fast"])
+    parser.add_argument("--chains", nargs="+", default=["published", "cgal", "default"])
     parser.add_argument("--threads", nargs="+", type=int, default=[1])
     parser.add_argument("--core-ratio", type=float, default=1.0, help="lattice: coarser core")
     parser.add_argument("--profile", action="store_true")
     options = parser.parse_args()
     print(*STAGE_COLUMNS, sep="\t")
     rows = [
-        in_own_process(surface, cell_size, chain, threads, options.core_ratio, options.profile)
+        in_own_process(run_chain, surface, cell_size, chain, threads, options.core_ratio, options.profile)
         for surface in options.surfaces
         for cell_size in options.cell_sizes
         for chain in options.chains

@@ -11,13 +11,12 @@ a process of its own with kernels compiled; CPU seconds are those of all threads
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import time
-from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rows import in_own_process, print_row
 
 from cortet.config import load
 from cortet.errors import CortetError
@@ -99,27 +98,6 @@ def measure(file: Path, cell_size: float, setting: str, mesher: str, answer) -> 
     answer.send(row | measured(step.result, step.surface, cell_size))
 
 
-def in_own_process(measure: Callable[..., None], *args: object) -> dict[str, Any]:
-    """Run `measure(*args, answer)` in a fresh process, whose end without an answer is an answer, too."""
-    context = multiprocessing.get_context("spawn")
-    receive, send = context.Pipe(duplex=False)
-    process = context.Process(target=measure, args=(*args, send))
-    process.start()
-    send.close()
-    try:
-        row: dict[str, Any] = receive.recv()
-    except EOFError:
-        row = {"surface": str(args[0]), "h_mm": args[1], "why_not": "the process ended without a word"}
-    process.join()
-    return row
-
-
-def print_row(row: dict[str, Any], columns: Sequence[str] = COLUMNS) -> None:
-    """One line of tab-separated values."""
-    values = (row.get(column, "") for column in columns)
-    print(*(f"{value:.4g}" if isinstance(value, float) else value for value in values), sep="\t", flush=True)
-
-
 def main() -> None:
     """Mesh every surface at every cell size and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -131,7 +109,7 @@ def main() -> None:
     print(*COLUMNS, sep="\t")
     for surface in options.surfaces:
         for cell_size in options.cell_sizes:
-            print_row(in_own_process(measure, surface, cell_size, options.setting, options.mesher))
+            print_row(COLUMNS, in_own_process(measure, surface, cell_size, options.setting, options.mesher))
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from cubes import cube_mesh
 
 from cortet.geometry.ordering import ordered_along_curve
 from cortet.geometry.topology import boundary_faces
@@ -29,7 +30,6 @@ from cortet.simulation.body import Material, body_of, scale_of, smallest_altitud
 from cortet.simulation.contact import contact_of
 from cortet.simulation.kernels import DONE, Motion, advance, workspace
 from cortet.simulation.patches import ROWS, VOLUME
-from tests.unit.shapes import cube_mesh
 
 #: growth at every step: enough that no term of the forces is zero
 _GROWTH = 1e-3

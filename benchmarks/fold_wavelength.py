@@ -14,10 +14,10 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from fold_wrinkles import TIME_STEP, theory
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.special import sph_harm_y
 
-from benchmarks.fold_wrinkles import TIME_STEP, theory
 from cortet.geometry.topology import boundary_faces, boundary_nodes
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, TetMesh, TriSurface

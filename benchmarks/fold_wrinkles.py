@@ -16,6 +16,7 @@ import time
 from typing import NamedTuple
 
 import numpy as np
+from cubes import KUHN
 from scipy.fft import dct
 
 from cortet.geometry.topology import boundary_faces
@@ -23,7 +24,6 @@ from cortet.mesh import FloatArray, TetMesh
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
 from cortet.simulation.kernels import DONE, Motion, advance, workspace
-from tests.unit.shapes import KUHN
 
 #: time step, in units of the one that a run would take: nothing is compressed much here
 TIME_STEP = 3.0

@@ -19,6 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from cubes import cube_mesh
 
 from cortet.formats import FORMATS
 from cortet.formats.atomic import atomic_path
@@ -29,8 +30,6 @@ from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import problems
 from cortet.stages.solver_ready import surface_nodes_first
 
-#: corners of the six tetrahedra of a cube, corner i having the bits of i as coordinates
-_KUHN = np.array([[0, 1, 3, 7], [0, 5, 1, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 6, 4, 7]])
 COLUMNS = (
     "format",
     "tets",
@@ -48,12 +47,7 @@ COLUMNS = (
 def cube(tets: float, side: float = 60.0) -> TetMesh:
     """A cube [0, side]^3 mm of at least so many tetrahedra, with fields and sets."""
     n = int(np.ceil((tets / 6) ** (1 / 3)))
-    axis = np.arange(n + 1)
-    z, y, x = (w.ravel() for w in np.meshgrid(axis, axis, axis, indexing="ij"))
-    grid = np.stack([x, y, z], axis=1)
-    corner = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
-    hexahedra = (grid[(grid < n).all(axis=1)][:, None] + corner) @ [1, n + 1, (n + 1) ** 2]
-    mesh, _ = surface_nodes_first(TetMesh(grid * (side / n), hexahedra[:, _KUHN].reshape(-1, 4)))
+    mesh, _ = surface_nodes_first(cube_mesh(n, side))
     fields = {
         "thickness": 1 + np.sin(mesh.points[:, 0]) / 3,
         "area": (mesh.points[:, 2] // (side / 4)).astype(np.int32),

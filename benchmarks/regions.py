@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from fidelity import in_own_process, print_row
+from rows import in_own_process, print_row
 
 from cortet.config import load
 from cortet.errors import CortetError
@@ -117,7 +117,7 @@ def main() -> None:
     print(*COLUMNS, sep="\t")
     for file in options.pials:
         for cell_size in options.cell_sizes:
-            print_row({"pair": file.name} | in_own_process(measure, file, cell_size, options), COLUMNS)
+            print_row(COLUMNS, {"pair": file.name} | in_own_process(measure, file, cell_size, options))
 
 
 if __name__ == "__main__":

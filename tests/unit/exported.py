@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.mesh import TetMesh
 from cortet.solver_files.sets import named_sets

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.errors import InputError
 from cortet.formats import abaqus

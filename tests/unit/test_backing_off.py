@@ -1,7 +1,7 @@
 """Nodes go as far as their elements allow."""
 
 import numpy as np
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import quality, signed_volumes

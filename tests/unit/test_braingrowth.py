@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.errors import InputError
 from cortet.formats import braingrowth

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import ball_mesh, ball_surface, cube_mesh
+from cubes import cube_mesh
+from shapes import ball_mesh, ball_surface
 
 from cortet.cli import main
 from cortet.cohort.sheet import read_sheet

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from shapes import ball_surface, cube_mesh
+from cubes import cube_mesh
+from shapes import ball_surface
 
 from cortet.geometry.defects import defective_vertices
 from cortet.geometry.topology import boundary_faces, surface_topology

@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.measure.quality import summarise
 from cortet.report.ablation import (

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.errors import InputError
 from cortet.formats import febio

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shapes import ball_surface, cube_mesh
+from cubes import cube_mesh
+from shapes import ball_surface
 
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.fidelity import boundary_roughness, fidelity, summary

@@ -10,9 +10,9 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from fold_reference import comparison
 from shapes import ball_mesh
 
-from benchmarks.fold_reference import comparison
 from cortet.errors import InputError
 from cortet.formats import braingrowth
 from cortet.formats.gifti import read_surface

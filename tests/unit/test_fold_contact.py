@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shapes import ball_mesh, cube_mesh
+from cubes import cube_mesh
+from shapes import ball_mesh
 
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections

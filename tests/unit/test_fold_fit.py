@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-
-from benchmarks.fold_fit import LAST, misfits, real
+from fold_fit import LAST, misfits, real
 
 
 def test_healthy_fetal_hemispheres_judge_and_newborns_test() -> None:

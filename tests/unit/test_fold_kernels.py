@@ -5,7 +5,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 import pytest
-from shapes import ball_mesh, cube_mesh
+from cubes import cube_mesh
+from shapes import ball_mesh
 
 from cortet.geometry.topology import boundary_faces, boundary_nodes
 from cortet.mesh import TetMesh

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from fold_wavelength import ball, fold_ball, mean_degree
 from scipy.special import sph_harm_y
 
-from benchmarks.fold_wavelength import ball, fold_ball, mean_degree
 from cortet.mesh import TetMesh
 
 #: of a ball of radius 1, and shear modulus over that of the core

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from benchmarks.fold_wrinkles import Wrinkles, material_of, mean_wavelength, strip, theory, wrinkle
+from fold_wrinkles import Wrinkles, material_of, mean_wavelength, strip, theory, wrinkle
 
 LENGTH, DEPTH, SPACING = 40.0, 20.0, 1.0
 

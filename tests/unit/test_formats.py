@@ -11,9 +11,9 @@ import meshio
 import numpy as np
 import pytest
 import pyvista
+from cubes import cube_mesh
 from exported import full_mesh
 from numpy.typing import NDArray
-from shapes import cube_mesh
 
 from cortet.errors import InputError
 from cortet.formats import FORMATS, fenics, format_of, msh

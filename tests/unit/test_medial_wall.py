@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cubes import cube_mesh
 from scipy.spatial.transform import Rotation
-from shapes import cube_mesh
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.measure.quality import summarise
 from cortet.report.ablation import Origin

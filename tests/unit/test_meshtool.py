@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import ball_surface, cube_mesh
+from cubes import cube_mesh
+from shapes import ball_surface
 
 from cortet import doctor
 from cortet.errors import StageError

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.cohort.sheet import Case
 from cortet.config import load

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.geometry import topology
 from cortet.measure.quality import quality, signed_volumes

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.measure import quality
 from cortet.mesh import TetMesh

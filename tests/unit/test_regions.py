@@ -231,7 +231,7 @@ def test_the_same_bits_with_one_and_two_threads(pair, meshed, tmp_path):
     import sys
 
     code = (
-        "import sys, hashlib; sys.path.insert(0, sys.argv[1])\n"
+        "import hashlib\n"
         "import test_regions as t\n"
         "from dataclasses import asdict, replace\n"
         "pair = t.nested(t.ball(14.0), {'white': t.ball(10.0)})\n"
@@ -240,8 +240,8 @@ def test_the_same_bits_with_one_and_two_threads(pair, meshed, tmp_path):
     )
     found = {
         subprocess.run(
-            [sys.executable, "-c", code, str(Path(__file__).parent)],
-            env={**os.environ, "NUMBA_NUM_THREADS": str(threads)},
+            [sys.executable, "-c", code],
+            env={**os.environ, "NUMBA_NUM_THREADS": str(threads), "PYTHONPATH": os.pathsep.join(sys.path)},
             capture_output=True,
             text=True,
             check=True,

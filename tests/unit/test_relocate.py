@@ -3,7 +3,7 @@
 import gmsh
 import numpy as np
 import pytest
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.errors import InputError, StageError
 from cortet.geometry.topology import boundary_nodes

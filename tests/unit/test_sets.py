@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cubes import cube_mesh
 from exported import full_mesh
-from shapes import ball_mesh, cube_mesh
+from shapes import ball_mesh
 
 from cortet.errors import InputError
 from cortet.geometry.topology import boundary_faces, boundary_nodes

@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.cohort.sheet import Case
 from cortet.geometry.topology import boundary_surface

@@ -4,7 +4,8 @@ import logging
 
 import numpy as np
 import pytest
-from shapes import ball_mesh, ball_surface, cube_mesh
+from cubes import cube_mesh
+from shapes import ball_mesh, ball_surface
 
 from cortet.errors import InputError
 from cortet.geometry.topology import boundary_nodes, boundary_surface

@@ -21,12 +21,12 @@ import numpy as np
 import pytest
 import pyvista
 from exported import full_mesh
+from fuzz import DOCTYPES, outcome, place_damaged, seeds
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from shapes import ball_surface
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
-from benchmarks.fuzz import DOCTYPES, outcome, place_damaged, seeds
 from cortet.cohort.sheet import COLUMNS, LONGEST_LABEL, Case, read_sheet, scan, write_sheet
 from cortet.config import Scan, load
 from cortet.errors import InputError

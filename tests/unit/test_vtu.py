@@ -3,7 +3,7 @@
 import meshio
 import numpy as np
 import pytest
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.errors import InputError
 from cortet.formats import vtu

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shapes import cube_mesh
+from cubes import cube_mesh
 
 from cortet.geometry.topology import boundary_faces, boundary_nodes, edges
 from cortet.measure.quality import quality
