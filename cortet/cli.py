@@ -233,7 +233,8 @@ def _mesh(args: argparse.Namespace) -> int:
     from cortet.solver_files.sets import named_sets
 
     solver = format_of(args.output).name  # an unknown one is refused before the work, not after
-    config, surface = _config(args), _surface(args)
+    config = _config(args)
+    surface = _surface(args, config)
     inner = dict(args.inner)
     progress = Progress(config, args.ga, nested=bool(inner))
     mesh, certificate, meshed = mesh_surface(
@@ -241,7 +242,7 @@ def _mesh(args: argparse.Namespace) -> int:
         config,
         gestational_age=args.ga,
         source=args.surface,
-        inner=_inner_surfaces(inner),
+        inner=_inner_surfaces(inner, config),
         inner_sources=inner,
         case=_stem(args.output),
         progress=progress,
@@ -286,7 +287,8 @@ def _stages(args: argparse.Namespace) -> int:
     from cortet.pipeline import run
     from cortet.report.stage_table import STAGE_COLUMNS, measured_stages
 
-    config, surface = _config(args), _surface(args)
+    config = _config(args)
+    surface = _surface(args, config)
     rows = []
     widths = [max(len(name) + 2, 12) for name in STAGE_COLUMNS]
     print("".join(f"{name:>{width}}" for name, width in zip(STAGE_COLUMNS, widths, strict=True)))
@@ -296,7 +298,7 @@ def _stages(args: argparse.Namespace) -> int:
         config,
         gestational_age=args.ga,
         source=args.surface,
-        inner=_inner_surfaces(inner),
+        inner=_inner_surfaces(inner, config),
         inner_sources=inner,
     )
     for row in measured_stages(line):
@@ -625,11 +627,11 @@ def _settings(args: argparse.Namespace) -> dict[str, Any]:
     return data
 
 
-def _surface(args: argparse.Namespace) -> TriSurface:
+def _surface(args: argparse.Namespace, config: Config) -> TriSurface:
     from cortet.formats.gifti import read_surface
     from cortet.solver_files.fields import with_fields
 
-    return with_fields(read_surface(args.surface), dict(args.field))
+    return with_fields(read_surface(args.surface, finite=not config.enabled("repair")), dict(args.field))
 
 
 def _named_file(text: str) -> tuple[str, str]:
@@ -652,10 +654,10 @@ def _inner_file(text: str) -> tuple[str, str]:
     return name, file
 
 
-def _inner_surfaces(files: Mapping[str, str]) -> dict[str, TriSurface]:
+def _inner_surfaces(files: Mapping[str, str], config: Config) -> dict[str, TriSurface]:
     from cortet.formats.gifti import read_surface
 
-    return {name: read_surface(file) for name, file in files.items()}
+    return {name: read_surface(file, finite=not config.enabled("repair")) for name, file in files.items()}
 
 
 def _stem(path: Path) -> str:
