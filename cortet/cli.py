@@ -106,6 +106,18 @@ def parser() -> argparse.ArgumentParser:
     gate.add_argument("--allow-genus", type=int, default=0, metavar="N", help="accept up to N handles")
     gate.set_defaults(run=_gate)
 
+    repair = commands.add_parser("repair", parents=[common], help="repair a broken surface, within limits")
+    repair.add_argument("surface", type=Path, metavar="IN", help="GIfTI or FreeSurfer surface")
+    repair.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="OUT", help="GIfTI; the report is beside it"
+    )
+    repair.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section repair holds the limits")
+    repair.add_argument("--picture", type=Path, metavar="PNG", help="also draw it before and after")
+    repair.add_argument(
+        "--field", action="append", default=[], type=_named_file, metavar="NAME=FILE", help="per-vertex field, GIfTI"
+    )
+    repair.set_defaults(run=_repair)
+
     quality = commands.add_parser("quality", parents=[common], help="measure the elements of a mesh (JSON)")
     quality.add_argument("mesh", type=Path, metavar="MESH")
     quality.set_defaults(run=_quality)
@@ -227,6 +239,7 @@ def parser() -> argparse.ArgumentParser:
 
 def _mesh(args: argparse.Namespace) -> int:
     from cortet.formats.atomic import write_json
+    from cortet.formats.placement import placed
     from cortet.pipeline import mesh_surface
     from cortet.solver_files.export import export
     from cortet.solver_files.fields import field_sources
@@ -270,7 +283,8 @@ def _mesh(args: argparse.Namespace) -> int:
         from cortet.report.case_page import about, write_case_page
 
         chosen = {"scan_age": args.ga, "cell_size": config.generate.cell_size[0], "mesher": config.generate.meshers[0]}
-        write_case_page(mesh, surface, asdict(certificate), args.page, meshed=meshed, facts=about(chosen))
+        given = placed(surface, config.placement())
+        write_case_page(mesh, given, asdict(certificate), args.page, meshed=meshed, facts=about(chosen))
         print(f"{args.page}: written")
     print()
     _print_verdict(certificate)
@@ -324,6 +338,39 @@ def _gate(args: argparse.Namespace) -> int:
         else:
             print(f"accepted  {path}: {_findings(report)}", flush=True)
     return 1 if refused else 0
+
+
+def _repair(args: argparse.Namespace) -> int:
+    from cortet.config import load
+    from cortet.formats.atomic import write_json
+    from cortet.formats.gifti import write_surface
+    from cortet.formats.placement import placed
+    from cortet.geometry.mending import known_part
+    from cortet.measure.lost import distances_to
+    from cortet.stages.repair import repair
+
+    config = load(args.config or {})
+    given = placed(_surface(args, config), config.placement())
+    made, report = repair(given, **config.arguments("repair", {"source": str(args.surface)}))
+    write_surface(made, args.output)
+    record = args.output.with_name(f"{_stem(args.output)}.repair.json")
+    write_json(asdict(report), record)
+    for step in report.steps:
+        print(f"{step.count} {step.done}")
+    if not report.repaired:
+        print("nothing to repair")
+    else:
+        there, back = report.file_to_surface_mm, report.surface_to_file_mm
+        print(f"{there.max:.3f} mm from the file to the surface at most, {back.max:.3f} mm back")
+        print(f"volume {report.volume_ml:.2f} mL ({report.relative_volume_change:+.3%})")
+    if args.picture:
+        from cortet.report.render import before_and_after
+
+        file = known_part(given)
+        before_and_after(file, made, distances_to(file, made)[len(made.points) :], args.picture)
+        print(f"{args.picture}: drawn")
+    print(f"{args.output}: written, with {record.name}")
+    return 0
 
 
 def _quality(args: argparse.Namespace) -> int:

@@ -329,6 +329,13 @@ def reports_of(wildcards):
     return {stage: path.format(**{**wildcards, **first}) for stage, path in files.items()}
 
 
+def inner_repairs_of(wildcards):
+    """What `repair` reported of the inner surfaces, where the setting has it."""
+    if not setting_of(wildcards).enabled("repair"):
+        return []
+    return inner_of(inner_file(STAGES["repair"].label, "white.json"))(wildcards)
+
+
 def recorded_line(wildcards):
     """Arguments and versions of the stages of a setting and of the certificate, for the certificate."""
     steps = [*reports_of(wildcards), "certify"]

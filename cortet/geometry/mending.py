@@ -232,6 +232,14 @@ def rings(faces: IntArray, marked: NDArray[np.bool_], count: int) -> NDArray[np.
     return marked
 
 
+def known_part(surface: TriSurface) -> TriSurface:
+    """The triangles of a surface whose coordinates are finite, without fields; others are at 0 and in no triangle."""
+    if (known := finite(surface.points)).all():
+        return TriSurface(surface.points, surface.faces)
+    points = np.where(known[:, None], surface.points, 0)
+    return TriSurface(points, surface.faces[~faces_at(surface.faces, ~known)])
+
+
 def within(work: Triangles, vertices: IntArray, count: int) -> IntArray:
     """Some vertices, and those within so many edges of them, ascending."""
     marked = np.zeros(len(work.points), np.bool_)

@@ -380,7 +380,7 @@ class _Repair:
         fields: dict[str, NDArray[Any]] = {}
         new = np.flatnonzero(self.work.origin < 0)
         if self.given.point_data and len(new):
-            file = self._file()
+            file = mending.known_part(self.given)
             found = closest_points(tree_of(file), made.points[new])
             corners = file.faces[found.faces]
         for name, values in self.given.point_data.items():
@@ -397,14 +397,8 @@ class _Repair:
             fields[FILLED] = filled
         return fields
 
-    def _file(self) -> TriSurface:
-        """The triangles of the file whose coordinates are known."""
-        known = mending.finite(self.given.points)
-        points = np.where(known[:, None], self.given.points, 0)
-        return TriSurface(points, self.given.faces[~mending.faces_at(self.given.faces, ~known)])
-
     def _report(self, made: TriSurface) -> RepairReport:
-        file = self._file()
+        file = mending.known_part(self.given)
         used = np.unique(file.faces)
         from_file = distances_to(made, file)
         from_file = np.r_[from_file[used], from_file[len(file.points) :]]
