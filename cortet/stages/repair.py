@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.gifti import single_precision
+from cortet.formats.surface_sets import FILLED
 from cortet.geometry import mending
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.handles import without_handles
@@ -36,8 +37,6 @@ from cortet.stages.gate import outward
 
 VERSION: int = 1
 
-#: field of the vertices of caps on holes of the file
-FILLED = "filled"
 #: how many places of one kind are listed
 PLACES = 10
 #: vertices of open edges are one within this share of the longest side: rounding of single precision

@@ -13,6 +13,7 @@ from shapes import ball_surface
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface, single_precision
+from cortet.formats.surface_sets import FILLED
 from cortet.geometry import mending
 from cortet.geometry.handles import cut_open, short_loops
 from cortet.geometry.holes import capped, closed_volume, rim_length, rims
@@ -23,7 +24,7 @@ from cortet.measure.lost import distances_to
 from cortet.mesh import TriSurface
 from cortet.phantom import phantom
 from cortet.stages.gate import gate
-from cortet.stages.repair import FILLED, RepairReport, repair
+from cortet.stages.repair import RepairReport, repair
 
 DATA = Path(__file__).parents[2] / "../shared/data"
 
