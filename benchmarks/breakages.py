@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
@@ -70,7 +71,7 @@ def handle(surface: TriSurface, diameter: float) -> TriSurface:
     """An arch of so many mm in diameter between two places of the crown that lies highest."""
     top = outermost(surface, (0, 0, 1))
     distance = along(surface, top)
-    apart = np.abs(distance - 3 * diameter)
+    apart = np.abs(distance - 3 * diameter - 4)
     far = np.flatnonzero(apart < 1.5)[surface.points[apart < 1.5, 2].argmax()]
     opened = [np.flatnonzero(along(surface, int(v)) <= diameter / 2) for v in (top, far)]
     up = np.array([0, 0, 1.0])
@@ -239,6 +240,11 @@ def staircase(surface: TriSurface, spacing: float = 1.5) -> TriSurface:
     index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
     centres = low + (index + 0.5) * spacing
     inside = (depths(tree_of(surface), surface, centres.reshape(-1, 3))[0] > 0).reshape(shape)
+    return voxels(inside, low, spacing)
+
+
+def voxels(inside: NDArray[np.bool_], low: FloatArray, spacing: float) -> TriSurface:
+    """The faces between voxels that are inside (i, j, k) and others; `low` is the lowest corner of the grid, mm."""
     quads = []
     for axis in range(3):
         step = np.diff(inside.astype(np.int8), axis=axis)

@@ -345,7 +345,7 @@ def _repair(args: argparse.Namespace) -> int:
     from cortet.formats.atomic import write_json
     from cortet.formats.gifti import write_surface
     from cortet.formats.placement import placed
-    from cortet.geometry.mending import known_part
+    from cortet.geometry.mending import measurable
     from cortet.measure.lost import distances_to
     from cortet.stages.repair import repair
 
@@ -366,7 +366,7 @@ def _repair(args: argparse.Namespace) -> int:
     if args.picture:
         from cortet.report.render import before_and_after
 
-        file = known_part(given)
+        file = measurable(given)
         before_and_after(file, made, distances_to(file, made)[len(made.points) :], args.picture)
         print(f"{args.picture}: drawn")
     print(f"{args.output}: written, with {record.name}")

@@ -20,8 +20,8 @@ from cortet.mesh import FloatArray, IntArray
 _FLARE, _MOST_RINGS = 1.5, 200
 #: rings of triangles that are removed beyond a handle or a tunnel, one number after the other
 _WIDER = (1, 0, 2, 4)
-#: vertices of a loop from which shorter ones are looked for, and rounds of that
-_ROOTS, _ROUNDS = 12, 4
+#: loops around which shorter ones are looked for, vertices of each from which that is done, and rounds of it
+_TRIED, _ROOTS, _ROUNDS = 3, 8, 4
 
 
 class Cuts(NamedTuple):
@@ -63,7 +63,8 @@ def without_handles(work: Triangles, *, keep: int, max_loop: float, max_piece: f
                 "handles are meant",
             )
         short = [loop for loop, length in zip(loops, lengths, strict=True) if length <= max_loop]
-        tried = [_cut(work, loop, max_piece) for loop in short]
+        crossing = len(self_intersections(as_surface(work)))
+        tried = [_cut(work, loop, max_piece, genus, crossing) for loop in short]
         possible = [made for made in tried if made is not None]
         if not possible:
             raise InputError(f"a handle around ({x}, {y}, {z}) mm could not be cut or closed")
@@ -75,10 +76,8 @@ def without_handles(work: Triangles, *, keep: int, max_loop: float, max_piece: f
     return Cuts(work, np.array(centres).reshape(-1, 3), longest)
 
 
-def _cut(work: Triangles, loop: IntArray, max_piece: float) -> Triangles | None:
-    """Cut along a loop and closed on both sides with one handle less, no more triangles crossing; or None."""
-    genus = surface_topology(work.faces).genus
-    crossing = len(self_intersections(as_surface(work)))
+def _cut(work: Triangles, loop: IntArray, max_piece: float, genus: int, crossing: int) -> Triangles | None:
+    """Cut along a loop and closed on both sides, one of `genus` handles less, no more triangles `crossing`; or None."""
     faces, copies = cut_open(work.faces, loop, len(work.points))
     opened = work._replace(
         points=np.concatenate([work.points, work.points[loop]]),
@@ -99,28 +98,34 @@ def _cut(work: Triangles, loop: IntArray, max_piece: float) -> Triangles | None:
 
 
 def short_loops(points: FloatArray, faces: IntArray) -> list[IntArray]:
-    """Short loops that do not part the surface, the shortest first: vertices of each, in their order.
+    """A loop around a handle or a tunnel that is nearly the shortest of all, and others through its vertices.
 
-    From each of some vertices the loops of a basis of the homology through it are found by a tree of shortest paths and
-    a tree of faces that does not cross it (Erickson and Whittlesey, Greedy optimal homotopy and homology generators,
-    SODA 2005). The first such loops run all over the surface; shorter ones around the same handles are then looked for
-    from vertices along them.
+    From a vertex the loops of a basis of the homology through it are found by a tree of shortest paths and a tree of
+    faces that does not cross it (Erickson and Whittlesey, Greedy optimal homotopy and homology generators, SODA 2005).
+    Around the shortest of them, shorter ones are looked for from vertices along them. The loops through the best one
+    lead the other way around its handle, or along it.
 
     Parameters
     ----------
     points : (n, 3) mm
     faces : (m, 3), of one closed, oriented manifold
+
+    Returns
+    -------
+    the vertices of each loop, in their order, the shortest first; none for a sphere
     """
     links = _Links(points, faces)
     if not links.genus:
         return []
-    best = links.loops_through(int(faces[0, 0]))
+    found = links.loops_through(int(faces[0, 0]))[:_TRIED]
     for _ in range(_ROUNDS):
-        shorter = [_shortest_near(links, loop) for loop in best]
-        if sum(links.length(loop) for loop in shorter) >= sum(links.length(loop) for loop in best):
+        shorter = [_shortest_near(links, loop) for loop in found]
+        if sum(map(links.length, shorter)) >= sum(map(links.length, found)):
             break
-        best = shorter
-    distinct = {frozenset(loop.tolist()): loop for loop in best}
+        found = shorter
+    best = min(found, key=links.length)
+    every = [best, *links.loops_through(int(best[0]))[:_TRIED]]
+    distinct = {frozenset(loop.tolist()): loop for loop in every}
     return sorted(distinct.values(), key=lambda loop: (links.length(loop), loop.tolist()))
 
 

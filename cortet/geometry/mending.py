@@ -21,6 +21,10 @@ from cortet.mesh import FloatArray, IntArray, TriSurface
 GIVEN, CAP, REPLACED = 0, 1, 2
 
 
+#: area of a triangle over the square of its longest side below which it is a line
+_LINE = 1e-12
+
+
 class Triangles(NamedTuple):
     """Triangles on their way to a closed surface."""
 
@@ -232,12 +236,16 @@ def rings(faces: IntArray, marked: NDArray[np.bool_], count: int) -> NDArray[np.
     return marked
 
 
-def known_part(surface: TriSurface) -> TriSurface:
-    """The triangles of a surface whose coordinates are finite, without fields; others are at 0 and in no triangle."""
-    if (known := finite(surface.points)).all():
-        return TriSurface(surface.points, surface.faces)
-    points = np.where(known[:, None], surface.points, 0)
-    return TriSurface(points, surface.faces[~faces_at(surface.faces, ~known)])
+def measurable(surface: TriSurface) -> TriSurface:
+    """The triangles of a surface that have a place and an area, without fields; vertices keep their numbers.
+
+    A vertex without finite coordinates is at 0, and in no triangle.
+    """
+    points = np.where(finite(surface.points)[:, None], surface.points, 0)
+    kept = ~faces_at(surface.faces, ~finite(surface.points))
+    corners = points[surface.faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    return TriSurface(points, surface.faces[kept & (face_areas(points, surface.faces) > _LINE * longest**2)])
 
 
 def within(work: Triangles, vertices: IntArray, count: int) -> IntArray:

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from cortet.errors import StageError
-from cortet.geometry.mending import known_part
+from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import region_names
 from cortet.geometry.topology import boundary_surface, sheet, surface_topology
 from cortet.measure.lost import distances_to
@@ -197,7 +197,7 @@ def _pictures(
     surface: TriSurface, mesh: TetMesh | None = None, meshed: TriSurface | None = None
 ) -> tuple[list[dict[str, Any]], str]:
     """Pictures of the surface from both sides, of the cut mesh and of what it leaves behind, or why there are none."""
-    surface = known_part(surface)
+    surface = measurable(surface)
     if not len(surface.faces):
         return [], "The coordinates of the surface are not finite, so it cannot be drawn."
     topology = surface_topology(surface.faces)
@@ -226,7 +226,7 @@ def _pictures(
 
 def _repair_pictures(surface: TriSurface, meshed: TriSurface) -> list[dict[str, Any]]:
     """The surface that was meshed by its distance to the file, from both sides."""
-    distances = distances_to(known_part(surface), meshed)[len(meshed.points) :]
+    distances = distances_to(measurable(surface), meshed)[len(meshed.points) :]
     darkest = reddest(distances)
     scale = f"by its distance to the file, white at 0, red at {darkest:.2g} mm"
     return [

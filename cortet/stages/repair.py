@@ -379,7 +379,7 @@ class _Repair:
         fields: dict[str, NDArray[Any]] = {}
         new = np.flatnonzero(self.work.origin < 0)
         if self.given.point_data and len(new):
-            file = mending.known_part(self.given)
+            file = mending.measurable(self.given)
             found = closest_points(tree_of(file), made.points[new])
             corners = file.faces[found.faces]
         for name, values in self.given.point_data.items():
@@ -397,7 +397,7 @@ class _Repair:
         return fields
 
     def _report(self, made: TriSurface) -> RepairReport:
-        file = mending.known_part(self.given)
+        file = mending.measurable(self.given)
         used = np.unique(file.faces)
         from_file = distances_to(made, file)
         from_file = np.r_[from_file[used], from_file[len(file.points) :]]
