@@ -124,7 +124,7 @@ def repair(
 
     Parameters
     ----------
-    surface : as read; coordinates need not be finite
+    surface : as read; coordinates need not be finite; its inner surfaces stay as they are
     source : where it comes from, for messages and the report
     max_displacement : mm, farthest that triangles may be moved or lie from those in whose place they are
     max_volume_change : relative
@@ -231,7 +231,7 @@ class _Repair:
                 f"allowed ({self._done()})",
                 remedy="edit the surface, or set repair.max_volume_change",
             )
-        made = replace(made, point_data=self._fields(made), frame=self.given.frame)
+        made = replace(made, point_data=self._fields(made), frame=self.given.frame, inner=self.given.inner)
         report = self._report(made)
         logger.warning("%s: repaired: %s", self.limits.source, self._done())
         return made, report

@@ -109,6 +109,17 @@ def test_the_gate_stops_an_open_surface(ball: TriSurface) -> None:
     assert (first.stage, first.report["repaired"]) == ("repair", True)
 
 
+def test_inner_surfaces_are_repaired_too(ball: TriSurface) -> None:
+    inside = TriSurface(0.7 * ball.points, ball.faces[3:])
+    outside = TriSurface(ball.points, ball.faces[3:])
+    for outer, inner, repaired in ((outside, inside, (True, True)), (ball, inside, (False, True))):
+        line = run(outer, load(FAST), inner={"white": inner})
+        first, second = next(line), next(line)
+        assert (first.report["repaired"], first.report["inner"]["white"]["repaired"]) == repaired
+        assert second.stage == "gate"
+        assert list(second.surface.inner) == ["white"]
+
+
 def test_the_command_writes_mesh_certificate_picture_and_page(
     file: Path, config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
