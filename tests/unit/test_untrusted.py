@@ -8,7 +8,6 @@ import random
 import re
 import time
 import zlib
-from base64 import b64encode
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
