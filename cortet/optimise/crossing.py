@@ -1,8 +1,8 @@
 """Optimise a mesh without letting its boundary pass through itself or leave the surface it slides on.
 
 Nothing local can see the opposite bank of a narrow sulcus, nor the crest of a thin blade that vertices on both sides
-slide away from. So the whole boundary is checked afterwards, and where it crosses itself, or has left a part of the
-surface behind, the run is repeated from the start with the vertices around that place held.
+slide away from. So the whole boundary is checked afterwards. Where it crosses itself, or has left a part of the surface
+behind, what was done around that place is undone, and done again there with the vertices of the place held.
 """
 
 from __future__ import annotations
@@ -18,10 +18,15 @@ from cortet.geometry.closest_point import closer_than, closest_points, tree_of
 from cortet.geometry.intersection import self_intersections
 from cortet.measure.lost import surface_samples
 from cortet.mesh import IntArray, TetMesh, TriSurface
+from cortet.optimise.places import cut_out, numbers_in, put_back
+from cortet.optimise.undoing import undone
 
+#: times that places are undone; after the last one they stay so
 _ROUNDS = 5
 #: how far a point of the surface may be left behind, over the mean edge of the boundary (1.3 times the cell size)
 MOST_LEFT_BEHIND = 0.36
+#: points of the surface farther from the boundary than this multiple of that are not the mesh's
+_REACH = 3
 #: a point that was beyond that already may not be farther away than before, but for this factor
 _SAME = 1.02
 
@@ -66,35 +71,42 @@ def without_crossing(
     *,
     held: IntArray | None = None,
 ) -> tuple[TetMesh, Report, IntArray]:
-    """Call `optimise(mesh, held)` with ever more vertices held until the boundary is as sound as it was.
+    """Call `optimise(mesh, held)`, then again around places of the boundary that it spoils, until there are none.
 
-    It must not cross itself and, where a `surface` is given, not leave points of it farther behind than
+    The boundary must not cross itself and, where a `surface` is given, not leave points of it farther behind than
     `MOST_LEFT_BEHIND`. What was so in `mesh` already is not the fault of `optimise`.
 
     Parameters
     ----------
-    optimise : must keep vertex numbers
+    optimise : must keep vertex numbers and leave the `held` vertices and the boundary between them as they are. It is
+        called with the whole mesh, then with parts of it, whose vertices have other numbers
     held : (h,) vertices that are held from the first call on
 
     Returns
     -------
-    The result and report of the last call, and the vertices held in it, (h,) int32. If something remains after a few
-    rounds the result has it, for the certificate to judge.
+    The result, the report of the first call, and the vertices held in the end, (h,) int32. If something remains after a
+    few rounds the result has it, for the certificate to judge.
     """
     flaws_of = flaws_since(mesh, surface)
     held = np.zeros(0, np.int32) if held is None else held
+    result, report = optimise(mesh, held)
+    flaws = flaws_of(result)
     for remaining in reversed(range(_ROUNDS)):
-        result, report = optimise(mesh, held)
-        flaws = flaws_of(result)
         if not flaws:
             break
-        if not remaining:
-            _warn(result, flaws)
-            break
         touched = np.isin(mesh.cells, flaws.crossed).any(axis=1)
-        held = np.unique(np.concatenate([held, mesh.cells[touched].ravel(), flaws.left.ravel()]))
+        spoilt = np.union1d(mesh.cells[touched], flaws.left)
+        held = np.union1d(held, spoilt).astype(np.int32)
         what = f"{len(flaws.crossed)} boundary faces cross, {len(flaws.left)} leave the surface"
-        logger.info("%s: again, with %d vertices held in place", what, len(held))
+        logger.info("%s: undone there, %d vertices held in place", what, len(held))
+        result, around = undone(mesh, result, spoilt)
+        if remaining:
+            part = cut_out(result, around)
+            again, _ = optimise(part.mesh, np.union1d(part.rim, numbers_in(part, held)).astype(np.int32))
+            result = put_back(result, part, again)
+        flaws = flaws_of(result)
+    if flaws:
+        _warn(result, flaws)
     return result, report, held
 
 
@@ -123,10 +135,12 @@ def _left_behind(mesh: TetMesh, surface: TriSurface) -> Callable[[TetMesh], IntA
 
 
 def _left_behind_sheet(mesh: TetMesh, surface: TriSurface, number: int) -> Callable[[TetMesh], IntArray]:
-    samples = surface_samples(surface)
     began, _ = topology.sheet(mesh, number)
     start, end = topology.edges(began.faces).T
     limit = MOST_LEFT_BEHIND * np.linalg.norm(began.points[start] - began.points[end], axis=1).mean()
+    samples = surface_samples(surface)
+    # a part of a mesh does not stand for the surface far from it
+    samples = samples[closer_than(tree_of(began), samples, _REACH * limit)]
 
     def leaving_faces(result: TetMesh) -> IntArray:
         boundary, nodes = topology.sheet(result, number)

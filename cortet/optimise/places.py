@@ -58,6 +58,11 @@ def rim_of(part: Part, mesh: TetMesh) -> IntArray:
     return np.flatnonzero(_is_old(mesh) & np.isin(mesh.point_data[_NODE], nodes)).astype(np.int32)
 
 
+def numbers_in(part: Part, nodes: IntArray) -> IntArray:
+    """The vertices of a part that are among some `nodes` (k,) of the whole mesh: (j,) int32."""
+    return np.flatnonzero(np.isin(part.mesh.point_data[_NODE], nodes)).astype(np.int32)
+
+
 def better_of_each(first: TetMesh, second: TetMesh) -> TetMesh:
     """For each place the one of two tries whose worst tetrahedron there is better, the first where they are alike."""
     chosen = _worst(second) < _worst(first)

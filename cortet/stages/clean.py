@@ -20,7 +20,7 @@ from cortet.optimise.crossing import without_crossing
 from cortet.optimise.vertices import Boundary, Pass, PassReport, move_vertices
 from cortet.stages.meshtool import clean_with_meshtool, program_version
 
-VERSION: int = 5
+VERSION: int = 6
 
 #: sweeps over all vertices that improve the mean, before and after the threshold passes
 _FIRST_MEAN_SWEEPS, _LAST_MEAN_SWEEPS = 4, 3

@@ -25,7 +25,7 @@ from cortet.optimise.swaps import NO_SWAPS, SwapCount, improve, live_cells, swap
 from cortet.optimise.vertices import Boundary, Pass, interface_places, move_vertices, mu2_of
 from cortet.stages.clean import KEPT, require_positive
 
-VERSION: int = 6
+VERSION: int = 7
 
 _ROUNDS = 4
 #: the first round swaps above this q, which improves the mean, too
