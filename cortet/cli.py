@@ -60,7 +60,17 @@ def parser() -> argparse.ArgumentParser:
     common.add_argument("-v", "--verbose", action="store_true", help="say more while working")
     commands = top.add_subparsers(required=True, metavar="COMMAND")
 
-    line = argparse.ArgumentParser(add_help=False)
+    within = argparse.ArgumentParser(add_help=False)
+    within.add_argument(
+        "--inner",
+        action="append",
+        default=[],
+        type=_inner_file,
+        metavar="[NAME=]FILE",
+        help="closed surface inside SURFACE, whose inside is a region NAME (default: white); repeatable",
+    )
+
+    line = argparse.ArgumentParser(add_help=False, parents=[within])
     line.add_argument("surface", type=Path, metavar="SURFACE", help="closed surface, GIfTI, mm")
     line.add_argument("--cell-size", type=float, metavar="MM", help="cell size h (default: 0.6, or what --config says)")
     line.add_argument(
@@ -79,14 +89,6 @@ def parser() -> argparse.ArgumentParser:
         type=_named_file,
         metavar="NAME=FILE",
         help="per-vertex field to carry to the mesh, GIfTI; repeatable",
-    )
-    line.add_argument(
-        "--inner",
-        action="append",
-        default=[],
-        type=_inner_file,
-        metavar="[NAME=]FILE",
-        help="closed surface inside SURFACE, whose inside is a region NAME (default: white); repeatable",
     )
 
     mesh = commands.add_parser("mesh", parents=[common, line], help="mesh one surface and certify the mesh")
@@ -110,7 +112,9 @@ def parser() -> argparse.ArgumentParser:
     quality.add_argument("mesh", type=Path, metavar="MESH")
     quality.set_defaults(run=_quality)
 
-    certify = commands.add_parser("certify", parents=[common], help="judge a mesh against the surface it was made from")
+    certify = commands.add_parser(
+        "certify", parents=[common, within], help="judge a mesh against the surface it was made from"
+    )
     certify.add_argument("mesh", type=Path, metavar="MESH")
     certify.add_argument("surface", type=Path, metavar="SURFACE")
     certify.add_argument("--q-max", type=float, metavar="Q", help="limit of the worst q (default: 0.6)")
@@ -124,7 +128,8 @@ def parser() -> argparse.ArgumentParser:
         "--cell-size",
         type=float,
         metavar="MM",
-        help="cell size h; the surface may be half of it from the boundary (default: not known, no limit)",
+        help="cell size h; the surface may be half of it from the boundary (default: not known, no limit), and inner "
+        "surfaces are moved away from it first, as for meshing",
     )
     certify.add_argument("-o", "--output", type=Path, metavar="JSON", help="also write the certificate there")
     certify.set_defaults(run=_certify)
@@ -322,7 +327,10 @@ def _certify(args: argparse.Namespace) -> int:
     from cortet.config import Config
     from cortet.formats.atomic import write_json
     from cortet.formats.gifti import read_surface
+    from cortet.geometry.nesting import nested
     from cortet.measure.certify import certify
+    from cortet.solver_files.sets import with_regions
+    from cortet.stages.separate import separate
 
     limits = Config().arguments("certify", {"cell_size": args.cell_size})
     if args.q_max is not None:
@@ -330,9 +338,15 @@ def _certify(args: argparse.Namespace) -> int:
     if args.max_boundary_distance is not None:
         finite = math.isfinite(args.max_boundary_distance)
         limits["max_boundary_distance"] = args.max_boundary_distance if finite else None
+    mesh, surface = _read_mesh(args.mesh), read_surface(args.surface)
+    if args.inner:
+        surface = nested(surface, _inner_surfaces(dict(args.inner)))
+        mesh = with_regions(mesh, list(surface.inner))
+        if args.cell_size is not None:
+            surface, _ = separate(surface, **Config().arguments("separate", {"cell_size": args.cell_size}))
     certificate = certify(
-        _read_mesh(args.mesh),
-        read_surface(args.surface),
+        mesh,
+        surface,
         **limits,
         case=_stem(args.mesh),
         source=args.surface,
