@@ -148,6 +148,9 @@ class Regions(Section):
     medial wall, they are moved inward."""
     max_outside: Positive = 0.5
     """Farthest that an inner surface may lie outside the one around it and still be moved inside, mm."""
+    elements_across: Annotated[int, Field(ge=1, le=6)] = 1
+    """Tetrahedra through the cortex, between the outer surface and those inside it, at least: cells there become
+    smaller for it, down to 0.35 h, and grow to h away from it. The certificate says what came of it."""
 
 
 class Generate(Section):
@@ -198,6 +201,9 @@ class Generate(Section):
     """lattice: how many times larger cells are in the core; the cortex keeps h."""
     core_depth: Positive = 6.0
     """lattice: depth below the surface where the core begins, mm."""
+    size_field: str | None = None
+    """lattice: field of the surface that says the cell size at each vertex, mm, where it is to be smaller than h (down
+    to 0.35 h); cells grow to h away from there."""
 
 
 class Transfer(Section):
@@ -500,7 +506,8 @@ class Config(Section):
         for key, in_the_way in {
             f"generate.meshers: {', '.join(self.generate.meshers)}": self.generate.meshers != ["lattice"],
             "relocate.enabled: true": self.relocate.enabled,
-            "smooth_boundary.enabled: true": self.smooth_boundary.enabled,
+            "smooth_boundary.onto_surface: false": self.smooth_boundary.enabled
+            and not self.smooth_boundary.onto_surface,
             "clean.boundary: free": self.clean.enabled and self.clean.boundary == "free",
             "reconnect.boundary: free": self.reconnect.enabled and self.reconnect.boundary == "free",
         }.items():
@@ -528,7 +535,9 @@ class Config(Section):
         """
         # S5 carries the fields onto the final positions as S2 did
         section = getattr(self, {"solver_ready": "transfer", "separate": "regions"}.get(step, step), None)
-        values = section.model_dump(mode="json", exclude=_CHOICES) if section is not None else {}
+        values = section.model_dump(mode="json", exclude=_CHOICES | _OF_S1) if section is not None else {}
+        if step == "generate" and (facts or {}).get("nested"):
+            values |= self.regions.model_dump(mode="json", include=_OF_S1)
         if values.get("backend") == "auto":  # meshes of a cohort must come from one backend
             values["backend"] = installed_backend()
         return {**values, **{name: (facts or {})[name] for name in _FACTS.get(step, ())}}
@@ -540,6 +549,8 @@ class Config(Section):
 
 #: keys that choose what is run, and are arguments of no function
 _CHOICES = {"enabled", "cell_size", "meshers", "cases", "stages", "variants"}
+#: keys of `regions` that are arguments of S1, where there are regions
+_OF_S1 = {"elements_across"}
 #: arguments that differ from mesh to mesh, and stand in no section
 _FACTS = {
     "phantom": ("gestational_age", "hemisphere"),

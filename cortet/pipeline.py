@@ -98,6 +98,7 @@ def run(
         "gestational_age": gestational_age,
         "cell_size": config.generate.cell_size[0],
         "mesher": config.generate.meshers[0],
+        "nested": bool(inner),
     }
     latest: dict[str, Any] = {"surface": nested(surface, inner or {})}
     config.require_nesting(bool(inner))
