@@ -32,7 +32,19 @@ from cortet.phantom import phantom
 from cortet.pipeline import Step, mesh_surface
 from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 
-STAGE_COLUMNS = ("surface", "h_mm", "chain", "threads", "stage", "cpu_seconds", "tets", "q_mean", "q_max", "above_0.6")
+STAGE_COLUMNS = (
+    "surface",
+    "h_mm",
+    "chain",
+    "threads",
+    "stage",
+    "cpu_seconds",
+    "tets",
+    "q_mean",
+    "q_max",
+    "above_0.3",
+    "above_0.6",
+)
 MESH_COLUMNS = (
     *("surface", "h_mm", "chain", "threads", "tets", "q_mean", "q_max", "valence_bound"),
     *(
@@ -74,7 +86,8 @@ def run_chain(  # type: ignore[no-untyped-def]
         numbers: dict[str, Any] = {}
         if isinstance(step.result, TetMesh):
             q = quality(step.result.points, step.result.cells)
-            numbers = {"tets": len(q), "q_mean": q.mean(), "q_max": q.max(), "above_0.6": int((q > 0.6).sum())}
+            numbers = {"tets": len(q), "q_mean": q.mean(), "q_max": q.max()}
+            numbers |= {f"above_{limit}": int((q > limit).sum()) for limit in (0.3, 0.6)}
         print_row(STAGE_COLUMNS, row | numbers | {"stage": step.stage, "cpu_seconds": seconds})
         # what the printing took does not count
         began += time.process_time() - last - seconds

@@ -112,27 +112,38 @@ def parser() -> argparse.ArgumentParser:
     quality.add_argument("mesh", type=Path, metavar="MESH")
     quality.set_defaults(run=_quality)
 
-    certify = commands.add_parser(
-        "certify", parents=[common, within], help="judge a mesh against the surface it was made from"
-    )
-    certify.add_argument("mesh", type=Path, metavar="MESH")
-    certify.add_argument("surface", type=Path, metavar="SURFACE")
-    certify.add_argument("--q-max", type=float, metavar="Q", help="limit of the worst q (default: 0.6)")
-    certify.add_argument(
+    limits = argparse.ArgumentParser(add_help=False)
+    limits.add_argument("--q-max", type=float, metavar="Q", help="limit of the worst q (default: 0.6)")
+    limits.add_argument(
         "--max-boundary-distance",
         type=float,
         metavar="MM",
         help="limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit)",
     )
-    certify.add_argument(
+    limits.add_argument(
         "--cell-size",
         type=float,
         metavar="MM",
-        help="cell size h; the surface may be half of it from the boundary (default: not known, no limit), and inner "
-        "surfaces are moved away from it first, as for meshing",
+        help="cell size h; the surface may be half of it from the boundary, and inner surfaces are moved away from it "
+        "first, as for meshing (default: not known, no limit)",
     )
+
+    certify = commands.add_parser(
+        "certify", parents=[common, within, limits], help="judge a mesh against the surface it was made from"
+    )
+    certify.add_argument("mesh", type=Path, metavar="MESH")
+    certify.add_argument("surface", type=Path, metavar="SURFACE")
     certify.add_argument("-o", "--output", type=Path, metavar="JSON", help="also write the certificate there")
     certify.set_defaults(run=_certify)
+
+    compare = commands.add_parser(
+        "compare", parents=[common, limits], help="set meshes of one surface side by side, whatever made them"
+    )
+    compare.add_argument("meshes", type=Path, nargs="+", metavar="MESH")
+    compare.add_argument("--surface", type=Path, required=True, metavar="SURFACE", help="the surface they fill")
+    compare.add_argument("-o", "--output", type=Path, required=True, metavar="HTML", help="page for a browser")
+    compare.add_argument("--table", type=Path, metavar="TSV", help="also write the numbers there")
+    compare.set_defaults(run=_compare)
 
     verify = commands.add_parser(
         "verify", parents=[common], help="check a solver file against its solver's conventions"
@@ -328,9 +339,28 @@ def _certify(args: argparse.Namespace) -> int:
     from cortet.formats.atomic import write_json
     from cortet.formats.gifti import read_surface
     from cortet.geometry.nesting import nested
-    from cortet.measure.certify import certify
     from cortet.solver_files.sets import with_regions
     from cortet.stages.separate import separate
+
+    mesh, surface = _read_mesh(args.mesh), read_surface(args.surface)
+    if args.inner:
+        surface = nested(surface, _inner_surfaces(dict(args.inner)))
+        mesh = with_regions(mesh, list(surface.inner))
+        if args.cell_size is not None:
+            surface, _ = separate(surface, **Config().arguments("separate", {"cell_size": args.cell_size}))
+    certificate = _judged(mesh, surface, args.mesh, args)
+    if args.output:
+        write_json(asdict(certificate), args.output)
+    for check in certificate.checks:
+        print(f"{'pass' if check.passed else 'FAIL'}  {check.finding}")
+    _print_verdict(certificate)
+    return 0 if certificate.certified else 1
+
+
+def _judged(mesh: TetMesh, surface: TriSurface, file: Path, args: argparse.Namespace) -> Certificate:
+    """The certificate of the mesh of a file, by the limits of the command."""
+    from cortet.config import Config
+    from cortet.measure.certify import certify
 
     limits = Config().arguments("certify", {"cell_size": args.cell_size})
     if args.q_max is not None:
@@ -338,26 +368,45 @@ def _certify(args: argparse.Namespace) -> int:
     if args.max_boundary_distance is not None:
         finite = math.isfinite(args.max_boundary_distance)
         limits["max_boundary_distance"] = args.max_boundary_distance if finite else None
-    mesh, surface = _read_mesh(args.mesh), read_surface(args.surface)
-    if args.inner:
-        surface = nested(surface, _inner_surfaces(dict(args.inner)))
-        mesh = with_regions(mesh, list(surface.inner))
-        if args.cell_size is not None:
-            surface, _ = separate(surface, **Config().arguments("separate", {"cell_size": args.cell_size}))
-    certificate = certify(
-        mesh,
-        surface,
-        **limits,
-        case=_stem(args.mesh),
-        source=args.surface,
-        parameters={"certify": limits},
-    )
-    if args.output:
-        write_json(asdict(certificate), args.output)
-    for check in certificate.checks:
-        print(f"{'pass' if check.passed else 'FAIL'}  {check.finding}")
-    _print_verdict(certificate)
-    return 0 if certificate.certified else 1
+    return certify(mesh, surface, **limits, case=_stem(file), source=args.surface, parameters={"certify": limits})
+
+
+def _compare(args: argparse.Namespace) -> int:
+    from cortet.formats.gifti import read_surface
+    from cortet.formats.tsv import write_tsv
+    from cortet.report.comparison_page import comparison_rows, write_comparison_page
+
+    names = _names_of(args.meshes)
+    surface = read_surface(args.surface)
+    meshes = {name: _read_mesh(file) for name, file in names.items()}
+    certificates = {name: asdict(_judged(mesh, surface, names[name], args)) for name, mesh in meshes.items()}
+    write_comparison_page(meshes, certificates, surface, args.output, source=args.surface.name)
+    if args.table:
+        rows = comparison_rows(certificates)
+        columns = {"number": "name", "limit": "limit"}
+        write_tsv(
+            [
+                {column: row[key] for column, key in columns.items()}
+                | {name: value for name, (value, _) in zip(meshes, row["values"], strict=True)}
+                for row in rows
+            ],
+            [*columns, *meshes],
+            args.table,
+        )
+    for name, certificate in certificates.items():
+        verdict = "certified" if certificate["certified"] else "NOT certified: " + "; ".join(certificate["reasons"])
+        print(f"{name}: {verdict}")
+    print(f"{args.output}: written")
+    return 0
+
+
+def _names_of(files: Sequence[Path]) -> dict[str, Path]:
+    """What to call each file: its stem, or the file itself where two have the same stem."""
+    stems = [_stem(file) for file in files]
+    names = {stem if stems.count(stem) == 1 else str(file): file for stem, file in zip(stems, files, strict=True)}
+    if len(names) < len(files):
+        raise InputError("a mesh is given twice", remedy="name each file once")
+    return names
 
 
 def _verify(args: argparse.Namespace) -> int:

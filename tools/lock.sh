@@ -1,10 +1,15 @@
 #!/bin/sh
-# Pins everything that pyproject.toml asks for, and what that needs in turn, in requirements.txt, for every supported
-# Python at once. Versions already there are kept where they still fit; `make lock UPGRADE=1` takes the newest.
+# Pins everything that pyproject.toml asks for, and what that needs in turn, for every supported Python at once: in
+# requirements.txt what every environment has, in requirements-optional.txt what `make test` has as well. Versions
+# already there are kept where they still fit; `make lock UPGRADE=1` takes the newest.
 set -eu
 cd "$(dirname "$0")/.."
 
 uv=.cache/lock/bin/uv
 [ -x $uv ] || { .venv/bin/python -m venv .cache/lock && .cache/lock/bin/pip install --quiet uv; }
-UV_CUSTOM_COMPILE_COMMAND="make lock" $uv pip compile --quiet --universal --python-version 3.11 \
-    ${UPGRADE:+--upgrade} --no-annotate --extra published --group dev --group build pyproject.toml -o requirements.txt
+pin() {
+    UV_CUSTOM_COMPILE_COMMAND="make lock" $uv pip compile --quiet --universal --python-version 3.11 \
+        ${UPGRADE:+--upgrade} --no-annotate "$@"
+}
+pin --extra published --group dev --group build pyproject.toml -o requirements.txt
+pin --extra baselines --extra slurm pyproject.toml -c requirements.txt -o requirements-optional.txt

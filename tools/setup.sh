@@ -3,7 +3,7 @@
 #
 #   tools/setup.sh              the default line, and the setting `cgal` by the wheel of that name: nothing is compiled
 #   tools/setup.sh published    the paper's own tool as well: pygalmesh, which has no wheel, is compiled, once
-#   tools/setup.sh test         that, and the programs that tests call
+#   tools/setup.sh test         that, the programs that tests call, the other meshers and Snakemake's plugin for SLURM
 #
 #   PYTHON=python3.12      interpreter to use (default: the first that fits)
 #   CORTET_WHEELS=FOLDER   where the compiled pygalmesh is kept (default: ~/.cache/cortet/untimed-wheels)
@@ -20,15 +20,17 @@ pygalmesh_sources=8
 run_packages=(libglu1-mesa libgl1 libopengl0 libegl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgmp10 libmpfr6)
 # What compiling pygalmesh takes, besides the headers of Python.
 build_packages=(g++ libcgal-dev libeigen3-dev)
-# Solvers that tests run on exported files, and the browser they open pages in; a test without its own is skipped.
-test_packages=(calculix-ccx chromium)
+# Programs that tests call: a solver for exported files, the browser for pages, Connectome Workbench, and a SLURM with its
+# database for a cluster of one machine. A test without its own is skipped.
+test_packages=(calculix-ccx chromium connectome-workbench
+    slurm-wlm slurmdbd munge mariadb-server-core mariadb-client-core)
 
 say() { printf 'set-up: %s\n' "$*" >&2; }
 fail() { say "$@"; exit 1; }
 
 # --- the stamp: written last, names what the environment was made from -----------------------------------------------
 
-wanted_stamp() { cat requirements.txt tools/setup.sh | sha256sum | cut -d' ' -f1; }
+wanted_stamp() { cat requirements.txt requirements-optional.txt tools/setup.sh | sha256sum | cut -d' ' -f1; }
 has_stamp() { [[ -x $venv/bin/python && $(cat "$venv/.stamp$1" 2>/dev/null) == "$(wanted_stamp)" ]] && $venv/bin/python -c ''; }
 is_ready() {
     has_stamp '' || return
@@ -194,6 +196,8 @@ fi
 
 if [[ $what == test ]] && ! has_stamp .test; then
     (install_packages "${test_packages[@]}") || say "going on without ${test_packages[*]}: tests that need them are skipped"
+    $venv/bin/python -m pip --disable-pip-version-check --quiet install --no-deps -r requirements-optional.txt ||
+        say "going on without some of requirements-optional.txt: tests that need them are skipped"
     wanted_stamp >$venv/.stamp.test
 fi
 say "done in $SECONDS s"

@@ -57,18 +57,18 @@ def boundary_view(
         "faces": _packed(shown.faces, index.str),
         "index_bytes": index.itemsize,
         "q": _packed(np.round(worst * 65535), "<u2"),
-        "colours": colour_stops(),
+        **colour_scale(),
         "range": list(RANGE),
-        "beyond": list(_rgb(BEYOND)),
         "worst": [{"q": element["q"], "centre": list(element["centre_mm"])} for element in worst_elements],
         "face_count": len(shown.faces),
         "boundary_faces": len(boundary.faces),
     }
 
 
-def colour_stops() -> list[list[int]]:
-    """Colours of q from one end of `render.RANGE` to the other, evenly spaced: RGB, 0 to 255."""
-    return [_rgb(colour) for colour in mpl.colormaps[COLOURS](np.linspace(0, 1, _STOPS))]
+def colour_scale() -> dict[str, Any]:
+    """RGB, 0 to 255: `colours` of q over `render.RANGE`, evenly spaced, and the one of what is `beyond`."""
+    stops = mpl.colormaps[COLOURS](np.linspace(0, 1, _STOPS))
+    return {"colours": [_rgb(colour) for colour in stops], "beyond": _rgb(BEYOND)}
 
 
 def three_js() -> str:

@@ -36,7 +36,8 @@ DOES = {
 
 _COMPARED = {"<": "below", "<=": "at most", "==": "exactly"}
 _LOST = {"filled": "a sulcus that the mesh fills", "cut off": "a blade or tip that the mesh cuts off"}
-_SIDES: tuple[Literal["L", "R"], ...] = ("L", "R")
+#: sides of the head that a surface is drawn from
+SIDES: dict[Literal["L", "R"], str] = {"L": "left", "R": "right"}
 _DISTANCES = {
     "nodes_to_surface_mm": "Boundary nodes to the surface",
     "face_centres_to_surface_mm": "Centres of boundary faces to the surface",
@@ -73,7 +74,7 @@ def write_case_page(
     """
     pictures, trouble = _pictures(surface, mesh, meshed)
     q = certificate["quality"]
-    bulk, tail = mesh_quality_figures(np.array(q["histogram"]), limit=_limit(certificate, "worst q"))
+    bulk, tail = mesh_quality_figures({"this mesh": np.array(q["histogram"])}, limit=limit_of(certificate, "worst q"))
     pages.write(
         "case.html.j2",
         path,
@@ -84,7 +85,7 @@ def write_case_page(
         facts=[*(facts or []), ("Nodes", f"{q['nodes']:,}"), ("Tetrahedra", f"{q['tets']:,}")],
         pictures=pictures,
         trouble=trouble,
-        checks=[_check(check) for check in certificate["checks"]],
+        checks=[in_words(check) for check in certificate["checks"]],
         failed=sum(not check["passed"] for check in certificate["checks"]),
         charts={
             "bulk": {"svg": pages.embedded(svg(bulk), "bulk"), "alt": _bulk_in_words(certificate)},
@@ -189,24 +190,24 @@ def _pictures(
     """Pictures of the surface from both sides, of the cut mesh and of what it leaves behind, or why there are none."""
     if not np.isfinite(surface.points).all():
         return [], "The surface has coordinates that are not finite, so it cannot be drawn."
-    topology, sides = surface_topology(surface.faces), {"L": "left", "R": "right"}
+    topology = surface_topology(surface.faces)
     wrong = "open or branching edges in orange" if topology.open_edges + topology.nonmanifold_edges else ""
     try:
         shown = [
-            _picture(surface_view(surface, side=side), f"Input surface from the {sides[side]}", wrong)
-            for side in _SIDES
+            captioned(surface_view(surface, side=side), f"Input surface from the {SIDES[side]}", wrong)
+            for side in SIDES
         ]
         if mesh is not None:
             caption = "Mesh, cut open across the middle"
-            shown.append(_picture(cut_view(mesh), caption, "each tetrahedron in the colour of its q"))
+            shown.append(captioned(cut_view(mesh), caption, "each tetrahedron in the colour of its q"))
             shown += _region_pictures(mesh, meshed)
         if mesh is not None and meshed is not None:
             boundary, _ = boundary_surface(mesh)
             distances = distances_to(boundary, meshed)[len(meshed.points) :]
             scale = f"by its distance to the mesh, white at 0, black at {distances.max():.2g} mm"
             shown += [
-                _picture(surface_view(meshed, side=side, distances=distances), f"Meshed surface, {sides[side]}", scale)
-                for side in _SIDES
+                captioned(surface_view(meshed, side=side, distances=distances), f"Meshed surface, {SIDES[side]}", scale)
+                for side in SIDES
             ]
     except StageError as error:
         return [], f"Without pictures: {error}"
@@ -219,18 +220,19 @@ def _region_pictures(mesh: TetMesh, meshed: TriSurface | None) -> list[dict[str,
         return []
     names = region_names(meshed)
     colours = ", ".join(f"{name} {COLOUR_NAMES[i % len(COLOUR_NAMES)]}" for i, name in enumerate(names))
-    shown = [_picture(regions_view(mesh), "Regions", colours)]
+    shown = [captioned(regions_view(mesh), "Regions", colours)]
     for number, (name, one) in enumerate(meshed.inner.items(), start=1):
         distances = distances_to(sheet(mesh, number)[0], one)[len(one.points) :]
         scale = f"by its distance to the interface, white at 0, black at {distances.max():.2g} mm"
         shown += [
-            _picture(surface_view(one, side=side, distances=distances), f"Inner surface {name}, {side}", scale)
-            for side in _SIDES
+            captioned(surface_view(one, side=side, distances=distances), f"Inner surface {name}, {side}", scale)
+            for side in SIDES
         ]
     return shown
 
 
-def _picture(image: Any, caption: str, more: str = "") -> dict[str, Any]:
+def captioned(image: Any, caption: str, more: str = "") -> dict[str, Any]:
+    """A picture (rows, columns, 3) for a page, its caption also what a reader without pictures is told."""
     height, width, _ = image.shape
     text = f"{caption}, {more}" if more else caption
     uri = pages.data_uri(webp(image), "image/webp")
@@ -250,8 +252,8 @@ def _surface_facts(surface: TriSurface) -> Facts:
     return [(name, f"{count:,}") for name, count in counted.items()]
 
 
-def _check(check: Mapping[str, Any]) -> dict[str, Any]:
-    """One check in words."""
+def in_words(check: Mapping[str, Any]) -> dict[str, Any]:
+    """One check of a certificate, its `name`, `value` and `limit` as text with units."""
     unit = f" {check['unit']}" if check["unit"] else ""
     limit = f"{_COMPARED[check['comparison']]} {check['limit']:g}{unit}" if check["comparison"] else "no limit"
     return {**check, "name": _capital(check["name"]), "value": f"{check['value']:.4g}{unit}", "limit": limit}
@@ -262,7 +264,8 @@ def _capital(name: str) -> str:
     return re.sub(r"^[a-z](?=[a-z])", lambda letter: letter[0].upper(), name)
 
 
-def _limit(certificate: Certificate, name: str) -> float:
+def limit_of(certificate: Certificate, name: str) -> float:
+    """Limit of a check, by its name."""
     return float(next(check["limit"] for check in certificate["checks"] if check["name"] == name))
 
 
@@ -320,7 +323,7 @@ def _bulk_in_words(certificate: Certificate) -> str:
 
 def _tail_in_words(certificate: Certificate) -> str:
     counts = ", ".join(f"{count} above {limit}" for limit, count in certificate["quality"]["count_above"].items())
-    limit = _limit(certificate, "worst q")
+    limit = limit_of(certificate, "worst q")
     return f"Elements above q, per million, beside the published meshes; the limit is {limit:g}. This mesh: {counts}."
 
 

@@ -24,7 +24,9 @@ VERSION: int = 1
 #: width of one column of a two-column journal, and of both, inches
 COLUMN, PAGE = 3.5, 7.2
 #: colours that colour-blind readers tell apart (Okabe and Ito), and the grey of published data behind ours
-BLUE, VERMILION, GREEN, ORANGE, PURPLE = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7"
+COLOURS = BLUE, VERMILION, GREEN, ORANGE, PURPLE = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7"
+#: of what follows once all colours are taken
+LINES = ("-", "--", ":")
 GREY = "#B8B8B8"
 #: hemisphere -> colour and marker
 HEMISPHERES = {"L": (BLUE, "o", "left"), "R": (VERMILION, "^", "right"), "n/a": (GREEN, "s", "whole brain")}
@@ -147,12 +149,12 @@ def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: 
     return figure
 
 
-def mesh_quality_figures(counts: NDArray[np.integer[Any]], *, limit: float) -> tuple[Figure, Figure]:
-    """Quality of one mesh on the published distribution after S4: distribution of q, and number of elements above q.
+def mesh_quality_figures(meshes: Mapping[str, NDArray[np.integer[Any]]], *, limit: float) -> tuple[Figure, Figure]:
+    """Quality of meshes on the published distribution after S4: distribution of q, and number of elements above q.
 
     Parameters
     ----------
-    counts : elements (200,) per bin of q
+    meshes : label -> elements (200,) per bin of q
     limit : of the worst q, drawn as a line
     """
     theirs = published.histogram("S1-S4")
@@ -165,7 +167,9 @@ def mesh_quality_figures(counts: NDArray[np.integer[Any]], *, limit: float) -> t
         bulk.stairs(100 * theirs / theirs.sum(), np.linspace(0, 1, len(theirs) + 1), fill=True, color=GREY, alpha=0.35)
         label = f"published, h = {published.CELL_SIZE:g} mm"
         _distribution(bulk, tail, theirs, color="#8C8C8C", linewidth=0.8, label=label)
-        _distribution(bulk, tail, counts, color=BLUE, linewidth=1.2, label="this mesh")
+        for number, (name, counts) in enumerate(meshes.items()):
+            colour, dashes = COLOURS[number % len(COLOURS)], LINES[number // len(COLOURS) % len(LINES)]
+            _distribution(bulk, tail, counts, color=colour, linestyle=dashes, linewidth=1.2, label=name)
         bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")
         tail.set(xlim=(0, 0.9), ylim=(1e-3, 2e6), yscale="log", ylabel="elements above q (per million)")
         tail.axvline(limit, color="black", linestyle="--", linewidth=0.8)

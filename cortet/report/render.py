@@ -137,6 +137,7 @@ def surface_view(
     side: Literal["L", "R"],
     size: tuple[int, int] = (900, 675),
     distances: FloatArray | None = None,
+    darkest: float | None = None,
 ) -> NDArray[np.uint8]:
     """A surface from the left or the right of the head, edges where it is open or branches drawn over it.
 
@@ -145,7 +146,8 @@ def surface_view(
     surface : RAS coordinates, x to the right; it need not be closed
     side : where it is seen from
     size : pixels, width and height
-    distances : (m,) of its faces, mm; they are coloured from white at 0 to black at the largest
+    distances : (m,) of its faces, mm; they are coloured from white at 0 to black at `darkest`
+    darkest : mm; None: the largest distance
 
     Returns
     -------
@@ -165,7 +167,9 @@ def surface_view(
             plotter.add_mesh(shape, color="#D0D0D0", ambient=0.15, diffuse=0.85, smooth_shading=True)
         else:
             shape.cell_data["distance"] = distances
-            plotter.add_mesh(shape, scalars="distance", cmap="Greys", clim=(0, distances.max()), **_FLAT_LIGHT)
+            plotter.add_mesh(
+                shape, scalars="distance", cmap="Greys", clim=(0, darkest or distances.max()), **_FLAT_LIGHT
+            )
         if wrong.n_points:
             plotter.add_mesh(wrong, color=BEYOND, line_width=4, lighting=False)
         middle, extent = (surface.points.min(axis=0) + surface.points.max(axis=0)) / 2, np.ptp(surface.points, axis=0)

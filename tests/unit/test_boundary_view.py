@@ -11,7 +11,7 @@ from shapes import ball_mesh
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.quality import quality
 from cortet.mesh import TetMesh
-from cortet.report.boundary_view import boundary_view, colour_stops, three_js
+from cortet.report.boundary_view import boundary_view, colour_scale, three_js
 
 
 def unpacked(view: dict) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -62,7 +62,7 @@ def test_worst_elements_are_marked() -> None:
 
 
 def test_the_colours_are_those_of_the_pictures() -> None:
-    stops = colour_stops()
+    stops = colour_scale()["colours"]
     assert stops[0] == [253, 231, 37] and stops[-1] == [68, 1, 84]  # viridis, from its end
 
 
