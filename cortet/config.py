@@ -114,12 +114,15 @@ class Cohort(Section):
 
 
 class Phantom(Section):
-    """Synthetic fetal cortex surfaces (surface `phantom` in the sheet)."""
+    """Synthetic fetal cortex surfaces (`phantom` in the sheet)."""
 
     subdivisions: Annotated[int, Field(ge=2, le=7)] = 5
     """Subdivisions of the icosahedron: 5 gives 10,242 vertices, 6 gives 40,962."""
     seed: NonNegativeInt = 0
     """Seed of the individual variation of the sulci."""
+    thickness: Positive = 1.5
+    """Distance of the synthetic white surface (`phantom` in the column `inner`) below the cortex, mm; folds of 30 weeks
+    and more have no room for that."""
 
 
 class Gate(Section):
@@ -533,11 +536,11 @@ class Config(Section):
         step : name of its section
         facts : what is known of the mesh that is asked for, by the names in `_FACTS`
         """
-        # S5 carries the fields onto the final positions as S2 did
-        section = getattr(self, {"solver_ready": "transfer", "separate": "regions"}.get(step, step), None)
-        values = section.model_dump(mode="json", exclude=_CHOICES | _OF_S1) if section is not None else {}
+        name, keys = _PARTS.get(step, (step, None))
+        section = getattr(self, name, None)
+        values = section.model_dump(mode="json", include=keys, exclude=_CHOICES) if section is not None else {}
         if step == "generate" and (facts or {}).get("nested"):
-            values |= self.regions.model_dump(mode="json", include=_OF_S1)
+            values["elements_across"] = self.regions.elements_across
         if values.get("backend") == "auto":  # meshes of a cohort must come from one backend
             values["backend"] = installed_backend()
         return {**values, **{name: (facts or {})[name] for name in _FACTS.get(step, ())}}
@@ -549,8 +552,13 @@ class Config(Section):
 
 #: keys that choose what is run, and are arguments of no function
 _CHOICES = {"enabled", "cell_size", "meshers", "cases", "stages", "variants"}
-#: keys of `regions` that are arguments of S1, where there are regions
-_OF_S1 = {"elements_across"}
+#: steps that take another section than that of their name, or some of its keys
+_PARTS: dict[str, tuple[str, set[str] | None]] = {
+    "phantom": ("phantom", {"subdivisions", "seed"}),
+    "phantom_inner": ("phantom", {"thickness"}),
+    "separate": ("regions", {"min_gap", "max_outside"}),
+    "solver_ready": ("transfer", None),  # S5 carries the fields onto the final positions as S2 did
+}
 #: arguments that differ from mesh to mesh, and stand in no section
 _FACTS = {
     "phantom": ("gestational_age", "hemisphere"),

@@ -10,7 +10,7 @@ from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
 from cortet import __version__
-from cortet.cohort.sheet import chosen, read_sheet
+from cortet.cohort.sheet import PHANTOM, chosen, read_sheet
 from cortet.config import load, version_of
 from cortet.errors import CortetError
 from cortet.formats import FORMATS
@@ -252,6 +252,8 @@ def inner_of(pattern):
 def inner_source(wildcards):
     """File of the sheet for one inner surface of a case."""
     path = CASES[wildcards.case].inner.get(wildcards.inner)
+    if path == PHANTOM:
+        return inner_file("phantom").format(**wildcards)
     return existing(path) if path else []
 
 

@@ -378,7 +378,7 @@ def test_a_phantom_pair_is_separate_and_one_too_folded_is_refused():
     depth, _, _ = depths(surface_tree(pial.points, pial.faces), pial, white.points)
     assert depth.min() > 0.5 and np.median(depth) == pytest.approx(1.5, abs=0.1)
     assert len(self_intersections(joined([pial, white]))) == 0
-    with pytest.raises(InputError, match="give a positive depth"):
+    with pytest.raises(InputError, match="give a positive thickness"):
         inset(pial, 0.0)
 
 
