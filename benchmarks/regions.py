@@ -23,6 +23,7 @@ from cortet.config import load
 from cortet.errors import CortetError
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface
+from cortet.geometry.nesting import nested
 from cortet.measure.certify import certify
 from cortet.measure.quality import quality
 from cortet.mesh import REGION, TetMesh, TriSurface
@@ -46,7 +47,7 @@ def ball(radius: float) -> TriSurface:
 
 def compile_kernels() -> None:
     """Mesh one ball inside another."""
-    list(run(ball(20.0), load({"generate": {"cell_size": 3.0}}), inner={"white": ball(16.0)}))
+    list(run(nested(ball(20.0), {"white": ball(16.0)}), load({"generate": {"cell_size": 3.0}})))
 
 
 def measure(file: Path, cell_size: float, options: argparse.Namespace, answer) -> None:  # type: ignore[no-untyped-def]
@@ -54,12 +55,12 @@ def measure(file: Path, cell_size: float, options: argparse.Namespace, answer) -
     row: dict[str, Any] = {"pair": file.name.removesuffix("_pial.surf.gii"), "h_mm": cell_size}
     compile_kernels()
     inner_file = file.with_name(file.name.replace("_pial.", f"_{options.inner}."))
-    surface, inner = read_surface(file), {options.inner: read_surface(inner_file)}
+    surface = nested(read_surface(file), {options.inner: read_surface(inner_file)})
     reset_peak_memory()
     idle, began = peak_memory_mb() or 0, time.process_time()
     try:
         config = load({"generate": {"cell_size": cell_size}, "regions": {"min_gap": options.min_gap}})
-        for step in run(surface, config, source=file, inner=inner, inner_sources={options.inner: inner_file}):
+        for step in run(surface, config, source=file, inner_sources={options.inner: inner_file}):
             if step.stage == "separate":
                 (did,) = step.report["surfaces"]
                 row |= {"moved": did["vertices_moved"], "cortex_ml_before": did["around_before_ml"]}

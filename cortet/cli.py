@@ -237,15 +237,13 @@ def _mesh(args: argparse.Namespace) -> int:
 
     solver = format_of(args.output).name  # an unknown one is refused before the work, not after
     config, surface = _config(args), _surface(args)
-    inner = dict(args.inner)
-    progress = Progress(config, args.ga, nested=bool(inner))
+    progress = Progress(config, args.ga, nested=bool(surface.inner))
     mesh, certificate, meshed = mesh_surface(
         surface,
         config,
         gestational_age=args.ga,
         source=args.surface,
-        inner=_inner_surfaces(inner),
-        inner_sources=inner,
+        inner_sources=dict(args.inner),
         case=_stem(args.output),
         progress=progress,
     )
@@ -293,14 +291,12 @@ def _stages(args: argparse.Namespace) -> int:
     rows = []
     widths = [max(len(name) + 2, 12) for name in STAGE_COLUMNS]
     print("".join(f"{name:>{width}}" for name, width in zip(STAGE_COLUMNS, widths, strict=True)))
-    inner = dict(args.inner)
     line = run(
         surface,
         config,
         gestational_age=args.ga,
         source=args.surface,
-        inner=_inner_surfaces(inner),
-        inner_sources=inner,
+        inner_sources=dict(args.inner),
     )
     for row in measured_stages(line):
         values = (cell(row[name]) for name in STAGE_COLUMNS)
@@ -640,9 +636,11 @@ def _settings(args: argparse.Namespace) -> dict[str, Any]:
 
 def _surface(args: argparse.Namespace) -> TriSurface:
     from cortet.formats.gifti import read_surface
+    from cortet.geometry.nesting import nested
     from cortet.solver_files.fields import with_fields
 
-    return with_fields(read_surface(args.surface), dict(args.field))
+    surface = with_fields(read_surface(args.surface), dict(args.field))
+    return nested(surface, _inner_surfaces(dict(args.inner)))
 
 
 def _named_file(text: str) -> tuple[str, str]:

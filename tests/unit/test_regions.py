@@ -61,8 +61,7 @@ def pair() -> TriSurface:
 
 @pytest.fixture(scope="module")
 def meshed(pair: TriSurface) -> Meshed:
-    outer = replace(pair, inner={})
-    return mesh_surface(outer, load({"generate": {"cell_size": H}}), inner=pair.inner)
+    return mesh_surface(pair, load({"generate": {"cell_size": H}}))
 
 
 def test_order_and_parents_follow_from_what_contains_what():
@@ -113,7 +112,7 @@ def test_more_elements_across_make_the_cortex_finer_and_the_core_stays():
     found = {}
     for across in (1, 2, 3):
         config = load({"generate": {"cell_size": 1.6}, "regions": {"elements_across": across}})
-        mesh, certificate, _ = mesh_surface(outer, config, inner=inner)
+        mesh, certificate, _ = mesh_surface(nested(outer, inner), config)
         assert certificate.certified and certificate.quality.q.max < 0.45, certificate.reasons
         assert certificate.parameters["generate"]["elements_across"] == across
         cortex = certificate.regions[0]
@@ -154,7 +153,7 @@ def test_smoothing_evens_out_the_interface_on_its_surface_as_the_boundary_on_its
 
 def test_nested_and_disjoint_regions_are_one_body_each():
     inner = {"white": ball(10.0), "ventricle": ball(4.0, (3, 0, 0)), "deep": ball(3.0, (-5, 0, 0))}
-    result = mesh_surface(ball(13.0), load({"generate": {"cell_size": 1.0}}), inner=inner)
+    result = mesh_surface(nested(ball(13.0), inner), load({"generate": {"cell_size": 1.0}}))
     assert result.certificate.certified, result.certificate.reasons
     volumes = {region.name: 1000 * region.volume_ml for region in result.certificate.regions}
     white = volume(ball(10.0)) - volume(ball(4.0)) - volume(ball(3.0))
@@ -202,13 +201,13 @@ def test_an_inner_surface_with_a_hole_is_refused_by_name():
     torn = TriSurface(whole.points, whole.faces[1:])
     config = load({"generate": {"cell_size": H}})
     with pytest.raises(InputError, match=r"torn.gii: not one closed manifold: 3 open edges"):
-        mesh_surface(ball(15.0), config, inner={"white": torn}, inner_sources={"white": "torn.gii"})
+        mesh_surface(nested(ball(15.0), {"white": torn}), config, inner_sources={"white": "torn.gii"})
 
 
 def test_stages_that_know_no_interface_are_refused_beforehand(pair):
     for data in ({"relocate": {"enabled": True}}, {"generate": {"meshers": ["cgal"]}}):
         with pytest.raises(InputError, match="knows no inner surfaces"):
-            mesh_surface(replace(pair, inner={}), load(data), inner=pair.inner)
+            mesh_surface(pair, load(data))
 
 
 def test_the_certificate_sees_a_vertex_off_the_interface_and_a_tetrahedron_on_the_wrong_side(meshed):
@@ -283,7 +282,7 @@ def test_bad_pairs_of_a_real_brain_are_refused_in_these_words(change, words):
     outer, inner = change(pial, white)
     config = load({"generate": {"cell_size": 1.0}})
     with pytest.raises(InputError, match=words):
-        mesh_surface(outer, config, inner={"white": inner}, inner_sources={"white": "white.surf.gii"})
+        mesh_surface(nested(outer, {"white": inner}), config, inner_sources={"white": "white.surf.gii"})
 
 
 @pytest.mark.skipif(not PAIRS.exists(), reason="no ../shared/data/pairs")
@@ -305,9 +304,8 @@ def test_the_same_bits_with_one_and_two_threads(pair, meshed, tmp_path):
     code = (
         "import hashlib\n"
         "import test_regions as t\n"
-        "from dataclasses import asdict, replace\n"
         "pair = t.nested(t.ball(14.0), {'white': t.ball(10.0)})\n"
-        "m = t.mesh_surface(replace(pair, inner={}), t.load({'generate': {'cell_size': t.H}}), inner=pair.inner).mesh\n"
+        "m = t.mesh_surface(pair, t.load({'generate': {'cell_size': t.H}})).mesh\n"
         "print(hashlib.sha256(m.points.tobytes() + m.cells.tobytes() + m.cell_data['region'].tobytes()).hexdigest())"
     )
     found = {
