@@ -566,6 +566,8 @@ _FACTS = {
     "smooth_surface": ("gestational_age",),
     "separate": ("cell_size",),
     "generate": ("cell_size", "mesher"),
+    "clean": ("cell_size",),
+    "reconnect": ("cell_size",),
     "certify": ("cell_size",),
     "fold": ("gestational_age", "hemisphere"),
 }

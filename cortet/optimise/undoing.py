@@ -20,7 +20,7 @@ from cortet.geometry.topology import TET_FACES, packed
 from cortet.measure.quality import quality
 from cortet.mesh import IntArray, TetMesh
 
-#: q of a tetrahedron with some vertices taken back above which its others follow
+#: q of a tetrahedron with some vertices taken back above which its others follow, unless it was as bad before or after
 _WORST = 0.5
 
 
@@ -49,10 +49,15 @@ def undone(before: TetMesh, after: TetMesh, vertices: NDArray[np.integer]) -> tu
         near = touched.any(axis=1)
         near[len(cells) - len(returned) :] = True
         near &= ~touched.all(axis=1)
-        bad = cells[near][quality(points, cells[near]) > _WORST]
-        if not len(bad):
+        mixed = cells[near]
+        worst = np.full(len(mixed), _WORST)
+        for mesh in (before, after):
+            q = quality(mesh.points, mixed)
+            worst = np.maximum(worst, np.where(q < 1, q, 0))
+        bad = quality(points, mixed) > worst
+        if not bad.any():
             break
-        back[bad] = True
+        back[mixed[bad]] = True
     if not len(changes.old):
         return replace(after, points=points), touched.any(axis=1)
 

@@ -60,6 +60,7 @@ def clean(
     boundary: Boundary = "slide",
     improve_mean: bool = True,
     backend: Literal["cortet", "meshtool"] = "cortet",
+    cell_size: float | None = None,
     held: IntArray | None = None,
 ) -> tuple[TetMesh, CleanReport]:
     """Improve the worst tetrahedra by moving vertices.
@@ -74,6 +75,7 @@ def clean(
     improve_mean : also move the vertices of good tetrahedra: first, since that takes most bad ones along, and last,
         without giving up the worst q reached
     backend : our kernel, or an installed `meshtool` (free boundary, no passes for the mean)
+    cell_size : mm, which says how far from `surface` the boundary may slide; None where it is not known
     held : (h,) vertices that stay where they are, for our kernel
 
     Raises
@@ -105,7 +107,7 @@ def clean(
             return move_vertices(start, tree, aims, boundary=boundary, held=held)
 
         if boundary == "slide":
-            result, passes, held = without_crossing(mesh, optimise, surface, held=held)
+            result, passes, held = without_crossing(mesh, optimise, surface, cell_size=cell_size, held=held)
         else:
             result, passes = optimise(mesh, held)
 

@@ -386,7 +386,7 @@ def _filled_with_lattice(
             points, cells = tetrahedralised(joined(walls), nodes)
             region = regions_of(points, cells, walls) if surface.inner else None
             mesh, flat = _well_ordered(points, cells, region)
-            mesh, _ = reconnect(mesh, surface, insert=False)
+            mesh, _ = reconnect(mesh, surface, insert=False, cell_size=cell_size)
             attempt = _judged(mesh, genus, edge_length=edge, passes=(), flat=flat)
             attempt = replace(attempt, problems=attempt.problems + _interface_problems(mesh, surface))
         attempts.append(replace(attempt, refinement=_refinement(made)))
