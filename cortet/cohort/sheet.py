@@ -70,7 +70,7 @@ class Case:
     #: per-vertex fields, name -> GIfTI file
     fields: dict[str, Path] = field(default_factory=dict)
     #: surfaces inside `surface`, name of the region within -> GIfTI file, or `PHANTOM` for that of the region `white`
-    inner: dict[str, Path | str] = field(default_factory=dict)
+    inner: Mapping[str, Path | str] = field(default_factory=dict)
     #: further columns of the sheet, carried through
     extra: dict[str, str] = field(default_factory=dict)
 
