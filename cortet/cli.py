@@ -159,6 +159,16 @@ def parser() -> argparse.ArgumentParser:
     convert.add_argument("--source-unit", choices=["mm", "um"], default="um", help="of a CARP file without a sidecar")
     convert.set_defaults(run=_convert)
 
+    quadratic = commands.add_parser(
+        "quadratic", parents=[common], help="write a mesh as ten-node tetrahedra, midside nodes on the surface"
+    )
+    quadratic.add_argument("mesh", type=Path, metavar="MESH")
+    quadratic.add_argument("surface", type=Path, metavar="SURFACE", help="the surface that was meshed")
+    quadratic.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="OUT", help=".inp, .feb, .msh, .vtu or .xdmf"
+    )
+    quadratic.set_defaults(run=_quadratic)
+
     picture = commands.add_parser("picture", parents=[common], help="draw a mesh cut open, coloured by q")
     picture.add_argument("mesh", type=Path, metavar="MESH")
     picture.add_argument("-o", "--output", type=Path, required=True, metavar="PNG")
@@ -423,6 +433,24 @@ def _convert(args: argparse.Namespace) -> int:
     for change in convert(args.source, args.target, unit=args.unit, source_unit=args.source_unit):
         print(f"{args.target}: {change}")
     print(f"{args.target}: written and verified")
+    return 0
+
+
+def _quadratic(args: argparse.Namespace) -> int:
+    from cortet.formats.gifti import read_surface
+    from cortet.geometry.quadratic import quadratic
+    from cortet.solver_files.ten_nodes import write_ten_nodes
+
+    mesh = _read_mesh(args.mesh)
+    curved = quadratic(mesh, read_surface(args.surface))
+    write_ten_nodes(mesh, curved, args.output)
+    straight = curved.straightened_for_elements + curved.straightened_for_crossings
+    print(
+        f"{curved.curved} edges follow the surface, their middles moved by up to {curved.largest_move_mm:.3f} mm; "
+        f"{straight} were left straight"
+    )
+    print(f"least Jacobian determinant, of that of the straight element: {curved.least_jacobian:.3f}")
+    print(f"{args.output}: written")
     return 0
 
 

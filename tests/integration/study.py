@@ -59,7 +59,8 @@ class Study:
         """Run Snakemake; (rule, case) of the jobs that it ran, with case `-` for those over all cases."""
         began = time.time()
         result = self.run(*arguments)
-        assert (result.returncode == 0) is succeeds, result.stdout + result.stderr
+        self.said = result.stdout + result.stderr
+        assert (result.returncode == 0) is succeeds, self.said
         logs = [path for path in self.logs.rglob("*.log") if path.stat().st_mtime >= began]
         parts = [path.relative_to(self.logs).parts for path in logs]
         return {(part[0].removesuffix(".log"), part[1] if len(part) > 1 else "-") for part in parts}
