@@ -60,7 +60,17 @@ def parser() -> argparse.ArgumentParser:
     common.add_argument("-v", "--verbose", action="store_true", help="say more while working")
     commands = top.add_subparsers(required=True, metavar="COMMAND")
 
-    line = argparse.ArgumentParser(add_help=False)
+    within = argparse.ArgumentParser(add_help=False)
+    within.add_argument(
+        "--inner",
+        action="append",
+        default=[],
+        type=_inner_file,
+        metavar="[NAME=]FILE",
+        help="closed surface inside SURFACE, whose inside is a region NAME (default: white); repeatable",
+    )
+
+    line = argparse.ArgumentParser(add_help=False, parents=[within])
     line.add_argument("surface", type=Path, metavar="SURFACE", help="closed surface, GIfTI, mm")
     line.add_argument("--cell-size", type=float, metavar="MM", help="cell size h (default: 0.6, or what --config says)")
     line.add_argument(
@@ -79,14 +89,6 @@ def parser() -> argparse.ArgumentParser:
         type=_named_file,
         metavar="NAME=FILE",
         help="per-vertex field to carry to the mesh, GIfTI; repeatable",
-    )
-    line.add_argument(
-        "--inner",
-        action="append",
-        default=[],
-        type=_inner_file,
-        metavar="[NAME=]FILE",
-        help="closed surface inside SURFACE, whose inside is a region NAME (default: white); repeatable",
     )
 
     mesh = commands.add_parser("mesh", parents=[common, line], help="mesh one surface and certify the mesh")
@@ -122,11 +124,12 @@ def parser() -> argparse.ArgumentParser:
         "--cell-size",
         type=float,
         metavar="MM",
-        help="cell size h; the surface may be half of it from the boundary (default: not known, no limit)",
+        help="cell size h; the surface may be half of it from the boundary, and inner surfaces are moved away from it "
+        "first, as for meshing (default: not known, no limit)",
     )
 
     certify = commands.add_parser(
-        "certify", parents=[common, limits], help="judge a mesh against the surface it was made from"
+        "certify", parents=[common, within, limits], help="judge a mesh against the surface it was made from"
     )
     certify.add_argument("mesh", type=Path, metavar="MESH")
     certify.add_argument("surface", type=Path, metavar="SURFACE")
@@ -244,15 +247,13 @@ def _mesh(args: argparse.Namespace) -> int:
 
     solver = format_of(args.output).name  # an unknown one is refused before the work, not after
     config, surface = _config(args), _surface(args)
-    inner = dict(args.inner)
-    progress = Progress(config, args.ga, nested=bool(inner))
+    progress = Progress(config, args.ga, nested=bool(surface.inner))
     mesh, certificate, meshed = mesh_surface(
         surface,
         config,
         gestational_age=args.ga,
         source=args.surface,
-        inner=_inner_surfaces(inner),
-        inner_sources=inner,
+        inner_sources=dict(args.inner),
         case=_stem(args.output),
         progress=progress,
     )
@@ -300,14 +301,12 @@ def _stages(args: argparse.Namespace) -> int:
     rows = []
     widths = [max(len(name) + 2, 12) for name in STAGE_COLUMNS]
     print("".join(f"{name:>{width}}" for name, width in zip(STAGE_COLUMNS, widths, strict=True)))
-    inner = dict(args.inner)
     line = run(
         surface,
         config,
         gestational_age=args.ga,
         source=args.surface,
-        inner=_inner_surfaces(inner),
-        inner_sources=inner,
+        inner_sources=dict(args.inner),
     )
     for row in measured_stages(line):
         values = (cell(row[name]) for name in STAGE_COLUMNS)
@@ -342,10 +341,20 @@ def _quality(args: argparse.Namespace) -> int:
 
 
 def _certify(args: argparse.Namespace) -> int:
+    from cortet.config import Config
     from cortet.formats.atomic import write_json
     from cortet.formats.gifti import read_surface
+    from cortet.geometry.nesting import nested
+    from cortet.solver_files.sets import with_regions
+    from cortet.stages.separate import separate
 
-    certificate = _judged(_read_mesh(args.mesh), read_surface(args.surface), args.mesh, args)
+    mesh, surface = _read_mesh(args.mesh), read_surface(args.surface)
+    if args.inner:
+        surface = nested(surface, _inner_surfaces(dict(args.inner)))
+        mesh = with_regions(mesh, list(surface.inner))
+        if args.cell_size is not None:
+            surface, _ = separate(surface, **Config().arguments("separate", {"cell_size": args.cell_size}))
+    certificate = _judged(mesh, surface, args.mesh, args)
     if args.output:
         write_json(asdict(certificate), args.output)
     for check in certificate.checks:
@@ -655,9 +664,11 @@ def _settings(args: argparse.Namespace) -> dict[str, Any]:
 
 def _surface(args: argparse.Namespace) -> TriSurface:
     from cortet.formats.gifti import read_surface
+    from cortet.geometry.nesting import nested
     from cortet.solver_files.fields import with_fields
 
-    return with_fields(read_surface(args.surface), dict(args.field))
+    surface = with_fields(read_surface(args.surface), dict(args.field))
+    return nested(surface, _inner_surfaces(dict(args.inner)))
 
 
 def _named_file(text: str) -> tuple[str, str]:

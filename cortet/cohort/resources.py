@@ -45,6 +45,7 @@ COSTS = {
     "gate": Cost((600, 0), (7, 0)),
     "fields": Cost((600, 0), (5, 0)),
     "smooth_surface": Cost((600, 0), (7, 0)),
+    "phantom_inner": Cost((600, 0), (15, 0)),
     "gate_inner": Cost((600, 0), (7, 0)),
     "smooth_inner": Cost((600, 0), (7, 0)),
     "separate": Cost((700, 0), (15, 0)),
