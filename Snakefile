@@ -22,6 +22,11 @@ include: "rules/simulation.smk"
 include: "rules/failures.smk"
 
 
+# What is farther down the line goes first: the first cases are done while the last ones wait.
+for place, made_by in enumerate(workflow.rules):
+    made_by.priority = place
+
+
 localrules:
     all,
     meshes,

@@ -1,17 +1,19 @@
 """Meshes of two regions: white inside pial. How good they are, how near both surfaces, and what that costs.
 
-    python benchmarks/regions.py PIAL... [--cell-sizes 1.0] [--inner white] [--min-gap 0.5] [--keep FOLDER]
+    python benchmarks/regions.py PIAL... [--cell-sizes 1.0] [--inner white] [--min-gaps 0.5] [--elements-across 1]
+                                         [--keep FOLDER]
 
-The inner surface of `X_pial.surf.gii` is `X_white.surf.gii` beside it. One row per pair and cell size, of the whole
-line on the surfaces as they are (not smoothed) and the certificate. `moved` is what `separate` did. Each row comes from
-a process of its own with kernels compiled; CPU seconds are those of all threads, without reading and the certificate;
-MB those above the idle process.
+The inner surface of `X_pial.surf.gii` is `X_white.surf.gii` beside it. One row per pair, cell size, gap and number of
+elements, of the whole line on the surfaces as they are (not smoothed) and the certificate. `moved` is what `separate`
+did. Each row comes from a process of its own with kernels compiled; CPU seconds are those of all threads, without
+reading and the certificate; MB those above the idle process.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from cortet.config import load
 from cortet.errors import CortetError
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface
+from cortet.geometry.nesting import nested
 from cortet.measure.certify import certify
 from cortet.measure.quality import quality
 from cortet.mesh import REGION, TetMesh, TriSurface
@@ -30,7 +33,8 @@ from cortet.pipeline import run
 from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 
 COLUMNS = (
-    *("pair", "h_mm", "certified", "tets", "q_max", "q_mean", "q_mean_cortex", "above_0.45", "euler"),
+    *("pair", "h_mm", "min_gap_h", "across", "certified", "tets", "q_max", "q_mean", "q_mean_cortex"),
+    *("above_0.45", "euler"),
     *("nodes_off_max_mm", "interface_nodes_off_max_mm", "surface_off_max_h", "interface_off_max_h"),
     *("cortex_volume_change", "edges_across_least", "edges_across_p5", "edges_across_median"),
     *("moved", "moved_mean_mm", "moved_max_mm", "cortex_ml_before", "cortex_ml", "edge_length_h"),
@@ -46,20 +50,23 @@ def ball(radius: float) -> TriSurface:
 
 def compile_kernels() -> None:
     """Mesh one ball inside another."""
-    list(run(ball(20.0), load({"generate": {"cell_size": 3.0}}), inner={"white": ball(16.0)}))
+    list(run(nested(ball(20.0), {"white": ball(16.0)}), load({"generate": {"cell_size": 3.0}})))
 
 
-def measure(file: Path, cell_size: float, options: argparse.Namespace, answer) -> None:  # type: ignore[no-untyped-def]
+def measure(file: Path, values: tuple[float, float, int], options: argparse.Namespace, answer) -> None:  # type: ignore[no-untyped-def]
     """Run the line in this process and send back the row of its mesh."""
-    row: dict[str, Any] = {"pair": file.name.removesuffix("_pial.surf.gii"), "h_mm": cell_size}
+    cell_size, min_gap, across = values
+    row: dict[str, Any] = {"pair": file.name.removesuffix("_pial.surf.gii")}
+    row |= {"h_mm": cell_size, "min_gap_h": min_gap, "across": across}
     compile_kernels()
     inner_file = file.with_name(file.name.replace("_pial.", f"_{options.inner}."))
-    surface, inner = read_surface(file), {options.inner: read_surface(inner_file)}
+    surface = nested(read_surface(file), {options.inner: read_surface(inner_file)})
     reset_peak_memory()
     idle, began = peak_memory_mb() or 0, time.process_time()
     try:
-        config = load({"generate": {"cell_size": cell_size}, "regions": {"min_gap": options.min_gap}})
-        for step in run(surface, config, source=file, inner=inner, inner_sources={options.inner: inner_file}):
+        regions = {"min_gap": min_gap, "elements_across": across}
+        config = load({"generate": {"cell_size": cell_size}, "regions": regions})
+        for step in run(surface, config, source=file, inner_sources={options.inner: inner_file}):
             if step.stage == "separate":
                 (did,) = step.report["surfaces"]
                 row |= {"moved": did["vertices_moved"], "cortex_ml_before": did["around_before_ml"]}
@@ -74,11 +81,11 @@ def measure(file: Path, cell_size: float, options: argparse.Namespace, answer) -
     assert isinstance(mesh, TetMesh)  # the line ends with a mesh
     if options.keep:
         options.keep.mkdir(parents=True, exist_ok=True)
-        vtu.write(mesh, options.keep / f"{row['pair']}_{cell_size:g}.vtu")
+        vtu.write(mesh, options.keep / f"{row['pair']}_{cell_size:g}_{across}.vtu")
     verdict = certify(mesh, step.surface, **config.arguments("certify", {"cell_size": cell_size}))
     (interface,) = verdict.interfaces
-    q, across = quality(mesh.points, mesh.cells), verdict.regions[0].edges_across
-    assert across is not None  # the cortex has the white surface inside it
+    q, edges = quality(mesh.points, mesh.cells), verdict.regions[0].edges_across
+    assert edges is not None  # the cortex has the white surface inside it
     answer.send(
         row
         | {
@@ -94,9 +101,9 @@ def measure(file: Path, cell_size: float, options: argparse.Namespace, answer) -
             "surface_off_max_h": verdict.fidelity.surface_to_boundary_mm.max / cell_size,
             "interface_off_max_h": interface.surface_to_interface_mm.max / cell_size,
             "cortex_volume_change": verdict.regions[0].relative_volume_change,
-            "edges_across_least": across.least,
-            "edges_across_p5": across.p5,
-            "edges_across_median": across.median,
+            "edges_across_least": edges.least,
+            "edges_across_p5": edges.p5,
+            "edges_across_median": edges.median,
             "cpu_seconds": seconds,
             "tets_per_cpu_second": len(q) / seconds,
             "MB_per_million_tets": memory / len(q) * 1e6,
@@ -111,13 +118,14 @@ def main() -> None:
     parser.add_argument("pials", nargs="+", type=Path)
     parser.add_argument("--cell-sizes", nargs="+", type=float, default=[1.0])
     parser.add_argument("--inner", default="white")
-    parser.add_argument("--min-gap", type=float, default=0.5, help="as regions.min_gap")
+    parser.add_argument("--min-gaps", nargs="+", type=float, default=[0.5], help="values of regions.min_gap")
+    parser.add_argument("--elements-across", nargs="+", type=int, default=[1], help="of regions.elements_across")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="write the meshes there")
     options = parser.parse_args()
     print(*COLUMNS, sep="\t")
     for file in options.pials:
-        for cell_size in options.cell_sizes:
-            print_row(COLUMNS, {"pair": file.name} | in_own_process(measure, file, cell_size, options))
+        for values in product(options.cell_sizes, options.min_gaps, options.elements_across):
+            print_row(COLUMNS, {"pair": file.name} | in_own_process(measure, file, values, options))
 
 
 if __name__ == "__main__":

@@ -60,7 +60,17 @@ def parser() -> argparse.ArgumentParser:
     common.add_argument("-v", "--verbose", action="store_true", help="say more while working")
     commands = top.add_subparsers(required=True, metavar="COMMAND")
 
-    line = argparse.ArgumentParser(add_help=False)
+    within = argparse.ArgumentParser(add_help=False)
+    within.add_argument(
+        "--inner",
+        action="append",
+        default=[],
+        type=_inner_file,
+        metavar="[NAME=]FILE",
+        help="closed surface inside SURFACE, whose inside is a region NAME (default: white); repeatable",
+    )
+
+    line = argparse.ArgumentParser(add_help=False, parents=[within])
     line.add_argument("surface", type=Path, metavar="SURFACE", help="closed surface, GIfTI, mm")
     line.add_argument("--cell-size", type=float, metavar="MM", help="cell size h (default: 0.6, or what --config says)")
     line.add_argument(
@@ -79,14 +89,6 @@ def parser() -> argparse.ArgumentParser:
         type=_named_file,
         metavar="NAME=FILE",
         help="per-vertex field to carry to the mesh, GIfTI; repeatable",
-    )
-    line.add_argument(
-        "--inner",
-        action="append",
-        default=[],
-        type=_inner_file,
-        metavar="[NAME=]FILE",
-        help="closed surface inside SURFACE, whose inside is a region NAME (default: white); repeatable",
     )
 
     mesh = commands.add_parser("mesh", parents=[common, line], help="mesh one surface and certify the mesh")
@@ -134,11 +136,12 @@ def parser() -> argparse.ArgumentParser:
         "--cell-size",
         type=float,
         metavar="MM",
-        help="cell size h; the surface may be half of it from the boundary (default: not known, no limit)",
+        help="cell size h; the surface may be half of it from the boundary, and inner surfaces are moved away from it "
+        "first, as for meshing (default: not known, no limit)",
     )
 
     certify = commands.add_parser(
-        "certify", parents=[common, limits], help="judge a mesh against the surface it was made from"
+        "certify", parents=[common, within, limits], help="judge a mesh against the surface it was made from"
     )
     certify.add_argument("mesh", type=Path, metavar="MESH")
     certify.add_argument("surface", type=Path, metavar="SURFACE")
@@ -167,6 +170,16 @@ def parser() -> argparse.ArgumentParser:
     convert.add_argument("--unit", choices=["mm", "um"], default="um", help="of a CARP file that is written")
     convert.add_argument("--source-unit", choices=["mm", "um"], default="um", help="of a CARP file without a sidecar")
     convert.set_defaults(run=_convert)
+
+    quadratic = commands.add_parser(
+        "quadratic", parents=[common], help="write a mesh as ten-node tetrahedra, midside nodes on the surface"
+    )
+    quadratic.add_argument("mesh", type=Path, metavar="MESH")
+    quadratic.add_argument("surface", type=Path, metavar="SURFACE", help="the surface that was meshed")
+    quadratic.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="OUT", help=".inp, .feb, .msh, .vtu or .xdmf"
+    )
+    quadratic.set_defaults(run=_quadratic)
 
     picture = commands.add_parser("picture", parents=[common], help="draw a mesh cut open, coloured by q")
     picture.add_argument("mesh", type=Path, metavar="MESH")
@@ -248,15 +261,13 @@ def _mesh(args: argparse.Namespace) -> int:
     solver = format_of(args.output).name  # an unknown one is refused before the work, not after
     config = _config(args)
     surface = _surface(args, config)
-    inner = dict(args.inner)
-    progress = Progress(config, args.ga, nested=bool(inner))
+    progress = Progress(config, args.ga, nested=bool(surface.inner))
     mesh, certificate, meshed = mesh_surface(
         surface,
         config,
         gestational_age=args.ga,
         source=args.surface,
-        inner=_inner_surfaces(inner, config),
-        inner_sources=inner,
+        inner_sources=dict(args.inner),
         case=_stem(args.output),
         progress=progress,
     )
@@ -306,14 +317,12 @@ def _stages(args: argparse.Namespace) -> int:
     rows = []
     widths = [max(len(name) + 2, 12) for name in STAGE_COLUMNS]
     print("".join(f"{name:>{width}}" for name, width in zip(STAGE_COLUMNS, widths, strict=True)))
-    inner = dict(args.inner)
     line = run(
         surface,
         config,
         gestational_age=args.ga,
         source=args.surface,
-        inner=_inner_surfaces(inner, config),
-        inner_sources=inner,
+        inner_sources=dict(args.inner),
     )
     for row in measured_stages(line):
         values = (cell(row[name]) for name in STAGE_COLUMNS)
@@ -343,14 +352,16 @@ def _gate(args: argparse.Namespace) -> int:
 def _repair(args: argparse.Namespace) -> int:
     from cortet.config import load
     from cortet.formats.atomic import write_json
-    from cortet.formats.gifti import write_surface
+    from cortet.formats.gifti import read_surface, write_surface
     from cortet.formats.placement import placed
     from cortet.geometry.mending import measurable
     from cortet.measure.lost import distances_to
+    from cortet.solver_files.fields import with_fields
     from cortet.stages.repair import repair
 
     config = load(args.config or {})
-    given = placed(_surface(args, config), config.placement())
+    given = with_fields(read_surface(args.surface, finite=False), dict(args.field))
+    given = placed(given, config.placement())
     made, report = repair(given, **config.arguments("repair", {"source": str(args.surface)}))
     write_surface(made, args.output)
     record = args.output.with_name(f"{_stem(args.output)}.repair.json")
@@ -381,10 +392,20 @@ def _quality(args: argparse.Namespace) -> int:
 
 
 def _certify(args: argparse.Namespace) -> int:
+    from cortet.config import Config
     from cortet.formats.atomic import write_json
     from cortet.formats.gifti import read_surface
+    from cortet.geometry.nesting import nested
+    from cortet.solver_files.sets import with_regions
+    from cortet.stages.separate import separate
 
-    certificate = _judged(_read_mesh(args.mesh), read_surface(args.surface), args.mesh, args)
+    mesh, surface = _read_mesh(args.mesh), read_surface(args.surface)
+    if args.inner:
+        surface = nested(surface, _inner_surfaces(dict(args.inner)))
+        mesh = with_regions(mesh, list(surface.inner))
+        if args.cell_size is not None:
+            surface, _ = separate(surface, **Config().arguments("separate", {"cell_size": args.cell_size}))
+    certificate = _judged(mesh, surface, args.mesh, args)
     if args.output:
         write_json(asdict(certificate), args.output)
     for check in certificate.checks:
@@ -463,6 +484,24 @@ def _convert(args: argparse.Namespace) -> int:
     for change in convert(args.source, args.target, unit=args.unit, source_unit=args.source_unit):
         print(f"{args.target}: {change}")
     print(f"{args.target}: written and verified")
+    return 0
+
+
+def _quadratic(args: argparse.Namespace) -> int:
+    from cortet.formats.gifti import read_surface
+    from cortet.geometry.quadratic import quadratic
+    from cortet.solver_files.ten_nodes import write_ten_nodes
+
+    mesh = _read_mesh(args.mesh)
+    curved = quadratic(mesh, read_surface(args.surface))
+    write_ten_nodes(mesh, curved, args.output)
+    straight = curved.straightened_for_elements + curved.straightened_for_crossings
+    print(
+        f"{curved.curved} edges follow the surface, their middles moved by up to {curved.largest_move_mm:.3f} mm; "
+        f"{straight} were left straight"
+    )
+    print(f"least Jacobian determinant, of that of the straight element: {curved.least_jacobian:.3f}")
+    print(f"{args.output}: written")
     return 0
 
 
@@ -676,9 +715,12 @@ def _settings(args: argparse.Namespace) -> dict[str, Any]:
 
 def _surface(args: argparse.Namespace, config: Config) -> TriSurface:
     from cortet.formats.gifti import read_surface
+    from cortet.geometry.nesting import nested
     from cortet.solver_files.fields import with_fields
 
-    return with_fields(read_surface(args.surface, finite=not config.enabled("repair")), dict(args.field))
+    finite = not config.enabled("repair")
+    surface = with_fields(read_surface(args.surface, finite=finite), dict(args.field))
+    return nested(surface, _inner_surfaces(dict(args.inner), finite=finite))
 
 
 def _named_file(text: str) -> tuple[str, str]:
@@ -701,10 +743,10 @@ def _inner_file(text: str) -> tuple[str, str]:
     return name, file
 
 
-def _inner_surfaces(files: Mapping[str, str], config: Config) -> dict[str, TriSurface]:
+def _inner_surfaces(files: Mapping[str, str], *, finite: bool = True) -> dict[str, TriSurface]:
     from cortet.formats.gifti import read_surface
 
-    return {name: read_surface(file, finite=not config.enabled("repair")) for name, file in files.items()}
+    return {name: read_surface(file, finite=finite) for name, file in files.items()}
 
 
 def _stem(path: Path) -> str:

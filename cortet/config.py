@@ -115,12 +115,15 @@ class Cohort(Section):
 
 
 class Phantom(Section):
-    """Synthetic fetal cortex surfaces (surface `phantom` in the sheet)."""
+    """Synthetic fetal cortex surfaces (`phantom` in the sheet)."""
 
     subdivisions: Annotated[int, Field(ge=2, le=7)] = 5
     """Subdivisions of the icosahedron: 5 gives 10,242 vertices, 6 gives 40,962."""
     seed: NonNegativeInt = 0
     """Seed of the individual variation of the sulci."""
+    thickness: Positive = 1.5
+    """Distance of the synthetic white surface (`phantom` in the column `inner`) below the cortex, mm; folds of 30 weeks
+    and more have no room for that."""
 
 
 class Repair(Section):
@@ -171,6 +174,9 @@ class Regions(Section):
     medial wall, they are moved inward."""
     max_outside: Positive = 0.5
     """Farthest that an inner surface may lie outside the one around it and still be moved inside, mm."""
+    elements_across: Annotated[int, Field(ge=1, le=6)] = 1
+    """Tetrahedra through the cortex, between the outer surface and those inside it, at least: cells there become
+    smaller for it, down to 0.35 h, and grow to h away from it. The certificate says what came of it."""
 
 
 class Generate(Section):
@@ -221,6 +227,9 @@ class Generate(Section):
     """lattice: how many times larger cells are in the core; the cortex keeps h."""
     core_depth: Positive = 6.0
     """lattice: depth below the surface where the core begins, mm."""
+    size_field: str | None = None
+    """lattice: field of the surface that says the cell size at each vertex, mm, where it is to be smaller than h (down
+    to 0.35 h); cells grow to h away from there."""
 
 
 class Transfer(Section):
@@ -524,7 +533,8 @@ class Config(Section):
         for key, in_the_way in {
             f"generate.meshers: {', '.join(self.generate.meshers)}": self.generate.meshers != ["lattice"],
             "relocate.enabled: true": self.relocate.enabled,
-            "smooth_boundary.enabled: true": self.smooth_boundary.enabled,
+            "smooth_boundary.onto_surface: false": self.smooth_boundary.enabled
+            and not self.smooth_boundary.onto_surface,
             "clean.boundary: free": self.clean.enabled and self.clean.boundary == "free",
             "reconnect.boundary: free": self.reconnect.enabled and self.reconnect.boundary == "free",
         }.items():
@@ -550,9 +560,11 @@ class Config(Section):
         step : name of its section
         facts : what is known of the mesh that is asked for, by the names in `_FACTS`
         """
-        # S5 carries the fields onto the final positions as S2 did
-        section = getattr(self, {"solver_ready": "transfer", "separate": "regions"}.get(step, step), None)
-        values = section.model_dump(mode="json", exclude=_CHOICES) if section is not None else {}
+        name, keys = _PARTS.get(step, (step, None))
+        section = getattr(self, name, None)
+        values = section.model_dump(mode="json", include=keys, exclude=_CHOICES) if section is not None else {}
+        if step == "generate" and (facts or {}).get("nested"):
+            values["elements_across"] = self.regions.elements_across
         if step == "repair":  # handles that the gate lets in stay
             values["allow_genus"] = self.gate.allow_genus
         if values.get("backend") == "auto":  # meshes of a cohort must come from one backend
@@ -582,6 +594,13 @@ class Config(Section):
 
 #: keys that choose what is run, and are arguments of no function
 _CHOICES = {"enabled", "cell_size", "meshers", "cases", "stages", "variants", "unit", "affine"}
+#: steps that take another section than that of their name, or some of its keys
+_PARTS: dict[str, tuple[str, set[str] | None]] = {
+    "phantom": ("phantom", {"subdivisions", "seed"}),
+    "phantom_inner": ("phantom", {"thickness"}),
+    "separate": ("regions", {"min_gap", "max_outside"}),
+    "solver_ready": ("transfer", None),  # S5 carries the fields onto the final positions as S2 did
+}
 #: arguments that differ from mesh to mesh, and stand in no section
 _FACTS = {
     "phantom": ("gestational_age", "hemisphere"),
@@ -590,6 +609,8 @@ _FACTS = {
     "smooth_surface": ("gestational_age",),
     "separate": ("cell_size",),
     "generate": ("cell_size", "mesher"),
+    "clean": ("cell_size",),
+    "reconnect": ("cell_size",),
     "certify": ("cell_size",),
     "fold": ("gestational_age", "hemisphere"),
 }

@@ -158,19 +158,20 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
     return single_precision(TriSurface(points, faces))
 
 
-def inset(surface: TriSurface, depth: float) -> TriSurface:
-    """A white surface within a pial one: its vertices moved inward, smoothly, until they are `depth` mm below it.
+def inset(surface: TriSurface, thickness: float) -> TriSurface:
+    """A white surface within a pial one: its vertices moved inward, smoothly, until they are `thickness` mm below it.
 
     Where a gyrus is too thin for that they are less deep, as `separate` does it.
 
     Raises
     ------
-    InputError : the depth is not positive, or too large for the shape
+    InputError : the thickness is not positive, or too large for the shape
     """
-    if not depth > 0:
-        raise InputError(f"a white surface cannot lie {depth:g} mm below the pial one", remedy="give a positive depth")
+    if not thickness > 0:
+        what = f"a white surface cannot lie {thickness:g} mm below the pial one"
+        raise InputError(what, remedy="give a positive thickness")
     white = surface
-    for reached in np.linspace(0, depth, int(np.ceil(depth / _INSET_STEP)) + 1)[1:]:
+    for reached in np.linspace(0, thickness, int(np.ceil(thickness / _INSET_STEP)) + 1)[1:]:
         moved, _ = separate(nested(surface, {"white": white}), cell_size=float(reached), min_gap=1.0)
         white = moved.inner["white"]
         rounder = white.points

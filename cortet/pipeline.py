@@ -68,19 +68,18 @@ def run(
     *,
     gestational_age: float | None = None,
     source: str | Path | None = None,
-    inner: Mapping[str, TriSurface] | None = None,
     inner_sources: Mapping[str, str | Path] | None = None,
 ) -> Iterator[Step]:
     """Run the line and hand out every stage when it is done.
 
     Parameters
     ----------
-    surface : as read, also with coordinates that are not finite where the line repairs
+    surface : as read, with its inner surfaces by the names of the regions inside them; coordinates need not be finite
+        where the line repairs
     config : of the line; the first of its cell sizes and meshers counts
     gestational_age : weeks; None leaves out smoothing, whose strength depends on it
     source : file of the surface, named in messages
-    inner : name of a region -> the surface around it, inside `surface`
-    inner_sources : their files
+    inner_sources : likewise of the inner surfaces, by name
 
     Raises
     ------
@@ -94,18 +93,19 @@ def run(
     config.require_programs()
     for notice in config.notices():
         logger.warning(notice)
-    to_mm = config.placement()
+    inner, to_mm = bool(surface.inner), config.placement()
     facts = {
         "source": str(source) if source is not None else None,
         "gestational_age": gestational_age,
         "cell_size": config.generate.cell_size[0],
         "mesher": config.generate.meshers[0],
         "placement": to_mm,
+        "nested": inner,
     }
-    within = {name: placed(one, to_mm) for name, one in (inner or {}).items()}
-    latest: dict[str, Any] = {"surface": nested(placed(surface, to_mm), within)}
-    config.require_nesting(bool(inner))
-    for stage in map(STAGES.__getitem__, stages(config, gestational_age=gestational_age, nested=bool(inner))):
+    surface = placed(surface, to_mm)
+    latest: dict[str, Any] = {"surface": nested(surface, surface.inner)}
+    config.require_nesting(inner)
+    for stage in map(STAGES.__getitem__, stages(config, gestational_age=gestational_age, nested=inner)):
         taken = [latest[kind] for kind in stage.takes]
         began = time.perf_counter()
         latest[stage.gives], report = stage.function(*taken, **config.arguments(stage.name, facts))
@@ -142,7 +142,6 @@ def mesh_surface(
     *,
     gestational_age: float | None = None,
     source: str | Path | None = None,
-    inner: Mapping[str, TriSurface] | None = None,
     inner_sources: Mapping[str, str | Path] | None = None,
     case: str = "",
     progress: Callable[[Step], None] = lambda _: None,
@@ -160,7 +159,6 @@ def mesh_surface(
         config,
         gestational_age=gestational_age,
         source=source,
-        inner=inner,
         inner_sources=inner_sources,
     )
     for step in line:

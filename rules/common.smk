@@ -10,7 +10,7 @@ from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
 from cortet import __version__
-from cortet.cohort.sheet import chosen, read_sheet
+from cortet.cohort.sheet import PHANTOM, chosen, read_sheet
 from cortet.config import load, version_of
 from cortet.errors import CortetError
 from cortet.formats import FORMATS
@@ -194,6 +194,7 @@ def facts_of(wildcards):
     case = CASES[wildcards.case]
     facts = {"source": str(case.surface), "gestational_age": case.scan_age, "hemisphere": case.hemi}
     facts["placement"] = placement_of(wildcards)
+    facts["nested"] = bool(case.inner)
     if "res" in wildcards.keys():
         facts |= {"cell_size": int(wildcards.res) / 1000, "mesher": wildcards.get("mesher")}
     if "inner" in wildcards.keys():
@@ -263,6 +264,8 @@ def inner_of(pattern):
 def inner_source(wildcards):
     """File of the sheet for one inner surface of a case."""
     path = CASES[wildcards.case].inner.get(wildcards.inner)
+    if path == PHANTOM:
+        return inner_file("phantom").format(**wildcards)
     return existing(path) if path else []
 
 
@@ -305,6 +308,11 @@ def surface_of(wildcards):
 def fields_of(wildcards):
     """The file of the case's fields; nothing when it has none."""
     return surface_file("fields") if CASES[wildcards.case].fields else []
+
+
+def size_field_of(wildcards):
+    """The same where S1 follows one of them; nothing where it does not, and other fields do not make it run again."""
+    return fields_of(wildcards) if CONFIG.generate.size_field else []
 
 
 CERTIFICATE = mesh_file("Solver", "certificate.json")

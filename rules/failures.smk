@@ -115,6 +115,12 @@ onstart:
         raise WorkflowError(str(error)) from None
     # a table of an earlier run must not pass for this one's, should this one be killed
     delete_outputs(job for job in workflow.dag.needrun_jobs() if job.rule.name in OVER_ALL_CASES)
+    # Under a limit of jobs per second (100 by default) Snakemake starts a timer at every look at its queue, to look again
+    # a second later: each job that ends adds one more such look per second, for good, and after some hundred jobs the
+    # main process does little else. A limit that the user gives stays.
+    limit = workflow.scheduling_settings.max_jobs_per_timespan
+    if limit and (limit.max_jobs, limit.timespan) == (100, 1):
+        workflow.scheduler.job_rate_limiter = None
 
 
 onerror:

@@ -9,6 +9,7 @@ rule generate:
     input:
         surface=MESHED_SURFACE,
         inner=inner_of(INNER_SURFACE),
+        fields=size_field_of,
     output:
         mesh=intermediate(mesh_file("Generated")),
         report=mesh_file("Generated", "tetmesh.json"),

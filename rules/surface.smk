@@ -21,6 +21,28 @@ rule phantom:
         "../scripts/phantom.py"
 
 
+rule phantom_inner:
+    """A synthetic white surface within the cortex."""
+    input:
+        surface=surface_file("phantom"),
+    output:
+        surface=inner_file("phantom"),
+    log:
+        inner_log("phantom_inner"),
+    benchmark:
+        inner_log("phantom_inner", "tsv")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes("phantom_inner"),
+        runtime=minutes("phantom_inner"),
+    params:
+        arguments=partial(arguments_of, "phantom_inner"),
+        version=version_of("phantom"),
+    script:
+        "../scripts/phantom_inner.py"
+
+
 rule repair:
     """Repair a broken surface within limits; one without a flaw stays as it is."""
     input:

@@ -11,7 +11,8 @@ from cortet.formats.atomic import write_json
 from cortet.measure.quality import summarise
 from cortet.stages.generate import generate
 
-mesh, report = generate(gifti.read_nested(job.input.surface, job.input.inner), **job.arguments)
+surface = gifti.read_nested(job.input.surface, job.input.inner, job.input.get("fields"))
+mesh, report = generate(surface, **job.arguments)
 vtu.write(mesh, job.output.mesh)
 write_json(job.record(asdict(report)), job.output.report)
 write_json(job.record(asdict(summarise(mesh))), job.output.quality)

@@ -1,6 +1,6 @@
 """One of the stages that make a mesh out of a mesh: S3 to S6."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 from _job import start
 
@@ -15,10 +15,7 @@ from cortet.stages import STAGES
 stage = STAGES[snakemake.rule]
 given: dict[str, TetMesh | TriSurface] = {"mesh": vtu.read(job.input.mesh)}
 if "surface" in stage.takes:
-    surface = gifti.read_nested(job.input.surface, job.input.inner)
-    if job.input.get("fields"):
-        surface = replace(surface, point_data=gifti.read_surface(job.input.fields).point_data)
-    given["surface"] = surface
+    given["surface"] = gifti.read_nested(job.input.surface, job.input.inner, job.input.get("fields"))
 mesh, report = stage.function(*(given[kind] for kind in stage.takes), **job.arguments)
 vtu.write(mesh, job.output.mesh)
 write_json(job.record(asdict(report)), job.output.report)

@@ -11,9 +11,7 @@ from cortet.formats.atomic import write_json
 from cortet.measure.quality import summarise
 from cortet.stages.transfer import transfer
 
-surface = gifti.read_nested(job.input.surface, job.input.inner)
-if job.input.fields:
-    surface = replace(surface, point_data=gifti.read_surface(job.input.fields).point_data)
+surface = gifti.read_nested(job.input.surface, job.input.inner, job.input.get("fields"))
 mesh, report = transfer(vtu.read(job.input.mesh), surface, **job.arguments)
 vtu.write(mesh, job.output.mesh)
 carp.write(replace(mesh, point_data={}), job.output.carp[0])

@@ -47,6 +47,7 @@ COSTS = {
     "fields": Cost((700, 0), (15, 0)),
     "smooth_surface": Cost((600, 0), (7, 0)),
     "repair_inner": Cost((700, 0), (15, 0)),
+    "phantom_inner": Cost((600, 0), (15, 0)),
     "gate_inner": Cost((600, 0), (7, 0)),
     "smooth_inner": Cost((600, 0), (7, 0)),
     "separate": Cost((700, 0), (15, 0)),

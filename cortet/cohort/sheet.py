@@ -28,7 +28,8 @@ from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
 from cortet.mesh import OUTERMOST
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
-#: value of column `surface` that stands for a synthetic cortex of the row's age and hemisphere
+#: value of column `surface` that stands for a synthetic cortex of the row's age and hemisphere, and of column `inner`
+#: for a white surface within it
 PHANTOM = "phantom"
 #: ages a surface can plausibly have, gestational weeks: below there is no cortical plate to mesh, above lies infancy
 SCAN_AGE_RANGE = (12.0, 60.0)
@@ -71,8 +72,8 @@ class Case:
     exclude_reason: str = ""
     #: per-vertex fields, name -> GIfTI file
     fields: dict[str, Path] = field(default_factory=dict)
-    #: surfaces inside `surface`, name of the region within -> GIfTI file
-    inner: dict[str, Path] = field(default_factory=dict)
+    #: surfaces inside `surface`, name of the region within -> GIfTI file, or `PHANTOM` for that of the region `white`
+    inner: Mapping[str, Path | str] = field(default_factory=dict)
     #: unit of the coordinates, and an image with the voxel-to-mm affine; None: as the configuration says
     unit: str | None = None
     affine: Path | None = None
@@ -205,7 +206,7 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
         "session_id": f"ses-{case.session}" if case.session is not None else None,
         "hemi": case.hemi,
         "scan_age": case.scan_age,
-        "surface": PHANTOM if case.is_phantom else _relative(Path(case.surface), folder),
+        "surface": _relative(case.surface, folder),
         "include": "yes" if case.include else "no",
         "exclude_reason": case.exclude_reason,
         **{_inner_column(name): _relative(file, folder) for name, file in case.inner.items()},
@@ -291,8 +292,12 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
             yield f"column {column}: {_region(column)!r} is no name of a region (use letters and digits only)"
         if _region(column) in (OUTERMOST, *_STANDING) and value not in _MISSING:
             yield f"column {column}: {_region(column)!r} stands for another part of every mesh (use another name)"
-        if _region(column) and value not in _MISSING and row["surface"] == PHANTOM:
-            yield f"column {column}: a {PHANTOM} has no inner surface (write both with `cortet phantom`, or use n/a)"
+        given = _region(column) and value not in _MISSING
+        if given and PHANTOM in (value, row["surface"]) and (column != INNER or value != row["surface"]):
+            yield (
+                f"column {column}: {value!r}, but a {PHANTOM} and nothing else has an inner surface {PHANTOM} "
+                f"(use {PHANTOM} in both columns, surface and {INNER}, or n/a here)"
+            )
         if column == UNIT and value not in (*UNITS, *_MISSING):
             yield f"column {column}: {value!r} is no unit (use {', '.join(UNITS)})"
         is_file = column in ("surface", AFFINE) or _region(column) or column.startswith(FIELD_PREFIX)
@@ -339,7 +344,11 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
         include=include,
         exclude_reason="" if include else row["exclude_reason"],
         fields={name: _located(value, folder) for name, value in fields.items() if value not in _MISSING},
-        inner={_region(name): _located(value, folder) for name, value in inner.items() if value not in _MISSING},
+        inner={
+            _region(name): PHANTOM if value == PHANTOM else _located(value, folder)
+            for name, value in inner.items()
+            if value not in _MISSING
+        },
         unit=None if row.get(UNIT, "") in _MISSING else row[UNIT],
         affine=None if row.get(AFFINE, "") in _MISSING else _located(row[AFFINE], folder),
         extra={name: value for name, value in row.items() if name not in (*COLUMNS, *own, *inner, UNIT, AFFINE)},
@@ -368,9 +377,11 @@ def _located(name: str, folder: Path) -> Path:
     return Path(os.path.normpath(folder / name))
 
 
-def _relative(path: Path, folder: Path) -> str:
+def _relative(path: Path | str, folder: Path) -> str:
     """`path` as a sheet in `folder` names it: relative below the folder's parent, absolute elsewhere."""
-    target, start = path.resolve(), folder.resolve()
+    if path == PHANTOM:
+        return PHANTOM
+    target, start = Path(path).resolve(), folder.resolve()
     return os.path.relpath(target, start) if target.is_relative_to(start.parent) else str(target)
 
 

@@ -12,7 +12,7 @@ has and CalculiX has not; a field of k components takes k variables, and a comme
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -26,7 +26,7 @@ from cortet.formats.numbering import indices, whole
 from cortet.formats.surface_sets import faces_of_sides, sides, with_surface
 from cortet.formats.text import BadRowError, read_rows, write_rows, write_wrapped
 from cortet.formats.untrusted import content, sound
-from cortet.mesh import MeshSets, TetMesh
+from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
 
 #: sets of everything
 ALL_NODES, ALL_ELEMENTS = "all_nodes", "all_elements"
@@ -43,25 +43,41 @@ _FIELD = re.compile(rb"^\*\* variable (\d+): (\S+), component (\d+) of (\d+), (\
 def write(mesh: TetMesh, path: str | Path) -> None:
     """Write `path` and, when the mesh has fields, the file of its fields; each complete or not at all."""
     mesh = with_surface(mesh)
+    write_elements(mesh, mesh.points, mesh.cells, mesh.sets.nodes, path)
+    if mesh.point_data:
+        with atomic_path(fields_path(path)) as temporary, temporary.open("w", encoding="ascii") as file:
+            _write_fields(file, mesh.point_data)
+
+
+def write_elements(
+    mesh: TetMesh, points: FloatArray, cells: IntArray, node_sets: Mapping[str, IntArray], path: str | Path
+) -> None:
+    """Write `path` without fields, complete or not at all, with C3D4 or with C3D10 elements.
+
+    Parameters
+    ----------
+    mesh : has the sets of elements and faces
+    points : (n, 3) mm
+    cells : (m, 4), or (m, 10) whose midside nodes are in the order 1-2, 2-3, 3-1, 1-4, 2-4, 3-4
+    node_sets : name -> nodes
+    """
+    kind, numbers = {4: "C3D4", 10: "C3D10"}[cells.shape[1]], ", ".join(["%d"] * (1 + cells.shape[1]))
     with atomic_path(path) as temporary, temporary.open("w", encoding="ascii") as file:
         file.write("*HEADING\nTetrahedral mesh, coordinates in mm\n")
         file.write(f"*NODE, NSET={ALL_NODES}\n")
-        write_rows(file, "%d, %.12g, %.12g, %.12g\n", np.arange(1, len(mesh.points) + 1), mesh.points)
-        file.write(f"*ELEMENT, TYPE=C3D4, ELSET={ALL_ELEMENTS}\n")
-        write_rows(file, "%d, %d, %d, %d, %d\n", np.arange(1, len(mesh.cells) + 1), mesh.cells + 1)
-        for name, nodes in mesh.sets.nodes.items():
+        write_rows(file, "%d, %.12g, %.12g, %.12g\n", np.arange(1, len(points) + 1), points)
+        file.write(f"*ELEMENT, TYPE={kind}, ELSET={ALL_ELEMENTS}\n")
+        write_rows(file, f"{numbers}\n", np.arange(1, len(cells) + 1), cells + 1)
+        for name, nodes in node_sets.items():
             file.write(f"*NSET, NSET={name}\n")
             write_wrapped(file, nodes + 1, _PER_LINE)
-        for name, cells in mesh.sets.cells.items():
+        for name, members in mesh.sets.cells.items():
             file.write(f"*ELSET, ELSET={name}\n")
-            write_wrapped(file, cells + 1, _PER_LINE)
+            write_wrapped(file, members + 1, _PER_LINE)
         for name, faces in mesh.sets.faces.items():
             owners, opposite = sides(mesh, faces)
             file.write(f"*SURFACE, TYPE=ELEMENT, NAME={name}\n")
             write_rows(file, "%d, S%d\n", owners + 1, _SIDE[opposite])
-    if mesh.point_data:
-        with atomic_path(fields_path(path)) as temporary, temporary.open("w", encoding="ascii") as file:
-            _write_fields(file, mesh.point_data)
 
 
 def fields_path(path: str | Path) -> Path:

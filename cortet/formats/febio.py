@@ -11,7 +11,7 @@ FEBio knows scalars and vectors of three components there, so a field of k other
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 from xml.etree import ElementTree
@@ -28,7 +28,7 @@ from cortet.formats.numbering import indices, whole
 from cortet.formats.surface_sets import REGION_TAGS, with_surface
 from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.formats.untrusted import content, sound, xml_root
-from cortet.mesh import IntArray, MeshSets, TetMesh
+from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
 
 #: set of all nodes, and part of a mesh without regions
 ALL_NODES, TISSUE = "all_nodes", "tissue"
@@ -74,7 +74,31 @@ _ANY_AFTER = re.compile(rb"</(?:node|elem|tri3)\s*>")
 def write(mesh: TetMesh, path: str | Path) -> None:
     """Write `path`, complete or not at all."""
     mesh = with_surface(mesh)
+    write_elements(mesh, mesh.points, mesh.cells, mesh.sets.nodes, mesh.sets.faces, mesh.point_data, path)
+
+
+def write_elements(
+    mesh: TetMesh,
+    points: FloatArray,
+    cells: IntArray,
+    node_sets: Mapping[str, IntArray],
+    faces: Mapping[str, IntArray],
+    fields: Mapping[str, NDArray[Any]],
+    path: str | Path,
+) -> None:
+    """Write `path`, complete or not at all, with `tet4` and `tri3`, or with `tet10` and `tri6` elements.
+
+    Parameters
+    ----------
+    mesh : has the sets of elements
+    points : (n, 3) mm
+    cells : (m, 4), or (m, 10) whose midside nodes are in the order 1-2, 2-3, 3-1, 1-4, 2-4, 3-4
+    node_sets : name -> nodes
+    faces : name -> (f, 3), or (f, 6) whose midside nodes are in the order 1-2, 2-3, 3-1
+    fields : name -> (n,) or (n, k) values of the nodes
+    """
     parts = _parts(mesh)
+    element, facet = {4: ("tet4", "tri3"), 10: ("tet10", "tri6")}[cells.shape[1]]
     with atomic_path(path) as temporary, temporary.open("w", encoding="ascii") as file:
         file.write('<?xml version="1.0" encoding="ISO-8859-1"?>\n<febio_spec version="4.0">\n')
         file.write('<Module type="solid"/>\n<Material>\n')
@@ -82,25 +106,30 @@ def write(mesh: TetMesh, path: str | Path) -> None:
             file.write(f'<material id="{number}" name={quoteattr(name)} type="neo-Hookean">')
             file.write(f"<density>1</density><E>{_YOUNG}</E><v>{_POISSON}</v></material>\n")
         file.write('</Material>\n<Mesh>\n<Nodes name="nodes">\n')
-        ids = np.arange(1, len(mesh.points) + 1)
-        write_rows(file, '<node id="%d">%.12g,%.12g,%.12g</node>\n', ids, mesh.points)
+        ids = np.arange(1, len(points) + 1)
+        write_rows(file, '<node id="%d">%.12g,%.12g,%.12g</node>\n', ids, points)
         file.write("</Nodes>\n")
-        for name, cells in parts.items():
-            file.write(f'<Elements type="tet4" name={quoteattr(name)}>\n')
-            write_rows(file, '<elem id="%d">%d,%d,%d,%d</elem>\n', cells + 1, mesh.cells[cells] + 1)
+        for name, members in parts.items():
+            file.write(f'<Elements type="{element}" name={quoteattr(name)}>\n')
+            write_rows(file, _row("elem", cells.shape[1]), members + 1, cells[members] + 1)
             file.write("</Elements>\n")
-        for name, faces in mesh.sets.faces.items():
+        for name, nodes in faces.items():
             file.write(f"<Surface name={quoteattr(name)}>\n")
-            write_rows(file, '<tri3 id="%d">%d,%d,%d</tri3>\n', np.arange(1, len(faces) + 1), faces + 1)
+            write_rows(file, _row(facet, nodes.shape[1]), np.arange(1, len(nodes) + 1), nodes + 1)
             file.write("</Surface>\n")
-        _write_sets(file, "ElementSet", {name: cells for name, cells in mesh.sets.cells.items() if name not in parts})
-        _write_sets(file, "NodeSet", {ALL_NODES: np.arange(len(mesh.points)), **mesh.sets.nodes})
+        _write_sets(file, "ElementSet", {name: found for name, found in mesh.sets.cells.items() if name not in parts})
+        _write_sets(file, "NodeSet", {ALL_NODES: np.arange(len(points)), **node_sets})
         file.write("</Mesh>\n<MeshDomains>\n")
         for name in parts:
             file.write(f"<SolidDomain name={quoteattr(name)} mat={quoteattr(name)}/>\n")
         file.write("</MeshDomains>\n")
-        _write_fields(file, mesh.point_data, ids)
+        _write_fields(file, fields, ids)
         file.write("</febio_spec>\n")
+
+
+def _row(tag: str, nodes: int) -> str:
+    """Template of an element's line."""
+    return f'<{tag} id="%d">{",".join(["%d"] * nodes)}</{tag}>\n'
 
 
 def _parts(mesh: TetMesh) -> dict[str, IntArray]:
@@ -116,7 +145,7 @@ def _write_sets(file: IO[str], tag: str, sets: dict[str, Any]) -> None:
         file.write(f"<{tag} name={quoteattr(name)}>{','.join(map(str, (numbers + 1).tolist()))}</{tag}>\n")
 
 
-def _write_fields(file: IO[str], fields: dict[str, NDArray[Any]], ids: NDArray[np.int64]) -> None:
+def _write_fields(file: IO[str], fields: Mapping[str, NDArray[Any]], ids: NDArray[np.int64]) -> None:
     if not fields:
         return
     file.write("<MeshData>\n")

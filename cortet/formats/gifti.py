@@ -106,8 +106,12 @@ def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
     return TriSurface(points.values, triangles.values, _fields(arrays, path, count), points.frame)
 
 
-def read_nested(path: str | Path, inner: Iterable[str | Path]) -> TriSurface:
+def read_nested(path: str | Path, inner: Iterable[str | Path], fields: str | Path | None = None) -> TriSurface:
     """Read a surface and its inner ones, whose files are named `..._inner-NAME_...` by the regions inside them.
+
+    Parameters
+    ----------
+    fields : another file of the same surface, whose fields take the place of those of `path`
 
     Raises
     ------
@@ -115,7 +119,10 @@ def read_nested(path: str | Path, inner: Iterable[str | Path]) -> TriSurface:
         as `read_surface`
     """
     named = {str(_REGION.findall(Path(file).name)[-1]): read_surface(file) for file in inner}
-    return nested(read_surface(path), named)
+    surface = read_surface(path)
+    if fields:
+        surface = replace(surface, point_data=read_surface(fields).point_data)
+    return nested(surface, named)
 
 
 def read_fields(path: str | Path) -> dict[str, NDArray[Any]]:

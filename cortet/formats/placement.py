@@ -51,7 +51,10 @@ def matrix(unit: str, affine: Sequence[Sequence[float]] | str | Path | None) -> 
 
 
 def placed(surface: TriSurface, to_mm: Sequence[Sequence[float]] | None) -> TriSurface:
-    """The surface in mm: coordinates taken through a matrix of `matrix`, triangles turned where that mirrors space."""
+    """The surface, and those inside it, in mm: coordinates taken through a matrix of `matrix`.
+
+    Triangles are turned where that mirrors space.
+    """
     if to_mm is None:
         return surface
     whole = np.array(to_mm)
@@ -60,6 +63,7 @@ def placed(surface: TriSurface, to_mm: Sequence[Sequence[float]] | None) -> TriS
         surface,
         points=surface.points @ whole[:3, :3].T + whole[:3, 3],
         faces=surface.faces[:, ::-1] if mirrored else surface.faces,
+        inner={name: placed(one, to_mm) for name, one in surface.inner.items()},
         frame=CoordinateFrame(),  # what the file says of its coordinates does not hold for these
     )
 

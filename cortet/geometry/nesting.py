@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from cortet.geometry.closest_point import ClosestPoints, SurfaceTree, closest_points, tree_of
+from cortet.geometry.remembering import once_per_object
 from cortet.geometry.topology import enclosed_volume, face_normals, packed, vertex_normals
 from cortet.mesh import OUTERMOST, FloatArray, IntArray, TriSurface
 
@@ -26,8 +28,13 @@ def nested(surface: TriSurface, inner: Mapping[str, TriSurface]) -> TriSurface:
 
 
 def sheets(surface: TriSurface) -> list[TriSurface]:
-    """The surface, without its inner ones, and these."""
-    return [replace(surface, inner={}), *surface.inner.values()]
+    """The surface, without its inner ones, and these; the same objects at each call."""
+    return [_outer(surface) if surface.inner else surface, *surface.inner.values()]
+
+
+@once_per_object
+def _outer(surface: TriSurface) -> TriSurface:
+    return replace(surface, inner={})
 
 
 def region_names(surface: TriSurface) -> list[str]:
@@ -35,6 +42,7 @@ def region_names(surface: TriSurface) -> list[str]:
     return [OUTERMOST, *surface.inner]
 
 
+@once_per_object
 def parents(surface: TriSurface) -> list[int]:
     """For each sheet, the smallest one around it; -1 for the outer one.
 
@@ -60,7 +68,9 @@ def region_boundary(surface: TriSurface, number: int) -> TriSurface:
 
 
 def joined(surfaces: Sequence[TriSurface]) -> TriSurface:
-    """Several surfaces as one, vertices and triangles in their order, without fields."""
+    """Several surfaces as one, vertices and triangles in their order; a single one as it is, others without fields."""
+    if len(surfaces) == 1:
+        return surfaces[0]
     first = np.cumsum([0, *(len(one.points) for one in surfaces)])
     return TriSurface(
         np.concatenate([one.points for one in surfaces]),
@@ -80,24 +90,43 @@ def depths(tree: SurfaceTree, surface: TriSurface, points: FloatArray) -> tuple[
     nearest points
     """
     found = closest_points(tree, points)
-    normals = vertex_normals(surface.points, surface.faces)[surface.faces[found.faces]]
-    normal = np.einsum("kc,kcj->kj", found.barycentric, normals)
+    corners = _normals(surface).smooth[surface.faces[found.faces]]
+    normal = np.einsum("kc,kcj->kj", found.barycentric, corners)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
     side = np.einsum("kj,kj->k", found.points - points, _pseudonormals(surface, found))
     return np.where(side >= 0, 1, -1) * found.distances, normal, found
 
 
+class _Normals(NamedTuple):
+    """Normals of a closed manifold of n vertices and m triangles."""
+
+    #: (m, 3) unit
+    faces: FloatArray
+    #: (m, 3) the face behind the edge opposite each corner
+    across: IntArray
+    #: (n, 3) sums over the faces around, weighted by their angles
+    vertices: FloatArray
+    #: (n, 3) unit, means over the faces around, weighted by their areas
+    smooth: FloatArray
+
+
+@once_per_object
+def _normals(surface: TriSurface) -> _Normals:
+    normal = face_normals(surface.points, surface.faces)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    smooth = vertex_normals(surface.points, surface.faces)
+    return _Normals(normal, _across_edges(surface.faces), _angle_weighted(surface, normal), smooth)
+
+
 def _pseudonormals(surface: TriSurface, found: ClosestPoints) -> FloatArray:
     """Normal of the face, sum of those of both faces of the edge, or those of the vertex weighted by angle: (k, 3)."""
-    faces = surface.faces
-    normal = face_normals(surface.points, faces)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    normals = _normals(surface)
     off = found.barycentric < _ON_EDGE
-    result = normal[found.faces]
+    result = normals.faces[found.faces]
     on_edge, on_vertex = off.sum(axis=1) == 1, off.sum(axis=1) == 2
-    result[on_edge] += normal[_across_edges(faces)[found.faces[on_edge], off[on_edge].argmax(axis=1)]]
-    vertex = faces[found.faces[on_vertex], found.barycentric[on_vertex].argmax(axis=1)]
-    result[on_vertex] = _angle_weighted(surface, normal)[vertex]
+    result[on_edge] += normals.faces[normals.across[found.faces[on_edge], off[on_edge].argmax(axis=1)]]
+    vertex = surface.faces[found.faces[on_vertex], found.barycentric[on_vertex].argmax(axis=1)]
+    result[on_vertex] = normals.vertices[vertex]
     return result
 
 

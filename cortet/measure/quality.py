@@ -9,14 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import wraps
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
-from cortet.geometry.topology import TET_EDGES, TET_FACES
+from cortet.geometry.topology import TET_EDGES
 from cortet.mesh import FloatArray, IntArray, TetMesh
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: counted limits of q; the last is the one a solver-ready mesh stays below
 COUNTED_LIMITS = (0.3, 0.4, 0.5, 0.6)
@@ -93,26 +94,83 @@ def circumradii(points: FloatArray, cells: IntArray) -> FloatArray:
         return numerator / (12 * np.abs(signed_volumes(points, cells)))
 
 
-def _face_area_sums(points: FloatArray, cells: IntArray) -> FloatArray:
-    corners = points[cells[:, TET_FACES]]
-    normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
-    return 0.5 * np.linalg.norm(normals, axis=2).sum(axis=1)
+class Measures(NamedTuple):
+    """What is measured of every element beside q, each (m,)."""
+
+    #: signed, mm3
+    volume: FloatArray
+    #: 1 - 3 inradius / circumradius, and 1 - sqrt(6)/4 shortest edge / circumradius; 1 where V <= 0
+    radius_ratio: FloatArray
+    radius_edge: FloatArray
+    #: of the six dihedral angles, degrees
+    smallest_angle: FloatArray
+    largest_angle: FloatArray
+    #: of the six edges, mm
+    shortest_edge: FloatArray
+    longest_edge: FloatArray
 
 
-@_in_blocks
-def radius_ratio(points: FloatArray, cells: IntArray) -> FloatArray:
-    """1 - 3 inradius / circumradius: (m,); 1 where V <= 0."""
-    volumes = signed_volumes(points, cells)
-    inradii = 3 * volumes / _face_area_sums(points, cells)
-    return np.where(volumes > 0, 1 - 3 * inradii / circumradii(points, cells), 1.0)
+def measures(points: FloatArray, cells: IntArray) -> Measures:
+    """All measures but q, in one pass over the elements."""
+    table = _measures(np.ascontiguousarray(points, np.float64), np.ascontiguousarray(cells, np.int32))
+    return Measures(*table.T)
 
 
-@_in_blocks
-def radius_edge(points: FloatArray, cells: IntArray) -> FloatArray:
-    """1 - sqrt(6)/4 shortest edge / circumradius: (m,); 1 where V <= 0."""
-    volumes = signed_volumes(points, cells)
-    shortest = edge_lengths(points, cells).min(axis=1)
-    return np.where(volumes > 0, 1 - np.sqrt(6) / 4 * shortest / circumradii(points, cells), 1.0)
+@numba.njit(parallel=True, cache=True)
+def _measures(points, cells):  # type: ignore[no-untyped-def]
+    table = np.empty((len(cells), 7))
+    for e in numba.prange(len(cells)):
+        a, b, c, d = points[cells[e, 0]], points[cells[e, 1]], points[cells[e, 2]], points[cells[e, 3]]
+        ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        wx, wy, wz = d[0] - a[0], d[1] - a[1], d[2] - a[2]
+        # twice the area of each face, outward; that opposite to `a` closes the sum
+        normal = np.empty((4, 3))
+        normal[1] = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
+        normal[2] = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
+        normal[3] = vy * uz - vz * uy, vz * ux - vx * uz, vx * uy - vy * ux
+        for k in range(3):
+            normal[0, k] = -(normal[1, k] + normal[2, k] + normal[3, k])
+        size = np.empty(4)
+        for i in range(4):
+            size[i] = np.sqrt(normal[i, 0] ** 2 + normal[i, 1] ** 2 + normal[i, 2] ** 2)
+        v6 = -(normal[3, 0] * wx + normal[3, 1] * wy + normal[3, 2] * wz)
+
+        uu, vv, ww = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz
+        least = min(uu, vv, ww)
+        most = max(uu, vv, ww)
+        for square in (
+            (vx - ux) ** 2 + (vy - uy) ** 2 + (vz - uz) ** 2,
+            (wx - ux) ** 2 + (wy - uy) ** 2 + (wz - uz) ** 2,
+            (wx - vx) ** 2 + (wy - vy) ** 2 + (wz - vz) ** 2,
+        ):
+            least, most = min(least, square), max(most, square)
+
+        # |uu (v x w) + vv (w x u) + ww (u x v)| / 2 V6 is the circumradius; the normals are these products, negative
+        x = uu * normal[1, 0] + vv * normal[2, 0] + ww * normal[3, 0]
+        y = uu * normal[1, 1] + vv * normal[2, 1] + ww * normal[3, 1]
+        z = uu * normal[1, 2] + vv * normal[2, 2] + ww * normal[3, 2]
+        doubled = np.sqrt(x * x + y * y + z * z)  # circumradius times 2 V6
+
+        smallest, largest = np.inf, -np.inf
+        for i in range(4):
+            for j in range(i + 1, 4):
+                n, m = normal[i], normal[j]
+                cosine = -(n[0] * m[0] + n[1] * m[1] + n[2] * m[2])
+                x, y, z = n[1] * m[2] - n[2] * m[1], n[2] * m[0] - n[0] * m[2], n[0] * m[1] - n[1] * m[0]
+                angle = np.arctan2(np.sqrt(x * x + y * y + z * z), cosine)
+                smallest, largest = min(smallest, angle), max(largest, angle)
+
+        table[e, 0] = v6 / 6
+        if v6 > 0:
+            inradius = v6 / (size[0] + size[1] + size[2] + size[3])
+            table[e, 1] = 1 - 3 * inradius * 2 * v6 / doubled
+            table[e, 2] = 1 - np.sqrt(6) / 4 * np.sqrt(least) * 2 * v6 / doubled
+        else:
+            table[e, 1] = table[e, 2] = 1.0
+        table[e, 3], table[e, 4] = np.degrees(smallest), np.degrees(largest)
+        table[e, 5], table[e, 6] = np.sqrt(least), np.sqrt(most)
+    return table
 
 
 @_in_blocks
@@ -196,8 +254,8 @@ def histogram(q: FloatArray) -> IntArray:
 
 def summarise(mesh: TetMesh) -> QualitySummary:
     """Measure every element of a mesh."""
-    args = mesh.points, mesh.cells
-    q, angles, lengths = quality(*args), dihedral_angles(*args), edge_lengths(*args)
+    q, of = quality(mesh.points, mesh.cells), measures(mesh.points, mesh.cells)
+    shortest = float(of.shortest_edge.min())
     return QualitySummary(
         nodes=len(mesh.points),
         tets=len(mesh.cells),
@@ -205,13 +263,13 @@ def summarise(mesh: TetMesh) -> QualitySummary:
         count_above={str(limit): int((q > limit).sum()) for limit in COUNTED_LIMITS},
         histogram=histogram(q).tolist(),
         bin_width=HISTOGRAM_BIN_WIDTH,
-        one_minus_mean_ratio=distribution(1 - (1 - q) ** (2 / 3)),
-        one_minus_radius_ratio=distribution(radius_ratio(*args)),
-        one_minus_radius_edge=distribution(radius_edge(*args)),
-        dihedral_min_deg=float(angles.min()),
-        dihedral_max_deg=float(angles.max()),
-        shortest_edge_mm=float(lengths.min()),
-        longest_edge_mm=float(lengths.max()),
-        volume_min_mm3=float(signed_volumes(*args).min()),
-        stable_time_step=float(lengths.min() / np.sqrt(_P_WAVE_MODULUS / _DENSITY)),
+        one_minus_mean_ratio=distribution(1 - np.cbrt(1 - q) ** 2),
+        one_minus_radius_ratio=distribution(of.radius_ratio),
+        one_minus_radius_edge=distribution(of.radius_edge),
+        dihedral_min_deg=float(of.smallest_angle.min()),
+        dihedral_max_deg=float(of.largest_angle.max()),
+        shortest_edge_mm=shortest,
+        longest_edge_mm=float(of.longest_edge.max()),
+        volume_min_mm3=float(of.volume.min()),
+        stable_time_step=float(shortest / np.sqrt(_P_WAVE_MODULUS / _DENSITY)),
     )

@@ -116,7 +116,7 @@ def region_records(mesh: TetMesh, surface: TriSurface) -> tuple[RegionRecord, ..
 
 
 def interface_records(mesh: TetMesh, surface: TriSurface) -> tuple[InterfaceRecord, ...]:
-    """One record for each inner surface; distances are infinite where the mesh has no such interface."""
+    """One record for each inner surface; distances are the size of that where the mesh has no such interface."""
     region = _region(mesh)
     found, names, around = interfaces(mesh), region_names(surface), parents(surface)
     records = []
@@ -127,7 +127,7 @@ def interface_records(mesh: TetMesh, surface: TriSurface) -> tuple[InterfaceReco
             off = summary(closest_points(tree_of(one), faces.points).distances)
             lost = summary(distances_to(faces, one))
         else:
-            off = lost = Distances(np.inf, np.inf, np.inf)
+            off = lost = Distances(*[float(np.ptp(one.points, axis=0).max())] * 3)
         records.append(
             InterfaceRecord(
                 name=names[number],

@@ -28,6 +28,8 @@ CONSTANT = 1.54
 GAP = 0.5
 #: ratio of the spacings of one lattice and the next finer one
 _STEP = 2**0.5
+#: share of a step that does not count
+_SAME_STEP = 0.05
 #: lists of points that are merged at a time
 _MANY = 200
 #: place of the lattice's origin in a cube: any will do that puts no node on a round coordinate
@@ -66,32 +68,42 @@ def graded_nodes(
     boundary: TriSurface,
     size: FloatArray,
     *,
+    edge_length: float,
     cell_size: float,
     core_ratio: float,
     core_depth: float,
     walls: TriSurface | None = None,
+    plateau: float = 0.0,
 ) -> FloatArray:
     """Nodes of the lattice, and of finer ones near triangles that are smaller than the others, (n, 3) float64 mm.
 
     Parameters
     ----------
     size : (k,) mm, edge length at each vertex of the walls, graded by `GROWTH`
+    edge_length : mm, that of walls where the lattice is as usual
     cell_size, core_ratio, core_depth, walls : as in `lattice_nodes`
+    plateau : distance from a wall where the lattice begins to grow, over the edge length there
     """
     nodes = lattice_nodes(boundary, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth, walls=walls)
-    usual = size.max()
     walls = walls or boundary
     tree = tree_of(walls)
     kept = np.zeros((0, 3))
-    ratio = _finest(size.min() / usual)
+    ratio = _finest(size.min() / edge_length)
     while ratio < 1:
-        reach = (usual * ratio * _STEP**0.5 - size) / GROWTH
+        reach = (edge_length * ratio * _STEP**0.5 - size) / GROWTH
         near = reach > 0
+        reach = reach + plateau * size
         finer = _near_inside(boundary, CONSTANT * cell_size * ratio, walls.points[near], reach[near])
         finer = finer[~closer_than(tree, finer, GAP * cell_size * ratio)]
         kept = np.concatenate([kept, _apart(finer, kept, GAP * cell_size * ratio * (1 + 1 / _STEP))])
         ratio *= _STEP
     return np.concatenate([kept, _apart(nodes, kept, GAP * cell_size * (1 + 1 / _STEP))])
+
+
+def finer_step(ratio: FloatArray) -> FloatArray:
+    """The largest spacings of lattices that are at most `ratio` times the usual one, at most 1."""
+    stepped: FloatArray = _STEP ** -np.maximum(0, np.ceil(-np.log(ratio) / np.log(_STEP) - _SAME_STEP))
+    return stepped
 
 
 def _finest(ratio: float) -> float:

@@ -1,7 +1,7 @@
 """Triangles on a surface and on those inside it that leave room for each other, and the tetrahedra between them.
 
-The edges follow the thickness of each region, as those of one surface follow that of its blades: the cortex is a blade
-between two surfaces. TetGen keeps the triangles of all of them, so a tetrahedron lies in one region.
+The edges follow the thickness of each region, be it a blade of the only one or the cortex between two surfaces. TetGen
+keeps the triangles of all of them, so a tetrahedron lies in one region.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from scipy.sparse.csgraph import connected_components
 from cortet.errors import StageError
 from cortet.geometry.closest_point import tree_of
 from cortet.geometry.nesting import joined, parents, region_boundary, sheets
-from cortet.geometry.topology import TET_FACES, neighbours, packed, vertex_normals
+from cortet.geometry.topology import TET_FACES, enclosed_volume, neighbours, packed, vertex_normals
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshers.lattice import finer_step
 from cortet.meshers.remesh import (
     CREST,
     EDGE_OVER_THICKNESS,
@@ -36,56 +37,76 @@ from cortet.meshers.remesh import (
 )
 from cortet.meshers.thickness import thickness
 
+#: edges over the thickness of a layer of tetrahedra between two surfaces; longer ones lead through two layers
+EDGE_OF_LAYERS = 1.1
+
 logger = logging.getLogger(__name__)
 
 
-def wanted_nested(surface: TriSurface, edge_length: float, distance: float) -> list[Wanted]:
-    """For each sheet, edges that follow the thickness of the regions on both sides, as `remesh.wanted` for one.
+def wanted(
+    surface: TriSurface,
+    edge_length: float,
+    distance: float,
+    *,
+    across: int = 1,
+    longest: Sequence[FloatArray] | None = None,
+) -> list[Wanted]:
+    """For each sheet, edges that follow the thickness of what is beside it, distances that follow that of all gaps.
 
     Parameters
     ----------
-    surface : with its inner ones; all triangles point outward
-    edge_length, distance : mm, where regions are thick
+    surface : with its inner ones, whose triangles then all point outward
+    edge_length, distance : mm, where everything is thick
+    across : tetrahedra that fit between the outer surface and those inside it, at least
+    longest : for each sheet (n,) mm, edges are no longer than that at its vertices
     """
     every, around = sheets(surface), parents(surface)
-    regions = [region_boundary(surface, number) for number in range(len(every))]
-    trees = [tree_of(region) for region in regions]
-    outer = tree_of(every[0])
+    trees = [tree_of(region_boundary(surface, number)) for number in range(len(every))]
+    outward = enclosed_volume(surface.points, surface.faces) > 0
     most = 4 * edge_length
     found = []
     for number, (one, parent) in enumerate(zip(every, around, strict=True)):
         normals = vertex_normals(one.points, one.faces)
-        within = thickness(trees[number], one.points, normals, most, inside=True)
+        within = thickness(trees[number], one.points, normals, most, inside=outward)
         filled = opened(one, within, below=edge_length / EDGE_OVER_THICKNESS, radius=CREST * distance)
         if parent < 0:
-            gap = np.minimum(filled, thickness(outer, one.points, normals, most, inside=False))
+            gap = np.minimum(filled, thickness(tree_of(one), one.points, normals, most, inside=not outward))
+            cortex = filled
         else:
             # seen from the region around it, this sheet's triangles are turned
-            without = thickness(trees[parent], one.points, -normals, most, inside=True)
-            filled = np.minimum(filled, without)
+            cortex = thickness(trees[parent], one.points, -normals, most, inside=True)
+            filled = np.minimum(filled, cortex)
             gap = filled
-        size = np.clip(EDGE_OVER_THICKNESS * filled, SHORTEST * edge_length, edge_length)
+        size = EDGE_OVER_THICKNESS * filled
+        if across > 1 and surface.inner and parent <= 0:
+            size = np.minimum(size, edge_length * finer_step(EDGE_OF_LAYERS / across * cortex / edge_length))
+        if longest is not None:
+            size = np.minimum(size, longest[number])
+        size = np.clip(size, SHORTEST * edge_length, edge_length)
         found.append(Wanted(size, np.clip(SHARE_OF_GAP * gap, SHORTEST * distance, distance)))
     return found
 
 
-def remesh_nested(surface: TriSurface, want: Sequence[Wanted]) -> list[Remeshed]:
+def remesh_apart(surface: TriSurface, want: Sequence[Wanted]) -> list[Remeshed]:
     """Remesh all sheets, again, nearer to them and finer, around triangles that cross or are flat, until none are.
 
     After a few rounds the last result is returned, in which some may remain.
     """
     every, wants = sheets(surface), list(want)
-    for number in range(1, ROUNDS + 1):
-        made = [replace(remesh(one, its), rounds=number) for one, its in zip(every, wants, strict=True)]
+    made = [remesh(one, its) for one, its in zip(every, wants, strict=True)]
+    for number in range(2, ROUNDS + 1):
         both = joined([one.surface for one in made])
         bad = unsound(both)
-        if not len(bad) or number == ROUNDS:
+        if not len(bad):
             break
         corners = both.faces[bad]
         centres = both.points[corners].mean(axis=1)
         radius = REACH * np.concatenate([one.size for one in made])[corners].max(axis=1)
-        wants = [tightened(one, its, centres, radius) for one, its in zip(every, wants, strict=True)]
         logger.info("%d triangles cross or are flat: again, finer around them", len(bad))
+        for sheet, one in enumerate(every):
+            tighter = tightened(one, wants[sheet], centres, radius)
+            again = made[sheet] if tighter is wants[sheet] else remesh(one, tighter)
+            wants[sheet], made[sheet] = tighter, replace(again, rounds=number)
     return made
 
 

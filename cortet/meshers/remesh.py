@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from cortet.geometry.closest_point import SurfaceTree, surface_tree, tree_of
+from cortet.geometry.closest_point import SurfaceTree, surface_tree
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.topology import compact, edges, enclosed_volume, face_areas, vertex_normals
+from cortet.geometry.topology import compact, edges, face_areas
 from cortet.mesh import FloatArray, IntArray, TriSurface
 from cortet.meshers import triangles
-from cortet.meshers.thickness import thickness
 from cortet.meshers.triangles import FLAT, Limits, Work
 
 #: rounds of splits, collapses, flips and smoothing; more change little
@@ -67,24 +66,6 @@ class Remeshed:
     rounds: int = 1
 
 
-def wanted(surface: TriSurface, edge_length: float, distance: float) -> Wanted:
-    """Edge lengths that follow the thickness of blades, distances that follow the width of sulci and blades.
-
-    Parameters
-    ----------
-    edge_length, distance : mm, where the surface has no such place
-    """
-    tree = tree_of(surface)
-    outward = enclosed_volume(surface.points, surface.faces) > 0
-    normals = vertex_normals(surface.points, surface.faces)
-    most = 4 * edge_length
-    inside, outside = (thickness(tree, surface.points, normals, most, inside=side) for side in (outward, not outward))
-    inside = opened(surface, inside, below=edge_length / EDGE_OVER_THICKNESS, radius=CREST * distance)
-    size = np.clip(EDGE_OVER_THICKNESS * inside, SHORTEST * edge_length, edge_length)
-    gap = np.minimum(inside, outside)
-    return Wanted(size, np.clip(SHARE_OF_GAP * gap, SHORTEST * distance, distance))
-
-
 def remesh(surface: TriSurface, want: Wanted) -> Remeshed:
     """The same closed surface made of nearly equilateral triangles, with all vertices on it.
 
@@ -122,23 +103,6 @@ def remesh(surface: TriSurface, want: Wanted) -> Remeshed:
     return Remeshed(made, work.size[: work.used[0]].copy(), work.samples, np.sqrt(work.distance2))
 
 
-def remesh_apart(surface: TriSurface, want: Wanted) -> Remeshed:
-    """Remesh again, nearer to the surface and finer around triangles that cross or are flat, until none are.
-
-    After a few rounds the last result is returned, in which some may remain.
-    """
-    for number in range(1, ROUNDS + 1):
-        made = replace(remesh(surface, want), rounds=number)
-        crossing = unsound(made.surface)
-        if not len(crossing) or number == ROUNDS:
-            break
-        corners = made.surface.faces[crossing]
-        radius = REACH * made.size[corners].max(axis=1)
-        want = tightened(surface, want, made.surface.points[corners].mean(axis=1), radius)
-        logger.info("%d boundary triangles cross or are flat: again, finer around them", len(crossing))
-    return made
-
-
 def unsound(surface: TriSurface) -> IntArray:
     """Triangles that nothing can be filled in between: they meet others, or are flat; (k,) int32, ascending."""
     return np.union1d(self_intersections(surface), np.flatnonzero(shapes(surface) < FLAT)).astype(np.int32)
@@ -152,9 +116,11 @@ def shapes(surface: TriSurface) -> FloatArray:
 
 
 def tightened(surface: TriSurface, want: Wanted, centres: FloatArray, radius: FloatArray) -> Wanted:
-    """Shorter edges and distances at the vertices within `radius` (k,) of `centres` (k, 3), mm."""
+    """Shorter edges and distances at the vertices within `radius` (k,) of `centres` (k, 3), mm; `want` if none are."""
     near = KDTree(surface.points).query_ball_point(centres, radius)
     around = np.unique(np.concatenate([np.asarray(ball, np.int64) for ball in near]))
+    if not len(around):
+        return want
     size, distance = want.size.copy(), want.distance.copy()
     size[around] *= TIGHTER_SIZE
     distance[around] *= TIGHTER_DISTANCE

@@ -50,10 +50,10 @@ def _thickness(tree, points, normals, most, side):  # type: ignore[no-untyped-de
 @numba.njit(cache=True)
 def _radius(tree, point, normal, most, side):  # type: ignore[no-untyped-def]
     """Radius of the ball at one point: it shrinks until no other side of the surface is within it."""
-    radius = most
+    radius, place = most, -1
     for _ in range(_MOST_STEPS):
         centre = point + side * radius * normal
-        x, y, z, place, _, _, _ = closest_point(tree, centre[0], centre[1], centre[2], -1)
+        x, y, z, place, _, _, _ = closest_point(tree, centre[0], centre[1], centre[2], place)
         touched = np.array([x, y, z])
         distance = np.sqrt(((touched - centre) ** 2).sum())
         nx, ny, nz = triangle_normal(tree.corners[place])

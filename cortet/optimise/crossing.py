@@ -1,8 +1,8 @@
 """Optimise a mesh without letting its boundary pass through itself or leave the surface it slides on.
 
 Nothing local can see the opposite bank of a narrow sulcus, nor the crest of a thin blade that vertices on both sides
-slide away from. So the whole boundary is checked afterwards, and where it crosses itself, or has left a part of the
-surface behind, the run is repeated from the start with the vertices around that place held.
+slide away from. So the whole boundary is checked afterwards. Where it crosses itself, or has left a part of the surface
+behind, what was done around that place is undone, and done again there with the vertices of the place held.
 """
 
 from __future__ import annotations
@@ -18,10 +18,16 @@ from cortet.geometry.closest_point import closer_than, closest_points, tree_of
 from cortet.geometry.intersection import self_intersections
 from cortet.measure.lost import surface_samples
 from cortet.mesh import IntArray, TetMesh, TriSurface
+from cortet.optimise.places import cut_out, numbers_in, put_back
+from cortet.optimise.undoing import undone
 
-_ROUNDS = 5
-#: how far a point of the surface may be left behind, over the mean edge of the boundary (1.3 times the cell size)
-MOST_LEFT_BEHIND = 0.36
+#: times that places are undone and done again, and times that they are undone and stay so after that
+_ROUNDS, _LAST_ROUNDS = 4, 3
+#: how far a point of the surface may be left behind, over the cell size, and where that is not known over the mean edge
+#: of the boundary, which is 1.3 times as long where no cells are smaller than others
+MOST_LEFT_BEHIND, MOST_OF_EDGE = 0.47, 0.36
+#: points of the surface farther from the boundary than this multiple of that are not the mesh's
+_REACH = 3
 #: a point that was beyond that already may not be farther away than before, but for this factor
 _SAME = 1.02
 
@@ -35,21 +41,29 @@ def crossing_faces(mesh: TetMesh) -> IntArray:
 
 
 class Flaws(NamedTuple):
-    """Boundary faces, (k, 3) int32 node indices, that are worse than they were."""
+    """What is worse in the boundary of a mesh than it was in an earlier one, (k, 3) int32 node indices each."""
 
-    #: cross others
+    #: faces that cross others
     crossed: IntArray
-    #: leave a part of the surface farther behind than `MOST_LEFT_BEHIND`
+    #: corners of those earlier faces, the nearest first, whose points of the surface are now farther behind than
+    #: `MOST_LEFT_BEHIND`
     left: IntArray
 
     def __bool__(self) -> bool:
-        """Whether there are any."""
+        """Whether there is anything."""
         return len(self.crossed) > 0 or len(self.left) > 0
 
+    def to_hold(self, held: IntArray) -> IntArray:
+        """Of each place that was left behind, the nearest vertex that is not `held` yet: (k,) int32."""
+        fresh = ~np.isin(self.left, held)
+        return np.unique(self.left[np.arange(len(self.left)), fresh.argmax(axis=1)])
 
-def flaws_since(mesh: TetMesh, surface: TriSurface | None) -> Callable[[TetMesh], Flaws]:
+
+def flaws_since(
+    mesh: TetMesh, surface: TriSurface | None, cell_size: float | None = None
+) -> Callable[[TetMesh], Flaws]:
     """What finds the flaws of a mesh made from `mesh`; what was so in that one already is no flaw."""
-    left_in = _nothing_left if surface is None else _left_behind(mesh, surface)
+    left_in = _nothing_left if surface is None else _left_behind(mesh, surface, cell_size)
 
     def flaws(result: TetMesh) -> Flaws:
         crossing = crossing_faces(result)
@@ -64,43 +78,52 @@ def without_crossing(
     optimise: Callable[[TetMesh, IntArray], tuple[TetMesh, Report]],
     surface: TriSurface | None = None,
     *,
+    cell_size: float | None = None,
     held: IntArray | None = None,
 ) -> tuple[TetMesh, Report, IntArray]:
-    """Call `optimise(mesh, held)` with ever more vertices held until the boundary is as sound as it was.
+    """Call `optimise(mesh, held)`, then again around places of the boundary that it spoils, until there are none.
 
-    It must not cross itself and, where a `surface` is given, not leave points of it farther behind than
+    The boundary must not cross itself and, where a `surface` is given, not leave points of it farther behind than
     `MOST_LEFT_BEHIND`. What was so in `mesh` already is not the fault of `optimise`.
 
     Parameters
     ----------
-    optimise : must keep vertex numbers
+    optimise : must keep vertex numbers and leave the `held` vertices and the boundary between them as they are. It is
+        called with the whole mesh, then with parts of it, whose vertices have other numbers
+    cell_size : mm, None where it is not known
     held : (h,) vertices that are held from the first call on
 
     Returns
     -------
-    The result and report of the last call, and the vertices held in it, (h,) int32. If something remains after a few
-    rounds the result has it, for the certificate to judge.
+    The result, the report of the first call, and the vertices held in the end, (h,) int32. If something remains after a
+    few rounds the result has it, for the certificate to judge.
     """
-    flaws_of = flaws_since(mesh, surface)
+    flaws_of = flaws_since(mesh, surface, cell_size)
     held = np.zeros(0, np.int32) if held is None else held
-    for remaining in reversed(range(_ROUNDS)):
-        result, report = optimise(mesh, held)
-        flaws = flaws_of(result)
+    result, report = optimise(mesh, held)
+    flaws = flaws_of(result)
+    for number in range(_ROUNDS + _LAST_ROUNDS):
         if not flaws:
             break
-        if not remaining:
-            _warn(result, flaws)
-            break
         touched = np.isin(mesh.cells, flaws.crossed).any(axis=1)
-        held = np.unique(np.concatenate([held, mesh.cells[touched].ravel(), flaws.left.ravel()]))
-        what = f"{len(flaws.crossed)} boundary faces cross, {len(flaws.left)} leave the surface"
-        logger.info("%s: again, with %d vertices held in place", what, len(held))
+        spoilt = np.union1d(mesh.cells[touched], flaws.to_hold(held))
+        held = np.union1d(held, spoilt).astype(np.int32)
+        what = f"{len(flaws.crossed)} boundary faces cross, {len(flaws.left)} places are left behind"
+        logger.info("%s: undone there, %d vertices held in place", what, len(held))
+        result, around = undone(mesh, result, spoilt)
+        if number < _ROUNDS:
+            part = cut_out(result, around)
+            again, _ = optimise(part.mesh, np.union1d(part.rim, numbers_in(part, held)).astype(np.int32))
+            result = put_back(result, part, again)
+        flaws = flaws_of(result)
+    if flaws:
+        _warn(result, flaws)
     return result, report, held
 
 
 def _warn(mesh: TetMesh, flaws: Flaws) -> None:
     """Say what remains after all rounds, and where."""
-    words = "boundary faces cross", "boundary faces leave a part of the surface behind"
+    words = "boundary faces cross", "places of the surface are left behind"
     for faces, what in zip(flaws, words, strict=True):
         if len(faces):
             x, y, z = mesh.points[faces[0]].mean(axis=0)
@@ -111,29 +134,37 @@ def _nothing_left(_: TetMesh) -> IntArray:
     return np.zeros((0, 3), np.int32)
 
 
-def _left_behind(mesh: TetMesh, surface: TriSurface) -> Callable[[TetMesh], IntArray]:
-    """What finds the boundary faces, (k, 3) node indices, that leave points of the surface behind.
+def _left_behind(mesh: TetMesh, surface: TriSurface, cell_size: float | None) -> Callable[[TetMesh], IntArray]:
+    """What finds the faces of `mesh`, (k, 3) node indices, whose points of the surface a later one has left behind.
 
     Each point may be as far from the boundary as a share of the edges of `mesh`, or as it is from that of `mesh`. The
     points of inner surfaces are held against their interfaces in the same way.
     """
     numbered = enumerate((surface, *surface.inner.values()))
-    finders = [_left_behind_sheet(mesh, one, number) for number, one in numbered]
+    finders = [_left_behind_sheet(mesh, one, number, cell_size) for number, one in numbered]
     return lambda result: np.concatenate([find(result) for find in finders])
 
 
-def _left_behind_sheet(mesh: TetMesh, surface: TriSurface, number: int) -> Callable[[TetMesh], IntArray]:
+def _left_behind_sheet(
+    mesh: TetMesh, surface: TriSurface, number: int, cell_size: float | None
+) -> Callable[[TetMesh], IntArray]:
+    began, nodes = topology.sheet(mesh, number)
+    if cell_size is None:
+        start, end = topology.edges(began.faces).T
+        limit = MOST_OF_EDGE * float(np.linalg.norm(began.points[start] - began.points[end], axis=1).mean())
+    else:
+        limit = MOST_LEFT_BEHIND * cell_size
     samples = surface_samples(surface)
-    began, _ = topology.sheet(mesh, number)
-    start, end = topology.edges(began.faces).T
-    limit = MOST_LEFT_BEHIND * np.linalg.norm(began.points[start] - began.points[end], axis=1).mean()
+    # a part of a mesh does not stand for the surface far from it
+    samples = samples[closer_than(tree_of(began), samples, _REACH * limit)]
 
-    def leaving_faces(result: TetMesh) -> IntArray:
-        boundary, nodes = topology.sheet(result, number)
+    def left(result: TetMesh) -> IntArray:
+        boundary, _ = topology.sheet(result, number)
         far = samples[~closer_than(tree_of(boundary), samples, limit)]
-        found = closest_points(tree_of(boundary), far)
-        before = closest_points(tree_of(began), far).distances
-        faces = np.unique(found.faces[found.distances > _SAME * before])
-        return nodes[boundary.faces[faces]]
+        before = closest_points(tree_of(began), far)
+        beyond = closest_points(tree_of(boundary), far).distances > _SAME * before.distances
+        order = np.argsort(-before.barycentric[beyond], axis=1, kind="stable")
+        corners = np.take_along_axis(began.faces[before.faces[beyond]], order, axis=1)
+        return np.unique(nodes[corners], axis=0)
 
-    return leaving_faces
+    return left

@@ -86,10 +86,14 @@ def insert_vertices(
     like = np.arange(room)
     used = np.array([count])
     tree = None if surface is None else tree_of(surface)
+    changed = np.ones(room, np.bool_)
     for _ in range(_ROUNDS):
         rows = np.flatnonzero(work.mu2[: work.counters[0]] > threshold).astype(np.int32)
+        # where nothing has changed, what failed would fail again
+        rows = rows[changed[work.cells[rows]].any(axis=1)]
         queue = rows[np.argsort(-work.mu2[rows], kind="stable")]
-        if not _insert_all(work, tree, queue, like, used, threshold, gain):
+        changed[:] = False
+        if not _insert_all(work, tree, queue, like, used, changed, threshold, gain):
             break
     live = live_cells(work)
     kept = used_vertices(live.cells, room)
@@ -102,20 +106,23 @@ def insert_vertices(
 
 
 @numba.njit(cache=True)
-def _insert_all(mesh, tree, queue, like, used, threshold, gain):  # type: ignore[no-untyped-def]
+def _insert_all(mesh, tree, queue, like, used, changed, threshold, gain):  # type: ignore[no-untyped-def]
     done = 0
     for e in queue:
         if mesh.cells[e, 0] < 0 or mesh.mu2[e] <= threshold:
             continue
         if used[0] == len(mesh.points) or mesh.counters[0] + 4 * _MOST > len(mesh.cells):
             break
-        done += _insert(mesh, tree, e, like, used, gain)
+        done += _insert(mesh, tree, e, like, used, changed, gain)
     return done
 
 
 @numba.njit(cache=True)
-def _insert(mesh, tree, e, like, used, gain):  # type: ignore[no-untyped-def]
-    """Try a new vertex on every edge, on every face and in the middle of a tetrahedron; True if the best was made."""
+def _insert(mesh, tree, e, like, used, changed, gain):  # type: ignore[no-untyped-def]
+    """Try a new vertex on every edge, on every face and in the middle of a tetrahedron; True if the best was made.
+
+    Then `changed` is set for the vertices around.
+    """
     cavity, faces = np.empty(_MOST, np.int32), np.empty((4 * _MOST, 4), np.int32)
     best_cavity = np.empty(_MOST, np.int32)
     place, best_place = np.empty(3), np.empty(3)
@@ -143,6 +150,8 @@ def _insert(mesh, tree, e, like, used, gain):  # type: ignore[no-untyped-def]
     new = np.empty((outer, 4), np.int32)
     for i in range(outer):
         new[i, 0], new[i, 1], new[i, 2], new[i, 3] = v, faces[i, 0], faces[i, 1], faces[i, 2]
+        for j in range(4):
+            changed[new[i, j]] = True
     rows = np.empty(max(size, outer), np.int32)
     rows[:size] = best_cavity[:size]
     replace_cells(mesh, rows, size, new, outer)

@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from cortet.geometry.topology import compact, component_labels
 from cortet.measure.quality import quality
-from cortet.mesh import IntArray, TetMesh
+from cortet.mesh import FloatArray, IntArray, TetMesh
 
 #: the tetrahedra around the worst ones, then those around these, and so on, that belong to a place
 RINGS = 4
@@ -58,9 +59,22 @@ def rim_of(part: Part, mesh: TetMesh) -> IntArray:
     return np.flatnonzero(_is_old(mesh) & np.isin(mesh.point_data[_NODE], nodes)).astype(np.int32)
 
 
+def numbers_in(part: Part, nodes: IntArray) -> IntArray:
+    """The vertices of a part that are among some `nodes` (k,) of the whole mesh: (j,) int32."""
+    return np.flatnonzero(np.isin(part.mesh.point_data[_NODE], nodes)).astype(np.int32)
+
+
 def better_of_each(first: TetMesh, second: TetMesh) -> TetMesh:
-    """For each place the one of two tries whose worst tetrahedron there is better, the first where they are alike."""
-    chosen = _worst(second) < _worst(first)
+    """For each place the one of two tries whose worst tetrahedron there is better, the first where they are alike.
+
+    The second try may lack places; the first one's stay there.
+    """
+    count = _count(first)
+    return mixed(first, second, _worst(second, count) < _worst(first, count))
+
+
+def mixed(first: TetMesh, second: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh:
+    """The second try in the places that are `chosen`, (places,) or more, and the first one in the others."""
     if not chosen.any():
         return first
     kept = [~chosen[first.cell_data[_PLACE]], chosen[second.cell_data[_PLACE]]]
@@ -72,6 +86,36 @@ def better_of_each(first: TetMesh, second: TetMesh) -> TetMesh:
         {name: _joined(values, second.point_data[name])[used] for name, values in first.point_data.items()},
         {name: _joined(values[kept[0]], second.cell_data[name][kept[1]]) for name, values in first.cell_data.items()},
     )
+
+
+def promising(mesh: TetMesh, threshold: float, most: int) -> TetMesh:
+    """The places of a try with a tetrahedron of q above `threshold`, but not more than `most` of them."""
+    bad = quality(mesh.points, mesh.cells) > threshold
+    count = np.bincount(mesh.cell_data[_PLACE][bad], minlength=_count(mesh))
+    return only(mesh, (count > 0) & (count <= most))
+
+
+def only(mesh: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh:
+    """A part of a mesh with those places that are `chosen`, (places,) or more."""
+    taken = chosen[mesh.cell_data[_PLACE]]
+    if taken.all():
+        return mesh
+    points, cells, used = compact(mesh.points, mesh.cells[taken])
+    return TetMesh(
+        points,
+        cells,
+        {name: values[used] for name, values in mesh.point_data.items()},
+        {name: values[taken] for name, values in mesh.cell_data.items()},
+    )
+
+
+def places_at(mesh: TetMesh, points: FloatArray) -> NDArray[np.bool_]:
+    """Which places of a part have the vertices nearest to some `points` (k, 3), mm: (places,)."""
+    place = np.empty(len(mesh.points), np.int32)
+    place[mesh.cells] = mesh.cell_data[_PLACE][:, None]
+    chosen = np.zeros(_count(mesh), np.bool_)
+    chosen[place[KDTree(mesh.points).query(points)[1]]] = True
+    return chosen
 
 
 def put_back(mesh: TetMesh, part: Part, improved: TetMesh) -> TetMesh:
@@ -103,11 +147,16 @@ def _is_old(mesh: TetMesh) -> NDArray[np.bool_]:
     return old
 
 
-def _worst(mesh: TetMesh) -> NDArray[np.float64]:
-    """Largest q in each place."""
-    worst = np.zeros(mesh.cell_data[_PLACE].max() + 1)
+def _count(mesh: TetMesh) -> int:
+    """How many places a part has, or had before some were left out."""
+    return int(mesh.cell_data[_PLACE].max(initial=-1)) + 1
+
+
+def _worst(mesh: TetMesh, count: int) -> FloatArray:
+    """Largest q in each of so many places; infinite where the mesh lacks one."""
+    worst = np.full(count, -np.inf)
     np.maximum.at(worst, mesh.cell_data[_PLACE], quality(mesh.points, mesh.cells))
-    return worst
+    return np.where(worst < 0, np.inf, worst)
 
 
 def _joined(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:

@@ -20,7 +20,7 @@ from cortet.mesh import REGION, TetMesh, TriSurface
 from cortet.report import pages, published
 from cortet.report.boundary_view import boundary_view, three_js
 from cortet.report.figures import mesh_quality_figures, svg
-from cortet.report.render import COLOUR_NAMES, cut_view, reddest, regions_view, surface_view, webp
+from cortet.report.render import COLOUR_NAMES, cut_view, reddest, surface_view, webp
 from cortet.stages import STAGES
 
 Certificate = Mapping[str, Any]
@@ -273,7 +273,7 @@ def _region_pictures(mesh: TetMesh, meshed: TriSurface | None) -> list[dict[str,
         return []
     names = region_names(meshed)
     colours = ", ".join(f"{name} {COLOUR_NAMES[i % len(COLOUR_NAMES)]}" for i, name in enumerate(names))
-    shown = [captioned(regions_view(mesh), "Regions", colours)]
+    shown = [captioned(cut_view(mesh, regions=True), "Regions", colours)]
     for number, (name, one) in enumerate(meshed.inner.items(), start=1):
         distances = distances_to(sheet(mesh, number)[0], one)[len(one.points) :]
         scale = f"by its distance to the interface, white at 0, black at {distances.max():.2g} mm"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from cortet.report.figures import mesh_quality_figures, svg
 from cortet.report.render import cut_view, surface_view
 
 #: what a comparison says beside the checks: name -> how it is read from the quality of a certificate
-_ELEMENTS = {
+_ELEMENTS: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "Nodes": lambda q: f"{q['nodes']:,}",
     "Tetrahedra": lambda q: f"{q['tets']:,}",
     "Mean q": lambda q: f"{q['q']['mean']:.4f}",

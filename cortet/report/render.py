@@ -97,23 +97,12 @@ def picture(
             plotter.screenshot(temporary)
 
 
-def cut_view(mesh: TetMesh, *, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
+def cut_view(mesh: TetMesh, *, regions: bool = False, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
     """The same picture across the middle of y, without a scale: (height, width, 4), transparent around the mesh.
 
-    Raises
-    ------
-    StageError
-        the graphics library cannot draw here
-    """
-    shell = _cut(mesh, _AXES["y"], 0.5)
-    with off_screen(size) as plotter:
-        plotter.add_mesh(shell, **_CUT_LOOK, show_scalar_bar=False)
-        _aim(plotter.camera, np.asarray(shell.points, float), _AXES["y"], width_to_height=size[0] / size[1])
-        return _cut_out(plotter)
-
-
-def regions_view(mesh: TetMesh, *, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
-    """A mesh cut open across the middle of y, each tetrahedron in the colour of its region (`REGION_COLOURS`).
+    Parameters
+    ----------
+    regions : each tetrahedron in the colour of its region (`REGION_COLOURS`), not in that of its q
 
     Raises
     ------
@@ -122,11 +111,13 @@ def regions_view(mesh: TetMesh, *, size: tuple[int, int] = (1200, 900)) -> NDArr
     """
     shell = _cut(mesh, _AXES["y"], 0.5)
     with off_screen(size) as plotter:
-        for number in np.unique(mesh.cell_data[REGION]).tolist():
-            part = shell.extract_cells(np.asarray(shell.cell_data[REGION]) == number)
-            if part.n_cells:
-                colour = REGION_COLOURS[number % len(REGION_COLOURS)]
-                plotter.add_mesh(part, color=colour, **_REGION_LOOK)
+        if regions:
+            number = np.asarray(shell.cell_data[REGION])
+            for one in np.unique(number).tolist():
+                colour = REGION_COLOURS[one % len(REGION_COLOURS)]
+                plotter.add_mesh(shell.extract_cells(number == one), color=colour, **_REGION_LOOK)
+        else:
+            plotter.add_mesh(shell, **_CUT_LOOK, show_scalar_bar=False)
         _aim(plotter.camera, np.asarray(shell.points, float), _AXES["y"], width_to_height=size[0] / size[1])
         return _cut_out(plotter)
 

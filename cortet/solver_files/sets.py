@@ -82,6 +82,34 @@ def named_sets(
     )
 
 
+def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
+    """The mesh with the numbers of its regions as cell data, for which files have the sets of `named_sets`.
+
+    Parameters
+    ----------
+    inner : names of the regions from 1 on
+
+    Raises
+    ------
+    InputError
+        the mesh has no such sets
+    """
+    if REGION in mesh.cell_data and not mesh.sets.cells:  # beside sets it would be a tag of the format
+        return mesh
+    region = np.full(len(mesh.cells), -1, np.int32)
+    names = [CORTEX, *([CORE] if len(inner) == 1 else map(set_name, inner))]
+    for number, name in enumerate(names):
+        region[mesh.sets.cells.get(name, [])] = number
+    if (region < 0).any():
+        known = ", ".join(mesh.sets.cells) or "none"
+        raise InputError(
+            f"its regions are not known: {np.count_nonzero(region < 0)} tetrahedra are in none of the sets "
+            f"{', '.join(names)} (it has: {known})",
+            remedy="give a mesh that was made with these inner surfaces",
+        )
+    return replace(mesh, cell_data={**mesh.cell_data, REGION: region})
+
+
 def _add_interfaces(sets: MeshSets, mesh: TetMesh, inner: Sequence[str]) -> None:
     """One set of nodes and one of faces for the outside of each region but the first, seen from outside it."""
     found = interfaces(mesh)

@@ -20,7 +20,7 @@ from cortet.optimise.crossing import without_crossing
 from cortet.optimise.vertices import Boundary, Pass, PassReport, move_vertices
 from cortet.stages.meshtool import clean_with_meshtool, program_version
 
-VERSION: int = 5
+VERSION: int = 6
 
 #: sweeps over all vertices that improve the mean, before and after the threshold passes
 _FIRST_MEAN_SWEEPS, _LAST_MEAN_SWEEPS = 4, 3
@@ -60,6 +60,7 @@ def clean(
     boundary: Boundary = "slide",
     improve_mean: bool = True,
     backend: Literal["cortet", "meshtool"] = "cortet",
+    cell_size: float | None = None,
     held: IntArray | None = None,
 ) -> tuple[TetMesh, CleanReport]:
     """Improve the worst tetrahedra by moving vertices.
@@ -74,6 +75,7 @@ def clean(
     improve_mean : also move the vertices of good tetrahedra: first, since that takes most bad ones along, and last,
         without giving up the worst q reached
     backend : our kernel, or an installed `meshtool` (free boundary, no passes for the mean)
+    cell_size : mm, which says how far from `surface` the boundary may slide; None where it is not known
     held : (h,) vertices that stay where they are, for our kernel
 
     Raises
@@ -105,7 +107,7 @@ def clean(
             return move_vertices(start, tree, aims, boundary=boundary, held=held)
 
         if boundary == "slide":
-            result, passes, held = without_crossing(mesh, optimise, surface, held=held)
+            result, passes, held = without_crossing(mesh, optimise, surface, cell_size=cell_size, held=held)
         else:
             result, passes = optimise(mesh, held)
 

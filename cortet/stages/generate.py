@@ -43,12 +43,12 @@ from cortet.mesh import REGION, FloatArray, IntArray, TetMesh, TriSurface
 from cortet.meshers import BASELINES, MESHERS, baselines, cgal, installed_backend
 from cortet.meshers.cgal import BACKENDS, PASSES, Criteria, write_off
 from cortet.meshers.lattice import graded_nodes, tetrahedralised
-from cortet.meshers.nested import regions_of, remesh_nested, wanted_nested
-from cortet.meshers.remesh import Remeshed, remesh_apart, shapes, unsound, wanted
+from cortet.meshers.nested import regions_of, remesh_apart, wanted
+from cortet.meshers.remesh import SHORTEST, Remeshed, shapes, unsound
 from cortet.meshers.triangles import FLAT
 from cortet.stages.reconnect import reconnect
 
-VERSION: int = 7
+VERSION: int = 8
 
 #: share of the surface's volume below which a remeshed boundary is too coarse to stand for it
 LEAST_VOLUME = 0.8
@@ -137,6 +137,8 @@ def generate(
     surface_distance: float = 0.4,
     core_ratio: float = 1.0,
     core_depth: float = 6.0,
+    size_field: str | None = None,
+    elements_across: int = 1,
 ) -> tuple[TetMesh, GenerateReport]:
     """Mesh the inside of a closed surface.
 
@@ -161,6 +163,10 @@ def generate(
         `cell_size`; later stages, which slide them, add to it
     core_ratio : of the cell sizes of core and cortex, ``lattice`` only
     core_depth : mm below the surface where the core begins
+    size_field : of `surface` or its inner ones, (n,) mm per vertex: cell size there, where it is smaller, graded from
+        there inward; ``lattice`` only
+    elements_across : tetrahedra between `surface` and those inside it, at least; edges become shorter for it, down to
+        `SHORTEST` of what they are elsewhere
 
     Returns
     -------
@@ -185,6 +191,8 @@ def generate(
     topology = surface_topology(surface.faces)
     if not topology.is_closed_manifold:
         raise InputError(f"surface cannot be meshed: {'; '.join(topology.problems(int(topology.genus)))}")
+    if size_field is not None and mesher != "lattice":
+        raise InputError(f"the mesher {mesher} knows no generate.size_field", remedy="use the mesher lattice")
     if surface.inner and mesher != "lattice":
         raise InputError(f"the mesher {mesher} knows no inner surfaces", remedy="use the mesher lattice")
     if mesher in BASELINES:
@@ -198,8 +206,8 @@ def generate(
         surface = _turned(surface, turn)
     attempts: list[Attempt] = []
     if mesher == "cgal":
-        wanted = {"odt": odt, "lloyd": lloyd, "perturb": perturb, "exude": exude}
-        passes = tuple(name for name in PASSES if wanted[name])
+        chosen = {"odt": odt, "lloyd": lloyd, "perturb": perturb, "exude": exude}
+        passes = tuple(name for name in PASSES if chosen[name])
         criteria = [
             Criteria(cell_size, facet_angle, fraction * cell_size, radius_edge_ratio) for fraction in facet_distance
         ]
@@ -208,9 +216,15 @@ def generate(
             logger.warning("facet distances of %s h: %s", list(facet_distance), "; ".join(attempts[-1].problems))
     if mesher == "lattice" or (attempts[-1].problems and fallback):
         backend, passes = "tetgen", ()
-        fill = _filled_between if surface.inner else _filled_with_lattice
-        mesh, tried = fill(
-            surface, cell_size, edge_length, surface_distance, core_ratio=core_ratio, core_depth=core_depth
+        mesh, tried = _filled_with_lattice(
+            surface,
+            cell_size,
+            edge_length,
+            surface_distance,
+            core_ratio=core_ratio,
+            core_depth=core_depth,
+            elements_across=elements_across,
+            sizes=None if size_field is None else _sizes_of(surface, size_field, cell_size),
         )
         attempts += tried
 
@@ -333,89 +347,82 @@ def _filled_with_lattice(
     *,
     core_ratio: float,
     core_depth: float,
+    elements_across: int,
+    sizes: Sequence[FloatArray] | None,
 ) -> tuple[TetMesh, list[Attempt]]:
-    """Mesh by the longest edges with which no two boundary triangles cross.
+    """Mesh by the longest edges with which no two triangles cross, of the boundary and of the surfaces inside it.
 
-    Raises `StageError` when they cross with all of them.
-    """
-    genus = int(surface_topology(surface.faces).genus)
-    attempts: list[Attempt] = []
-    for fraction in edge_length:
-        began = time.perf_counter()
-        made = remesh_apart(surface, wanted(surface, fraction * cell_size, surface_distance * cell_size))
-        boundary = made.surface
-        if problem := _fault(boundary, surface):
-            topology = surface_topology(boundary.faces)
-            attempt = Attempt(None, fraction * cell_size, (), len(boundary.points), 0, 0, topology, (problem,))
-        else:
-            nodes = graded_nodes(boundary, made.size, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth)
-            points, cells = tetrahedralised(boundary, nodes)
-            mesh, flat = _well_ordered(points, cells)
-            mesh, _ = reconnect(mesh, surface, insert=False)
-            attempt = _judged(mesh, genus, edge_length=fraction * cell_size, passes=(), flat=flat)
-        attempts.append(replace(attempt, refinement=_refinement([made])))
-        _log(f"lattice, edges of {fraction * cell_size:g} mm", attempt, time.perf_counter() - began)
-        if not attempt.problems:
-            return mesh, attempts
-    raise StageError(
-        f"no edge length of {list(edge_length)} h gives a boundary to fill: {'; '.join(attempts[-1].problems)}",
-        remedy="choose a smaller cell size, add a smaller generate.edge_length, or smooth the surface there",
-    )
-
-
-def _filled_between(
-    surface: TriSurface,
-    cell_size: float,
-    edge_length: Sequence[float],
-    surface_distance: float,
-    *,
-    core_ratio: float,
-    core_depth: float,
-) -> tuple[TetMesh, list[Attempt]]:
-    """Mesh a surface and those inside it, as `_filled_with_lattice` does one; the regions are cell data.
+    Parameters
+    ----------
+    sizes : for each sheet (n,) mm, the cell size at its vertices, where that is smaller than `cell_size`
 
     Raises `StageError` when triangles cross with all edge lengths.
     """
     every = sheets(surface)
+    genus = int(surface_topology(surface.faces).genus)
     attempts: list[Attempt] = []
     for fraction in edge_length:
         began = time.perf_counter()
         edge = fraction * cell_size
-        made = remesh_nested(surface, wanted_nested(surface, edge, surface_distance * cell_size))
+        longest = None if sizes is None else [fraction * size for size in sizes]
+        made = remesh_apart(
+            surface, wanted(surface, edge, surface_distance * cell_size, across=elements_across, longest=longest)
+        )
         walls = [one.surface for one in made]
-        faults = [_fault(wall, one) for wall, one in zip(walls, every, strict=True)]
-        if problem := next(filter(None, faults), "") or _fault(joined(walls), joined(every)):
+        if problem := _fault(walls, every):
             topology = surface_topology(walls[0].faces)
             attempt = Attempt(None, edge, (), sum(len(wall.points) for wall in walls), 0, 0, topology, (problem,))
         else:
-            mesh, flat = _nested_lattice(made, cell_size, core_ratio, core_depth)
-            mesh, _ = reconnect(mesh, surface, insert=False)
-            attempt = _judged(mesh, int(surface_topology(surface.faces).genus), edge_length=edge, passes=(), flat=flat)
+            nodes = graded_nodes(
+                walls[0],
+                np.concatenate([one.size for one in made]),
+                edge_length=edge,
+                cell_size=cell_size,
+                core_ratio=core_ratio,
+                core_depth=core_depth,
+                walls=joined(walls),
+                plateau=elements_across / 2 if elements_across > 1 else 0,  # from both sides to the middle
+            )
+            points, cells = tetrahedralised(joined(walls), nodes)
+            region = regions_of(points, cells, walls) if surface.inner else None
+            mesh, flat = _well_ordered(points, cells, region)
+            mesh, _ = reconnect(mesh, surface, insert=False, cell_size=cell_size)
+            attempt = _judged(mesh, genus, edge_length=edge, passes=(), flat=flat)
             attempt = replace(attempt, problems=attempt.problems + _interface_problems(mesh, surface))
         attempts.append(replace(attempt, refinement=_refinement(made)))
-        _log(f"lattice between surfaces, edges of {edge:g} mm", attempt, time.perf_counter() - began)
+        _log(f"lattice, edges of {edge:g} mm", attempt, time.perf_counter() - began)
         if not attempt.problems:
             return mesh, attempts
+    remedy = "choose a smaller cell size, add a smaller generate.edge_length, or "
     raise StageError(
-        f"no edge length of {list(edge_length)} h gives surfaces to fill: {'; '.join(attempts[-1].problems)}",
-        remedy="choose a smaller cell size, add a smaller generate.edge_length, or a larger regions.min_gap",
+        f"no edge length of {list(edge_length)} h gives a boundary to fill: {'; '.join(attempts[-1].problems)}",
+        remedy=remedy + ("take a larger regions.min_gap" if surface.inner else "smooth the surface there"),
     )
 
 
-def _nested_lattice(
-    made: Sequence[Remeshed], cell_size: float, core_ratio: float, core_depth: float
-) -> tuple[TetMesh, int]:
-    """Tetrahedra between remeshed surfaces, with their regions, and how many flat ones were left out."""
-    walls = [one.surface for one in made]
-    both = joined(walls)
-    size = np.concatenate([one.size for one in made])
-    nodes = graded_nodes(walls[0], size, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth, walls=both)
-    points, cells = tetrahedralised(both, nodes)
-    region = regions_of(points, cells, walls)[signed_volumes(points, cells) != 0]
-    cells, flat = oriented(points, cells)
-    points, cells, _ = compact(points, cells)
-    points, cells, order = ordered_along_curve(points, cells)
-    return TetMesh(points, cells, cell_data={REGION: region[order]}), flat
+def _sizes_of(surface: TriSurface, name: str, cell_size: float) -> list[FloatArray]:
+    """Values of a field of sizes on each sheet, (n,) mm; infinite on one that has none."""
+    every = sheets(surface)
+    if not any(name in one.point_data for one in every):
+        known = ", ".join(surface.point_data) or "none"
+        raise InputError(
+            f"generate.size_field: the surface has no field {name} (it has: {known})",
+            remedy="name a field of the surface, or give it: `--field NAME=FILE`, in a sheet `cohort.fields`",
+        )
+    found = []
+    for one in every:
+        values = np.asarray(one.point_data.get(name, np.full(len(one.points), np.inf)), np.float64)
+        least = SHORTEST * cell_size
+        bad = ~(values >= least) if values.ndim == 1 else np.ones(1, np.bool_)
+        if bad.any():
+            what = f"{np.count_nonzero(bad)} values that are no cell size of at least {least:g} mm ({SHORTEST:g} h)"
+            shown = f", the first {values[bad.argmax()]} at vertex {bad.argmax()}"
+            raise InputError(
+                f"generate.size_field: {name} has {what}{shown}",
+                remedy="give one size in mm per vertex; where finer cells are wanted, choose a smaller cell size",
+            )
+        found.append(values)
+    return found
 
 
 def _interface_problems(mesh: TetMesh, surface: TriSurface) -> tuple[str, ...]:
@@ -441,18 +448,20 @@ def _refinement(made: Sequence[Remeshed]) -> Refinement:
     )
 
 
-def _fault(boundary: TriSurface, surface: TriSurface) -> str:
-    """Why a remeshed boundary cannot be filled, or nothing."""
-    unusable = unsound(boundary)
+def _fault(walls: Sequence[TriSurface], every: Sequence[TriSurface]) -> str:
+    """Why remeshed surfaces cannot be filled, or nothing; `every` holds the given ones."""
+    both = joined(walls)
+    unusable = unsound(both)
     if len(unusable):
-        flat = shapes(boundary)[unusable] < FLAT
+        flat = shapes(both)[unusable] < FLAT
         counts = {"cross": np.count_nonzero(~flat), "are flat": np.count_nonzero(flat)}
         what = " and ".join(f"{count} boundary triangles {fault}" for fault, count in counts.items() if count)
-        x, y, z = boundary.points[boundary.faces[unusable[0]]].mean(axis=0)
+        x, y, z = both.points[both.faces[unusable[0]]].mean(axis=0)
         return f"{what}, the first at ({x:.1f}, {y:.1f}, {z:.1f}) mm"
-    share = enclosed_volume(boundary.points, boundary.faces) / enclosed_volume(surface.points, surface.faces)
-    if share < LEAST_VOLUME:
-        return f"the remeshed boundary encloses {100 * share:.0f} % of the volume"
+    for wall, one in zip(walls, every, strict=True):
+        share = enclosed_volume(wall.points, wall.faces) / enclosed_volume(one.points, one.faces)
+        if share < LEAST_VOLUME:
+            return f"the remeshed boundary encloses {100 * share:.0f} % of the volume"
     return ""
 
 
@@ -487,12 +496,18 @@ def _judged(
     )
 
 
-def _well_ordered(points: FloatArray, cells: IntArray) -> tuple[TetMesh, int]:
-    """Tetrahedra of a mesher with positive volumes, numbered along a curve; and how many flat ones were left out."""
+def _well_ordered(points: FloatArray, cells: IntArray, region: IntArray | None = None) -> tuple[TetMesh, int]:
+    """Tetrahedra of a mesher with positive volumes, numbered along a curve; and how many flat ones were left out.
+
+    Parameters
+    ----------
+    region : (m,) of the tetrahedra, where there are several
+    """
+    kept = signed_volumes(points, cells) != 0
     cells, flat = oriented(points, cells)
     points, cells, _ = compact(points, cells)
-    points, cells, _ = ordered_along_curve(points, cells)
-    return TetMesh(points, cells), flat
+    points, cells, order = ordered_along_curve(points, cells)
+    return TetMesh(points, cells, cell_data={} if region is None else {REGION: region[kept][order]}), flat
 
 
 def oriented(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:

@@ -9,6 +9,7 @@ again after each round. Connectivity changes, which the published chain never do
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,16 +19,29 @@ from cortet.geometry.closest_point import SurfaceTree, forest
 from cortet.geometry.topology import neighbours
 from cortet.measure.quality import quality
 from cortet.mesh import IntArray, TetMesh, TriSurface
-from cortet.optimise.crossing import flaws_since, without_crossing
+from cortet.optimise.crossing import Flaws, flaws_since, without_crossing
 from cortet.optimise.insertion import MIN_GAIN, insert_vertices
-from cortet.optimise.places import Part, better_of_each, cut_out, put_back, rim_of
+from cortet.optimise.places import (
+    Part,
+    better_of_each,
+    cut_out,
+    mixed,
+    numbers_in,
+    only,
+    places_at,
+    promising,
+    put_back,
+    rim_of,
+)
 from cortet.optimise.swaps import NO_SWAPS, SwapCount, improve, live_cells, swappable
 from cortet.optimise.vertices import Boundary, Pass, interface_places, move_vertices, mu2_of
 from cortet.stages.clean import KEPT, require_positive
 
-VERSION: int = 6
+VERSION: int = 7
 
 _ROUNDS = 4
+#: swaps over tetrahedra below which a round is the last one
+_FEW = 2e-4
 #: the first round swaps above this q, which improves the mean, too
 _FIRST_SWAPS = 0.18
 #: its vertices move far, later ones must not lose what was reached
@@ -41,6 +55,10 @@ _SWEEPS, _LAST_MEAN_SWEEPS = 12, 4
 _SEARCHES = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
 #: tetrahedra around which is searched, the worst ones: places that join would cost as much as the mesh
 _MOST_SOUGHT = 40
+#: times that places are searched again because their boundary was spoilt
+_REPAIRS = 4
+#: a place with more tetrahedra above that than so many is given up for this series of rounds
+_MOST_HOPE = 100
 _SEARCH_POWERS, _SEARCH_SWEEPS = (8, 16, 32, 64), 25
 
 logger = logging.getLogger(__name__)
@@ -73,7 +91,13 @@ class ReconnectReport:
 
 
 def reconnect(
-    mesh: TetMesh, surface: TriSurface, *, threshold: float = 0.3, boundary: Boundary = "slide", insert: bool = True
+    mesh: TetMesh,
+    surface: TriSurface,
+    *,
+    threshold: float = 0.3,
+    boundary: Boundary = "slide",
+    insert: bool = True,
+    cell_size: float | None = None,
 ) -> tuple[TetMesh, ReconnectReport]:
     """Swap edges and faces around tetrahedra with q above `threshold`, and move the vertices there.
 
@@ -89,6 +113,7 @@ def reconnect(
         interfaces slide on its inner surfaces
     boundary : what boundary vertices may do when vertices move; boundary edges may be flipped unless it is `fixed`
     insert : also insert vertices inside, where no swap helps; they carry the values of a vertex near them
+    cell_size : mm, which says how far from `surface` the boundary may slide; None where it is not known
     """
     before = quality(mesh.points, mesh.cells)
     require_positive(before)
@@ -98,11 +123,18 @@ def reconnect(
         return _improved(start, tree, threshold, boundary, held)
 
     above = max(threshold, _INSERT_ABOVE)
-    start, inserted, swaps = _with_insertions(mesh, tree, above) if insert else (mesh, 0, [])
-    result, counts, held = without_crossing(start, optimise, surface if boundary == "slide" else None)
+    if insert:
+        start, inserted, swaps = _with_insertions(mesh, tree, above)
+    else:
+        # what is left to do where the boundary moves is little then, and can be undone place by place
+        inside = np.ones(len(mesh.points), np.bool_)
+        start, count = _swapped(mesh, tree, min(threshold, _FIRST_SWAPS), inside)
+        inserted, swaps = 0, [count]
+    followed = surface if boundary == "slide" else None
+    result, counts, held = without_crossing(start, optimise, followed, cell_size=cell_size)
     if insert:
         result, more, last = _mended_inside(result, tree, above)
-        result, found = _searched(result, mesh, surface, above, boundary)
+        result, found = _searched(result, flaws_since(result, followed, cell_size), surface, above, boundary)
         inserted, swaps = inserted + more + found, swaps + last
     after = quality(result.points, result.cells)
     total = [sum(values) for values in zip(*counts, *swaps, strict=True)]
@@ -148,12 +180,12 @@ def _mended_inside(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[
 
 
 def _searched(
-    mesh: TetMesh, began: TetMesh, surface: TriSurface, threshold: float, boundary: Boundary
+    mesh: TetMesh, flaws_of: Callable[[TetMesh], Flaws], surface: TriSurface, threshold: float, boundary: Boundary
 ) -> tuple[TetMesh, int]:
     """Try harder in the places of the worst that are above `threshold` still; also the number of vertices inserted.
 
     A vertex may make a place worse before it makes it better. Where the boundary may slide, its edges may be halved,
-    too; it must end as sound as it was when the stage `began`, or it stays.
+    too; where that makes flaws, vertices are held for another search, and at last the whole boundary of the place.
     """
     q = quality(mesh.points, mesh.cells)
     worst = np.sort(q)[-_MOST_SOUGHT - 1 :]
@@ -162,20 +194,35 @@ def _searched(
     if not bad.any():
         return mesh, 0
     part = cut_out(mesh, bad)
-    flaws = flaws_since(began, surface if boundary == "slide" else None)
-    freedoms: tuple[Boundary, ...] = (boundary, "fixed") if boundary == "slide" else (boundary,)
-    for freedom in freedoms:
-        best = part.mesh
-        for gain, rounds in _SEARCHES:
-            trial = best
-            for _ in range(rounds):
-                trial = _tried(trial, part, surface, threshold, gain, freedom)
-                best = better_of_each(best, trial)
-        result = put_back(mesh, part, best)
-        if freedom == "fixed" or not flaws(result):
+    best = _best_tries(part.mesh, part, surface, threshold, boundary)
+    result = put_back(mesh, part, best)
+    held = np.zeros(0, np.int32)
+    for remaining in reversed(range(_REPAIRS)):
+        if boundary != "slide" or not (flaws := flaws_of(result)):
             break
+        spoilt = places_at(best, np.concatenate([result.points[flaws.crossed.ravel()], mesh.points[flaws.left[:, 0]]]))
+        held = np.union1d(held, flaws.to_hold(held)).astype(np.int32)
+        stiffer = part._replace(rim=np.union1d(part.rim, numbers_in(part, held)).astype(np.int32))
+        freedom: Boundary = "slide" if remaining and not len(flaws.crossed) else "fixed"
+        again = _best_tries(only(part.mesh, spoilt), stiffer, surface, threshold, freedom)
+        best = mixed(best, again, spoilt)
+        result = put_back(mesh, part, best)
     logger.info("%d tetrahedra above q = %g: searched around them", np.count_nonzero(bad), threshold)
     return result, len(result.points) - len(mesh.points)
+
+
+def _best_tries(start: TetMesh, part: Part, surface: TriSurface, threshold: float, boundary: Boundary) -> TetMesh:
+    """What is best in each place of a `part`, or of what it was at the `start`, after all rounds."""
+    best = start
+    for gain, rounds in _SEARCHES:
+        trial = best
+        for _ in range(rounds):
+            trial = promising(trial, threshold, _MOST_HOPE)
+            if not len(trial.cells):
+                break
+            trial = _tried(trial, part, surface, threshold, gain, boundary)
+            best = better_of_each(best, trial)
+    return best
 
 
 def _tried(
@@ -211,7 +258,7 @@ def _improved(
         counts.append(count)
         made = count.edge_removals + count.face_removals + count.boundary_flips + count.peeled
         logger.info("round %d: %d swaps of %d tried", number, made, count.attempts)
-        if number > 1 and not made:
+        if number > 1 and made < _FEW * len(mesh.cells):
             break
         powers = _FIRST_POWERS if number == 1 else _FIRST_POWERS[-1:]
         aims = [Pass(threshold, power, _SWEEPS) for power in powers]

@@ -23,7 +23,7 @@ from cortet.geometry.topology import edges, enclosed_volume, neighbour_means, ve
 from cortet.mesh import FloatArray, IntArray, TriSurface
 from cortet.meshers.thickness import thickness
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: share of the thickness of a blade that the gap takes at most, on each of its sides
 SHARE_OF_BLADE = 0.25
@@ -140,11 +140,10 @@ def _moved_inside(
         )
     crossing = len(self_intersections(joined([surface, container])))
     pushed = replace(surface, points=_pushed(surface, container, tree, gaps))
-    moved = single_precision(_uncrossed(pushed, container, tree, gap))
+    moved, remaining = _uncrossed(pushed, container, tree, gap)
     points = moved.points
-    both = joined([moved, container])
-    remaining = self_intersections(both)
     if len(remaining):
+        both = joined([moved, container])
         first = both.points[both.faces[remaining[0]]].mean(axis=0)
         raise InputError(
             f"the inner surface {name} cannot be moved away from the one around it: {len(remaining)} triangles "
@@ -225,15 +224,21 @@ def _samples(surface: TriSurface, *, spacing: float) -> tuple[IntArray, FloatArr
     return np.concatenate(corners), np.concatenate(weights)
 
 
-def _uncrossed(surface: TriSurface, container: TriSurface, tree: SurfaceTree, gap: float) -> TriSurface:
-    """Smooth and push inward the vertices of triangles that still cross others, and of ever more around them."""
-    for number in range(_ROUNDS):
+def _uncrossed(
+    surface: TriSurface, container: TriSurface, tree: SurfaceTree, gap: float
+) -> tuple[TriSurface, IntArray]:
+    """Smooth and push inward the vertices of triangles that still cross others, and of ever more around them.
+
+    Returns also the triangles of both surfaces that cross in the end, those of the container last.
+    """
+    for number in range(_ROUNDS + 1):
+        surface = single_precision(surface)
         crossing = self_intersections(joined([surface, container]))
-        crossing = crossing[crossing < len(surface.faces)]
-        if not len(crossing):
+        own = crossing[crossing < len(surface.faces)]
+        if not len(own) or number == _ROUNDS:
             break
         chosen = np.zeros(len(surface.points), np.bool_)
-        chosen[surface.faces[crossing]] = True
+        chosen[surface.faces[own]] = True
         for _ in range(number // 3):
             chosen[surface.faces[chosen[surface.faces].any(axis=1)]] = True
         depth, normal, _ = depths(tree, container, surface.points[chosen])
@@ -242,7 +247,7 @@ def _uncrossed(surface: TriSurface, container: TriSurface, tree: SurfaceTree, ga
         # only where the other surface is near: a surface may also cross itself deep inside
         points[chosen] -= np.where(depth < 2 * gap, _NUDGE * gap, 0)[:, None] * normal
         surface = replace(surface, points=points)
-    return surface
+    return surface, crossing
 
 
 def _largest(corners: IntArray, lengths: FloatArray, directions: FloatArray, count: int) -> FloatArray:

@@ -21,7 +21,8 @@ import pymeshlab
 from cortet.errors import StageError
 from cortet.formats import child, gifti
 from cortet.geometry.closest_point import SurfaceTree, closest_points, tree_of
-from cortet.geometry.topology import boundary_surface, edges
+from cortet.geometry.nesting import joined, sheets
+from cortet.geometry.topology import edges, sheet
 from cortet.measure.fidelity import Distances, boundary_roughness, summary
 from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
@@ -29,7 +30,7 @@ from cortet.optimise.crossing import without_crossing
 from cortet.optimise.vertices import Boundary
 from cortet.stages.clean import clean, require_positive
 
-VERSION: int = 5
+VERSION: int = 6
 
 Method = Literal["laplacian", "workbench"]
 
@@ -53,12 +54,12 @@ class SmoothBoundaryReport:
     onto_surface: bool
     #: those asked for, halved until no element inverted; 0 when even one inverts some
     iterations: int
-    #: RMS distance of boundary vertices to the mean of their neighbours over the mean edge length
+    #: RMS distance of the vertices of boundary and interfaces to the mean of their neighbours over the mean edge length
     roughness_before: float
     roughness: float
-    #: boundary nodes to the surface, and to its nearest vertex as published
+    #: of these nodes, each to its surface
     nodes_to_surface_mm: Distances
-    #: how far boundary nodes moved
+    #: how far they moved
     displacement_mm: Distances
     q_mean_before: float
     q_max_before: float
@@ -78,12 +79,12 @@ def smooth_boundary(
     onto_surface: bool = True,
     thresholds: Sequence[float] = (0.7, 0.5),
 ) -> tuple[TetMesh, SmoothBoundaryReport]:
-    """Smooth the boundary of a mesh, let the interior follow, and clean the elements again.
+    """Smooth the boundary of a mesh and its interfaces, let the interior follow, and clean the elements again.
 
     Parameters
     ----------
     mesh : positive volumes
-    surface : the surface that was meshed
+    surface : the surface that was meshed, with its inner ones
     method : `laplacian`, PyMeshLab's surface-preserving one, or `workbench`, that of Connectome Workbench
         (`wb_command -surface-smoothing`)
     iterations : of the method; halved, up to four times, when an element inverts; published: 10
@@ -97,15 +98,19 @@ def smooth_boundary(
     """
     before = quality(mesh.points, mesh.cells)
     require_positive(before)
-    tree = tree_of(surface)
-    boundary, nodes = boundary_surface(mesh)
+    given = sheets(surface)
 
     def attempt(start: TetMesh, held: IntArray) -> tuple[TetMesh, tuple[int, float]]:
+        walls = [sheet(start, number) for number in range(len(given))]
+        nodes = np.concatenate([nodes for _, nodes in walls])
         free = ~np.isin(nodes, held)
         count = iterations
         for _ in range(_RETRIES + 1):
-            target = _smoothed(boundary, method, count, tree if onto_surface else None)
-            target = np.where(free[:, None], target, boundary.points)
+            smoothed = [
+                _smoothed(wall, method, count, tree_of(one) if onto_surface else None)
+                for (wall, _), one in zip(walls, given, strict=True)
+            ]
+            target = np.where(free[:, None], np.concatenate(smoothed), start.points[nodes])
             points = _followed(start, nodes, target)
             if (signed_volumes(points, start.cells) > 0).all():
                 break
@@ -121,15 +126,17 @@ def smooth_boundary(
 
     result, (used, q_max_smoothed), held = without_crossing(mesh, attempt)
     after = quality(result.points, result.cells)
-    placed = result.points[nodes]
+    walls, placed = ([sheet(one, number)[0] for number in range(len(given))] for one in (mesh, result))
+    off = [closest_points(tree_of(one), wall.points).distances for one, wall in zip(given, placed, strict=True)]
+    began, ended = joined(walls), joined(placed)
     return result, SmoothBoundaryReport(
         method=method,
         onto_surface=onto_surface,
         iterations=used,
-        roughness_before=boundary_roughness(boundary.points, boundary.faces),
-        roughness=boundary_roughness(placed, boundary.faces),
-        nodes_to_surface_mm=summary(closest_points(tree, placed).distances),
-        displacement_mm=summary(np.linalg.norm(placed - boundary.points, axis=1)),
+        roughness_before=boundary_roughness(began.points, began.faces),
+        roughness=boundary_roughness(ended.points, ended.faces),
+        nodes_to_surface_mm=summary(np.concatenate(off)),
+        displacement_mm=summary(np.linalg.norm(ended.points - began.points, axis=1)),
         q_mean_before=float(before.mean()),
         q_max_before=float(before.max()),
         q_max_smoothed=q_max_smoothed,
@@ -142,6 +149,8 @@ def smooth_boundary(
 def _smoothed(boundary: TriSurface, method: Method, iterations: int, tree: SurfaceTree | None) -> FloatArray:
     """Positions of the boundary's vertices after smoothing, (b, 3) mm; put back onto a surface after each iteration."""
     smooth = {"laplacian": _laplacian, "workbench": _workbench}[method]
+    if not len(boundary.points):  # an interface that does not reach into this part of a mesh
+        return boundary.points
     if tree is None:
         return smooth(boundary, iterations)
     for _ in range(iterations):

@@ -20,7 +20,7 @@ from cortet.optimise.crossing import without_crossing
 from cortet.stages.backing_off import back_off
 from cortet.stages.clean import clean
 
-VERSION: int = 4
+VERSION: int = 5
 
 #: boundary nodes nearer than this (mm) lie on the surface; CGAL leaves them up to 2e-6 mm off
 ON_SURFACE_MM = 1e-4
@@ -72,7 +72,7 @@ def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = 0.6) -> tuple[Tet
     inverted = unrepaired >= 1
 
     def attempt(start: TetMesh, held: IntArray) -> tuple[TetMesh, int]:
-        return _brought(start, surface, tree, np.setdiff1d(nodes, held), q_max, held)
+        return _brought(start, surface, tree, np.setdiff1d(boundary_nodes(start), held), q_max, held)
 
     if found.distances.max() <= ON_SURFACE_MM:
         snapped, rounds, outcome = mesh, 0, "nothing to do: the boundary lies on the surface"

@@ -37,6 +37,8 @@ class Study:
 
     folder: Path
     config: dict[str, Any] = field(default_factory=lambda: {key: dict(value) for key, value in CONFIG.items()})
+    #: what Snakemake printed in the last `jobs_of_run`
+    said: str = ""
 
     @property
     def outputs(self) -> Path:
@@ -61,7 +63,8 @@ class Study:
         """Run Snakemake; (rule, case) of the jobs that it ran, with case `-` for those over all cases."""
         began = time.time()
         result = self.run(*arguments)
-        assert (result.returncode == 0) is succeeds, result.stdout + result.stderr
+        self.said = result.stdout + result.stderr
+        assert (result.returncode == 0) is succeeds, self.said
         logs = [path for path in self.logs.rglob("*.log") if path.stat().st_mtime >= began]
         parts = [path.relative_to(self.logs).parts for path in logs]
         return {(part[0].removesuffix(".log"), part[1] if len(part) > 1 else "-") for part in parts}

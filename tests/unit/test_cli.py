@@ -145,6 +145,27 @@ def test_certify_judges_a_mesh_by_its_surface(tmp_path: Path, capsys: pytest.Cap
     assert main(["certify", *files, "--q-max", "0.1"]) == 1
 
 
+def test_certify_judges_regions_of_an_exported_mesh_by_the_surfaces_they_were_made_from(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [str(tmp_path / name) for name in ("two.vtu", "outer.surf.gii", "inner.surf.gii")]
+    for path, radius in zip(files[1:], (14.0, 12.0), strict=True):
+        write_surface(ball_surface(4, radius), Path(path))
+    assert main(["mesh", files[1], "--inner", files[2], "--cell-size", "2.5", "-o", files[0]]) == 0
+    written = json.loads((tmp_path / "two.certificate.json").read_text())
+    again = tmp_path / "again.json"
+    assert main(["certify", *files[:2], "--inner", files[2], "--cell-size", "2.5", "-o", str(again)]) == 0
+    judged = json.loads(again.read_text())
+    assert judged["regions"] == written["regions"] and judged["interfaces"] == written["interfaces"]
+    assert main(["certify", *files[:2], "--inner", f"ventricle={files[2]}"]) == 0
+    assert main(["certify", *files[:2], "--inner", files[1]]) == 1, "its interface lies elsewhere"
+    assert "FAIL  distance of a node of the interface white" in capsys.readouterr().out
+    write_surface(ball_surface(4, 5.0), tmp_path / "deep.surf.gii")
+    more = ["--inner", files[2], "--inner", f"deep={tmp_path / 'deep.surf.gii'}"]
+    assert main(["certify", *files[:2], *more]) == 1
+    assert "in none of the sets cortex, white, deep (it has: " in capsys.readouterr().err
+
+
 def test_verify_checks_the_written_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "cube.mesh"
     braingrowth.write(cube_mesh(1), path)  # all eight nodes lie on the surface

@@ -229,8 +229,17 @@ def test_inner_surfaces_are_named_by_their_columns(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="column inner_core: 'core' stands for another part of every mesh"):
         read_sheet(path)
     path.write_text(path.read_text().replace("inner_core", "inner_v").replace("pial.surf.gii", "phantom"))
-    with pytest.raises(InputError, match="column inner: a phantom has no inner surface"):
+    only = "but a phantom and nothing else has an inner surface phantom"
+    with pytest.raises(InputError, match=f"column inner: 'white.surf.gii', {only}"):
         read_sheet(path)
+    path.write_text(path.read_text().replace("white.surf.gii", "phantom"))
+    with pytest.raises(InputError, match=f"column inner_v: 'v.surf.gii', {only}"):
+        read_sheet(path)
+    path.write_text(path.read_text().replace("v.surf.gii", "n/a"))
+    (case,) = read_sheet(path)
+    assert case.is_phantom and case.inner == {"white": "phantom"}
+    write_sheet([case], tmp_path / "again.tsv")
+    assert read_sheet(tmp_path / "again.tsv") == [case]
 
 
 def test_scan_takes_the_pial_surface_beside_a_white_one_where_asked(tmp_path: Path) -> None:

@@ -19,7 +19,14 @@ from cortet.simulation.run import Settings
 from cortet.stages import STAGES
 
 ROOT = Path(__file__).parents[2]
-FACTS = {"source": "x.gii", "gestational_age": 28.0, "hemisphere": "L", "cell_size": 0.6, "mesher": "cgal"}
+FACTS = {
+    "nested": True,
+    "source": "x.gii",
+    "gestational_age": 28.0,
+    "hemisphere": "L",
+    "cell_size": 0.6,
+    "mesher": "cgal",
+}
 
 
 def test_config_yaml_documents_every_key_as_the_model_does() -> None:

@@ -17,7 +17,7 @@ from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume, surface_topology
 from cortet.measure.quality import circumradii, quality, signed_volumes
 from cortet.mesh import TetMesh, TriSurface
-from cortet.meshers import cgal, remesh
+from cortet.meshers import cgal, nested
 from cortet.stages import generate as s1
 from cortet.stages.generate import generate
 
@@ -149,11 +149,48 @@ def test_a_coarser_core_leaves_the_cortex_as_fine():
     assert cells_per_mm3(graded, 0.0, 2.0) < cells_per_mm3(even, 0.0, 2.0) / 5
 
 
+def test_a_field_of_sizes_makes_cells_smaller_there():
+    ball = ball_surface(4)
+    size = np.where(ball.points[:, 2] > 3, 0.4, 5.0)
+    fine, _ = generate(
+        dataclasses.replace(ball, point_data={"size": size}), cell_size=0.8, mesher="lattice", size_field="size"
+    )
+    even, _ = generate(ball, cell_size=0.8, mesher="lattice")
+
+    def radius(mesh: TetMesh, top: bool) -> float:
+        height = mesh.points[mesh.cells].mean(axis=1)[:, 2]
+        return float(np.median(circumradii(mesh.points, mesh.cells)[height > 4 if top else height < 0]))
+
+    assert is_sound(fine) and quality(fine.points, fine.cells).max() < 0.45
+    assert radius(fine, top=True) == pytest.approx(radius(even, top=True) / 2, rel=0.3)
+    assert radius(fine, top=False) == pytest.approx(radius(even, top=False), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("fields", "arguments", "words"),
+    [
+        ({"a": np.ones(162)}, {}, r"no field size \(it has: a\)"),
+        (
+            {"size": np.r_[np.ones(161), 0.1]},
+            {},
+            r"1 values that are no cell size of at least 0.28 mm .*0.1 at vertex 161",
+        ),
+        ({"size": np.r_[np.nan, np.ones(161)]}, {}, "first nan at vertex 0"),
+        ({"size": np.ones((162, 3))}, {}, "give one size in mm per vertex"),
+        ({"size": np.ones(162)}, {"mesher": "cgal"}, "mesher cgal knows no generate.size_field"),
+    ],
+)
+def test_fields_that_are_no_sizes_are_refused(fields, arguments, words):
+    surface = dataclasses.replace(ball_surface(2), point_data=fields)
+    with pytest.raises(InputError, match=words):
+        generate(surface, cell_size=0.8, size_field="size", **arguments)
+
+
 @pytest.fixture
 def careless(monkeypatch):
     """Remeshing that does not look at the thickness of the body, and not twice at triangles that cross."""
     for name, value in {"ROUNDS": 1, "SHARE_OF_GAP": 10.0, "EDGE_OVER_THICKNESS": 10.0}.items():
-        monkeypatch.setattr(remesh, name, value)
+        monkeypatch.setattr(nested, name, value)
 
 
 @pytest.mark.usefixtures("careless")

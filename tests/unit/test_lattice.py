@@ -15,7 +15,7 @@ from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh, TriSurface
 from cortet.meshers import lattice
 from cortet.meshers.lattice import graded_nodes, lattice_nodes, tetrahedralised
-from cortet.meshers.remesh import remesh_apart, wanted
+from cortet.meshers.nested import remesh_apart, wanted
 from cortet.stages.generate import _rotation, generate, oriented
 
 
@@ -79,7 +79,7 @@ def test_the_given_triangles_are_the_boundary():
 def test_near_smaller_triangles_the_lattice_is_finer():
     ball = ball_surface(4, radius=8.0)
     size = np.minimum(1.25, 0.5 + 0.3 * np.linalg.norm(ball.points - [8, 0, 0], axis=1))
-    nodes = graded_nodes(ball, size, cell_size=1.0, core_ratio=1.0, core_depth=1.0)
+    nodes = graded_nodes(ball, size, edge_length=1.25, cell_size=1.0, core_ratio=1.0, core_depth=1.0)
     apart = KDTree(nodes).query(nodes, k=2)[0][:, 1]
     near = np.linalg.norm(nodes - [8, 0, 0], axis=1) < 1.5
     far = np.linalg.norm(nodes - [8, 0, 0], axis=1) > 4
@@ -90,7 +90,8 @@ def test_near_smaller_triangles_the_lattice_is_finer():
 
 def test_triangles_of_one_size_get_the_lattice_alone():
     ball = ball_surface(3, radius=4.0)
-    graded = graded_nodes(ball, np.full(len(ball.points), 1.25), cell_size=1.0, core_ratio=1.0, core_depth=1.0)
+    size = np.full(len(ball.points), 1.25)
+    graded = graded_nodes(ball, size, edge_length=1.25, cell_size=1.0, core_ratio=1.0, core_depth=1.0)
     assert np.array_equal(graded, nodes_in(ball))
 
 
@@ -99,7 +100,7 @@ def test_a_real_cortex_is_remeshed_and_filled():
     if not path.exists():
         pytest.skip("../shared/data/fetal is not here")
     surface = read_surface(path)
-    boundary = remesh_apart(surface, wanted(surface, 2.5, 0.8)).surface
+    boundary = remesh_apart(surface, wanted(surface, 2.5, 0.8))[0].surface
     points, cells = tetrahedralised(boundary, nodes_in(boundary, cell_size=2.0))
     made = boundary_faces(TetMesh(points, oriented(points, cells)[0]))
     assert len(made) == len(boundary.faces) and surface_topology(made).problems() == []

@@ -16,6 +16,7 @@ from cortet.config import Config, load
 from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_surface
+from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.certify import Certificate
 from cortet.measure.fidelity import fidelity
@@ -113,7 +114,7 @@ def test_inner_surfaces_are_repaired_too(ball: TriSurface) -> None:
     inside = TriSurface(0.7 * ball.points, ball.faces[3:])
     outside = TriSurface(ball.points, ball.faces[3:])
     for outer, inner, repaired in ((outside, inside, (True, True)), (ball, inside, (False, True))):
-        line = run(outer, load(FAST), inner={"white": inner})
+        line = run(nested(outer, {"white": inner}), load(FAST))
         first, second = next(line), next(line)
         assert (first.report["repaired"], first.report["inner"]["white"]["repaired"]) == repaired
         assert second.stage == "gate"

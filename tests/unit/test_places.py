@@ -10,7 +10,7 @@ from cortet.geometry import topology
 from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import TetMesh
 from cortet.optimise.insertion import insert_vertices
-from cortet.optimise.places import better_of_each, cut_out, put_back, rim_of
+from cortet.optimise.places import better_of_each, cut_out, mixed, only, places_at, promising, put_back, rim_of
 
 
 @pytest.fixture
@@ -63,6 +63,33 @@ def test_each_place_keeps_the_try_that_was_better_there(mesh, seeds):
     whole = put_back(mesh, part, best)
     assert sorted(map(tuple, whole.points.tolist())) == sorted(map(tuple, mesh.points.tolist()))
     assert better_of_each(part.mesh, worse_low) is part.mesh
+
+
+def test_places_can_be_left_out_of_a_try_and_keep_what_they_had(mesh, seeds):
+    part = cut_out(mesh, seeds)
+    corner = mesh.points[mesh.cells[np.flatnonzero(seeds)]].mean(axis=1)
+    first = places_at(part.mesh, corner[:1])
+    assert first.sum() == 1 and places_at(part.mesh, corner).sum() == 2
+    one = only(part.mesh, first)
+    assert 0 < len(one.cells) < len(part.mesh.cells) and topology.components(one.cells) == 1
+    inside = np.setdiff1d(np.arange(len(one.points)), rim_of(part, one))[0]
+    changed = moved(one, 0.02, inside)
+    both = mixed(part.mesh, changed, first)
+    assert len(both.cells) == len(part.mesh.cells)
+    assert better_of_each(part.mesh, changed) is part.mesh, "worse, or not there"
+    assert len(better_of_each(changed, one).cells) == len(one.cells)
+    whole = put_back(mesh, part, both)
+    assert np.count_nonzero((whole.points != mesh.points).any(axis=1)) == 1
+
+
+def test_a_place_is_promising_while_few_of_its_tetrahedra_are_bad(mesh, seeds):
+    part = cut_out(mesh, seeds)
+    q = quality(part.mesh.points, part.mesh.cells)
+    assert len(promising(part.mesh, q.max(), 10).cells) == 0, "nothing is left to do"
+    assert promising(part.mesh, 0.0, len(q)) is part.mesh
+    assert len(promising(part.mesh, 0.0, 3).cells) == 0, "no hope"
+    worst = promising(part.mesh, np.sort(q)[-2], 10)
+    assert topology.components(worst.cells) == 1 and quality(worst.points, worst.cells).max() == q.max()
 
 
 def test_vertices_that_were_inserted_come_last_and_carry_values_of_a_neighbour(mesh, seeds):

@@ -12,7 +12,11 @@ REGULAR = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]])[[0, 2, 
 #: body-centred cubic lattice: two neighbouring corners' edge and two cell centres
 BCC = np.array([[0, 0, 0], [2, 0, 0], [1, 1, 1], [1, -1, 1.0]])
 FLAT = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]])
-MEASURES = [quality.quality, quality.radius_ratio, quality.radius_edge]
+MEASURES = [
+    quality.quality,
+    lambda points, cells: quality.measures(points, cells).radius_ratio,
+    lambda points, cells: quality.measures(points, cells).radius_edge,
+]
 
 
 @pytest.mark.parametrize("measure", MEASURES)
@@ -51,6 +55,28 @@ def test_dihedral_angles_of_the_regular_and_the_corner_tetrahedron():
     assert sorted(quality.dihedral_angles(corner, CELL)[0])[3:] == pytest.approx([90] * 3)
 
 
+def test_one_pass_finds_what_the_single_measures_do():
+    rng = np.random.default_rng(3)
+    points, cells = rng.normal(size=(400, 3)), np.arange(400, dtype=np.int32).reshape(-1, 4)
+    found = quality.measures(points, cells)
+    volumes, lengths = quality.signed_volumes(points, cells), quality.edge_lengths(points, cells)
+    angles, radii = quality.dihedral_angles(points, cells), quality.circumradii(points, cells)
+    assert found.volume == pytest.approx(volumes)
+    assert found.shortest_edge == pytest.approx(lengths.min(axis=1))
+    assert found.longest_edge == pytest.approx(lengths.max(axis=1))
+    assert found.smallest_angle == pytest.approx(angles.min(axis=1))
+    assert found.largest_angle == pytest.approx(angles.max(axis=1))
+    assert found.radius_edge == pytest.approx(
+        np.where(volumes > 0, 1 - np.sqrt(6) / 4 * lengths.min(axis=1) / radii, 1)
+    )
+
+
+def test_radius_ratio_of_the_corner_tetrahedron():
+    corner = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    # inradius 1 / (3 + sqrt 3), circumradius sqrt 3 / 2
+    assert quality.measures(corner, CELL).radius_ratio == pytest.approx([1 - 6 / (3 + 3**0.5) / 3**0.5])
+
+
 @pytest.mark.parametrize(
     ("valence", "bound"), [(3, 0.300), (4, 0.057), (8, 0.128), (10, 0.241), (12, 0.337), (14, 0.415)]
 )
@@ -78,7 +104,7 @@ def test_summary_of_two_regular_tetrahedra():
     assert found.shortest_edge_mm == pytest.approx(8**0.5) == found.longest_edge_mm
 
 
-@pytest.mark.parametrize("measure", [*MEASURES, quality.signed_volumes, quality.dihedral_angles, quality.edge_lengths])
+@pytest.mark.parametrize("measure", [quality.signed_volumes, quality.dihedral_angles, quality.edge_lengths])
 def test_a_mesh_is_measured_alike_in_blocks_and_at_once(measure, monkeypatch):
     mesh = cube_mesh(4)
     at_once = measure(mesh.points, mesh.cells)

@@ -18,6 +18,7 @@ from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import depths, joined, nested, parents, region_boundary
 from cortet.geometry.topology import enclosed_volume, interfaces, sheet, surface_topology
 from cortet.measure.certify import certify
+from cortet.measure.fidelity import boundary_roughness
 from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import REGION, MeshSets, TetMesh, TriSurface
 from cortet.phantom import inset, phantom
@@ -30,10 +31,13 @@ from cortet.simulation.run import Settings
 from cortet.solver_files.export import export
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import verify
+from cortet.stages.backing_off import back_off
 from cortet.stages.clean import clean
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
 from cortet.stages.separate import separate
+from cortet.stages.smooth_boundary import smooth_boundary
+from cortet.stages.snap import snap
 from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
 
@@ -57,8 +61,7 @@ def pair() -> TriSurface:
 
 @pytest.fixture(scope="module")
 def meshed(pair: TriSurface) -> Meshed:
-    outer = replace(pair, inner={})
-    return mesh_surface(outer, load({"generate": {"cell_size": H}}), inner=pair.inner)
+    return mesh_surface(pair, load({"generate": {"cell_size": H}}))
 
 
 def test_order_and_parents_follow_from_what_contains_what():
@@ -104,9 +107,53 @@ def test_regions_are_numbers_of_tetrahedra_and_follow_every_stage(meshed):
     assert (np.einsum("ij,ij->i", normals, mesh.points[faces.faces[:, 0]]) > 0).all()  # outward
 
 
+def test_more_elements_across_make_the_cortex_finer_and_the_core_stays():
+    outer, inner = ball(11.0), {"white": ball(9.0)}
+    found = {}
+    for across in (1, 2, 3):
+        config = load({"generate": {"cell_size": 1.6}, "regions": {"elements_across": across}})
+        mesh, certificate, _ = mesh_surface(nested(outer, inner), config)
+        assert certificate.certified and certificate.quality.q.max < 0.45, certificate.reasons
+        assert certificate.parameters["generate"]["elements_across"] == across
+        cortex = certificate.regions[0]
+        deep = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1) < 4
+        found[across] = (cortex.edges_across.p5, cortex.edges_across.median, cortex.tetrahedra, int(deep.sum()))
+    assert found[2][0] >= 2 and found[3][1] >= 3 and found[1][0] < 2
+    assert found[1][2] < found[2][2] < found[3][2]
+    assert found[3][3] == pytest.approx(found[1][3], rel=0.25)
+
+
+def test_a_field_of_one_of_the_surfaces_makes_cells_smaller_on_that_one(pair):
+    white = replace(pair.inner["white"], point_data={"size": np.full(len(pair.inner["white"].points), 1.0)})
+    fine, _ = generate(nested(pair, {"white": white}), cell_size=H, size_field="size")
+    even, _ = generate(pair, cell_size=H)
+    counts = [[len(sheet(mesh, number)[0].faces) for number in (0, 1)] for mesh in (even, fine)]
+    assert counts[1][0] == pytest.approx(counts[0][0], rel=0.1) and counts[1][1] > 3 * counts[0][1]
+    assert quality(fine.points, fine.cells).max() < 0.45
+
+
+def test_smoothing_evens_out_the_interface_on_its_surface_as_the_boundary_on_its_own(meshed):
+    mesh, _, surface = meshed
+    shaken = mesh.points.copy()
+    trees = [surface_tree(one.points, one.faces) for one in (replace(surface, inner={}), surface.inner["white"])]
+    for number, tree in enumerate(trees):
+        nodes = sheet(mesh, number)[1]
+        target = shaken[nodes] + np.random.default_rng(number).normal(0, 0.15, (len(nodes), 3))
+        shaken[nodes] = closest_points(tree, target).points
+    rough = replace(mesh, points=back_off(mesh.points, shaken, mesh.cells, q_max=0.6)[0])
+    rough = snap(rough, surface)[0]
+    smooth, report = smooth_boundary(rough, surface)
+    assert report.roughness < report.roughness_before and report.nodes_to_surface_mm.max < 1e-9
+    for number, tree in enumerate(trees):
+        before, after = (sheet(one, number)[0] for one in (rough, smooth))
+        assert boundary_roughness(after.points, after.faces) < 0.9 * boundary_roughness(before.points, before.faces)
+        assert closest_points(tree, after.points).distances.max() < 1e-9
+    assert (signed_volumes(smooth.points, smooth.cells) > 0).all()
+
+
 def test_nested_and_disjoint_regions_are_one_body_each():
     inner = {"white": ball(10.0), "ventricle": ball(4.0, (3, 0, 0)), "deep": ball(3.0, (-5, 0, 0))}
-    result = mesh_surface(ball(13.0), load({"generate": {"cell_size": 1.0}}), inner=inner)
+    result = mesh_surface(nested(ball(13.0), inner), load({"generate": {"cell_size": 1.0}}))
     assert result.certificate.certified, result.certificate.reasons
     volumes = {region.name: 1000 * region.volume_ml for region in result.certificate.regions}
     white = volume(ball(10.0)) - volume(ball(4.0)) - volume(ball(3.0))
@@ -154,13 +201,13 @@ def test_an_inner_surface_with_a_hole_is_refused_by_name():
     torn = TriSurface(whole.points, whole.faces[1:])
     config = load({"generate": {"cell_size": H}})
     with pytest.raises(InputError, match=r"torn.gii: not one closed manifold: 3 open edges"):
-        mesh_surface(ball(15.0), config, inner={"white": torn}, inner_sources={"white": "torn.gii"})
+        mesh_surface(nested(ball(15.0), {"white": torn}), config, inner_sources={"white": "torn.gii"})
 
 
 def test_stages_that_know_no_interface_are_refused_beforehand(pair):
     for data in ({"relocate": {"enabled": True}}, {"generate": {"meshers": ["cgal"]}}):
         with pytest.raises(InputError, match="knows no inner surfaces"):
-            mesh_surface(replace(pair, inner={}), load(data), inner=pair.inner)
+            mesh_surface(pair, load(data))
 
 
 def test_the_certificate_sees_a_vertex_off_the_interface_and_a_tetrahedron_on_the_wrong_side(meshed):
@@ -215,6 +262,30 @@ def test_a_real_pair_is_separated_at_the_medial_wall():
 
 
 @pytest.mark.skipif(not PAIRS.exists(), reason="no ../shared/data/pairs")
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda pial, white: (white, pial), r"encloses 61.5 mL, the outer one 50.5 mL \(exchange them"),
+        (
+            lambda pial, white: (pial, replace(white, points=white.points + np.array([5.0, 0, 0]))),
+            r"lies up to \d\.\d\d mm outside .*, at \(.*% of its vertices by more than 0.5 mm.*in one space",
+        ),
+        (
+            lambda pial, white: (pial, replace(white, faces=np.delete(white.faces, np.arange(30), axis=0))),
+            r"white.surf.gii: not one closed manifold: .* open edges",
+        ),
+    ],
+    ids=["swapped", "shifted", "a hole"],
+)
+def test_bad_pairs_of_a_real_brain_are_refused_in_these_words(change, words):
+    pial, white = (read_surface(PAIRS / f"neonatal_dhcp_w28_lh_{name}.surf.gii") for name in ("pial", "white"))
+    outer, inner = change(pial, white)
+    config = load({"generate": {"cell_size": 1.0}})
+    with pytest.raises(InputError, match=words):
+        mesh_surface(nested(outer, {"white": inner}), config, inner_sources={"white": "white.surf.gii"})
+
+
+@pytest.mark.skipif(not PAIRS.exists(), reason="no ../shared/data/pairs")
 def test_pairs_of_two_subjects_are_refused_with_the_place():
     pial = read_surface(PAIRS / "neonatal_dhcp_w28_lh_pial.surf.gii")
     white = read_surface(PAIRS / "adult_fsaverage5_lh_white.surf.gii")
@@ -233,9 +304,8 @@ def test_the_same_bits_with_one_and_two_threads(pair, meshed, tmp_path):
     code = (
         "import hashlib\n"
         "import test_regions as t\n"
-        "from dataclasses import asdict, replace\n"
         "pair = t.nested(t.ball(14.0), {'white': t.ball(10.0)})\n"
-        "m = t.mesh_surface(replace(pair, inner={}), t.load({'generate': {'cell_size': t.H}}), inner=pair.inner).mesh\n"
+        "m = t.mesh_surface(pair, t.load({'generate': {'cell_size': t.H}})).mesh\n"
         "print(hashlib.sha256(m.points.tobytes() + m.cells.tobytes() + m.cell_data['region'].tobytes()).hexdigest())"
     )
     found = {
@@ -306,7 +376,7 @@ def test_a_phantom_pair_is_separate_and_one_too_folded_is_refused():
     depth, _, _ = depths(surface_tree(pial.points, pial.faces), pial, white.points)
     assert depth.min() > 0.5 and np.median(depth) == pytest.approx(1.5, abs=0.1)
     assert len(self_intersections(joined([pial, white]))) == 0
-    with pytest.raises(InputError, match="give a positive depth"):
+    with pytest.raises(InputError, match="give a positive thickness"):
         inset(pial, 0.0)
 
 

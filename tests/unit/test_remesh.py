@@ -12,12 +12,13 @@ from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import edges, enclosed_volume, surface_topology, vertex_normals
 from cortet.mesh import FloatArray, TriSurface
-from cortet.meshers.remesh import Remeshed, remesh, remesh_apart, wanted
+from cortet.meshers.nested import remesh_apart, wanted
+from cortet.meshers.remesh import Remeshed, remesh
 from cortet.meshers.thickness import thickness
 
 
 def remeshed(surface: TriSurface, edge_length: float, distance: float = 0.4) -> Remeshed:
-    return remesh(surface, wanted(surface, edge_length, distance))
+    return remesh(surface, wanted(surface, edge_length, distance)[0])
 
 
 def edge_lengths(surface: TriSurface) -> FloatArray:
@@ -63,7 +64,7 @@ def test_distances_attached_are_no_less_than_those_measured():
 
 def test_a_narrow_slit_stays_open():
     ring = horseshoe(gap=0.3)
-    made = remesh_apart(ring, wanted(ring, 1.25, 0.4))
+    (made,) = remesh_apart(ring, wanted(ring, 1.25, 0.4))
     assert not len(self_intersections(made.surface))
     assert left_behind(ring, made.surface) <= 0.4
     assert surface_topology(made.surface.faces).problems() == []
@@ -71,18 +72,32 @@ def test_a_narrow_slit_stays_open():
 
 def test_a_thin_blade_stays():
     shell = bowl(thickness=0.5)
-    made = remesh_apart(shell, wanted(shell, 1.25, 0.4)).surface
+    made = remesh_apart(shell, wanted(shell, 1.25, 0.4))[0].surface
     assert not len(self_intersections(made)) and left_behind(shell, made) <= 0.4
     assert surface_topology(made.faces).problems() == []
 
 
 def test_only_triangles_around_a_thin_place_are_smaller():
     shell = bowl(thickness=0.5)
-    want = wanted(shell, 1.25, 0.4)
+    (want,) = wanted(shell, 1.25, 0.4)
     assert want.size.min() < 1.0 and want.distance.min() < 0.4
     ball = ball_surface(4)
-    want = wanted(ball, 1.25, 0.4)
+    (want,) = wanted(ball, 1.25, 0.4)
     assert (want.size == 1.25).all() and (want.distance == 0.4).all()
+
+
+def test_edges_are_no_longer_than_asked_for_at_each_vertex():
+    ball = ball_surface(4)
+    longest = np.where(ball.points[:, 2] > 4, 0.6, np.inf)
+    (want,) = wanted(ball, 1.25, 0.4, longest=[longest])
+    assert (want.size[ball.points[:, 2] > 4] == 0.6).all() and want.size.max() == 1.25
+    made = remesh(ball, want)
+    start = edges(made.surface.faces)[:, 0]
+    top = made.surface.points[start, 2] > 4.3
+    lengths = edge_lengths(made.surface)
+    assert (
+        lengths[top].mean() == pytest.approx(0.6, rel=0.15) and lengths[made.surface.points[start, 2] < 0].mean() > 1.1
+    )
 
 
 def test_thickness_of_a_ball_is_its_diameter_and_outside_there_is_no_limit():
@@ -105,6 +120,6 @@ def test_the_sulci_and_blades_of_a_real_brain_are_kept():
     if not path.exists():
         pytest.skip("../shared/data/folded is not here")
     surface = read_surface(path)
-    made = remesh_apart(surface, wanted(surface, 1.25, 0.4)).surface
+    made = remesh_apart(surface, wanted(surface, 1.25, 0.4))[0].surface
     assert not len(self_intersections(made)) and left_behind(surface, made) <= 0.4
     assert len(made.points) < 9000

@@ -1,0 +1,190 @@
+"""Ten-node tetrahedra: midside nodes on the surface, where the elements stay valid.
+
+The Jacobian determinant of a ten-node tetrahedron is a cubic polynomial. Its 20 Bernstein coefficients bound it from
+both sides over the whole element (Johnen, Remacle, Geuzaine, J. Comput. Phys. 233, 2013), so a least coefficient above
+zero says more than positive values at nodes and quadrature points do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations_with_replacement, permutations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.geometry.closest_point import closest_points, tree_of
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.topology import edges, sheet
+from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+
+#: corners at the ends of the six edges, in the order of VTK, Abaqus and FEBio
+EDGES = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]], np.int32)
+#: least Jacobian determinant allowed, as a fraction of that of the straight element
+LEAST_JACOBIAN = 0.2
+#: the three edges of a face as positions in `_MIDDLE`, and its four parts: three corners and the middle
+_FACE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
+_PARTS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+
+
+@dataclass(frozen=True)
+class QuadraticMesh:
+    """A mesh of ten-node tetrahedra."""
+
+    #: (n + k, 3) mm: the corners as they were, then one node per edge
+    points: FloatArray
+    #: (m, 10) int32: four corners, then the middles of `EDGES`
+    cells: IntArray
+    #: (k, 2) int32, corners at the ends of each midside node's edge
+    ends: IntArray
+    #: (k,) whether the edge lies on the boundary or an interface
+    on_surface: NDArray[np.bool_]
+    #: edges with their middle on the surface, and those left straight for an element, or for faces that crossed
+    curved: int
+    straightened_for_elements: int
+    straightened_for_crossings: int
+    #: lower bound of the Jacobian determinant over all elements, as a fraction of that of the straight element
+    least_jacobian: float
+    #: mm, largest distance of a midside node to the middle of its edge
+    largest_move_mm: float
+
+
+def quadratic(mesh: TetMesh, surface: TriSurface) -> QuadraticMesh:
+    """Give every edge of a mesh a node in its middle, and move those of the boundary and the interfaces to the surface.
+
+    An edge stays straight where an element around it would have a Jacobian determinant below `LEAST_JACOBIAN` of that
+    of its straight shape anywhere, or where the curved faces would cross.
+
+    Parameters
+    ----------
+    mesh : with positive volumes
+    surface : the surface that its boundary lies on, with the inner surfaces of its regions
+
+    Returns
+    -------
+    the corners keep their numbers
+    """
+    ends = edges(mesh.cells)
+    key = ends[:, 0].astype(np.int64) * len(mesh.points) + ends[:, 1]
+
+    def number_of(pairs: IntArray) -> IntArray:
+        """Edge number of pairs of corners (..., 2)."""
+        low, high = pairs.min(axis=-1), pairs.max(axis=-1)
+        return np.searchsorted(key, low.astype(np.int64) * len(mesh.points) + high).astype(np.int32)
+
+    of_cells = number_of(mesh.cells[:, EDGES])
+    straight = mesh.points[ends].mean(axis=1)
+    middle, on_surface = straight.copy(), np.zeros(len(ends), bool)
+    walls = list(_walls(mesh, surface))
+    for faces, target in walls:
+        chosen = np.unique(number_of(faces[:, _FACE_EDGES]))
+        middle[chosen] = closest_points(tree_of(target), straight[chosen]).points
+        on_surface[chosen] = True
+    shape = _Shape(mesh, of_cells, straight, middle, (middle != straight).any(axis=1))
+    of_walls = [(faces, number_of(faces[:, _FACE_EDGES])) for faces, _ in walls]
+    for_elements = for_crossings = 0
+    while True:  # an edge made straight changes its faces and its elements
+        for_elements += shape.straighten_elements()
+        found = sum(shape.straighten_crossings(faces, of_faces) for faces, of_faces in of_walls)
+        for_crossings += found
+        if not found:
+            break
+
+    touched = np.flatnonzero(shape.moved[of_cells].any(axis=1))
+    least = jacobian_bounds(mesh.points[mesh.cells[touched]], middle[of_cells[touched]])
+    return QuadraticMesh(
+        points=np.concatenate([mesh.points, middle]),
+        cells=np.concatenate([mesh.cells, of_cells + np.int32(len(mesh.points))], axis=1),
+        ends=ends,
+        on_surface=on_surface,
+        curved=int(shape.moved.sum()),
+        straightened_for_elements=for_elements,
+        straightened_for_crossings=for_crossings,
+        least_jacobian=float(least.min(initial=1.0)),
+        largest_move_mm=float(np.linalg.norm(middle - straight, axis=1).max()),
+    )
+
+
+def jacobian_bounds(corners: FloatArray, middles: FloatArray) -> FloatArray:
+    """Lower bounds of the Jacobian determinants of ten-node tetrahedra.
+
+    Parameters
+    ----------
+    corners : (m, 4, 3)
+    middles : (m, 6, 3), of `EDGES`
+
+    Returns
+    -------
+    (m,), fractions of the determinant of the straight element; 1 for a straight one
+    """
+    # control points of the quadratic map: those of corners, and those of edges, which the middles are not
+    control = np.empty((len(corners), 4, 4, 3))
+    for corner in range(4):
+        control[:, corner, corner] = corners[:, corner]
+    for number, (i, j) in enumerate(EDGES):
+        control[:, i, j] = control[:, j, i] = 2 * middles[:, number] - (corners[:, i] + corners[:, j]) / 2
+    # derivatives along the edges from corner 0 are linear: `slopes[:, a, b]` is that towards a + 1, at corner b
+    slopes = 2 * (control[:, 1:] - control[:, :1])
+    least = np.full(len(corners), np.inf)
+    for powers in combinations_with_replacement(range(4), 3):
+        orders = sorted(set(permutations(powers)))
+        terms = [_determinant(*(slopes[:, a, b] for a, b in enumerate(order))) for order in orders]
+        np.minimum(least, np.mean(terms, axis=0), out=least)
+    return least / _determinant(*(corners[:, a] - corners[:, 0] for a in (1, 2, 3)))
+
+
+def _determinant(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    return np.einsum("mi,mi->m", a, np.cross(b, c))
+
+
+def _walls(mesh: TetMesh, surface: TriSurface) -> Iterator[tuple[IntArray, TriSurface]]:
+    """Faces of the boundary and of each interface, corners as in the mesh, and the surface that they lie on."""
+    for number, target in enumerate((surface, *surface.inner.values())):
+        wall, nodes = sheet(mesh, number)
+        yield nodes[wall.faces], target
+
+
+class _Shape(NamedTuple):
+    """Where the middles of the edges are; the methods make edges straight and say how many."""
+
+    mesh: TetMesh
+    #: (m, 6) edges of the elements
+    of_cells: IntArray
+    #: (k, 3) mm, the middles of the straight edges and those that they have, and (k,) which differ
+    straight: FloatArray
+    middle: FloatArray
+    moved: NDArray[np.bool_]
+
+    def straighten_elements(self) -> int:
+        """Edges of elements that are too much distorted."""
+        count = 0
+        suspects = np.flatnonzero(self.moved[self.of_cells].any(axis=1))
+        while len(suspects):
+            of_suspects = self.of_cells[suspects]
+            bounds = jacobian_bounds(self.mesh.points[self.mesh.cells[suspects]], self.middle[of_suspects])
+            changed = self._straighten(of_suspects[bounds < LEAST_JACOBIAN])
+            count += len(changed)
+            suspects = np.flatnonzero(np.isin(self.of_cells, changed).any(axis=1))
+        return count
+
+    def straighten_crossings(self, faces: IntArray, of_faces: IntArray) -> int:
+        """Edges of faces (f, 3) of which a part, of the four that the middles make, crosses another one."""
+        count = 0
+        corners = np.concatenate([faces, of_faces + len(self.mesh.points)], axis=1)
+        used, parts = np.unique(corners[:, _PARTS].reshape(-1, 3), return_inverse=True)
+        while True:
+            points = np.concatenate([self.mesh.points, self.middle])[used]
+            crossing = self_intersections(TriSurface(points, parts.reshape(-1, 3).astype(np.int32)))
+            changed = self._straighten(of_faces[np.unique(crossing // len(_PARTS))])
+            if not len(changed):
+                return count
+            count += len(changed)
+
+    def _straighten(self, edges: IntArray) -> IntArray:
+        """Make edges straight; those that were not."""
+        changed = np.unique(edges)
+        changed = changed[self.moved[changed]]
+        self.middle[changed], self.moved[changed] = self.straight[changed], False
+        return changed

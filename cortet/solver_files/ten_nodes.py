@@ -1,0 +1,150 @@
+"""Files of ten-node tetrahedra for Abaqus and CalculiX, FEBio, Gmsh, ParaView and FEniCS.
+
+The corners keep the numbers that they have in the files of the straight mesh; the midside nodes follow. VTU, XDMF and
+Gmsh files are written by meshio, which knows each one's order of the midside nodes; Abaqus and FEBio take that of
+`geometry.quadratic.EDGES` (Abaqus Elements Guide, "Three-dimensional solid element library"; FEBio User Manual,
+"Elements").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import InputError, StageError
+from cortet.formats import abaqus, febio
+from cortet.formats.atomic import atomic_folder, write_json
+from cortet.formats.surface_sets import region_tags, sides, with_surface
+from cortet.geometry.quadratic import EDGES, QuadraticMesh
+from cortet.geometry.topology import boundary_nodes
+from cortet.mesh import IntArray, MeshSets, TetMesh
+
+#: corners between which the midside nodes of a face are
+_FACE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
+
+
+def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> None:
+    """Write `path`, and beside it `<stem>.quadratic.json` with the counts; complete and read back, or not at all.
+
+    Parameters
+    ----------
+    mesh : the straight mesh, its named sets and fields
+    curved : `geometry.quadratic.quadratic` of it
+    path : its suffix says for which program
+
+    Raises
+    ------
+    InputError : no ten-node file has that suffix
+    StageError : the written file does not hold the mesh
+    """
+    writer = _WRITERS.get(path.suffix)
+    if writer is None:
+        raise InputError("is of no format for ten-node elements", file=path, remedy=f"use {', '.join(_WRITERS)}")
+    mesh = with_surface(mesh)
+    sets = MeshSets(_node_sets(mesh, curved), mesh.sets.faces, mesh.sets.cells)
+    with atomic_folder(path) as folder:
+        writer(mesh, curved, sets, folder / path.name)
+        _check(curved, folder / path.name)
+        write_json(record(curved), folder / f"{path.stem}.quadratic.json")
+
+
+def record(curved: QuadraticMesh) -> dict[str, Any]:
+    """The numbers of a ten-node mesh, ready for JSON."""
+    counts = {"nodes": len(curved.points), "tetrahedra": len(curved.cells)}
+    arrays = ("points", "cells", "ends", "on_surface")
+    return counts | {name: value for name, value in asdict(curved).items() if name not in arrays}
+
+
+def with_middles(curved: QuadraticMesh, values: NDArray[Any]) -> NDArray[Any]:
+    """A field of corners (n, ...) on all nodes: real numbers are averaged, a label is that of the first end."""
+    first, second = (values[curved.ends[:, end]] for end in (0, 1))
+    middle = first if np.issubdtype(values.dtype, np.integer) else (first + second) / 2
+    return np.concatenate([values, middle])
+
+
+def _node_sets(mesh: TetMesh, curved: QuadraticMesh) -> dict[str, IntArray]:
+    """Named sets with their midside nodes: those between two nodes of the set, along the surface for sets of it."""
+    corners, found = len(mesh.points), {}
+    outside = boundary_nodes(mesh)
+    for name, nodes in mesh.sets.nodes.items():
+        inside = np.zeros(corners, bool)
+        inside[nodes] = True
+        chosen = inside[curved.ends].all(axis=1)
+        if np.isin(nodes, outside).all():
+            chosen &= curved.on_surface
+        found[name] = np.concatenate([nodes, (corners + np.flatnonzero(chosen)).astype(np.int32)])
+    return found
+
+
+def _six_nodes(mesh: TetMesh, curved: QuadraticMesh, faces: IntArray) -> IntArray:
+    """Corners of faces (f, 3) and the nodes between them: (f, 6)."""
+    owners, _ = sides(mesh, faces)
+    nodes = curved.cells[owners]
+    low, high = (np.sort(faces[:, _FACE_EDGES], axis=2)[:, :, end] for end in (0, 1))
+    ends = np.sort(nodes[:, EDGES], axis=2)
+    middles = [
+        nodes[:, 4:][(ends[:, :, 0] == low[:, [side]]) & (ends[:, :, 1] == high[:, [side]])] for side in range(3)
+    ]
+    return np.column_stack([faces, *middles])
+
+
+def _write_abaqus(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
+    abaqus.write_elements(mesh, curved.points, curved.cells, sets.nodes, path)
+
+
+def _write_febio(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
+    faces = {name: _six_nodes(mesh, curved, three) for name, three in sets.faces.items()}
+    fields = {name: with_middles(curved, values) for name, values in mesh.point_data.items()}
+    febio.write_elements(mesh, curved.points, curved.cells, sets.nodes, faces, fields, path)
+
+
+def _by_meshio(file_format: str) -> Callable[[TetMesh, QuadraticMesh, MeshSets, Path], None]:
+    """Writer of a format that meshio knows: fields, regions as tags, and the faces of the surface as six-node ones."""
+
+    def write(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
+        cells: list[tuple[str, IntArray]] = [("tetra10", curved.cells)]
+        regions = region_tags(mesh) if mesh.sets.cells else np.ones(len(curved.cells), np.int32)
+        tags = {"region": [regions]}
+        groups = {}
+        if file_format == "gmsh22":
+            for number, (name, faces) in enumerate(sets.faces.items(), start=1):
+                cells.append(("triangle6", _six_nodes(mesh, curved, faces)))
+                tags["region"].append(np.full(len(faces), number, np.int32))
+                groups[name] = np.array([number, 2])
+            tags = {"gmsh:physical": tags["region"], "gmsh:geometrical": tags["region"]}
+            groups |= {f"region_{tag}": np.array([tag, 3]) for tag in np.unique(regions)}
+        content = meshio.Mesh(
+            curved.points,
+            cells,
+            point_data={name: with_middles(curved, values) for name, values in mesh.point_data.items()},
+            cell_data=tags,
+            field_data=groups,
+        )
+        meshio.write(path, content, file_format=file_format)
+
+    return write
+
+
+_WRITERS: Mapping[str, Callable[[TetMesh, QuadraticMesh, MeshSets, Path], None]] = {
+    ".inp": _write_abaqus,
+    ".feb": _write_febio,
+    ".vtu": _by_meshio("vtu"),
+    ".msh": _by_meshio("gmsh22"),
+    ".xdmf": _by_meshio("xdmf"),
+}
+
+
+def _check(curved: QuadraticMesh, path: Path) -> None:
+    """Read a file back, by meshio where it reads the format."""
+    if path.suffix == ".feb":
+        return
+    found = meshio.read(path)
+    cells = [block.data for block in found.cells if block.type == "tetra10"]
+    if not (cells and np.array_equal(np.concatenate(cells), curved.cells) and len(found.points) == len(curved.points)):
+        raise StageError("the written file does not hold the ten-node mesh", file=path)

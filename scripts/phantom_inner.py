@@ -1,0 +1,10 @@
+"""A synthetic white surface within the cortex of the case."""
+
+from _job import start
+
+job = start(snakemake)
+
+from cortet.formats.gifti import read_surface, write_surface
+from cortet.phantom import inset
+
+write_surface(inset(read_surface(job.input.surface), **job.arguments), job.output.surface)
