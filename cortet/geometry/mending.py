@@ -19,8 +19,6 @@ from cortet.mesh import FloatArray, IntArray, TriSurface
 
 #: where a triangle comes from: the file, the cap of a hole of the file, or what took the place of removed ones
 GIVEN, CAP, REPLACED = 0, 1, 2
-
-
 #: area of a triangle over the square of its longest side below which it is a line
 _LINE = 1e-12
 
@@ -201,22 +199,23 @@ def fans(faces: IntArray) -> NDArray[np.int64]:
     return connected_components(graph, directed=False)[1]
 
 
-def without_branches(work: Triangles) -> tuple[Triangles, FloatArray]:
+def without_branches(work: Triangles) -> tuple[Triangles, FloatArray, IntArray]:
     """No edge in more than two faces: surfaces that touch are parted, faces where that leaves a slit are removed.
 
-    Returns also the centres (k, 3) of the edges that were in more than two.
+    Returns also the centres (k, 3) of the edges that were in more than two, and the vertices of removed faces by their
+    number in the file.
     """
     counts = edge_counts(work.faces)
     sides = work.faces[:, TRI_EDGES]
     centres: FloatArray = np.unique(work.points[sides[counts > 2]].mean(axis=1), axis=0)
     branching = (counts > 2).any(axis=1)
     if not branching.any():
-        return work, centres
+        return work, centres, np.zeros(0, np.int32)
     parted, _ = split_fans(work)
     # what still branches, and slits: edges that were in more faces and now are in one
     after = edge_counts(parted.faces)
     torn = (after > 2).any(axis=1) | ((after == 1) & (counts > 2)).any(axis=1)
-    return chosen_faces(parted, ~torn), centres
+    return chosen_faces(parted, ~torn), centres, np.unique(parted.origin[parted.faces[torn]])
 
 
 def pieces(work: Triangles) -> tuple[IntArray, FloatArray]:

@@ -86,7 +86,7 @@ class RepairReport:
     area_mm2: float
     #: of caps on holes of the file
     filled_area_mm2: float
-    #: holes closed by a fan from the middle of each rim
+    #: of the file with its holes filled
     volume_before_ml: float
     volume_ml: float
     relative_area_change: float
@@ -188,11 +188,12 @@ class _Repair:
         self.given, self.limits = surface, limits
         points = surface.points.astype(np.float32).astype(np.float64)
         self.work = mending.triangles(points, surface.faces)
-        #: (n,) of the file: vertices of faces that were removed
+        #: (n,) of the file: vertices of faces that were removed, so that holes there are none of the file
         self.touched = np.zeros(len(points), np.bool_)
         self.steps: list[RepairStep] = []
-        #: removed vertices of the file that were out of place, so that no distance counts from them
+        #: mm, of crossing triangles
         self.displacement = 0.0
+        #: mm3, with the holes of the file filled
         self.volume_before = 0.0
 
     def set_right(self) -> None:
@@ -240,7 +241,7 @@ class _Repair:
         work, vertices = mending.with_known_places(self.work)
         if len(vertices):
             around = self._neighbours(vertices)
-            self._touch(around)
+            self.touched[around] = True
             self._replace(work, "vertices without finite coordinates removed", len(vertices), "vertices", around)
 
     def _coinciding(self) -> None:
@@ -260,19 +261,15 @@ class _Repair:
             self._replace(work, "doubled triangles removed", len(gone), "faces", places)
 
     def _branches(self) -> None:
-        given = self.work
-        work, centres = mending.without_branches(self.work)
+        count = len(self.work.points)
+        self.work, centres, cut = mending.without_branches(self.work)
         if len(centres):
-            removed = np.setdiff1d(self.work.faces, work.faces) if len(work.faces) else self.work.faces.ravel()
-            self._touch(removed)
-            lost = np.isin(work.origin[mending.border_vertices(work.faces)], np.arange(len(self.touched)))
-            self._touch(mending.border_vertices(work.faces)[lost], work)
+            self.touched[cut] = True
             self._note("edges in more than two triangles parted", len(centres), "edges", centres)
-            self.work = work
         work, vertices = mending.split_fans(self.work)
         if len(vertices):
             self._replace(work, "vertices with several fans of triangles split", len(vertices), "vertices", vertices)
-        self._part(len(given.points))
+        self._part(count)
 
     def _part(self, count: int) -> None:
         """Move the parts of split vertices, which are numbered from `count`, a little towards their own triangles."""
@@ -428,10 +425,6 @@ class _Repair:
         """Vertices with known places in the faces of some vertices."""
         near = self.work.faces[np.isin(self.work.faces, vertices).any(axis=1)]
         return np.setdiff1d(near, np.flatnonzero(~mending.finite(self.work.points)))
-
-    def _touch(self, vertices: IntArray, work: Triangles | None = None) -> None:
-        origin = (work or self.work).origin[vertices]
-        self.touched[origin[origin >= 0]] = True
 
     def _replace(self, work: Triangles, done: str, count: int, of: str, vertices: IntArray) -> None:
         self._note(done, count, of, self.work.points[vertices])

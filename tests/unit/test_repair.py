@@ -172,6 +172,18 @@ def test_a_cut_that_the_repair_made_itself_is_no_cap() -> None:
     assert report.filled_area_mm2 == 0
 
 
+def test_a_hole_of_the_file_is_a_cap_beside_a_fin_that_was_cut_off() -> None:
+    opened = breakages.hole(ball(), 12.0)
+    low = opened.faces[opened.points[opened.faces, 2].max(axis=1).argmin()]
+    tip = 1.2 * opened.points[low].mean(axis=0)
+    fin = [low[0], low[1], len(opened.points)]
+    made, report = repaired(TriSurface([*opened.points, tip], [*opened.faces, fin]))
+    assert "edges in more than two triangles parted" in [step.done for step in report.steps]
+    cap = made.point_data[FILLED] == 1
+    assert cap.any() and (made.points[cap, 2] > 15).all()
+    assert distances_to(made, ball()).max() < 0.5
+
+
 def one_sided() -> TriSurface:
     """A band of one twist, a hundred mm long."""
     turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
