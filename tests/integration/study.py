@@ -35,6 +35,8 @@ class Study:
 
     folder: Path
     config: dict[str, Any] = field(default_factory=lambda: {key: dict(value) for key, value in CONFIG.items()})
+    #: what Snakemake printed in the last `jobs_of_run`
+    said: str = ""
 
     @property
     def outputs(self) -> Path:
