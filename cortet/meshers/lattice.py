@@ -152,7 +152,7 @@ def _marked(centres, radius, size):  # type: ignore[no-untyped-def]
     return near
 
 
-def _is_inside(surface: TriSurface, origin: FloatArray, spacing: float, cells: IntArray) -> NDArray[np.bool_]:
+def _is_inside(surface: TriSurface, origin: FloatArray, spacing: float, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Whether each point (n, 3) of a cubic grid, in integers, is inside a closed surface: odd crossings before it."""
     size = np.ceil((surface.points.max(axis=0) - origin) / spacing).astype(np.int64) + 1
     lines, x = _crossings(surface.points - origin, surface.faces, spacing, size[1], size[2])
