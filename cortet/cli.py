@@ -108,6 +108,18 @@ def parser() -> argparse.ArgumentParser:
     gate.add_argument("--allow-genus", type=int, default=0, metavar="N", help="accept up to N handles")
     gate.set_defaults(run=_gate)
 
+    repair = commands.add_parser("repair", parents=[common], help="repair a broken surface, within limits")
+    repair.add_argument("surface", type=Path, metavar="IN", help="GIfTI or FreeSurfer surface")
+    repair.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="OUT", help="GIfTI; the report is beside it"
+    )
+    repair.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section repair holds the limits")
+    repair.add_argument("--picture", type=Path, metavar="PNG", help="also draw it before and after")
+    repair.add_argument(
+        "--field", action="append", default=[], type=_named_file, metavar="NAME=FILE", help="per-vertex field, GIfTI"
+    )
+    repair.set_defaults(run=_repair)
+
     quality = commands.add_parser("quality", parents=[common], help="measure the elements of a mesh (JSON)")
     quality.add_argument("mesh", type=Path, metavar="MESH")
     quality.set_defaults(run=_quality)
@@ -246,13 +258,15 @@ def parser() -> argparse.ArgumentParser:
 
 def _mesh(args: argparse.Namespace) -> int:
     from cortet.formats.atomic import write_json
+    from cortet.formats.placement import placed
     from cortet.pipeline import mesh_surface
     from cortet.solver_files.export import export
     from cortet.solver_files.fields import field_sources
     from cortet.solver_files.sets import named_sets
 
     solver = format_of(args.output).name  # an unknown one is refused before the work, not after
-    config, surface = _config(args), _surface(args)
+    config = _config(args)
+    surface = _surface(args, config)
     progress = Progress(config, args.ga, nested=bool(surface.inner))
     mesh, certificate, meshed = mesh_surface(
         surface,
@@ -286,7 +300,8 @@ def _mesh(args: argparse.Namespace) -> int:
         from cortet.report.case_page import about, write_case_page
 
         chosen = {"scan_age": args.ga, "cell_size": config.generate.cell_size[0], "mesher": config.generate.meshers[0]}
-        write_case_page(mesh, surface, asdict(certificate), args.page, meshed=meshed, facts=about(chosen))
+        given = placed(surface, config.placement())
+        write_case_page(mesh, given, asdict(certificate), args.page, meshed=meshed, facts=about(chosen))
         print(f"{args.page}: written")
     print()
     _print_verdict(certificate)
@@ -303,7 +318,8 @@ def _stages(args: argparse.Namespace) -> int:
     from cortet.pipeline import run
     from cortet.report.stage_table import STAGE_COLUMNS, measured_stages
 
-    config, surface = _config(args), _surface(args)
+    config = _config(args)
+    surface = _surface(args, config)
     rows = []
     widths = [max(len(name) + 2, 12) for name in STAGE_COLUMNS]
     print("".join(f"{name:>{width}}" for name, width in zip(STAGE_COLUMNS, widths, strict=True)))
@@ -337,6 +353,41 @@ def _gate(args: argparse.Namespace) -> int:
         else:
             print(f"accepted  {path}: {_findings(report)}", flush=True)
     return 1 if refused else 0
+
+
+def _repair(args: argparse.Namespace) -> int:
+    from cortet.config import load
+    from cortet.formats.atomic import write_json
+    from cortet.formats.gifti import read_surface, write_surface
+    from cortet.formats.placement import placed
+    from cortet.geometry.mending import measurable
+    from cortet.measure.lost import distances_to
+    from cortet.solver_files.fields import with_fields
+    from cortet.stages.repair import repair
+
+    config = load(args.config or {})
+    given = with_fields(read_surface(args.surface, finite=False), dict(args.field))
+    given = placed(given, config.placement())
+    made, report = repair(given, **config.arguments("repair", {"source": str(args.surface)}))
+    write_surface(made, args.output)
+    record = args.output.with_name(f"{_stem(args.output)}.repair.json")
+    write_json(asdict(report), record)
+    for step in report.steps:
+        print(f"{step.count} {step.done}")
+    if not report.repaired:
+        print("nothing to repair")
+    else:
+        there, back = report.file_to_surface_mm, report.surface_to_file_mm
+        print(f"{there.max:.3f} mm from the file to the surface at most, {back.max:.3f} mm back")
+        print(f"volume {report.volume_ml:.2f} mL ({report.relative_volume_change:+.3%})")
+    if args.picture:
+        from cortet.report.render import before_and_after
+
+        file = measurable(given)
+        before_and_after(file, made, distances_to(file, made)[len(made.points) :], args.picture)
+        print(f"{args.picture}: drawn")
+    print(f"{args.output}: written, with {record.name}")
+    return 0
 
 
 def _quality(args: argparse.Namespace) -> int:
@@ -676,13 +727,14 @@ def _settings(args: argparse.Namespace) -> dict[str, Any]:
     return data
 
 
-def _surface(args: argparse.Namespace) -> TriSurface:
+def _surface(args: argparse.Namespace, config: Config) -> TriSurface:
     from cortet.formats.gifti import read_surface
     from cortet.geometry.nesting import nested
     from cortet.solver_files.fields import with_fields
 
-    surface = with_fields(read_surface(args.surface), dict(args.field))
-    return nested(surface, _inner_surfaces(dict(args.inner)))
+    finite = not config.enabled("repair")
+    surface = with_fields(read_surface(args.surface, finite=finite), dict(args.field))
+    return nested(surface, _inner_surfaces(dict(args.inner), finite=finite))
 
 
 def _named_file(text: str) -> tuple[str, str]:
@@ -705,10 +757,10 @@ def _inner_file(text: str) -> tuple[str, str]:
     return name, file
 
 
-def _inner_surfaces(files: Mapping[str, str]) -> dict[str, TriSurface]:
+def _inner_surfaces(files: Mapping[str, str], *, finite: bool = True) -> dict[str, TriSurface]:
     from cortet.formats.gifti import read_surface
 
-    return {name: read_surface(file) for name, file in files.items()}
+    return {name: read_surface(file, finite=finite) for name, file in files.items()}
 
 
 def _stem(path: Path) -> str:

@@ -39,6 +39,7 @@ from pydantic.fields import FieldInfo
 from cortet.errors import InputError
 from cortet.formats import FORMATS
 from cortet.formats.atomic import atomic_path
+from cortet.formats.placement import UNITS, matrix
 from cortet.formats.untrusted import content
 from cortet.meshers import BASELINES, MESHERS, installed_backend
 from cortet.stages import MESH_STAGES, STAGES, Stage
@@ -125,11 +126,33 @@ class Phantom(Section):
     and more have no room for that."""
 
 
+class Repair(Section):
+    """Repair of broken input surfaces, within limits; what is beyond them or has no single right answer is refused."""
+
+    enabled: bool = True
+    """false leaves the stage out: broken surfaces are refused by the gate, which mends only what is harmless."""
+    max_displacement: Positive = 1.0
+    """Farthest that triangles which cross others may be moved, or lie from those that take their place, mm."""
+    max_volume_change: Fraction = 0.02
+    """Largest relative change of the volume."""
+    max_hole: Positive = 200.0
+    """Longest rim of a hole that is filled, mm; the rim of a medial wall that was cut away has some 120 to 180 mm."""
+    max_loop: Positive = 30.0
+    """Longest loop along which a handle is cut or a tunnel closed, mm."""
+    max_piece: Threshold = 0.01
+    """Share of the area up to which a separate piece is dropped; of several larger ones none is."""
+
+
 class Gate(Section):
     """Input gate: what a surface must be before anything else happens to it."""
 
     allow_genus: NonNegativeInt = 0
     """Largest genus accepted. 0: a sphere, as a hemisphere must be."""
+    unit: Literal[tuple(UNITS)] = "mm"  # type: ignore[valid-type]
+    """Unit of the coordinates of the input surfaces: mm, m or um. A column `unit` of the sheet overrides it."""
+    affine: Path | Annotated[list[list[float]], Field(min_length=4, max_length=4)] | None = None
+    """Coordinates are voxel indices: an image (.nii.gz, .mgz) with their voxel-to-mm affine, or its four rows. A column
+    `affine` of the sheet, relative to its folder, overrides it. null: they are none."""
 
 
 class SmoothSurface(Section):
@@ -464,6 +487,7 @@ class Config(Section):
     """Minutes a job may take before it is ended and its case has failed; null: no limit."""
     cohort: Cohort = Cohort()
     phantom: Phantom = Phantom()
+    repair: Repair = Repair()
     gate: Gate = Gate()
     smooth_surface: SmoothSurface = SmoothSurface()
     regions: Regions = Regions()
@@ -541,17 +565,35 @@ class Config(Section):
         values = section.model_dump(mode="json", include=keys, exclude=_CHOICES) if section is not None else {}
         if step == "generate" and (facts or {}).get("nested"):
             values["elements_across"] = self.regions.elements_across
+        if step == "repair":  # handles that the gate lets in stay
+            values["allow_genus"] = self.gate.allow_genus
         if values.get("backend") == "auto":  # meshes of a cohort must come from one backend
             values["backend"] = installed_backend()
         return {**values, **{name: (facts or {})[name] for name in _FACTS.get(step, ())}}
 
+    def placement(
+        self, unit: str | None = None, affine: str | Path | None = None
+    ) -> tuple[tuple[float, ...], ...] | None:
+        """Matrix that takes coordinates as stored to mm (`formats.placement.matrix`); None where they are mm.
+
+        Parameters
+        ----------
+        unit, affine : of one case; None: as `gate.unit` and `gate.affine` say
+        """
+        return matrix(unit or self.gate.unit, affine or self.gate.affine)
+
     def record(self, step: str, facts: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """The arguments of a step beside the version of its code, as certificates record them."""
-        return {**self.arguments(step, facts), "version": version_of(_MODULES.get(step, f"stages.{step}"))}
+        placement = (facts or {}).get("placement") if step == "gate" else None
+        return {
+            **self.arguments(step, facts),
+            **({"to_mm": placement} if placement else {}),
+            "version": version_of(_MODULES.get(step, f"stages.{step}")),
+        }
 
 
 #: keys that choose what is run, and are arguments of no function
-_CHOICES = {"enabled", "cell_size", "meshers", "cases", "stages", "variants"}
+_CHOICES = {"enabled", "cell_size", "meshers", "cases", "stages", "variants", "unit", "affine"}
 #: steps that take another section than that of their name, or some of its keys
 _PARTS: dict[str, tuple[str, set[str] | None]] = {
     "phantom": ("phantom", {"subdivisions", "seed"}),
@@ -562,6 +604,7 @@ _PARTS: dict[str, tuple[str, set[str] | None]] = {
 #: arguments that differ from mesh to mesh, and stand in no section
 _FACTS = {
     "phantom": ("gestational_age", "hemisphere"),
+    "repair": ("source",),
     "gate": ("source",),
     "smooth_surface": ("gestational_age",),
     "separate": ("cell_size",),
@@ -591,6 +634,7 @@ CGAL: dict[str, dict[str, Any]] = {
 
 #: where the paper's choices differ from ours
 PUBLISHED: dict[str, dict[str, Any]] = {
+    "repair": {"enabled": False},
     "generate": {"meshers": ["cgal"], "facet_distance": [0.5], "fallback": None},
     "relocate": {"enabled": True, "boundary": "free"},
     "clean": {"boundary": "free", "improve_mean": False},

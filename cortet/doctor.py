@@ -239,6 +239,21 @@ def _prove_mesher(backend: str) -> str:
     return f"a ball becomes {len(mesh.cells)} tetrahedra with {100 * share:.0f} % of its volume"
 
 
+def _prove_cgal() -> str:
+    from dataclasses import replace
+
+    from cortet.geometry.topology import enclosed_volume, surface_topology
+    from cortet.stages.repair import repair
+
+    filled = _prove_mesher("cgal")
+    ball = _ball()
+    closed, _ = repair(replace(ball, faces=ball.faces[ball.points[ball.faces, 2].max(axis=1) < 9]), source=None)
+    share = enclosed_volume(closed.points, closed.faces) / enclosed_volume(ball.points, ball.faces)
+    _expect(surface_topology(closed.faces).is_closed_manifold, "a hole of a ball is not closed")
+    _expect(0.99 < share < 1.01, f"a ball whose hole was filled has {100 * share:.0f} % of its volume")
+    return f"{filled}; a hole is filled"
+
+
 def _prove_tetgen() -> str:
     import tetgen
 
@@ -463,7 +478,7 @@ LIBRARIES = (
     Library("scipy", "topology, distances", _prove_scipy),
     Library("numba", "kernels of S4", _prove_numba),
     Library("pygalmesh", "S1, as published", lambda: _prove_mesher("pygalmesh"), "libgmp10 libmpfr6"),
-    Library("cgal", "S1, second backend", lambda: _prove_mesher("cgal")),
+    Library("cgal", "S1, second backend; caps on holes (repair)", _prove_cgal),
     Library("tetgen", "S1, where CGAL cannot keep the topology", _prove_tetgen),
     Library("gmsh", "S3", _prove_gmsh, "libglu1-mesa libxft2 libxcursor1 libxinerama1 libgl1"),
     Library("h5py", "FEniCS files", _prove_h5py),

@@ -1,4 +1,4 @@
-"""The whole line for one surface, and those inside it, in memory: gate, smoothing, S1 to S6, certificate.
+"""The whole line for one surface, and those inside it, in memory: repair, gate, smoothing, S1 to S6, certificate.
 
 The workflow runs the same stages with the same arguments in the same order, one file at a time.
 """
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cortet.config import Config, load
+from cortet.formats.placement import placed
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
 from cortet.mesh import TetMesh, TriSurface
@@ -20,7 +21,7 @@ from cortet.phantom import phantom
 from cortet.stages import STAGES
 
 #: stages that take every surface by itself
-ALONE = ("gate", "smooth_surface")
+ALONE = ("repair", "gate", "smooth_surface")
 
 logger = logging.getLogger(__name__)
 
@@ -73,7 +74,8 @@ def run(
 
     Parameters
     ----------
-    surface : as read, with its inner surfaces by the names of the regions inside them
+    surface : as read, with its inner surfaces by the names of the regions inside them; coordinates need not be finite
+        where the line repairs
     config : of the line; the first of its cell sizes and meshers counts
     gestational_age : weeks; None leaves out smoothing, whose strength depends on it
     source : file of the surface, named in messages
@@ -91,14 +93,16 @@ def run(
     config.require_programs()
     for notice in config.notices():
         logger.warning(notice)
-    inner = bool(surface.inner)
+    inner, to_mm = bool(surface.inner), config.placement()
     facts = {
         "source": str(source) if source is not None else None,
         "gestational_age": gestational_age,
         "cell_size": config.generate.cell_size[0],
         "mesher": config.generate.meshers[0],
+        "placement": to_mm,
         "nested": inner,
     }
+    surface = placed(surface, to_mm)
     latest: dict[str, Any] = {"surface": nested(surface, surface.inner)}
     config.require_nesting(inner)
     for stage in map(STAGES.__getitem__, stages(config, gestational_age=gestational_age, nested=inner)):

@@ -228,6 +228,7 @@ PARTS = {
     "Cohort sheet": ("cohort.sheet",),
     "Configuration": ("config",),
     "Surfaces and fields": ("formats.gifti", "solver_files.fields", "phantom"),
+    "Repair": ("stages.repair", "geometry.holes", "geometry.handles", "geometry.uncrossing", "formats.placement"),
     "Gate": ("stages.gate", "geometry.topology"),
     "Stages": ("stages", "meshers"),
     "Certificate and export": ("measure", "solver_files.export", "solver_files.sets", "cohort.status"),

@@ -44,6 +44,8 @@ except CortetError as error:
 os.environ.update(CORTET_TIME_LIMIT=str(CONFIG.time_limit or 0))
 
 OUT = CONFIG.output.as_posix()
+# the first stage reads the files of the sheet
+REPAIRS = CONFIG.enabled("repair")
 CASES = {case.name: case for case in SHEET if case.include}
 try:
     CONFIG.require_nesting(any(case.inner for case in CASES.values()))
@@ -191,6 +193,7 @@ def facts_of(wildcards):
     """What is known of the surface or mesh that a job is about, as `Config.arguments` wants it."""
     case = CASES[wildcards.case]
     facts = {"source": str(case.surface), "gestational_age": case.scan_age, "hemisphere": case.hemi}
+    facts["placement"] = placement_of(wildcards)
     facts["nested"] = bool(case.inner)
     if "res" in wildcards.keys():
         facts |= {"cell_size": int(wildcards.res) / 1000, "mesher": wildcards.get("mesher")}
@@ -202,6 +205,15 @@ def facts_of(wildcards):
 def config_of(step, wildcards):
     """Configuration of the setting that a job works in; stages that all settings share work in that of the line."""
     return CONFIG if step in SHARED else setting_of(wildcards)
+
+
+def placement_of(wildcards):
+    """Matrix that takes the coordinates of a case to mm; None where they are."""
+    case = CASES[wildcards.case]
+    try:
+        return None if case.is_phantom else CONFIG.placement(case.unit, case.affine)
+    except CortetError as error:
+        raise WorkflowError(f"{case.name}: {error}") from None
 
 
 def arguments_of(step, wildcards):
@@ -323,6 +335,13 @@ def reports_of(wildcards):
     # each report of `separate` is about all inner surfaces
     first = {"inner": next(iter(inner), "")}
     return {stage: path.format(**{**wildcards, **first}) for stage, path in files.items()}
+
+
+def inner_repairs_of(wildcards):
+    """What `repair` reported of the inner surfaces, where the setting has it."""
+    if not setting_of(wildcards).enabled("repair"):
+        return []
+    return inner_of(inner_file(STAGES["repair"].label, "white.json"))(wildcards)
 
 
 def recorded_line(wildcards):

@@ -9,6 +9,7 @@ rule certify:
         inner=inner_of(INNER_SURFACE),
         source=surface_of,
         reports=lambda wildcards: list(reports_of(wildcards).values()),
+        inner_repairs=inner_repairs_of,
     output:
         certificate=CERTIFICATE,
     log:
@@ -24,6 +25,7 @@ rule certify:
         arguments=partial(arguments_of, "certify"),
         version=version_of("measure.certify"),
         line=recorded_line,
+        inner=lambda wildcards: list(CASES[wildcards.case].inner),
     script:
         "../scripts/certify.py"
 
@@ -51,6 +53,7 @@ rule case_page:
             "mesher": wildcards.mesher,
         },
         failure=failure_of,
+        to_mm=placement_of,
         cohort=lambda wildcards: beside(COHORT_PAGE, CASE_PAGE.format(**wildcards)),
         version=[version_of("report.pages"), version_of("report.render")],
     script:

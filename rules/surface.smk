@@ -43,10 +43,35 @@ rule phantom_inner:
         "../scripts/phantom_inner.py"
 
 
+rule repair:
+    """Repair a broken surface within limits; one without a flaw stays as it is."""
+    input:
+        surface=surface_of,
+    output:
+        surface=surface_file("repaired"),
+        report=surface_file("repaired", "white.json"),
+    log:
+        surface_log("repair"),
+    benchmark:
+        surface_benchmark("repair")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes("repair"),
+        runtime=minutes("repair"),
+    params:
+        arguments=partial(arguments_of, "repair"),
+        to_mm=placement_of,
+        version=version_of("stages.repair"),
+        origin=partial(origin_of, STAGES["repair"].label),
+    script:
+        "../scripts/repair.py"
+
+
 rule gate:
     """Let a surface in that can be meshed, mended where it must be; refuse any other."""
     input:
-        surface=surface_of,
+        surface=surface_file("repaired") if REPAIRS else surface_of,
     output:
         surface=surface_file("gated"),
         report=surface_file("gated", "white.json"),
@@ -61,6 +86,7 @@ rule gate:
         runtime=minutes("gate"),
     params:
         arguments=partial(arguments_of, "gate"),
+        to_mm=None if REPAIRS else placement_of,
         version=version_of("stages.gate"),
         origin=partial(origin_of, STAGES["gate"].label),
     script:
@@ -85,7 +111,9 @@ rule fields:
         runtime=minutes("fields"),
     params:
         arguments=partial(arguments_of, "gate"),
-        version=version_of("stages.gate"),
+        repair=partial(arguments_of, "repair") if REPAIRS else None,
+        to_mm=placement_of,
+        version=[version_of("stages.gate"), version_of("stages.repair")],
         files=lambda wildcards: {name: str(path) for name, path in CASES[wildcards.case].fields.items()},
     script:
         "../scripts/fields.py"
@@ -115,10 +143,35 @@ rule smooth_surface:
         "../scripts/smooth_surface.py"
 
 
+rule repair_inner:
+    """Repair an inner surface, as the outer one."""
+    input:
+        surface=inner_source,
+    output:
+        surface=inner_file("repaired"),
+        report=inner_file("repaired", "white.json"),
+    log:
+        inner_log("repair_inner"),
+    benchmark:
+        inner_log("repair_inner", "tsv")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes("repair_inner"),
+        runtime=minutes("repair_inner"),
+    params:
+        arguments=partial(arguments_of, "repair"),
+        to_mm=placement_of,
+        version=version_of("stages.repair"),
+        origin=partial(origin_of, STAGES["repair"].label),
+    script:
+        "../scripts/repair.py"
+
+
 rule gate_inner:
     """Let an inner surface in, as the gate does the outer one; of any size."""
     input:
-        surface=inner_source,
+        surface=inner_file("repaired") if REPAIRS else inner_source,
     output:
         surface=inner_file("gated"),
         report=inner_file("gated", "white.json"),
@@ -133,6 +186,7 @@ rule gate_inner:
         runtime=minutes("gate_inner"),
     params:
         arguments=lambda wildcards: {**arguments_of("gate", wildcards), "inside": True},
+        to_mm=None if REPAIRS else placement_of,
         version=version_of("stages.gate"),
         origin=partial(origin_of, STAGES["gate"].label),
     script:

@@ -9,6 +9,7 @@ job = start(snakemake)
 
 from cortet.errors import CortetError
 from cortet.formats import gifti, vtu
+from cortet.formats.placement import placed
 from cortet.report.case_page import about, write_case_page, write_failure_page
 
 given, params, page = job.input, job.params, Path(job.output.page)
@@ -16,7 +17,7 @@ shown = {"facts": about(params.about), "cohort": params.cohort}
 if params.failure is None:
     write_case_page(
         vtu.read(given.mesh),
-        gifti.read_surface(given.surface),
+        placed(gifti.read_surface(given.surface, finite=False), params.to_mm),
         json.loads(Path(given.certificate).read_text(encoding="utf-8")),
         page,
         meshed=gifti.read_nested(given.meshed, given.get("inner", [])),
@@ -30,7 +31,7 @@ else:
     surface, trouble = None, "There is no such file."
     if given.surface:
         try:
-            surface = gifti.read_surface(given.surface)
+            surface = gifti.read_surface(given.surface, finite=False)
         except CortetError as error:
             trouble = f"It cannot be drawn: {error}"
     write_failure_page(job.wildcards.case, params.failure, page, surface=surface, trouble=trouble, **shown)

@@ -3,6 +3,7 @@
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from _job import start
 
@@ -12,8 +13,18 @@ from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.measure.certify import certify
 
+
+def report_of(path: str) -> dict[str, Any]:
+    """A report; the certificate says itself whose it is."""
+    report = json.loads(Path(path).read_text(encoding="utf-8"))
+    return {key: value for key, value in report.items() if key != "origin"}
+
+
 stages = [step for step in job.params.line if step != "certify"]
-reports = [json.loads(Path(path).read_text(encoding="utf-8")) for path in job.input.reports]
+reports = dict(zip(stages, map(report_of, job.input.reports), strict=True))
+if job.input.inner_repairs:
+    names = job.params.inner
+    reports["repair"]["inner"] = dict(zip(names, map(report_of, job.input.inner_repairs), strict=True))
 certificate = certify(
     vtu.read(job.input.mesh),
     gifti.read_nested(job.input.surface, job.input.inner),
@@ -21,10 +32,6 @@ certificate = certify(
     case=job.wildcards.case,
     source=job.input.source,
     parameters=job.params.line,
-    # the certificate says itself whose it is
-    reports={
-        stage: {key: value for key, value in report.items() if key != "origin"}
-        for stage, report in zip(stages, reports, strict=True)
-    },
+    reports=reports,
 )
 write_json(asdict(certificate), job.output.certificate)

@@ -5,9 +5,15 @@ from _job import start
 job = start(snakemake)
 
 from cortet.formats import gifti
+from cortet.formats.placement import placed
 from cortet.solver_files.fields import with_fields
 from cortet.stages.gate import gate
+from cortet.stages.repair import repair
 
-surface = with_fields(gifti.read_surface(job.input.surface), job.params.files)
-surface, _ = gate(surface, **job.arguments)
+repairs = job.params.repair is not None
+surface = with_fields(gifti.read_surface(job.input.surface, finite=not repairs), job.params.files)
+surface = placed(surface, job.params.to_mm)
+if repairs:
+    surface = repair(surface, **job.params.repair)[0]
+surface = gate(surface, **job.arguments)[0]
 gifti.write_surface(surface, job.output.surface)

@@ -42,9 +42,11 @@ class Cost:
 #: rule -> its cost; rules on surfaces do not depend on tetrahedra
 COSTS = {
     "phantom": Cost((400, 0), (4, 0)),
+    "repair": Cost((700, 0), (15, 0)),
     "gate": Cost((600, 0), (7, 0)),
-    "fields": Cost((600, 0), (5, 0)),
+    "fields": Cost((700, 0), (15, 0)),
     "smooth_surface": Cost((600, 0), (7, 0)),
+    "repair_inner": Cost((700, 0), (15, 0)),
     "phantom_inner": Cost((600, 0), (15, 0)),
     "gate_inner": Cost((600, 0), (7, 0)),
     "smooth_inner": Cost((600, 0), (7, 0)),

@@ -23,6 +23,7 @@ from typing import Any, Literal
 
 from cortet.config import Scan
 from cortet.errors import InputError
+from cortet.formats.placement import UNITS
 from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
 from cortet.mesh import OUTERMOST
 
@@ -35,6 +36,8 @@ SCAN_AGE_RANGE = (12.0, 60.0)
 FIELD_PREFIX = "field_"
 #: columns of inner surfaces: `inner` names that of the region `white`, `inner_NAME` that of the region NAME
 INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
+#: columns of coordinates that are not mm, as `gate.unit` and `gate.affine`
+UNIT, AFFINE = "unit", "affine"
 #: characters of a label: names of files are made of two of them and more, and have at most 255
 LONGEST_LABEL = 40
 
@@ -71,6 +74,9 @@ class Case:
     fields: dict[str, Path] = field(default_factory=dict)
     #: surfaces inside `surface`, name of the region within -> GIfTI file, or `PHANTOM` for that of the region `white`
     inner: Mapping[str, Path | str] = field(default_factory=dict)
+    #: unit of the coordinates, and an image with the voxel-to-mm affine; None: as the configuration says
+    unit: str | None = None
+    affine: Path | None = None
     #: further columns of the sheet, carried through
     extra: dict[str, str] = field(default_factory=dict)
 
@@ -89,6 +95,12 @@ class Case:
     def is_phantom(self) -> bool:
         """Whether the surface is generated rather than read."""
         return self.surface == PHANTOM
+
+
+def missing_surface(source: object, *, inner: bool) -> InputError:
+    """The error of a surface of the sheet that is not there."""
+    column = "inner" if inner else "surface"
+    return InputError("no such file", file=source, remedy=f"mend the column {column} of the cohort sheet")
 
 
 def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> list[Case]:
@@ -164,7 +176,8 @@ def write_sheet(cases: Sequence[Case], path: Path) -> None:
     fields = (FIELD_PREFIX + name for case in cases for name in case.fields)
     inner = (_inner_column(name) for case in cases for name in case.inner)
     extra = (name for case in cases for name in case.extra)
-    write_tsv(rows, list(dict.fromkeys([*COLUMNS, *inner, *fields, *extra])), path)
+    own = (name for name in (UNIT, AFFINE) if any(name in row for row in rows))
+    write_tsv(rows, list(dict.fromkeys([*COLUMNS, *inner, *own, *fields, *extra])), path)
 
 
 def add_to_sheet(cases: Sequence[Case], path: Path) -> list[Case]:
@@ -197,6 +210,8 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
         "include": "yes" if case.include else "no",
         "exclude_reason": case.exclude_reason,
         **{_inner_column(name): _relative(file, folder) for name, file in case.inner.items()},
+        **({UNIT: case.unit} if case.unit else {}),
+        **({AFFINE: _relative(case.affine, folder)} if case.affine else {}),
         **{FIELD_PREFIX + name: _relative(file, folder) for name, file in case.fields.items()},
         **case.extra,
     }
@@ -283,7 +298,9 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
                 f"column {column}: {value!r}, but a {PHANTOM} and nothing else has an inner surface {PHANTOM} "
                 f"(use {PHANTOM} in both columns, surface and {INNER}, or n/a here)"
             )
-        is_file = column == "surface" or _region(column) or column.startswith(FIELD_PREFIX)
+        if column == UNIT and value not in (*UNITS, *_MISSING):
+            yield f"column {column}: {value!r} is no unit (use {', '.join(UNITS)})"
+        is_file = column in ("surface", AFFINE) or _region(column) or column.startswith(FIELD_PREFIX)
         if is_file and not _is_file_name(value):
             yield (
                 f"column {column}: {value!r} cannot be a file name here "
@@ -332,7 +349,9 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
             for name, value in inner.items()
             if value not in _MISSING
         },
-        extra={name: value for name, value in row.items() if name not in (*COLUMNS, *own, *inner)},
+        unit=None if row.get(UNIT, "") in _MISSING else row[UNIT],
+        affine=None if row.get(AFFINE, "") in _MISSING else _located(row[AFFINE], folder),
+        extra={name: value for name, value in row.items() if name not in (*COLUMNS, *own, *inner, UNIT, AFFINE)},
     )
 
 

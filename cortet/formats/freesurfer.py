@@ -28,8 +28,8 @@ def is_surface(path: Path) -> bool:
         return file.read(len(_MAGIC)) == _MAGIC
 
 
-def read_surface(path: Path) -> TriSurface:
-    """Read a triangulated surface.
+def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
+    """Read a triangulated surface; with `finite` false its coordinates need not be.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def read_surface(path: Path) -> TriSurface:
             points, faces, footer = read_geometry(str(path), read_metadata=True)  # type: ignore[no-untyped-call]
         except (ValueError, IndexError, OverflowError, MemoryError, UnicodeDecodeError) as error:
             raise InputError(f"no complete FreeSurfer surface ({error})", file=path, remedy=remedy) from None
-    if not np.isfinite(points).all():
+    if finite and not np.isfinite(points).all():
         raise InputError("coordinates are not finite", file=path, remedy=remedy)
     if len(faces) and not (faces.min() >= 0 and faces.max() < len(points)):
         what = f"triangles refer to vertices {faces.min()} to {faces.max()}, but there are {len(points)}"

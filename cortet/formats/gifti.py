@@ -70,7 +70,7 @@ class _Array(NamedTuple):
     frame: CoordinateFrame
 
 
-def read_surface(path: str | Path) -> TriSurface:
+def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
     """Read a triangulated surface; further per-vertex arrays in the file become its `point_data`.
 
     A surface of FreeSurfer (`lh.white`) is read as well, which its first bytes tell.
@@ -78,18 +78,22 @@ def read_surface(path: str | Path) -> TriSurface:
     or in an external file, integer triangles of any type. Memory is bounded by what the file can hold, and by 2 GiB of
     values; names of fields that no file could be named by are changed (`untrusted.safe_name`).
 
+    Parameters
+    ----------
+    finite : false also lets coordinates in that are not finite, for the repair
+
     Raises
     ------
     InputError : the file is missing, empty, truncated or no GIfTI; an array is missing; a coordinate is not finite; a
         triangle refers to a vertex that does not exist
     """
     if freesurfer.is_surface(Path(path)):
-        return freesurfer.read_surface(Path(path))
+        return freesurfer.read_surface(Path(path), finite=finite)
     arrays = _read(Path(path))
     points = _geometry(arrays, "NIFTI_INTENT_POINTSET", path)
     triangles = _geometry(arrays, "NIFTI_INTENT_TRIANGLE", path)
     bad = np.flatnonzero(~np.isfinite(points.values).all(axis=1))
-    if len(bad):
+    if finite and len(bad):
         what = f"{len(bad)} vertices have coordinates that are not finite, the first is vertex {bad[0]}"
         raise InputError(f"{what}: {points.values[bad[0]].tolist()}", file=path, remedy=_EXPORT_AGAIN)
     if not np.issubdtype(triangles.values.dtype, np.integer):

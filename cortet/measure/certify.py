@@ -37,7 +37,7 @@ from cortet.measure.regions import (
 from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound, worst_elements
 from cortet.mesh import FloatArray, TetMesh, TriSurface
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: relative difference allowed between the sum of volumes and the volume inside the boundary
 VOLUME_TOLERANCE = 1e-9
@@ -106,6 +106,8 @@ class Certificate:
     interfaces: tuple[InterfaceRecord, ...]
     #: `file` and `sha256` of the input surface
     input: dict[str, str]
+    #: whether it, or one of its inner surfaces, was repaired; `reports.repair` says what was done, and how far it went
+    input_repaired: bool
     #: stage -> its parameters
     parameters: dict[str, Any]
     #: stage -> its report
@@ -236,6 +238,7 @@ def certify(
         regions=regions,
         interfaces=interfaces,
         input={} if source is None else {"file": str(source), "sha256": sha256(source)},
+        input_repaired=_repaired(reports.get("repair", {})),
         parameters=dict(parameters or {}),
         reports=reports,
         versions=versions(reports),
@@ -258,6 +261,12 @@ def versions(reports: Mapping[str, Any]) -> dict[str, str]:
     if program := reports.get("clean", {}).get("program_version"):
         found["meshtool"] = program
     return found
+
+
+def _repaired(report: Mapping[str, Any]) -> bool:
+    """Whether the report of `repair` is of a surface that was repaired, or holds one of an inner surface that was."""
+    within = report.get("inner", {}).values()
+    return any(bool(one.get("repaired")) for one in (report, *within))
 
 
 def _check(

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from cortet.errors import StageError
+from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import region_names
 from cortet.geometry.topology import boundary_surface, sheet, surface_topology
 from cortet.measure.lost import distances_to
@@ -19,7 +20,7 @@ from cortet.mesh import REGION, TetMesh, TriSurface
 from cortet.report import pages, published
 from cortet.report.boundary_view import boundary_view, three_js
 from cortet.report.figures import mesh_quality_figures, svg
-from cortet.report.render import COLOUR_NAMES, cut_view, surface_view, webp
+from cortet.report.render import COLOUR_NAMES, cut_view, reddest, surface_view, webp
 from cortet.stages import STAGES
 
 Certificate = Mapping[str, Any]
@@ -44,6 +45,10 @@ _DISTANCES = {
     "surface_to_boundary_mm": "Vertices and face centres of the surface to the boundary",
     "nodes_to_nearest_vertex_mm": "Boundary nodes to the nearest vertex of the surface, as published",
 }
+_REPAIR_DISTANCES = {
+    "file_to_surface_mm": "Vertices and face centres of the file to the repaired surface",
+    "surface_to_file_mm": "Vertices and face centres of the repaired surface to the file",
+}
 #: remedy of a job that left no message
 _KILLED = "give the job more memory or time, and run again"
 _READ_LOG = "read the log; it holds every line the job printed"
@@ -65,7 +70,7 @@ def write_case_page(
     Parameters
     ----------
     mesh : the mesh that was judged
-    surface : the input surface, drawn beside it
+    surface : the input surface in mm, drawn beside it; its coordinates need not be finite
     certificate : content of its certificate.json
     meshed : the surface that was meshed, which is drawn in the colour of its distance to the boundary
     facts : what else is known of the case, name and value
@@ -73,6 +78,9 @@ def write_case_page(
     files : name and title of files beside the page
     """
     pictures, trouble = _pictures(surface, mesh, meshed)
+    repairs = _repairs(certificate)
+    if repairs and not trouble:
+        repairs[0]["pictures"] = _repair_pictures(surface, meshed)
     q = certificate["quality"]
     bulk, tail = mesh_quality_figures({"this mesh": np.array(q["histogram"])}, limit=limit_of(certificate, "worst q"))
     pages.write(
@@ -85,6 +93,7 @@ def write_case_page(
         facts=[*(facts or []), ("Nodes", f"{q['nodes']:,}"), ("Tetrahedra", f"{q['tets']:,}")],
         pictures=pictures,
         trouble=trouble,
+        repairs=repairs,
         checks=[in_words(check) for check in certificate["checks"]],
         failed=sum(not check["passed"] for check in certificate["checks"]),
         charts={
@@ -188,8 +197,9 @@ def _pictures(
     surface: TriSurface, mesh: TetMesh | None = None, meshed: TriSurface | None = None
 ) -> tuple[list[dict[str, Any]], str]:
     """Pictures of the surface from both sides, of the cut mesh and of what it leaves behind, or why there are none."""
-    if not np.isfinite(surface.points).all():
-        return [], "The surface has coordinates that are not finite, so it cannot be drawn."
+    surface = measurable(surface)
+    if not len(surface.faces):
+        return [], "The coordinates of the surface are not finite, so it cannot be drawn."
     topology = surface_topology(surface.faces)
     wrong = "open or branching edges in orange" if topology.open_edges + topology.nonmanifold_edges else ""
     try:
@@ -212,6 +222,49 @@ def _pictures(
     except StageError as error:
         return [], f"Without pictures: {error}"
     return shown, ""
+
+
+def _repair_pictures(surface: TriSurface, meshed: TriSurface) -> list[dict[str, Any]]:
+    """The surface that was meshed by its distance to the file, from both sides."""
+    distances = distances_to(measurable(surface), meshed)[len(meshed.points) :]
+    darkest = reddest(distances)
+    scale = f"by its distance to the file, white at 0, red at {darkest:.2g} mm"
+    return [
+        captioned(
+            surface_view(meshed, side=side, distances=distances, darkest=darkest, colours="Reds"),
+            f"Meshed surface, {SIDES[side]}",
+            scale,
+        )
+        for side in SIDES
+    ]
+
+
+def _repairs(certificate: Certificate) -> list[dict[str, Any]]:
+    """What was repaired, of the outer surface first, then of inner ones; nothing for a surface without a flaw."""
+    report = certificate["reports"].get("repair", {})
+    every = {"": report, **report.get("inner", {})}
+    return [
+        {
+            "name": name,
+            "steps": [
+                {**step, "places": ", ".join("({:.1f}, {:.1f}, {:.1f})".format(*place) for place in step["places_mm"])}
+                for step in one["steps"]
+            ],
+            "distances": [
+                {"name": words, "numbers": [f"{one[key][statistic]:.4g}" for statistic in ("mean", "p95", "max")]}
+                for key, words in _REPAIR_DISTANCES.items()
+            ],
+            "facts": [
+                ("Volume", f"{one['volume_ml']:.2f} mL ({100 * one['relative_volume_change']:+.3f} %)"),
+                ("Area", f"{one['area_mm2']:.0f} mm² ({100 * one['relative_area_change']:+.3f} %)"),
+                ("Area of the caps on holes", f"{one['filled_area_mm2']:.0f} mm²"),
+                ("Farthest that crossing triangles moved", f"{one['displacement_max_mm']:.3f} mm"),
+            ],
+            "pictures": [],
+        }
+        for name, one in every.items()
+        if one.get("repaired")
+    ]
 
 
 def _region_pictures(mesh: TetMesh, meshed: TriSurface | None) -> list[dict[str, Any]]:

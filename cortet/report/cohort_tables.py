@@ -14,7 +14,7 @@ from cortet.cohort.sheet import Case
 from cortet.formats.atomic import write_json
 from cortet.formats.tsv import write_tsv
 
-VERSION: int = 3
+VERSION: int = 4
 
 Certificate = Mapping[str, Any]
 
@@ -126,6 +126,29 @@ QUALITY_COLUMNS = (
         "Boundary faces that cross others",
         check="boundary faces that cross others",
     ),
+    CertificateColumn("surface_state", "surface_state", "repaired: the input surface was; as given: it was not"),
+    CertificateColumn(
+        "repair_file_to_surface_max_mm",
+        "reports.repair.file_to_surface_mm.max",
+        "Largest distance of the input surface, as its file has it, to the repaired one",
+        "mm",
+    ),
+    CertificateColumn(
+        "repair_surface_to_file_max_mm",
+        "reports.repair.surface_to_file_mm.max",
+        "Largest distance of the repaired surface to the input surface, as its file has it",
+        "mm",
+    ),
+    CertificateColumn(
+        "repair_relative_area_change",
+        "reports.repair.relative_area_change",
+        "Area of the repaired surface against that of the file, (repaired - file) / file",
+    ),
+    CertificateColumn(
+        "repair_relative_volume_change",
+        "reports.repair.relative_volume_change",
+        "Volume of the repaired surface against that of the file, its holes filled, (repaired - file) / file",
+    ),
     CertificateColumn("verdict", "verdict", "pass: every check of the certificate is within its limit"),
     CertificateColumn("reasons", "reasons", "Why the verdict is not pass"),
 )
@@ -173,6 +196,7 @@ def _with_verdict(content: Certificate) -> dict[str, Any]:
     return {
         **content,
         "checks": {check["name"]: check["value"] for check in content["checks"]},
+        "surface_state": "repaired" if content["input_repaired"] else "as given",
         "verdict": "pass" if content["certified"] else "fail",
         "reasons": "; ".join(content["reasons"]),
     }

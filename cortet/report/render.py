@@ -129,6 +129,7 @@ def surface_view(
     size: tuple[int, int] = (900, 675),
     distances: FloatArray | None = None,
     darkest: float | None = None,
+    colours: str = "Greys",
 ) -> NDArray[np.uint8]:
     """A surface from the left or the right of the head, edges where it is open or branches drawn over it.
 
@@ -139,6 +140,7 @@ def surface_view(
     size : pixels, width and height
     distances : (m,) of its faces, mm; they are coloured from white at 0 to black at `darkest`
     darkest : mm; None: the largest distance
+    colours : of distances, as matplotlib names them
 
     Returns
     -------
@@ -159,7 +161,7 @@ def surface_view(
         else:
             shape.cell_data["distance"] = distances
             plotter.add_mesh(
-                shape, scalars="distance", cmap="Greys", clim=(0, darkest or distances.max()), **_FLAT_LIGHT
+                shape, scalars="distance", cmap=colours, clim=(0, darkest or distances.max()), **_FLAT_LIGHT
             )
         if wrong.n_points:
             plotter.add_mesh(wrong, color=BEYOND, line_width=4, lighting=False)
@@ -167,6 +169,45 @@ def surface_view(
         half_height = MARGIN * max(extent[2], extent[1] * size[1] / size[0]) / 2
         _look_from(plotter.camera, middle, side, distance=10 * float(extent.max()), half_height=half_height)
         return _cut_out(plotter)
+
+
+def before_and_after(before: TriSurface, after: TriSurface, distances: FloatArray, path: str | Path) -> None:
+    """Draw a surface from the left and the right of the head, and below it what became of it.
+
+    Parameters
+    ----------
+    distances : (m,) of the faces of `after`, mm; they are coloured from white at 0 to red at the largest
+    path : PNG file
+
+    Raises
+    ------
+    StageError
+        the graphics library cannot draw here
+    """
+    sides: tuple[Literal["L", "R"], ...] = ("L", "R")
+    red = reddest(distances)
+    rows = [
+        [surface_view(before, side=side) for side in sides],
+        [surface_view(after, side=side, distances=distances, darkest=red, colours="Reds") for side in sides],
+    ]
+    size = tuple(max(image.shape[axis] for row in rows for image in row) + 20 for axis in (0, 1))
+    sheet = np.concatenate([np.concatenate([_on_white(image, size) for image in row], axis=1) for row in rows])
+    with atomic_path(path) as temporary:
+        matplotlib.image.imsave(temporary, sheet, format="png")
+
+
+def reddest(distances: FloatArray) -> float:
+    """The distance of the darkest colour, mm: the largest, or one below which there is only rounding."""
+    return max(float(distances.max()), 0.01)
+
+
+def _on_white(image: NDArray[np.uint8], size: tuple[int, ...]) -> NDArray[np.uint8]:
+    """A picture that was cut out, in the middle of a white one of `size` (rows, columns)."""
+    full = np.full((*size, 3), 255, np.uint8)
+    opaque = image[:, :, 3:] / 255
+    top, left = (size[0] - image.shape[0]) // 2, (size[1] - image.shape[1]) // 2
+    full[top : top + image.shape[0], left : left + image.shape[1]] = image[:, :, :3] * opaque + 255 * (1 - opaque)
+    return full
 
 
 def webp(image: NDArray[np.uint8]) -> bytes:

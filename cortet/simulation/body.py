@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
+from cortet.formats.surface_sets import FILLED
 from cortet.geometry.topology import TET_FACES, boundary_faces, boundary_nodes, face_areas, vertex_normals
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh
@@ -168,7 +169,8 @@ def growth_mask(
 
     The point data `growth` of the mesh where there are any. Else the surface of half a brain grows up to the rim of its
     medial wall, with full strength from a cortical thickness on; that of a whole brain outside a ball around its
-    centre, where the corpus callosum is. A node below the surface does as its nearest surface node.
+    centre, where the corpus callosum is. Caps on holes of the file (`filled`) do not grow either. A node below the
+    surface does as its nearest surface node.
 
     Parameters
     ----------
@@ -186,11 +188,19 @@ def growth_mask(
         radius = np.linalg.norm((x - _ELLIPSOID_CENTRE) * _ELLIPSOID_AXES, axis=1)
         return np.clip((radius - inner) / (outer - inner), 0, 1)
     nearest = across_cortex(mesh.points, mesh)[2]
+    surface = boundary_nodes(mesh)
+    filled = surface[mesh.point_data.get(FILLED, np.zeros(len(x)))[surface] != 0]
+    known = _away_from(x, filled, nearest)
     if wall is None:
-        return np.clip((np.linalg.norm(x, axis=1)[nearest] - _CALLOSUM_RADIUS) / _CALLOSUM_RIM, 0, 1)
-    if not wall.any():
-        return np.ones(len(x))
-    return np.clip(cKDTree(x[wall]).query(x[nearest])[0] / THICKNESS, 0, 1)
+        return np.minimum(known, np.clip((np.linalg.norm(x, axis=1)[nearest] - _CALLOSUM_RADIUS) / _CALLOSUM_RIM, 0, 1))
+    return np.minimum(known, _away_from(x, np.flatnonzero(wall), nearest))
+
+
+def _away_from(x: FloatArray, nodes: NDArray[np.integer], at: IntArray) -> FloatArray:
+    """0 at some nodes, and at each of `at` its distance to them up to 1, a cortical thickness away: (n,)."""
+    if not len(nodes):
+        return np.ones(len(at))
+    return np.clip(cKDTree(x[nodes]).query(x[at])[0] / THICKNESS, 0, 1)
 
 
 def smallest_altitude(points: FloatArray, cells: IntArray) -> float:

@@ -43,6 +43,7 @@ class Stage:
 STAGES: dict[str, Stage] = {
     stage.name: stage
     for stage in (
+        Stage("repair", "repairs what is broken", "repaired", ("surface",), "surface"),
         Stage("gate", "lets in a surface that can be meshed", "gated", ("surface",), "surface"),
         Stage("smooth_surface", "smooths the surface by its age", "smoothed", ("surface",), "surface"),
         Stage(

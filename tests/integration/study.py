@@ -10,10 +10,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.formats.gifti import read_surface, write_surface
+from cortet.geometry.nesting import joined
 from cortet.mesh import TriSurface
 from tests.unit.shapes import ball_surface
 
@@ -113,6 +115,12 @@ def surface(number: int) -> TriSurface:
     """An egg of about 24 mm, another one for each number."""
     ball = ball_surface(3, radius=12.0)
     return TriSurface(ball.points * [1, 1 + 0.01 * number, 0.9], ball.faces)
+
+
+def twice(one: TriSurface) -> TriSurface:
+    """Two of them side by side, which nothing can make one."""
+    aside = TriSurface(one.points + np.array([40.0, 0, 0]), one.faces)
+    return joined([one, aside])
 
 
 def scaled(path: Path, factor: float) -> None:

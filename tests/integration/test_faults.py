@@ -167,13 +167,13 @@ def test_a_case_that_hangs_and_a_surface_that_was_cut_off_fail_and_the_others_st
     cut = study.folder / "surfaces/b.surf.gii"
     cut.write_bytes(cut.read_bytes()[:3000])
     study.config["time_limit"] = 1.0
-    result = run(study, env=sabotaged(study, hang=[("gate", "sub-hangs")]))
+    result = run(study, env=sabotaged(study, hang=[("repair", "sub-hangs")]))
     assert result.returncode != 0
     status = {case.removeprefix("sub-").removesuffix("_hemi-L"): row for case, row in study.status().items()}
     assert {name: (row["stage"], row["state"]) for name, row in status.items()} == {
         "a": ("certify", "certified"),
-        "b": ("gate", "failed"),
-        "hangs": ("gate", "failed"),
+        "b": ("repair", "failed"),
+        "hangs": ("repair", "failed"),
     }
     assert "truncated" in status["b"]["reason"] and "b.surf.gii" in status["b"]["reason"]
     assert "took longer than 0:01:00" in status["hangs"]["reason"]

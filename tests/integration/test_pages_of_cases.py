@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from tests.integration.study import Study, surface
+from tests.integration.study import Study, surface, twice
 
 
 def page_of(study: Study, participant: str) -> Path:
@@ -40,16 +40,16 @@ def test_pages_hold_no_time_and_are_made_alike_again(study: Study) -> None:
 
 def test_a_failed_case_has_a_page_until_it_is_mended(study: Study) -> None:
     good = surface(3)
-    study.add_case(study.case("open"), replace(good, faces=good.faces[1:]))
-    assert ("case_page", "sub-open") in study.jobs_of_run(succeeds=False)
-    text = page_of(study, "open").read_text()
-    assert "What went wrong" in text and "<code>gate</code>" in text and "open edges" in text
+    study.add_case(study.case("double"), twice(good))
+    assert ("case_page", "sub-double") in study.jobs_of_run(succeeds=False)
+    text = page_of(study, "double").read_text()
+    assert "What went wrong" in text and "<code>repair</code>" in text and "2 separate pieces" in text
     assert "Input surface from the left" in text
-    assert linked(study)["sub-open_hemi-L"] == page_of(study, "open").resolve()
-    study.write_cases([case for case in study.cases() if case.participant != "open"])
-    study.add_case(study.case("open"), good)
+    assert linked(study)["sub-double_hemi-L"] == page_of(study, "double").resolve()
+    study.write_cases([case for case in study.cases() if case.participant != "double"])
+    study.add_case(study.case("double"), good)
     study.jobs_of_run()
-    assert "What went wrong" not in page_of(study, "open").read_text()
+    assert "What went wrong" not in page_of(study, "double").read_text()
 
 
 def test_a_cohort_in_which_every_case_failed_has_its_pages(study: Study) -> None:

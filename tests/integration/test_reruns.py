@@ -16,8 +16,7 @@ import pytest
 
 from cortet.cohort.lock import NAME
 from cortet.formats.gifti import read_surface, write_surface
-from cortet.mesh import TriSurface
-from tests.integration.study import ROOT, Study, scaled, surface
+from tests.integration.study import ROOT, Study, scaled, surface, twice
 
 COHORT = {
     ("cohort_quality", "-"),
@@ -28,7 +27,7 @@ COHORT = {
     ("cohort_page", "-"),
 }
 FROM_CLEAN = {"clean", "reconnect", "solver_ready", "certify", "case_page", "export"}
-FROM_GATE = {"gate", "smooth_surface", "generate", "transfer"} | FROM_CLEAN
+FROM_REPAIR = {"repair", "gate", "smooth_surface", "generate", "transfer"} | FROM_CLEAN
 
 
 def jobs(rules: set[str], *participants: str) -> set[tuple[str, str]]:
@@ -50,12 +49,12 @@ def test_nothing_reruns_after_a_fresh_checkout_with_every_file_touched(study: St
 
 def test_an_edited_surface_reruns_its_case_and_the_tables(study: Study) -> None:
     scaled(study.folder / "surfaces/a.surf.gii", 1.05)
-    assert study.jobs_of_run() == jobs(FROM_GATE, "a") | COHORT
+    assert study.jobs_of_run() == jobs(FROM_REPAIR, "a") | COHORT
 
 
 def test_a_new_row_runs_one_case_and_the_tables(study: Study) -> None:
     study.add_case(study.case("c"), surface(2))
-    assert study.planned_jobs() == jobs(FROM_GATE, "c") | COHORT
+    assert study.planned_jobs() == jobs(FROM_REPAIR, "c") | COHORT
 
 
 def test_an_excluded_row_runs_nothing_but_the_tables(study: Study) -> None:
@@ -83,7 +82,7 @@ def test_a_bypassed_stage_does_not_occur(study: Study) -> None:
 
 
 def test_bad_cases_do_not_stop_the_others(study: Study) -> None:
-    study.add_case(study.case("open"), replace(surface(3), faces=surface(3).faces[1:]))
+    study.add_case(study.case("double"), twice(surface(3)))
     study.add_case(study.case("truncated"), surface(4))
     truncated = study.folder / "surfaces/truncated.surf.gii"
     truncated.write_bytes(truncated.read_bytes()[:2000])
@@ -91,33 +90,32 @@ def test_bad_cases_do_not_stop_the_others(study: Study) -> None:
     (study.folder / "surfaces/missing.surf.gii").unlink()
     study.add_case(study.case("good"), surface(6))
 
-    bad = jobs({"gate", "case_page"}, "open", "truncated", "missing")
-    assert study.jobs_of_run(succeeds=False) == bad | jobs(FROM_GATE, "good") | COHORT
+    bad = jobs({"repair", "case_page"}, "double", "truncated", "missing")
+    assert study.jobs_of_run(succeeds=False) == bad | jobs(FROM_REPAIR, "good") | COHORT
     status = {case.removeprefix("sub-").removesuffix("_hemi-L"): row for case, row in study.status().items()}
     assert {name: row["state"] for name, row in status.items()} == {
         "a": "certified",
         "b": "certified",
         "good": "certified",
-        "open": "failed",
+        "double": "failed",
         "truncated": "failed",
         "missing": "failed",
     }
-    assert {status[name]["stage"] for name in ("open", "truncated", "missing")} == {"gate"}
-    assert "open" in status["open"]["reason"]
+    assert {status[name]["stage"] for name in ("double", "truncated", "missing")} == {"repair"}
+    assert "2 separate pieces" in status["double"]["reason"]
     assert "surfaces/missing.surf.gii" in status["missing"]["reason"]
-    assert (study.folder / status["open"]["log"]).exists()
+    assert (study.folder / status["double"]["log"]).exists()
 
-    write_surface(surface(3), study.folder / "surfaces/open.surf.gii")
+    write_surface(surface(3), study.folder / "surfaces/double.surf.gii")
     cases = [case for case in study.cases() if case.participant not in ("truncated", "missing")]
     study.write_cases(cases)
-    assert study.jobs_of_run() == jobs(FROM_GATE, "open") | COHORT
+    assert study.jobs_of_run() == jobs(FROM_REPAIR, "double") | COHORT
     assert {row["state"] for row in study.status().values()} == {"certified"}
 
 
 def test_nothing_of_an_earlier_run_passes_for_this_one(study: Study) -> None:
     path = study.folder / "surfaces/a.surf.gii"
-    old = read_surface(path)
-    write_surface(TriSurface(old.points, old.faces[1:]), path)
+    write_surface(twice(read_surface(path)), path)
     study.jobs_of_run(succeeds=False)
     assert study.status()["sub-a_hemi-L"]["state"] == "failed"
     assert not study.files("sub-a*certificate.json")

@@ -7,12 +7,11 @@ import importlib.util
 import json
 import shutil
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from tests.integration.study import Study, surface
+from tests.integration.study import Study, surface, twice
 
 SETTINGS = ("cgal", "published")
 
@@ -125,8 +124,8 @@ def test_a_second_run_does_nothing_and_a_new_row_runs_its_case_and_the_tables(st
 
 
 def test_a_bad_case_is_told_in_the_table_and_stops_nothing(study: Study) -> None:
-    study.add_case(study.case("open"), replace(surface(3), faces=surface(3).faces[1:]))
+    study.add_case(study.case("double"), twice(surface(3)))
     study.jobs_of_run("tables", succeeds=False)
     row = ablation(study)["cgal", "published", "S1-S4"]
     assert (row["meshes"], row["failed"]) == ("2", "1")
-    assert "sub-open_hemi-L: gate:" in row["remarks"]
+    assert "sub-double_hemi-L: repair:" in row["remarks"]

@@ -17,7 +17,7 @@ from cortet.cli import main
 from cortet.cohort.sheet import read_sheet
 from cortet.formats import braingrowth, vtu
 from cortet.formats.gifti import read_surface, write_surface
-from cortet.geometry.topology import boundary_surface
+from cortet.geometry.topology import boundary_surface, surface_topology
 from cortet.mesh import TriSurface
 
 
@@ -68,6 +68,36 @@ def test_gate_says_what_it_mended(ball: Path, tmp_path: Path, capsys: pytest.Cap
     write_surface(TriSurface(np.concatenate([surface.points, [[0, 0, 0]]]), faces), path)
     assert main(["gate", str(path)]) == 0
     assert capsys.readouterr().out.endswith("; 1 unused vertices dropped; 5 faces turned outward\n")
+
+
+def test_repair_writes_surface_report_and_picture(
+    ball: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    surface = read_surface(ball)
+    points = surface.points.copy()
+    points[3] = np.nan
+    broken, out = tmp_path / "broken.surf.gii", tmp_path / "out.surf.gii"
+    write_surface(TriSurface(points, surface.faces), broken)
+    assert main(["repair", str(broken), "-o", str(out), "--picture", str(tmp_path / "out.png")]) == 0
+    shown = capsys.readouterr().out
+    assert "1 vertices without finite coordinates removed" in shown
+    assert surface_topology(read_surface(out).faces).is_closed_manifold
+    assert json.loads((tmp_path / "out.surf.repair.json").read_text())["repaired"]
+    assert (tmp_path / "out.png").stat().st_size > 10_000
+
+    assert main(["repair", str(ball), "-o", str(out)]) == 0
+    assert "nothing to repair" in capsys.readouterr().out
+    assert np.array_equal(read_surface(out).points, surface.points)
+
+    write_surface(TriSurface(surface.points, surface.faces[surface.points[surface.faces, 2].max(axis=1) < 15]), broken)
+    assert main(["repair", str(broken), "-o", str(out), "--config", str(_limits(tmp_path))]) == 1
+    assert "up to 5 mm are filled" in capsys.readouterr().err
+
+
+def _limits(folder: Path) -> Path:
+    path = folder / "limits.yaml"
+    path.write_text("repair: {max_hole: 5.0}\n")
+    return path
 
 
 def test_an_error_is_one_line_on_stderr(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -42,6 +42,16 @@ def test_further_columns_are_carried_through(tmp_path: Path) -> None:
     assert case.extra == {"scanner": "1", "site": "n/a"}
 
 
+def test_unit_and_affine_are_those_of_the_row(tmp_path: Path) -> None:
+    rows = (GOOD + "\tm\tn/a", GOOD.replace("007", "008") + "\tn/a\tt2.nii.gz")
+    first, second = cases = read_sheet(sheet(tmp_path, *rows, extra="\tunit\taffine"))
+    assert (first.unit, first.affine, second.unit, second.affine) == ("m", None, None, tmp_path / "t2.nii.gz")
+    write_sheet(cases, tmp_path / "again.tsv")
+    assert read_sheet(tmp_path / "again.tsv") == cases
+    with pytest.raises(InputError, match=r"column unit: 'inch' is no unit \(use mm, m, um\)"):
+        read_sheet(sheet(tmp_path, GOOD + "\tinch", extra="\tunit"))
+
+
 def test_fields_come_from_the_configured_pattern_and_the_row_has_the_last_word(tmp_path: Path) -> None:
     rows = (GOOD + "\tn/a", GOOD.replace("007", "008") + "\town.shape.gii")
     path = sheet(tmp_path, *rows, extra="\tfield_thickness")

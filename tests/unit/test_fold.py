@@ -16,6 +16,7 @@ from shapes import ball_mesh
 from cortet.errors import InputError
 from cortet.formats import braingrowth
 from cortet.formats.gifti import read_surface
+from cortet.formats.surface_sets import FILLED
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh
@@ -242,6 +243,18 @@ def test_no_cortex_grows_around_the_callosum_of_a_whole_brain(ball: TetMesh) -> 
     distance = np.linalg.norm(flat.points[surface], axis=1)
     assert not mask[surface][distance < 4.9].any()
     assert (mask[surface][distance > 6.1] == 1).all()
+
+
+def test_caps_on_holes_of_the_file_do_not_grow(ball: TetMesh) -> None:
+    scale, top = scale_of(ball, None), ball.points[:, 2] > 0.9 * ball.points[:, 2].max()
+    wall = ball.points[:, 0] < 0.9 * ball.points[:, 0].min()
+    without = growth_mask(ball, scale, wall)
+    mask = growth_mask(replace(ball, point_data={FILLED: top.astype(np.int32)}), scale, wall)
+    surface = boundary_nodes(ball)
+    assert without[surface][top[surface]].all() and not mask[surface][top[surface]].any()
+    far = ball.points[:, 2] < 0
+    assert np.array_equal(mask[far], without[far])
+    assert np.array_equal(growth_mask(replace(ball, point_data={FILLED: 0 * top}), scale, wall), without)
 
 
 def test_the_mask_of_the_reference_is_an_ellipsoid_at_every_node(ball: TetMesh) -> None:

@@ -17,6 +17,7 @@ from cortet.measure.certify import certify
 from cortet.mesh import TriSurface
 from cortet.report.case_page import about, split_remedy, write_case_page, write_failure_page
 from cortet.report.pages import embedded
+from cortet.stages.repair import repair
 
 HOSTILE = '</script><script>alert(1)</script><img src=x onerror=alert(2)> & "quoted" `<b>`'
 FAILURE = {
@@ -70,6 +71,24 @@ def test_the_worst_elements_are_located(page: str, certificate: dict[str, Any]) 
         x, y, z = element["centre_mm"]
         assert f'<th scope="row">{element["element"]}</th><td class="n">{element["q"]:.4f}</td>' in page
         assert f"{x:.2f}, {y:.2f}, {z:.2f}" in page
+
+
+def test_a_repaired_surface_says_what_was_done_where_and_shows_it(tmp_path: Path, page: str) -> None:
+    good = ball_surface(3, radius=20.0)
+    broken = TriSurface(good.points, good.faces[good.points[good.faces, 2].max(axis=1) < 18])
+    made, report = repair(broken, source="a.gii")
+    reports = {"repair": {**asdict(report), "inner": {"white": asdict(report)}}}
+    certificate = asdict(certify(ball_mesh(2, radius=20.0), made, reports=reports))
+    assert certificate["input_repaired"]
+    write_case_page(ball_mesh(2, radius=20.0), broken, certificate, tmp_path / "a.html", meshed=made)
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    shown = visible(text)
+    assert "The input was repaired" in shown and "Inner surface white" in shown
+    assert report.steps[0].done in shown
+    x, y, z = report.steps[0].places_mm[0]
+    assert f"({x:.1f}, {y:.1f}, {z:.1f})" in shown
+    assert "by its distance to the file, white at 0, red at" in text
+    assert "The input was repaired" not in page
 
 
 def test_a_mesh_that_is_not_certified_says_why(tmp_path: Path) -> None:

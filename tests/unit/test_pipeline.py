@@ -16,6 +16,7 @@ from cortet.config import Config, load
 from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_surface
+from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.certify import Certificate
 from cortet.measure.fidelity import fidelity
@@ -57,13 +58,14 @@ def made(ball: TriSurface, file: Path) -> tuple[TetMesh, Certificate, list[str]]
 
 
 def test_the_line_has_the_stages_that_the_configuration_enables() -> None:
-    line = ["gate", "smooth_surface", "generate", "transfer", "clean", "reconnect", "solver_ready"]
+    line = ["repair", "gate", "smooth_surface", "generate", "transfer", "clean", "reconnect", "solver_ready"]
     assert stages(Config(), gestational_age=28.0) == line
-    assert stages(load({"setting": "cgal"}), gestational_age=28.0) == [*line[:4], "relocate", *line[4:]]
+    assert stages(load({"setting": "cgal"}), gestational_age=28.0) == [*line[:5], "relocate", *line[5:]]
     assert stages(Config(), gestational_age=None) == [stage for stage in line if stage != "smooth_surface"]
-    assert "reconnect" not in stages(load({"setting": "published"}), gestational_age=28.0)
+    published = stages(load({"setting": "published"}), gestational_age=28.0)
+    assert not {"repair", "reconnect"} & set(published)
     snapping = load({"clean": {"enabled": False}, "snap": {"enabled": True}})
-    assert stages(snapping, gestational_age=None)[2:] == ["transfer", "reconnect", "snap", "solver_ready"]
+    assert stages(snapping, gestational_age=None)[3:] == ["transfer", "reconnect", "snap", "solver_ready"]
 
 
 def test_the_mesh_is_certified_and_faithful(made: tuple[TetMesh, Certificate, list[str]], ball: TriSurface) -> None:
@@ -101,8 +103,22 @@ def test_without_an_age_the_log_says_that_nothing_is_smoothed(
 
 
 def test_the_gate_stops_an_open_surface(ball: TriSurface) -> None:
+    opened = TriSurface(ball.points, ball.faces[1:])
     with pytest.raises(InputError, match="open edges"):
-        next(run(TriSurface(ball.points, ball.faces[1:]), load(FAST)))
+        next(run(opened, load({**FAST, "repair": {"enabled": False}})))
+    first = next(run(opened, load(FAST)))
+    assert (first.stage, first.report["repaired"]) == ("repair", True)
+
+
+def test_inner_surfaces_are_repaired_too(ball: TriSurface) -> None:
+    inside = TriSurface(0.7 * ball.points, ball.faces[3:])
+    outside = TriSurface(ball.points, ball.faces[3:])
+    for outer, inner, repaired in ((outside, inside, (True, True)), (ball, inside, (False, True))):
+        line = run(nested(outer, {"white": inner}), load(FAST))
+        first, second = next(line), next(line)
+        assert (first.report["repaired"], first.report["inner"]["white"]["repaired"]) == repaired
+        assert second.stage == "gate"
+        assert list(second.surface.inner) == ["white"]
 
 
 def test_the_command_writes_mesh_certificate_picture_and_page(

@@ -23,6 +23,7 @@ from cortet.report.cohort_tables import (
     write_quality,
     write_summary,
 )
+from cortet.stages.repair import repair
 
 CASES = [
     Case("01", "a", "L", 22.5, "phantom", extra={"site": "x"}),
@@ -32,12 +33,17 @@ CASES = [
 
 def record(case: Case, **limits: Any) -> dict[str, Any]:
     mesh = cube_mesh(3, side=6.0)
+    surface, _ = boundary_surface(mesh)
+    repaired = asdict(repair(surface, source=None)[1])
     certificate = certify(
         mesh,
-        boundary_surface(mesh)[0],
+        surface,
         case=case.name,
         parameters={"generate": {"cell_size": 1.0, "mesher": "cgal"}},
-        reports={"generate": {"topology_ok": True, "reason": "", "backend": "cgal", "facet_distance_mm": 0.5}},
+        reports={
+            "repair": {**repaired, "repaired": case is CASES[1]},
+            "generate": {"topology_ok": True, "reason": "", "backend": "cgal", "facet_distance_mm": 0.5},
+        },
         **limits,
     )
     return json.loads(json.dumps(asdict(certificate)))
@@ -58,6 +64,7 @@ def test_one_row_per_certificate_with_the_sheet_before_the_measures(records: lis
     assert first["cell_size_mm"] == 1.0
     assert first["nodes_to_surface_max_mm"] == records[0]["fidelity"]["nodes_to_surface_mm"]["max"]
     assert (first["euler_number"], first["crossing_faces"]) == (2, 0)
+    assert (first["surface_state"], second["surface_state"]) == ("as given", "repaired")
 
 
 def test_verdicts_are_pass_and_fail_with_the_reasons(records: list[dict[str, Any]]) -> None:

@@ -27,6 +27,7 @@ from cortet.stages.gate import gate
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
 from cortet.stages.relocate import relocate
+from cortet.stages.repair import repair
 from cortet.stages.smooth_boundary import smooth_boundary
 from cortet.stages.smooth_surface import smooth_surface
 from cortet.stages.snap import snap
@@ -43,6 +44,15 @@ def rough_ball() -> TriSurface:
     ball = ball_surface(4, radius=20.0)
     noise = np.random.default_rng(0).normal(1, 0.002, (len(ball.points), 1))
     return TriSurface(ball.points * noise, ball.faces, {"thickness": ball.points[:, 0]})
+
+
+def broken_ball() -> TriSurface:
+    """The same with a hole, a spike and crossing triangles."""
+    ball = rough_ball()
+    points = ball.points.copy()
+    points[0] *= 1.3
+    points[500] += 1.3 * (points[ball.faces[(ball.faces == 500).any(axis=1)][0]].sum(axis=0) - 3 * points[500])
+    return TriSurface(points, ball.faces[ball.points[ball.faces, 2].max(axis=1) < 18], ball.point_data)
 
 
 def good_ball() -> TetMesh:
@@ -65,6 +75,7 @@ def folded_ball() -> TetMesh:
 
 RESULTS: dict[str, Callable[[], TriSurface | TetMesh]] = {
     "phantom": lambda: phantom(28.0, subdivisions=3),
+    "repair": lambda: repair(broken_ball(), source="broken ball")[0],
     "gate": lambda: gate(rough_ball(), source="rough ball")[0],
     "smooth_surface": lambda: smooth_surface(rough_ball(), gestational_age=28.0)[0],
     "generate": lambda: generate(ball_surface(3), cell_size=1.5, mesher="cgal", backend="cgal")[0],

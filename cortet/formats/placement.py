@@ -1,0 +1,80 @@
+"""Coordinates that are not mm: in another unit, or in voxels of an image. What they are is named, never guessed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cortet.errors import InputError
+from cortet.mesh import CoordinateFrame, TriSurface
+
+#: unit of coordinates -> mm
+UNITS = {"mm": 1.0, "m": 1000.0, "um": 0.001}
+
+#: of a matrix whose columns lie in one plane, over the product of their lengths
+_SINGULAR = 1e-6
+
+
+def matrix(unit: str, affine: Sequence[Sequence[float]] | str | Path | None) -> tuple[tuple[float, ...], ...] | None:
+    """Row-major 4 x 4 matrix from coordinates as they are stored to mm; None where they are mm.
+
+    Parameters
+    ----------
+    unit : of the coordinates, after the affine where there is one; one of `UNITS`
+    affine : 4 x 4, or an image (NIfTI, MGH) whose voxel indices the coordinates are
+
+    Raises
+    ------
+    InputError
+        the unit is not known, the image cannot be read, or the affine is none
+    """
+    if unit not in UNITS:
+        raise InputError(f"unit {unit!r} is not known", remedy=f"use one of {', '.join(UNITS)}")
+    if affine is None and unit == "mm":
+        return None
+    file = affine if isinstance(affine, (str, Path)) else None
+    whole = np.eye(4) if affine is None else _of_image(file) if file is not None else np.array(affine, float)
+    if whole.shape != (4, 4) or not np.isfinite(whole).all() or (whole[3] != [0, 0, 0, 1]).any():
+        raise InputError(
+            f"affine {whole.tolist()} is not 4 x 4 with the last row 0 0 0 1",
+            file=file,
+            remedy="give the four rows of the voxel-to-mm affine",
+        )
+    if abs(np.linalg.det(whole[:3, :3])) <= _SINGULAR * np.prod(np.linalg.norm(whole[:3, :3], axis=0)):
+        raise InputError(f"affine {whole.tolist()} flattens space", file=file, remedy="give the voxel-to-mm affine")
+    scale = np.diag([*[UNITS[unit]] * 3, 1.0])
+    return tuple(tuple(row) for row in (scale @ whole).tolist())
+
+
+def placed(surface: TriSurface, to_mm: Sequence[Sequence[float]] | None) -> TriSurface:
+    """The surface, and those inside it, in mm: coordinates taken through a matrix of `matrix`.
+
+    Triangles are turned where that mirrors space.
+    """
+    if to_mm is None:
+        return surface
+    whole = np.array(to_mm)
+    mirrored = np.linalg.det(whole[:3, :3]) < 0
+    return replace(
+        surface,
+        points=surface.points @ whole[:3, :3].T + whole[:3, 3],
+        faces=surface.faces[:, ::-1] if mirrored else surface.faces,
+        inner={name: placed(one, to_mm) for name, one in surface.inner.items()},
+        frame=CoordinateFrame(),  # what the file says of its coordinates does not hold for these
+    )
+
+
+def _of_image(path: str | Path) -> Any:
+    """Voxel-to-mm affine of the header of an image."""
+    import nibabel
+
+    try:
+        return np.asarray(nibabel.load(path).affine, float)  # type: ignore[attr-defined]
+    except (OSError, ValueError, nibabel.filebasedimages.ImageFileError, AttributeError) as error:
+        raise InputError(
+            f"cannot be read as an image: {error}", file=path, remedy="give the image that the surface was made from"
+        ) from None

@@ -1,0 +1,274 @@
+"""Handles and tunnels of a closed surface: short loops around them, along which it is cut open."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
+
+from cortet.errors import InputError
+from cortet.geometry.holes import replaced, rim_length
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.mending import Triangles, as_surface, compacted, faces_at, within
+from cortet.geometry.topology import TRI_EDGES, enclosed_volume, packed, surface_topology
+from cortet.mesh import FloatArray, IntArray
+
+#: a handle ends where the rim of what is cut away is so many times the loop, and at the latest after so many rings
+_FLARE, _MOST_RINGS = 1.5, 200
+#: rings of triangles that are removed beyond a handle or a tunnel, one number after the other
+_WIDER = (1, 0, 2, 4)
+#: loops around which shorter ones are looked for, vertices of each from which that is done, and rounds of it
+_TRIED, _ROOTS, _ROUNDS = 3, 8, 4
+
+
+class Cuts(NamedTuple):
+    """Triangles whose handles are gone."""
+
+    work: Triangles
+    #: (k, 3) mm, the middle of the shortest loop of each handle
+    centres: FloatArray
+    #: mm, the longest of these loops
+    longest: float
+
+
+def without_handles(work: Triangles, *, keep: int, max_loop: float, max_piece: float) -> Cuts:
+    """Handles cut or tunnels closed, one after the other, where that moves least volume.
+
+    Parameters
+    ----------
+    work : one closed, oriented manifold
+    keep : number of handles that may stay
+    max_loop : mm, longest loop along which is cut
+    max_piece : as of `holes.replaced`
+
+    Raises
+    ------
+    InputError
+        the shortest loop is longer, or no cut along a loop ends in a sound surface
+    """
+    centres, longest = [], 0.0
+    while (genus := int(surface_topology(work.faces).genus)) > keep:
+        loops = short_loops(work.points, work.faces)
+        lengths = [rim_length(work.points, loop) for loop in loops]
+        middle = work.points[loops[0]].mean(axis=0)
+        x, y, z = middle.round(2).tolist()
+        if lengths[0] > max_loop:
+            raise InputError(
+                f"{genus} handle{'s' if genus > 1 else ''}, the thinnest with a loop of {lengths[0]:.0f} mm around "
+                f"({x}, {y}, {z}) mm, where loops up to {max_loop:g} mm are cut or closed",
+                remedy="correct the topology of the segmentation, or set repair.max_loop, or gate.allow_genus if the "
+                "handles are meant",
+            )
+        short = [loop for loop, length in zip(loops, lengths, strict=True) if length <= max_loop]
+        crossing = len(self_intersections(as_surface(work)))
+        tried = [_cut(work, loop, max_piece, genus, crossing) for loop in short]
+        possible = [made for made in tried if made is not None]
+        if not possible:
+            raise InputError(f"a handle around ({x}, {y}, {z}) mm could not be cut or closed")
+        volume = enclosed_volume(work.points, work.faces)
+        changes = [abs(enclosed_volume(made.points, made.faces) - volume) for made in possible]
+        work = compacted(possible[int(np.argmin(changes))])
+        centres.append(middle)
+        longest = max(longest, lengths[0])
+    return Cuts(work, np.array(centres).reshape(-1, 3), longest)
+
+
+def _cut(work: Triangles, loop: IntArray, max_piece: float, genus: int, crossing: int) -> Triangles | None:
+    """Cut along a loop and closed on both sides, one of `genus` handles less, no more triangles `crossing`; or None."""
+    faces, copies = cut_open(work.faces, loop, len(work.points))
+    opened = work._replace(
+        points=np.concatenate([work.points, work.points[loop]]),
+        faces=faces,
+        origin=np.concatenate([work.origin, work.origin[loop]]),
+    )
+    handle = back_to_the_feet(opened.points, opened.faces, (loop, copies))
+    for wider in _WIDER:
+        try:
+            made = replaced(opened, within(opened, handle, wider), max_piece)
+        except InputError:
+            continue
+        topology = surface_topology(made.faces)
+        sound = topology.is_closed_manifold and topology.genus == genus - 1
+        if sound and len(self_intersections(as_surface(made))) <= crossing:
+            return made
+    return None
+
+
+def short_loops(points: FloatArray, faces: IntArray) -> list[IntArray]:
+    """A loop around a handle or a tunnel that is nearly the shortest of all, and others through its vertices.
+
+    From a vertex the loops of a basis of the homology through it are found by a tree of shortest paths and a tree of
+    faces that does not cross it (Erickson and Whittlesey, Greedy optimal homotopy and homology generators, SODA 2005).
+    Around the shortest of them, shorter ones are looked for from vertices along them. The loops through the best one
+    lead the other way around its handle, or along it.
+
+    Parameters
+    ----------
+    points : (n, 3) mm
+    faces : (m, 3), of one closed, oriented manifold
+
+    Returns
+    -------
+    the vertices of each loop, in their order, the shortest first; none for a sphere
+    """
+    links = _Links(points, faces)
+    if not links.genus:
+        return []
+    found = links.loops_through(int(faces[0, 0]))[:_TRIED]
+    for _ in range(_ROUNDS):
+        shorter = [_shortest_near(links, loop) for loop in found]
+        if sum(map(links.length, shorter)) >= sum(map(links.length, found)):
+            break
+        found = shorter
+    best = min(found, key=links.length)
+    every = [best, *links.loops_through(int(best[0]))[:_TRIED]]
+    distinct = {frozenset(loop.tolist()): loop for loop in every}
+    return sorted(distinct.values(), key=lambda loop: (links.length(loop), loop.tolist()))
+
+
+def _shortest_near(links: _Links, loop: IntArray) -> IntArray:
+    """The shortest loop through some vertices of a loop, or that loop itself."""
+    best = loop
+    for root in loop[:: max(len(loop) // _ROOTS, 1)].tolist():
+        found = links.loops_through(root)
+        if found and links.length(found[0]) < links.length(best):
+            best = found[0]
+    return best
+
+
+class _Links:
+    """Edges of a closed surface, and which faces they join."""
+
+    def __init__(self, points: FloatArray, faces: IntArray) -> None:
+        sides = faces[:, TRI_EDGES].reshape(-1, 2)
+        key = packed(sides)
+        order = np.argsort(key, kind="stable")
+        self.ends = np.sort(sides[order[0::2]], axis=1)
+        self.behind = np.stack([order[0::2] // 3, order[1::2] // 3], axis=1)
+        self.lengths = np.linalg.norm(points[self.ends[:, 0]] - points[self.ends[:, 1]], axis=1)
+        self.points, self.count, self.faces = points, len(points), len(faces)
+        used = len(np.unique(faces))
+        self.genus = (2 - (used - len(self.ends) + len(faces))) // 2
+        both = np.concatenate([self.ends, self.ends[:, ::-1]])
+        self.graph: csr_matrix = coo_matrix(
+            (np.tile(self.lengths, 2), (both[:, 0], both[:, 1])), shape=(self.count,) * 2
+        ).tocsr()
+
+    def length(self, loop: IntArray) -> float:
+        """Of a loop, mm."""
+        places = self.points[loop]
+        return float(np.linalg.norm(places - np.roll(places, -1, axis=0), axis=1).sum())
+
+    def loops_through(self, root: int) -> list[IntArray]:
+        """A basis of loops, each the way from a root to an edge, along it, and back; the shortest first."""
+        distance, before = dijkstra(self.graph, indices=root, return_predecessors=True)
+        start, end = self.ends.T
+        in_tree = (before[start] == end) | (before[end] == start)
+        through = distance[start] + distance[end] + self.lengths
+        left = self._not_in_cotree(np.flatnonzero(~in_tree), through)
+        loops = [self._loop(int(edge), before) for edge in left[np.argsort(through[left], kind="stable")]]
+        return sorted(loops, key=self.length)
+
+    def _not_in_cotree(self, edges: NDArray[np.int64], through: FloatArray) -> NDArray[np.int64]:
+        """Of some edges, those that are left over by a tree of all faces that joins them across the longest."""
+        first, second = self.behind[edges].T
+        # ranks, all different, so that the tree is the same everywhere
+        rank = np.empty(len(edges))
+        rank[np.lexsort((edges, -through[edges]))] = np.arange(1, len(edges) + 1)
+        low, high = np.minimum(first, second), np.maximum(first, second)
+        pair = low.astype(np.int64) * self.faces + high
+        best = np.lexsort((rank, pair))
+        best = best[np.r_[True, pair[best][1:] != pair[best][:-1]]]
+        tree = minimum_spanning_tree(coo_matrix((rank[best], (low[best], high[best])), shape=(self.faces,) * 2).tocsr())
+        taken = np.zeros(len(edges) + 1, np.bool_)
+        taken[tree.data.astype(np.int64)] = True
+        return edges[~taken[rank.astype(np.int64)]]
+
+    def _loop(self, edge: int, before: IntArray) -> IntArray:
+        """The vertices of the loop of an edge, without the way that both of its ends share."""
+        ways = []
+        for vertex in self.ends[edge].tolist():
+            way = [vertex]
+            while before[way[-1]] >= 0:
+                way.append(int(before[way[-1]]))
+            ways.append(way)
+        one, other = ways
+        while len(one) > 1 and len(other) > 1 and one[-2] == other[-2]:
+            one.pop()
+            other.pop()
+        return np.array([*one, *other[-2::-1]], np.int32)
+
+
+def cut_open(faces: IntArray, loop: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    """Faces with a second copy of a loop's vertices on its left side, numbered from `count`; and these numbers.
+
+    Parameters
+    ----------
+    loop : vertices of a closed path of edges, none twice
+    """
+    ahead = set(zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True))
+    on = np.zeros(count, np.bool_)
+    on[loop] = True
+    near = np.flatnonzero(on[faces].any(axis=1))
+    left, blocked = set(), ahead | {(b, a) for a, b in ahead}
+    across: dict[tuple[int, int], list[int]] = {}
+    for face in near.tolist():
+        corners = faces[face].tolist()
+        for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
+            across.setdefault((min(a, b), max(a, b)), []).append(face)
+            if (a, b) in ahead:
+                left.add(face)
+    waiting = sorted(left)
+    while waiting:  # along the left side, across edges that begin or end on the loop and do not run along it
+        face = waiting.pop()
+        corners = faces[face].tolist()
+        for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
+            if (a, b) in blocked or not (on[a] or on[b]):
+                continue
+            for other in across[min(a, b), max(a, b)]:
+                if other not in left:
+                    left.add(other)
+                    waiting.append(other)
+    copy = np.arange(count, dtype=np.int32)
+    copy[loop] = count + np.arange(len(loop), dtype=np.int32)
+    result = faces.copy()
+    chosen = np.array(sorted(left))
+    result[chosen] = copy[faces[chosen]]
+    return result, copy[loop]
+
+
+def back_to_the_feet(points: FloatArray, faces: IntArray, sides: tuple[IntArray, IntArray]) -> IntArray:
+    """Vertices whose faces are removed on both sides of a cut, up to where what is left of a handle ends: ascending.
+
+    After a cut through a handle two stumps are left, after one around a tunnel two pits. Their walls have the girth of
+    the loop up to their feet, where it grows. Where the two sides meet before, as on a ring, only the loop goes.
+
+    Parameters
+    ----------
+    points, faces : cut open along a loop
+    sides : the vertices of the loop on either side of the cut
+    """
+    loop = points[sides[0]]
+    most = _FLARE * float(np.linalg.norm(loop - np.roll(loop, -1, axis=0), axis=1).sum())
+    gone = [np.isin(np.arange(len(points)), side) for side in sides]
+    for this, other in ((0, 1), (1, 0)):
+        for _ in range(_MOST_RINGS):
+            grown = gone[this].copy()
+            grown[faces[faces_at(faces, grown)]] = True
+            if (grown & gone[other]).any():
+                return np.sort(np.concatenate(sides))
+            if _rim_of(points, faces, grown) > most:
+                break
+            gone[this] = grown
+    return np.flatnonzero(gone[0] | gone[1]).astype(np.int32)
+
+
+def _rim_of(points: FloatArray, faces: IntArray, gone: NDArray[np.bool_]) -> float:
+    """Length of the rim that is left, mm, where the faces at some vertices are removed; `gone` (n,)."""
+    touched = faces[faces_at(faces, gone)]
+    sides = touched[:, TRI_EDGES].reshape(-1, 2)
+    rim = sides[~gone[sides].any(axis=1)]
+    return float(np.linalg.norm(points[rim[:, 0]] - points[rim[:, 1]], axis=1).sum())

@@ -1,0 +1,259 @@
+"""Triangles that are not yet one closed manifold: the steps that make them one, by indices and equal places alone.
+
+Each step takes and returns `Triangles`, which remember for every vertex which one of the file it was, so that fields
+can follow, and for every triangle whether it was in the file.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from cortet.geometry.topology import TRI_EDGES, compact, component_labels, face_areas, numbers, packed
+from cortet.mesh import FloatArray, IntArray, TriSurface
+
+#: where a triangle comes from: the file, the cap of a hole of the file, or what took the place of removed ones
+GIVEN, CAP, REPLACED = 0, 1, 2
+#: area of a triangle over the square of its longest side below which it is a line
+_LINE = 1e-12
+
+
+class Triangles(NamedTuple):
+    """Triangles on their way to a closed surface."""
+
+    #: (n, 3) float64 mm
+    points: FloatArray
+    #: (m, 3) int32
+    faces: IntArray
+    #: (n,) int32, the vertex of the file that each was, -1 for a new one
+    origin: IntArray
+    #: (m,) int8, `GIVEN`, `CAP` or `REPLACED`
+    made: NDArray[np.int8]
+
+
+def triangles(points: FloatArray, faces: IntArray) -> Triangles:
+    """Triangles as a file has them."""
+    return Triangles(points, faces, np.arange(len(points), dtype=np.int32), np.zeros(len(faces), np.int8))
+
+
+def chosen_faces(work: Triangles, kept: NDArray[np.bool_]) -> Triangles:
+    """Only the faces that `kept` (m,) marks; vertices keep their numbers."""
+    return work._replace(faces=work.faces[kept], made=work.made[kept])
+
+
+def compacted(work: Triangles) -> Triangles:
+    """The same without unused vertices."""
+    points, faces, kept = compact(work.points, work.faces)
+    return work._replace(points=points, faces=faces, origin=work.origin[kept])
+
+
+def finite(points: FloatArray) -> NDArray[np.bool_]:
+    """Which vertices have finite coordinates, (n,)."""
+    return np.isfinite(points.sum(axis=1))
+
+
+def faces_at(faces: IntArray, marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which faces have a vertex that `marked` (n,) marks, (m,)."""
+    a, b, c = faces.T
+    return marked[a] | marked[b] | marked[c]
+
+
+def edge_counts(faces: IntArray) -> NDArray[np.int64]:
+    """Number of faces at each side of each face, from corner i to i + 1: (m, 3)."""
+    place, count = np.unique(packed(faces[:, TRI_EDGES].reshape(-1, 2)), return_inverse=True, return_counts=True)[1:]
+    return count[place].reshape(-1, 3)
+
+
+def border_vertices(faces: IntArray) -> IntArray:
+    """Vertices of edges that are not in exactly two faces, ascending."""
+    sides = faces[:, TRI_EDGES][edge_counts(faces) != 2]
+    return np.unique(sides).astype(np.int32)
+
+
+def with_known_places(work: Triangles) -> tuple[Triangles, IntArray]:
+    """Without the faces of vertices whose coordinates are not finite; returns also these vertices."""
+    bad = ~finite(work.points)
+    kept = chosen_faces(work, ~faces_at(work.faces, bad))
+    points = np.where(bad[:, None], 0, work.points)
+    return kept._replace(points=points), np.flatnonzero(bad).astype(np.int32)
+
+
+def merged(work: Triangles, tolerance: float) -> tuple[Triangles, IntArray]:
+    """Vertices of open or branching edges made one where they are within `tolerance` mm of each other.
+
+    Others may lie at one place rightly: where two banks touch, each keeps its own. The first vertex of each place
+    stays; returns also those that gave way.
+    """
+    rim = border_vertices(work.faces)
+    pairs = cKDTree(work.points[rim]).query_pairs(tolerance, output_type="ndarray")
+    if not len(pairs):
+        return work, np.zeros(0, np.int32)
+    graph = coo_matrix((np.ones(len(pairs), np.int8), pairs.T), shape=(len(rim), len(rim)))
+    label = connected_components(graph, directed=False)[1]
+    first = np.full(label.max() + 1, len(rim))
+    np.minimum.at(first, label, np.arange(len(rim)))
+    stands_for = np.arange(len(work.points), dtype=np.int32)
+    stands_for[rim] = rim[first[label]]
+    gone = np.flatnonzero(stands_for != np.arange(len(stands_for))).astype(np.int32)
+    return work._replace(faces=stands_for[work.faces]), gone
+
+
+def collapsed(work: Triangles, tolerance: float) -> tuple[Triangles, IntArray]:
+    """Edges not longer than `tolerance` mm made one vertex; returns also the vertices that gave way."""
+    sides = work.faces[:, TRI_EDGES].reshape(-1, 2)
+    short = np.linalg.norm(work.points[sides[:, 0]] - work.points[sides[:, 1]], axis=1) <= tolerance
+    pairs = sides[short & (sides[:, 0] != sides[:, 1])]
+    if not len(pairs):
+        return work, np.zeros(0, np.int32)
+    count = len(work.points)
+    graph = coo_matrix((np.ones(len(pairs), np.int8), pairs.T), shape=(count, count))
+    label = connected_components(graph, directed=False)[1]
+    first = np.full(label.max() + 1, count, np.int32)
+    np.minimum.at(first, label, np.arange(count, dtype=np.int32))
+    stands_for = first[label]
+    return work._replace(faces=stands_for[work.faces]), np.flatnonzero(stands_for != np.arange(count)).astype(np.int32)
+
+
+def without_lines(work: Triangles) -> tuple[Triangles, IntArray]:
+    """Without faces that have a vertex twice; returns also their numbers."""
+    a, b, c = work.faces.T
+    line = (a == b) | (b == c) | (c == a)
+    return chosen_faces(work, ~line), np.flatnonzero(line).astype(np.int32)
+
+
+def without_duplicates(work: Triangles) -> tuple[Triangles, IntArray]:
+    """Of faces with the same three vertices at most one; returns also the numbers of those that are gone.
+
+    Two that face each other are a wall between two bodies, and both go; of more on one side the first stays.
+    """
+    key = packed(work.faces)
+    order = np.argsort(key, kind="stable")
+    starts = np.flatnonzero(np.r_[True, key[order][1:] != key[order][:-1]])
+    count = np.diff(np.r_[starts, len(order)])
+    group = np.empty(len(order), np.int64)
+    group[order] = np.repeat(np.arange(len(starts)), count)
+    first_of = order[starts][group]
+    same_side = _follows(work.faces) == _follows(work.faces)[first_of]
+    balance = np.bincount(group, np.where(same_side, 1, -1))
+    # of the side that has more, the first; of two sides that have as many, none
+    wanted = np.flatnonzero(np.where(balance[group] > 0, same_side, ~same_side) & (balance[group] != 0))
+    stays = np.zeros(len(order), np.bool_)
+    stays[wanted[np.unique(group[wanted], return_index=True)[1]]] = True
+    return chosen_faces(work, stays), np.flatnonzero(~stays).astype(np.int32)
+
+
+def _follows(faces: IntArray) -> NDArray[np.bool_]:
+    """Whether the middle one of a face's vertices comes after the smallest: its orientation, (m,)."""
+    smallest = faces.argmin(axis=1)
+    rows = np.arange(len(faces))
+    return faces[rows, (smallest + 1) % 3] < faces[rows, (smallest + 2) % 3]
+
+
+def split_fans(work: Triangles) -> tuple[Triangles, IntArray]:
+    """A vertex of its own for each fan of faces around a vertex; returns also the vertices that were split.
+
+    Faces hang together in a fan by edges of exactly two faces, so this also parts surfaces that touch along an edge.
+    """
+    faces = work.faces
+    fan = fans(faces)
+    vertex = np.zeros(fan.max(initial=-1) + 1, np.int64)
+    vertex[fan] = faces.ravel()
+    order = np.argsort(vertex, kind="stable")
+    further = order[1:][vertex[order][1:] == vertex[order][:-1]]  # the first fan keeps the vertex
+    if not len(further):
+        return work, np.zeros(0, np.int32)
+    number = vertex.copy()
+    number[further] = len(work.points) + np.arange(len(further))
+    split = vertex[further]
+    return (
+        work._replace(
+            points=np.concatenate([work.points, work.points[split]]),
+            faces=number[fan].reshape(-1, 3).astype(np.int32),
+            origin=np.concatenate([work.origin, work.origin[split]]),
+        ),
+        np.unique(split).astype(np.int32),
+    )
+
+
+def fans(faces: IntArray) -> NDArray[np.int64]:
+    """Number of the fan that each corner of each face belongs to: (3 m,). Edges of two faces link corners."""
+    directed = faces[:, TRI_EDGES].reshape(-1, 2)
+    order = np.argsort(packed(directed), kind="stable")
+    key = packed(directed)[order]
+    starts = np.flatnonzero(np.r_[True, key[1:] != key[:-1]])
+    paired = starts[np.diff(np.r_[starts, len(order)]) == 2]
+    first, second = order[paired], order[paired + 1]
+    after_first, after_second = (side // 3 * 3 + (side % 3 + 1) % 3 for side in (first, second))
+    same = directed[first, 0] == directed[second, 0]
+    links = (
+        np.concatenate([first, after_first]),
+        np.concatenate([np.where(same, second, after_second), np.where(same, after_second, second)]),
+    )
+    corners = 3 * len(faces)
+    graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(corners, corners))
+    return connected_components(graph, directed=False)[1]
+
+
+def without_branches(work: Triangles) -> tuple[Triangles, FloatArray, IntArray]:
+    """No edge in more than two faces: surfaces that touch are parted, faces where that leaves a slit are removed.
+
+    Returns also the centres (k, 3) of the edges that were in more than two, and the vertices of removed faces by their
+    number in the file.
+    """
+    counts = edge_counts(work.faces)
+    sides = work.faces[:, TRI_EDGES]
+    centres: FloatArray = np.unique(work.points[sides[counts > 2]].mean(axis=1), axis=0)
+    branching = (counts > 2).any(axis=1)
+    if not branching.any():
+        return work, centres, np.zeros(0, np.int32)
+    parted, _ = split_fans(work)
+    # what still branches, and slits: edges that were in more faces and now are in one
+    after = edge_counts(parted.faces)
+    torn = (after > 2).any(axis=1) | ((after == 1) & (counts > 2)).any(axis=1)
+    return chosen_faces(parted, ~torn), centres, np.unique(parted.origin[parted.faces[torn]])
+
+
+def pieces(work: Triangles) -> tuple[IntArray, FloatArray]:
+    """Number of the connected piece of each face (m,), the largest being 0, and the area of each piece, mm2."""
+    label = np.unique(component_labels(work.faces)[work.faces[:, 0]], return_inverse=True)[1]
+    area = np.bincount(label, face_areas(work.points, work.faces)).astype(np.float64)
+    order = np.argsort(-area, kind="stable")
+    piece: IntArray = numbers(order, len(area))[label]
+    return piece, area[order]
+
+
+def rings(faces: IntArray, marked: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
+    """Vertices (n,) marked, and those within so many edges of them."""
+    marked = marked.copy()
+    for _ in range(count):
+        marked[faces[faces_at(faces, marked)]] = True
+    return marked
+
+
+def measurable(surface: TriSurface) -> TriSurface:
+    """The triangles of a surface that have a place and an area, without fields; vertices keep their numbers.
+
+    A vertex without finite coordinates is at 0, and in no triangle.
+    """
+    points = np.where(finite(surface.points)[:, None], surface.points, 0)
+    kept = ~faces_at(surface.faces, ~finite(surface.points))
+    corners = points[surface.faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    return TriSurface(points, surface.faces[kept & (face_areas(points, surface.faces) > _LINE * longest**2)])
+
+
+def within(work: Triangles, vertices: IntArray, count: int) -> IntArray:
+    """Some vertices, and those within so many edges of them, ascending."""
+    marked = np.zeros(len(work.points), np.bool_)
+    marked[vertices] = True
+    return np.flatnonzero(rings(work.faces, marked, count)).astype(np.int32)
+
+
+def as_surface(work: Triangles) -> TriSurface:
+    """The triangles as a surface, without fields."""
+    return TriSurface(work.points, work.faces)

@@ -1,0 +1,20 @@
+"""Repair one surface, or refuse it."""
+
+from dataclasses import asdict
+
+from _job import start
+
+job = start(snakemake)
+
+from cortet.cohort.sheet import missing_surface
+from cortet.formats import gifti
+from cortet.formats.atomic import write_json
+from cortet.formats.placement import placed
+from cortet.stages.repair import repair
+
+if not job.input:
+    raise missing_surface(job.arguments["source"], inner=job.wildcards.get("inner") is not None)
+surface = placed(gifti.read_surface(job.input.surface, finite=False), job.params.to_mm)
+surface, report = repair(surface, **job.arguments)
+gifti.write_surface(surface, job.output.surface)
+write_json(job.record(asdict(report)), job.output.report)

@@ -1,0 +1,285 @@
+"""Repair: what is put right, how far from the good surface, what is refused and in which words."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import breakages
+import numpy as np
+import pytest
+import trimesh
+from shapes import ball_surface
+
+from cortet.errors import InputError
+from cortet.formats.gifti import read_surface, single_precision
+from cortet.formats.surface_sets import FILLED
+from cortet.geometry import mending
+from cortet.geometry.handles import cut_open, short_loops
+from cortet.geometry.holes import capped, closed_volume, rim_length, rims
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.nesting import joined
+from cortet.geometry.topology import edges, enclosed_volume, surface_topology
+from cortet.measure.lost import distances_to
+from cortet.mesh import TriSurface
+from cortet.phantom import phantom
+from cortet.stages.gate import gate
+from cortet.stages.repair import RepairReport, repair
+
+DATA = Path(__file__).parents[2] / "../shared/data"
+
+
+def ball() -> TriSurface:
+    """A ball of 20 mm, its edges some 1.5 mm, as exact as a file."""
+    return single_precision(ball_surface(4, 20.0))
+
+
+def crossed(count: int = 30) -> TriSurface:
+    """The ball with some vertices pulled over an edge of their fans."""
+    surface = ball()
+    points, pairs = surface.points.copy(), edges(surface.faces)
+    for start, end in pairs[:: len(pairs) // count].tolist():
+        points[start] += 1.3 * (points[end] - points[start])
+    return single_precision(replace(surface, points=points))
+
+
+def torus() -> TriSurface:
+    shape = trimesh.creation.torus(20.0, 6.0, major_sections=60, minor_sections=24)
+    return TriSurface(shape.vertices, shape.faces)
+
+
+def repaired(surface: TriSurface, **limits: float) -> tuple[TriSurface, RepairReport]:
+    """Repair that must end in something the gate lets in as it is."""
+    made, report = repair(surface, source="a.surf.gii", **limits)
+    passed, gated = gate(made, source="a.surf.gii")
+    assert np.array_equal(passed.points, made.points)
+    assert gated.crossing_faces_repaired == gated.faces_reoriented == 0
+    assert not len(self_intersections(made))
+    return made, report
+
+
+@pytest.mark.parametrize("surface", [ball(), phantom(34.0, subdivisions=5)])
+def test_a_good_surface_passes_with_the_very_same_arrays(surface: TriSurface) -> None:
+    made, report = repair(surface, source="a.surf.gii")
+    assert made is surface
+    assert not report.repaired
+    assert report.steps == ()
+    assert report.relative_volume_change == report.surface_to_file_mm.max == 0
+    assert report.volume_ml == pytest.approx(enclosed_volume(surface.points, surface.faces) / 1000)
+
+
+#: breakage -> beginning of the step that mends it, and farthest that the repaired surface is from the good one, mm
+MENDED = {
+    "hole of 5 mm": ("holes filled", 0.2),
+    "hole of 30 mm": ("holes filled", 2.5),
+    "medial wall cut out": ("holes filled", 1.0),
+    "handle of 2 mm": ("handles cut", 3.5),  # the tunnel below it is closed: that moves less volume
+    "handle of 8 mm": ("handles cut", 0.6),
+    "doubled faces": ("doubled", 0.0),
+    "isolated component": ("small separate pieces", 0.0),
+    "flipped patch": ("triangles turned", 0.0),
+    "duplicated vertices": ("coinciding vertices", 0.0),
+    "spike of 8 mm": ("spikes", 0.1),
+    "NaN vertex": ("vertices without finite", 0.1),
+}
+
+
+@pytest.mark.parametrize("breakage", MENDED)
+def test_a_broken_ball_is_a_ball_again(breakage: str) -> None:
+    good = ball()
+    made, report = repaired(breakages.BREAKAGES[breakage](good), max_volume_change=0.03)
+    done, distance = MENDED[breakage]
+    assert report.repaired
+    assert [step.done for step in report.steps if step.done.startswith(done)]
+    assert all(np.linalg.norm(step.places_mm, axis=1).max() < 45 for step in report.steps)
+    assert distances_to(made, good).max() <= distance + 1e-6
+    assert distances_to(good, made).max() <= distance + 1e-6
+    assert abs(report.relative_volume_change) < 0.03
+
+
+def test_many_crossing_triangles_are_pulled_apart() -> None:
+    broken = crossed()
+    crossing = len(self_intersections(broken))
+    assert crossing > 100
+    with pytest.raises(InputError, match="up to 0.1% would be repaired"):
+        gate(broken, source="x")
+    made, report = repaired(broken)
+    assert (report.steps[0].count, report.steps[0].of) == (crossing, "faces")
+    assert distances_to(ball(), made).max() < 0.5
+    assert 0 < report.displacement_max_mm < 1
+
+
+def test_banks_of_a_real_sulcus_that_are_joined_or_cross_are_parted() -> None:
+    path = DATA / "fetal/fetomorph_GW33_left.surf.gii"
+    if not path.exists():
+        pytest.skip(f"{path} is not there")
+    good = gate(read_surface(path), source=path)[0]
+    for name, done in (("bridge between banks", "handles cut"), ("50 crossing triangles", "crossing")):
+        made, report = repaired(breakages.BREAKAGES[name](good))
+        assert done in report.steps[-1].done
+        assert distances_to(good, made).max() < 2.5
+        assert report.displacement_max_mm <= 1
+
+
+def test_voxels_that_touch_at_edges_and_corners_are_parted() -> None:
+    """A row of voxels on the ball, every second of which touches it along an edge or in a corner only."""
+    stairs = breakages.staircase(ball(), 2.0)
+    assert surface_topology(stairs.faces).is_closed_manifold
+    box = trimesh.creation.box((2, 2, 2))
+    top = stairs.points[stairs.points[:, 2].argmax()]
+    touching = joined([stairs, TriSurface(box.vertices + top + np.array([1, 1, 1]), box.faces)])
+    merged, _ = mending.collapsed(mending.triangles(touching.points, touching.faces), 0.0)
+    place = np.unique(touching.points.round(6), axis=0, return_inverse=True)[1]
+    points = np.unique(touching.points.round(6), axis=0)
+    one = TriSurface(points, place[touching.faces])
+    assert not surface_topology(one.faces).is_closed_manifold
+    assert len(merged.faces) == len(touching.faces)
+    made, report = repaired(one)
+    assert report.repaired
+    assert distances_to(stairs, made).max() < 2.5
+
+
+def test_the_same_bits_every_time() -> None:
+    broken = breakages.hole(breakages.handle(ball(), 2.0), 12.0)
+    first, one = repair(broken, source="x")
+    second, other = repair(broken, source="x")
+    assert first.points.tobytes() == second.points.tobytes()
+    assert first.faces.tobytes() == second.faces.tobytes()
+    assert asdict(one) == asdict(other)
+
+
+def test_fields_follow_and_caps_are_labelled() -> None:
+    good = ball()
+    height, parcel = good.points[:, 2].copy(), (good.points[:, 0] > 0).astype(np.int32)
+    gone = good.points[:, 2] > 17
+    kept = ~gone[good.faces].any(axis=1)
+    used = mending.compacted(mending.chosen_faces(mending.triangles(good.points, good.faces), kept))
+    fields = {"height": height[used.origin], "parcel": parcel[used.origin]}
+    made, _ = repaired(TriSurface(used.points, used.faces, fields))
+    cap = made.point_data[FILLED] == 1
+    assert made.point_data[FILLED].dtype == np.int32
+    assert cap.sum() > 20
+    assert (made.points[cap, 2] > 16.5).all()
+    assert (made.points[~cap, 2] <= 17).all()
+    assert np.array_equal(made.point_data["height"][~cap], made.points[~cap, 2])
+    assert made.point_data["height"][cap] == pytest.approx(17, abs=1.5)  # of the nearest point of the rim
+    assert set(made.point_data["parcel"]) == {0, 1}
+
+
+def test_a_cut_that_the_repair_made_itself_is_no_cap() -> None:
+    made, report = repaired(breakages.unknown(ball()))
+    assert FILLED not in made.point_data
+    assert report.filled_area_mm2 == 0
+
+
+def test_a_hole_of_the_file_is_a_cap_beside_a_fin_that_was_cut_off() -> None:
+    opened = breakages.hole(ball(), 12.0)
+    low = opened.faces[opened.points[opened.faces, 2].max(axis=1).argmin()]
+    tip = 1.2 * opened.points[low].mean(axis=0)
+    fin = [low[0], low[1], len(opened.points)]
+    made, report = repaired(TriSurface([*opened.points, tip], [*opened.faces, fin]))
+    assert "edges in more than two triangles parted" in [step.done for step in report.steps]
+    cap = made.point_data[FILLED] == 1
+    assert cap.any() and (made.points[cap, 2] > 15).all()
+    assert distances_to(made, ball()).max() < 0.5
+
+
+def one_sided() -> TriSurface:
+    """A band of one twist, a hundred mm long."""
+    turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    across = np.array([-4.0, 0, 4.0])
+    radius = 20 + across * np.cos(turn / 2)[:, None]
+    points = np.stack(
+        [radius * np.cos(turn)[:, None], radius * np.sin(turn)[:, None], across * np.sin(turn / 2)[:, None]], 2
+    )
+    number = np.arange(180).reshape(60, 3)
+    ahead = np.roll(number, -1, axis=0)
+    ahead[-1] = ahead[-1, ::-1]
+    quads = np.stack([number[:, :-1], ahead[:, :-1], ahead[:, 1:], number[:, 1:]], axis=2).reshape(-1, 4)
+    return TriSurface(points.reshape(-1, 3), np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]]))
+
+
+def moved(surface: TriSurface, distance: float) -> TriSurface:
+    return replace(surface, points=surface.points + np.array([distance, 0, 0]))
+
+
+@pytest.mark.parametrize(
+    ("surface", "limits", "words"),
+    [
+        (joined([ball(), moved(ball(), 60)]), {}, r"2 separate pieces with 50.0%, 50.0% of the area, around \(.* mm"),
+        (one_sided(), {}, "no inside"),
+        (breakages.hole(ball(), 30.0), {"max_hole": 50.0}, r"a hole with a rim of 88 mm around \(.*up to 50 mm"),
+        (torus(), {}, r"1 handle, the thinnest with a loop of 3\d mm around \(.*up to 30 mm.*repair.max_loop"),
+        (breakages.handle(ball(), 8.0), {"max_volume_change": 0.001}, "change the volume by -.*0.1% are allowed"),
+        (crossed(), {"max_displacement": 0.001}, "0.001 mm are allowed"),
+        (TriSurface(np.full((3, 3), np.nan), [[0, 1, 2]]), {}, "no triangle is left"),
+        (TriSurface(np.eye(3), [[0, 1, 2]]), {}, "a.gii: .*left|a.gii: repair leaves"),
+    ],
+)
+def test_what_has_no_single_right_answer_is_refused(surface: TriSurface, limits: dict[str, float], words: str) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        repair(surface, source="a.gii", **limits)
+    assert str(error.value).startswith("a.gii: ")
+    assert error.value.remedy
+
+
+def test_a_tunnel_is_closed_within_the_limit_and_kept_where_it_is_allowed() -> None:
+    made, report = repaired(torus(), max_loop=45.0, max_volume_change=0.5)
+    assert surface_topology(made.faces).genus == 0
+    assert "handles cut" in report.steps[0].done
+    kept, report = repair(torus(), source="x", allow_genus=1)
+    assert not report.repaired
+    assert surface_topology(kept.faces).genus == 1
+
+
+def test_the_two_loops_of_a_torus() -> None:
+    surface = torus()
+    around, *_ = loops = short_loops(surface.points, surface.faces)
+    assert rim_length(surface.points, around) == pytest.approx(2 * np.pi * 6, rel=0.03)
+    assert len(loops) <= 2
+    faces, copies = cut_open(surface.faces, around, len(surface.points))
+    opened = surface_topology(faces)
+    assert (opened.components, opened.open_edges, opened.euler_number) == (1, 2 * len(around), 0)
+    assert sorted(len(rim) for rim in rims(faces)) == [len(around)] * 2
+    assert np.array_equal(copies, len(surface.points) + np.arange(len(around)))
+    assert short_loops(ball().points, ball().faces) == []
+
+
+def test_a_cap_continues_the_ball() -> None:
+    good = ball()
+    opened = breakages.hole(good, 12.0)
+    work = mending.triangles(opened.points, opened.faces)
+    (rim,) = rims(work.faces)
+    full = capped(work, rim, mending.CAP)
+    assert np.array_equal(full.points[: len(work.points)], work.points)
+    assert np.linalg.norm(full.points, axis=1) == pytest.approx(20, abs=0.1)
+    assert enclosed_volume(full.points, full.faces) == pytest.approx(enclosed_volume(good.points, good.faces), rel=1e-3)
+    assert closed_volume(work) < enclosed_volume(full.points, full.faces)
+
+
+def test_of_doubled_faces_one_stays_and_a_wall_between_two_bodies_goes() -> None:
+    faces = np.array([[0, 1, 2], [1, 2, 0], [0, 2, 3], [3, 2, 0], [4, 5, 6], [4, 6, 5], [5, 4, 6]], np.int32)
+    work, gone = mending.without_duplicates(mending.triangles(np.zeros((7, 3)), faces))
+    assert gone.tolist() == [1, 2, 3, 4, 6]
+    assert work.faces.tolist() == [[0, 1, 2], [4, 6, 5]]
+
+
+def test_hemispheres_glued_by_doubled_faces_become_one_brain() -> None:
+    path = DATA / "defects/fetomorph_GW29_asis_nonmanifold.surf.gii"
+    if not path.exists():
+        pytest.skip(f"{path} is not there")
+    made, report = repaired(read_surface(path))
+    assert report.steps[0].count == 740
+    assert report.surface_to_file_mm.max < 1e-5
+    assert surface_topology(made.faces).genus == 0
+
+
+@pytest.mark.parametrize(("name", "crossing"), [("pial", 679), ("white", 20)])
+def test_a_real_surface_that_crosses_itself_in_many_places(name: str, crossing: int) -> None:
+    path = DATA / f"pairs/macaque_nmt2sym_lh_{name}.surf.gii"
+    if not path.exists():
+        pytest.skip(f"{path} is not there")
+    _, report = repaired(read_surface(path))
+    assert report.steps[0].count == crossing
+    assert report.displacement_max_mm < 0.8
+    assert abs(report.relative_volume_change) < 1e-3
