@@ -6,7 +6,7 @@ Each OUTPUT is the folder that a run wrote to (`output` of its configuration); e
 mesh is known from the report of S1. `MB` and `s CPU` are the most that was measured, `memory` and `CPU` the measured
 sums as fractions of the estimated ones. `asked` is the largest share that a job used of the memory it asks for, and
 `limit` that of wall time: above 1 a cluster would have killed it. Snakemake's own memory, which benchmark files do not
-hold, is left out.
+hold, is left out. The last line is what whole meshes took, without tables over all of them.
 """
 
 from __future__ import annotations
@@ -99,6 +99,11 @@ def main() -> None:
     for rule in sorted(measured):
         count, megabytes, seconds, *shares = line(measured[rule])
         print(f"{rule:<18}{count:8.0f}{megabytes:8.0f}{seconds:8.0f}" + "".join(f"{share:8.2f}" for share in shares))
+    seconds, millions = sum(job.cpu_seconds for found in measured.values() for job in found), sum(tets.values()) / 1e6
+    print(
+        f"{len(tets)} meshes of {millions:.2f} million tetrahedra: {seconds:.0f} s of CPU in jobs, "
+        f"{seconds / len(tets):.1f} per mesh, {seconds / millions:.1f} per million"
+    )
 
 
 if __name__ == "__main__":

@@ -16,4 +16,4 @@ os.environ.setdefault(
 if "numba" in sys.modules:  # it has read its environment already
     sys.modules["numba"].config.reload_config()
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

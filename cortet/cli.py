@@ -181,6 +181,12 @@ def parser() -> argparse.ArgumentParser:
     )
     quadratic.set_defaults(run=_quadratic)
 
+    job = commands.add_parser("job", parents=[common], help="write a folder in which CalculiX lets the cortex grow")
+    job.add_argument("mesh", type=Path, metavar="MESH", help="with the sets that cortet exports")
+    job.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    job.add_argument("--growth", type=float, default=0.05, metavar="G", help="along the cortex (default: 0.05)")
+    job.set_defaults(run=_job)
+
     picture = commands.add_parser("picture", parents=[common], help="draw a mesh cut open, coloured by q")
     picture.add_argument("mesh", type=Path, metavar="MESH")
     picture.add_argument("-o", "--output", type=Path, required=True, metavar="PNG")
@@ -502,6 +508,14 @@ def _quadratic(args: argparse.Namespace) -> int:
     )
     print(f"least Jacobian determinant, of that of the straight element: {curved.least_jacobian:.3f}")
     print(f"{args.output}: written")
+    return 0
+
+
+def _job(args: argparse.Namespace) -> int:
+    from cortet.solver_files.calculix import write_job
+
+    write_job(_read_mesh(args.mesh), args.output, growth=args.growth)
+    print(f"{args.output}: written; run `ccx job` in it")
     return 0
 
 

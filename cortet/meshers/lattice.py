@@ -30,8 +30,6 @@ GAP = 0.5
 _STEP = 2**0.5
 #: share of a step that does not count
 _SAME_STEP = 0.05
-#: lists of points that are merged at a time
-_MANY = 200
 #: place of the lattice's origin in a cube: any will do that puts no node on a round coordinate
 _ORIGIN = np.array([0.123, 0.347, 0.211])
 
@@ -130,20 +128,31 @@ def _near_inside(surface: TriSurface, constant: float, centres: FloatArray, radi
     return np.concatenate(grids)
 
 
-def _cells_near(centres: FloatArray, radius: FloatArray) -> IntArray:
+def _cells_near(centres: FloatArray, radius: FloatArray) -> NDArray[np.int64]:
     """Integer points within `radius` (k,) of `centres` (k, 3), each once, in lexicographic order."""
-    reach = int(np.ceil(radius.max()))
-    around = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    found = [np.zeros((0, 3), np.int64)]
-    for centre, most in zip(centres, radius, strict=True):
-        cells = np.floor(centre).astype(np.int64) + around
-        found.append(cells[((cells - centre) ** 2).sum(axis=1) <= most**2])
-        if len(found) > _MANY:
-            found = [np.unique(np.concatenate(found), axis=0)]
-    return np.unique(np.concatenate(found), axis=0)
+    low = np.floor((centres - radius[:, None]).min(axis=0)).astype(np.int64)
+    high = np.ceil((centres + radius[:, None]).max(axis=0)).astype(np.int64)
+    found: NDArray[np.int64] = np.argwhere(_marked(centres - low, radius, high - low + 1)) + low
+    return found
 
 
-def _is_inside(surface: TriSurface, origin: FloatArray, spacing: float, cells: IntArray) -> NDArray[np.bool_]:
+@numba.njit(cache=True)
+def _marked(centres, radius, size):  # type: ignore[no-untyped-def]
+    """Whether each integer point from 0 on is within `radius` (k,) of `centres` (k, 3): (size[0], size[1], size[2])."""
+    near = np.zeros((size[0], size[1], size[2]), np.bool_)
+    for c in range(len(centres)):
+        x, y, z = centres[c]
+        r = radius[c]
+        for i in range(int(np.ceil(x - r)), int(np.floor(x + r)) + 1):
+            for j in range(int(np.ceil(y - r)), int(np.floor(y + r)) + 1):
+                left = r * r - (i - x) ** 2 - (j - y) ** 2
+                for k in range(int(np.ceil(z - r)), int(np.floor(z + r)) + 1):
+                    if (k - z) ** 2 <= left:
+                        near[i, j, k] = True
+    return near
+
+
+def _is_inside(surface: TriSurface, origin: FloatArray, spacing: float, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Whether each point (n, 3) of a cubic grid, in integers, is inside a closed surface: odd crossings before it."""
     size = np.ceil((surface.points.max(axis=0) - origin) / spacing).astype(np.int64) + 1
     lines, x = _crossings(surface.points - origin, surface.faces, spacing, size[1], size[2])

@@ -37,8 +37,8 @@ from cortet.meshers.remesh import (
 )
 from cortet.meshers.thickness import thickness
 
-#: edges over the thickness of a layer of tetrahedra between two surfaces; longer ones lead through two layers
-EDGE_OF_LAYERS = 1.1
+#: edges over the thickness of a layer of tetrahedra between two surfaces; some lead through two layers already
+EDGE_OF_LAYERS = 1.25
 
 logger = logging.getLogger(__name__)
 

@@ -9,20 +9,25 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cortet.geometry import topology
 from cortet.geometry.closest_point import closer_than, closest_points, tree_of
 from cortet.geometry.intersection import self_intersections
 from cortet.measure.lost import surface_samples
 from cortet.mesh import IntArray, TetMesh, TriSurface
+from cortet.optimise.backing_off import back_off
 from cortet.optimise.places import cut_out, numbers_in, put_back
 from cortet.optimise.undoing import undone
 
 #: times that places are undone and done again, and times that they are undone and stay so after that
 _ROUNDS, _LAST_ROUNDS = 4, 3
+#: q that no tetrahedron rises to when vertices go half the way back
+_HALF_WAY_WORST = 0.9
 #: how far a point of the surface may be left behind, over the cell size, and where that is not known over the mean edge
 #: of the boundary, which is 1.3 times as long where no cells are smaller than others
 MOST_LEFT_BEHIND, MOST_OF_EDGE = 0.47, 0.36
@@ -106,11 +111,14 @@ def without_crossing(
         if not flaws:
             break
         touched = np.isin(mesh.cells, flaws.crossed).any(axis=1)
-        spoilt = np.union1d(mesh.cells[touched], flaws.to_hold(held))
-        held = np.union1d(held, spoilt).astype(np.int32)
+        sliding = flaws.to_hold(held) if number < _ROUNDS else flaws.left
+        spoilt = np.union1d(mesh.cells[touched], sliding)
         what = f"{len(flaws.crossed)} boundary faces cross, {len(flaws.left)} places are left behind"
-        logger.info("%s: undone there, %d vertices held in place", what, len(held))
-        result, around = undone(mesh, result, spoilt)
+        logger.info("%s: undone there, %d vertices held in place", what, len(np.union1d(held, spoilt)))
+        # one that slid away goes back half the way at first: where it was is no good place for its tetrahedra
+        earlier = mesh if number else _half_way(mesh, result, sliding, surface)
+        held = np.union1d(held, spoilt).astype(np.int32)
+        result, around = undone(earlier, result, spoilt)
         if number < _ROUNDS:
             part = cut_out(result, around)
             again, _ = optimise(part.mesh, np.union1d(part.rim, numbers_in(part, held)).astype(np.int32))
@@ -119,6 +127,24 @@ def without_crossing(
     if flaws:
         _warn(result, flaws)
     return result, report, held
+
+
+def _half_way(before: TetMesh, after: TetMesh, vertices: NDArray[np.integer], surface: TriSurface | None) -> TetMesh:
+    """The mesh before, with some of its boundary vertices half way to where they are after, on their surface.
+
+    They go less far where a tetrahedron would become bad.
+    """
+    if surface is None or not len(vertices):
+        return before
+    target = before.points.copy()
+    for number, one in enumerate((surface, *surface.inner.values())):
+        moved = np.intersect1d(vertices, topology.sheet(before, number)[1])
+        if len(moved):
+            middle = (before.points[moved] + after.points[moved]) / 2
+            target[moved] = closest_points(tree_of(one), middle).points
+    around = np.isin(before.cells, vertices).any(axis=1)
+    points, share = back_off(before.points, target, before.cells[around], q_max=_HALF_WAY_WORST)
+    return replace(before, points=np.where(share[:, None] == 1, points, before.points))
 
 
 def _warn(mesh: TetMesh, flaws: Flaws) -> None:

@@ -19,7 +19,7 @@ from cortet.formats.msh import session
 from cortet.geometry.topology import boundary_faces, boundary_nodes
 from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh
-from cortet.stages.backing_off import back_off
+from cortet.optimise.backing_off import back_off
 
 VERSION: int = 1
 

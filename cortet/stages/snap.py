@@ -16,8 +16,8 @@ from cortet.geometry.closest_point import SurfaceTree, closest_points, tree_of
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.optimise.backing_off import back_off
 from cortet.optimise.crossing import without_crossing
-from cortet.stages.backing_off import back_off
 from cortet.stages.clean import clean
 
 VERSION: int = 5

@@ -5,7 +5,7 @@ from cubes import cube_mesh
 
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import quality, signed_volumes
-from cortet.stages.backing_off import back_off
+from cortet.optimise.backing_off import back_off
 
 
 def test_a_harmless_move_is_made_exactly():

@@ -83,7 +83,7 @@ def test_a_crest_that_vertices_slide_away_from_is_held_by_the_vertex_that_covere
     top = int(topology.boundary_nodes(mesh)[np.argmax(surface.points[:, 2])])
     points = mesh.points.copy()
     points[top, 2] -= 1.2
-    flaws = flaws_since(mesh, surface, cell_size=1.2)
+    flaws = flaws_since(mesh, surface, cell_size=0.6)
     assert not flaws(mesh)
     found = flaws(replace(mesh, points=points))
     assert not len(found.crossed) and found.to_hold(np.zeros(0, np.int32)).tolist() == [top]

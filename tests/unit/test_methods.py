@@ -34,7 +34,7 @@ def certificate(case: Case, setting: str = "cgal", **limits: Any) -> dict[str, A
         case=case.name,
         parameters={
             "generate": config.record("generate", {"cell_size": 0.6, "mesher": "cgal"}),
-            **{stage: config.record(stage, {"gestational_age": 28.0}) for stage in stages},
+            **{stage: config.record(stage, {"gestational_age": 28.0, "cell_size": 0.6}) for stage in stages},
         },
         reports={"generate": {"topology_ok": True, "reason": "", "backend": "pygalmesh"}},
         **limits,

@@ -21,6 +21,7 @@ from cortet.measure.certify import certify
 from cortet.measure.fidelity import boundary_roughness
 from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import REGION, MeshSets, TetMesh, TriSurface
+from cortet.optimise.backing_off import back_off
 from cortet.phantom import inset, phantom
 from cortet.pipeline import Meshed, mesh_surface
 from cortet.report.case_page import write_case_page
@@ -31,7 +32,6 @@ from cortet.simulation.run import Settings
 from cortet.solver_files.export import export
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import verify
-from cortet.stages.backing_off import back_off
 from cortet.stages.clean import clean
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect

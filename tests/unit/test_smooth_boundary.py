@@ -12,7 +12,7 @@ from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.measure.fidelity import boundary_roughness
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import TetMesh
-from cortet.stages.backing_off import back_off
+from cortet.optimise.backing_off import back_off
 from cortet.stages.clean import clean
 from cortet.stages.reconnect import reconnect
 from cortet.stages.smooth_boundary import smooth_boundary

@@ -9,8 +9,8 @@ from shapes import ball_surface
 from cortet.geometry import topology
 from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import TetMesh
+from cortet.optimise.backing_off import back_off
 from cortet.optimise.undoing import undone
-from cortet.stages.backing_off import back_off
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
 

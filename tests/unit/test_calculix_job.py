@@ -1,0 +1,74 @@
+"""`cortet job`: CalculiX grows the cortex as theory says, and as our own solver does."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cubes import cube_mesh
+from growing_ball import INNER, OUTER, ball, by_calculix, by_cortet, exact, outward
+
+from cortet.cli import main
+from cortet.errors import InputError
+from cortet.formats import vtu
+from cortet.mesh import MeshSets
+from cortet.simulation.body import Material
+from cortet.solver_files.calculix import write_job
+from cortet.solver_files.sets import named_sets
+
+
+def test_a_shell_that_cannot_be_compressed_grows_outward_by_its_volume() -> None:
+    """Growth g along the shell adds 2 g of its volume, all of it outside of a core that does not give way."""
+    outside, interface = exact(0.01, Material(bulk=1e7))
+    assert outside == pytest.approx(2 * 0.01 * (OUTER**3 - INNER**3) / (3 * OUTER**2), rel=1e-5)
+    assert interface == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.skipif(not shutil.which("ccx"), reason="CalculiX (calculix-ccx) is not installed")
+def test_a_ball_whose_shell_grows_moves_as_it_should() -> None:
+    mesh, growth = ball(2.5), 0.02
+    outside, interface = exact(growth, Material())
+    implicit, ours = (outward(mesh, solve(mesh, growth)) for solve in (by_calculix, by_cortet))
+    assert implicit == (pytest.approx(outside, rel=0.01), pytest.approx(interface, rel=0.15))
+    # our pressure is a mean over the elements around a node: what grows is smeared over the interface, by one element
+    assert ours[0] == pytest.approx(outside, rel=0.02)
+    assert ours[1] == pytest.approx(interface, rel=0.7)
+
+
+def test_the_folder_has_axes_for_each_cortical_element_and_says_what_it_is(tmp_path: Path) -> None:
+    mesh = named_sets(cube_mesh(3, side=6.0), cortex_depth=1.0)
+    vtu.write(mesh, tmp_path / "cube.vtu")
+    assert main(["job", str(tmp_path / "cube.vtu"), "-o", str(tmp_path / "job"), "--growth", "0.03"]) == 0
+    lines = (tmp_path / "job/job.inp").read_text().splitlines()
+    begin, end = lines.index(",1,0,0,0,1,0") + 1, lines.index("*ORIENTATION, NAME=cortical, SYSTEM=RECTANGULAR")
+    axes = np.array([line.split(",") for line in lines[begin:end]], float)
+    assert axes[:, 0].tolist() == (mesh.sets.cells["cortex"] + 1).tolist()
+    first, second = axes[:, 1:4], axes[:, 4:]
+    assert np.einsum("kc,kc->k", first, second) == pytest.approx(0, abs=1e-8)
+    assert np.linalg.norm(first, axis=1) == pytest.approx(1) == np.linalg.norm(second, axis=1)
+    assert "0.03,0.03,0." in lines
+    assert "grows by 3 %" in (tmp_path / "job/README.txt").read_text()
+
+
+def test_the_nodes_of_the_medial_wall_keep_their_plane(tmp_path: Path) -> None:
+    mesh = named_sets(cube_mesh(3, side=6.0), cortex_depth=1.0)
+    wall = np.flatnonzero(mesh.points[:, 0] == 0).astype(np.int32)
+    sets = MeshSets({**mesh.sets.nodes, "medial_wall": wall}, mesh.sets.faces, mesh.sets.cells)
+    write_job(replace(mesh, sets=sets), tmp_path, growth=0.05)
+    assert "*BOUNDARY\nmedial_wall,1,1\n" in (tmp_path / "job.inp").read_text()
+
+
+@pytest.mark.parametrize("growth", [0.0, -0.1, 0.5])
+def test_growth_that_the_material_does_not_hold_for_is_refused(growth: float, tmp_path: Path) -> None:
+    mesh = named_sets(cube_mesh(3, side=6.0), cortex_depth=1.0)
+    with pytest.raises(InputError, match=r"small strains.*0.01 to 0.1"):
+        write_job(mesh, tmp_path / "job", growth=growth)
+    assert not (tmp_path / "job").exists()
+
+
+def test_a_mesh_without_cortex_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no set `cortex`"):
+        write_job(cube_mesh(2), tmp_path, growth=0.05)
