@@ -28,7 +28,10 @@ from cortet.phantom import phantom
 
 ROOT = Path(__file__).resolve().parents[1]
 #: jobs of a mesh by rule, in the default configuration
-RULES = ("gate", "smooth_surface", "generate", "transfer", "relocate", "clean", "reconnect", "solver_ready", "certify")
+RULES = (
+    *("repair", "gate", "smooth_surface", "generate", "transfer", "relocate", "clean", "reconnect", "solver_ready"),
+    "certify",
+)
 JOBS = {**dict.fromkeys(RULES, 1), "quality": 4, "export": 1, "case_page": 1}
 #: CPU seconds that Snakemake takes in each of the four jobs of SLURM that make a mesh, and in each stage in them
 JOB_SECONDS, STAGE_SECONDS = 4.0, 2.0
