@@ -34,6 +34,7 @@ if __name__ == "__main__":  # before NumPy and Numba are imported: a process tha
         os.environ[variable] = "1"
     os.environ["NUMBA_THREADING_LAYER"] = "workqueue"  # OpenMP ends a process that has forked
 
+import nibabel
 import numpy as np
 import yaml
 
@@ -42,6 +43,7 @@ from cortet.config import Config, load
 from cortet.errors import CortetError
 from cortet.formats import FORMATS
 from cortet.formats.gifti import read_fields, read_label_names, read_surface, write_surface
+from cortet.formats.placement import matrix, placed
 from cortet.mesh import TetMesh, TriSurface
 from cortet.phantom import phantom
 from cortet.solver_files.export import convert, export
@@ -50,6 +52,7 @@ from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import verify
 from cortet.stages.gate import gate
 from cortet.stages.generate import generate
+from cortet.stages.repair import repair
 from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
 
@@ -280,6 +283,12 @@ def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
         found[name] = (path, lambda path, name=name: read_and_verify(path, name))
     write_surface(surface, folder / "gate" / "s.surf.gii")
     found["gate"] = (folder / "gate" / "s.surf.gii", lambda path: gate(read_surface(path), source=str(path))[0])
+    write_surface(surface, folder / "repair" / "s.surf.gii")
+    found["repair"] = (folder / "repair" / "s.surf.gii", repaired)
+    (folder / "affine").mkdir()
+    image = nibabel.Nifti1Image(np.ones((3, 3, 3), np.int16), np.diag([0.5, 0.5, 0.8, 1]))
+    nibabel.save(image, folder / "affine" / "i.nii.gz")
+    found["affine"] = (folder / "affine" / "i.nii.gz", lambda path: placed(surface, matrix("mm", path)))
     write_surface(replace(surface, points=surface.points), folder / "fields" / "s.shape.gii")
     found["fields"] = (folder / "fields" / "s.shape.gii", lambda path: read_all_fields(path, surface))
     (folder / "sheet").mkdir()
@@ -298,6 +307,12 @@ def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
     (folder / "release" / "participants.tsv").write_text("participant_id\tscan_age\nsub-A\t28.5\nsub-B\tn/a\n")
     found["release"] = (folder / "release" / "participants.tsv", lambda path: scan(path.parent))
     return found
+
+
+def repaired(path: Path) -> TriSurface:
+    """What the gate lets in of a repaired file."""
+    given = read_surface(path, finite=False)
+    return gate(repair(given, source=str(path), max_hole=50.0)[0], source=str(path))[0]
 
 
 def read_and_verify(path: Path, name: str) -> Any:

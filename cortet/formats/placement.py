@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -74,7 +75,7 @@ def _of_image(path: str | Path) -> Any:
 
     try:
         return np.asarray(nibabel.load(path).affine, float)  # type: ignore[attr-defined]
-    except (OSError, ValueError, nibabel.filebasedimages.ImageFileError, AttributeError) as error:
+    except (OSError, EOFError, ValueError, AttributeError, zlib.error, nibabel.filebasedimages.ImageFileError) as error:
         raise InputError(
             f"cannot be read as an image: {error}", file=path, remedy="give the image that the surface was made from"
         ) from None

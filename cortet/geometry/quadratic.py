@@ -17,15 +17,14 @@ from numpy.typing import NDArray
 
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.topology import edges, sheet
+from cortet.geometry.topology import TRI_EDGES, edges, sheet
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 
 #: corners at the ends of the six edges, in the order of VTK, Abaqus and FEBio
 EDGES = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]], np.int32)
 #: least Jacobian determinant allowed, as a fraction of that of the straight element
 LEAST_JACOBIAN = 0.2
-#: the three edges of a face as positions in `_MIDDLE`, and its four parts: three corners and the middle
-_FACE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
+#: the four parts of a face by its corners and, from 3 on, the middles of `TRI_EDGES`
 _PARTS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 
 
@@ -79,11 +78,11 @@ def quadratic(mesh: TetMesh, surface: TriSurface) -> QuadraticMesh:
     middle, on_surface = straight.copy(), np.zeros(len(ends), bool)
     walls = list(_walls(mesh, surface))
     for faces, target in walls:
-        chosen = np.unique(number_of(faces[:, _FACE_EDGES]))
+        chosen = np.unique(number_of(faces[:, TRI_EDGES]))
         middle[chosen] = closest_points(tree_of(target), straight[chosen]).points
         on_surface[chosen] = True
     shape = _Shape(mesh, of_cells, straight, middle, (middle != straight).any(axis=1))
-    of_walls = [(faces, number_of(faces[:, _FACE_EDGES])) for faces, _ in walls]
+    of_walls = [(faces, number_of(faces[:, TRI_EDGES])) for faces, _ in walls]
     for_elements = for_crossings = 0
     while True:  # an edge made straight changes its faces and its elements
         for_elements += shape.straighten_elements()

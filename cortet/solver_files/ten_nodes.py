@@ -22,11 +22,8 @@ from cortet.formats import abaqus, febio
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.surface_sets import region_tags, sides, with_surface
 from cortet.geometry.quadratic import EDGES, QuadraticMesh
-from cortet.geometry.topology import boundary_nodes
+from cortet.geometry.topology import TRI_EDGES, boundary_nodes
 from cortet.mesh import IntArray, MeshSets, TetMesh
-
-#: corners between which the midside nodes of a face are
-_FACE_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
 
 
 def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> None:
@@ -86,7 +83,7 @@ def _six_nodes(mesh: TetMesh, curved: QuadraticMesh, faces: IntArray) -> IntArra
     """Corners of faces (f, 3) and the nodes between them: (f, 6)."""
     owners, _ = sides(mesh, faces)
     nodes = curved.cells[owners]
-    low, high = (np.sort(faces[:, _FACE_EDGES], axis=2)[:, :, end] for end in (0, 1))
+    low, high = (np.sort(faces[:, TRI_EDGES], axis=2)[:, :, end] for end in (0, 1))
     ends = np.sort(nodes[:, EDGES], axis=2)
     middles = [
         nodes[:, 4:][(ends[:, :, 0] == low[:, [side]]) & (ends[:, :, 1] == high[:, [side]])] for side in range(3)

@@ -37,8 +37,8 @@ from cortet.stages.gate import outward
 
 VERSION: int = 1
 
-#: how many places of one kind are listed
-PLACES = 10
+#: how many places of one kind are listed, and how far from each other they are, mm
+PLACES, APART_MM = 10, 5.0
 #: vertices of open edges are one within this share of the longest side: rounding of single precision
 _ROUNDING = 1e-6
 #: a vertex so many times the mean edge around it away from the middle of its neighbours is a spike
@@ -61,7 +61,7 @@ class RepairStep:
     #: how many, and of what
     count: int
     of: str
-    #: the first few
+    #: where, the first few that are apart
     places_mm: tuple[tuple[float, ...], ...]
 
 
@@ -431,7 +431,7 @@ class _Repair:
         self.work = work
 
     def _note(self, done: str, count: int, of: str, places: FloatArray) -> None:
-        listed = tuple(tuple(float(x) for x in place) for place in np.atleast_2d(places)[:PLACES].round(3).tolist())
+        listed = tuple(map(tuple, _apart(np.atleast_2d(places)).round(3).tolist()))
         self.steps.append(RepairStep(done, count, of, listed))
 
     def _middle(self, faces: NDArray[np.bool_]) -> FloatArray:
@@ -440,6 +440,15 @@ class _Repair:
 
     def _done(self) -> str:
         return "; ".join(f"{step.count} {step.done}" for step in self.steps)
+
+
+def _apart(places: FloatArray) -> FloatArray:
+    """The first few of some places (k, 3), each farther than `APART_MM` from those before it."""
+    listed: list[FloatArray] = []
+    while len(places) and len(listed) < PLACES:
+        listed.append(places[0])
+        places = places[np.linalg.norm(places - places[0], axis=1) > APART_MM]
+    return np.array(listed).reshape(-1, 3)
 
 
 def _words(places: FloatArray) -> str:

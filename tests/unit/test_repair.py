@@ -107,6 +107,9 @@ def test_many_crossing_triangles_are_pulled_apart() -> None:
     assert (report.steps[0].count, report.steps[0].of) == (crossing, "faces")
     assert distances_to(ball(), made).max() < 0.5
     assert 0 < report.displacement_max_mm < 1
+    places = np.array(report.steps[0].places_mm)
+    assert len(places) == 10
+    assert np.linalg.norm(places[:, None] - places[None], axis=2)[np.triu_indices(10, 1)].min() > 5
 
 
 def test_banks_of_a_real_sulcus_that_are_joined_or_cross_are_parted() -> None:

@@ -37,7 +37,7 @@ from cortet.solver_files.export import convert, export, write
 from cortet.solver_files.sidecar import sidecar_path
 from cortet.solver_files.verify import verify
 
-KINDS = [*FORMATS, "gate", "fields", "sheet", "config", "release"]
+KINDS = [*FORMATS, "gate", "repair", "affine", "fields", "sheet", "config", "release"]
 XML = {"vtu": "m.vtu", "febio": "m.feb", "fenics": "m.xdmf", "gifti": "m.surf.gii"}
 
 
