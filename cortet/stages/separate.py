@@ -141,6 +141,8 @@ def _moved_inside(
     crossing = len(self_intersections(joined([surface, container])))
     pushed = replace(surface, points=_pushed(surface, container, tree, gaps))
     moved, remaining = _uncrossed(pushed, container, tree, gap)
+    if len(remaining):
+        moved, remaining = _taken_back(pushed, surface, container)
     points = moved.points
     if len(remaining):
         both = joined([moved, container])
@@ -248,6 +250,28 @@ def _uncrossed(
         points[chosen] -= np.where(depth < 2 * gap, _NUDGE * gap, 0)[:, None] * normal
         surface = replace(surface, points=points)
     return surface, crossing
+
+
+def _taken_back(pushed: TriSurface, given: TriSurface, container: TriSurface) -> tuple[TriSurface, IntArray]:
+    """Let the vertices of triangles that cross others, and ever more around them, go back to where they were given.
+
+    Where an inner surface is too thin to give way on both sides, the gap becomes smaller than asked for. Returns also
+    the triangles that cross in the end, as `_uncrossed` does.
+    """
+    for number in range(_ROUNDS + 1):
+        pushed = single_precision(pushed)
+        crossing = self_intersections(joined([pushed, container]))
+        own = crossing[crossing < len(pushed.faces)]
+        if not len(own) or number == _ROUNDS:
+            break
+        chosen = np.zeros(len(pushed.points), np.bool_)
+        chosen[pushed.faces[own]] = True
+        for _ in range(number // 3):
+            chosen[pushed.faces[chosen[pushed.faces].any(axis=1)]] = True
+        points = pushed.points.copy()
+        points[chosen] = (points[chosen] + given.points[chosen]) / 2
+        pushed = replace(pushed, points=points)
+    return pushed, crossing
 
 
 def _largest(corners: IntArray, lengths: FloatArray, directions: FloatArray, count: int) -> FloatArray:

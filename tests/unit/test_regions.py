@@ -35,7 +35,7 @@ from cortet.solver_files.verify import verify
 from cortet.stages.clean import clean
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
-from cortet.stages.separate import separate
+from cortet.stages.separate import _taken_back, separate
 from cortet.stages.smooth_boundary import smooth_boundary
 from cortet.stages.snap import snap
 from cortet.stages.solver_ready import surface_nodes_first
@@ -175,6 +175,19 @@ def test_the_inner_surface_gives_way_where_the_two_touch():
     assert len(self_intersections(joined([surface, surface.inner["white"]]))) == 0
     assert 0 < did.volume_before_ml - did.volume_ml == pytest.approx(did.around_ml - did.around_before_ml)
     assert np.linalg.norm(np.array(did.moved_most_at_mm) - (14.1, 0, 0)) < 1
+
+
+def test_what_was_pushed_into_the_surface_itself_goes_back_and_the_rest_stays():
+    white = ball(10.0)
+    points = white.points + np.array([0.1, 0, 0])
+    top = int(np.argmax(points[:, 2]))
+    points[top] += [0, 2.5, -0.3]  # under its neighbours, and out through those behind them
+    pushed = replace(white, points=points)
+    moved, remaining = _taken_back(pushed, white, ball(14.0))
+    assert len(self_intersections(pushed)) > 0 == len(remaining) == len(self_intersections(moved))
+    shift = np.linalg.norm(moved.points - white.points, axis=1)
+    assert shift[top] < 1.3 and (shift < 0.09).any()
+    assert (np.abs(shift[white.points[:, 2] < 5] - 0.1) < 1e-5).all()
 
 
 def test_apart_surfaces_stay_as_they_are(pair):
