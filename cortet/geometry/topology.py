@@ -146,6 +146,17 @@ def packed(simplices: NDArray[np.integer]) -> NDArray[np.int64]:
     return key
 
 
+def folded_faces(cells: IntArray) -> int:
+    """Faces with both their tetrahedra, of positive volume, on one side; there are none in a mesh that fills space once."""
+    faces = cells[:, TET_FACES].reshape(-1, 3)
+    a, b, c = faces.T
+    odd = (a > b) ^ (b > c) ^ (a > c)  # whether the outward order of the corners is an odd one
+    key = packed(faces)
+    order = np.argsort(key, kind="stable")
+    shared = np.diff(key[order]) == 0
+    return int((odd[order[:-1]] == odd[order[1:]])[shared].sum())
+
+
 @OncePerCells
 def neighbours(mesh: TetMesh) -> IntArray:
     """The tetrahedron behind the face opposite each corner: (m, 4) int32, -1 outside."""

@@ -35,6 +35,7 @@ from cortet.geometry.topology import (
     components,
     edges,
     enclosed_volume,
+    folded_faces,
     sheet,
     surface_topology,
 )
@@ -256,11 +257,16 @@ def generate_with_baseline(
 ) -> tuple[TetMesh, GenerateReport]:
     """Mesh the inside of a closed surface with one of `meshers.BASELINES` and its own defaults.
 
-    Exactly flat tetrahedra are left out. Raises `StageError` when there is no mesh.
+    Exactly flat tetrahedra are left out. Raises `StageError` when there is no mesh, or one that overlaps itself, which no
+    later stage could work on.
     """
     began = time.perf_counter()
     points, cells = baselines.fill(surface, mesher, cell_size=cell_size, time_limit=time_limit)
     mesh, flat = _well_ordered(points, cells)
+    if folded := folded_faces(mesh.cells):
+        raise StageError(
+            f"{mesher} returned tetrahedra that overlap: both those of {folded} faces are on one side of it"
+        )
     genus = int(surface_topology(surface.faces).genus)
     attempt = _judged(mesh, genus, passes=(), flat=flat)
     _log(mesher, attempt, time.perf_counter() - began)

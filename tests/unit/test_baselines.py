@@ -76,6 +76,15 @@ def test_a_mesher_that_is_not_installed_is_an_error_that_says_so(
         fill(ball_surface(1), "tetgen", cell_size=1.0)
 
 
+def test_a_mesh_that_overlaps_itself_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As Netgen's on coarse surfaces: turned to positive volumes, two tetrahedra lie on one side of their face."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 1], [0.3, 0.3, 0.5]], float)
+    cells = np.array([[0, 1, 2, 3], [0, 1, 2, 4]], np.int32)
+    monkeypatch.setattr(baselines, "fill", lambda *_, **__: (points, cells))
+    with pytest.raises(StageError, match="netgen returned tetrahedra that overlap: both those of 1 faces"):
+        generate_with_baseline(ball_surface(1), "netgen", cell_size=1.0)
+
+
 def test_a_mesher_that_takes_too_long_is_stopped() -> None:
     with pytest.raises(StageError, match="tetgen took longer than 0.001 minutes"):
         fill(ball_surface(1), "tetgen", cell_size=1.0, time_limit=0.001)
