@@ -147,7 +147,7 @@ def packed(simplices: NDArray[np.integer]) -> NDArray[np.int64]:
 
 
 def folded_faces(cells: IntArray) -> int:
-    """Faces with both their tetrahedra, of positive volume, on one side; there are none in a mesh that fills space once."""
+    """Faces with both their tetrahedra, of positive volume, on one side; a mesh that fills space once has none."""
     faces = cells[:, TET_FACES].reshape(-1, 3)
     a, b, c = faces.T
     odd = (a > b) ^ (b > c) ^ (a > c)  # whether the outward order of the corners is an odd one
