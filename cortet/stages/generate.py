@@ -257,8 +257,8 @@ def generate_with_baseline(
 ) -> tuple[TetMesh, GenerateReport]:
     """Mesh the inside of a closed surface with one of `meshers.BASELINES` and its own defaults.
 
-    Exactly flat tetrahedra are left out. Raises `StageError` when there is no mesh, or one that overlaps itself, on which
-    no later stage could work.
+    Exactly flat tetrahedra are left out. Raises `StageError` when there is no mesh, or one that overlaps itself, which
+    no later stage could work on.
     """
     began = time.perf_counter()
     points, cells = baselines.fill(surface, mesher, cell_size=cell_size, time_limit=time_limit)
