@@ -49,6 +49,8 @@ def test_slurm_makes_the_same_files_and_retries_only_what_was_killed(finished: S
         text=True,
         check=False,
     )
+    if "Building DAG of jobs" not in result.stdout + result.stderr:
+        pytest.skip(f"SLURM does not start on this machine: {result.stderr.strip().splitlines()[-1:]}")
     states = re.findall(r"^\d+ +(\w+) +rule_", result.stdout, flags=re.MULTILINE)
     assert result.returncode == 1, result.stdout + result.stderr
     assert {case: row["state"] for case, row in study.status().items()} == {
