@@ -159,8 +159,7 @@ class _Links:
 
     def length(self, loop: IntArray) -> float:
         """Of a loop, mm."""
-        places = self.points[loop]
-        return float(np.linalg.norm(places - np.roll(places, -1, axis=0), axis=1).sum())
+        return rim_length(self.points, loop)
 
     def loops_through(self, root: int) -> list[IntArray]:
         """A basis of loops, each the way from a root to an edge, along it, and back; the shortest first."""
@@ -251,8 +250,7 @@ def back_to_the_feet(points: FloatArray, faces: IntArray, sides: tuple[IntArray,
     points, faces : cut open along a loop
     sides : the vertices of the loop on either side of the cut
     """
-    loop = points[sides[0]]
-    most = _FLARE * float(np.linalg.norm(loop - np.roll(loop, -1, axis=0), axis=1).sum())
+    most = _FLARE * rim_length(points, sides[0])
     gone = [np.isin(np.arange(len(points)), side) for side in sides]
     for this, other in ((0, 1), (1, 0)):
         for _ in range(_MOST_RINGS):

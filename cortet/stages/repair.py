@@ -312,7 +312,8 @@ class _Repair:
             self.work = self.work._replace(faces=np.ascontiguousarray(turned[:, ::-1]))
 
     def _holes(self) -> None:
-        for rim in rims(self.work.faces):
+        found = rims(self.work.faces)
+        for rim in found:
             length = rim_length(self.work.points, rim)
             if length > self.limits.max_hole:
                 raise InputError(
@@ -321,7 +322,6 @@ class _Repair:
                     remedy="close the surface there, or set repair.max_hole",
                 )
         # where faces were removed above, the file had no hole
-        found = rims(self.work.faces)
         ours = [bool(self.touched[self.work.origin[rim]].any()) for rim in found]
         cut, of_file = ([rim for rim, own in zip(found, ours, strict=True) if own == which] for which in (True, False))
         if of_file:

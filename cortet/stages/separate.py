@@ -9,6 +9,7 @@ something between them it gives way less.
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from cortet.errors import InputError
 from cortet.formats.gifti import single_precision
 from cortet.geometry.closest_point import SurfaceTree, tree_of
 from cortet.geometry.intersection import self_intersections
+from cortet.geometry.mending import rings
 from cortet.geometry.nesting import depths, joined, parents, region_boundary, region_names, sheets
 from cortet.geometry.topology import edges, enclosed_volume, neighbour_means, vertex_normals
 from cortet.mesh import FloatArray, IntArray, TriSurface
@@ -233,23 +235,15 @@ def _uncrossed(
 
     Returns also the triangles of both surfaces that cross in the end, those of the container last.
     """
-    for number in range(_ROUNDS + 1):
-        surface = single_precision(surface)
-        crossing = self_intersections(joined([surface, container]))
-        own = crossing[crossing < len(surface.faces)]
-        if not len(own) or number == _ROUNDS:
-            break
-        chosen = np.zeros(len(surface.points), np.bool_)
-        chosen[surface.faces[own]] = True
-        for _ in range(number // 3):
-            chosen[surface.faces[chosen[surface.faces].any(axis=1)]] = True
+
+    def smoothed(surface: TriSurface, chosen: NDArray[np.bool_]) -> FloatArray:
         depth, normal, _ = depths(tree, container, surface.points[chosen])
-        points = surface.points.copy()
-        points[chosen] = (points[chosen] + neighbour_means(points, surface.faces)[chosen]) / 2
+        points = (surface.points[chosen] + neighbour_means(surface.points, surface.faces)[chosen]) / 2
         # only where the other surface is near: a surface may also cross itself deep inside
-        points[chosen] -= np.where(depth < 2 * gap, _NUDGE * gap, 0)[:, None] * normal
-        surface = replace(surface, points=points)
-    return surface, crossing
+        moved: FloatArray = points - np.where(depth < 2 * gap, _NUDGE * gap, 0)[:, None] * normal
+        return moved
+
+    return _moved_apart(surface, container, smoothed)
 
 
 def _taken_back(pushed: TriSurface, given: TriSurface, container: TriSurface) -> tuple[TriSurface, IntArray]:
@@ -258,20 +252,28 @@ def _taken_back(pushed: TriSurface, given: TriSurface, container: TriSurface) ->
     Where an inner surface is too thin to give way on both sides, the gap becomes smaller than asked for. Returns also
     the triangles that cross in the end, as `_uncrossed` does.
     """
+    return _moved_apart(pushed, container, lambda one, chosen: (one.points[chosen] + given.points[chosen]) / 2)
+
+
+def _moved_apart(
+    surface: TriSurface,
+    container: TriSurface,
+    moved: Callable[[TriSurface, NDArray[np.bool_]], FloatArray],
+) -> tuple[TriSurface, IntArray]:
+    """Give the vertices of crossing triangles, and of ever more around them, the places that `moved` has for them."""
     for number in range(_ROUNDS + 1):
-        pushed = single_precision(pushed)
-        crossing = self_intersections(joined([pushed, container]))
-        own = crossing[crossing < len(pushed.faces)]
+        surface = single_precision(surface)
+        crossing = self_intersections(joined([surface, container]))
+        own = crossing[crossing < len(surface.faces)]
         if not len(own) or number == _ROUNDS:
             break
-        chosen = np.zeros(len(pushed.points), np.bool_)
-        chosen[pushed.faces[own]] = True
-        for _ in range(number // 3):
-            chosen[pushed.faces[chosen[pushed.faces].any(axis=1)]] = True
-        points = pushed.points.copy()
-        points[chosen] = (points[chosen] + given.points[chosen]) / 2
-        pushed = replace(pushed, points=points)
-    return pushed, crossing
+        chosen = np.zeros(len(surface.points), np.bool_)
+        chosen[surface.faces[own]] = True
+        chosen = rings(surface.faces, chosen, number // 3)
+        points = surface.points.copy()
+        points[chosen] = moved(surface, chosen)
+        surface = replace(surface, points=points)
+    return surface, crossing
 
 
 def _largest(corners: IntArray, lengths: FloatArray, directions: FloatArray, count: int) -> FloatArray:
