@@ -456,6 +456,9 @@ class Fold(Section):
     """Weeks between two rows of the table of a run."""
     frame_interval: Positive = 1.0
     """Weeks between two frames (.vtu) of a run."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """What takes the steps of a run: cpu, or cuda for a GPU of NVIDIA (`pip install 'cortet[gpu]'`), where the workflow
+    lets one job at a time have one. The bits of a result are those of its device."""
 
     @model_validator(mode="after")
     def _variants_are_valid(self) -> Fold:
