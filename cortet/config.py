@@ -141,6 +141,11 @@ class Repair(Section):
     """Longest loop along which a handle is cut or a tunnel closed, mm."""
     max_piece: Threshold = 0.01
     """Share of the area up to which a separate piece is dropped; of several larger ones none is."""
+    method: Literal["local", "voxel"] = "local"
+    """local mends what is broken and leaves the rest as it is. voxel, a last resort, makes a broken surface anew as a
+    sphere, on a grid; of the keys above, only the change of volume limits it."""
+    spacing: Positive = 0.3
+    """Spacing of the grid of voxel, mm: what is thinner is lost."""
 
 
 class Gate(Section):
