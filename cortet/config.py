@@ -141,6 +141,11 @@ class Repair(Section):
     """Longest loop along which a handle is cut or a tunnel closed, mm."""
     max_piece: Threshold = 0.01
     """Share of the area up to which a separate piece is dropped; of several larger ones none is."""
+    method: Literal["local", "voxel"] = "local"
+    """local mends what is broken and leaves the rest as it is. voxel, a last resort, makes a broken surface anew as a
+    sphere, on a grid; of the keys above, only the change of volume limits it."""
+    spacing: Positive = 0.3
+    """Spacing of the grid of voxel, mm: what is thinner is lost."""
 
 
 class Gate(Section):
@@ -257,7 +262,8 @@ class Clean(Section):
     enabled: bool = True
     """false leaves the stage out."""
     thresholds: Annotated[list[Threshold], Field(min_length=1)] = [0.7, 0.5, 0.3]
-    """One pass per threshold: the vertices of elements with q above it are moved."""
+    """One pass per threshold: the vertices of elements with q above it are moved. Where `improve_mean` is false, passes
+    around them also move those above two thirds of the lowest."""
     boundary: Boundary = "slide"
     """slide lets boundary nodes move along the input surface, fixed holds them, free lets them leave it."""
     improve_mean: bool = True
