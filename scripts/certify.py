@@ -22,9 +22,9 @@ def report_of(path: str) -> dict[str, Any]:
 
 stages = [step for step in job.params.line if step != "certify"]
 reports = dict(zip(stages, map(report_of, job.input.reports), strict=True))
-if job.input.inner_repairs:
-    names = job.params.inner
-    reports["repair"]["inner"] = dict(zip(names, map(report_of, job.input.inner_repairs), strict=True))
+for stage, files in {"repair": job.input.inner_repairs, "resample": job.input.inner_resamplings}.items():
+    if files:
+        reports[stage]["inner"] = dict(zip(job.params.inner, map(report_of, files), strict=True))
 certificate = certify(
     vtu.read(job.input.mesh),
     gifti.read_nested(job.input.surface, job.input.inner),
