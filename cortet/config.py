@@ -110,6 +110,8 @@ class Cohort(Section):
     sheet: Path = Path("demo/cohort.tsv")
     """Cohort sheet (TSV); `cortet cohort scan` writes one. File names in it are relative to the sheet's folder.
     The surface `phantom` stands for a synthetic cortex of the row's scan_age and hemi."""
+    dataset: Path | None = None
+    """Root of the dataset that the surfaces come from, `bids:raw:` in the sidecars. null: the folder of the sheet."""
     fields: dict[str, str] = {}
     """Per-vertex fields (.shape/.func/.label.gii) of every case, name: file pattern. Placeholders are the columns of
     the sheet, e.g. thickness: "../{participant_id}/{session_id}/thickness_hemi-{hemi}.shape.gii"; names are relative

@@ -10,6 +10,7 @@ from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
 from cortet import __version__
+from cortet.cohort.bids import descriptions
 from cortet.cohort.sheet import PHANTOM, chosen, read_sheet
 from cortet.config import load, version_of
 from cortet.errors import CortetError
@@ -44,6 +45,9 @@ except CortetError as error:
 os.environ.update(CORTET_TIME_LIMIT=str(CONFIG.time_limit or 0))
 
 OUT = CONFIG.output.as_posix()
+# what BIDS URIs begin with; no parameter either, it changes no result
+RAW = str(CONFIG.cohort.dataset or CONFIG.cohort.sheet.parent)
+os.environ.update(CORTET_OUTPUT=OUT, CORTET_RAW=RAW)
 # the first stage reads the files of the sheet
 REPAIRS = CONFIG.enabled("repair")
 CASES = {case.name: case for case in SHEET if case.include}
@@ -72,7 +76,7 @@ def exported_suffix(form):
 SOLVERS = {exported_suffix(form): name for name, form in FORMATS.items()}
 # rules that take every mesh that is done
 OVER_ALL_CASES = (
-    *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "cohort_page"),
+    *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "cohort_page", "citation"),
     *("cohort_folding", "convergence"),
     *("table_ablation", "table_resolution", "table_measures", "figure_pooled_quality", "figure_series", "methods"),
 )
@@ -230,6 +234,12 @@ def placement_after_resampling(wildcards):
 def arguments_of(step, wildcards):
     """Keyword arguments of a stage or another step: with its VERSION, they decide whether it runs again."""
     return config_of(step, wildcards).arguments(step, facts_of(wildcards))
+
+
+def space_of(wildcards):
+    """The surface in whose space all files of a case are."""
+    case = CASES[wildcards.case]
+    return surface_file("phantom").format(**wildcards) if case.is_phantom else str(case.surface)
 
 
 def origin_of(stage, wildcards):
@@ -443,6 +453,11 @@ def is_measured(mesh, failures):
         "fold_figures",
         "convergence_run",
     )
+
+
+def unmeasured():
+    """Why cases have no certificate, by their names."""
+    return {mesh[0]: failure["reason"] for mesh, failure in FAILURES.items() if not is_measured(mesh, FAILURES)}
 
 
 def measured_certificates():

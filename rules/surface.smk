@@ -87,6 +87,7 @@ rule resample:
         to_mm=placement_of,
         version=version_of("stages.resample"),
         origin=partial(origin_of, STAGES["resample"].label),
+        space=space_of,
     script:
         "../scripts/resample.py"
 
@@ -112,6 +113,7 @@ rule repair:
         to_mm=placement_after_resampling,
         version=version_of("stages.repair"),
         origin=partial(origin_of, STAGES["repair"].label),
+        space=space_of,
     script:
         "../scripts/repair.py"
 
@@ -137,6 +139,7 @@ rule gate:
         to_mm=None if REPAIRS else placement_after_resampling,
         version=version_of("stages.gate"),
         origin=partial(origin_of, STAGES["gate"].label),
+        space=space_of,
     script:
         "../scripts/gate.py"
 
@@ -190,6 +193,7 @@ rule smooth_surface:
         arguments=partial(arguments_of, "smooth_surface"),
         version=version_of("stages.smooth_surface"),
         origin=partial(origin_of, STAGES["smooth_surface"].label),
+        space=space_of,
     script:
         "../scripts/smooth_surface.py"
 
@@ -218,6 +222,7 @@ rule resample_inner:
         to_mm=placement_of,
         version=version_of("stages.resample"),
         origin=partial(origin_of, STAGES["resample"].label),
+        space=space_of,
     script:
         "../scripts/resample.py"
 
@@ -243,6 +248,7 @@ rule repair_inner:
         to_mm=placement_after_resampling,
         version=version_of("stages.repair"),
         origin=partial(origin_of, STAGES["repair"].label),
+        space=space_of,
     script:
         "../scripts/repair.py"
 
@@ -268,6 +274,7 @@ rule gate_inner:
         to_mm=None if REPAIRS else placement_after_resampling,
         version=version_of("stages.gate"),
         origin=partial(origin_of, STAGES["gate"].label),
+        space=space_of,
     script:
         "../scripts/gate.py"
 
@@ -292,6 +299,7 @@ rule smooth_inner:
         arguments=partial(arguments_of, "smooth_surface"),
         version=version_of("stages.smooth_surface"),
         origin=partial(origin_of, STAGES["smooth_surface"].label),
+        space=space_of,
     script:
         "../scripts/smooth_surface.py"
 
@@ -317,5 +325,6 @@ rule separate:
         arguments=partial(arguments_of, "separate"),
         version=version_of("stages.separate"),
         origin=partial(origin_of, STAGES["separate"].label),
+        space=space_of,
     script:
         "../scripts/separate.py"

@@ -9,6 +9,7 @@ from _job import start
 
 job = start(snakemake)
 
+from cortet.cohort.bids import ABOUT
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.measure.certify import certify
@@ -17,7 +18,7 @@ from cortet.measure.certify import certify
 def report_of(path: str) -> dict[str, Any]:
     """A report; the certificate says itself whose it is."""
     report = json.loads(Path(path).read_text(encoding="utf-8"))
-    return {key: value for key, value in report.items() if key != "origin"}
+    return {key: value for key, value in report.items() if key not in ABOUT}
 
 
 stages = [step for step in job.params.line if step != "certify"]

@@ -97,6 +97,12 @@ class Case:
         return f"sub-{self.participant}" + (f"/ses-{self.session}" if self.session is not None else "")
 
     @property
+    def files(self) -> list[Path]:
+        """All files that the row names, but for the affine's."""
+        named = [self.surface, self.sphere, *self.inner.values(), *self.fields.values()]
+        return [file for file in named if isinstance(file, Path)]
+
+    @property
     def is_phantom(self) -> bool:
         """Whether the surface is generated rather than read."""
         return self.surface == PHANTOM

@@ -6,7 +6,7 @@ The rules are those of Connectome Workbench (SurfaceResamplingHelper; https://ww
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ RADIUS = 100.0
 _ROUND, _FULL = 0.9, (0.5, 1.01)
 
 #: (new vertices, old vertices), rows of sum 1
-Weights = sparse.csr_matrix
+Weights: TypeAlias = sparse.csr_matrix
 
 
 def of_one_radius(sphere: TriSurface) -> TriSurface:
@@ -80,7 +80,8 @@ def area_corrected(old: TriSurface, new: TriSurface, old_areas: FloatArray, new_
 def vertex_areas(surface: TriSurface) -> FloatArray:
     """A third of the area of the triangles around each vertex: (n,) mm2."""
     areas = np.repeat(face_areas(surface.points, surface.faces) / 3, 3)
-    return np.bincount(surface.faces.ravel(), areas, minlength=len(surface.points))
+    around: FloatArray = np.bincount(surface.faces.ravel(), areas, minlength=len(surface.points))
+    return around
 
 
 def carried(weights: Weights, values: NDArray[Any]) -> NDArray[Any]:
