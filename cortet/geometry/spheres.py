@@ -79,9 +79,8 @@ def area_corrected(old: TriSurface, new: TriSurface, old_areas: FloatArray, new_
 
 def vertex_areas(surface: TriSurface) -> FloatArray:
     """A third of the area of the triangles around each vertex: (n,) mm2."""
-    areas = np.repeat(face_areas(surface.points, surface.faces) / 3, 3)
-    around: FloatArray = np.bincount(surface.faces.ravel(), areas, minlength=len(surface.points))
-    return around
+    areas: FloatArray = np.repeat(face_areas(surface.points, surface.faces) / 3, 3)
+    return np.bincount(surface.faces.ravel(), areas, minlength=len(surface.points)).astype(np.float64)
 
 
 def carried(weights: Weights, values: NDArray[Any]) -> NDArray[Any]:
