@@ -61,14 +61,14 @@ def test_cases_with_spheres_share_triangles_and_the_others_stay_as_they_are(stud
     sphere = Path(study.cases()[1].sphere or "")
     old = read_surface(sphere)
     write_surface(TriSurface(old.points @ [[0, 1, 0], [1, 0, 0], [0, 0, -1]], old.faces), sphere)
-    again = study.jobs_of_run()
+    again = study.planned_jobs()
     assert {case for _, case in again} == {"sub-b", "-"} and ("resample", "sub-b") in again
-    assert not study.jobs_of_run()
 
 
 def test_a_missing_sphere_fails_its_case_alone_and_the_stage_can_be_left_out(study: Study) -> None:
     Path(study.cases()[2].sphere or "").unlink()
-    study.run("--keep-going")
+    study.write_cases(study.cases()[2:])
+    study.run()
     failed = study.status()["sub-c_hemi-L"]
     assert failed["stage"] == "resample" and "c.sphere.surf.gii: no such file" in failed["reason"]
     assert "column sphere of the cohort sheet" in failed["reason"]
