@@ -1,27 +1,37 @@
-"""Wavelength of the wrinkles of a growing film on a soft base, against its thickness and stiffness.
+"""Onset and wavelength of the folds of a growing layer on its base, beside exact theory, over thickness and stiffness.
 
-    python benchmarks/fold_wrinkles.py [--spacing 1] [--thickness 1 2] [--stiffness 8 32]
+    python benchmarks/fold_wrinkles.py [--spacing 0.5] [--thickness 1 2] [--stiffness 0.5 1 2 5 10 20]
 
-A film of thickness H and plane-strain modulus E_f on a deep base of modulus E_s, held at its sides, wrinkles with a
-wavelength of 2 pi H (E_f / 3 E_s)^(1/3) (Allen 1969), where E = 2 mu / (1 - nu). What folds here is a strip, one layer
-of elements wide, that can slide along its sides and its bottom but not leave them. Its surface is displaced at random
-by a thousandth of the film's thickness, and grows until it is rough; the wavelength is that of the mean wave number,
-each weighted by its power.
+What folds is a strip, one layer of elements wide, that can slide along its sides and its bottom but not leave them.
+The exact onset is that of `bilayer.py`; stiffness is the layer's shear modulus over the base's, as in the simulation
+1 / `fold.core_stiffness`.
+
+measured : the layer begins with a bump, a cosine of a hundredth of its thickness. As it grows, the bump does, by
+    1 / (1 - growth / critical growth) near the critical one (Southwell 1932), which so is found for three wavelengths;
+    the least of a parabola through them is the onset.
+from noise : the surface is displaced at random by a thousandth of the thickness and grows until it is rough; the
+    wavelength is that of the mean wave number, each weighted by its power.
+Allen : 2 pi H (E_f / 3 E_s)^(1/3) for a thickness H and plane-strain moduli E = 2 mu / (1 - nu) of a stiff film on a
+    soft base (Allen 1969).
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Iterator
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
+from bilayer import Onset, onset
 from cubes import KUHN
+from numpy.typing import NDArray
 from scipy.fft import dct
 
 from cortet.geometry.topology import boundary_faces
-from cortet.mesh import FloatArray, TetMesh
-from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
+from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.simulation.body import Body, Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
 from cortet.simulation.kernels import DONE, Motion, advance, workspace
 
@@ -32,6 +42,14 @@ _SEED, _ROUGHNESS = 1e-3, 0.05
 #: time until the film has grown enough to buckle, in wavelengths over the base's shear wave speed: a film that grows
 #: fast buckles late, in shorter waves
 _PERIODS = 5
+#: the same for a bump, which is to be at rest at every growth; its height, in film thicknesses
+_BUMP_PERIODS, _BUMP = 10, 0.01
+#: amplification from which on, and up to which, a bump grows as theory says; it lasts past the critical growth
+_FROM, _TO = 3.0, 8.0
+#: wavelengths whose critical growth is measured, in units of the exact one
+_WAVES = 0.75, 1.0, 1.3
+#: exact wavelengths in a strip with noise
+_LENGTH = 6
 #: of the base's layers, each over the one above
 _GRADING = 1.25
 
@@ -74,37 +92,108 @@ def material_of(stiffness: float) -> Material:
     return Material(mu_cortex=1.0, mu_core=1.0 / stiffness, damping=0.005)
 
 
+class Strip(NamedTuple):
+    """A film on its base, and what holds it."""
+
+    points: FloatArray
+    body: Body
+    #: nodes that do not move along x, y and z
+    held: list[NDArray[np.bool_]]
+    #: nodes of one side of its upper surface, along x
+    surface: IntArray
+
+
+def film(mesh: TetMesh, thickness: float) -> Strip:
+    """What grows is down to a thickness below the upper surface of a `strip`."""
+    x, y, z = mesh.points.T
+    m, n = len(mesh.cells), len(mesh.points)
+    body = body_of(mesh, Scale(np.zeros(3), 1.0), thickness=thickness)._replace(
+        normals=np.tile([0.0, 0.0, 1.0], (m, 1)), depth=-mesh.points[mesh.cells][:, :, 2].mean(axis=1)
+    )
+    held = [(x == 0) | (x == x.max()), np.full(n, True), z == z.min()]
+    surface = np.flatnonzero((z == 0) & (y == 0))
+    return Strip(mesh.points, body, held, surface[np.argsort(x[surface])])
+
+
+def growing(strip: Strip, start: FloatArray, material: Material, rate: float) -> Iterator[tuple[float, FloatArray]]:
+    """Growth, and heights of the surface (k,), after each step from positions (n, 3); `rate` is growth per time.
+
+    Raises
+    ------
+    RuntimeError : an element inverted
+    """
+    body, mesh = strip.body, TetMesh(strip.points, strip.body.cells)
+    work, state = workspace(body), Motion(start.copy(), np.zeros_like(start))
+    contact = contact_of(start, boundary_faces(mesh), bulk=material.bulk)._replace(radius=np.inf)
+    dt = TIME_STEP * stable_time_step(smallest_altitude(strip.points, body.cells), material)
+    for step in count():
+        growth = rate * step * dt
+        if advance(body, material, state, work, contact, np.array([[growth]]), np.zeros(1), dt) != (1, DONE):
+            raise RuntimeError(f"an element inverted at a growth of {growth:.3f}")
+        for axis, nodes in enumerate(strip.held):
+            state.x[nodes, axis] = start[nodes, axis]
+            state.v[nodes, axis] = 0
+        yield growth, state.x[strip.surface, 2]
+
+
+def rate_of(periods: float, growth: float, wavelength: float, material: Material) -> float:
+    """Growth per unit of time that reaches `growth` in so many wavelengths over the base's shear wave speed."""
+    return growth / (periods * wavelength * np.sqrt(material.density / material.mu_core))
+
+
 def wrinkle(mesh: TetMesh, thickness: float, material: Material) -> Wrinkles:
-    """Let the film of a strip grow until it wrinkles.
+    """Let the film of a strip grow from noise until it wrinkles.
 
     Raises
     ------
     RuntimeError : an element inverted, or the film stayed flat
     """
-    m, n = len(mesh.cells), len(mesh.points)
-    body = body_of(mesh, Scale(np.zeros(3), 1.0), thickness=thickness)._replace(
-        normals=np.tile([0.0, 0.0, 1.0], (m, 1)), depth=-mesh.points[mesh.cells][:, :, 2].mean(axis=1)
-    )
-    x, y, z = mesh.points.T
-    held = [(x == 0) | (x == x.max()), np.full(n, True), z == z.min()]
-    work, state = workspace(body), Motion(mesh.points.copy(), np.zeros((n, 3)))
-    state.x[~held[2], 2] += _SEED * thickness * np.random.default_rng(0).normal(size=(~held[2]).sum())
-    contact = contact_of(mesh.points, boundary_faces(mesh), bulk=material.bulk)._replace(radius=np.inf)
-    dt = TIME_STEP * stable_time_step(smallest_altitude(mesh.points, mesh.cells), material)
-    wavelength, buckling = theory(thickness, material)
-    buckles_at = _PERIODS * wavelength * np.sqrt(material.density / material.mu_core) / dt
-    surface = np.flatnonzero((z == 0) & (y == 0))
-    for step in range(int(4 * buckles_at)):
-        growth = buckling * step / buckles_at
-        if advance(body, material, state, work, contact, np.array([[growth]]), np.zeros(1), dt) != (1, DONE):
-            raise RuntimeError(f"an element inverted at a growth of {growth:.3f}")
-        for axis, nodes in enumerate(held):
-            state.x[nodes, axis] = mesh.points[nodes, axis]
-            state.v[nodes, axis] = 0
-        heights = state.x[surface, 2]
+    strip, exact, start = film(mesh, thickness), onset(material), mesh.points.copy()
+    free = ~strip.held[2]
+    start[free, 2] += _SEED * thickness * np.random.default_rng(0).normal(size=free.sum())
+    rate = rate_of(_PERIODS, exact.growth, exact.wavelength * thickness, material)
+    for growth, heights in growing(strip, start, material, rate):
         if heights.std() > _ROUGHNESS * thickness:
-            return Wrinkles(growth, mean_wavelength(heights, x.max()), heights)
-    raise RuntimeError(f"the film was flat at a growth of {growth:.3f}")
+            return Wrinkles(growth, mean_wavelength(heights, mesh.points[:, 0].max()), heights)
+        if growth > 4 * exact.growth:
+            raise RuntimeError(f"the film was flat at a growth of {growth:.3f}")
+    raise AssertionError
+
+
+def critical_growth(wavelength: float, spacing: float, thickness: float, material: Material, expected: float) -> float:
+    """Growth at which a wave of this length would appear, from how a bump of its shape grows.
+
+    Raises
+    ------
+    RuntimeError : an element inverted, or the bump had not grown at three times the growth that was expected
+    """
+    flat = film(strip(wavelength, 2 * wavelength + 2 * thickness, thickness, spacing), thickness)
+    wave = np.cos(2 * np.pi * flat.points[:, 0] / wavelength)
+    bumpy = flat.points.copy()
+    bumpy[:, 2] += _BUMP * thickness * wave * np.exp(2 * np.pi / wavelength * bumpy[:, 2]) * ~flat.held[2]
+    flat = film(TetMesh(bumpy, flat.body.cells), thickness)._replace(held=flat.held, surface=flat.surface)
+    seen, first = [], 0.0
+    for growth, heights in growing(flat, bumpy, material, rate_of(_BUMP_PERIODS, expected, wavelength, material)):
+        amplitude = dct(heights, type=1)[2]  # one wave is two half waves
+        first = first or amplitude
+        if amplitude > _FROM * first:
+            seen.append((first / amplitude, growth))
+        if amplitude > _TO * first:
+            break
+        if growth > 3 * expected:
+            raise RuntimeError(f"the bump had not grown at a growth of {growth:.3f}")
+    return float(np.polyfit(*np.array(seen).T, 1)[1])
+
+
+def measured_onset(spacing: float, thickness: float, material: Material, exact: Onset) -> tuple[float, float]:
+    """Least critical growth and its wavelength."""
+    waves = np.array(_WAVES) * exact.wavelength * thickness
+    growths = [critical_growth(wave, spacing, thickness, material, exact.growth) for wave in waves]
+    a, b, c = np.polyfit(np.log(waves), growths, 2)
+    least = np.exp(-b / (2 * a))
+    if a <= 0 or not waves[0] < least < waves[-1]:  # no least one among them
+        return min(growths), float(waves[np.argmin(growths)])
+    return float(c - b**2 / (4 * a)), float(least)
 
 
 def mean_wavelength(heights: FloatArray, length: float) -> float:
@@ -116,20 +205,23 @@ def mean_wavelength(heights: FloatArray, length: float) -> float:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--spacing", type=float, default=1.0)
+    parser.add_argument("--spacing", type=float, default=0.5)
     parser.add_argument("--thickness", nargs="+", type=float, default=[1.0, 2.0])
-    parser.add_argument("--stiffness", nargs="+", type=float, default=[8.0, 32.0])
+    parser.add_argument("--stiffness", nargs="+", type=float, default=[0.5, 1.0, 2.0, 5.0, 10.0, 20.0])
     options = parser.parse_args()
-    print("thickness  stiffness    tets  growth  wavelength  theory  quotient  CPU s")
+    print("                     exact               measured / exact     from noise        Allen")
+    print("thickness stiffness  growth  wavelength  growth  wavelength  wavelength  wavelength  CPU s")
     for thickness in options.thickness:
         for stiffness in options.stiffness:
-            mesh, material = strip(120.0, 40.0, thickness, options.spacing), material_of(stiffness)
-            began = time.process_time()
-            found = wrinkle(mesh, thickness, material)
-            seconds, expected = time.process_time() - began, theory(thickness, material)[0]
+            began, material = time.process_time(), material_of(stiffness)
+            exact = onset(material)
+            growth, wavelength = measured_onset(options.spacing, thickness, material, exact)
+            length = exact.wavelength * thickness
+            noisy = wrinkle(strip(_LENGTH * length, 2 * length, thickness, options.spacing), thickness, material)
             print(
-                f"{thickness:9.2f}  {stiffness:9.1f}  {len(mesh.cells):6d}  {found.growth:6.3f}"
-                f"  {found.wavelength:10.2f}  {expected:6.2f}  {found.wavelength / expected:8.2f}  {seconds:5.0f}",
+                f"{thickness:9g} {stiffness:9g} {exact.growth:7.3f} {length:11.2f} {growth / exact.growth:7.3f}"
+                f" {wavelength / length:11.2f} {noisy.wavelength / length:11.2f}"
+                f" {theory(thickness, material)[0] / length:11.2f} {time.process_time() - began:6.0f}",
                 flush=True,
             )
 

@@ -27,13 +27,13 @@ from cortet.formats.gifti import write_surface
 from cortet.phantom import phantom
 
 ROOT = Path(__file__).resolve().parents[1]
-#: jobs of a mesh by rule, in the default configuration
+#: jobs of a mesh by mesher, one of each rule
 RULES = (
-    *("repair", "gate", "smooth_surface", "generate", "transfer", "relocate", "clean", "reconnect", "solver_ready"),
-    "certify",
+    *("repair", "gate", "smooth_surface", "generate", "transfer", "clean", "reconnect", "solver_ready"),
+    *("certify", "export", "case_page"),
 )
-JOBS = {**dict.fromkeys(RULES, 1), "quality": 4, "export": 1, "case_page": 1}
-#: CPU seconds that Snakemake takes in each of the four jobs of SLURM that make a mesh, and in each stage in them
+JOBS = {"cgal": (*RULES, "relocate"), "lattice": RULES}
+#: CPU seconds that Snakemake takes in each of the three jobs of SLURM that make a mesh, and in each stage in them
 JOB_SECONDS, STAGE_SECONDS = 4.0, 2.0
 #: mL of a hemisphere: mean of the fetal and neonatal templates at hand
 VOLUME_ML = 60.0
@@ -151,13 +151,13 @@ def print_plan(counts: list[int], cell_size: float) -> None:
     print(f"\nOf {VOLUME_ML:.0f} mL each, cell size {cell_size} mm")
     columns = ("mesher", "hemispheres", "million tets", "core hours", "GB", "GB, final only", "MB per job, most")
     print("".join(f"{column:>18}" for column in columns))
-    for mesher in ("cgal", "lattice"):
+    for mesher, jobs in JOBS.items():
         tets = expected_tets(VOLUME_ML, cell_size, mesher)
-        costs = {rule: cost(rule, mesher) for rule in JOBS}
-        seconds = sum(number * costs[rule].cpu_seconds(tets) for rule, number in JOBS.items())
-        memory = max(memory_to_ask_mb(found.memory_mb(tets)) for found in costs.values())
+        costs = [cost(rule, mesher) for rule in jobs]
+        seconds = sum(found.cpu_seconds(tets) for found in costs)
+        memory = max(memory_to_ask_mb(found.memory_mb(tets)) for found in costs)
         for count in counts:
-            hours = count * (seconds + 4 * JOB_SECONDS + sum(JOBS.values()) * STAGE_SECONDS) / 3600
+            hours = count * (seconds + 3 * JOB_SECONDS + len(jobs) * STAGE_SECONDS) / 3600
             disk, final = (count * disk_mb(tets, keep_intermediates=keep) / 1000 for keep in (True, False))
             row = (mesher, count, count * tets / 1e6, hours, disk, final, memory)
             print("".join(f"{value:>18.0f}" if isinstance(value, float) else f"{value:>18}" for value in row))

@@ -217,6 +217,7 @@ def parser() -> argparse.ArgumentParser:
     fold.add_argument("--hemi", choices=["L", "R"], help="half a brain, beside its other half")
     fold.add_argument("--end", type=float, metavar="WEEKS", help="gestational age at the end (default: 40)")
     fold.add_argument("--time-step", type=float, metavar="DT", help="dimensionless (default: from smallest altitude)")
+    fold.add_argument("--device", choices=["cpu", "cuda"], help="what takes the steps: cuda is a GPU (default: cpu)")
     fold.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section fold says the rest")
     fold.add_argument("--threads", type=int, metavar="N", help="default: one per core; the result is the same")
     fold.add_argument("--status", action=_FoldStatus, metavar="DIR", help="say how far the run in a folder is, and end")
@@ -604,7 +605,7 @@ def _fold(args: argparse.Namespace) -> int:
     if args.threads:
         set_num_threads(min(args.threads, get_num_threads()))
     values = load(args.config or {}).arguments("fold", {"gestational_age": args.ga, "hemisphere": args.hemi})
-    chosen = {"end": args.end, "time_step": args.time_step}
+    chosen = {"end": args.end, "time_step": args.time_step, "device": args.device}
     values |= {key: value for key, value in chosen.items() if value is not None}
     live = sys.stdout.isatty()
     verdict = fold(

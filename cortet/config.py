@@ -158,6 +158,11 @@ class Repair(Section):
     """Longest loop along which a handle is cut or a tunnel closed, mm."""
     max_piece: Threshold = 0.01
     """Share of the area up to which a separate piece is dropped; of several larger ones none is."""
+    method: Literal["local", "voxel"] = "local"
+    """local mends what is broken and leaves the rest as it is. voxel, a last resort, makes a broken surface anew as a
+    sphere, on a grid; of the keys above, only the change of volume limits it."""
+    spacing: Positive = 0.3
+    """Spacing of the grid of voxel, mm: what is thinner is lost."""
 
 
 class Gate(Section):
@@ -274,7 +279,8 @@ class Clean(Section):
     enabled: bool = True
     """false leaves the stage out."""
     thresholds: Annotated[list[Threshold], Field(min_length=1)] = [0.7, 0.5, 0.3]
-    """One pass per threshold: the vertices of elements with q above it are moved."""
+    """One pass per threshold: the vertices of elements with q above it are moved. Where `improve_mean` is false, passes
+    around them also move those above two thirds of the lowest."""
     boundary: Boundary = "slide"
     """slide lets boundary nodes move along the input surface, fixed holds them, free lets them leave it."""
     improve_mean: bool = True
@@ -473,6 +479,9 @@ class Fold(Section):
     """Weeks between two rows of the table of a run."""
     frame_interval: Positive = 1.0
     """Weeks between two frames (.vtu) of a run."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """What takes the steps of a run: cpu, or cuda for a GPU of NVIDIA (`pip install 'cortet[gpu]'`), where the workflow
+    lets one job at a time have one. The bits of a result are those of its device."""
 
     @model_validator(mode="after")
     def _variants_are_valid(self) -> Fold:

@@ -263,6 +263,29 @@ def _prove_tetgen() -> str:
     return f"a ball of {len(ball.faces)} triangles becomes {len(cells)} tetrahedra"
 
 
+def _prove_gpu() -> str:
+    """A GPU takes the same steps as the CPU; a machine without one may have the package all the same."""
+    import numpy as np
+
+    from cortet.errors import InputError
+    from cortet.simulation.gpu import device_name
+    from cortet.simulation.run import Settings, advance_to, beginning, prepared
+
+    try:
+        name = device_name()
+    except InputError as error:
+        return error.what
+    ends = []
+    for device in ("cpu", "cuda"):
+        run = prepared(_icosahedron()[0], Settings(22.0, end=22.05, device=device))
+        moment = beginning(run)
+        advance_to(run, moment, run.end)
+        ends.append(moment.state.x)
+    difference = float(np.abs(ends[0] - ends[1]).max())
+    _expect(difference < 1e-12, f"{name}: nodes end {difference:g} from where they do on the CPU")
+    return f"{name} takes the steps of the CPU, to {difference:.0e}"
+
+
 def _prove_baseline(mesher: str) -> str:
     from cortet.meshers.baselines import fill
 
@@ -496,11 +519,12 @@ LIBRARIES = (
     Library("snakemake", "the workflow", _prove_snakemake),
 )
 
-#: the extras `slurm` and `baselines` (meshers that experiments compare with)
+#: the extras `slurm`, `baselines` (meshers that experiments compare with) and `gpu`
 OPTIONAL = (
     Library("snakemake-executor-plugin-slurm", "jobs on SLURM", _prove_slurm_executor),
     Library("pytetwild", "fTetWild, to compare with", lambda: _prove_baseline("ftetwild")),
     Library("netgen-mesher", "Netgen, to compare with", lambda: _prove_baseline("netgen")),
+    Library("numba-cuda", "folding on a GPU", _prove_gpu),
 )
 
 PROGRAMS = (

@@ -1,8 +1,9 @@
 """What a job takes: memory, time and disk from the number of tetrahedra, and that from the volume of the surface.
 
-Each cost is a straight line that lies above all measurements, on 13 surfaces of 19 to 104 mL at cell sizes of 1, 0.8
-and 0.6 mm (80 thousand to 1.5 million tetrahedra). `benchmarks/resources.py` compares it with the benchmark files of
-any run. Time is CPU time, which depends least on what else the machine does.
+Each cost is a straight line that lies above all measurements: of the default line on 31 real surfaces at 0.6 mm (260
+thousand to 5.4 million tetrahedra), of the others on 13 at cell sizes of 1, 0.8 and 0.6 mm (80 thousand to 1.5
+million). `benchmarks/resources.py` compares it with the benchmark files of any run. Time is CPU time, which depends
+least on what else the machine does.
 """
 
 from __future__ import annotations
@@ -54,24 +55,25 @@ COSTS = {
     "smooth_inner": Cost((600, 0), (7, 0)),
     "separate": Cost((700, 0), (15, 0)),
     "generate": Cost((330, 550), (5, 370)),
-    "generate:lattice": Cost((330, 520), (8, 45)),
-    "transfer": Cost((260, 150), (2, 3)),
+    "generate:lattice": Cost((250, 520), (8, 20)),
+    "transfer": Cost((230, 125), (2, 3)),
     "relocate": Cost((310, 260), (4, 55)),
-    "clean": Cost((400, 350), (3, 7)),
-    "reconnect": Cost((300, 530), (3, 9)),
+    "clean": Cost((230, 290), (2, 7)),
+    "reconnect": Cost((240, 420), (4, 9)),
     "smooth_boundary": Cost((400, 430), (4, 10)),
     "snap": Cost((400, 430), (4, 10)),
-    "solver_ready": Cost((300, 280), (2, 5)),
+    "solver_ready": Cost((240, 180), (3, 2)),
     "quality": Cost((350, 820), (2, 6)),
-    "certify": Cost((300, 820), (3, 7)),
-    "case_page": Cost((600, 100), (4, 2)),
-    "export": Cost((550, 400), (2, 4)),
+    "certify": Cost((250, 420), (3, 3)),
+    "case_page": Cost((560, 120), (5, 3)),
+    "export": Cost((270, 170), (3, 5)),
     "fold": Cost((500, 1200), (90, 4000)),
     "fold_figures": Cost((500, 800), (60, 120)),
 }
 
-#: bytes per tetrahedron of the files of one mesh: what solvers read, and what only later stages do
-FINAL_BYTES, INTERMEDIATE_BYTES = 13.5 + 37.0, 5 * 13.0 + 49.0
+#: bytes per tetrahedron of the files of one mesh: for ParaView, BrainGrowth and the browser; and what only later stages
+#: read, the last of it for CARP
+FINAL_BYTES, INTERMEDIATE_BYTES = 9.0 + 37.0 + 1.5, 4 * 9.0 + 48.0
 
 
 def _line(coefficients: tuple[float, float], tets: float) -> float:

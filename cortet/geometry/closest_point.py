@@ -6,6 +6,7 @@ distance to a nearby triangle as first bound a query visits a handful of boxes.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numba
@@ -220,7 +221,7 @@ def triangle_normal(c):  # type: ignore[no-untyped-def]
     ux, uy, uz = c[3] - c[0], c[4] - c[1], c[5] - c[2]
     vx, vy, vz = c[6] - c[0], c[7] - c[1], c[8] - c[2]
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
     return nx / length, ny / length, nz / length
 
 

@@ -11,6 +11,7 @@ around a node are left out: they are the same fold of skin.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numba
@@ -128,7 +129,6 @@ def _search(contact, x, normals, node_normals, grid, offsets, candidates):  # ty
     """Number of triangles within the radius of each surface node; writes them too unless `candidates` is empty."""
     low, size, counts, starts, order = grid
     found = np.zeros(len(contact.nodes), np.int64)
-    corners = np.empty(9)
     for i in range(len(contact.nodes)):
         node = contact.nodes[i]
         p, n = x[node], node_normals[node]
@@ -139,7 +139,7 @@ def _search(contact, x, normals, node_normals, grid, offsets, candidates):  # ty
                 for face in order[starts[first + max(cz - 1, 0)] : starts[first + min(cz + 2, counts[2])]]:
                     if n[0] * normals[face, 0] + n[1] * normals[face, 1] + n[2] * normals[face, 2] >= 0:
                         continue
-                    _corners(x, contact.faces, face, corners)
+                    corners = _corners(x, contact.faces, face)
                     a, b, c = on_triangle(corners, p[0], p[1], p[2])
                     distance2 = 0.0
                     for k in range(3):
@@ -165,34 +165,39 @@ def _of_the_same_fold(contact, i, face):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _corners(x, faces, face, corners):  # type: ignore[no-untyped-def]
-    for j in range(3):
-        for k in range(3):
-            corners[3 * j + k] = x[faces[face, j], k]
+def _corners(x, faces, face):  # type: ignore[no-untyped-def]
+    """The nine coordinates of a triangle."""
+    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+    return x[a, 0], x[a, 1], x[a, 2], x[b, 0], x[b, 1], x[b, 2], x[c, 0], x[c, 1], x[c, 2]
 
 
 @numba.njit(cache=True)
 def moved_too_far(contact, x):  # type: ignore[no-untyped-def]
     """Whether some surface node has moved so far that the list may lack a contact."""
-    limit2 = (0.5 * (contact.radius - contact.reach)) ** 2
-    for i in range(len(contact.nodes)):
-        node = contact.nodes[i]
-        d = 0.0
-        for k in range(3):
-            d += (x[node, k] - contact.listed[i, k]) ** 2
-        if not d < limit2:
+    for i in range(len(contact.nodes)):  # noqa: SIM110 - Numba compiles no generator in `any`
+        if has_moved_too_far(contact, x, i):
             return True
     return False
+
+
+@numba.njit(cache=True)
+def has_moved_too_far(contact, x, i):  # type: ignore[no-untyped-def]
+    """Whether surface node i has."""
+    limit, node = 0.5 * (contact.radius - contact.reach), contact.nodes[i]
+    d = 0.0
+    for k in range(3):
+        d += (x[node, k] - contact.listed[i, k]) ** 2
+    return not d < limit**2
 
 
 @numba.njit(parallel=True, cache=True)
 def _touch_all(contact, x, nodes):  # type: ignore[no-untyped-def]
     for i in numba.prange(nodes):
-        _touch(contact, x, i)
+        touch(contact, x, i)
 
 
 @numba.njit(cache=True)
-def _touch(contact, x, i):  # type: ignore[no-untyped-def]
+def touch(contact, x, i):  # type: ignore[no-untyped-def]
     """The triangle nearest to surface node i, if it is within reach, and the force it exerts on the node."""
     contact = Contact(*contact)  # Numba's parallel loops take no named tuples
     contact.touched[i] = -1
@@ -200,10 +205,10 @@ def _touch(contact, x, i):  # type: ignore[no-untyped-def]
         return
     node = contact.nodes[i]
     p0, p1, p2 = x[node, 0], x[node, 1], x[node, 2]
-    corners = np.empty(9)
     nearest2 = contact.reach**2
-    for face in contact.candidates[contact.offsets[i] : contact.offsets[i + 1]]:
-        _corners(x, contact.faces, face, corners)
+    for k in range(contact.offsets[i], contact.offsets[i + 1]):
+        face = contact.candidates[k]
+        corners = _corners(x, contact.faces, face)
         a, b, c = on_triangle(corners, p0, p1, p2)
         d0 = p0 - a * corners[0] - b * corners[3] - c * corners[6]
         d1 = p1 - a * corners[1] - b * corners[4] - c * corners[7]
@@ -216,7 +221,7 @@ def _touch(contact, x, i):  # type: ignore[no-untyped-def]
         if not in_front and not (a > 0 and b > 0 and c > 0):
             continue  # beyond an edge, where another triangle is nearer or the node is outside
         nearest2 = distance2
-        distance = np.sqrt(distance2)
+        distance = math.sqrt(distance2)
         size = contact.strength * (1 - (distance if in_front else -distance) / contact.reach)
         if in_front:
             n0, n1, n2 = d0 / distance, d1 / distance, d2 / distance
@@ -250,8 +255,15 @@ def _against_plane(contact, x, external):  # type: ignore[no-untyped-def]
     """Push nodes beyond the medial plane back, as hard per depth as a contact."""
     count = 0
     for node in contact.nodes:
-        depth = -contact.side * x[node, 0] - contact.gap
-        if depth > 0:
-            external[node, 0] += contact.side * contact.stiffness * depth
+        push = plane_force(contact, x[node, 0])
+        if push != 0:
+            external[node, 0] += push
             count += 1
     return count
+
+
+@numba.njit(cache=True)
+def plane_force(contact, x):  # type: ignore[no-untyped-def]
+    """Force along x of the medial plane on a node with that coordinate."""
+    depth = -contact.side * x - contact.gap
+    return contact.side * contact.stiffness * depth if depth > 0 else 0.0

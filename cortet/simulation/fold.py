@@ -59,6 +59,8 @@ class Verdict:
     outcome: Literal["folded", "inverted"]
     reason: str
     tets: int
+    #: "cpu", or what the GPU is called that took the steps
+    device: str
     #: taken
     steps: int
     gestational_age: float
@@ -238,6 +240,7 @@ def _verdict(run: Run, moment: Moment, rows: list[dict[str, Any]]) -> Verdict:
         outcome="inverted" if element is not None else "folded",
         reason=reason,
         tets=len(run.cell),
+        device=run.device,
         steps=moment.step,
         gestational_age=age,
         time_step=(moment.time - run.start) / max(moment.step, 1),

@@ -8,22 +8,10 @@ element and no branch, and the compiler makes vector instructions of them (`docs
 elements in the degenerate branch, which are rare, are computed once more, one by one.
 
 `advance` is the seam: arrays in, arrays changed in place, nothing else of the package is called from the loop in time.
-
-Constitutive law, per unit of grown volume, with F the elastic deformation gradient and B = F F^T:
-
-    W = mu / 2 (J^(-2/3) tr B - 3) + K / 2 (J_node - 1)^2,    P = mu J^(-2/3) (F - tr B / 3 F^-T) + K (J~ - 1) J F^-T
-
-J_node is the ratio of a node's current to its grown volume, J~ the mean over an element's nodes: this averaging removes
-the locking of linear tetrahedra, and the forces are still the gradient of the energy.
-
-No time step could follow W where an element is nearly flat, for it grows without limit there. Written in the stretches
-s of F, J^(-2/3) is the product of phi(s) = s^(-2/3); below a stretch of 0.1, phi is replaced by its second-order Taylor
-polynomial there, which also takes the negative stretch of an inverted element (after Stomakhin et al., SCA 2012). The
-energy stays smooth, and the flatter the element, the harder it is pushed open. Every entry into this branch is counted.
+What happens in an element is in `law`, which `gpu_kernels` shares, as it does the functions here on single nodes.
 """
-# Vectors are tuples of three floats; matrices are three of them, rows first. Numba keeps both in registers.
-# Its parallel loops take no named tuples: these become plain ones on the way in and get their names back in each block.
-# Rows of a patch lie in one array at places that are constants: so the compiler sees that they do not overlap.
+# Numba's parallel loops take no named tuples: these become plain ones on the way in and get their names back in each
+# block. Rows of a patch lie in one array at places that are constants: so the compiler sees that they do not overlap.
 
 from __future__ import annotations
 
@@ -36,6 +24,27 @@ from numpy.typing import NDArray
 from cortet.mesh import FloatArray
 from cortet.simulation.body import Body, Material
 from cortet.simulation.contact import contact_forces, moved_too_far
+from cortet.simulation.law import (
+    SMALLEST_STRETCH,
+    combined,
+    cross,
+    deformation,
+    degenerate_stress,
+    dot,
+    fast,
+    forces_on_corners,
+    grown_gradients,
+    grown_volume,
+    growth_share,
+    inlined,
+    may_be_degenerate,
+    phi,
+    shear_modulus,
+    stress,
+    stretches,
+    vector,
+    volume_between,
+)
 from cortet.simulation.patches import (
     ACROSS,
     DEPTH,
@@ -51,9 +60,6 @@ from cortet.simulation.patches import (
 
 #: how `advance` ended
 DONE, INVERTED, LIST_OUTDATED = 0, 1, 2
-#: stretch below which the law is continued by a polynomial
-SMALLEST_STRETCH = 0.1
-
 #: nodes of a block
 _BLOCK = 256
 #: rows of a patch's own memory, few, so that the cache holds them: edges from corner 0, in whose place forces on the
@@ -130,176 +136,97 @@ def workspace(body: Body) -> Work:
     )
 
 
-_fast = numba.njit(fastmath={"contract"}, error_model="numpy", cache=True)
-#: what stands in a loop that shall become vector instructions: a call that is left would prevent it
-_inlined = numba.njit(fastmath={"contract"}, error_model="numpy", cache=True, forceinline=True)
-
-
-@_inlined
-def _dot(a, b):  # type: ignore[no-untyped-def]
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@_inlined
-def _cross(a, b):  # type: ignore[no-untyped-def]
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@_inlined
-def _sum(p, a, q, b):  # type: ignore[no-untyped-def]
-    """p a + q b."""
-    return p * a[0] + q * b[0], p * a[1] + q * b[1], p * a[2] + q * b[2]
-
-
-@_inlined
-def _row(a, i):  # type: ignore[no-untyped-def]
-    return a[i, 0], a[i, 1], a[i, 2]
-
-
-@_inlined
+@inlined
 def _at(rows, row, e):  # type: ignore[no-untyped-def]
     """The vector of element e of a patch whose components are in three rows from `row` on."""
     return rows[row * SIZE + e], rows[(row + 1) * SIZE + e], rows[(row + 2) * SIZE + e]
 
 
-@_inlined
+@inlined
 def _put(rows, row, e, a):  # type: ignore[no-untyped-def]
     rows[row * SIZE + e], rows[(row + 1) * SIZE + e], rows[(row + 2) * SIZE + e] = a
 
 
-@_inlined
-def _grown_gradients(a, b, c, n, across, alpha):  # type: ignore[no-untyped-def]
-    """Gradients of the shape functions after growth Fg = I + (I - n n^T) alpha: A_r^-1 Fg^-1.
-
-    `across` is 1 - n n: 0, or 1 where an element grows in all directions.
-    """
-    s = 1 / (1 + alpha)
-    t = s * alpha / (1 + alpha * across)
-    return _sum(s, a, t * _dot(a, n), n), _sum(s, b, t * _dot(b, n), n), _sum(s, c, t * _dot(c, n), n)
-
-
-@_inlined
-def _deformation(u, v, w, a, b, c):  # type: ignore[no-untyped-def]
-    """Rows of F = u a^T + v b^T + w c^T from current edges and grown gradients."""
-    return (
-        _sum(1.0, _sum(u[0], a, v[0], b), w[0], c),
-        _sum(1.0, _sum(u[1], a, v[1], b), w[1], c),
-        _sum(1.0, _sum(u[2], a, v[2], b), w[2], c),
-    )
-
-
-@_fast
+@fast
 def _own_edges(rows, corners, x):  # type: ignore[no-untyped-def]
     """The three edges from corner 0 of each element of a patch, from the positions of its own nodes."""
     for e in range(SIZE):
-        origin = _row(x, corners[e])
+        origin = vector(x, corners[e])
         for k in range(3):
-            _put(rows, _EDGES + 3 * k, e, _sum(1.0, _row(x, corners[(k + 1) * SIZE + e]), -1.0, origin))
+            _put(rows, _EDGES + 3 * k, e, combined(1.0, vector(x, corners[(k + 1) * SIZE + e]), -1.0, origin))
 
 
-@_fast
+@fast
 def _own_growth(rows, constants, label, alphas, thickening):  # type: ignore[no-untyped-def]
     """Growth, grown and current volume of each element of a patch."""
     for e in range(SIZE):
         rows[_ALPHA * SIZE + e] = alphas[label[e]]
     for e in range(SIZE):
-        depth = constants[DEPTH * SIZE + e] / (constants[THICKNESS * SIZE + e] + thickening)
-        share = constants[MASK * SIZE + e] / (1 + _exponential(10 * (depth - 1)))
+        thickness = constants[THICKNESS * SIZE + e] + thickening
+        share = growth_share(constants[DEPTH * SIZE + e], thickness, constants[MASK * SIZE + e])
         alpha = share * rows[_ALPHA * SIZE + e]
-        normal = 1 + alpha * constants[ACROSS * SIZE + e]
-        edges = _at(rows, _EDGES, e), _at(rows, _EDGES + 3, e), _at(rows, _EDGES + 6, e)
         rows[_SHARE * SIZE + e] = share
         rows[_ALPHA * SIZE + e] = alpha
-        rows[_GROWN * SIZE + e] = constants[VOLUME * SIZE + e] * (1 + alpha) * (1 + alpha) * normal
-        rows[_CURRENT * SIZE + e] = _dot(edges[0], _cross(edges[1], edges[2])) / 6
+        rows[_GROWN * SIZE + e] = grown_volume(constants[VOLUME * SIZE + e], alpha, constants[ACROSS * SIZE + e])
+        rows[_CURRENT * SIZE + e] = volume_between(
+            _at(rows, _EDGES, e), _at(rows, _EDGES + 3, e), _at(rows, _EDGES + 6, e)
+        )
 
 
-@_inlined
-def _exponential(x):  # type: ignore[no-untyped-def]
-    """e^x to rounding, between e^-300 and e^300, without a call: so that a loop with it can be made of vectors."""
-    x = min(max(x, -300.0), 300.0)
-    # x = n ln 2 + r: adding 1.5 2^52 rounds to a whole number n, which then stands in the last bits
-    shifted = x * 1.4426950408889634 + 6755399441055744.0
-    n = shifted - 6755399441055744.0
-    r = (x - n * 6.93145751953125e-1) - n * 1.42860682030941723212e-6
-    series = 1 / 362880 + r * (1 / 3628800 + r * (1 / 39916800 + r * (1 / 479001600)))
-    series = 1 / 24 + r * (1 / 120 + r * (1 / 720 + r * (1 / 5040 + r * (1 / 40320 + r * series))))
-    series = 1 + r * (1 + r * (1 / 2 + r * (1 / 6 + r * series)))
-    return series * np.int64((np.float64(shifted).view(np.int64) + 1023) << 52).view(np.float64)
-
-
-@_inlined
-def _inverse_cube_root(j):  # type: ignore[no-untyped-def]
-    """j^(-1/3) of a positive number to rounding, without a call."""
-    # the bits of a float, read as an integer, go with its logarithm: right to some per cent; the rest is Newton's
-    # iteration with two more terms of the series of (1 - r)^(-1/3)
-    y = np.int64(6.142909891733356e18 - np.float64(np.float64(j).view(np.int64)) / 3).view(np.float64)
-    for _ in range(3):
-        r = 1 - j * (y * y * y)
-        y += y * r * (1 / 3 + r * (2 / 9 + r * (14 / 81)))
-    return y
-
-
-@_inlined
-def _own_gradients(constants, e, alpha):  # type: ignore[no-untyped-def]
+@inlined
+def own_gradients(constants, e, alpha):  # type: ignore[no-untyped-def]
     """Grown gradients of element e of a patch."""
     a, b, c = _at(constants, GRADIENTS, e), _at(constants, GRADIENTS + 3, e), _at(constants, GRADIENTS + 6, e)
-    return _grown_gradients(a, b, c, _at(constants, NORMAL, e), constants[ACROSS * SIZE + e], alpha)
+    return grown_gradients(a, b, c, _at(constants, NORMAL, e), constants[ACROSS * SIZE + e], alpha)
 
 
-@_fast
+@fast
 def _own_stress(rows, constants, material):  # type: ignore[no-untyped-def]
     """Forces on the corners 1, 2 and 3 of each element of a patch in place of its edges, as if none were degenerate."""
     for e in range(SIZE):
-        a, b, c = _own_gradients(constants, e, rows[_ALPHA * SIZE + e])
-        f0, f1, f2 = _deformation(_at(rows, _EDGES, e), _at(rows, _EDGES + 3, e), _at(rows, _EDGES + 6, e), a, b, c)
-        c0, c1, c2 = _cross(f1, f2), _cross(f2, f0), _cross(f0, f1)  # cofactors: J F^-T
-        j = _dot(f0, c0)
-        trace = _dot(f0, f0) + _dot(f1, f1) + _dot(f2, f2)
-        share, grown = rows[_SHARE * SIZE + e], rows[_GROWN * SIZE + e]
-        y = _inverse_cube_root(j)
-        p = grown * _shear_modulus(material, share) * y * y
-        r = grown * material.bulk * (rows[_MEAN * SIZE + e] - 1) - p * trace * (y * y * y) * (1 / 3)
-        p0, p1, p2 = _sum(p, f0, r, c0), _sum(p, f1, r, c1), _sum(p, f2, r, c2)
-        _put_forces(rows, e, p0, p1, p2, a, b, c)
+        a, b, c = own_gradients(constants, e, rows[_ALPHA * SIZE + e])
+        f0, f1, f2 = deformation(_at(rows, _EDGES, e), _at(rows, _EDGES + 3, e), _at(rows, _EDGES + 6, e), a, b, c)
+        grown, mu = rows[_GROWN * SIZE + e], shear_modulus(material, rows[_SHARE * SIZE + e])
+        pressure = grown * material.bulk * (rows[_MEAN * SIZE + e] - 1)
+        p0, p1, p2, j, trace = stress(f0, f1, f2, grown * mu, pressure)
+        put_forces(rows, e, forces_on_corners(p0, p1, p2, a, b, c))
         rows[_J * SIZE + e] = j
         rows[_TRACE * SIZE + e] = trace
 
 
-@_inlined
-def _shear_modulus(material, share):  # type: ignore[no-untyped-def]
-    return material.mu_core * (1 - share) + material.mu_cortex * share
-
-
-@_inlined
-def _put_forces(rows, e, p0, p1, p2, a, b, c):  # type: ignore[no-untyped-def]
-    """Forces of an element on its corners 1, 2 and 3 from the rows of its stress P and its grown gradients."""
-    _put(rows, _EDGES, e, (-_dot(p0, a), -_dot(p1, a), -_dot(p2, a)))
-    _put(rows, _EDGES + 3, e, (-_dot(p0, b), -_dot(p1, b), -_dot(p2, b)))
-    _put(rows, _EDGES + 6, e, (-_dot(p0, c), -_dot(p1, c), -_dot(p2, c)))
+@inlined
+def put_forces(rows, e, forces):  # type: ignore[no-untyped-def]
+    """Forces of an element on its corners 1, 2 and 3."""
+    _put(rows, _EDGES, e, forces[0])
+    _put(rows, _EDGES + 3, e, forces[1])
+    _put(rows, _EDGES + 6, e, forces[2])
 
 
 @numba.njit(cache=True)
 def _open_degenerate(rows, constants, material, e, x, corners):  # type: ignore[no-untyped-def]
     """Forces of an element that may be in the degenerate branch; returns whether it is."""
-    origin = _row(x, corners[e])
-    u = _sum(1.0, _row(x, corners[SIZE + e]), -1.0, origin)
-    v = _sum(1.0, _row(x, corners[2 * SIZE + e]), -1.0, origin)
-    w = _sum(1.0, _row(x, corners[3 * SIZE + e]), -1.0, origin)
-    a, b, c = _own_gradients(constants, e, rows[_ALPHA * SIZE + e])
-    f0, f1, f2 = _deformation(u, v, w, a, b, c)
-    left, stretch, right = _stretches(f0, f1, f2)
+    origin = vector(x, corners[e])
+    u = combined(1.0, vector(x, corners[SIZE + e]), -1.0, origin)
+    v = combined(1.0, vector(x, corners[2 * SIZE + e]), -1.0, origin)
+    w = combined(1.0, vector(x, corners[3 * SIZE + e]), -1.0, origin)
+    a, b, c = own_gradients(constants, e, rows[_ALPHA * SIZE + e])
+    f0, f1, f2 = deformation(u, v, w, a, b, c)
+    left, stretch, right = stretches(f0, f1, f2)
     if not stretch[2] < SMALLEST_STRETCH:
         return False
     grown = rows[_GROWN * SIZE + e]
-    s0, s1, s2 = _degenerate_stress(left, stretch, right, grown * _shear_modulus(material, rows[_SHARE * SIZE + e]))
+    s0, s1, s2 = degenerate_stress(left, stretch, right, grown * shear_modulus(material, rows[_SHARE * SIZE + e]))
     q = grown * material.bulk * (_mean_ratio(x, corners, e) - 1)
-    p0, p1, p2 = _sum(1.0, s0, q, _cross(f1, f2)), _sum(1.0, s1, q, _cross(f2, f0)), _sum(1.0, s2, q, _cross(f0, f1))
-    _put_forces(rows, e, p0, p1, p2, a, b, c)
+    p0, p1, p2 = (
+        combined(1.0, s0, q, cross(f1, f2)),
+        combined(1.0, s1, q, cross(f2, f0)),
+        combined(1.0, s2, q, cross(f0, f1)),
+    )
+    put_forces(rows, e, forces_on_corners(p0, p1, p2, a, b, c))
     return True
 
 
-@_fast
+@fast
 def _fetch(patches, patch, x, own):  # type: ignore[no-untyped-def]
     """Positions of a patch's own nodes; their sums begin at 0."""
     first = patches.offsets[patch]
@@ -309,7 +236,7 @@ def _fetch(patches, patch, x, own):  # type: ignore[no-untyped-def]
         own[i, 4] = own[i, 5] = own[i, 6] = 0.0
 
 
-@_fast
+@fast
 def _volumes(patch, patches, x, alphas, thickening, elements, slot_volumes, rows, own):  # type: ignore[no-untyped-def]
     """What the current and grown volumes of the elements of a patch add to its own nodes."""
     patches = Patches(*patches)
@@ -342,8 +269,8 @@ def _record(work, x, alphas, thickening):  # type: ignore[no-untyped-def]
             work.grown[first + e] = rows[_GROWN * SIZE + e]
 
 
-@_fast
-def _ratios(first, last, patches, slot_volumes, node_grown, ratio):  # type: ignore[no-untyped-def]
+@fast
+def ratios(first, last, patches, slot_volumes, node_grown, ratio):  # type: ignore[no-untyped-def]
     """Grown volume of a block of nodes, and the ratio of current to grown volume."""
     patches = Patches(*patches)
     for i in range(first, last):
@@ -356,7 +283,7 @@ def _ratios(first, last, patches, slot_volumes, node_grown, ratio):  # type: ign
         ratio[i] = current / grown
 
 
-@_fast
+@fast
 def _forces(patch, patches, material, x, alphas, thickening, elements, ratio, slot_forces, rows, own):  # type: ignore[no-untyped-def]
     """Forces of a patch on its own nodes; returns its smallest J, NaN if there is one, and how many are degenerate."""
     patches, material = Patches(*patches), Material(*material)
@@ -374,10 +301,9 @@ def _forces(patch, patches, material, x, alphas, thickening, elements, ratio, sl
     smallest, degenerate = np.inf, 0
     for e in range(count):
         j = rows[_J * SIZE + e]
-        if _may_be_degenerate(j, rows[_TRACE * SIZE + e]):
+        if may_be_degenerate(j, rows[_TRACE * SIZE + e]):
             degenerate += _open_degenerate(rows, constants, material, e, own, corners)
-        if j < smallest or j != j:  # a NaN stays
-            smallest = j
+        smallest = least(smallest, j)
     _add_forces(rows, corners, count, own)
     for i in range(nodes):
         for k in range(3):
@@ -385,14 +311,20 @@ def _forces(patch, patches, material, x, alphas, thickening, elements, ratio, sl
     return smallest, degenerate
 
 
-@_inlined
+@inlined
+def least(smallest, j):  # type: ignore[no-untyped-def]
+    """The smaller of two numbers; a NaN stays."""
+    return j if j < smallest or j != j else smallest
+
+
+@inlined
 def _mean_ratio(own, corners, e):  # type: ignore[no-untyped-def]
     """Mean over the corners of an element of the ratio of current to grown volume around them."""
     a, b, c, d = corners[e], corners[SIZE + e], corners[2 * SIZE + e], corners[3 * SIZE + e]
     return (own[a, 3] + own[b, 3] + own[c, 3] + own[d, 3]) / 4
 
 
-@_fast
+@fast
 def _add_forces(rows, corners, count, own):  # type: ignore[no-untyped-def]
     """Add the forces of each element to its nodes; on corner 0 acts what the other three leave over."""
     for e in range(count):
@@ -405,42 +337,7 @@ def _add_forces(rows, corners, count, own):  # type: ignore[no-untyped-def]
             own[corner3, 4 + k] += c
 
 
-@_fast
-def _may_be_degenerate(j, trace):  # type: ignore[no-untyped-def]
-    """False for nearly all elements, which spares them their stretches: the smallest is at least 2 J / tr B."""
-    return 2 * j < SMALLEST_STRETCH * trace
-
-
-@numba.njit(cache=True)
-def _stretches(f0, f1, f2):  # type: ignore[no-untyped-def]
-    """U, s and V^T of F = U diag(s) V^T, s falling; of an inverted element the last is negative, not U or V^T."""
-    f = np.array([[f0[0], f0[1], f0[2]], [f1[0], f1[1], f1[2]], [f2[0], f2[1], f2[2]]])
-    u, s, vt = np.linalg.svd(f)
-    if _dot(f0, _cross(f1, f2)) < 0:
-        u[:, 2] *= -1
-        s[2] *= -1
-    return u, s, vt
-
-
-@_fast
-def _phi(s):  # type: ignore[no-untyped-def]
-    """s^(-2/3), continued below the smallest stretch, and its derivative."""
-    if s >= SMALLEST_STRETCH:
-        return s ** (-2 / 3), -2 / 3 * s ** (-5 / 3)
-    phi, r = SMALLEST_STRETCH ** (-2 / 3), s / SMALLEST_STRETCH - 1
-    return phi * (1 - 2 / 3 * r + 5 / 9 * r * r), phi / SMALLEST_STRETCH * (-2 / 3 + 10 / 9 * r)
-
-
-@numba.njit(cache=True)
-def _degenerate_stress(u, s, vt, mu):  # type: ignore[no-untyped-def]
-    """Rows of the deviatoric P from the stretches of F."""
-    (a, da), (b, db), (c, dc) = _phi(s[0]), _phi(s[1]), _phi(s[2])
-    principal = mu / 2 * (s**2).sum() * np.array([da * b * c, a * db * c, a * b * dc]) + mu * a * b * c * s
-    p = (u * principal) @ vt
-    return (p[0, 0], p[0, 1], p[0, 2]), (p[1, 0], p[1, 1], p[1, 2]), (p[2, 0], p[2, 1], p[2, 2])
-
-
-@_fast
+@fast
 def _gathered(patches, slot_forces, i):  # type: ignore[no-untyped-def]
     """Elastic force on node i."""
     x, y, z = 0.0, 0.0, 0.0
@@ -452,8 +349,8 @@ def _gathered(patches, slot_forces, i):  # type: ignore[no-untyped-def]
     return x, y, z
 
 
-@_fast
-def _move(first, last, patches, held, material, state, slot_forces, external, node_grown, dt):  # type: ignore[no-untyped-def]
+@fast
+def move(first, last, patches, held, material, state, slot_forces, external, node_grown, dt):  # type: ignore[no-untyped-def]
     """Step a block of nodes: v += dt (f - gamma V v) / (rho V), x += dt v, with the grown volume V around each.
 
     A node that is held does not move along x. Returns the energy dissipated and the work of the contact. Work is force
@@ -488,7 +385,7 @@ def _elastic_forces(  # type: ignore[no-untyped-def]
         _volumes(patch, patches, x, alphas, thickening, elements, slot_volumes, rows[t], nodes[t])
     for block in numba.prange((len(ratio) + _BLOCK - 1) // _BLOCK):
         first, last = block * _BLOCK, min(len(ratio), (block + 1) * _BLOCK)
-        _ratios(first, last, patches, slot_volumes, node_grown, ratio)
+        ratios(first, last, patches, slot_volumes, node_grown, ratio)
     for patch in numba.prange(len(block_min)):
         t = numba.get_thread_id()  # type: ignore[attr-defined]
         block_min[patch], degenerate[patch] = _forces(
@@ -500,7 +397,7 @@ def _elastic_forces(  # type: ignore[no-untyped-def]
 def _move_all(patches, held, material, state, slot_forces, external, node_grown, dt, block_energy):  # type: ignore[no-untyped-def]
     for block in numba.prange(len(block_energy)):
         first, last = block * _BLOCK, min(len(node_grown), (block + 1) * _BLOCK)
-        block_energy[block, 0], block_energy[block, 1] = _move(
+        block_energy[block, 0], block_energy[block, 1] = move(
             first, last, patches, held, material, state, slot_forces, external, node_grown, dt
         )
 
@@ -603,21 +500,26 @@ def elastic_energy(body: Body, material: Material, x: FloatArray, work: Work, al
     return float(_deviatoric_energy(body, material, x, work, alphas).sum() + volumetric)
 
 
-@_fast
+@fast
 def _deviatoric_energy(body, material, x, work, alphas):  # type: ignore[no-untyped-def]
     """mu / 2 (J^(-2/3) tr B - 3) times the grown volume of each element: (m,)."""
     energy = np.empty(len(body.cells))
     for e in range(len(energy)):
         share = work.share[e]
-        origin, n, gradients, cells = _row(x, body.cells[e, 0]), _row(body.normals, e), body.gradients[e], body.cells
-        u, v = _sum(1.0, _row(x, cells[e, 1]), -1.0, origin), _sum(1.0, _row(x, cells[e, 2]), -1.0, origin)
-        w, alpha = _sum(1.0, _row(x, cells[e, 3]), -1.0, origin), share * alphas[body.label[e]]
-        a, b, c = _row(gradients, 0), _row(gradients, 1), _row(gradients, 2)
-        f0, f1, f2 = _deformation(u, v, w, *_grown_gradients(a, b, c, n, 1 - _dot(n, n), alpha))
-        j, trace = _dot(f0, _cross(f1, f2)), _dot(f0, f0) + _dot(f1, f1) + _dot(f2, f2)
+        origin, n, gradients, cells = (
+            vector(x, body.cells[e, 0]),
+            vector(body.normals, e),
+            body.gradients[e],
+            body.cells,
+        )
+        u, v = combined(1.0, vector(x, cells[e, 1]), -1.0, origin), combined(1.0, vector(x, cells[e, 2]), -1.0, origin)
+        w, alpha = combined(1.0, vector(x, cells[e, 3]), -1.0, origin), share * alphas[body.label[e]]
+        a, b, c = vector(gradients, 0), vector(gradients, 1), vector(gradients, 2)
+        f0, f1, f2 = deformation(u, v, w, *grown_gradients(a, b, c, n, 1 - dot(n, n), alpha))
+        j, trace = dot(f0, cross(f1, f2)), dot(f0, f0) + dot(f1, f1) + dot(f2, f2)
         factor = j ** (-2 / 3)
-        if _may_be_degenerate(j, trace):
-            stretch = _stretches(f0, f1, f2)[1]
-            factor = _phi(stretch[0])[0] * _phi(stretch[1])[0] * _phi(stretch[2])[0]
-        energy[e] = work.grown[e] * _shear_modulus(material, share) / 2 * (factor * trace - 3)
+        if may_be_degenerate(j, trace):
+            stretch = stretches(f0, f1, f2)[1]
+            factor = phi(stretch[0])[0] * phi(stretch[1])[0] * phi(stretch[2])[0]
+        energy[e] = work.grown[e] * shear_modulus(material, share) / 2 * (factor * trace - 3)
     return energy

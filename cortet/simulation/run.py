@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,21 +27,13 @@ from cortet.simulation.body import (
     smallest_altitude,
     stable_time_step,
 )
-from cortet.simulation.contact import Contact, contact_of, listed_at
+from cortet.simulation.contact import Contact, contact_of
+from cortet.simulation.gpu import OnGpu, device_name
 from cortet.simulation.growth import Gompertz, Law, Linear, age_of, growth_since, time_of
-from cortet.simulation.kernels import (
-    INVERTED,
-    LIST_OUTDATED,
-    Motion,
-    Work,
-    advance,
-    elastic_energy,
-    elastic_forces,
-    kinetic_energy,
-    workspace,
-)
+from cortet.simulation.kernels import INVERTED, LIST_OUTDATED, Motion, Work, workspace
 from cortet.simulation.measurements import Measurements, shape
 from cortet.simulation.medial_wall import Wall, medial_wall
+from cortet.simulation.stepper import OnCpu, Stepper
 
 #: steps for which growth is computed at a time, and after which its work is added up
 _CHUNK = 100
@@ -76,6 +68,8 @@ class Settings:
     #: weeks between two rows of the table, and between two frames
     record_interval: float = 0.1
     frame_interval: float = 1.0
+    #: what takes the steps
+    device: Literal["cpu", "cuda"] = "cpu"
 
 
 class Run(NamedTuple):
@@ -102,6 +96,8 @@ class Run(NamedTuple):
     end: float
     #: that the user has chosen
     time_step: float | None
+    #: "cpu", or what the GPU is called that takes the steps
+    device: str
 
 
 @dataclass
@@ -115,6 +111,8 @@ class Moment:
     contact: Contact
     #: energy that growth has brought into the body since the start
     growth_work: float = 0.0
+    #: that takes the steps from here on, once it has begun
+    stepper: Stepper | None = None
 
 
 def prepared(mesh: TetMesh, settings: Settings) -> Run:
@@ -122,9 +120,10 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
 
     Raises
     ------
-    InputError : nothing to grow, an inverted element, a field with impossible values or one that is missing, or a time
-        step that is not stable
+    InputError : nothing to grow, an inverted element, a field with impossible values or one that is missing, a time
+        step that is not stable, or a GPU that is not there
     """
+    device = device_name() if settings.device == "cuda" else "cpu"
     if not settings.gestational_age < settings.end:
         raise InputError(
             f"nothing grows from {settings.gestational_age:g} to {settings.end:g} weeks", remedy="set a later end"
@@ -149,7 +148,9 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
         )
     side = _SIDE[settings.hemisphere]
     faces, end = boundary_faces(mesh), time_of(settings.end)
-    return Run(mesh, node, cell, scale, body, wall, faces, side, settings.reference, material, laws, start, end, bound)
+    return Run(
+        mesh, node, cell, scale, body, wall, faces, side, settings.reference, material, laws, start, end, bound, device
+    )
 
 
 def described(run: Run) -> list[str]:
@@ -212,15 +213,21 @@ def advance_to(run: Run, moment: Moment, target: float) -> bool:
 
     The time step is that for the body as it is now (`time_step_of`), or a little less: the steps are equal.
     """
-    begin = moment.time
+    stepper = moment.stepper or _stepper(run, moment)
+    begin, moment.stepper = moment.time, stepper
+    stepper.begin()
     steps = max(int(np.ceil((target - begin) / time_step_of(run, moment) - 1e-9)), 1)
     dt = (target - begin) / steps
-    for first in range(0, steps, _CHUNK):
-        times: FloatArray = begin + dt * np.arange(first, min(steps, first + _CHUNK)).astype(float)
-        if _advance_over(run, moment, times, dt):
-            return True
-    moment.time = target
-    return False
+    chunks = (np.arange(first, min(steps, first + _CHUNK)).astype(float) for first in range(0, steps, _CHUNK))
+    inverted = any(_advance_over(run, moment, stepper, begin + dt * chunk, dt) for chunk in chunks)
+    if not inverted:
+        moment.time = target
+    stepper.finish()
+    return inverted
+
+
+def _stepper(run: Run, moment: Moment) -> Stepper:
+    return OnCpu(run, moment) if run.device == "cpu" else OnGpu(run, moment)
 
 
 def time_step_of(run: Run, moment: Moment) -> float:
@@ -234,41 +241,39 @@ def time_step_of(run: Run, moment: Moment) -> float:
     return stable_time_step(altitude, run.material)
 
 
-def _advance_over(run: Run, moment: Moment, times: FloatArray, dt: float) -> bool:
+def _advance_over(run: Run, moment: Moment, stepper: Stepper, times: FloatArray, dt: float) -> bool:
     """Step once at each of some times; True when it ended before, at an inverted element."""
-    before = Motion(moment.state.x.copy(), moment.state.v.copy())
+    before = stepper.copy()
     alphas, thickening = growth_at(run, times, dt)
     done, how = 0, LIST_OUTDATED
     while done < len(times) and how != INVERTED:
-        rest = alphas[done:], thickening[done:]
-        steps, how = advance(run.body, run.material, moment.state, moment.work, moment.contact, *rest, dt)
+        steps, how = stepper.advance(alphas[done:], thickening[done:], dt)
         done += steps
         if how == LIST_OUTDATED:
-            moment.contact = listed_at(moment.contact, moment.state.x)
+            stepper.list_contacts()
     now = float(times[0]) + dt * done
-    moment.growth_work += _growth_work(run, moment, before, moment.time, now, dt)
+    moment.growth_work += _growth_work(run, stepper, before, moment.time, now, dt)
     moment.step, moment.time = moment.step + done, now
-    return bool(how == INVERTED)
+    return how == INVERTED
 
 
-def _growth_work(run: Run, moment: Moment, before: Motion, begin: float, end: float, dt: float) -> float:
+def _growth_work(run: Run, stepper: Stepper, before: Motion, begin: float, end: float, dt: float) -> float:
     """Energy that growth has brought into the body between two times.
 
     At a fixed shape, growth alone changes the energy from that with the growth at `begin` to that with the growth at
     `end`; the work is the mean of this change for the shapes at both ends (trapezoidal rule).
     """
     change = 0.0
-    for state in (before, moment.state):
+    for state in (before, stepper.state):
         for time, sign in ((begin, -0.5), (end, 0.5)):
-            change += sign * sum(_energies(run, moment.work, state, time, dt))
+            change += sign * sum(_energies(run, stepper, state, time, dt))
     return change
 
 
-def _energies(run: Run, work: Work, state: Motion, time: float, dt: float) -> tuple[float, float]:
-    """Kinetic and elastic energy of a state with the growth of a time; `work` is left with J and growth there."""
+def _energies(run: Run, stepper: Stepper, state: Motion, time: float, dt: float) -> tuple[float, float]:
+    """Kinetic and elastic energy of a state with the growth of a time."""
     (alphas,), (thickening,) = growth_at(run, np.array([time]), dt)
-    elastic_forces(run.material, state.x, work, alphas, thickening)
-    return kinetic_energy(run.material, state.v, work), elastic_energy(run.body, run.material, state.x, work, alphas)
+    return stepper.energies(state, alphas, thickening)
 
 
 def growth_at(run: Run, times: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
@@ -290,7 +295,7 @@ def millimetres(run: Run, moment: Moment) -> FloatArray:
 def measured(run: Run, moment: Moment) -> Measurements:
     """Measure the body as it is; its J and growth are left in `moment.work`."""
     work = moment.work
-    kinetic, elastic = _energies(run, work, moment.state, moment.time, 0.0)
+    kinetic, elastic = _energies(run, OnCpu(run, moment), moment.state, moment.time, 0.0)
     dissipated, pushed = work.energy.tolist()
     missing = kinetic + elastic + dissipated - moment.growth_work - pushed
     flow = abs(moment.growth_work) + abs(pushed)

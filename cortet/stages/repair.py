@@ -2,14 +2,14 @@
 
 A surface without a flaw passes with the very same arrays. The steps run in the order that changes least: what equal
 places and indices decide comes first, then new triangles in holes, then cuts through handles, and at last triangles
-that cross.
+that cross. As a last resort, the whole surface is made anew on a grid instead.
 """
 
 from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from cortet.geometry.handles import without_handles
 from cortet.geometry.holes import capped, closed_volume, replaced, rim_length, rims
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.mending import CAP, REPLACED, Triangles
+from cortet.geometry.rebuilding import rebuilt
 from cortet.geometry.topology import (
     enclosed_volume,
     face_areas,
@@ -36,6 +37,9 @@ from cortet.mesh import FloatArray, IntArray, TriSurface
 from cortet.stages.gate import outward
 
 VERSION: int = 1
+
+#: how a broken surface is repaired
+Method = Literal["local", "voxel"]
 
 #: how many places of one kind are listed, and how far from each other they are, mm
 PLACES, APART_MM = 10, 5.0
@@ -102,6 +106,8 @@ class Limits:
     max_hole: float
     max_loop: float
     max_piece: float
+    method: Method
+    spacing: float
     allow_genus: int
     source: Any
 
@@ -115,6 +121,8 @@ def repair(
     max_hole: float = 200.0,
     max_loop: float = 30.0,
     max_piece: float = 0.01,
+    method: Method = "local",
+    spacing: float = 0.3,
     allow_genus: int = 0,
 ) -> tuple[TriSurface, RepairReport]:
     """Make one closed manifold without crossing triangles of a surface, where that has one right answer.
@@ -131,6 +139,8 @@ def repair(
     max_hole : mm, longest rim of a hole that is filled
     max_loop : mm, longest loop along which a handle is cut or a tunnel closed
     max_piece : share of the area up to which a separate piece is dropped
+    method : ``local``, or ``voxel``, which makes a broken surface anew as a sphere, on a grid (`geometry.rebuilding`)
+    spacing : mm, of that grid
     allow_genus : number of handles that may stay
 
     Raises
@@ -138,7 +148,9 @@ def repair(
     InputError
         something is beyond these limits, or has no single right answer; says what and where
     """
-    limits = Limits(max_displacement, max_volume_change, max_hole, max_loop, max_piece, allow_genus, source)
+    limits = Limits(
+        max_displacement, max_volume_change, max_hole, max_loop, max_piece, method, spacing, allow_genus, source
+    )
     if not _has_flaw(surface, allow_genus):
         return surface, _untouched(surface, source)
     work = _Repair(surface, limits)
@@ -198,10 +210,7 @@ class _Repair:
 
     def set_right(self) -> None:
         """All steps, in their order."""
-        for step in (
-            self._unknown_places,
-            self._coinciding,
-            self._duplicates,
+        local = (
             self._branches,
             self._small_pieces,
             self._orientation,
@@ -209,7 +218,9 @@ class _Repair:
             self._misshapen,
             self._handles,
             self._crossings,
-        ):
+        )
+        how = {"local": local, "voxel": (self._rebuilding,)}[self.limits.method]
+        for step in (self._unknown_places, self._coinciding, self._duplicates, *how):
             step()
             if not len(self.work.faces):
                 raise InputError("no triangle is left", remedy="export the surface again")
@@ -259,6 +270,13 @@ class _Repair:
         if len(gone):
             places = self.work.faces[gone, 0]
             self._replace(work, "doubled triangles removed", len(gone), "faces", places)
+
+    def _rebuilding(self) -> None:
+        turned = TriSurface(self.work.points, outward(self.work.points, self.work.faces))
+        made, self.volume_before = rebuilt(turned, self.limits.spacing)
+        self._note(f"surface made anew on a grid of {self.limits.spacing:g} mm", 1, "surface", made.points.mean(axis=0))
+        work = mending.triangles(made.points, made.faces)
+        self.work = work._replace(origin=np.full(len(made.points), -1, np.int32), made=work.made + REPLACED)
 
     def _branches(self) -> None:
         count = len(self.work.points)

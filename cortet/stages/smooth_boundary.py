@@ -30,7 +30,7 @@ from cortet.optimise.crossing import without_crossing
 from cortet.optimise.vertices import Boundary
 from cortet.stages.clean import clean, require_positive
 
-VERSION: int = 6
+VERSION: int = 7
 
 Method = Literal["laplacian", "workbench"]
 

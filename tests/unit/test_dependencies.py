@@ -13,7 +13,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
 def names(requirements: list[str]) -> set[str]:
-    return {re.split(r"[<>=;\s]", requirement)[0] for requirement in requirements}
+    return {re.split(r"[\[<>=;\s]", requirement)[0] for requirement in requirements}
 
 
 RUNTIME = names(PROJECT["project"]["dependencies"] + PROJECT["project"]["optional-dependencies"]["published"])
@@ -31,7 +31,7 @@ def test_the_doctor_proves_every_runtime_dependency():
 
 def test_the_doctor_knows_the_extras():
     extras = PROJECT["project"]["optional-dependencies"]
-    extra = names(extras["baselines"] + extras["slurm"])
+    extra = names(extras["baselines"] + extras["slurm"] + extras["gpu"])
     assert {library.name for library in doctor.OPTIONAL} == extra
     assert not doctor.problems([doctor.Finding("missing", name, "", "", "not installed") for name in extra])
 

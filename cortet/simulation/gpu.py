@@ -1,0 +1,261 @@
+"""A run on a GPU: what lies there, and what goes back and forth.
+
+The body, where it is, and its contacts stay on the device. To the host come, after a hundred steps, how many were taken
+and the sums of the energies; the positions, when the list of contacts must be made anew, which the host does, and when
+the body is measured.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import fsum
+from typing import TYPE_CHECKING, Any
+
+import numba
+import numpy as np
+
+from cortet.errors import InputError, StageError
+from cortet.mesh import FloatArray, IntArray
+from cortet.simulation.body import Body, Material
+from cortet.simulation.contact import Contact, listed_at
+from cortet.simulation.kernels import Motion
+from cortet.simulation.patches import SIZE, Patches
+
+if TYPE_CHECKING:
+    from cortet.simulation.gpu_kernels import Gathered
+    from cortet.simulation.run import Moment, Run
+
+_CPU = "run on the CPU: leave out --device cuda, or set fold.device: cpu"
+#: bytes on the device per tetrahedron, for the message where there are not enough
+_BYTES_PER_TET = 300
+
+
+def is_simulated() -> bool:
+    """Whether Numba's simulator stands for a GPU, as in tests."""
+    return bool(numba.config.ENABLE_CUDASIM)  # type: ignore[attr-defined]
+
+
+def device_name() -> str:
+    """What the GPU is called that a run would take.
+
+    Raises
+    ------
+    InputError : there is no numba-cuda, no driver, no compiler for the device, or no GPU
+    """
+    if is_simulated():
+        return "simulator"
+    if importlib.util.find_spec("numba_cuda") is None:
+        raise InputError(
+            "a GPU is asked for, but the package numba-cuda is not installed",
+            remedy=f"pip install 'cortet[gpu]', or {_CPU}",
+        )
+    from numba import cuda
+
+    try:
+        if not cuda.is_available():
+            raise InputError(f"no GPU can be used: {_reason(cuda)}", remedy=f"see what nvidia-smi says, or {_CPU}")
+        name = cuda.get_current_device().name
+    except Exception as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(
+            f"no GPU can be used: {' '.join(str(error).split())}", remedy=f"see what nvidia-smi says, or {_CPU}"
+        ) from None
+    return name.decode() if isinstance(name, bytes) else str(name)
+
+
+def _reason(cuda: Any) -> str:
+    """Why Numba finds no GPU."""
+    return " ".join(str(cuda.cuda_error() or "the compiler for the device (libNVVM) is missing").split())
+
+
+class OnGpu:
+    """The steps of a moment of a run, on a GPU; see `stepper.Stepper`."""
+
+    def __init__(self, run: Run, moment: Moment) -> None:
+        from cortet.simulation import gpu_kernels
+
+        self._gpu, self._moment = gpu_kernels, moment
+        self._material, self._elements = Material(*map(float, run.material)), len(run.body.cells)
+        work = moment.work
+        with self._told():
+            self._patches = Patches(*map(_sent, work.patches))
+            self._held = _sent(run.body.held)
+            self._lists = gpu_kernels.Gathered(*map(_sent, gathered(run.body, work.patches, moment.contact)))
+            self._contact = _on_device(moment.contact)
+            self.state, self._before = (Motion(*map(_sent, moment.state)) for _ in range(2))
+            scratch = (work.slot_volumes, work.slot_forces, work.node_grown, work.ratio, np.zeros_like(moment.state.x))
+            self._scratch = gpu_kernels.Scratch(*map(_sent, scratch))
+            self._tallies = self._no_tallies()
+            self._energy_tallies = self._no_tallies()
+
+    def begin(self) -> None:
+        """Take the moment as it is on the host."""
+        with self._told():
+            _overwrite(self.state, self._moment.state)
+            self._tallies = self._no_tallies()
+
+    def finish(self) -> None:
+        """Bring the moment as it is now back to the host."""
+        work = self._moment.work
+        with self._told():
+            self._moment.state.x[:], self._moment.state.v[:] = map(_fetched, self.state)
+            counts, least = _fetched(self._tallies.counts), _fetched(self._tallies.least)
+            energy = _fetched(self._tallies.block_energy)
+        work.counts[0] += counts[self._gpu.DEGENERATE]
+        work.counts[1] = counts[self._gpu.TOUCHED]
+        work.min_j[0] = min(work.min_j[0], least[0])
+        work.energy[:] += [fsum(energy[:, 0]), fsum(energy[:, 1])]
+
+    def copy(self) -> Motion:
+        """Where the body is, kept until the next copy."""
+        with self._told():
+            _overwrite(self._before, self.state)
+        return self._before
+
+    def advance(self, alphas: FloatArray, thickening: FloatArray, dt: float) -> tuple[int, int]:
+        """`kernels.advance` for this moment."""
+        with self._told():
+            self._tallies.flags.copy_to_device(np.zeros(3, np.int32))
+            self._launch(
+                self._gpu.advance,
+                self._patches,
+                self._held,
+                self._material,
+                self.state,
+                self._contact,
+                self._lists,
+                _sent(alphas),
+                _sent(thickening),
+                float(dt),
+                self._elements,
+                self._scratch,
+                self._tallies,
+            )
+            flags = _fetched(self._tallies.flags)
+        return int(flags[self._gpu.TAKEN]), int(flags[self._gpu.HOW])
+
+    def list_contacts(self) -> None:
+        """Make the list of contacts anew, on the host."""
+        with self._told():
+            contact = listed_at(self._moment.contact, _fetched(self.state.x))
+            first, touching = _touching(contact)
+            self._contact = self._contact._replace(
+                offsets=_sent(contact.offsets), candidates=_sent(contact.candidates), listed=_sent(contact.listed)
+            )
+            self._lists = self._lists._replace(first=_sent(first), touching=_sent(touching))
+        self._moment.contact = contact
+
+    def energies(self, state: Motion, alphas: FloatArray, thickening: float) -> tuple[float, float]:
+        """Kinetic and elastic energy of a state on the device."""
+        tallies = self._energy_tallies
+        with self._told():
+            self._launch(
+                self._gpu.energies,
+                self._patches,
+                self._material,
+                state,
+                self._lists,
+                _sent(alphas),
+                float(thickening),
+                self._elements,
+                self._scratch,
+                tallies,
+            )
+            deviatoric, nodal = _fetched(tallies.patch_least), _fetched(tallies.block_energy)
+        elastic = fsum(deviatoric) + self._material.bulk / 2 * fsum(nodal[:, 1])
+        return self._material.density / 2 * fsum(nodal[:, 0]), elastic
+
+    def _no_tallies(self) -> Any:
+        """Tallies of which nothing is counted yet, on the device."""
+        patches, threads = len(self._moment.work.patches.corners), self._gpu.THREADS
+        blocks, surface = -(-len(self._moment.state.x) // threads), -(-len(self._moment.contact.nodes) // threads)
+        return self._gpu.Tallies(
+            flags=_sent(np.zeros(3, np.int32)),
+            counts=_sent(np.array([0, self._moment.work.counts[1]], np.int64)),
+            least=_sent(np.full(1, np.inf)),
+            patch_least=_sent(np.zeros(patches)),
+            patch_count=_sent(np.zeros(patches)),
+            block_touched=_sent(np.zeros(surface)),
+            block_energy=_sent(np.zeros((blocks, 2))),
+        )
+
+    def _launch(self, kernel: Any, *arguments: Any) -> None:
+        """Run a kernel with as many blocks as the device holds at a time, for they wait for each other."""
+        if is_simulated():
+            kernel[1, self._gpu.THREADS](*arguments)
+            return
+        compiled = kernel.specialize(*arguments)
+        (overload,) = compiled.overloads.values()
+        most = overload.max_cooperative_grid_blocks(self._gpu.THREADS)
+        useful = max(len(self._moment.work.patches.corners), -(-len(self._moment.state.x) // self._gpu.THREADS))
+        compiled[min(most, useful), self._gpu.THREADS](*arguments)
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Say what the device has refused in the user's words."""
+        try:
+            yield
+        except Exception as error:  # the driver's errors have several classes
+            if "CUDA_ERROR" not in str(error):
+                raise
+            size = f"{self._elements:,} tetrahedra take {self._elements * _BYTES_PER_TET / 1e9:.1f} GB there"
+            raise StageError(f"the GPU has failed: {' '.join(str(error).split())}", remedy=f"{size}; {_CPU}") from error
+
+
+def _sent(array: Any) -> Any:
+    """A copy of an array on the device; one that is empty, which drivers refuse, gets an entry that nobody reads."""
+    from numba import cuda
+
+    return cuda.to_device(np.ascontiguousarray(array if array.size else np.zeros((1, *array.shape[1:]), array.dtype)))
+
+
+def _fetched(array: Any) -> Any:
+    """A copy on the host, once all that was launched is done."""
+    return array.copy_to_host()
+
+
+def _overwrite(state: Any, values: Motion) -> None:
+    """Set a state on the device to one there or on the host."""
+    state.x.copy_to_device(values.x)
+    state.v.copy_to_device(values.v)
+
+
+def _on_device(contact: Contact) -> Contact:
+    values: Any = (_sent(value) if isinstance(value, np.ndarray) else float(value) for value in contact)
+    return Contact(*values)
+
+
+def gathered(body: Body, patches: Patches, contact: Contact) -> Gathered:
+    """Lists of who adds what: to the nodes of each patch, and to the surface nodes in contact."""
+    from cortet.simulation.gpu_kernels import Gathered
+
+    m, count = len(body.cells), len(patches.corners)
+    slots = (patches.offsets[:-1, None, None] + patches.corners.reshape(count, 4, SIZE)).transpose(0, 2, 1)
+    members = np.broadcast_to(SIZE * np.arange(4) + np.arange(SIZE)[:, None], (count, SIZE, 4))
+    slot, member = slots.reshape(-1, 4)[:m].ravel(), members.reshape(-1, 4)[:m].ravel()
+    place = np.full(len(body.held), -1, np.int32)
+    place[contact.nodes] = np.arange(len(contact.nodes))
+    corner = place[contact.faces].ravel()
+    return Gathered(
+        begins=_starts(slot, len(patches.nodes)),
+        members=member[np.argsort(slot, kind="stable")].astype(np.uint16),
+        place=place,
+        starts=_starts(corner, len(contact.nodes)),
+        around=np.argsort(corner, kind="stable").astype(np.int32),
+        **dict(zip(("first", "touching"), _touching(contact), strict=True)),
+    )
+
+
+def _touching(contact: Contact) -> tuple[IntArray, IntArray]:
+    """Surface nodes that might touch each triangle: where those of a triangle begin, and all of them, rising."""
+    nodes = np.repeat(np.arange(len(contact.nodes), dtype=np.int32), np.diff(contact.offsets))
+    order = np.argsort(contact.candidates, kind="stable")
+    return _starts(contact.candidates, len(contact.faces)), nodes[order]
+
+
+def _starts(places: IntArray, count: int) -> IntArray:
+    """Where each place begins in a list that is sorted by place: (count + 1,) int32."""
+    return np.append(0, np.cumsum(np.bincount(places, minlength=count))).astype(np.int32)

@@ -1,0 +1,461 @@
+"""Steps in time on a GPU: the loops of `kernels`, by a grid of blocks of threads that wait for each other.
+
+A block takes a patch of elements at a time, and its threads the elements; what these do to the patch's own nodes lies
+in the block's shared memory until each of these nodes has added it up, element after element, in the order in which a
+CPU adds. All else is a node's own doing: it gathers its slots, and the contacts around it, from lists whose order is
+fixed. There is no atomic sum, and no sum depends on how many blocks there are: a device makes the same bits in every
+run.
+
+One kernel does many steps. The whole grid waits between the phases of a step (a cooperative launch), so that nothing
+returns to the host and nothing is launched per step; and as all threads read the same verdict on a step before any node
+moves, all stop at the same one, with everything that moves as it was when the step began.
+
+What is computed in an element and at a node is what `law`, `contact` and `kernels` say, compiled for the device. Only
+the stretches of degenerate elements are found in another way, as a GPU has no LAPACK.
+"""
+# This module is imported where a GPU is asked for, and nowhere else: it makes Numba look for CUDA.
+
+from __future__ import annotations
+
+from functools import cache
+from types import FunctionType
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numba import cuda
+from numba.core.dispatcher import Dispatcher
+
+from cortet.mesh import FloatArray, IntArray
+from cortet.simulation import contact as contacts
+from cortet.simulation import kernels, law
+from cortet.simulation.kernels import DONE, INVERTED, LIST_OUTDATED
+from cortet.simulation.patches import ACROSS, DEPTH, MASK, SIZE, THICKNESS, VOLUME
+
+#: threads of a block, a power of two; nodes whose energies are added up at a time
+THREADS = 128
+#: places in `Tallies.flags`: how the batch ended, steps taken, whether some node has moved too far
+HOW, TAKEN, OUTDATED = 0, 1, 2
+#: places in `Tallies.counts`: entries into the degenerate branch, nodes in contact at the last step
+DEGENERATE, TOUCHED = 0, 1
+#: shared memory of a block, in rows of SIZE values: forces on the corners 1, 2 and 3 of each element
+_SHARED = 9 * SIZE
+
+
+class Gathered(NamedTuple):
+    """Who adds what, in which order; s slots, m elements, n nodes, k triangles of the surface."""
+
+    #: what slot i of a patch adds up: members[begins[i]:begins[i + 1]], each SIZE times a corner, plus the element in
+    #: the patch; (s + 1,) int32 and (4 m,) uint16
+    begins: IntArray
+    members: Any
+    #: (n,) int32, place of a node among the surface nodes, or -1
+    place: IntArray
+    #: triangles around surface node i: around[starts[i]:starts[i + 1]], each three times the triangle, plus the corner
+    starts: IntArray
+    around: IntArray
+    #: surface nodes that might touch triangle f: touching[first[f]:first[f + 1]], rising
+    first: IntArray
+    touching: IntArray
+
+
+class Tallies(NamedTuple):
+    """What a batch of steps counts; b blocks of THREADS nodes, p patches."""
+
+    #: (3,) int32, see HOW
+    flags: IntArray
+    #: (2,) int64, see DEGENERATE
+    counts: Any
+    #: (1,), smallest J of all steps
+    least: FloatArray
+    #: per patch, of the step: smallest J, and elements in the degenerate branch; or their elastic energy
+    patch_least: FloatArray
+    patch_count: FloatArray
+    #: (b, 2), of the step: number of surface nodes in contact
+    block_touched: FloatArray
+    #: (b, 2), of all steps: energy dissipated, work of the contact; or kinetic and volumetric energy
+    block_energy: FloatArray
+
+
+class Scratch(NamedTuple):
+    """What a step computes on its way, as in `kernels.Work`."""
+
+    slot_volumes: FloatArray
+    slot_forces: FloatArray
+    node_grown: FloatArray
+    ratio: FloatArray
+    external: FloatArray
+
+
+@cache
+def on_device(function: Dispatcher) -> Any:
+    """A function that is compiled for CPUs, and what it calls, compiled for the device.
+
+    Called as they are, Numba would compile them for it with all of `fastmath` where the CPU has the contraction of
+    multiply-adds alone. That would take NaN for impossible, and rounding in `law.exponential` for nothing. The device
+    contracts multiply-adds without being told.
+    """
+    plain = function.py_func
+    callees = {
+        name: on_device(value)
+        for name, value in plain.__globals__.items()
+        if name in plain.__code__.co_names and isinstance(value, Dispatcher)
+    }
+    own = FunctionType(plain.__code__, {**plain.__globals__, **callees}, plain.__name__, plain.__defaults__)
+    return cuda.jit(device=True)(own)
+
+
+_combined, _vector = on_device(law.combined), on_device(law.vector)
+_dot, _cross, _deformation = on_device(law.dot), on_device(law.cross), on_device(law.deformation)
+_growth_share, _grown_volume = on_device(law.growth_share), on_device(law.grown_volume)
+_volume_between, _stress = on_device(law.volume_between), on_device(law.stress)
+_shear_modulus, _forces_on_corners = on_device(law.shear_modulus), on_device(law.forces_on_corners)
+_may_be_degenerate, _phi = on_device(law.may_be_degenerate), on_device(law.phi)
+_stretches, _degenerate_stress = on_device(law.turned_stretches), on_device(law.turned_stress)
+_own_gradients, _put_forces = on_device(kernels.own_gradients), on_device(kernels.put_forces)
+_least = on_device(kernels.least)
+_ratios, _move = on_device(kernels.ratios), on_device(kernels.move)
+_has_moved_too_far, _touch = on_device(contacts.has_moved_too_far), on_device(contacts.touch)
+_plane_force = on_device(contacts.plane_force)
+
+
+# --- an element ------------------------------------------------------------------------------------------------------
+
+
+@cuda.jit(device=True)
+def _edges(patches, patch, e, x):  # type: ignore[no-untyped-def]
+    """The nodes of an element of a patch, and its three edges from corner 0."""
+    first = patches.offsets[patch]
+    a = patches.nodes[first + patches.corners[patch, e]]
+    b = patches.nodes[first + patches.corners[patch, SIZE + e]]
+    c = patches.nodes[first + patches.corners[patch, 2 * SIZE + e]]
+    d = patches.nodes[first + patches.corners[patch, 3 * SIZE + e]]
+    origin = _vector(x, a)
+    return (
+        (a, b, c, d),
+        _combined(1.0, _vector(x, b), -1.0, origin),
+        _combined(1.0, _vector(x, c), -1.0, origin),
+        _combined(1.0, _vector(x, d), -1.0, origin),
+    )
+
+
+@cuda.jit(device=True)
+def _growth(patches, patch, e, alphas, thickening):  # type: ignore[no-untyped-def]
+    """Share, growth and grown volume of an element of a patch."""
+    constants = patches.constants[patch]
+    thickness = constants[THICKNESS * SIZE + e] + thickening
+    share = _growth_share(constants[DEPTH * SIZE + e], thickness, constants[MASK * SIZE + e])
+    alpha = share * alphas[patches.label[patch, e]]
+    return share, alpha, _grown_volume(constants[VOLUME * SIZE + e], alpha, constants[ACROSS * SIZE + e])
+
+
+@cuda.jit(device=True)
+def _stretched(patches, patch, e, x, ratio, material, alphas, thickening):  # type: ignore[no-untyped-def]
+    """Rows of F of an element, its grown gradients, and its moduli for `law.stress`."""
+    nodes, u, v, w = _edges(patches, patch, e, x)
+    share, alpha, grown = _growth(patches, patch, e, alphas, thickening)
+    gradients = _own_gradients(patches.constants[patch], e, alpha)
+    mean = (ratio[nodes[0]] + ratio[nodes[1]] + ratio[nodes[2]] + ratio[nodes[3]]) / 4
+    moduli = grown * _shear_modulus(material, share), grown * material.bulk * (mean - 1)
+    return _deformation(u, v, w, gradients[0], gradients[1], gradients[2]), gradients, moduli
+
+
+@cuda.jit(device=True)
+def _put_element(shared, patches, patch, e, x, ratio, material, alphas, thickening):  # type: ignore[no-untyped-def]
+    """Forces of an element as if it were not degenerate; returns its J, and whether it may be."""
+    f, gradients, moduli = _stretched(patches, patch, e, x, ratio, material, alphas, thickening)
+    p0, p1, p2, j, trace = _stress(f[0], f[1], f[2], moduli[0], moduli[1])
+    _put_forces(shared, e, _forces_on_corners(p0, p1, p2, gradients[0], gradients[1], gradients[2]))
+    return j, _may_be_degenerate(j, trace)
+
+
+@cuda.jit(device=True)
+def _put_degenerate(shared, patches, patch, e, x, ratio, material, alphas, thickening):  # type: ignore[no-untyped-def]
+    """Forces of an element that may be in the degenerate branch; returns whether it is."""
+    f, gradients, moduli = _stretched(patches, patch, e, x, ratio, material, alphas, thickening)
+    left, stretch, right = _stretches(f[0], f[1], f[2])
+    if not stretch[2] < law.SMALLEST_STRETCH:
+        return False
+    s0, s1, s2 = _degenerate_stress(left, stretch, right, moduli[0])
+    p0 = _combined(1.0, s0, moduli[1], _cross(f[1], f[2]))
+    p1 = _combined(1.0, s1, moduli[1], _cross(f[2], f[0]))
+    p2 = _combined(1.0, s2, moduli[1], _cross(f[0], f[1]))
+    _put_forces(shared, e, _forces_on_corners(p0, p1, p2, gradients[0], gradients[1], gradients[2]))
+    return True
+
+
+@cuda.jit(device=True)
+def _deviatoric_energy(patches, patch, e, x, material, alphas, thickening):  # type: ignore[no-untyped-def]
+    """mu / 2 (J^(-2/3) tr B - 3) times the grown volume of an element."""
+    _, u, v, w = _edges(patches, patch, e, x)
+    share, alpha, grown = _growth(patches, patch, e, alphas, thickening)
+    a, b, c = _own_gradients(patches.constants[patch], e, alpha)
+    f0, f1, f2 = _deformation(u, v, w, a, b, c)
+    j, trace = _dot(f0, _cross(f1, f2)), _dot(f0, f0) + _dot(f1, f1) + _dot(f2, f2)
+    if _may_be_degenerate(j, trace):
+        stretch = _stretches(f0, f1, f2)[1]
+        factor = _phi(stretch[0])[0] * _phi(stretch[1])[0] * _phi(stretch[2])[0]
+    else:
+        factor = j ** (-2 / 3)
+    return grown * _shear_modulus(material, share) / 2 * (factor * trace - 3)
+
+
+# --- a block of threads ----------------------------------------------------------------------------------------------
+
+
+@cuda.jit(device=True)
+def _total(shared, value):  # type: ignore[no-untyped-def]
+    """The sum of a value over the threads of a block, which all of them get; added by halves."""
+    t, half = cuda.threadIdx.x, cuda.blockDim.x // 2
+    cuda.syncthreads()
+    shared[t] = value
+    cuda.syncthreads()
+    while half > 0:
+        if t < half:
+            shared[t] += shared[t + half]
+        cuda.syncthreads()
+        half //= 2
+    return shared[0]
+
+
+@cuda.jit(device=True)
+def _smallest(shared, value):  # type: ignore[no-untyped-def]
+    """The smallest of a value over the threads of a block, NaN if there is one."""
+    t, half = cuda.threadIdx.x, cuda.blockDim.x // 2
+    cuda.syncthreads()
+    shared[t] = value
+    cuda.syncthreads()
+    while half > 0:
+        if t < half:
+            shared[t] = _least(shared[t], shared[t + half])
+        cuda.syncthreads()
+        half //= 2
+    return shared[0]
+
+
+# --- the phases of a step, by all blocks -----------------------------------------------------------------------------
+
+
+@cuda.jit(device=True)
+def _add_volumes(shared, patches, lists, x, alphas, thickening, elements, slot_volumes):  # type: ignore[no-untyped-def]
+    """What the current and grown volumes of the elements of a patch add to its own nodes."""
+    for patch in range(cuda.blockIdx.x, len(patches.corners), cuda.gridDim.x):
+        cuda.syncthreads()  # until all have used what the patch before has left
+        for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), cuda.blockDim.x):
+            _, u, v, w = _edges(patches, patch, e, x)
+            shared[e] = _volume_between(u, v, w)
+            shared[SIZE + e] = _growth(patches, patch, e, alphas, thickening)[2]
+        cuda.syncthreads()
+        for slot in range(patches.offsets[patch] + cuda.threadIdx.x, patches.offsets[patch + 1], cuda.blockDim.x):
+            current, grown = 0.0, 0.0
+            for k in range(lists.begins[slot], lists.begins[slot + 1]):
+                e = lists.members[k] % SIZE
+                current += shared[e]
+                grown += shared[SIZE + e]
+            slot_volumes[slot, 0] = current
+            slot_volumes[slot, 1] = grown
+
+
+@cuda.jit(device=True)
+def _find_ratios(patches, scratch):  # type: ignore[no-untyped-def]
+    """Grown volume of every node, and the ratio of current to grown volume."""
+    for i in range(cuda.grid(1), len(scratch.ratio), cuda.gridsize(1)):
+        _ratios(i, i + 1, patches, scratch.slot_volumes, scratch.node_grown, scratch.ratio)
+
+
+@cuda.jit(device=True)
+def _look(contact, x, flags):  # type: ignore[no-untyped-def]
+    """Whether some surface node has moved so far that the list may lack a contact."""
+    for i in range(cuda.grid(1), len(contact.nodes), cuda.gridsize(1)):
+        if _has_moved_too_far(contact, x, i):
+            flags[OUTDATED] = 1
+
+
+@cuda.jit(device=True)
+def _add_forces(shared, patches, lists, x, material, alphas, thickening, elements, scratch, tallies):  # type: ignore[no-untyped-def]
+    """Forces of a patch on its own nodes, its smallest J, and how many of its elements are degenerate."""
+    for patch in range(cuda.blockIdx.x, len(patches.corners), cuda.gridDim.x):
+        cuda.syncthreads()
+        least, flat, degenerate = np.inf, False, 0.0
+        for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), cuda.blockDim.x):
+            j, doubtful = _put_element(shared, patches, patch, e, x, scratch.ratio, material, alphas, thickening)
+            least, flat = _least(least, j), flat or doubtful
+        if flat:  # rarely: apart, for it takes many registers, and with fewer of them a device runs more blocks
+            for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), cuda.blockDim.x):
+                if _put_degenerate(shared, patches, patch, e, x, scratch.ratio, material, alphas, thickening):
+                    degenerate += 1.0
+        cuda.syncthreads()
+        for slot in range(patches.offsets[patch] + cuda.threadIdx.x, patches.offsets[patch + 1], cuda.blockDim.x):
+            fx, fy, fz = _forces_on_slot(shared, lists, slot)
+            scratch.slot_forces[slot, 0] = fx
+            scratch.slot_forces[slot, 1] = fy
+            scratch.slot_forces[slot, 2] = fz
+        least, degenerate = _smallest(shared, least), _total(shared, degenerate)
+        if cuda.threadIdx.x == 0:
+            tallies.patch_least[patch] = least
+            tallies.patch_count[patch] = degenerate
+
+
+@cuda.jit(device=True)
+def _forces_on_slot(shared, lists, slot):  # type: ignore[no-untyped-def]
+    """What the elements of a patch do to one of its own nodes; on corner 0 acts what the other three leave over."""
+    fx, fy, fz = 0.0, 0.0, 0.0
+    for k in range(lists.begins[slot], lists.begins[slot + 1]):
+        corner, e = lists.members[k] // SIZE, lists.members[k] % SIZE
+        if corner == 0:
+            fx -= shared[e] + shared[3 * SIZE + e] + shared[6 * SIZE + e]
+            fy -= shared[SIZE + e] + shared[4 * SIZE + e] + shared[7 * SIZE + e]
+            fz -= shared[2 * SIZE + e] + shared[5 * SIZE + e] + shared[8 * SIZE + e]
+        else:
+            fx += shared[(3 * corner - 3) * SIZE + e]
+            fy += shared[(3 * corner - 2) * SIZE + e]
+            fz += shared[(3 * corner - 1) * SIZE + e]
+    return fx, fy, fz
+
+
+@cuda.jit(device=True)
+def _touch_all(shared, contact, x, block_touched):  # type: ignore[no-untyped-def]
+    """The contact of every surface node, and how many are in contact, those with the medial plane counted again."""
+    for block in range(cuda.blockIdx.x, len(block_touched), cuda.gridDim.x):
+        i, count = block * cuda.blockDim.x + cuda.threadIdx.x, 0.0
+        if i < len(contact.nodes):
+            _touch(contact, x, i)
+            count += 1.0 if contact.touched[i] >= 0 else 0.0
+            if contact.side != 0:
+                count += 1.0 if _plane_force(contact, x[contact.nodes[i], 0]) != 0 else 0.0
+        count = _total(shared, count)
+        if cuda.threadIdx.x == 0:
+            block_touched[block] = count
+
+
+@cuda.jit(device=True)
+def _judge(shared, tallies):  # type: ignore[no-untyped-def]
+    """Whether a step may be taken: by one block, when all others wait."""
+    t, least, degenerate, touched = cuda.threadIdx.x, np.inf, 0.0, 0.0
+    for patch in range(t, len(tallies.patch_least), cuda.blockDim.x):
+        least = _least(least, tallies.patch_least[patch])
+        degenerate += tallies.patch_count[patch]
+    for block in range(t, len(tallies.block_touched), cuda.blockDim.x):
+        touched += tallies.block_touched[block]
+    least, degenerate, touched = _smallest(shared, least), _total(shared, degenerate), _total(shared, touched)
+    if t != 0:
+        return
+    if tallies.flags[OUTDATED] != 0:
+        tallies.flags[HOW] = LIST_OUTDATED
+        return
+    if least < tallies.least[0]:
+        tallies.least[0] = least
+    if not least > 0:
+        tallies.flags[HOW] = INVERTED
+        return
+    tallies.flags[TAKEN] += 1
+    tallies.counts[DEGENERATE] += np.int64(degenerate)
+    tallies.counts[TOUCHED] = np.int64(touched)
+
+
+@cuda.jit(device=True)
+def _contact_force(contact, lists, x, place):  # type: ignore[no-untyped-def]
+    """Force of all contacts on a surface node: its own, what touches the triangles around it, the medial plane."""
+    fx, fy, fz = 0.0, 0.0, 0.0
+    if contact.touched[place] >= 0:
+        fx, fy, fz = contact.force[place, 0], contact.force[place, 1], contact.force[place, 2]
+    for k in range(lists.starts[place], lists.starts[place + 1]):
+        face, corner = lists.around[k] // 3, lists.around[k] % 3
+        for m in range(lists.first[face], lists.first[face + 1]):
+            other = lists.touching[m]
+            if contact.touched[other] == face:
+                weight = contact.weights[other, corner]
+                fx -= weight * contact.force[other, 0]
+                fy -= weight * contact.force[other, 1]
+                fz -= weight * contact.force[other, 2]
+    if contact.side != 0:
+        fx += _plane_force(contact, x[contact.nodes[place], 0])
+    return fx, fy, fz
+
+
+@cuda.jit(device=True)
+def _move_all(shared, patches, lists, held, material, state, contact, dt, scratch, block_energy):  # type: ignore[no-untyped-def]
+    """Step every node; add what was dissipated and the work of the contact, block by block."""
+    for block in range(cuda.blockIdx.x, len(block_energy), cuda.gridDim.x):
+        i, dissipated, pushed = block * cuda.blockDim.x + cuda.threadIdx.x, 0.0, 0.0
+        if i < len(held):
+            if lists.place[i] >= 0:
+                fx, fy, fz = _contact_force(contact, lists, state.x, lists.place[i])
+                scratch.external[i, 0] = fx
+                scratch.external[i, 1] = fy
+                scratch.external[i, 2] = fz
+            dissipated, pushed = _move(
+                i,
+                i + 1,
+                patches,
+                held,
+                material,
+                state,
+                scratch.slot_forces,
+                scratch.external,
+                scratch.node_grown,
+                dt,
+            )
+        dissipated, pushed = _total(shared, dissipated), _total(shared, pushed)
+        if cuda.threadIdx.x == 0:
+            block_energy[block, 0] += dissipated
+            block_energy[block, 1] += pushed
+
+
+# --- kernels ---------------------------------------------------------------------------------------------------------
+
+
+@cuda.jit
+def advance(patches, held, material, state, contact, lists, alphas, thickening, dt, elements, scratch, tallies):  # type: ignore[no-untyped-def]
+    """`kernels.advance` on the device: as many steps as `alphas` has rows, unless one of them cannot be taken.
+
+    `tallies.flags` must be 0 before and say afterwards how many were taken and why no more.
+    """
+    grid, shared = cuda.cg.this_grid(), cuda.shared.array(_SHARED, numba.float64)
+    x = state.x
+    for step in range(len(alphas)):
+        now, thicker = alphas[step], thickening[step]
+        _add_volumes(shared, patches, lists, x, now, thicker, elements, scratch.slot_volumes)
+        grid.sync()
+        _find_ratios(patches, scratch)
+        _look(contact, x, tallies.flags)
+        grid.sync()
+        _add_forces(shared, patches, lists, x, material, now, thicker, elements, scratch, tallies)
+        _touch_all(shared, contact, x, tallies.block_touched)
+        grid.sync()
+        if cuda.blockIdx.x == 0:
+            _judge(shared, tallies)
+        grid.sync()
+        if tallies.flags[HOW] != DONE:
+            break
+        _move_all(shared, patches, lists, held, material, state, contact, dt, scratch, tallies.block_energy)
+        grid.sync()
+
+
+@cuda.jit
+def energies(patches, material, state, lists, alphas, thickening, elements, scratch, tallies):  # type: ignore[no-untyped-def]
+    """Elastic energy of the elements of each patch, without that of the nodal volumes; and of each block of nodes.
+
+    These are sums of V |v|^2 and V (J - 1)^2 with the grown volume V and the ratio J of each node.
+    """
+    grid, shared = cuda.cg.this_grid(), cuda.shared.array(_SHARED, numba.float64)
+    _add_volumes(shared, patches, lists, state.x, alphas, thickening, elements, scratch.slot_volumes)
+    grid.sync()
+    _find_ratios(patches, scratch)
+    grid.sync()
+    for patch in range(cuda.blockIdx.x, len(tallies.patch_least), cuda.gridDim.x):
+        energy = 0.0
+        for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), cuda.blockDim.x):
+            energy += _deviatoric_energy(patches, patch, e, state.x, material, alphas, thickening)
+        energy = _total(shared, energy)
+        if cuda.threadIdx.x == 0:
+            tallies.patch_least[patch] = energy
+    for block in range(cuda.blockIdx.x, len(tallies.block_energy), cuda.gridDim.x):
+        i, kinetic, volumetric = block * cuda.blockDim.x + cuda.threadIdx.x, 0.0, 0.0
+        if i < len(scratch.ratio):
+            volume, v = scratch.node_grown[i], _vector(state.v, i)
+            kinetic, volumetric = volume * _dot(v, v), volume * (scratch.ratio[i] - 1) ** 2
+        kinetic, volumetric = _total(shared, kinetic), _total(shared, volumetric)
+        if cuda.threadIdx.x == 0:
+            tallies.block_energy[block, 0] = kinetic
+            tallies.block_energy[block, 1] = volumetric

@@ -1,0 +1,273 @@
+"""The law of one element, on plain numbers: what the loops of a processor and the kernels of a GPU both compute.
+
+Constitutive law, per unit of grown volume, with F the elastic deformation gradient and B = F F^T:
+
+    W = mu / 2 (J^(-2/3) tr B - 3) + K / 2 (J_node - 1)^2,    P = mu J^(-2/3) (F - tr B / 3 F^-T) + K (J~ - 1) J F^-T
+
+J_node is the ratio of a node's current to its grown volume, J~ the mean over an element's nodes: this averaging removes
+the locking of linear tetrahedra, and the forces are still the gradient of the energy.
+
+No time step could follow W where an element is nearly flat, for it grows without limit there. Written in the stretches
+s of F, J^(-2/3) is the product of phi(s) = s^(-2/3); below a stretch of 0.1, phi is replaced by its second-order Taylor
+polynomial there, which also takes the negative stretch of an inverted element (after Stomakhin et al., SCA 2012). The
+energy stays smooth, and the flatter the element, the harder it is pushed open. Every entry into this branch is counted.
+
+Vectors are tuples of three floats; matrices are three of them, rows first. Numba keeps both in registers.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+#: stretch below which the law is continued by a polynomial
+SMALLEST_STRETCH = 0.1
+
+#: turns of all three pairs of columns, of which 5 are enough for most matrices
+_SWEEPS = 12
+#: cosine of the angle between two columns that are orthogonal to rounding
+_ORTHOGONAL = 1e-16
+
+#: how functions of both processors are compiled on a CPU; `fast` ones may be called by those on either
+fast = numba.njit(fastmath={"contract"}, error_model="numpy", cache=True)
+#: what stands in a loop that shall become vector instructions: a call that is left would prevent it
+inlined = numba.njit(fastmath={"contract"}, error_model="numpy", cache=True, forceinline=True)
+
+
+@inlined
+def dot(a, b):  # type: ignore[no-untyped-def]
+    """The product of two vectors."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inlined
+def cross(a, b):  # type: ignore[no-untyped-def]
+    """The cross product of two vectors."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inlined
+def combined(p, a, q, b):  # type: ignore[no-untyped-def]
+    """p a + q b."""
+    return p * a[0] + q * b[0], p * a[1] + q * b[1], p * a[2] + q * b[2]
+
+
+@inlined
+def vector(a, i):  # type: ignore[no-untyped-def]
+    """Row i of an array (n, 3) as a vector."""
+    return a[i, 0], a[i, 1], a[i, 2]
+
+
+@inlined
+def growth_share(depth, thickness, mask):  # type: ignore[no-untyped-def]
+    """What part of the growth of the surface an element takes part in, from 0 to 1."""
+    return mask / (1 + exponential(10 * (depth / thickness - 1)))
+
+
+@inlined
+def grown_volume(volume, alpha, across):  # type: ignore[no-untyped-def]
+    """Volume after growth by alpha along the surface, and across it where `across` is 1."""
+    return volume * (1 + alpha) * (1 + alpha) * (1 + alpha * across)
+
+
+@inlined
+def volume_between(u, v, w):  # type: ignore[no-untyped-def]
+    """Volume of the tetrahedron with three edges from one corner."""
+    return dot(u, cross(v, w)) / 6
+
+
+@inlined
+def grown_gradients(a, b, c, n, across, alpha):  # type: ignore[no-untyped-def]
+    """Gradients of the shape functions after growth Fg = I + (I - n n^T) alpha: A_r^-1 Fg^-1.
+
+    `across` is 1 - n n: 0, or 1 where an element grows in all directions.
+    """
+    s = 1 / (1 + alpha)
+    t = s * alpha / (1 + alpha * across)
+    return combined(s, a, t * dot(a, n), n), combined(s, b, t * dot(b, n), n), combined(s, c, t * dot(c, n), n)
+
+
+@inlined
+def deformation(u, v, w, a, b, c):  # type: ignore[no-untyped-def]
+    """Rows of F = u a^T + v b^T + w c^T from current edges and grown gradients."""
+    return (
+        combined(1.0, combined(u[0], a, v[0], b), w[0], c),
+        combined(1.0, combined(u[1], a, v[1], b), w[1], c),
+        combined(1.0, combined(u[2], a, v[2], b), w[2], c),
+    )
+
+
+@inlined
+def exponential(x):  # type: ignore[no-untyped-def]
+    """e^x to rounding, between e^-300 and e^300, without a call: so that a loop with it can be made of vectors."""
+    x = min(max(x, -300.0), 300.0)
+    # x = n ln 2 + r: adding 1.5 2^52 rounds to a whole number n, which then stands in the last bits
+    shifted = x * 1.4426950408889634 + 6755399441055744.0
+    n = shifted - 6755399441055744.0
+    r = (x - n * 6.93145751953125e-1) - n * 1.42860682030941723212e-6
+    series = 1 / 362880 + r * (1 / 3628800 + r * (1 / 39916800 + r * (1 / 479001600)))
+    series = 1 / 24 + r * (1 / 120 + r * (1 / 720 + r * (1 / 5040 + r * (1 / 40320 + r * series))))
+    series = 1 + r * (1 + r * (1 / 2 + r * (1 / 6 + r * series)))
+    return series * np.int64((np.float64(shifted).view(np.int64) + 1023) << 52).view(np.float64)
+
+
+@inlined
+def inverse_cube_root(j):  # type: ignore[no-untyped-def]
+    """j^(-1/3) of a positive number to rounding, without a call."""
+    # the bits of a float, read as an integer, go with its logarithm: right to some per cent; the rest is Newton's
+    # iteration with two more terms of the series of (1 - r)^(-1/3)
+    y = np.int64(6.142909891733356e18 - np.float64(np.float64(j).view(np.int64)) / 3).view(np.float64)
+    for _ in range(3):
+        r = 1 - j * (y * y * y)
+        y += y * r * (1 / 3 + r * (2 / 9 + r * (14 / 81)))
+    return y
+
+
+@inlined
+def shear_modulus(material, share):  # type: ignore[no-untyped-def]
+    """Shear modulus of an element that takes part in the growth of the surface by `share`."""
+    return material.mu_core * (1 - share) + material.mu_cortex * share
+
+
+@inlined
+def stress(f0, f1, f2, mu, bulk):  # type: ignore[no-untyped-def]
+    """Rows of P as if the element were not degenerate, its J, and tr B.
+
+    Parameters
+    ----------
+    f0, f1, f2 : rows of F
+    mu : shear modulus
+    bulk : K (J~ - 1); both times the grown volume, if P shall be that, too
+    """
+    c0, c1, c2 = cross(f1, f2), cross(f2, f0), cross(f0, f1)  # cofactors: J F^-T
+    j = dot(f0, c0)
+    trace = dot(f0, f0) + dot(f1, f1) + dot(f2, f2)
+    y = inverse_cube_root(j)
+    p = mu * y * y
+    r = bulk - p * trace * (y * y * y) * (1 / 3)
+    return combined(p, f0, r, c0), combined(p, f1, r, c1), combined(p, f2, r, c2), j, trace
+
+
+@inlined
+def forces_on_corners(p0, p1, p2, a, b, c):  # type: ignore[no-untyped-def]
+    """Forces of an element on its corners 1, 2 and 3 from the rows of its stress P and its grown gradients."""
+    return (
+        (-dot(p0, a), -dot(p1, a), -dot(p2, a)),
+        (-dot(p0, b), -dot(p1, b), -dot(p2, b)),
+        (-dot(p0, c), -dot(p1, c), -dot(p2, c)),
+    )
+
+
+# --- degenerate elements ---------------------------------------------------------------------------------------------
+
+
+@fast
+def may_be_degenerate(j, trace):  # type: ignore[no-untyped-def]
+    """False for nearly all elements, which spares them their stretches: the smallest is at least 2 J / tr B."""
+    return 2 * j < SMALLEST_STRETCH * trace
+
+
+@fast
+def phi(s):  # type: ignore[no-untyped-def]
+    """s^(-2/3), continued below the smallest stretch, and its derivative."""
+    if s >= SMALLEST_STRETCH:
+        return s ** (-2 / 3), -2 / 3 * s ** (-5 / 3)
+    at, r = SMALLEST_STRETCH ** (-2 / 3), s / SMALLEST_STRETCH - 1
+    return at * (1 - 2 / 3 * r + 5 / 9 * r * r), at / SMALLEST_STRETCH * (-2 / 3 + 10 / 9 * r)
+
+
+@numba.njit(cache=True)
+def stretches(f0, f1, f2):  # type: ignore[no-untyped-def]
+    """U, s and V^T of F = U diag(s) V^T, s falling; of an inverted element the last is negative, not U or V^T."""
+    f = np.array([[f0[0], f0[1], f0[2]], [f1[0], f1[1], f1[2]], [f2[0], f2[1], f2[2]]])
+    u, s, vt = np.linalg.svd(f)
+    if dot(f0, cross(f1, f2)) < 0:
+        u[:, 2] *= -1
+        s[2] *= -1
+    return u, s, vt
+
+
+@numba.njit(cache=True)
+def degenerate_stress(u, s, vt, mu):  # type: ignore[no-untyped-def]
+    """Rows of the deviatoric P from the stretches of F."""
+    (a, da), (b, db), (c, dc) = phi(s[0]), phi(s[1]), phi(s[2])
+    principal = mu / 2 * (s**2).sum() * np.array([da * b * c, a * db * c, a * b * dc]) + mu * a * b * c * s
+    p = (u * principal) @ vt
+    return (p[0, 0], p[0, 1], p[0, 2]), (p[1, 0], p[1, 1], p[1, 2]), (p[2, 0], p[2, 1], p[2, 2])
+
+
+@fast
+def turned_stretches(f0, f1, f2):  # type: ignore[no-untyped-def]
+    """`stretches` for a GPU, where there is no LAPACK: columns of U, the stretches, and columns of V.
+
+    Pairs of columns of F are turned in their plane until all are orthogonal: F V = U diag(s) (Hestenes, Journal of the
+    Society for Industrial and Applied Mathematics 6, 1958). All turns are proper, so U and V are, and the last stretch
+    is negative where F inverts.
+    """
+    x, y, z = (f0[0], f1[0], f2[0]), (f0[1], f1[1], f2[1]), (f0[2], f1[2], f2[2])
+    u, v, w = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    for _ in range(_SWEEPS):
+        xy, x, y, u, v = _turned(x, y, u, v)
+        xz, x, z, u, w = _turned(x, z, u, w)
+        yz, y, z, v, w = _turned(y, z, v, w)
+        if not (xy or xz or yz):
+            break
+    x, y, u, v = _longer_first(x, y, u, v)
+    x, z, u, w = _longer_first(x, z, u, w)
+    y, z, v, w = _longer_first(y, z, v, w)
+    size, middle = math.sqrt(dot(x, x)), math.sqrt(dot(y, y))
+    first = combined(1 / size, x, 0.0, x) if size > 0 else (1.0, 0.0, 0.0)
+    second = combined(1 / middle, y, 0.0, y) if middle > 0 else _across(first)
+    third = cross(first, second)
+    return (first, second, third), (size, middle, dot(third, z)), (u, v, w)
+
+
+@fast
+def _turned(x, y, u, v):  # type: ignore[no-untyped-def]
+    """Whether two columns were not orthogonal, and both and those of V after the turn that makes them so."""
+    xx, yy, xy = dot(x, x), dot(y, y), dot(x, y)
+    if not abs(xy) > _ORTHOGONAL * math.sqrt(xx * yy):
+        return False, x, y, u, v
+    half = (yy - xx) / (2 * xy)
+    tangent = (1.0 if half >= 0 else -1.0) / (abs(half) + math.sqrt(1 + half * half))
+    cosine = 1 / math.sqrt(1 + tangent * tangent)
+    sine = tangent * cosine
+    return (
+        True,
+        combined(cosine, x, -sine, y),
+        combined(sine, x, cosine, y),
+        combined(cosine, u, -sine, v),
+        combined(sine, u, cosine, v),
+    )
+
+
+@fast
+def _longer_first(x, y, u, v):  # type: ignore[no-untyped-def]
+    """Two columns and those of V, turned by a right angle where the second is longer."""
+    if dot(y, y) > dot(x, x):
+        return y, combined(-1.0, x, 0.0, x), v, combined(-1.0, u, 0.0, u)
+    return x, y, u, v
+
+
+@fast
+def _across(a):  # type: ignore[no-untyped-def]
+    """A unit vector perpendicular to a unit vector."""
+    b = cross(a, (1.0, 0.0, 0.0)) if abs(a[0]) < 0.7 else cross(a, (0.0, 1.0, 0.0))
+    return combined(1 / math.sqrt(dot(b, b)), b, 0.0, b)
+
+
+@fast
+def turned_stress(u, s, v, mu):  # type: ignore[no-untyped-def]
+    """`degenerate_stress` from what `turned_stretches` finds."""
+    (a, da), (b, db), (c, dc) = phi(s[0]), phi(s[1]), phi(s[2])
+    half, product = mu / 2 * dot(s, s), mu * a * b * c
+    p = half * da * b * c + product * s[0]
+    q = half * a * db * c + product * s[1]
+    r = half * a * b * dc + product * s[2]
+    return (
+        combined(1.0, combined(p * u[0][0], v[0], q * u[1][0], v[1]), r * u[2][0], v[2]),
+        combined(1.0, combined(p * u[0][1], v[0], q * u[1][1], v[1]), r * u[2][1], v[2]),
+        combined(1.0, combined(p * u[0][2], v[0], q * u[1][2], v[1]), r * u[2][2], v[2]),
+    )
