@@ -70,6 +70,7 @@ rule participants:
 rule cohort:
     """Cohort tables and figures, a page per case and one on all."""
     input:
+        rules.dataset_description.output,
         COHORT_FILES,
 
 

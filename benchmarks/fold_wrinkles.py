@@ -190,9 +190,10 @@ def measured_onset(spacing: float, thickness: float, material: Material, exact: 
     waves = np.array(_WAVES) * exact.wavelength * thickness
     growths = [critical_growth(wave, spacing, thickness, material, exact.growth) for wave in waves]
     a, b, c = np.polyfit(np.log(waves), growths, 2)
-    if a <= 0:  # no least one: shorter or longer waves come as early
+    least = np.exp(-b / (2 * a))
+    if a <= 0 or not waves[0] < least < waves[-1]:  # no least one among them
         return min(growths), float(waves[np.argmin(growths)])
-    return float(c - b**2 / (4 * a)), float(np.exp(-b / (2 * a)))
+    return float(c - b**2 / (4 * a)), float(least)
 
 
 def mean_wavelength(heights: FloatArray, length: float) -> float:

@@ -90,6 +90,9 @@ def parser() -> argparse.ArgumentParser:
         metavar="NAME=FILE",
         help="per-vertex field to carry to the mesh, GIfTI; repeatable",
     )
+    line.add_argument(
+        "--sphere", type=Path, metavar="FILE", help="sphere of SURFACE, through which it is put onto the common mesh"
+    )
 
     mesh = commands.add_parser("mesh", parents=[common, line], help="mesh one surface and certify the mesh")
     mesh.add_argument(
@@ -119,6 +122,20 @@ def parser() -> argparse.ArgumentParser:
         "--field", action="append", default=[], type=_named_file, metavar="NAME=FILE", help="per-vertex field, GIfTI"
     )
     repair.set_defaults(run=_repair)
+
+    resample = commands.add_parser(
+        "resample", parents=[common], help="put a surface onto the common mesh, through its sphere"
+    )
+    resample.add_argument("surface", type=Path, metavar="IN", help="GIfTI or FreeSurfer surface")
+    resample.add_argument("--sphere", type=Path, required=True, metavar="FILE", help="registered sphere of IN")
+    resample.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="OUT", help="GIfTI; the report is beside it"
+    )
+    resample.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section resample says onto what")
+    resample.add_argument(
+        "--field", action="append", default=[], type=_named_file, metavar="NAME=FILE", help="per-vertex field, GIfTI"
+    )
+    resample.set_defaults(run=_resample)
 
     quality = commands.add_parser("quality", parents=[common], help="measure the elements of a mesh (JSON)")
     quality.add_argument("mesh", type=Path, metavar="MESH")
@@ -214,6 +231,7 @@ def parser() -> argparse.ArgumentParser:
     phantom.add_argument(
         "--pial", type=Path, metavar="GII", help="write the synthetic cortex there, and to -o a white surface within it"
     )
+    phantom.add_argument("--sphere", type=Path, metavar="GII", help="also write the sphere that it was made of")
     phantom.add_argument(
         "--thickness", type=float, default=1.5, metavar="MM", help="of the cortex between the two (default: 1.5)"
     )
@@ -268,13 +286,16 @@ def _mesh(args: argparse.Namespace) -> int:
     solver = format_of(args.output).name  # an unknown one is refused before the work, not after
     config = _config(args)
     surface = _surface(args, config)
-    progress = Progress(config, args.ga, nested=bool(surface.inner))
+    sphere = _sphere(args)
+    progress = Progress(config, args.ga, nested=bool(surface.inner), registered=sphere is not None)
     mesh, certificate, meshed = mesh_surface(
         surface,
         config,
         gestational_age=args.ga,
         source=args.surface,
         inner_sources=dict(args.inner),
+        sphere=sphere,
+        sphere_source=args.sphere,
         case=_stem(args.output),
         progress=progress,
     )
@@ -330,6 +351,8 @@ def _stages(args: argparse.Namespace) -> int:
         gestational_age=args.ga,
         source=args.surface,
         inner_sources=dict(args.inner),
+        sphere=_sphere(args),
+        sphere_source=args.sphere,
     )
     for row in measured_stages(line):
         values = (cell(row[name]) for name in STAGE_COLUMNS)
@@ -387,6 +410,31 @@ def _repair(args: argparse.Namespace) -> int:
         file = measurable(given)
         before_and_after(file, made, distances_to(file, made)[len(made.points) :], args.picture)
         print(f"{args.picture}: drawn")
+    print(f"{args.output}: written, with {record.name}")
+    return 0
+
+
+def _resample(args: argparse.Namespace) -> int:
+    from cortet.config import load
+    from cortet.formats.atomic import write_json
+    from cortet.formats.gifti import read_surface, write_surface
+    from cortet.formats.placement import placed
+    from cortet.solver_files.fields import with_fields
+    from cortet.stages.resample import resample
+
+    config = load(args.config or {})
+    native = placed(with_fields(read_surface(args.surface), dict(args.field)), config.placement())
+    facts = {"sphere_file": str(args.sphere), "hemisphere": None}
+    made, report = resample(native, read_surface(args.sphere), **config.arguments("resample", facts))
+    write_surface(made, args.output)
+    record = args.output.with_name(f"{_stem(args.output)}.resample.json")
+    write_json(asdict(report), record)
+    there, back = report.native_to_resampled_mm, report.resampled_to_native_mm
+    print(f"{report.vertices} vertices instead of {report.vertices_before}")
+    print(f"from the native surface {there.mean:.3f} mm on average, {there.max:.3f} mm at most; ", end="")
+    print(f"back {back.mean:.3f} mm and {back.max:.3f} mm")
+    if report.crossing_faces > report.crossing_faces_before:
+        print(f"{report.crossing_faces} triangles cross others, {report.crossing_faces_before} did before")
     print(f"{args.output}: written, with {record.name}")
     return 0
 
@@ -571,9 +619,11 @@ def _fold(args: argparse.Namespace) -> int:
 
 def _phantom(args: argparse.Namespace) -> int:
     from cortet.formats.gifti import write_surface
-    from cortet.phantom import inset, phantom
+    from cortet.phantom import inset, phantom_with_sphere
 
-    surface = phantom(args.ga, hemisphere=args.hemi, subdivisions=args.subdivisions, seed=args.seed)
+    surface, sphere = phantom_with_sphere(args.ga, hemisphere=args.hemi, subdivisions=args.subdivisions, seed=args.seed)
+    if args.sphere:
+        write_surface(sphere, args.sphere)
     if args.pial:
         write_surface(surface, args.pial)
         print(f"{args.pial}: {len(surface.points)} vertices, {len(surface.faces)} faces")
@@ -648,11 +698,11 @@ class Progress:
 
     HEAD = ("stage", "seconds", "nodes", "tets", "mean q", "q_max", "q > 0.6")
 
-    def __init__(self, config: Config, gestational_age: float | None, *, nested: bool) -> None:
+    def __init__(self, config: Config, gestational_age: float | None, *, nested: bool, registered: bool) -> None:
         from cortet.pipeline import stages
 
         self.live = sys.stdout.isatty()
-        self.waiting = stages(config, gestational_age=gestational_age, nested=nested)
+        self.waiting = stages(config, gestational_age=gestational_age, nested=nested, registered=registered)
         print(self._row(self.HEAD))
         self._announce()
 
@@ -736,6 +786,12 @@ def _surface(args: argparse.Namespace, config: Config) -> TriSurface:
     finite = not config.enabled("repair")
     surface = with_fields(read_surface(args.surface, finite=finite), dict(args.field))
     return nested(surface, _inner_surfaces(dict(args.inner), finite=finite))
+
+
+def _sphere(args: argparse.Namespace) -> TriSurface | None:
+    from cortet.formats.gifti import read_surface
+
+    return read_surface(args.sphere) if args.sphere else None
 
 
 def _named_file(text: str) -> tuple[str, str]:

@@ -95,6 +95,9 @@ class Scan(Section):
     """Where surfaces lie below the release's folder; the first pattern that finds a case wins."""
     pial: bool = False
     """true: a pial surface beside a white one becomes the surface, and the white one its inner surface."""
+    spheres: list[str] = ["sphere.reg*.surf.gii", "desc-reg_sphere.surf.gii", "sphere.surf.gii", "sphere.reg"]
+    """Spheres beside a surface, through which it is resampled (section resample): what stands in their names in the
+    place of `white.surf.gii`, of FreeSurfer's of `white`; the first that exists wins. []: none."""
     sessions: str = "sub-{participant}/sub-{participant}_sessions.tsv"
     """Table of a participant's sessions."""
     participants: str = "participants.tsv"
@@ -109,6 +112,8 @@ class Cohort(Section):
     sheet: Path = Path("demo/cohort.tsv")
     """Cohort sheet (TSV); `cortet cohort scan` writes one. File names in it are relative to the sheet's folder.
     The surface `phantom` stands for a synthetic cortex of the row's scan_age and hemi."""
+    dataset: Path | None = None
+    """Root of the dataset that the surfaces come from, `bids:raw:` in the sidecars. null: the folder of the sheet."""
     fields: dict[str, str] = {}
     """Per-vertex fields (.shape/.func/.label.gii) of every case, name: file pattern. Placeholders are the columns of
     the sheet, e.g. thickness: "../{participant_id}/{session_id}/thickness_hemi-{hemi}.shape.gii"; names are relative
@@ -126,6 +131,18 @@ class Phantom(Section):
     thickness: Positive = 1.5
     """Distance of the synthetic white surface (`phantom` in the column `inner`) below the cortex, mm; folds of 30 weeks
     and more have no room for that."""
+
+
+class Resample(Section):
+    """Surfaces with a sphere (column `sphere` of the sheet) on a mesh that all cases share: vertices correspond."""
+
+    enabled: bool = True
+    """false leaves the stage out: surfaces keep their own triangles, also where the sheet has spheres."""
+    subdivisions: Annotated[int, Field(ge=3, le=7)] = 6
+    """The common mesh: an icosahedron so often divided; 6 gives 40,962 vertices, 5 gives 10,242."""
+    template: str | None = None
+    """File of another common sphere (.surf.gii), which the spheres of the cases are registered to; {hemi} in its name
+    stands for L or R. null: the icosphere."""
 
 
 class Repair(Section):
@@ -500,6 +517,7 @@ class Config(Section):
     """Minutes a job may take before it is ended and its case has failed; null: no limit."""
     cohort: Cohort = Cohort()
     phantom: Phantom = Phantom()
+    resample: Resample = Resample()
     repair: Repair = Repair()
     gate: Gate = Gate()
     smooth_surface: SmoothSurface = SmoothSurface()
@@ -521,9 +539,13 @@ class Config(Section):
         """Whether the line of stages contains `stage`."""
         return bool(getattr(getattr(self, stage, None), "enabled", True))
 
-    def line(self, *, nested: bool = False) -> list[Stage]:
-        """The stages that run, in their order; `nested`: on a surface with inner ones."""
-        return [stage for stage in STAGES.values() if self.enabled(stage.name) and (nested or not stage.nested)]
+    def line(self, *, nested: bool = False, registered: bool = False) -> list[Stage]:
+        """The stages that run, in their order; `nested`: on a surface with inner ones, `registered`: with a sphere."""
+        return [
+            stage
+            for stage in STAGES.values()
+            if self.enabled(stage.name) and (nested or not stage.nested) and (registered or not stage.registered)
+        ]
 
     def require_programs(self) -> None:
         """Raise InputError naming a program that the line calls and that is not installed here."""
@@ -578,11 +600,31 @@ class Config(Section):
         values = section.model_dump(mode="json", include=keys, exclude=_CHOICES) if section is not None else {}
         if step == "generate" and (facts or {}).get("nested"):
             values["elements_across"] = self.regions.elements_across
+        if step == "resample" and values["template"]:
+            values["template"] = self.template((facts or {})["hemisphere"])
         if step == "repair":  # handles that the gate lets in stay
             values["allow_genus"] = self.gate.allow_genus
         if values.get("backend") == "auto":  # meshes of a cohort must come from one backend
             values["backend"] = installed_backend()
         return {**values, **{name: (facts or {})[name] for name in _FACTS.get(step, ())}}
+
+    def template(self, hemisphere: str | None) -> str | None:
+        """File of the common sphere of a hemisphere; None where it is the icosphere.
+
+        Raises
+        ------
+        InputError
+            its name depends on the hemisphere, which is not known
+        """
+        name = self.resample.template
+        if name and "{hemi}" in name:
+            if hemisphere is None:
+                raise InputError(
+                    f"resample.template = {name!r}, but it is not known which hemisphere this is",
+                    remedy="give L or R in the column hemi of the cohort sheet, or the name without {hemi}",
+                )
+            name = name.replace("{hemi}", hemisphere)
+        return name
 
     def placement(
         self, unit: str | None = None, affine: str | Path | None = None
@@ -617,6 +659,7 @@ _PARTS: dict[str, tuple[str, set[str] | None]] = {
 #: arguments that differ from mesh to mesh, and stand in no section
 _FACTS = {
     "phantom": ("gestational_age", "hemisphere"),
+    "resample": ("sphere_file",),
     "repair": ("source",),
     "gate": ("source",),
     "smooth_surface": ("gestational_age",),

@@ -13,7 +13,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import pymeshlab
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
@@ -21,6 +20,7 @@ from scipy.spatial import cKDTree
 from cortet.errors import InputError
 from cortet.formats.gifti import single_precision
 from cortet.geometry import topology
+from cortet.geometry.icosphere import icosphere
 from cortet.geometry.nesting import nested
 from cortet.mesh import FloatArray, IntArray, TriSurface
 from cortet.stages.separate import separate
@@ -127,6 +127,16 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
     ------
     InputError : the age is out of range, the hemisphere neither L nor R
     """
+    return phantom_with_sphere(gestational_age, hemisphere=hemisphere, subdivisions=subdivisions, seed=seed)[0]
+
+
+def phantom_with_sphere(
+    gestational_age: float, *, hemisphere: str = "L", subdivisions: int = 5, seed: int = 0
+) -> tuple[TriSurface, TriSurface]:
+    """A phantom, and the unit sphere that it was made of: equal places there are equal places of every phantom.
+
+    Parameters and errors are those of `phantom`.
+    """
     if not AGES[0] <= gestational_age <= AGES[1]:
         what = f"no phantom of {gestational_age:g} weeks"
         raise InputError(what, remedy=f"gestational age must be {AGES[0]:g} to {AGES[1]:g} weeks")
@@ -135,7 +145,8 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
     volume, area = (float(x) for x in PchipInterpolator(GROWTH[:, 0], GROWTH[:, 1:])(gestational_age))
     volume *= 1000  # mm3
 
-    coarse, coarse_faces = _sphere(5)
+    ball = icosphere(5)  # coordinates (lateral, anterior, superior)
+    coarse, coarse_faces = ball.points, ball.faces
     # half the length of the hemisphere before it folds, mm
     length = (volume / topology.enclosed_volume(_bent(_unfolded(coarse)), coarse_faces)) ** (1 / 3)
     pattern = _pattern(coarse, gestational_age, length, seed)
@@ -146,7 +157,8 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
 
     deepest = 0.6 * length
     depth = brentq(missing, 0, deepest, xtol=1e-3) if missing(0) * missing(deepest) < 0 else deepest
-    sphere, faces = _sphere(subdivisions)
+    ball = icosphere(subdivisions)
+    sphere, faces = ball.points, ball.faces
     for _ in range(_SPREADING_ROUNDS):
         points = _folded(sphere, depth * _pattern(sphere, gestational_age, length, seed), length)
         sphere = _drawn_to_long_edges(sphere, faces, points)
@@ -154,8 +166,8 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
     points = _of_volume(_rounded(points, faces), faces, volume)
     points -= [points[:, 0].min() - 1, *points.mean(axis=0)[1:]]
     if hemisphere == "L":
-        points, faces = points * np.array([-1, 1, 1]), faces[:, ::-1]
-    return single_precision(TriSurface(points, faces))
+        points, sphere, faces = points * np.array([-1, 1, 1]), sphere * np.array([-1, 1, 1]), faces[:, ::-1]
+    return single_precision(TriSurface(points, faces)), single_precision(TriSurface(sphere, faces))
 
 
 def inset(surface: TriSurface, thickness: float) -> TriSurface:
@@ -179,14 +191,6 @@ def inset(surface: TriSurface, thickness: float) -> TriSurface:
             rounder = (rounder + topology.neighbour_means(rounder, white.faces)) / 2
         white = single_precision(replace(white, points=rounder))
     return white
-
-
-def _sphere(subdivisions: int) -> tuple[FloatArray, IntArray]:
-    """Unit icosphere, coordinates (lateral, anterior, superior)."""
-    meshes = pymeshlab.MeshSet()
-    meshes.create_sphere(radius=1.0, subdiv=subdivisions)
-    sphere = meshes.current_mesh()
-    return sphere.vertex_matrix(), sphere.face_matrix().astype(np.int32)
 
 
 def _unfolded(directions: FloatArray) -> FloatArray:

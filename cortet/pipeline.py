@@ -1,4 +1,4 @@
-"""The whole line for one surface, and those inside it, in memory: repair, gate, smoothing, S1 to S6, certificate.
+"""The whole line for one surface, and those inside it, in memory: from resampling and repair to the certificate.
 
 The workflow runs the same stages with the same arguments in the same order, one file at a time.
 """
@@ -21,7 +21,9 @@ from cortet.phantom import phantom
 from cortet.stages import STAGES
 
 #: stages that take every surface by itself
-ALONE = ("repair", "gate", "smooth_surface")
+ALONE = ("resample", "repair", "gate", "smooth_surface")
+#: of these, those that are told when a surface is an inner one
+TOLD = ("resample", "gate")
 
 logger = logging.getLogger(__name__)
 
@@ -51,14 +53,17 @@ class Meshed(NamedTuple):
     surface: TriSurface
 
 
-def stages(config: Config, *, gestational_age: float | None, nested: bool = False) -> list[str]:
+def stages(
+    config: Config, *, gestational_age: float | None, nested: bool = False, registered: bool = False
+) -> list[str]:
     """Names of the stages that run; without a gestational age (weeks) there is no smoothing.
 
     Parameters
     ----------
     nested : whether there are inner surfaces
+    registered : whether there is a sphere
     """
-    names = [stage.name for stage in config.line(nested=nested)]
+    names = [stage.name for stage in config.line(nested=nested, registered=registered)]
     return [name for name in names if name != "smooth_surface" or gestational_age is not None]
 
 
@@ -69,6 +74,8 @@ def run(
     gestational_age: float | None = None,
     source: str | Path | None = None,
     inner_sources: Mapping[str, str | Path] | None = None,
+    sphere: TriSurface | None = None,
+    sphere_source: str | Path | None = None,
 ) -> Iterator[Step]:
     """Run the line and hand out every stage when it is done.
 
@@ -80,6 +87,8 @@ def run(
     gestational_age : weeks; None leaves out smoothing, whose strength depends on it
     source : file of the surface, named in messages
     inner_sources : likewise of the inner surfaces, by name
+    sphere : of the surface, which is then put onto the common mesh
+    sphere_source : file of the sphere, named in messages
 
     Raises
     ------
@@ -101,11 +110,14 @@ def run(
         "mesher": config.generate.meshers[0],
         "placement": to_mm,
         "nested": inner,
+        "sphere_file": str(sphere_source) if sphere_source is not None else None,
+        "hemisphere": None,
     }
     surface = placed(surface, to_mm)
-    latest: dict[str, Any] = {"surface": nested(surface, surface.inner)}
+    latest: dict[str, Any] = {"surface": nested(surface, surface.inner), "sphere": sphere}
     config.require_nesting(inner)
-    for stage in map(STAGES.__getitem__, stages(config, gestational_age=gestational_age, nested=inner)):
+    names = stages(config, gestational_age=gestational_age, nested=inner, registered=sphere is not None)
+    for stage in map(STAGES.__getitem__, names):
         taken = [latest[kind] for kind in stage.takes]
         began = time.perf_counter()
         latest[stage.gives], report = stage.function(*taken, **config.arguments(stage.name, facts))
@@ -115,8 +127,8 @@ def run(
             within, reported["inner"] = {}, {}
             for name, one in latest["surface"].inner.items():
                 own = config.arguments(stage.name, {**facts, "source": str((inner_sources or {}).get(name, name))})
-                inside = {"inside": True} if stage.name == "gate" else {}
-                within[name], report = stage.function(one, **own, **inside)
+                inside = {"inside": True} if stage.name in TOLD else {}
+                within[name], report = stage.function(one, *taken[1:], **own, **inside)
                 reported["inner"][name] = asdict(report)
             latest["surface"] = nested(latest["surface"], within)
         seconds = time.perf_counter() - began
@@ -143,6 +155,8 @@ def mesh_surface(
     gestational_age: float | None = None,
     source: str | Path | None = None,
     inner_sources: Mapping[str, str | Path] | None = None,
+    sphere: TriSurface | None = None,
+    sphere_source: str | Path | None = None,
     case: str = "",
     progress: Callable[[Step], None] = lambda _: None,
 ) -> Meshed:
@@ -160,6 +174,8 @@ def mesh_surface(
         gestational_age=gestational_age,
         source=source,
         inner_sources=inner_sources,
+        sphere=sphere,
+        sphere_source=sphere_source,
     )
     for step in line:
         progress(step)

@@ -12,6 +12,7 @@ localrules:
     cohort_figure,
     cohort_status,
     cohort_page,
+    citation,
 
 
 rule dataset_description:
@@ -19,6 +20,7 @@ rule dataset_description:
     output:
         description=f"{OUT}/dataset_description.json",
         ignore=f"{OUT}/.bidsignore",
+        descriptions=f"{OUT}/descriptions.tsv",
     log:
         run_log("dataset_description"),
     benchmark:
@@ -27,6 +29,9 @@ rule dataset_description:
         "../envs/cortet.yaml"
     params:
         version=__version__,
+        raw=RAW,
+        files=lambda _: sorted({str(path) for case in CASES.values() for path in case.files}),
+        meanings=lambda _: descriptions(SETTINGS),
     script:
         "../scripts/dataset_description.py"
 
@@ -162,6 +167,26 @@ rule cohort_status:
         "../scripts/cohort_status.py"
 
 
+rule citation:
+    """What a paper says of the run, with references, as fMRIPrep leaves it."""
+    input:
+        lambda _: measured_certificates(),
+    output:
+        multiext(f"{OUT}/logs/CITATION", ".md", ".bib", ".tex", ".html"),
+    log:
+        run_log("citation"),
+    benchmark:
+        run_benchmark("citation")
+    conda:
+        "../envs/cortet.yaml"
+    params:
+        sheet=SHEET,
+        failures=lambda _: unmeasured(),
+        version=[version_of("report.methods"), version_of("report.citation")],
+    script:
+        "../scripts/citation.py"
+
+
 rule cohort_page:
     """All cases on one page for a browser, with their key numbers, failures and outliers first."""
     input:
@@ -204,5 +229,6 @@ COHORT_FILES = [
     *rules.cohort_figure.output,
     *rules.cohort_status.output,
     *rules.cohort_page.output,
+    *rules.citation.output,
     *each_case(CASE_PAGE).values(),
 ]

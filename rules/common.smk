@@ -10,6 +10,7 @@ from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
 from cortet import __version__
+from cortet.cohort.bids import descriptions
 from cortet.cohort.sheet import PHANTOM, folded, read_sheet
 from cortet.config import load, version_of
 from cortet.errors import CortetError
@@ -44,6 +45,9 @@ except CortetError as error:
 os.environ.update(CORTET_TIME_LIMIT=str(CONFIG.time_limit or 0))
 
 OUT = CONFIG.output.as_posix()
+# what BIDS URIs begin with; no parameter either, it changes no result
+RAW = str(CONFIG.cohort.dataset or CONFIG.cohort.sheet.parent)
+os.environ.update(CORTET_OUTPUT=OUT, CORTET_RAW=RAW)
 # the first stage reads the files of the sheet
 REPAIRS = CONFIG.enabled("repair")
 CASES = {case.name: case for case in SHEET if case.include}
@@ -72,7 +76,7 @@ def exported_suffix(form):
 SOLVERS = {exported_suffix(form): name for name, form in FORMATS.items()}
 # rules that take every mesh that is done
 OVER_ALL_CASES = (
-    *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "cohort_page"),
+    *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "cohort_page", "citation"),
     *("cohort_folding", "convergence"),
     *("table_ablation", "table_resolution", "table_measures", "figure_pooled_quality", "figure_series", "methods"),
 )
@@ -195,6 +199,7 @@ def facts_of(wildcards):
     facts = {"source": str(case.surface), "gestational_age": case.scan_age, "hemisphere": case.hemi}
     facts["placement"] = placement_of(wildcards)
     facts["nested"] = bool(case.inner)
+    facts["sphere_file"] = str(case.sphere)
     if "res" in wildcards.keys():
         facts |= {"cell_size": int(wildcards.res) / 1000, "mesher": wildcards.get("mesher")}
     if "inner" in wildcards.keys():
@@ -216,9 +221,25 @@ def placement_of(wildcards):
         raise WorkflowError(f"{case.name}: {error}") from None
 
 
+def is_resampled(wildcards):
+    """Whether the line of a case begins with its resampling onto the common mesh."""
+    return CONFIG.enabled("resample") and CASES[wildcards.case].sphere is not None
+
+
+def placement_after_resampling(wildcards):
+    """As `placement_of`, for the stage that is the first one where a case has no sphere."""
+    return None if is_resampled(wildcards) else placement_of(wildcards)
+
+
 def arguments_of(step, wildcards):
     """Keyword arguments of a stage or another step: with its VERSION, they decide whether it runs again."""
     return config_of(step, wildcards).arguments(step, facts_of(wildcards))
+
+
+def space_of(wildcards):
+    """The surface in whose space all files of a case are."""
+    case = CASES[wildcards.case]
+    return surface_file("phantom").format(**wildcards) if case.is_phantom else str(case.surface)
 
 
 def origin_of(stage, wildcards):
@@ -305,6 +326,30 @@ def surface_of(wildcards):
     return surface_file("phantom") if case.is_phantom else existing(case.surface)
 
 
+def sphere_of(wildcards):
+    """The sphere of a case that is resampled; nothing of others, and where the file is missing."""
+    if not is_resampled(wildcards):
+        return []
+    sphere = CASES[wildcards.case].sphere
+    return surface_file("phantom", "sphere.surf.gii") if sphere == PHANTOM else existing(sphere)
+
+
+def template_of(wildcards):
+    """The common sphere that a case is resampled to; nothing where that is the icosphere."""
+    template = CONFIG.template(CASES[wildcards.case].hemi) if is_resampled(wildcards) else None
+    return [] if template is None else existing(template)
+
+
+def first_surface(wildcards):
+    """The surface with which the line begins, on the common mesh where it has a sphere."""
+    return surface_file(STAGES["resample"].label) if is_resampled(wildcards) else surface_of(wildcards)
+
+
+def first_inner_surface(wildcards):
+    """The same of an inner surface."""
+    return inner_file(STAGES["resample"].label) if is_resampled(wildcards) else inner_source(wildcards)
+
+
 def fields_of(wildcards):
     """The file of the case's fields; nothing when it has none."""
     return surface_file("fields") if CASES[wildcards.case].fields else []
@@ -331,17 +376,22 @@ def reports_of(wildcards):
             return surface_file(stage.label, "white.json")
         return mesh_file(stage.label, "tetmesh.json")
 
-    files = {stage.name: report(stage) for stage in setting_of(wildcards).line(nested=bool(inner))}
+    line = setting_of(wildcards).line(nested=bool(inner), registered=is_resampled(wildcards))
+    files = {stage.name: report(stage) for stage in line}
     # each report of `separate` is about all inner surfaces
     first = {"inner": next(iter(inner), "")}
     return {stage: path.format(**{**wildcards, **first}) for stage, path in files.items()}
 
 
-def inner_repairs_of(wildcards):
-    """What `repair` reported of the inner surfaces, where the setting has it."""
-    if not setting_of(wildcards).enabled("repair"):
-        return []
-    return inner_of(inner_file(STAGES["repair"].label, "white.json"))(wildcards)
+def inner_reports_of(stage):
+    """What a stage reported of the inner surfaces of a case, as an input function; nothing where it has not run."""
+
+    def files(wildcards):
+        runs = setting_of(wildcards).line(registered=is_resampled(wildcards))
+        pattern = inner_file(STAGES[stage].label, "white.json")
+        return inner_of(pattern)(wildcards) if STAGES[stage] in runs else []
+
+    return files
 
 
 def recorded_line(wildcards):
@@ -409,6 +459,11 @@ def is_measured(mesh, failures):
         "fold_figures",
         "convergence_run",
     )
+
+
+def unmeasured():
+    """Why cases have no certificate, by their names."""
+    return {mesh[0]: failure["reason"] for mesh, failure in FAILURES.items() if not is_measured(mesh, FAILURES)}
 
 
 def measured_certificates():

@@ -242,7 +242,7 @@ rule methods:
         "../envs/cortet.yaml"
     params:
         sheet=SHEET,
-        failures={mesh[0]: failure["reason"] for mesh, failure in FAILURES.items() if not is_measured(mesh, FAILURES)},
+        failures=lambda _: unmeasured(),
         version=version_of("report.methods"),
     script:
         "../scripts/methods.py"

@@ -29,6 +29,7 @@ rule generate:
         arguments=partial(arguments_of, "generate"),
         version=[version_of("stages.generate"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["generate"]),
+        space=space_of,
     script:
         "../scripts/generate.py"
 
@@ -58,6 +59,7 @@ rule transfer:
         arguments=partial(arguments_of, "transfer"),
         version=[version_of("stages.transfer"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["transfer"]),
+        space=space_of,
     script:
         "../scripts/transfer.py"
 
@@ -83,6 +85,7 @@ rule relocate:
         arguments=partial(arguments_of, "relocate"),
         version=[version_of("stages.relocate"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["relocate"]),
+        space=space_of,
     script:
         "../scripts/mesh_stage.py"
 
@@ -110,6 +113,7 @@ rule clean:
         arguments=partial(arguments_of, "clean"),
         version=[version_of("stages.clean"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["clean"]),
+        space=space_of,
     script:
         "../scripts/mesh_stage.py"
 
@@ -137,6 +141,7 @@ rule reconnect:
         arguments=partial(arguments_of, "reconnect"),
         version=[version_of("stages.reconnect"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["reconnect"]),
+        space=space_of,
     script:
         "../scripts/mesh_stage.py"
 
@@ -164,6 +169,7 @@ rule smooth_boundary:
         arguments=partial(arguments_of, "smooth_boundary"),
         version=[version_of("stages.smooth_boundary"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["smooth_boundary"]),
+        space=space_of,
     script:
         "../scripts/mesh_stage.py"
 
@@ -191,6 +197,7 @@ rule snap:
         arguments=partial(arguments_of, "snap"),
         version=[version_of("stages.snap"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["snap"]),
+        space=space_of,
     script:
         "../scripts/mesh_stage.py"
 
@@ -219,5 +226,6 @@ rule solver_ready:
         arguments=partial(arguments_of, "solver_ready"),
         version=[version_of("stages.solver_ready"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["solver_ready"]),
+        space=space_of,
     script:
         "../scripts/mesh_stage.py"

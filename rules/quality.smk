@@ -9,7 +9,8 @@ rule certify:
         inner=inner_of(INNER_SURFACE),
         source=surface_of,
         reports=lambda wildcards: list(reports_of(wildcards).values()),
-        inner_repairs=inner_repairs_of,
+        inner_repairs=inner_reports_of("repair"),
+        inner_resamplings=inner_reports_of("resample"),
     output:
         certificate=CERTIFICATE,
     log:

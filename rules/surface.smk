@@ -43,10 +43,59 @@ rule phantom_inner:
         "../scripts/phantom_inner.py"
 
 
+rule phantom_sphere:
+    """The sphere that a synthetic cortex was made of."""
+    output:
+        sphere=surface_file("phantom", "sphere.surf.gii"),
+    log:
+        surface_log("phantom_sphere"),
+    benchmark:
+        surface_benchmark("phantom_sphere")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes("phantom"),
+        runtime=minutes("phantom"),
+    params:
+        arguments=partial(arguments_of, "phantom"),
+        version=version_of("phantom"),
+    script:
+        "../scripts/phantom_sphere.py"
+
+
+rule resample:
+    """Put a surface that has a sphere onto the mesh that all cases share."""
+    input:
+        surface=surface_of,
+        sphere=sphere_of,
+        template=template_of,
+    output:
+        surface=surface_file("resampled"),
+        report=surface_file("resampled", "white.json"),
+    log:
+        surface_log("resample"),
+    benchmark:
+        surface_benchmark("resample")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes("resample"),
+        runtime=minutes("resample"),
+    params:
+        arguments=partial(arguments_of, "resample"),
+        source=lambda wildcards: str(CASES[wildcards.case].surface),
+        to_mm=placement_of,
+        version=version_of("stages.resample"),
+        origin=partial(origin_of, STAGES["resample"].label),
+        space=space_of,
+    script:
+        "../scripts/resample.py"
+
+
 rule repair:
     """Repair a broken surface within limits; one without a flaw stays as it is."""
     input:
-        surface=surface_of,
+        surface=first_surface,
     output:
         surface=surface_file("repaired"),
         report=surface_file("repaired", "white.json"),
@@ -61,9 +110,10 @@ rule repair:
         runtime=minutes("repair"),
     params:
         arguments=partial(arguments_of, "repair"),
-        to_mm=placement_of,
+        to_mm=placement_after_resampling,
         version=version_of("stages.repair"),
         origin=partial(origin_of, STAGES["repair"].label),
+        space=space_of,
     script:
         "../scripts/repair.py"
 
@@ -71,7 +121,7 @@ rule repair:
 rule gate:
     """Let a surface in that can be meshed, mended where it must be; refuse any other."""
     input:
-        surface=surface_file("repaired") if REPAIRS else surface_of,
+        surface=surface_file("repaired") if REPAIRS else first_surface,
     output:
         surface=surface_file("gated"),
         report=surface_file("gated", "white.json"),
@@ -86,9 +136,10 @@ rule gate:
         runtime=minutes("gate"),
     params:
         arguments=partial(arguments_of, "gate"),
-        to_mm=None if REPAIRS else placement_of,
+        to_mm=None if REPAIRS else placement_after_resampling,
         version=version_of("stages.gate"),
         origin=partial(origin_of, STAGES["gate"].label),
+        space=space_of,
     script:
         "../scripts/gate.py"
 
@@ -98,6 +149,8 @@ rule fields:
     input:
         surface=surface_of,
         fields=lambda wildcards: [existing(path) for path in CASES[wildcards.case].fields.values()],
+        sphere=sphere_of,
+        template=template_of,
     output:
         surface=surface_file("fields"),
     log:
@@ -112,8 +165,9 @@ rule fields:
     params:
         arguments=partial(arguments_of, "gate"),
         repair=partial(arguments_of, "repair") if REPAIRS else None,
+        resample=lambda wildcards: arguments_of("resample", wildcards) if is_resampled(wildcards) else None,
         to_mm=placement_of,
-        version=[version_of("stages.gate"), version_of("stages.repair")],
+        version=[version_of("stages.gate"), version_of("stages.repair"), version_of("stages.resample")],
         files=lambda wildcards: {name: str(path) for name, path in CASES[wildcards.case].fields.items()},
     script:
         "../scripts/fields.py"
@@ -139,14 +193,44 @@ rule smooth_surface:
         arguments=partial(arguments_of, "smooth_surface"),
         version=version_of("stages.smooth_surface"),
         origin=partial(origin_of, STAGES["smooth_surface"].label),
+        space=space_of,
     script:
         "../scripts/smooth_surface.py"
+
+
+rule resample_inner:
+    """Put an inner surface onto the common mesh, where its triangles are those of the outer one."""
+    input:
+        surface=inner_source,
+        sphere=sphere_of,
+        template=template_of,
+    output:
+        surface=inner_file("resampled"),
+        report=inner_file("resampled", "white.json"),
+    log:
+        inner_log("resample_inner"),
+    benchmark:
+        inner_log("resample_inner", "tsv")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes("resample_inner"),
+        runtime=minutes("resample_inner"),
+    params:
+        arguments=lambda wildcards: {**arguments_of("resample", wildcards), "inside": True},
+        source=lambda wildcards: str(CASES[wildcards.case].inner.get(wildcards.inner)),
+        to_mm=placement_of,
+        version=version_of("stages.resample"),
+        origin=partial(origin_of, STAGES["resample"].label),
+        space=space_of,
+    script:
+        "../scripts/resample.py"
 
 
 rule repair_inner:
     """Repair an inner surface, as the outer one."""
     input:
-        surface=inner_source,
+        surface=first_inner_surface,
     output:
         surface=inner_file("repaired"),
         report=inner_file("repaired", "white.json"),
@@ -161,9 +245,10 @@ rule repair_inner:
         runtime=minutes("repair_inner"),
     params:
         arguments=partial(arguments_of, "repair"),
-        to_mm=placement_of,
+        to_mm=placement_after_resampling,
         version=version_of("stages.repair"),
         origin=partial(origin_of, STAGES["repair"].label),
+        space=space_of,
     script:
         "../scripts/repair.py"
 
@@ -171,7 +256,7 @@ rule repair_inner:
 rule gate_inner:
     """Let an inner surface in, as the gate does the outer one; of any size."""
     input:
-        surface=inner_file("repaired") if REPAIRS else inner_source,
+        surface=inner_file("repaired") if REPAIRS else first_inner_surface,
     output:
         surface=inner_file("gated"),
         report=inner_file("gated", "white.json"),
@@ -186,9 +271,10 @@ rule gate_inner:
         runtime=minutes("gate_inner"),
     params:
         arguments=lambda wildcards: {**arguments_of("gate", wildcards), "inside": True},
-        to_mm=None if REPAIRS else placement_of,
+        to_mm=None if REPAIRS else placement_after_resampling,
         version=version_of("stages.gate"),
         origin=partial(origin_of, STAGES["gate"].label),
+        space=space_of,
     script:
         "../scripts/gate.py"
 
@@ -213,6 +299,7 @@ rule smooth_inner:
         arguments=partial(arguments_of, "smooth_surface"),
         version=version_of("stages.smooth_surface"),
         origin=partial(origin_of, STAGES["smooth_surface"].label),
+        space=space_of,
     script:
         "../scripts/smooth_surface.py"
 
@@ -238,5 +325,6 @@ rule separate:
         arguments=partial(arguments_of, "separate"),
         version=version_of("stages.separate"),
         origin=partial(origin_of, STAGES["separate"].label),
+        space=space_of,
     script:
         "../scripts/separate.py"

@@ -59,8 +59,16 @@ class Job:
         return dict(self.params.arguments)
 
     def record(self, report: Mapping[str, Any]) -> dict[str, Any]:
-        """A report that says whose it is."""
-        return {"origin": self.params.origin, **report}
+        """A report that says whose it is, and of the files of a case what they were made from and in whose space."""
+        return {"origin": self.params.origin, **self._provenance(), **report}
+
+    def _provenance(self) -> dict[str, object]:
+        if "CORTET_OUTPUT" not in os.environ:  # a saved job
+            return {}
+        from cortet.cohort.bids import Places, provenance
+
+        places = Places(Path(os.environ["CORTET_OUTPUT"]), Path(os.environ["CORTET_RAW"]))
+        return provenance(self.input, self.params.get("space"), places)
 
 
 def start(snakemake: Any) -> Job:

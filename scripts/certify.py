@@ -9,6 +9,7 @@ from _job import start
 
 job = start(snakemake)
 
+from cortet.cohort.bids import ABOUT
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.measure.certify import certify
@@ -17,14 +18,14 @@ from cortet.measure.certify import certify
 def report_of(path: str) -> dict[str, Any]:
     """A report; the certificate says itself whose it is."""
     report = json.loads(Path(path).read_text(encoding="utf-8"))
-    return {key: value for key, value in report.items() if key != "origin"}
+    return {key: value for key, value in report.items() if key not in ABOUT}
 
 
 stages = [step for step in job.params.line if step != "certify"]
 reports = dict(zip(stages, map(report_of, job.input.reports), strict=True))
-if job.input.inner_repairs:
-    names = job.params.inner
-    reports["repair"]["inner"] = dict(zip(names, map(report_of, job.input.inner_repairs), strict=True))
+for stage, files in {"repair": job.input.inner_repairs, "resample": job.input.inner_resamplings}.items():
+    if files:
+        reports[stage]["inner"] = dict(zip(job.params.inner, map(report_of, files), strict=True))
 certificate = certify(
     vtu.read(job.input.mesh),
     gifti.read_nested(job.input.surface, job.input.inner),

@@ -9,10 +9,13 @@ from cortet.formats.placement import placed
 from cortet.solver_files.fields import with_fields
 from cortet.stages.gate import gate
 from cortet.stages.repair import repair
+from cortet.stages.resample import resample
 
 repairs = job.params.repair is not None
 surface = with_fields(gifti.read_surface(job.input.surface, finite=not repairs), job.params.files)
 surface = placed(surface, job.params.to_mm)
+if job.input.sphere:
+    surface = resample(surface, gifti.read_surface(job.input.sphere), **job.params.resample)[0]
 if repairs:
     surface = repair(surface, **job.params.repair)[0]
 surface = gate(surface, **job.arguments)[0]

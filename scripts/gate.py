@@ -13,7 +13,7 @@ from cortet.formats.placement import placed
 from cortet.stages.gate import gate
 
 if not job.input:
-    raise missing_surface(job.arguments["source"], inner=bool(job.arguments.get("inside")))
+    raise missing_surface(job.arguments["source"], column="inner" if job.arguments.get("inside") else "surface")
 surface = placed(gifti.read_surface(job.input.surface), job.params.to_mm)
 surface, report = gate(surface, **job.arguments)
 gifti.write_surface(surface, job.output.surface)

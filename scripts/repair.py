@@ -13,7 +13,7 @@ from cortet.formats.placement import placed
 from cortet.stages.repair import repair
 
 if not job.input:
-    raise missing_surface(job.arguments["source"], inner=job.wildcards.get("inner") is not None)
+    raise missing_surface(job.arguments["source"], column="inner" if job.wildcards.get("inner") else "surface")
 surface = placed(gifti.read_surface(job.input.surface, finite=False), job.params.to_mm)
 surface, report = repair(surface, **job.arguments)
 gifti.write_surface(surface, job.output.surface)

@@ -98,7 +98,11 @@ def prepare(dataset: Path, output: Path, work: Path, selection: Selection, setti
     work.mkdir(parents=True, exist_ok=True)
     sheet, file = work / "cohort.tsv", work / "config.yaml"
     write_sheet(chosen, sheet)
-    data = {**settings, "cohort": {**cohort, "sheet": str(sheet.resolve())}, "output": str(output.resolve())}
+    data = {
+        **settings,
+        "cohort": {**cohort, "sheet": str(sheet.resolve()), "dataset": str(dataset.resolve())},
+        "output": str(output.resolve()),
+    }
     load(data)
     file.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     return chosen

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
+from urllib.parse import quote
 
 import cortet
+from cortet.config import Config
 from cortet.formats.atomic import atomic_path, write_json
+from cortet.formats.tsv import write_tsv
+from cortet.stages import MESH_STAGES, STAGES
 
-BIDS_VERSION = "1.10.0"
+BIDS_VERSION = "1.11.0"
 PAPER = "https://doi.org/10.48550/arXiv.2607.12157"
+DESCRIPTION = "dataset_description.json"
 #: what the specification has no names for: tetrahedral meshes and what is known of them, tables over all cases
 IGNORED = (
     "*_tetmesh.*",
@@ -24,19 +35,122 @@ IGNORED = (
     "benchmarks",
     "work",
 )
+#: what a sidecar says of its file besides the report of the stage: whose it is, and two keys of BIDS
+ABOUT = ("origin", "Sources", "SpatialReference")
+#: `desc` of surfaces that are no result of a stage
+_SURFACES = {
+    "phantom": "Synthetic cortex of the age of the case, or its sphere",
+    "fields": "Surface as the gate lets it in, with the per-vertex fields of the case",
+}
 
 
-def write_dataset_description(description: Path, ignore: Path) -> None:
-    """Write `dataset_description.json` and `.bidsignore`."""
+@dataclass(frozen=True)
+class Places:
+    """What BIDS URIs of a run begin with."""
+
+    #: folder of everything that is made: `bids::`
+    output: Path
+    #: the dataset that is meshed, or the folder of the cohort sheet: `bids:raw:`
+    raw: Path
+
+    def uri(self, file: str | Path) -> str:
+        """BIDS URI of a file."""
+        path = _absolute(file)
+        name, root = self.dataset(path)
+        return f"bids:{name}:{quote(path.relative_to(root).as_posix())}"
+
+    def dataset(self, file: Path) -> tuple[str, Path]:
+        """Name and root of the dataset that a file belongs to.
+
+        One that lies below neither of the two belongs to the nearest folder above it that describes itself as a
+        dataset, else to its own. The name is that of the folder and, since others may be called the same, its place.
+        """
+        for name, place in (("", self.output), ("raw", self.raw)):
+            if file.is_relative_to(root := _absolute(place)):
+                return name, root
+        folder = next((folder for folder in file.parents if (folder / DESCRIPTION).is_file()), file.parent)
+        word = "".join(filter(str.isalnum, folder.name)) or "source"
+        return f"{word}{hashlib.sha256(os.fsencode(folder)).hexdigest()[:4]}", folder
+
+
+def provenance(sources: Iterable[str | Path], reference: str | Path | None, places: Places) -> dict[str, object]:
+    """`Sources` and `SpatialReference` of a sidecar.
+
+    Parameters
+    ----------
+    sources : files that the file was made from
+    reference : surface in whose space it is
+    """
+    uris = dict.fromkeys(map(places.uri, sources))
+    return {"Sources": list(uris)} | ({} if reference is None else {"SpatialReference": places.uri(reference)})
+
+
+def write_dataset_description(description: Path, ignore: Path, places: Places, files: Iterable[Path]) -> None:
+    """Write `dataset_description.json` and `.bidsignore`.
+
+    Parameters
+    ----------
+    files : that the meshes are made from; where their datasets are is written relative to the folder of the
+        description, so that all may be moved together
+    """
+    roots = dict(sorted(places.dataset(_absolute(file)) for file in files))
+    links = {name: _relative(root, description.parent) for name, root in roots.items() if name}
+    sources = [{"URL": links[name], **_citable(roots[name])} for name in links]
     write_json(
         {
             "Name": "cortet: certified tetrahedral meshes of cortical surfaces",
             "BIDSVersion": BIDS_VERSION,
             "DatasetType": "derivative",
             "GeneratedBy": [{"Name": "cortet", "Version": cortet.__version__}],
+            **({"SourceDatasets": sources, "DatasetLinks": links} if links else {}),
             "ReferencesAndLinks": [PAPER],
         },
         description,
     )
     with atomic_path(ignore) as temporary:
         temporary.write_text("".join(f"{pattern}\n" for pattern in IGNORED), encoding="utf-8")
+
+
+def _absolute(file: str | Path) -> Path:
+    """The file from the root; links stay, as a dataset may consist of them."""
+    return Path(os.path.normpath(Path(file).absolute()))
+
+
+def _relative(root: Path, folder: Path) -> str:
+    return quote(Path(os.path.relpath(root, folder)).as_posix())
+
+
+def _citable(root: Path) -> dict[str, str]:
+    """DOI of a dataset, where its description has one."""
+    try:
+        doi = json.loads((root / DESCRIPTION).read_text(encoding="utf-8")).get("DatasetDOI")
+    except (OSError, ValueError, AttributeError):
+        return {}
+    return {"DOI": doi} if isinstance(doi, str) and doi else {}
+
+
+def descriptions(settings: Mapping[str, Config]) -> dict[str, str]:
+    """What each value of `desc` in the names of files means, for all that a configuration can make.
+
+    Parameters
+    ----------
+    settings : configuration of each setting, by what it adds to names; that of the line adds nothing
+    """
+    found = dict(_SURFACES)
+    found |= {stage.label: _sentence(stage.does) for stage in STAGES.values() if stage.gives == "surface"}
+    meshers = dict.fromkeys([*settings[""].generate.meshers, *settings[""].experiments.ablation.meshers])
+    for (name, setting), mesher, stage in product(settings.items(), meshers, MESH_STAGES.values()):
+        if setting.enabled(stage.name) and not (name and stage.shared_by_settings):
+            how = f"mesher {mesher}" + (f", setting {setting.setting}" if name else "")
+            found[f"{mesher}{name}{stage.label}"] = f"{_sentence(stage.does)} ({how})"
+    return found
+
+
+def write_descriptions(meanings: Mapping[str, str], path: Path) -> None:
+    """Write `descriptions.tsv`."""
+    rows = [{"desc_id": f"desc-{label}", "description": text} for label, text in meanings.items()]
+    write_tsv(rows, ["desc_id", "description"], path)
+
+
+def _sentence(does: str) -> str:
+    return f"Result of the stage that {does}"

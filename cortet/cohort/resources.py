@@ -43,6 +43,8 @@ class Cost:
 #: rule -> its cost; rules on surfaces do not depend on tetrahedra
 COSTS = {
     "phantom": Cost((400, 0), (4, 0)),
+    "resample": Cost((700, 0), (15, 0)),
+    "resample_inner": Cost((700, 0), (15, 0)),
     "repair": Cost((700, 0), (15, 0)),
     "gate": Cost((600, 0), (7, 0)),
     "fields": Cost((700, 0), (15, 0)),

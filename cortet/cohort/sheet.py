@@ -2,7 +2,7 @@
 
 A sheet is a table of tab-separated values, one hemisphere (or whole brain) per row:
 
-    participant_id  session_id  hemi  scan_age  surface  include  exclude_reason  [inner]  [fold]  [further columns]
+    participant_id  session_id  hemi  scan_age  surface  include  exclude_reason  [inner]  [sphere]  [fold]  [more]
 
 Missing values are `n/a`, as in BIDS. Labels stay strings: participant `007` is not 7.
 
@@ -13,6 +13,7 @@ absolute and lead anywhere the user may read, and are never part of a command.
 
 from __future__ import annotations
 
+import glob
 import math
 import os
 import re
@@ -28,14 +29,16 @@ from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
 from cortet.mesh import OUTERMOST
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
-#: value of column `surface` that stands for a synthetic cortex of the row's age and hemisphere, and of column `inner`
-#: for a white surface within it
+#: value of column `surface` that stands for a synthetic cortex of the row's age and hemisphere, of column `inner` for a
+#: white surface within it, and of column `sphere` for its sphere
 PHANTOM = "phantom"
 #: ages a surface can plausibly have, gestational weeks: below there is no cortical plate to mesh, above lies infancy
 SCAN_AGE_RANGE = (12.0, 60.0)
 FIELD_PREFIX = "field_"
 #: columns of inner surfaces: `inner` names that of the region `white`, `inner_NAME` that of the region NAME
 INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
+#: column of the sphere through which a surface is resampled
+SPHERE = "sphere"
 #: columns of coordinates that are not mm, as `gate.unit` and `gate.affine`
 UNIT, AFFINE = "unit", "affine"
 #: column that says which cases are folded, where the configuration does not
@@ -76,6 +79,8 @@ class Case:
     fields: dict[str, Path] = field(default_factory=dict)
     #: surfaces inside `surface`, name of the region within -> GIfTI file, or `PHANTOM` for that of the region `white`
     inner: Mapping[str, Path | str] = field(default_factory=dict)
+    #: sphere of `surface`, or `PHANTOM`; None where it has none
+    sphere: Path | str | None = None
     #: unit of the coordinates, and an image with the voxel-to-mm affine; None: as the configuration says
     unit: str | None = None
     affine: Path | None = None
@@ -94,14 +99,19 @@ class Case:
         return f"sub-{self.participant}" + (f"/ses-{self.session}" if self.session is not None else "")
 
     @property
+    def files(self) -> list[Path]:
+        """All files that the row names, but for the affine's."""
+        named = [self.surface, self.sphere, *self.inner.values(), *self.fields.values()]
+        return [file for file in named if isinstance(file, Path)]
+
+    @property
     def is_phantom(self) -> bool:
         """Whether the surface is generated rather than read."""
         return self.surface == PHANTOM
 
 
-def missing_surface(source: object, *, inner: bool) -> InputError:
+def missing_surface(source: object, *, column: str) -> InputError:
     """The error of a surface of the sheet that is not there."""
-    column = "inner" if inner else "surface"
     return InputError("no such file", file=source, remedy=f"mend the column {column} of the cohort sheet")
 
 
@@ -206,7 +216,7 @@ def write_sheet(cases: Sequence[Case], path: Path) -> None:
     fields = (FIELD_PREFIX + name for case in cases for name in case.fields)
     inner = (_inner_column(name) for case in cases for name in case.inner)
     extra = (name for case in cases for name in case.extra)
-    own = (name for name in (UNIT, AFFINE) if any(name in row for row in rows))
+    own = (name for name in (SPHERE, UNIT, AFFINE) if any(name in row for row in rows))
     write_tsv(rows, list(dict.fromkeys([*COLUMNS, *inner, *own, *fields, *extra])), path)
 
 
@@ -240,6 +250,7 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
         "include": "yes" if case.include else "no",
         "exclude_reason": case.exclude_reason,
         **{_inner_column(name): _relative(file, folder) for name, file in case.inner.items()},
+        **({SPHERE: _relative(case.sphere, folder)} if case.sphere else {}),
         **({UNIT: case.unit} if case.unit else {}),
         **({AFFINE: _relative(case.affine, folder)} if case.affine else {}),
         **{FIELD_PREFIX + name: _relative(file, folder) for name, file in case.fields.items()},
@@ -275,13 +286,21 @@ def scan(directory: Path, patterns: Scan | None = None) -> list[Case]:
     for (participant, session, hemi), path in sorted(found.items(), key=lambda item: [part or "" for part in item[0]]):
         age = _scan_age(directory, participant, session, patterns, tables)
         reason = "" if age is not None else "no scan age in the sessions or participants table"
-        surface, inner = _around(path)
+        surface, inner = _around(path) if patterns.pial else (path, {})
+        sphere = _sphere_of(path, patterns.spheres)
         cases.append(
-            Case(participant, session, hemi, age, surface, age is not None, reason, inner=inner)
-            if patterns.pial
-            else Case(participant, session, hemi, age, path, age is not None, reason)
+            Case(participant, session, hemi, age, surface, age is not None, reason, inner=inner, sphere=sphere)
         )
     return cases
+
+
+def _sphere_of(path: Path, endings: Sequence[str]) -> Path | None:
+    """The sphere beside a surface, of the first of these ends of names that there is."""
+    begin = re.sub(r"[A-Za-z]+(\.surf\.gii)?$", "", path.name)
+    for ending in endings:
+        if found := sorted(path.parent.glob(glob.escape(begin) + ending)):
+            return found[0]
+    return None
 
 
 def _around(path: Path) -> tuple[Path, dict[str, Path]]:
@@ -328,9 +347,14 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
                 f"column {column}: {value!r}, but a {PHANTOM} and nothing else has an inner surface {PHANTOM} "
                 f"(use {PHANTOM} in both columns, surface and {INNER}, or n/a here)"
             )
+        if column == SPHERE and (value == PHANTOM) != (row["surface"] == PHANTOM) and value not in _MISSING:
+            yield (
+                f"column {column}: {value!r}, but a {PHANTOM} and nothing else has the sphere {PHANTOM} "
+                f"(use {PHANTOM} in both columns, surface and {column}, or n/a here)"
+            )
         if column == UNIT and value not in (*UNITS, *_MISSING):
             yield f"column {column}: {value!r} is no unit (use {', '.join(UNITS)})"
-        is_file = column in ("surface", AFFINE) or _region(column) or column.startswith(FIELD_PREFIX)
+        is_file = column in ("surface", SPHERE, AFFINE) or _region(column) or column.startswith(FIELD_PREFIX)
         if is_file and not _is_file_name(value):
             yield (
                 f"column {column}: {value!r} cannot be a file name here "
@@ -379,10 +403,17 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
             for name, value in inner.items()
             if value not in _MISSING
         },
+        sphere=_sphere(row.get(SPHERE, ""), folder),
         unit=None if row.get(UNIT, "") in _MISSING else row[UNIT],
         affine=None if row.get(AFFINE, "") in _MISSING else _located(row[AFFINE], folder),
-        extra={name: value for name, value in row.items() if name not in (*COLUMNS, *own, *inner, UNIT, AFFINE)},
+        extra={
+            name: value for name, value in row.items() if name not in (*COLUMNS, *own, *inner, SPHERE, UNIT, AFFINE)
+        },
     )
+
+
+def _sphere(value: str, folder: Path) -> Path | str | None:
+    return None if value in _MISSING else PHANTOM if value == PHANTOM else _located(value, folder)
 
 
 def _formatted(pattern: str, values: Mapping[str, Any]) -> str:

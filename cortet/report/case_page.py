@@ -49,6 +49,10 @@ _REPAIR_DISTANCES = {
     "file_to_surface_mm": "Vertices and face centres of the file to the repaired surface",
     "surface_to_file_mm": "Vertices and face centres of the repaired surface to the file",
 }
+_RESAMPLING_DISTANCES = {
+    "native_to_resampled_mm": "Vertices and face centres of the native surface to the resampled one",
+    "resampled_to_native_mm": "Vertices and face centres of the resampled surface to the native one",
+}
 #: remedy of a job that left no message
 _KILLED = "give the job more memory or time, and run again"
 _READ_LOG = "read the log; it holds every line the job printed"
@@ -94,6 +98,7 @@ def write_case_page(
         pictures=pictures,
         trouble=trouble,
         repairs=repairs,
+        resamplings=_resamplings(certificate),
         checks=[in_words(check) for check in certificate["checks"]],
         failed=sum(not check["passed"] for check in certificate["checks"]),
         charts={
@@ -250,10 +255,7 @@ def _repairs(certificate: Certificate) -> list[dict[str, Any]]:
                 {**step, "places": ", ".join("({:.1f}, {:.1f}, {:.1f})".format(*place) for place in step["places_mm"])}
                 for step in one["steps"]
             ],
-            "distances": [
-                {"name": words, "numbers": [f"{one[key][statistic]:.4g}" for statistic in ("mean", "p95", "max")]}
-                for key, words in _REPAIR_DISTANCES.items()
-            ],
+            "distances": _distance_rows(one, _REPAIR_DISTANCES),
             "facts": [
                 ("Volume", f"{one['volume_ml']:.2f} mL ({100 * one['relative_volume_change']:+.3f} %)"),
                 ("Area", f"{one['area_mm2']:.0f} mm² ({100 * one['relative_area_change']:+.3f} %)"),
@@ -264,6 +266,34 @@ def _repairs(certificate: Certificate) -> list[dict[str, Any]]:
         }
         for name, one in every.items()
         if one.get("repaired")
+    ]
+
+
+def _resamplings(certificate: Certificate) -> list[dict[str, Any]]:
+    """How far the common mesh is from the native surface, of the outer one first; nothing for one without a sphere."""
+    report = certificate["reports"].get("resample", {})
+    every = {"": report, **report.get("inner", {})}
+    return [
+        {
+            "name": name,
+            "distances": _distance_rows(one, _RESAMPLING_DISTANCES),
+            "facts": [
+                ("Vertices", f"{one['vertices']:,} instead of {one['vertices_before']:,}"),
+                ("Volume", f"{one['volume_ml']:.2f} mL ({100 * one['relative_volume_change']:+.3f} %)"),
+                ("Area", f"{one['area_mm2']:.0f} mm² ({100 * one['relative_area_change']:+.3f} %)"),
+                ("Triangles that cross others", f"{one['crossing_faces']:,}, before {one['crossing_faces_before']:,}"),
+            ],
+        }
+        for name, one in every.items()
+        if one.get("resampled")
+    ]
+
+
+def _distance_rows(report: Mapping[str, Any], names: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Rows of a table of distances: mean, 95th percentile, largest."""
+    return [
+        {"name": words, "numbers": [f"{report[key][statistic]:.4g}" for statistic in ("mean", "p95", "max")]}
+        for key, words in names.items()
     ]
 
 
@@ -381,10 +411,7 @@ def _tail_in_words(certificate: Certificate) -> str:
 
 
 def _distances(fidelity: Mapping[str, Any]) -> list[dict[str, Any]]:
-    return [
-        {"name": name, "numbers": [f"{fidelity[key][statistic]:.4g}" for statistic in ("mean", "p95", "max")]}
-        for key, name in _DISTANCES.items()
-    ]
+    return _distance_rows(fidelity, _DISTANCES)
 
 
 def _shape(certificate: Certificate) -> Facts:

@@ -61,6 +61,8 @@ COLUMNS = (
     PageColumn("surface_to_boundary_max_mm", "Surface off the mesh (mm)", ".3f"),
     PageColumn("euler_number", "Euler number", ".0f"),
     PageColumn("crossing_faces", "Crossing faces", ",.0f"),
+    PageColumn("resample_native_to_resampled_mean_mm", "Native surface off the common mesh, mean (mm)", ".2g"),
+    PageColumn("resample_native_to_resampled_max_mm", "Native surface off the common mesh (mm)", ".2g"),
     PageColumn("surface_state", "Input surface"),
     PageColumn("repair_surface_to_file_max_mm", "Repaired surface off its file (mm)", ".2g"),
     PageColumn("repair_relative_volume_change", "Volume change by repair", "+.2%"),

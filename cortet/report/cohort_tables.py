@@ -14,7 +14,7 @@ from cortet.cohort.sheet import Case
 from cortet.formats.atomic import write_json
 from cortet.formats.tsv import write_tsv
 
-VERSION: int = 4
+VERSION: int = 5
 
 Certificate = Mapping[str, Any]
 
@@ -125,6 +125,17 @@ QUALITY_COLUMNS = (
         "checks.boundary faces that cross others",
         "Boundary faces that cross others",
         check="boundary faces that cross others",
+    ),
+    *(
+        CertificateColumn(
+            f"resample_{start}_to_{end}_{short}_mm",
+            f"reports.resample.{start}_to_{end}_mm.{short}",
+            f"{statistic} distance of the {start} surface, its vertices and centres of faces, to the {end} one, of a "
+            "surface that was put onto the common mesh",
+            "mm",
+        )
+        for start, end in (("native", "resampled"), ("resampled", "native"))
+        for short, statistic in (("mean", "Mean"), ("max", "Largest"))
     ),
     CertificateColumn("surface_state", "surface_state", "repaired: the input surface was; as given: it was not"),
     CertificateColumn(

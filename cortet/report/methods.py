@@ -12,7 +12,7 @@ from cortet.cohort.sheet import Case
 from cortet.formats.atomic import atomic_path
 from cortet.report.table_files import write_page
 
-VERSION: int = 2
+VERSION: int = 3
 
 #: content of a certificate.json
 Certificate = Mapping[str, Any]
@@ -107,7 +107,7 @@ def _stages(certificates: Sequence[Certificate]) -> list[str]:
         (content["parameters"]["generate"]["mesher"], content["reports"]["generate"]["backend"])
         for content in certificates
     )
-    sentences = []
+    sentences = _resampling(certificates)
     if smooth := parameters.get("smooth_surface"):
         sentences.append(
             "Surfaces were smoothed by age (surface-preserving Laplacian of PyMeshLab; area change at most "
@@ -139,6 +139,25 @@ def _stages(certificates: Sequence[Certificate]) -> list[str]:
     if "snap" in parameters:
         sentences.append("Boundary nodes were put onto the nearest point of the surface.")
     return sentences
+
+
+def _resampling(certificates: Sequence[Certificate]) -> list[str]:
+    """How surfaces came onto the common mesh, where some did."""
+    reports = {content["case"]: content["reports"].get("resample") for content in certificates}
+    resampled = [report for report in reports.values() if report]
+    if not resampled:
+        return []
+    vertices = " and ".join(f"{count:,}" for count in sorted({report["vertices"] for report in resampled}))
+    which = (
+        "Surfaces were"
+        if len(resampled) == len(reports)
+        else f"{_counted(len(resampled), 'surface')} with a sphere were"
+    )
+    means = [report["native_to_resampled_mm"]["mean"] for report in resampled]
+    return [
+        f"{which} put onto a common mesh of {vertices} vertices through their spheres, by barycentric interpolation as "
+        f"in Connectome Workbench (mean distance to the native surface {min(means):.3f} to {max(means):.3f} mm)."
+    ]
 
 
 def _generation(parameters: Mapping[str, Any], sizes: Sequence[float], backends: Counter[tuple[str, str]]) -> str:

@@ -23,12 +23,14 @@ class Stage:
     #: what names of files call its result: `desc-<label>` of a surface, `desc-<mesher><setting><label>` of a mesh
     label: str
     #: what its function takes before the keyword arguments
-    takes: tuple[Literal["surface", "mesh"], ...]
+    takes: tuple[Literal["surface", "sphere", "mesh"], ...]
     gives: Literal["surface", "mesh"]
     #: number in the paper's line, where it has one
     number: str = ""
     #: whether it has something to do only where there are inner surfaces
     nested: bool = False
+    #: whether it has something to do only where the surface has a sphere
+    registered: bool = False
     #: whether the result is the same in every setting of the configuration, so that all of them share it
     shared_by_settings: bool = False
 
@@ -43,6 +45,14 @@ class Stage:
 STAGES: dict[str, Stage] = {
     stage.name: stage
     for stage in (
+        Stage(
+            "resample",
+            "puts the surface onto the common mesh",
+            "resampled",
+            ("surface", "sphere"),
+            "surface",
+            registered=True,
+        ),
         Stage("repair", "repairs what is broken", "repaired", ("surface",), "surface"),
         Stage("gate", "lets in a surface that can be meshed", "gated", ("surface",), "surface"),
         Stage("smooth_surface", "smooths the surface by its age", "smoothed", ("surface",), "surface"),

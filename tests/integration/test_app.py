@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -83,6 +84,17 @@ def test_participants_then_the_group_with_the_conventional_words(
     states = [line.split("\t") for line in (out / "cohort/cohort_status.tsv").read_text().splitlines()]
     column = states[0].index("state")
     assert [row[column] for row in states[1:]] == ["certified", "certified", "failed"]
+
+    linked = json.loads((out / "dataset_description.json").read_text())["DatasetLinks"]
+    assert linked == {"raw": "../bids"}
+    sidecars = [json.loads(path.read_text()) for path in out.rglob("anat/*.json")]
+    uris = {uri for sidecar in sidecars for uri in (*sidecar["Sources"], sidecar["SpatialReference"])}
+    assert "bids:raw:sub-01/ses-a/anat/sub-01_ses-a_hemi-L_white.surf.gii" in uris
+    assert all((out / linked.get(name, ".") / path).exists() for name, path in (uri.split(":")[1:] for uri in uris))
+    described = {line.split("\t")[0] for line in (out / "descriptions.tsv").read_text().splitlines()}
+    in_use = {re.search("desc-[A-Za-z0-9]+", path.name) for path in out.glob("sub-*/**/*_desc-*")}
+    assert {found[0] for found in in_use if found} <= described
+    assert {path.suffix for path in (out / "logs").glob("CITATION.*")} == {".md", ".bib", ".tex", ".html"}
 
     validator = Path(sys.executable).with_name("bids-validator-deno")
     judged = subprocess.run([validator, "--json", str(out)], capture_output=True, text=True, check=False)

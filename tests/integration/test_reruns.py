@@ -25,6 +25,7 @@ COHORT = {
     ("cohort_figure", "-"),
     ("cohort_status", "-"),
     ("cohort_page", "-"),
+    ("citation", "-"),
 }
 FROM_CLEAN = {"clean", "reconnect", "solver_ready", "certify", "case_page", "export"}
 FROM_REPAIR = {"repair", "gate", "smooth_surface", "generate", "transfer"} | FROM_CLEAN

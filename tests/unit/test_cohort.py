@@ -192,6 +192,37 @@ def test_scan_excludes_a_case_without_an_age_and_says_so(tmp_path: Path) -> None
     assert "no scan age" in read_sheet(tmp_path / "cohort.tsv")[-1].exclude_reason
 
 
+def test_a_sphere_is_a_file_of_the_row_or_that_of_a_phantom(tmp_path: Path) -> None:
+    synthetic = "p\tn/a\tR\t30\tphantom\tyes\tn/a\tphantom"
+    rows = (GOOD + "\ta.sphere.gii", GOOD.replace("007", "008") + "\tn/a", synthetic)
+    cases = read_sheet(sheet(tmp_path, *rows, extra="\tsphere"))
+    assert [case.sphere for case in cases] == [tmp_path / "a.sphere.gii", None, "phantom"]
+    assert not any(case.extra for case in cases)
+    write_sheet(cases, tmp_path / "again.tsv")
+    assert read_sheet(tmp_path / "again.tsv") == cases
+    for row in (rows[0].replace("a.sphere.gii", "phantom"), rows[2].replace("\tphantom\tyes", "\ta.gii\tyes")):
+        with pytest.raises(InputError, match="column sphere: 'phantom', but a phantom and nothing else has the sphere"):
+            read_sheet(sheet(tmp_path, row, extra="\tsphere"))
+
+
+def test_scan_finds_the_sphere_beside_a_surface_the_registered_one_first(tmp_path: Path) -> None:
+    anat = release(tmp_path) / "sub-CC01/ses-100/anat"
+    for name in ("hemi-left_sphere", "hemi-left_sphere.reg40", "hemi-right_sphere"):
+        (anat / f"sub-CC01_ses-100_{name}.surf.gii").touch()
+    names = [case.sphere and Path(case.sphere).name for case in scan(tmp_path)]
+    begin = "sub-CC01_ses-100_hemi-"
+    assert names == [f"{begin}left_sphere.reg40.surf.gii", f"{begin}right_sphere.surf.gii", None, None]
+    assert not any(case.sphere for case in scan(tmp_path, Scan(spheres=[])))
+
+
+def test_scan_finds_the_spheres_of_freesurfer(tmp_path: Path) -> None:
+    surf = tmp_path / "sub-01/surf"
+    surf.mkdir(parents=True)
+    for name in ("lh.white", "lh.sphere", "lh.sphere.reg", "rh.white", "rh.sphere"):
+        (surf / name).touch()
+    assert [case.sphere for case in scan(tmp_path)] == [surf / "lh.sphere.reg", None]
+
+
 def test_scan_patterns_are_configurable(tmp_path: Path) -> None:
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "A7.rh.white.gii").touch()

@@ -22,6 +22,7 @@ ROOT = Path(__file__).parents[2]
 FACTS = {
     "nested": True,
     "source": "x.gii",
+    "sphere_file": "x.sphere.gii",
     "gestational_age": 28.0,
     "hemisphere": "L",
     "cell_size": 0.6,

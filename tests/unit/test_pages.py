@@ -18,6 +18,7 @@ from cortet.mesh import TriSurface
 from cortet.report.case_page import about, split_remedy, write_case_page, write_failure_page
 from cortet.report.pages import embedded
 from cortet.stages.repair import repair
+from cortet.stages.resample import resample
 
 HOSTILE = '</script><script>alert(1)</script><img src=x onerror=alert(2)> & "quoted" `<b>`'
 FAILURE = {
@@ -89,6 +90,15 @@ def test_a_repaired_surface_says_what_was_done_where_and_shows_it(tmp_path: Path
     assert f"({x:.1f}, {y:.1f}, {z:.1f})" in shown
     assert "by its distance to the file, white at 0, red at" in text
     assert "The input was repaired" not in page
+
+
+def test_a_surface_on_the_common_mesh_says_how_far_it_is_from_the_native_one(tmp_path: Path, page: str) -> None:
+    made, report = resample(ball_surface(2, radius=20.0), ball_surface(2), subdivisions=3)
+    certificate = asdict(certify(ball_mesh(2, radius=20.0), made, reports={"resample": asdict(report)}))
+    shown = visible(case_page(tmp_path, certificate))
+    assert "On the common mesh" in shown and "642 instead of 162" in shown
+    assert f"{report.resampled_to_native_mm.mean:.4g}" in shown
+    assert "On the common mesh" not in visible(page)
 
 
 def test_a_mesh_that_is_not_certified_says_why(tmp_path: Path) -> None:

@@ -110,6 +110,20 @@ def test_the_gate_stops_an_open_surface(ball: TriSurface) -> None:
     assert (first.stage, first.report["repaired"]) == ("repair", True)
 
 
+def test_a_surface_with_a_sphere_is_put_onto_the_common_mesh_first(ball: TriSurface) -> None:
+    inside = ball_surface(subdivisions=4, radius=9.0)
+    config = load({**FAST, "resample": {"subdivisions": 5}})
+    line = run(nested(ball, {"white": inside}), config, sphere=ball, sphere_source="ball.sphere.gii")
+    first, second = next(line), next(line)
+    assert (first.stage, second.stage) == ("resample", "repair")
+    assert first.parameters == {"subdivisions": 5, "template": None, "sphere_file": "ball.sphere.gii", "version": 1}
+    assert first.report["inner"]["white"]["resampled"]
+    assert len(second.surface.points) == len(second.surface.inner["white"].points) == 10242
+    assert np.abs(second.surface.point_data["height"] - second.surface.points[:, 2]).max() < 0.2
+    off = load({**FAST, "resample": {"enabled": False}})
+    assert next(run(ball, off, sphere=ball)).stage == "repair" == next(run(ball, config)).stage
+
+
 def test_inner_surfaces_are_repaired_too(ball: TriSurface) -> None:
     inside = TriSurface(0.7 * ball.points, ball.faces[3:])
     outside = TriSurface(ball.points, ball.faces[3:])

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 import pytest
 from cubes import cube_mesh
+from shapes import ball_surface
 
 from cortet.cohort.sheet import Case
 from cortet.geometry.topology import boundary_surface
@@ -24,6 +25,7 @@ from cortet.report.cohort_tables import (
     write_summary,
 )
 from cortet.stages.repair import repair
+from cortet.stages.resample import resample
 
 CASES = [
     Case("01", "a", "L", 22.5, "phantom", extra={"site": "x"}),
@@ -35,12 +37,14 @@ def record(case: Case, **limits: Any) -> dict[str, Any]:
     mesh = cube_mesh(3, side=6.0)
     surface, _ = boundary_surface(mesh)
     repaired = asdict(repair(surface, source=None)[1])
+    resampled = asdict(resample(ball_surface(3), ball_surface(3), subdivisions=3)[1])
     certificate = certify(
         mesh,
         surface,
         case=case.name,
         parameters={"generate": {"cell_size": 1.0, "mesher": "cgal"}},
         reports={
+            **({"resample": resampled} if case is CASES[1] else {}),
             "repair": {**repaired, "repaired": case is CASES[1]},
             "generate": {"topology_ok": True, "reason": "", "backend": "cgal", "facet_distance_mm": 0.5},
         },
@@ -65,6 +69,9 @@ def test_one_row_per_certificate_with_the_sheet_before_the_measures(records: lis
     assert first["nodes_to_surface_max_mm"] == records[0]["fidelity"]["nodes_to_surface_mm"]["max"]
     assert (first["euler_number"], first["crossing_faces"]) == (2, 0)
     assert (first["surface_state"], second["surface_state"]) == ("as given", "repaired")
+    off = records[1]["reports"]["resample"]["native_to_resampled_mm"]["mean"]
+    assert pd.isna(first["resample_native_to_resampled_mean_mm"])
+    assert second["resample_native_to_resampled_mean_mm"] == off > 0
 
 
 def test_verdicts_are_pass_and_fail_with_the_reasons(records: list[dict[str, Any]]) -> None:
@@ -75,7 +82,7 @@ def test_verdicts_are_pass_and_fail_with_the_reasons(records: list[dict[str, Any
 
 
 def test_every_value_is_found_in_a_certificate(records: list[dict[str, Any]]) -> None:
-    values = quality_table(records, CASES).loc[0, [column.name for column in QUALITY_COLUMNS]]
+    values = quality_table(records, CASES).loc[1, [column.name for column in QUALITY_COLUMNS]]
     assert list(values.index[values.isna()]) == []
 
 

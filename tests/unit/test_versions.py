@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from cortet.config import version_of
 from cortet.formats import vtu
 from cortet.measure.quality import quality
 from cortet.mesh import TetMesh, TriSurface
-from cortet.phantom import phantom
+from cortet.phantom import phantom, phantom_with_sphere
 from cortet.simulation.fold import fold
 from cortet.simulation.run import Settings
 from cortet.stages.clean import clean
@@ -28,6 +29,7 @@ from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
 from cortet.stages.relocate import relocate
 from cortet.stages.repair import repair
+from cortet.stages.resample import resample
 from cortet.stages.smooth_boundary import smooth_boundary
 from cortet.stages.smooth_surface import smooth_surface
 from cortet.stages.snap import snap
@@ -55,6 +57,13 @@ def broken_ball() -> TriSurface:
     return TriSurface(points, ball.faces[ball.points[ball.faces, 2].max(axis=1) < 18], ball.point_data)
 
 
+def with_labels(surface: TriSurface, sphere: TriSurface) -> tuple[TriSurface, TriSurface]:
+    """The surface with labels and a field."""
+    height = surface.points[:, 2]
+    fields = {"label": (height > 0).astype(np.int32), "height": height}
+    return replace(surface, point_data=fields), sphere
+
+
 def good_ball() -> TetMesh:
     """A mesh of good tetrahedra, its boundary nodes on the sphere of 5 mm."""
     return reconnect(ball_mesh(2, radius=5.0), ball_surface(4), insert=False)[0]
@@ -75,6 +84,7 @@ def folded_ball() -> TetMesh:
 
 RESULTS: dict[str, Callable[[], TriSurface | TetMesh]] = {
     "phantom": lambda: phantom(28.0, subdivisions=3),
+    "resample": lambda: resample(*with_labels(*phantom_with_sphere(28.0, subdivisions=3)), subdivisions=3)[0],
     "repair": lambda: repair(broken_ball(), source="broken ball")[0],
     "gate": lambda: gate(rough_ball(), source="rough ball")[0],
     "smooth_surface": lambda: smooth_surface(rough_ball(), gestational_age=28.0)[0],

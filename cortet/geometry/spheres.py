@@ -1,0 +1,105 @@
+"""From the vertices of one sphere to those of another: the weights by which positions, fields and labels are carried.
+
+The rules are those of Connectome Workbench (SurfaceResamplingHelper; https://www.humanconnectome.org/software/workbench-command):
+`BARYCENTRIC` for positions, `ADAP_BARY_AREA` for what is measured on the surface.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.topology import enclosed_volume, face_areas, surface_topology
+from cortet.mesh import FloatArray, TriSurface
+
+#: mm, to which spheres are scaled, as Workbench does it
+RADIUS = 100.0
+#: a sphere's vertices are so far from its centre, relative to the farthest, and it encloses so much of a ball
+_ROUND, _FULL = 0.9, (0.5, 1.01)
+
+#: (new vertices, old vertices), rows of sum 1
+Weights: TypeAlias = sparse.csr_matrix
+
+
+def of_one_radius(sphere: TriSurface) -> TriSurface:
+    """The sphere with all vertices at `RADIUS` from the origin."""
+    length = np.linalg.norm(sphere.points, axis=1, keepdims=True)
+    return TriSurface(RADIUS * sphere.points / length, sphere.faces)
+
+
+def flaws(sphere: TriSurface) -> list[str]:
+    """Why a surface is no sphere around the origin, in words; nothing for one that is."""
+    found = surface_topology(sphere.faces).problems()
+    length = np.linalg.norm(sphere.points, axis=1)
+    if not length.min() > _ROUND * length.max():
+        return [*found, f"its vertices are {length.min():.3g} to {length.max():.3g} from the origin"]
+    ball = 4 / 3 * np.pi * RADIUS**3
+    share = abs(enclosed_volume(of_one_radius(sphere).points, sphere.faces)) / ball
+    if not _FULL[0] < share < _FULL[1]:
+        found.append(f"its triangles go around the origin {share:.2f} times")
+    return found
+
+
+def barycentric(old: TriSurface, new: TriSurface) -> Weights:
+    """Weights of the corners of the triangle of `old` that is nearest to each vertex of `new`; both of one radius."""
+    found = closest_points(surface_tree(old.points, old.faces), new.points)
+    rows = np.repeat(np.arange(len(new.points)), 3)
+    weights = (found.barycentric.ravel(), (rows, old.faces[found.faces].ravel()))
+    made = sparse.csr_matrix(weights, shape=(len(new.points), len(old.points)))
+    made.eliminate_zeros()
+    return made
+
+
+def area_corrected(old: TriSurface, new: TriSurface, old_areas: FloatArray, new_areas: FloatArray) -> Weights:
+    """Weights that use every vertex of `old`, in proportion to its area.
+
+    A vertex of `new` gathers from its triangle of `old`, unless vertices of `old` that lie in triangles around it would
+    be left out: then it gathers from these.
+
+    Parameters
+    ----------
+    old, new : spheres of one radius
+    old_areas, new_areas : (n,) and (k,), of the vertices of the surfaces that belong to the spheres
+    """
+    forward = barycentric(old, new)
+    back = barycentric(new, old).T.tocsr()
+    left_out = (back != 0).astype(np.int32) - (back != 0).multiply(forward != 0).astype(np.int32)
+    finer = np.asarray(left_out.sum(axis=1)).ravel() > 0
+    gathered = sparse.diags((~finer).astype(float)) @ forward + sparse.diags(finer.astype(float)) @ back
+    gathered = sparse.diags(new_areas) @ gathered
+    given = np.asarray(gathered.sum(axis=0)).ravel()
+    shared = gathered @ sparse.diags(np.divide(old_areas, given, out=np.zeros_like(given), where=given > 0))
+    total = np.asarray(shared.sum(axis=1)).ravel()
+    return sparse.csr_matrix(sparse.diags(1 / total) @ shared)
+
+
+def vertex_areas(surface: TriSurface) -> FloatArray:
+    """A third of the area of the triangles around each vertex: (n,) mm2."""
+    areas: FloatArray = np.repeat(face_areas(surface.points, surface.faces) / 3, 3)
+    return np.bincount(surface.faces.ravel(), areas, minlength=len(surface.points)).astype(np.float64)
+
+
+def carried(weights: Weights, values: NDArray[Any]) -> NDArray[Any]:
+    """A field at the new vertices: the weighted mean, of an integer one (labels) the value with the largest weight.
+
+    Parameters
+    ----------
+    values : (n,) or (n, k) at the old vertices
+    """
+    if not np.issubdtype(values.dtype, np.integer):
+        mean: NDArray[Any] = weights @ values.astype(np.float64)
+        return mean
+    columns = values.reshape(len(values), -1).T
+    return np.stack([_of_largest_weight(weights, column) for column in columns], axis=-1).reshape(-1, *values.shape[1:])
+
+
+def _of_largest_weight(weights: Weights, labels: NDArray[Any]) -> NDArray[Any]:
+    """The label (n,) that has most weight at each new vertex; of several the smallest."""
+    keys, number = np.unique(labels, return_inverse=True)
+    chosen = sparse.csr_matrix((np.ones(len(labels)), (np.arange(len(labels)), number)), shape=(len(labels), len(keys)))
+    most: NDArray[Any] = keys[np.asarray((weights @ chosen).argmax(axis=1)).ravel()]
+    return most

@@ -1,0 +1,162 @@
+"""Put a surface onto a mesh that all cases share, through its sphere, so that vertices correspond across subjects.
+
+A tool of registration (MSM, FreeSurfer) gives each vertex of a surface a place on a sphere, so that equal places mean
+equal anatomy. A vertex of the common sphere takes the position that the surface has at its place.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cortet.errors import InputError
+from cortet.formats.gifti import read_surface, single_precision
+from cortet.geometry import spheres
+from cortet.geometry.icosphere import icosphere
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.topology import enclosed_volume, face_areas
+from cortet.measure.fidelity import Distances, summary
+from cortet.measure.lost import distances_to
+from cortet.mesh import TriSurface
+
+VERSION: int = 1
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ResampleReport:
+    """The surface on the common mesh beside the native one. Relative changes are (resampled - native) / native."""
+
+    #: false: an inner surface whose triangles are not those of the sphere, and that stays as it is
+    resampled: bool
+    vertices_before: int
+    vertices: int
+    faces_before: int
+    faces: int
+    #: vertices and face centres of the native surface to the nearest point of the resampled one, and back
+    native_to_resampled_mm: Distances
+    resampled_to_native_mm: Distances
+    #: triangles that cross others, before and after
+    crossing_faces_before: int
+    crossing_faces: int
+    area_before_mm2: float
+    area_mm2: float
+    relative_area_change: float
+    volume_before_ml: float
+    volume_ml: float
+    relative_volume_change: float
+
+
+def resample(
+    surface: TriSurface,
+    sphere: TriSurface,
+    *,
+    sphere_file: Any = None,
+    template: str | Path | None = None,
+    subdivisions: int = 6,
+    inside: bool = False,
+) -> tuple[TriSurface, ResampleReport]:
+    """The surface, and its fields, at the vertices of a common sphere.
+
+    Positions are interpolated linearly in the triangle of `sphere` that is nearest to the vertex of the common one, as
+    `wb_command -surface-resample ... BARYCENTRIC` does it; fields by area-corrected weights, as `-metric-resample` and
+    `-label-resample` with `ADAP_BARY_AREA` and both surfaces for areas. Coordinates of the result are float32 values.
+
+    Parameters
+    ----------
+    surface : native, mm; its inner surfaces stay as they are
+    sphere : of any radius around the origin; vertex i is that of `surface`, and so are the triangles
+    sphere_file : where it comes from, for messages
+    template : file of the common sphere; None: an icosphere
+    subdivisions : of this; 6 gives 40,962 vertices
+    inside : the surface lies inside another one, and is resampled only where its triangles are those of the sphere
+
+    Raises
+    ------
+    InputError
+        the sphere is none, or not of this surface; the surface has coordinates that are not finite; the template is no
+        sphere
+    """
+    if inside and not _belongs(sphere, surface):
+        return surface, _report(surface, surface, resampled=False)
+    _check(surface, sphere, sphere_file)
+    common = _common(template, subdivisions)
+    old, new = spheres.of_one_radius(sphere), spheres.of_one_radius(common)
+    weights = spheres.barycentric(old, new)
+    points = weights @ surface.points
+    made = single_precision(TriSurface(points, common.faces, frame=surface.frame, inner=surface.inner))
+    if surface.point_data:
+        areas = spheres.vertex_areas(surface), spheres.vertex_areas(made)
+        gathered = spheres.area_corrected(old, new, *areas)
+        fields = {name: spheres.carried(gathered, values) for name, values in surface.point_data.items()}
+        made = replace(made, point_data=fields)
+    report = _report(surface, made, resampled=True)
+    logger.info(
+        "%d vertices instead of %d; %.3f mm from the native surface on average, %.3f mm at most",
+        report.vertices,
+        report.vertices_before,
+        report.native_to_resampled_mm.mean,
+        report.native_to_resampled_mm.max,
+    )
+    return made, report
+
+
+def _common(template: str | Path | None, subdivisions: int) -> TriSurface:
+    """The sphere whose vertices all cases share."""
+    if template is None:
+        return icosphere(subdivisions)
+    sphere = read_surface(template)
+    if flaws := spheres.flaws(sphere):
+        raise InputError(f"is no sphere: {'; '.join(flaws)}", file=template, remedy="mend resample.template")
+    return sphere
+
+
+def _belongs(sphere: TriSurface, surface: TriSurface) -> bool:
+    """Whether both have the same triangles, whichever way they face."""
+    same_size = len(sphere.points) == len(surface.points) and sphere.faces.shape == surface.faces.shape
+    return same_size and bool((np.sort(sphere.faces, axis=1) == np.sort(surface.faces, axis=1)).all())
+
+
+def _check(surface: TriSurface, sphere: TriSurface, file: Any) -> None:
+    without = "or leave the column sphere of the cohort sheet empty"
+    if not _belongs(sphere, surface):
+        raise InputError(
+            f"its {len(sphere.points)} vertices and {len(sphere.faces)} triangles are not those of the surface, which "
+            f"has {len(surface.points)} and {len(surface.faces)}",
+            file=file,
+            remedy=f"give the sphere of this very surface, {without}",
+        )
+    if flaws := spheres.flaws(sphere):
+        raise InputError(f"is no sphere: {'; '.join(flaws)}", file=file, remedy=f"give a registered sphere, {without}")
+    if not np.isfinite(surface.points).all():
+        raise InputError(
+            "coordinates of the surface are not finite, so that it cannot be resampled", file=file, remedy=without[3:]
+        )
+
+
+def _report(native: TriSurface, made: TriSurface, *, resampled: bool) -> ResampleReport:
+    area_before, area = (float(face_areas(one.points, one.faces).sum()) for one in (native, made))
+    volume_before, volume = (abs(enclosed_volume(one.points, one.faces)) / 1000 for one in (native, made))
+    none = Distances(0.0, 0.0, 0.0)
+    return ResampleReport(
+        resampled=resampled,
+        vertices_before=len(native.points),
+        vertices=len(made.points),
+        faces_before=len(native.faces),
+        faces=len(made.faces),
+        native_to_resampled_mm=summary(distances_to(made, native)) if resampled else none,
+        resampled_to_native_mm=summary(distances_to(native, made)) if resampled else none,
+        crossing_faces_before=len(self_intersections(native)),
+        crossing_faces=len(self_intersections(made)),
+        area_before_mm2=area_before,
+        area_mm2=area,
+        relative_area_change=area / area_before - 1,
+        volume_before_ml=volume_before,
+        volume_ml=volume,
+        relative_volume_change=volume / volume_before - 1,
+    )

@@ -1,0 +1,22 @@
+"""Put one surface onto the common mesh, through its sphere."""
+
+from dataclasses import asdict
+
+from _job import start
+
+job = start(snakemake)
+
+from cortet.cohort.sheet import missing_surface
+from cortet.formats import gifti
+from cortet.formats.atomic import write_json
+from cortet.formats.placement import placed
+from cortet.stages.resample import resample
+
+if not job.input.surface:
+    raise missing_surface(job.params.source, column="inner" if job.wildcards.get("inner") else "surface")
+if not job.input.sphere:
+    raise missing_surface(job.arguments["sphere_file"], column="sphere")
+surface = placed(gifti.read_surface(job.input.surface), job.params.to_mm)
+surface, report = resample(surface, gifti.read_surface(job.input.sphere), **job.arguments)
+gifti.write_surface(surface, job.output.surface)
+write_json(job.record(asdict(report)), job.output.report)

@@ -1,0 +1,85 @@
+"""A sheet with and without spheres: those that have one are put onto the common mesh, with their fields."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cortet.cohort.sheet import PHANTOM
+from cortet.formats.gifti import read_surface, write_surface
+from cortet.geometry.icosphere import icosphere
+from cortet.mesh import TriSurface
+from tests.integration.study import Study, surface
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    """Three eggs, of which the last two have spheres, the second a field and an inner surface, the third in metres."""
+    made = Study(tmp_path)
+    made.config["resample"] = {"subdivisions": 4}
+    made.config["generate"]["cell_size"] = [3.0]
+    made.config["certify"] |= {"max_surface_distance": 1.0}
+    made.add_case(made.case("a"), surface(0))
+    for name, unit in (("b", None), ("c", "m")):
+        case = replace(made.case(name), sphere=tmp_path / f"surfaces/{name}.sphere.surf.gii", unit=unit)
+        egg = surface(1)
+        write_surface(replace(egg, points=5 * egg.points / np.linalg.norm(egg.points, axis=1)[:, None]), case.sphere)
+        if name == "b":
+            white, height = (tmp_path / f"surfaces/b_{what}.gii" for what in ("white.surf", "height.shape"))
+            write_surface(replace(egg, points=0.7 * egg.points), white)
+            write_surface(replace(egg, point_data={"height": egg.points[:, 2]}), height)
+            case = replace(case, inner={"white": white}, fields={"height": height})
+        made.add_case(case, replace(egg, points=egg.points / (1000 if unit else 1)))
+    return made
+
+
+def test_cases_with_spheres_share_triangles_and_the_others_stay_as_they_are(study: Study) -> None:
+    first = study.jobs_of_run()
+    assert {case for rule, case in first if rule == "resample"} == {"sub-b", "sub-c"}
+    assert {case for rule, case in first if rule == "resample_inner"} == {"sub-b"}
+    meshed = {name: read_surface(study.files(f"sub-{name}_hemi-L_desc-smoothed_white.surf.gii")[0]) for name in "abc"}
+    assert len(meshed["a"].points) == 642
+    assert all((meshed[name].faces == icosphere(4).faces).all() for name in "bc")
+    assert np.abs(meshed["b"].points - meshed["c"].points).max() < 1e-4, "the same egg in mm and in m"
+    (fields,) = study.files("sub-b*desc-fields_white.surf.gii")
+    egg = read_surface(fields)
+    assert egg.point_data["height"] == pytest.approx(egg.points[:, 2], abs=0.3)
+
+    report = json.loads(study.files("sub-b*Solver_certificate.json")[0].read_text())["reports"]["resample"]
+    assert report["vertices"] == report["inner"]["white"]["vertices"] == 2562
+    rows = study._table("cohort_quality", "case")
+    assert rows["sub-a_hemi-L"]["resample_native_to_resampled_max_mm"] == "n/a"
+    assert float(rows["sub-b_hemi-L"]["resample_native_to_resampled_max_mm"]) == pytest.approx(
+        report["native_to_resampled_mm"]["max"], rel=1e-3
+    )
+    assert "On the common mesh" in study.files("sub-b*report.html")[0].read_text()
+
+    sphere = Path(study.cases()[1].sphere or "")
+    old = read_surface(sphere)
+    write_surface(TriSurface(old.points @ [[0, 1, 0], [1, 0, 0], [0, 0, -1]], old.faces), sphere)
+    again = study.planned_jobs()
+    assert {case for _, case in again} == {"sub-b", "-"} and ("resample", "sub-b") in again
+
+
+def test_a_missing_sphere_fails_its_case_alone_and_the_stage_can_be_left_out(study: Study) -> None:
+    Path(study.cases()[2].sphere or "").unlink()
+    study.write_cases(study.cases()[2:])
+    study.run()
+    failed = study.status()["sub-c_hemi-L"]
+    assert failed["stage"] == "resample" and "c.sphere.surf.gii: no such file" in failed["reason"]
+    assert "column sphere of the cohort sheet" in failed["reason"]
+    study.config["resample"] = {"enabled": False}
+    assert not {rule for rule, _ in study.planned_jobs()} & {"resample", "resample_inner"}
+
+
+def test_a_phantom_comes_with_its_sphere(tmp_path: Path) -> None:
+    study = Study(tmp_path)
+    study.config |= {"phantom": {"subdivisions": 4}, "resample": {"subdivisions": 3}}
+    study.write_cases([replace(study.case("p"), surface=PHANTOM, sphere=PHANTOM)])
+    assert {("phantom_sphere", "sub-p"), ("resample", "sub-p")} <= study.planned_jobs()
+    study.run("derivatives/cortet/sub-p/anat/sub-p_hemi-L_desc-gated_white.surf.gii")
+    assert len(read_surface(study.files("*desc-gated_white.surf.gii")[0]).points) == 642

@@ -1,0 +1,182 @@
+"""Resampling onto a common mesh: a map that is known, Connectome Workbench as the yardstick, and what is refused."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from shutil import which
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cortet.config import load
+from cortet.errors import InputError
+from cortet.formats.gifti import read_fields, read_surface, write_surface
+from cortet.geometry.icosphere import icosphere
+from cortet.mesh import FloatArray, TriSurface
+from cortet.phantom import phantom, phantom_with_sphere
+from cortet.stages.resample import resample
+
+SIZE = 30.0
+
+
+def egg(directions: FloatArray) -> FloatArray:
+    """Where a smooth, bumpy egg has the places (n, 3) of the unit sphere, mm."""
+    x, y, z = directions.T
+    length = SIZE * (1 + 0.1 * np.sin(3 * x + 1) * np.cos(2 * y) + 0.1 * z**2)
+    return directions * length[:, None] * [0.8, 1.2, 1.0]
+
+
+def shifted_sphere(subdivisions: int) -> TriSurface:
+    """An icosphere whose vertices slid along it, unevenly: none of them is where those of another one are."""
+    sphere = icosphere(subdivisions)
+    moved = sphere.points + 0.1 * np.sin(4 * np.roll(sphere.points, 1, axis=1) + 0.3)
+    return replace(sphere, points=moved / np.linalg.norm(moved, axis=1, keepdims=True))
+
+
+def native(subdivisions: int) -> tuple[TriSurface, TriSurface]:
+    """An egg with a field and labels, and its sphere."""
+    sphere = shifted_sphere(subdivisions)
+    fields = {
+        "height": sphere.points[:, 2],
+        "lobe": (1 + 2 * (sphere.points[:, 0] > 0.1) + (sphere.points[:, 1] > 0)).astype(np.int32),
+        "pair": sphere.points[:, :2].copy(),
+    }
+    return TriSurface(egg(sphere.points), sphere.faces, fields), replace(sphere, points=7 * sphere.points)
+
+
+def test_the_vertices_of_the_common_mesh_lie_where_the_map_puts_them() -> None:
+    wanted, errors = egg(icosphere(4).points), []
+    for subdivisions in (4, 5):
+        made, report = resample(*native(subdivisions), subdivisions=4)
+        errors.append(np.linalg.norm(made.points - wanted, axis=1).max())
+        assert np.abs(made.point_data["height"] - icosphere(4).points[:, 2]).max() < 0.05
+        assert (made.faces == icosphere(4).faces).all() and report.vertices == 2562
+        assert 0 < report.resampled_to_native_mm.max < 0.15
+    assert errors[0] < 0.1, "mm, of an egg of 60 mm with edges of 2 mm"
+    assert errors[1] < errors[0] / 3, "linear interpolation: a quarter with edges of half the length"
+
+
+def test_its_own_sphere_gives_the_surface_back() -> None:
+    sphere = icosphere(4)
+    labels = np.arange(len(sphere.points), dtype=np.int32) // 7
+    given = TriSurface(egg(sphere.points), sphere.faces, {"label": labels, "x": sphere.points[:, 0]})
+    made, report = resample(given, sphere, subdivisions=4)
+    assert np.abs(made.points - given.points).max() < 1e-5
+    assert (made.point_data["label"] == labels).all()
+    assert made.point_data["x"] == pytest.approx(given.point_data["x"], abs=1e-12)
+    assert report.native_to_resampled_mm.max < 1e-5
+    assert report.relative_area_change == pytest.approx(0, abs=1e-6) == report.relative_volume_change
+
+
+def test_phantoms_of_other_triangles_have_the_same_vertices_in_the_same_places() -> None:
+    first, second = (resample(*phantom_with_sphere(28.0, subdivisions=n), subdivisions=4)[0] for n in (4, 5))
+    assert (first.faces == second.faces).all()
+    apart = np.linalg.norm(first.points - second.points, axis=1)
+    assert apart.mean() < 0.06 and np.percentile(apart, 99) < 0.3, "mm; each is rounded off as far as its edges allow"
+    left, right = (resample(*phantom_with_sphere(28.0, hemisphere=side), subdivisions=4)[0] for side in "LR")
+    assert left.points[:, 0].max() < 0 < right.points[:, 0].min()
+    assert (phantom_with_sphere(28.0, subdivisions=3)[0].points == phantom(28.0, subdivisions=3).points).all()
+
+
+def test_a_template_takes_the_place_of_the_icosphere(tmp_path: Path) -> None:
+    write_surface(shifted_sphere(3), tmp_path / "L.sphere.surf.gii")
+    config = load({"resample": {"template": str(tmp_path / "{hemi}.sphere.surf.gii")}})
+    arguments = config.arguments("resample", {"hemisphere": "L", "sphere_file": "a.surf.gii"})
+    made, _ = resample(*native(4), **arguments)
+    assert len(made.points) == 642 and np.abs(made.points - egg(shifted_sphere(3).points)).max() < 0.4
+    with pytest.raises(InputError, match="which hemisphere this is"):
+        config.arguments("resample", {"hemisphere": None, "sphere_file": "a.surf.gii"})
+
+
+def test_an_inner_surface_of_other_triangles_stays_as_it_is() -> None:
+    sphere, inner = native(4)[1], TriSurface(5 * icosphere(3).points, icosphere(3).faces)
+    same, report = resample(inner, sphere, subdivisions=4, inside=True)
+    assert same is inner and not report.resampled and report.native_to_resampled_mm.max == 0
+    surface, sphere = native(4)
+    assert resample(surface, sphere, subdivisions=3, inside=True)[1].resampled
+
+
+def broken(kind: str) -> tuple[TriSurface, TriSurface]:
+    surface, sphere = native(3)
+    points = sphere.points.copy()
+    if kind == "of another surface":
+        return surface, TriSurface(points, np.roll(sphere.faces, 5, axis=0))
+    if kind == "not round":
+        return surface, TriSurface(points * [1, 1, 2], sphere.faces)
+    if kind == "half of it":
+        return surface, TriSurface(np.maximum(np.abs(points), 0.1), sphere.faces)
+    if kind == "open":
+        return TriSurface(surface.points, surface.faces[1:]), TriSurface(points, sphere.faces[1:])
+    lost = surface.points.copy()
+    lost[3] = np.nan
+    return TriSurface(lost, surface.faces), sphere
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("of another surface", "are not those of the surface.*give the sphere of this very surface"),
+        ("not round", r"lh.sphere: is no sphere: its vertices are 7 to 14 from the origin"),
+        ("half of it", "its triangles go around the origin 0.[0-9]+ times"),
+        ("open", "is no sphere: 3 open edges"),
+        ("without a place", "coordinates of the surface are not finite"),
+    ],
+)
+def test_what_is_no_sphere_of_the_surface_is_refused(kind: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        resample(*broken(kind), sphere_file="lh.sphere", subdivisions=3)
+
+
+def test_a_template_that_is_no_sphere_is_refused(tmp_path: Path) -> None:
+    write_surface(native(3)[0], tmp_path / "egg.surf.gii")
+    with pytest.raises(InputError, match=r"egg.surf.gii: is no sphere.*mend resample.template"):
+        resample(*native(3), template=tmp_path / "egg.surf.gii")
+
+
+def gifti_array(values: NDArray[Any], path: Path) -> Path:
+    """A metric or label file, as Workbench reads it."""
+    from nibabel.gifti import GiftiDataArray, GiftiImage, GiftiLabel, GiftiLabelTable
+
+    labels = np.issubdtype(values.dtype, np.integer)
+    intent, kind = ("LABEL", np.int32) if labels else ("NORMAL", np.float32)
+    image = GiftiImage(darrays=[GiftiDataArray(values.astype(kind), f"NIFTI_INTENT_{intent}")])
+    if labels:
+        table = GiftiLabelTable()
+        for key in np.unique(values).tolist():
+            label = GiftiLabel(key, 1, 1, 1, 1)
+            label.label = f"label {key}"
+            table.labels.append(label)
+        image.labeltable = table
+    path.write_bytes(image.to_xml())
+    return path
+
+
+@pytest.mark.skipif(not which("wb_command"), reason="Connectome Workbench is not installed")
+@pytest.mark.parametrize("subdivisions", [3, 5])
+def test_workbench_finds_the_same(subdivisions: int, tmp_path: Path) -> None:
+    """Onto fewer vertices than the surface has, and onto more."""
+    surface, sphere = native(4)
+    made, _ = resample(surface, sphere, subdivisions=subdivisions)
+    names = {name: str(tmp_path / f"{name}.surf.gii") for name in ("surface", "sphere", "common", "made", "theirs")}
+    common = icosphere(subdivisions)
+    for name, one in {"surface": surface, "sphere": sphere, "common": common, "made": made}.items():
+        write_surface(TriSurface(one.points, one.faces), names[name])
+    wb = ["wb_command", "-logging", "SEVERE"]
+    spheres = [names["sphere"], names["common"]]
+    subprocess.run([*wb, "-surface-resample", names["surface"], *spheres, "BARYCENTRIC", names["theirs"]], check=True)
+    assert np.abs(read_surface(names["theirs"]).points - made.points).max() < 1e-4
+    for field, kind, end in (("height", "metric", "func"), ("lobe", "label", "label")):
+        source = gifti_array(surface.point_data[field], tmp_path / f"{field}.{end}.gii")
+        target = str(tmp_path / f"theirs_{field}.{end}.gii")
+        areas = ["-area-surfs", names["surface"], names["made"]]
+        command = [*wb, f"-{kind}-resample", str(source), *spheres, "ADAP_BARY_AREA", target, *areas]
+        subprocess.run(command, check=True)
+        (theirs,) = read_fields(target).values()
+        if kind == "label":
+            assert (theirs == made.point_data[field]).all()
+        else:
+            assert theirs == pytest.approx(made.point_data[field], abs=1e-5)
