@@ -8,6 +8,7 @@ the body is measured.
 from __future__ import annotations
 
 import importlib.util
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from math import fsum
@@ -196,7 +197,9 @@ class OnGpu:
         (overload,) = compiled.overloads.values()
         most = overload.max_cooperative_grid_blocks(self._gpu.THREADS)
         useful = max(len(self._moment.work.patches.corners), -(-len(self._moment.state.x) // self._gpu.THREADS))
-        return compiled[min(most, useful), self._gpu.THREADS]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that these are few blocks: a small mesh has no more, nor a small device
+            return compiled[min(most, useful), self._gpu.THREADS]
 
     @contextmanager
     def _told(self) -> Iterator[None]:

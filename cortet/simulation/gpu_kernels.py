@@ -71,7 +71,7 @@ class Tallies(NamedTuple):
     #: per patch, of the step: smallest J, and elements in the degenerate branch; or their elastic energy
     patch_least: FloatArray
     patch_count: FloatArray
-    #: (b, 2), of the step: number of surface nodes in contact
+    #: per THREADS surface nodes, of the step: how many are in contact
     block_touched: FloatArray
     #: (b, 2), of all steps: energy dissipated, work of the contact; or kinetic and volumetric energy
     block_energy: FloatArray

@@ -160,6 +160,8 @@ def described(run: Run) -> list[str]:
         f"the growing cortex is {thickness_mm(run):.2f} mm thick at the start: "
         f"{share:.3f} of the unit of length, {run.scale.length:.1f} mm"
     ]
+    if run.device != "cpu":
+        sentences.append(f"the steps are taken on a GPU: {run.device}")
     if run.wall is not None:
         sentences.append(
             f"medial wall: {run.wall.area_mm2:.0f} mm2, {run.wall.share:.1%} of the surface; {run.wall.found}"
