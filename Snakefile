@@ -26,6 +26,10 @@ include: "rules/failures.smk"
 for place, made_by in enumerate(workflow.rules):
     made_by.priority = place
 
+# One GPU of this machine has one job at a time; `--resources gpu=2` says that there are two.
+if workflow.local_exec and "gpu" not in workflow.global_resources:
+    workflow.global_resources["gpu"] = 1
+
 
 localrules:
     all,

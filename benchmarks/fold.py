@@ -1,6 +1,6 @@
 """Speed and memory of the folding simulation, against the number of tetrahedra and of threads.
 
-    python benchmarks/fold.py [--cells 1e5 3e5 1e6] [--threads 1 2] [--steps 20]
+    python benchmarks/fold.py [--cells 1e5 3e5 1e6] [--threads 1 2] [--steps 20] [--device cuda]
 
 The body is a cube of Kuhn tetrahedra with displaced inner nodes that grows as a cortex does, its surface in contact
 search; each row is a process of its own, kernels compiled beforehand. On a busy machine wall time says little: compare
@@ -8,6 +8,10 @@ the CPU seconds, and element-steps per CPU second and core. Memory is the peak o
 body on, and what of it is above that before. Bytes are what a step has to bring from memory and back, every array once
 in each loop that uses it; operations are those of the formulas. Beside them stand what a plain sum of arrays and plain
 multiply-adds reach on one core at that moment, and how CPU seconds per step grow with the number of tetrahedra.
+
+With `--device cuda` each size has one more row, of the GPU: wall seconds of the steps, in batches of 100 as a run takes
+them, with what goes to the host after each, and once before them, which compiles the kernel. Its bytes are those that
+its own loops bring from memory and back.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ import argparse
 import multiprocessing
 import os
 import time
+from types import SimpleNamespace
 from typing import Any
 
 import numba
@@ -28,8 +33,11 @@ from cortet.mesh import TetMesh
 from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 from cortet.simulation.body import Material, body_of, scale_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
-from cortet.simulation.kernels import DONE, Motion, advance, workspace
+from cortet.simulation.gpu import OnGpu, device_name
+from cortet.simulation.kernels import DONE, Motion, Work, workspace
 from cortet.simulation.patches import ROWS, VOLUME
+from cortet.simulation.run import Moment
+from cortet.simulation.stepper import OnCpu
 
 #: growth at every step: enough that no term of the forces is zero
 _GROWTH = 1e-3
@@ -42,23 +50,32 @@ _ELEMENT_BYTES = (ROWS - VOLUME) * 8 + 12 + ROWS * 8 + 12
 _SLOT_BYTES = 4 * 4 + 2 * 16 + 2 * 24
 #: bytes per node: positions read three times and written, velocities, contact forces, volume and ratio, offsets, held
 _NODE_BYTES = 4 * 24 + 2 * 24 + 24 + 2 * 16 + 2 * 8 + 1
+#: the same on a GPU. An element has rows of growth and volume, then all rows, and twice its corners, its label and its
+#: four places in the lists of slots
+_GPU_ELEMENT_BYTES = (ROWS - VOLUME) * 8 + ROWS * 8 + 2 * (8 + 4 + 8)
+#: a slot: its node, where its list begins, and a position, twice; a ratio; volumes and forces written, and read with
+#: its number
+_GPU_SLOT_BYTES = 2 * (4 + 4 + 24) + 8 + 2 * (16 + 24) + 2 * 4
+#: a node: position, velocity and contact force read and written; volume and ratio; offsets, place, held
+_GPU_NODE_BYTES = 3 * 48 + 2 * 16 + 2 * 8 + 4 + 1
 
 
-def measure(cells: float, threads: int, steps: int, answer: Any) -> None:
-    """Time some steps in this process and send back a row of the table."""
-    numba.set_num_threads(threads)
-    run(cube_mesh(3, jitter=0.2), 1)  # load or compile the kernels
+def measure(cells: float, threads: int | None, steps: int, answer: Any) -> None:
+    """Time some steps in this process, on a GPU if no threads are named, and send back a row of the table."""
+    if threads:
+        numba.set_num_threads(threads)
+    run(cube_mesh(3, jitter=0.2), 1, on_gpu=not threads)  # load or compile the kernels
     mesh = cube_mesh(round((cells / 6) ** (1 / 3)), jitter=0.2)
-    mesh = TetMesh(*ordered_along_curve(mesh.points, mesh.cells))
+    mesh = TetMesh(*ordered_along_curve(mesh.points, mesh.cells)[:2])
     reset_peak_memory()
     before = peak_memory_mb() or 0
-    wall, cpu, bytes_moved = run(mesh, steps)
+    wall, cpu, bytes_moved = run(mesh, steps, on_gpu=not threads)
     peak = peak_memory_mb() or 0
     work = len(mesh.cells) * steps / 1e6
     answer.send(
         {
             "tets": len(mesh.cells),
-            "threads": threads,
+            "threads": threads or "gpu",
             "wall_s": round(wall, 2),
             "cpu_s": round(cpu, 3),
             "million_element_steps_per_s": round(work / wall, 2),
@@ -66,13 +83,14 @@ def measure(cells: float, threads: int, steps: int, answer: Any) -> None:
             "bytes": round(bytes_moved),
             "GB_per_cpu_s": round(bytes_moved * work / cpu / 1e3, 1),
             "GFLOP_per_cpu_s": round(OPERATIONS * work / cpu / 1e3, 1),
+            "GB_per_s": round(bytes_moved * work / wall / 1e3, 1),
             "peak_MB": peak,
             "MB_per_million_tets": round((peak - before) / len(mesh.cells) * 1e6),
         }
     )
 
 
-def run(mesh: TetMesh, steps: int) -> tuple[float, float, float]:
+def run(mesh: TetMesh, steps: int, *, on_gpu: bool) -> tuple[float, float, float]:
     """Wall and CPU seconds of some steps, and bytes per element-step; the CPU time is that of all threads."""
     scale, material = scale_of(mesh, None), Material()
     x = (mesh.points - scale.origin) / scale.length
@@ -81,13 +99,26 @@ def run(mesh: TetMesh, steps: int) -> tuple[float, float, float]:
     contact = contact_of(x, boundary_faces(mesh), bulk=material.bulk)
     dt = stable_time_step(smallest_altitude(x, mesh.cells), material)
     growth = np.full((steps, 1), _GROWTH)
+    what: Any = SimpleNamespace(body=body, material=material)
+    stepper = (OnGpu if on_gpu else OnCpu)(what, Moment(0, 0.0, state, work, contact))
+    stepper.begin()
+    if on_gpu and stepper.advance(growth[:1], np.zeros(1), dt) != (1, DONE):
+        raise RuntimeError("the first step was not taken")
     wall, cpu = time.perf_counter(), time.process_time()
-    ended = advance(body, material, state, work, contact, growth, np.zeros(steps), dt)
-    if ended != (steps, DONE):
-        raise RuntimeError(f"the steps ended with {ended}")
+    for first in range(0, steps, 100):
+        batch = growth[first : first + 100]
+        if (ended := stepper.advance(batch, np.zeros(len(batch)), dt)) != (len(batch), DONE):
+            raise RuntimeError(f"the steps ended with {ended}")
     seconds = time.perf_counter() - wall, time.process_time() - cpu
-    slots, nodes = len(work.patches.nodes) * _SLOT_BYTES, len(x) * _NODE_BYTES
-    return *seconds, _ELEMENT_BYTES + (slots + nodes) / len(mesh.cells)
+    return *seconds, bytes_per_element(mesh, work, on_gpu=on_gpu)
+
+
+def bytes_per_element(mesh: TetMesh, work: Work, *, on_gpu: bool) -> float:
+    """Bytes that a step moves per tetrahedron."""
+    element, slot, node = (
+        (_GPU_ELEMENT_BYTES, _GPU_SLOT_BYTES, _GPU_NODE_BYTES) if on_gpu else (_ELEMENT_BYTES, _SLOT_BYTES, _NODE_BYTES)
+    )
+    return element + (len(work.patches.nodes) * slot + len(mesh.points) * node) / len(mesh.cells)
 
 
 def machine() -> str:
@@ -132,13 +163,16 @@ def main() -> None:
     parser.add_argument("--cells", nargs="+", type=float, default=[1e5, 3e5, 1e6])
     parser.add_argument("--threads", nargs="+", type=int, default=[1, 2])
     parser.add_argument("--steps", type=int, default=20)
+    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu")
     options = parser.parse_args()
+    if options.device == "cuda":
+        print(device_name())
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that wait do not count as work
     context = multiprocessing.get_context("spawn")
     header, rows = "", []
     print(f"{machine()}; {OPERATIONS} operations per element-step")
     for cells in options.cells:
-        for threads in options.threads:
+        for threads in [*options.threads, *([None] if options.device == "cuda" else [])]:
             receive, send = context.Pipe(duplex=False)
             process = context.Process(target=measure, args=(cells, threads, options.steps, send))
             process.start()

@@ -70,8 +70,10 @@ def _whole_micrometres(value: float) -> float:
 
 
 CellSize = Annotated[Positive, AfterValidator(_whole_micrometres)]
-#: `all` cases of the sheet, so many of them, spread over the ages, or those that are named
-Cases = Literal["all"] | NonNegativeInt | list[str]
+#: those to which a column of the sheet says yes
+Column = Annotated[dict[Literal["column"], str], Field(min_length=1)]
+#: `all` cases of the sheet, so many of them, spread over the ages, those that are named, or those of a column
+Cases = Literal["all"] | NonNegativeInt | list[str] | Column
 
 
 class Section(BaseModel):
@@ -280,7 +282,7 @@ class Clean(Section):
     """false leaves the stage out."""
     thresholds: Annotated[list[Threshold], Field(min_length=1)] = [0.7, 0.5, 0.3]
     """One pass per threshold: the vertices of elements with q above it are moved. Where `improve_mean` is false, passes
-    around them also move those above two thirds of the lowest."""
+    around them also move those above half of the lowest."""
     boundary: Boundary = "slide"
     """slide lets boundary nodes move along the input surface, fixed holds them, free lets them leave it."""
     improve_mean: bool = True
@@ -453,10 +455,12 @@ class Experiments(Section):
 class Fold(Section):
     """Folding simulation of meshes: growth of the cortex until it buckles (the model of the BrainGrowth solver)."""
 
-    cases: Cases = []
-    """Cases whose meshes are folded: all, a number of them spread over the ages, or a list of their names, as file
-    names begin: sub-01_ses-02_hemi-L. Each from its scan_age on, as half a brain where hemi is L or R. Point data of
-    the mesh named growth (0 to 1), thickness (mm), medial_wall and label are used; fields of the sheet become them."""
+    cases: Cases | None = None
+    """Cases whose meshes are folded: all, a number of them spread over the ages, a list of their names, as file names
+    begin: sub-01_ses-02_hemi-L, or those to which a column of the sheet says yes: {column: simulated}. null: those of
+    the column fold, where the sheet has one. Each from its scan_age on, as half a brain where hemi is L or R. Point
+    data of the mesh named growth (0 to 1), thickness (mm), medial_wall and label are used; fields of the sheet become
+    them."""
     variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {}
     """Further runs of each of these cases, name: keys of this section that differ, e.g.
     {thin: {thickness: 1.0}, stiff: {core_stiffness: 2.0}}."""

@@ -11,7 +11,7 @@ from snakemake.logging import logger
 
 from cortet import __version__
 from cortet.cohort.bids import descriptions
-from cortet.cohort.sheet import PHANTOM, chosen, read_sheet
+from cortet.cohort.sheet import PHANTOM, folded, read_sheet
 from cortet.config import load, version_of
 from cortet.errors import CortetError
 from cortet.formats import FORMATS
@@ -411,7 +411,7 @@ def quality_records():
 
 
 try:
-    FOLDED = {case.name for case in chosen(list(CASES.values()), CONFIG.fold.cases)}
+    FOLDED = {case.name for case in folded(list(CASES.values()), CONFIG.fold.cases)}
 except CortetError as error:
     raise WorkflowError(f"fold.cases: {error}") from None
 
@@ -443,6 +443,12 @@ def fold_files():
 def variant_of(wildcards):
     """What differs in a variant from the other runs of its case."""
     return CONFIG.fold.variants.get(wildcards.variant.lower(), {})
+
+
+def gpus(wildcards):
+    """GPUs that a fold asks for."""
+    changed = variant_of(wildcards) if "variant" in wildcards.keys() else {}
+    return int(changed.get("device", CONFIG.fold.device) == "cuda")
 
 
 def is_measured(mesh, failures):

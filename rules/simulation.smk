@@ -24,6 +24,7 @@ rule fold:
     resources:
         mem_mb=megabytes("fold"),
         runtime=minutes("fold"),
+        gpu=gpus,
     params:
         arguments=lambda wildcards: arguments_of("fold", wildcards) | variant_of(wildcards),
         version=version_of("simulation.fold"),
@@ -49,6 +50,7 @@ rule convergence_run:
     resources:
         mem_mb=megabytes("fold"),
         runtime=minutes("fold"),
+        gpu=gpus,
     params:
         arguments=partial(arguments_of, "fold"),
         line=realisation_of,

@@ -2,7 +2,7 @@
 
 A sheet is a table of tab-separated values, one hemisphere (or whole brain) per row:
 
-    participant_id  session_id  hemi  scan_age  surface  include  exclude_reason  [inner]  [sphere]  [further columns]
+    participant_id  session_id  hemi  scan_age  surface  include  exclude_reason  [inner]  [sphere]  [fold]  [more]
 
 Missing values are `n/a`, as in BIDS. Labels stay strings: participant `007` is not 7.
 
@@ -20,9 +20,9 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-from cortet.config import Scan
+from cortet.config import Cases, Scan
 from cortet.errors import InputError
 from cortet.formats.placement import UNITS
 from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
@@ -41,6 +41,8 @@ INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
 SPHERE = "sphere"
 #: columns of coordinates that are not mm, as `gate.unit` and `gate.affine`
 UNIT, AFFINE = "unit", "affine"
+#: column that says which cases are folded, where the configuration does not
+FOLD = "fold"
 #: characters of a label: names of files are made of two of them and more, and have at most 255
 LONGEST_LABEL = 40
 
@@ -155,15 +157,18 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
     return cases
 
 
-def chosen(cases: Sequence[Case], which: Literal["all"] | int | Sequence[str]) -> list[Case]:
-    """Some of the cases: all, those that are named, or so many of them, spread evenly over the order of their ages.
+def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:
+    """Some of the cases: all, those that are named, so many of them, spread evenly over the order of their ages, or
+    those to which a column says yes.
 
     Raises
     ------
-    InputError : a name that no case has
+    InputError : a name that no case has, a column that the sheet has not, or one that says neither yes nor no
     """
     if which == "all":
         return list(cases)
+    if isinstance(which, Mapping):
+        return [case for case in cases if _says_yes(case, which["column"])]
     if isinstance(which, int):
         by_age = sorted(cases, key=lambda case: (case.scan_age or 0, case.name))
         count = min(which, len(by_age))
@@ -175,6 +180,31 @@ def chosen(cases: Sequence[Case], which: Literal["all"] | int | Sequence[str]) -
             f"no included case is named {', '.join(unknown)}", remedy=f"the sheet has {', '.join(known) or 'none'}"
         )
     return [known[name] for name in which]
+
+
+def _says_yes(case: Case, column: str) -> bool:
+    """Whether a column of the sheet says yes to a case."""
+    if column not in case.extra:
+        raise InputError(
+            f"the sheet has no column {column} that says yes or no",
+            remedy=f"add it; further columns are {', '.join(case.extra) or 'none'}",
+        )
+    value = case.extra[column]
+    if value.lower() not in _YES | _NO:
+        raise InputError(f"column {column} of {case.name}: {value!r} is no decision", remedy="use yes or no")
+    return value.lower() in _YES
+
+
+def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
+    """The cases that are folded: those that the configuration says, or else the column `fold` where there is one.
+
+    Raises
+    ------
+    InputError : as `chosen`
+    """
+    if which is None:
+        which = {"column": FOLD} if any(FOLD in case.extra for case in cases) else []
+    return chosen(cases, which)
 
 
 def write_sheet(cases: Sequence[Case], path: Path) -> None:

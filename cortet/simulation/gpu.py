@@ -8,7 +8,7 @@ the body is measured.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from math import fsum
 from typing import TYPE_CHECKING, Any
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _CPU = "run on the CPU: leave out --device cuda, or set fold.device: cpu"
 #: bytes on the device per tetrahedron, for the message where there are not enough
-_BYTES_PER_TET = 300
+_BYTES_PER_TET = 210
 
 
 def is_simulated() -> bool:
@@ -79,6 +79,8 @@ class OnGpu:
 
         self._gpu, self._moment = gpu_kernels, moment
         self._material, self._elements = Material(*map(float, run.material)), len(run.body.cells)
+        #: kernels that have run, with their blocks
+        self._ready: dict[Any, Any] = {}
         work = moment.work
         with self._told():
             self._patches = Patches(*map(_sent, work.patches))
@@ -184,14 +186,17 @@ class OnGpu:
 
     def _launch(self, kernel: Any, *arguments: Any) -> None:
         """Run a kernel with as many blocks as the device holds at a time, for they wait for each other."""
-        if is_simulated():
-            kernel[1, self._gpu.THREADS](*arguments)
-            return
+        if kernel not in self._ready:
+            self._ready[kernel] = kernel[1, self._gpu.THREADS] if is_simulated() else self._fitted(kernel, arguments)
+        self._ready[kernel](*arguments)
+
+    def _fitted(self, kernel: Any, arguments: Sequence[Any]) -> Any:
+        """A kernel compiled for what it will be called with, so that no call looks at its types, and its blocks."""
         compiled = kernel.specialize(*arguments)
         (overload,) = compiled.overloads.values()
         most = overload.max_cooperative_grid_blocks(self._gpu.THREADS)
         useful = max(len(self._moment.work.patches.corners), -(-len(self._moment.state.x) // self._gpu.THREADS))
-        compiled[min(most, useful), self._gpu.THREADS](*arguments)
+        return compiled[min(most, useful), self._gpu.THREADS]
 
     @contextmanager
     def _told(self) -> Iterator[None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 
 from tests.integration.study import Study
 
@@ -28,3 +29,11 @@ def test_all_cases_are_folded_under_every_variant(study: Study) -> None:
     page = (study.outputs / "cohort/index.html").read_text()
     assert page.count("before and after") == 6 and "FoldedThin/folding.gif" in page
     assert study.jobs_of_run() == set()
+
+
+def test_a_fold_asks_for_a_gpu_where_it_shall_have_one(study: Study) -> None:
+    study.config["fold"] = {"cases": "all", "device": "cuda", "variants": {"plain": {"device": "cpu"}}}
+    plan = study.run("--dry-run").stdout
+    jobs = re.findall(r"^rule fold:\n((?: +.*\n)*)", plan, flags=re.MULTILINE)
+    asked = {("FoldedPlain" in job, re.search(r"gpu=(\d)", job)[1]) for job in jobs}
+    assert asked == {(False, "1"), (True, "0")}

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from cubes import cube_mesh
 from numba import cuda
 from numba.cuda import dispatcher
+from shapes import ball_mesh
 
 from cortet.geometry.topology import boundary_faces
 from cortet.simulation import gpu, gpu_kernels
@@ -29,7 +29,7 @@ architecture = tuple(int(number) for number in sys.argv[1].split("."))
 # what functions of the device are compiled for is asked of the device that is there
 dispatcher.get_current_device = lambda: SimpleNamespace(compute_capability=architecture)
 
-mesh = cube_mesh(1)
+mesh = ball_mesh(1, radius=1.0)
 body = body_of(mesh, Scale(np.zeros(3), 1.0))
 work, contact = workspace(body), own(contact_of(mesh.points, boundary_faces(mesh), bulk=5.0))
 patches, state = own(work.patches), Motion(mesh.points.copy(), mesh.points.copy())

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from cortet.cohort.sheet import COLUMNS, Case, add_to_sheet, chosen, read_sheet, scan, write_sheet
-from cortet.config import Scan
+from cortet.cohort.sheet import COLUMNS, Case, add_to_sheet, chosen, folded, read_sheet, scan, write_sheet
+from cortet.config import Scan, load
 from cortet.errors import InputError
 
 GOOD = "007\t01\tL\t27.5\tdata/a.surf.gii\tyes\tn/a"
@@ -246,6 +246,37 @@ def test_cases_are_chosen_by_name_by_number_over_the_ages_or_all() -> None:
     assert chosen(cases, ["sub-36_hemi-L"]) == [cases[2]]
     with pytest.raises(InputError, match="no included case is named sub-40_hemi-L"):
         chosen(cases, ["sub-40_hemi-L"])
+
+
+def marked(tmp_path: Path, *words: str, column: str = "fold") -> list[Case]:
+    rows = (GOOD.replace("007", f"a{number}") + f"\t{word}" for number, word in enumerate(words))
+    return read_sheet(sheet(tmp_path, *rows, extra=f"\t{column}"))
+
+
+def test_a_column_of_the_sheet_may_choose_cases(tmp_path: Path) -> None:
+    cases = marked(tmp_path, "yes", "no", "TRUE", "0", column="simulated")
+    assert chosen(cases, {"column": "simulated"}) == [cases[0], cases[2]]
+    assert folded(cases, {"column": "simulated"}) == [cases[0], cases[2]]
+    with pytest.raises(InputError, match="no column fold that says yes or no .*further columns are simulated"):
+        chosen(cases, {"column": "fold"})
+    with pytest.raises(InputError, match="column fold of sub-a1_ses-01_hemi-L: 'maybe' is no decision .*yes or no"):
+        chosen(marked(tmp_path, "yes", "maybe"), {"column": "fold"})
+
+
+def test_the_column_fold_says_what_is_folded_where_the_configuration_does_not(tmp_path: Path) -> None:
+    cases = marked(tmp_path, "yes", "no")
+    assert folded(cases, None) == [cases[0]]
+    assert folded(cases, "all") == cases and folded(cases, []) == []
+    assert folded(marked(tmp_path, "3T", "7T", column="scanner"), None) == []
+    with pytest.raises(InputError, match="'n/a' is no decision"):
+        folded(marked(tmp_path, "yes", "n/a"), None)
+
+
+def test_the_demo_folds_one_case_and_another_sheet_none() -> None:
+    root = Path(__file__).parents[2]
+    which = load(root / "config.yaml").fold.cases
+    assert [case.name for case in folded(read_sheet(root / "demo/cohort.tsv"), which)] == ["sub-phantom22_hemi-L"]
+    assert folded(read_sheet(root / "demo/pairs.tsv"), which) == []
 
 
 def test_inner_surfaces_are_named_by_their_columns(tmp_path: Path) -> None:
