@@ -38,8 +38,8 @@ THREADS = 128
 HOW, TAKEN, OUTDATED = 0, 1, 2
 #: places in `Tallies.counts`: entries into the degenerate branch, nodes in contact at the last step
 DEGENERATE, TOUCHED = 0, 1
-#: registers of a thread at most, so that three blocks fit on a multiprocessor of 65,536: the compiler would take 194 and
-#: have two. What that takes to the stack is 56 bytes. The simulator has no registers, nor this option
+#: registers of a thread at most, so that three blocks fit on a multiprocessor of 65,536: the compiler would take 194,
+#: and there would be two. 56 bytes go to the stack for it. The simulator has no registers, nor this option
 _LIMITS = {} if numba.config.ENABLE_CUDASIM else {"max_registers": 168}
 #: shared memory of a block, in rows of SIZE values: forces on the corners 1, 2 and 3 of each element
 _SHARED = 9 * SIZE
