@@ -29,6 +29,7 @@ from numba.core.dispatcher import Dispatcher
 from cortet.mesh import FloatArray, IntArray
 from cortet.simulation import contact as contacts
 from cortet.simulation import kernels, law
+from cortet.simulation.gpu import is_simulated
 from cortet.simulation.kernels import DONE, INVERTED, LIST_OUTDATED
 from cortet.simulation.patches import ACROSS, DEPTH, MASK, SIZE, THICKNESS, VOLUME
 
@@ -40,7 +41,7 @@ HOW, TAKEN, OUTDATED = 0, 1, 2
 DEGENERATE, TOUCHED = 0, 1
 #: registers of a thread at most, so that three blocks fit on a multiprocessor of 65,536: the compiler would take 194,
 #: and there would be two. 56 bytes go to the stack for it. The simulator has no registers, nor this option
-_LIMITS = {} if numba.config.ENABLE_CUDASIM else {"max_registers": 168}
+_LIMITS = {} if is_simulated() else {"max_registers": 168}
 #: shared memory of a block, in rows of SIZE values: forces on the corners 1, 2 and 3 of each element
 _SHARED = 9 * SIZE
 
