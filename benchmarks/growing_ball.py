@@ -1,22 +1,27 @@
-"""A ball whose outer shell grows along itself: CalculiX and our own solver beside the exact displacements.
+"""A ball whose outer shell grows along itself: CalculiX, dolfinx and our own solver beside the exact displacements.
 
     python benchmarks/growing_ball.py [--cell-sizes 2.5 1.75 1.25] [--growth 0.02]
 
 The shell, from a radius of 10 to 14 mm, is the cortex of a mesh of two regions. Displacements are outward and in mm, of
 the outside and of the interface. Exact ones are of linear elasticity. CalculiX (ccx) solves the job that `cortet job`
-writes; ours is the folding model, damped until nothing moves.
+writes, and so does dolfinx, with `--dolfinx 'COMMAND OF A PYTHON THAT HAS IT'`; ours is the folding model, damped until
+nothing moves.
 """
 
 from __future__ import annotations
 
 import argparse
+import shlex
 import subprocess
 import tempfile
 import time
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import trimesh
+from scipy.spatial import cKDTree
 
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_faces
@@ -24,12 +29,15 @@ from cortet.mesh import FloatArray, TetMesh, TriSurface
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
 from cortet.simulation.kernels import DONE, Motion, advance, workspace
+from cortet.solver_files import fenics_job
 from cortet.solver_files.calculix import write_job
 from cortet.solver_files.sets import named_sets
 from cortet.stages.generate import generate
 from cortet.stages.solver_ready import surface_nodes_first
 
 INNER, OUTER = 10.0, 14.0
+#: a Python that has dolfinx: that of the system, where Debian's python3-dolfinx is installed
+DOLFINX = ("/usr/bin/python3",)
 #: dimensionless damping, in the place of the model's 0.5: enough that nothing swings for long
 _DAMPING = 5.0
 #: steps between two looks at the largest speed, and the speed at which the body rests
@@ -77,6 +85,16 @@ def by_calculix(mesh: TetMesh, growth: float) -> FloatArray:
     return np.array([row[1:] for row in rows if len(row) == 4 and row[0].isdecimal()][-len(mesh.points) :], float)
 
 
+def by_dolfinx(mesh: TetMesh, growth: float, python: Sequence[str] = DOLFINX) -> FloatArray:
+    """The same by dolfinx, in the law of the folding model."""
+    with tempfile.TemporaryDirectory() as folder:
+        fenics_job.write_job(mesh, Path(folder), growth=growth)
+        subprocess.run([*python, "job.py"], cwd=folder, capture_output=True, check=True)
+        rows = np.loadtxt(Path(folder, "displacement.txt"))
+    found: FloatArray = rows[cKDTree(rows[:, :3]).query(mesh.points)[1], 3:]
+    return found
+
+
 def by_cortet(mesh: TetMesh, growth: float) -> FloatArray:
     """The same by the folding model, at rest."""
     points, material = mesh.points / OUTER, Material(damping=_DAMPING)
@@ -105,12 +123,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cell-sizes", nargs="+", type=float, default=[2.5, 1.75, 1.25])
     parser.add_argument("--growth", type=float, default=0.02)
+    parser.add_argument(
+        "--dolfinx", type=shlex.split, metavar="PYTHON", help="also solve it with this Python's dolfinx"
+    )
     options = parser.parse_args()
+    solvers: dict[str, Callable[[TetMesh, float], FloatArray]] = {"CalculiX": by_calculix, "cortet": by_cortet}
+    if options.dolfinx:
+        solvers["dolfinx"] = partial(by_dolfinx, python=options.dolfinx)
     print("solver     h mm    tets  outside  interface  CPU s")
     print("exact                  " + "{:9.4f}  {:9.4f}".format(*exact(options.growth, Material())))
     for cell_size in options.cell_sizes:
         mesh = ball(cell_size)
-        for name, solve in (("CalculiX", by_calculix), ("cortet", by_cortet)):
+        for name, solve in solvers.items():
             began = sum(_times())
             found = outward(mesh, solve(mesh, options.growth))
             seconds = sum(_times()) - began

@@ -198,9 +198,10 @@ def parser() -> argparse.ArgumentParser:
     )
     quadratic.set_defaults(run=_quadratic)
 
-    job = commands.add_parser("job", parents=[common], help="write a folder in which CalculiX lets the cortex grow")
+    job = commands.add_parser("job", parents=[common], help="write a folder in which a solver lets the cortex grow")
     job.add_argument("mesh", type=Path, metavar="MESH", help="with the sets that cortet exports")
     job.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    job.add_argument("--solver", choices=["calculix", "febio", "fenics"], default="calculix", help="default: calculix")
     job.add_argument("--growth", type=float, default=0.05, metavar="G", help="along the cortex (default: 0.05)")
     job.set_defaults(run=_job)
 
@@ -561,10 +562,15 @@ def _quadratic(args: argparse.Namespace) -> int:
 
 
 def _job(args: argparse.Namespace) -> int:
-    from cortet.solver_files.calculix import write_job
+    from importlib import import_module
 
-    write_job(_read_mesh(args.mesh), args.output, growth=args.growth)
-    print(f"{args.output}: written; run `ccx job` in it")
+    module, run = {
+        "calculix": ("calculix", "ccx job"),
+        "febio": ("febio_job", "febio4 -i job.feb"),
+        "fenics": ("fenics_job", "python3 job.py"),
+    }[args.solver]
+    import_module(f"cortet.solver_files.{module}").write_job(_read_mesh(args.mesh), args.output, growth=args.growth)
+    print(f"{args.output}: written; run `{run}` in it")
     return 0
 
 

@@ -282,7 +282,7 @@ class Clean(Section):
     """false leaves the stage out."""
     thresholds: Annotated[list[Threshold], Field(min_length=1)] = [0.7, 0.5, 0.3]
     """One pass per threshold: the vertices of elements with q above it are moved. Where `improve_mean` is false, passes
-    around them also move those above two thirds of the lowest."""
+    around them also move those above half of the lowest."""
     boundary: Boundary = "slide"
     """slide lets boundary nodes move along the input surface, fixed holds them, free lets them leave it."""
     improve_mean: bool = True

@@ -228,7 +228,7 @@ PARTS = {
     "Cohort sheet": ("cohort.sheet",),
     "Configuration": ("config",),
     "Surfaces and fields": ("formats.gifti", "solver_files.fields", "phantom"),
-    "Resampling": ("stages.resample", "geometry.spheres"),
+    "Resampling": ("stages.resample", "geometry.spheres", "report.cohort_maps"),
     "Repair": ("stages.repair", "geometry.holes", "geometry.handles", "geometry.uncrossing", "formats.placement"),
     "Gate": ("stages.gate", "geometry.topology"),
     "Stages": ("stages", "meshers"),

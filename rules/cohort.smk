@@ -222,6 +222,38 @@ rule cohort_page:
         "../scripts/cohort_page.py"
 
 
+rule cohort_maps:
+    """Means over the cases of a hemisphere on the common mesh: surface, fields, distance to the boundary."""
+    input:
+        lambda wildcards: list(maps_of(wildcards.hemi).values()),
+    output:
+        surface=f"{OUT}/cohort/hemi-{{hemi}}_desc-mean_white.surf.gii",
+        maps=f"{OUT}/cohort/hemi-{{hemi}}_desc-mean_maps.shape.gii",
+        sidecar=f"{OUT}/cohort/hemi-{{hemi}}_desc-mean_maps.json",
+        picture=report(
+            f"{OUT}/cohort/figure-maps_hemi-{{hemi}}.png",
+            caption="../reports/cohort_maps.rst",
+            category="Cohort",
+            labels={"result": "maps on the common mesh"},
+        ),
+    log:
+        run_log("cohort_maps_hemi-{hemi}"),
+    benchmark:
+        run_benchmark("cohort_maps_hemi-{hemi}")
+    wildcard_constraints:
+        hemi="[LR]",
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    params:
+        cases=lambda wildcards: list(maps_of(wildcards.hemi)),
+        version=[version_of("report.cohort_maps"), version_of("report.render")],
+    script:
+        "../scripts/cohort_maps.py"
+
+
 COHORT_FILES = [
     *rules.cohort_quality.output,
     *rules.cohort_summary.output,
@@ -230,5 +262,6 @@ COHORT_FILES = [
     *rules.cohort_status.output,
     *rules.cohort_page.output,
     *rules.citation.output,
+    *expand(rules.cohort_maps.output, hemi=[hemi for hemi in "LR" if mapped(hemi)]),
     *each_case(CASE_PAGE).values(),
 ]

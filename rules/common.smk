@@ -77,6 +77,7 @@ SOLVERS = {exported_suffix(form): name for name, form in FORMATS.items()}
 # rules that take every mesh that is done
 OVER_ALL_CASES = (
     *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "cohort_page", "citation"),
+    "cohort_maps",
     *("cohort_folding", "convergence"),
     *("table_ablation", "table_resolution", "table_measures", "figure_pooled_quality", "figure_series", "methods"),
 )
@@ -455,6 +456,7 @@ def is_measured(mesh, failures):
     return mesh not in failures or failures[mesh]["stage"] in (
         "export",
         "case_page",
+        "case_maps",
         "fold",
         "fold_figures",
         "convergence_run",
@@ -464,6 +466,19 @@ def is_measured(mesh, failures):
 def unmeasured():
     """Why cases have no certificate, by their names."""
     return {mesh[0]: failure["reason"] for mesh, failure in FAILURES.items() if not is_measured(mesh, FAILURES)}
+
+
+def mapped(hemi):
+    """Cases of a hemisphere that are put onto the common mesh."""
+    return [name for name, case in CASES.items() if case.hemi == hemi and CONFIG.enabled("resample") and case.sphere]
+
+
+def maps_of(hemi):
+    """Maps of the cases of a hemisphere that are done, at the first cell size and by the first mesher, by case."""
+    first = RESOLUTIONS[0], CONFIG.generate.meshers[0]
+    meshes = [(name, *first) for name in mapped(hemi)]
+    files = each_case(mesh_file("Solver", "maps.surf.gii"))
+    return {mesh[0]: files[mesh] for mesh in meshes if is_measured(mesh, FAILURES)}
 
 
 def measured_certificates():

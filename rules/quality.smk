@@ -61,6 +61,31 @@ rule case_page:
         "../scripts/case_page.py"
 
 
+rule case_maps:
+    """A case at the vertices of the common mesh, with its fields and its distance to the mesh."""
+    input:
+        resampled=surface_file("resampled"),
+        meshed=MESHED_SURFACE,
+        inner=inner_of(INNER_SURFACE),
+        fields=fields_of,
+        mesh=mesh_file("Solver"),
+    output:
+        maps=mesh_file("Solver", "maps.surf.gii"),
+    log:
+        mesh_log("case_maps"),
+    benchmark:
+        mesh_benchmark("case_maps")
+    conda:
+        "../envs/cortet.yaml"
+    resources:
+        mem_mb=megabytes("case_maps"),
+        runtime=minutes("case_maps"),
+    params:
+        version=version_of("report.cohort_maps"),
+    script:
+        "../scripts/case_maps.py"
+
+
 rule export:
     """The mesh as a solver reads it, with its sets and a sidecar, verified as written; refused when it is not certified."""
     input:

@@ -54,8 +54,8 @@ rule phantom_sphere:
     conda:
         "../envs/cortet.yaml"
     resources:
-        mem_mb=megabytes("phantom"),
-        runtime=minutes("phantom"),
+        mem_mb=megabytes("phantom_sphere"),
+        runtime=minutes("phantom_sphere"),
     params:
         arguments=partial(arguments_of, "phantom"),
         version=version_of("phantom"),

@@ -43,6 +43,7 @@ class Cost:
 #: rule -> its cost; rules on surfaces do not depend on tetrahedra
 COSTS = {
     "phantom": Cost((400, 0), (4, 0)),
+    "phantom_sphere": Cost((400, 0), (4, 0)),
     "resample": Cost((700, 0), (15, 0)),
     "resample_inner": Cost((700, 0), (15, 0)),
     "repair": Cost((700, 0), (15, 0)),
@@ -66,6 +67,7 @@ COSTS = {
     "quality": Cost((350, 820), (2, 6)),
     "certify": Cost((250, 420), (3, 3)),
     "case_page": Cost((560, 120), (5, 3)),
+    "case_maps": Cost((250, 420), (5, 3)),
     "export": Cost((270, 170), (3, 5)),
     "fold": Cost((500, 1200), (90, 4000)),
     "fold_figures": Cost((500, 800), (60, 120)),

@@ -11,7 +11,7 @@ FEBio knows scalars and vectors of three components there, so a field of k other
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 from xml.etree import ElementTree
@@ -85,6 +85,8 @@ def write_elements(
     faces: Mapping[str, IntArray],
     fields: Mapping[str, NDArray[Any]],
     path: str | Path,
+    *,
+    sections: Mapping[str, str] | None = None,
 ) -> None:
     """Write `path`, complete or not at all, with `tet4` and `tri3`, or with `tet10` and `tri6` elements.
 
@@ -96,16 +98,16 @@ def write_elements(
     node_sets : name -> nodes
     faces : name -> (f, 3), or (f, 6) whose midside nodes are in the order 1-2, 2-3, 3-1
     fields : name -> (n,) or (n, k) values of the nodes
+    sections : name -> what is in it, for a file that can be run; `Material` takes the place of the placeholders, other
+        names are those of `SECTIONS` that the mesh has no part in, and `MeshData` where there are no fields
     """
-    parts = _parts(mesh)
+    parts, more = _parts(mesh), sections or {}
     element, facet = {4: ("tet4", "tri3"), 10: ("tet10", "tri6")}[cells.shape[1]]
     with atomic_path(path) as temporary, temporary.open("w", encoding="ascii") as file:
         file.write('<?xml version="1.0" encoding="ISO-8859-1"?>\n<febio_spec version="4.0">\n')
-        file.write('<Module type="solid"/>\n<Material>\n')
-        for number, name in enumerate(parts, start=1):
-            file.write(f'<material id="{number}" name={quoteattr(name)} type="neo-Hookean">')
-            file.write(f"<density>1</density><E>{_YOUNG}</E><v>{_POISSON}</v></material>\n")
-        file.write('</Material>\n<Mesh>\n<Nodes name="nodes">\n')
+        file.write('<Module type="solid"/>\n')
+        _write_sections(file, {"Material": _placeholders(parts), **more}, before="Mesh")
+        file.write('<Mesh>\n<Nodes name="nodes">\n')
         ids = np.arange(1, len(points) + 1)
         write_rows(file, '<node id="%d">%.12g,%.12g,%.12g</node>\n', ids, points)
         file.write("</Nodes>\n")
@@ -124,7 +126,25 @@ def write_elements(
             file.write(f"<SolidDomain name={quoteattr(name)} mat={quoteattr(name)}/>\n")
         file.write("</MeshDomains>\n")
         _write_fields(file, fields, ids)
+        _write_sections(file, more, after="Mesh")
         file.write("</febio_spec>\n")
+
+
+def _placeholders(parts: Iterable[str]) -> str:
+    """A neo-Hookean material for each part."""
+    return "".join(
+        f'<material id="{number}" name={quoteattr(name)} type="neo-Hookean">'
+        f"<density>1</density><E>{_YOUNG}</E><v>{_POISSON}</v></material>\n"
+        for number, name in enumerate(parts, start=1)
+    )
+
+
+def _write_sections(file: IO[str], sections: Mapping[str, str], *, before: str = "", after: str = "") -> None:
+    """Those sections that stand in a file before, or after, a certain one, in their order."""
+    place = SECTIONS.index(before or after)
+    for name in SECTIONS[:place] if before else SECTIONS[place + 1 :]:
+        if name in sections:
+            file.write(f"<{name}>\n{sections[name]}</{name}>\n")
 
 
 def _row(tag: str, nodes: int) -> str:

@@ -16,7 +16,7 @@ import base64
 import math
 import re
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -160,16 +160,29 @@ def write_surface(surface: TriSurface, path: str | Path) -> None:
             surface.points.astype(np.float32), "NIFTI_INTENT_POINTSET", "NIFTI_TYPE_FLOAT32", coordsys=frame
         ),
         GiftiDataArray(surface.faces, "NIFTI_INTENT_TRIANGLE", "NIFTI_TYPE_INT32"),
+        *_arrays(surface.point_data),
     ]
-    for name, values in surface.point_data.items():
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(GiftiImage(darrays=arrays).to_xml())
+
+
+def write_fields(fields: Mapping[str, NDArray[Any]], path: str | Path) -> None:
+    """Write per-vertex fields without a surface (.shape.gii, .func.gii), by their names; float32, labels int32."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(GiftiImage(darrays=_arrays(fields)).to_xml())
+
+
+def _arrays(fields: Mapping[str, NDArray[Any]]) -> list[GiftiDataArray]:
+    """The fields as GIfTI holds them."""
+    arrays = []
+    for name, values in fields.items():
         meta = GiftiMetaData(Name=name)
         if np.issubdtype(values.dtype, np.integer):
             array = GiftiDataArray(values.astype(np.int32), "NIFTI_INTENT_LABEL", "NIFTI_TYPE_INT32", meta=meta)
         else:
             array = GiftiDataArray(values.astype(np.float32), "NIFTI_INTENT_NONE", "NIFTI_TYPE_FLOAT32", meta=meta)
         arrays.append(array)
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(GiftiImage(darrays=arrays).to_xml())
+    return arrays
 
 
 def single_precision(surface: TriSurface) -> TriSurface:

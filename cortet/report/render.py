@@ -128,6 +128,7 @@ def surface_view(
     side: Literal["L", "R"],
     size: tuple[int, int] = (900, 675),
     distances: FloatArray | None = None,
+    lowest: float = 0.0,
     darkest: float | None = None,
     colours: str = "Greys",
 ) -> NDArray[np.uint8]:
@@ -138,7 +139,8 @@ def surface_view(
     surface : RAS coordinates, x to the right; it need not be closed
     side : where it is seen from
     size : pixels, width and height
-    distances : (m,) of its faces, mm; they are coloured from white at 0 to black at `darkest`
+    distances : (m,) of its faces, mm; they are coloured from white at `lowest` to black at `darkest`
+    lowest : mm
     darkest : mm; None: the largest distance
     colours : of distances, as matplotlib names them
 
@@ -161,7 +163,7 @@ def surface_view(
         else:
             shape.cell_data["distance"] = distances
             plotter.add_mesh(
-                shape, scalars="distance", cmap=colours, clim=(0, darkest or distances.max()), **_FLAT_LIGHT
+                shape, scalars="distance", cmap=colours, clim=(lowest, darkest or distances.max()), **_FLAT_LIGHT
             )
         if wrong.n_points:
             plotter.add_mesh(wrong, color=BEYOND, line_width=4, lighting=False)

@@ -14,14 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cortet.errors import InputError
 from cortet.formats import abaqus
 from cortet.formats.atomic import atomic_path
-from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.formats.text import write_rows
-from cortet.geometry.topology import boundary_nodes
-from cortet.mesh import FloatArray, IntArray, TetMesh
-from cortet.simulation.body import Material, Scale, body_of
+from cortet.mesh import TetMesh
+from cortet.simulation.body import Material
+from cortet.solver_files.growing_cortex import along, growing, supports, young_and_poisson
 
 MESH, JOB, README = "mesh.inp", "job.inp", "README.txt"
 
@@ -40,15 +38,11 @@ def write_job(mesh: TetMesh, folder: Path, *, growth: float, material: Material 
     ------
     InputError : growth is not above 0 and at most 0.1, or the mesh has no cortex
     """
-    if not 0 < growth <= 0.1:
-        raise InputError(f"growth is {growth:g}, but the material holds for small strains", remedy="0.01 to 0.1")
-    cortex = mesh.sets.cells.get("cortex", np.zeros(0, np.int32))
-    if not len(cortex):
-        raise InputError("the mesh has no set `cortex`", remedy="read one that cortet exported")
+    cortex, normals = growing(mesh, growth, most=0.1)
     material = material or Material()
     folder.mkdir(parents=True, exist_ok=True)
     abaqus.write(TetMesh(mesh.points, mesh.cells, sets=mesh.sets), folder / MESH)
-    first, second = _along(body_of(mesh, Scale(np.zeros(3), 1.0)).normals[cortex])
+    first, second = along(normals)
     with atomic_path(folder / JOB) as temporary, temporary.open("w", encoding="ascii") as file:
         file.write(f"*INCLUDE, INPUT={MESH}\n** first and second axis of each cortical element\n")
         file.write("*DISTRIBUTION, NAME=along\n,1,0,0,0,1,0\n")
@@ -77,32 +71,15 @@ def write_job(mesh: TetMesh, folder: Path, *, growth: float, material: Material 
 
 def _elastic(name: str, shear: float, bulk: float) -> str:
     """A material by its Young's modulus and Poisson's ratio."""
-    young, poisson = 9 * bulk * shear / (3 * bulk + shear), (3 * bulk - 2 * shear) / (6 * bulk + 2 * shear)
+    young, poisson = young_and_poisson(shear, bulk)
     return f"*MATERIAL, NAME={name}\n*ELASTIC\n{young:.9g},{poisson:.9g}\n"
 
 
-def _along(normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors across each of (k, 3) unit normals, and across each other."""
-    start = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]])
-    first = np.cross(normals, start)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return first, np.cross(normals, first)
-
-
 def _supports(mesh: TetMesh) -> str:
-    """Lines of *BOUNDARY that keep the body in place without pressing it.
-
-    Six displacements of three nodes: one in the middle, one ahead of it and one above it. With a medial wall, whose
-    nodes keep their x, the three are on it, and three displacements are left.
-    """
-    wall: IntArray = mesh.sets.nodes.get(MEDIAL_WALL, np.zeros(0, np.int32))
-    among = wall if len(wall) else np.setdiff1d(np.arange(len(mesh.points)), boundary_nodes(mesh))
-    places = mesh.points[among]
-    middle, reach = places.mean(axis=0), np.ptp(places, axis=0) / 3
-    centre, ahead, above = (
-        1 + int(among[np.linalg.norm(places - middle - reach * way, axis=1).argmin()])
-        for way in ([0, 0, 0], [0, 1, 0], [0, 0, 1])
-    )
-    if len(wall):
-        return f"{MEDIAL_WALL},1,1\n{centre},2,3\n{ahead},3,3\n"
-    return f"{centre},1,3\n{ahead},1,1\n{ahead},3,3\n{above},1,1\n"
+    """Lines of *BOUNDARY; a single node is named by its number, one or more neighbouring axes by the first and last."""
+    lines = []
+    for support in supports(mesh):
+        name = support.name if support.name in mesh.sets.nodes else str(1 + int(support.nodes[0]))
+        runs = np.split(np.array(support.axes), np.flatnonzero(np.diff(support.axes) > 1) + 1)
+        lines += [f"{name},{1 + run[0]},{1 + run[-1]}\n" for run in runs]
+    return "".join(lines)

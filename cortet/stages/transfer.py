@@ -72,14 +72,17 @@ def transfer(mesh: TetMesh, surface: TriSurface, *, interior: Interior = "neares
     if interior not in ("nearest", "harmonic"):
         raise InputError(f"transfer: interior {interior!r} is neither 'nearest' nor 'harmonic'")
     if surface.inner:
-        return _of_all_sheets(mesh, _with_thickness(surface), interior)
+        return _of_all_sheets(mesh, with_thickness(surface), interior)
     nodes = boundary_nodes(mesh)
     found = closest_points(tree_of(surface), mesh.points[nodes])
     fields, cut_off = {}, 0
     if surface.point_data:
         source = _nearest(mesh.points, nodes)
         corners = surface.faces[found.faces]
-        fields = {name: _at(values, corners, found.barycentric)[source] for name, values in surface.point_data.items()}
+        fields = {
+            name: at_triangles(values, corners, found.barycentric)[source]
+            for name, values in surface.point_data.items()
+        }
     if interior == "harmonic" and len(nodes) < len(mesh.points):
         fields, cut_off = _harmonic_inside(mesh, nodes, fields)
     far = int((found.distances > FAR_MM).sum())
@@ -108,11 +111,13 @@ def _nearest(points: FloatArray, nodes: IntArray) -> IntArray:
     return source
 
 
-def _with_thickness(surface: TriSurface) -> TriSurface:
+def with_thickness(surface: TriSurface) -> TriSurface:
     """The surfaces with the distance of corresponding vertices, mm, as `thickness`, where there is none yet."""
+    if len(surface.inner) != 1:
+        return surface
     name, inner = next(iter(surface.inner.items()))
     known = THICKNESS in surface.point_data or THICKNESS in inner.point_data
-    if len(surface.inner) > 1 or known or not np.array_equal(surface.faces, inner.faces):
+    if known or not np.array_equal(surface.faces, inner.faces):
         return surface
     thickness = np.linalg.norm(surface.points - inner.points, axis=1)
     within = replace(inner, point_data={**inner.point_data, THICKNESS: thickness})
@@ -128,7 +133,7 @@ def _of_all_sheets(mesh: TetMesh, surface: TriSurface, interior: Interior) -> tu
         found = closest_points(tree_of(one), mesh.points[nodes])
         distances.append(found.distances)
         for name, values in one.point_data.items():
-            there = _at(values, one.faces[found.faces], found.barycentric)
+            there = at_triangles(values, one.faces[found.faces], found.barycentric)
             known.setdefault(name, []).append((nodes, there))
     fields, cut_off = {}, 0
     for name, parts in known.items():
@@ -171,7 +176,7 @@ def _is_label(values: NDArray[Any]) -> bool:
     return bool(np.issubdtype(values.dtype, np.integer))
 
 
-def _at(values: NDArray[Any], corners: IntArray, weights: FloatArray) -> NDArray[Any]:
+def at_triangles(values: NDArray[Any], corners: IntArray, weights: FloatArray) -> NDArray[Any]:
     """Values of one field at points given by the (k, 3) corners and weights of the triangles they lie in."""
     if _is_label(values):
         values_there: NDArray[Any] = values[corners[np.arange(len(corners)), weights.argmax(axis=1)]]

@@ -51,6 +51,15 @@ def test_cases_with_spheres_share_triangles_and_the_others_stay_as_they_are(stud
 
     report = json.loads(study.files("sub-b*Solver_certificate.json")[0].read_text())["reports"]["resample"]
     assert report["vertices"] == report["inner"]["white"]["vertices"] == 2562
+    maps = read_surface(study.files("sub-b*desc-latticeSolver_maps.surf.gii")[0])
+    assert np.abs(maps.points - meshed["b"].points).max() == 0 and "distance_to_boundary" in maps.point_data
+    both = json.loads((study.outputs / "cohort/hemi-L_desc-mean_maps.json").read_text())
+    assert both["Cases"] == ["sub-b_hemi-L", "sub-c_hemi-L"]
+    assert both["CasesOfMap"] == {"height": 1, "thickness": 1, "distance_to_boundary": 2}
+    mean = read_surface(study.outputs / "cohort/hemi-L_desc-mean_white.surf.gii")
+    assert np.abs(mean.points - meshed["b"].points).max() < 1e-4
+    assert (study.outputs / "cohort/figure-maps_hemi-L.png").stat().st_size > 10_000
+
     rows = study._table("cohort_quality", "case")
     assert rows["sub-a_hemi-L"]["resample_native_to_resampled_max_mm"] == "n/a"
     assert float(rows["sub-b_hemi-L"]["resample_native_to_resampled_max_mm"]) == pytest.approx(
@@ -63,6 +72,7 @@ def test_cases_with_spheres_share_triangles_and_the_others_stay_as_they_are(stud
     write_surface(TriSurface(old.points @ [[0, 1, 0], [1, 0, 0], [0, 0, -1]], old.faces), sphere)
     again = study.planned_jobs()
     assert {case for _, case in again} == {"sub-b", "-"} and ("resample", "sub-b") in again
+    assert ("cohort_maps", "-") in again
 
 
 def test_a_missing_sphere_fails_its_case_alone_and_the_stage_can_be_left_out(study: Study) -> None:

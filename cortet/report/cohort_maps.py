@@ -1,0 +1,145 @@
+"""Means over a cohort on the mesh that its surfaces share: of the surface, of fields, of the distance to the mesh.
+
+A case that was resampled has a value at each vertex of the common mesh; vertices of one number are the same place of
+the cortex in every case, so that means over cases mean something.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.formats.atomic import write_json
+from cortet.formats.gifti import read_surface, write_fields, write_surface
+from cortet.geometry.closest_point import closest_points, tree_of
+from cortet.geometry.topology import boundary_surface
+from cortet.mesh import FloatArray, TetMesh, TriSurface
+from cortet.report.figures import PAGE, STYLE, save
+from cortet.report.render import surface_view
+from cortet.stages.transfer import at_triangles, with_thickness
+
+VERSION: int = 1
+
+#: the map of the distance of the surface that was meshed to the boundary of the mesh, mm
+DISTANCE = "distance_to_boundary"
+#: what the colours of a picture leave out at either end, percent of the vertices
+_TAIL = 1.0
+_SIDES: tuple[Literal["L", "R"], ...] = ("L", "R")
+
+
+def case_map(resampled: TriSurface, meshed: TriSurface, mesh: TetMesh) -> TriSurface:
+    """The surface of a case at the vertices of the common mesh, with its fields and its distance to the mesh.
+
+    Where a repair changed triangles, a vertex takes the nearest point of the surface that was meshed.
+
+    Parameters
+    ----------
+    resampled : as it came onto the common mesh
+    meshed : with its inner surfaces and fields; the distance to a corresponding inner one is a field `thickness`
+    mesh : made of it
+    """
+    fields, points = with_thickness(meshed).point_data, meshed.points
+    if len(meshed.points) != len(resampled.points) or not np.array_equal(
+        np.sort(meshed.faces, axis=1), np.sort(resampled.faces, axis=1)
+    ):
+        found = closest_points(tree_of(meshed), resampled.points)
+        corners = meshed.faces[found.faces]
+        fields = {name: at_triangles(values, corners, found.barycentric) for name, values in fields.items()}
+        points = found.points
+    distance = closest_points(tree_of(boundary_surface(mesh)[0]), points).distances
+    return TriSurface(points, resampled.faces, {**fields, DISTANCE: distance}, resampled.frame)
+
+
+def mean_map(cases: Sequence[TriSurface]) -> tuple[TriSurface, dict[str, int]]:
+    """The mean surface with the means of all fields, and of how many cases each is; of labels the most frequent.
+
+    Parameters
+    ----------
+    cases : of `case_map`, all on one mesh; a field may be missing in some of them
+
+    Raises
+    ------
+    InputError
+        there is no case, or they are not on one mesh
+    """
+    if not cases:
+        raise InputError("no case on the common mesh is done", remedy="see what failed in cohort_status.tsv")
+    if {one.faces.shape for one in cases} != {cases[0].faces.shape}:
+        raise InputError("the cases have several common meshes", remedy="delete their maps and run again")
+    counts = Counter(name for one in cases for name in one.point_data)
+    fields = {name: _mean([one.point_data[name] for one in cases if name in one.point_data]) for name in counts}
+    mean = TriSurface(_mean([one.points for one in cases]), cases[0].faces, fields)
+    return mean, dict(counts)
+
+
+def _mean(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """The mean over cases, (n,) or (n, k); of labels the most frequent one, of several the smallest."""
+    if not all(np.issubdtype(one.dtype, np.integer) for one in values):
+        return np.asarray(np.mean(np.stack(values), axis=0, dtype=np.float64))
+    stacked = np.stack(values)
+    keys = np.unique(stacked)
+    most: NDArray[Any] = keys[np.stack([(stacked == key).sum(axis=0) for key in keys]).argmax(axis=0)]
+    return most
+
+
+def maps_figure(mean: TriSurface) -> Figure:
+    """Each scalar map on the mean surface, from the left and the right of the head, with its own colours."""
+    shown = {name: values for name, values in mean.point_data.items() if values.ndim == 1}
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(PAGE, 2.6 * len(shown)), layout="constrained")
+        axes = figure.subplots(len(shown), len(_SIDES), squeeze=False)
+        for row, (name, values) in zip(axes, shown.items(), strict=True):
+            low, high = np.percentile(values, [_TAIL, 100 - _TAIL])
+            high = max(high, low + 1e-6)
+            for axis, side in zip(row, _SIDES, strict=True):
+                image = surface_view(
+                    mean, side=side, distances=_of_faces(mean, values), lowest=low, darkest=high, colours="viridis"
+                )
+                axis.imshow(image, interpolation="antialiased")
+                axis.set_axis_off()
+                axis.set_title(f"from the {'left' if side == 'L' else 'right'}")
+            bar = figure.colorbar(ScalarMappable(Normalize(low, high), "viridis"), ax=row, shrink=0.6, extend="both")
+            bar.set_label(f"{name} (mm)" if name == DISTANCE else name)
+        figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # laid out once: every further round would shift it a little
+    return figure
+
+
+def _of_faces(surface: TriSurface, values: NDArray[Any]) -> FloatArray:
+    means: FloatArray = values[surface.faces].mean(axis=1)
+    return means
+
+
+def write_maps(
+    cases: Sequence[tuple[str, str]], surface: str | Path, maps: str | Path, sidecar: str | Path, *pictures: str | Path
+) -> None:
+    """Write the mean surface, its maps, which cases they are of, and a picture.
+
+    Parameters
+    ----------
+    cases : name of a case, and file of its `case_map`
+    """
+    mean, counts = mean_map([read_surface(path) for _, path in cases])
+    write_surface(replace(mean, point_data={}), surface)
+    write_fields(mean.point_data, maps)
+    write_json(
+        {
+            "Description": "Means over cases on the common mesh: of labels the most frequent one",
+            "Cases": [name for name, _ in cases],
+            "CasesOfMap": counts,
+            "Units": {DISTANCE: "mm"},
+        },
+        sidecar,
+    )
+    save(maps_figure(mean), *pictures)

@@ -1,0 +1,62 @@
+"""A job for FEniCS (dolfinx): the cortex of a mesh grows along itself, by the law of the folding model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from cortet.formats import fenics
+from cortet.formats.atomic import atomic_path, write_json
+from cortet.formats.surface_sets import MEDIAL_WALL, REGION_TAGS, SURFACE_TAGS
+from cortet.mesh import TetMesh
+from cortet.simulation.body import Material
+from cortet.solver_files.growing_cortex import growing, supports
+
+MESH, JOB, README = "mesh.xdmf", "job.py", "README.txt"
+#: the program of the job, which is copied
+PROGRAM = Path(__file__).with_name("dolfinx_growth.py")
+#: growth in one step of the solution, at most
+STEP = 0.02
+
+
+def write_job(mesh: TetMesh, folder: Path, *, growth: float, material: Material | None = None) -> None:
+    """Write a folder that `python3 job.py` runs in, where dolfinx is installed.
+
+    Parameters and errors are those of the job for CalculiX, but growth may be up to 1: 100 %.
+    """
+    cortex, across = growing(mesh, growth, most=1.0)
+    material = material or Material()
+    folder.mkdir(parents=True, exist_ok=True)
+    fenics.write(TetMesh(mesh.points, mesh.cells, sets=mesh.sets), folder / MESH)
+    normals = np.zeros((len(mesh.cells), 3))
+    normals[cortex] = across
+    with atomic_path(folder / "normals.npy") as temporary, temporary.open("wb") as file:
+        np.save(file, normals)
+    shear = {"cortex": material.mu_cortex, "core": material.mu_core}
+    write_json(
+        {
+            "growth": growth,
+            "steps": int(np.ceil(growth / STEP)),
+            "bulk": material.bulk,
+            "shear": {str(tag): shear[name] for name, tag in REGION_TAGS.items() if len(mesh.sets.cells.get(name, ()))},
+            "supports": [
+                {"axes": list(support.axes), "facets": SURFACE_TAGS[MEDIAL_WALL]}
+                if support.name == MEDIAL_WALL
+                else {"axes": list(support.axes), "point": mesh.points[support.nodes[0]].tolist()}
+                for support in supports(mesh)
+            ],
+        },
+        folder / "job.json",
+    )
+    with atomic_path(folder / JOB) as temporary:
+        temporary.write_text(PROGRAM.read_text(encoding="utf-8"), encoding="utf-8")
+    with atomic_path(folder / README) as temporary:
+        temporary.write_text(
+            f"dolfinx: the cortex grows by {100 * growth:g} % along the surface, made by cortet.\n"
+            f"Run it here with:  python3 {JOB}   (Debian: apt install python3-dolfinx; run with 0.5.2)\n"
+            "displacement.xdmf shows in ParaView; displacement.txt has x, y, z and displacement (mm) of each node.\n"
+            "Growth, moduli and supports are in job.json, each element's direction across the cortex in normals.npy.\n"
+            "A cortex that presses on itself needs contact, which is not in this job: for folds, `cortet fold`.\n",
+            encoding="ascii",
+        )

@@ -1,0 +1,76 @@
+"""What the jobs of all solvers share in which the cortex of a mesh grows along itself: directions, moduli, supports."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cortet.errors import InputError
+from cortet.formats.surface_sets import CORTEX, MEDIAL_WALL
+from cortet.geometry.topology import boundary_nodes
+from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.simulation.body import Scale, body_of
+
+
+class Support(NamedTuple):
+    """Nodes that keep some of their coordinates."""
+
+    name: str
+    #: (k,) int32
+    nodes: IntArray
+    #: which of x, y and z: numbers from 0
+    axes: tuple[int, ...]
+
+
+def growing(mesh: TetMesh, growth: float, *, most: float) -> tuple[IntArray, FloatArray]:
+    """The tetrahedra of the cortex, (k,), and the direction across it in each of them, (k, 3) unit vectors.
+
+    Parameters
+    ----------
+    growth : relative growth along the cortex
+    most : that the solver's material holds for
+
+    Raises
+    ------
+    InputError : growth is not above 0 and at most `most`, or the mesh has no cortex
+    """
+    if not 0 < growth <= most:
+        strains = "small strains" if most < 1 else "strains of this size"
+        raise InputError(f"growth is {growth:g}, but the material holds for {strains}", remedy=f"0.01 to {most:g}")
+    cortex = mesh.sets.cells.get(CORTEX, np.zeros(0, np.int32))
+    if not len(cortex):
+        raise InputError("the mesh has no set `cortex`", remedy="read one that cortet exported")
+    return cortex, body_of(mesh, Scale(np.zeros(3), 1.0)).normals[cortex]
+
+
+def along(normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Two unit vectors across each of (k, 3) unit normals, and across each other."""
+    start = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]])
+    first = np.cross(normals, start)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return first, np.cross(normals, first)
+
+
+def young_and_poisson(shear: float, bulk: float) -> tuple[float, float]:
+    """Young's modulus and Poisson's ratio."""
+    return 9 * bulk * shear / (3 * bulk + shear), (3 * bulk - 2 * shear) / (6 * bulk + 2 * shear)
+
+
+def supports(mesh: TetMesh) -> list[Support]:
+    """What keeps the body in place without pressing it.
+
+    Six displacements of three nodes: one in the middle, one ahead of it and one above it. With a medial wall, whose
+    nodes keep their x, the three are on it, and three displacements are left.
+    """
+    wall: IntArray = mesh.sets.nodes.get(MEDIAL_WALL, np.zeros(0, np.int32))
+    among = wall if len(wall) else np.setdiff1d(np.arange(len(mesh.points), dtype=np.int32), boundary_nodes(mesh))
+    places = mesh.points[among]
+    middle, reach = places.mean(axis=0), np.ptp(places, axis=0) / 3
+    centre, ahead, above = (
+        among[[np.linalg.norm(places - middle - reach * way, axis=1).argmin()]]
+        for way in ([0, 0, 0], [0, 1, 0], [0, 0, 1])
+    )
+    if len(wall):
+        return [Support(MEDIAL_WALL, wall, (0,)), Support("centre", centre, (1, 2)), Support("ahead", ahead, (2,))]
+    return [Support("centre", centre, (0, 1, 2)), Support("ahead", ahead, (0, 2)), Support("above", above, (0,))]
