@@ -29,6 +29,7 @@ from numba.core.dispatcher import Dispatcher
 from cortet.mesh import FloatArray, IntArray
 from cortet.simulation import contact as contacts
 from cortet.simulation import kernels, law
+from cortet.simulation.gpu import is_simulated
 from cortet.simulation.kernels import DONE, INVERTED, LIST_OUTDATED
 from cortet.simulation.patches import ACROSS, DEPTH, MASK, SIZE, THICKNESS, VOLUME
 
@@ -38,6 +39,9 @@ THREADS = 128
 HOW, TAKEN, OUTDATED = 0, 1, 2
 #: places in `Tallies.counts`: entries into the degenerate branch, nodes in contact at the last step
 DEGENERATE, TOUCHED = 0, 1
+#: registers of a thread at most, so that three blocks fit on a multiprocessor of 65,536: the compiler would take 194,
+#: and there would be two. 56 bytes go to the stack for it. The simulator has no registers, nor this option
+_LIMITS = {} if is_simulated() else {"max_registers": 168}
 #: shared memory of a block, in rows of SIZE values: forces on the corners 1, 2 and 3 of each element
 _SHARED = 9 * SIZE
 
@@ -206,7 +210,7 @@ def _deviatoric_energy(patches, patch, e, x, material, alphas, thickening):  # t
 @cuda.jit(device=True)
 def _total(shared, value):  # type: ignore[no-untyped-def]
     """The sum of a value over the threads of a block, which all of them get; added by halves."""
-    t, half = cuda.threadIdx.x, cuda.blockDim.x // 2
+    t, half = cuda.threadIdx.x, THREADS // 2
     cuda.syncthreads()
     shared[t] = value
     cuda.syncthreads()
@@ -221,7 +225,7 @@ def _total(shared, value):  # type: ignore[no-untyped-def]
 @cuda.jit(device=True)
 def _smallest(shared, value):  # type: ignore[no-untyped-def]
     """The smallest of a value over the threads of a block, NaN if there is one."""
-    t, half = cuda.threadIdx.x, cuda.blockDim.x // 2
+    t, half = cuda.threadIdx.x, THREADS // 2
     cuda.syncthreads()
     shared[t] = value
     cuda.syncthreads()
@@ -241,12 +245,12 @@ def _add_volumes(shared, patches, lists, x, alphas, thickening, elements, slot_v
     """What the current and grown volumes of the elements of a patch add to its own nodes."""
     for patch in range(cuda.blockIdx.x, len(patches.corners), cuda.gridDim.x):
         cuda.syncthreads()  # until all have used what the patch before has left
-        for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), cuda.blockDim.x):
+        for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
             _, u, v, w = _edges(patches, patch, e, x)
             shared[e] = _volume_between(u, v, w)
             shared[SIZE + e] = _growth(patches, patch, e, alphas, thickening)[2]
         cuda.syncthreads()
-        for slot in range(patches.offsets[patch] + cuda.threadIdx.x, patches.offsets[patch + 1], cuda.blockDim.x):
+        for slot in range(patches.offsets[patch] + cuda.threadIdx.x, patches.offsets[patch + 1], THREADS):
             current, grown = 0.0, 0.0
             for k in range(lists.begins[slot], lists.begins[slot + 1]):
                 e = lists.members[k] % SIZE
@@ -277,15 +281,15 @@ def _add_forces(shared, patches, lists, x, material, alphas, thickening, element
     for patch in range(cuda.blockIdx.x, len(patches.corners), cuda.gridDim.x):
         cuda.syncthreads()
         least, flat, degenerate = np.inf, False, 0.0
-        for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), cuda.blockDim.x):
+        for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
             j, doubtful = _put_element(shared, patches, patch, e, x, scratch.ratio, material, alphas, thickening)
             least, flat = _least(least, j), flat or doubtful
         if flat:  # rarely: apart, for it takes many registers, and with fewer of them a device runs more blocks
-            for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), cuda.blockDim.x):
+            for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
                 if _put_degenerate(shared, patches, patch, e, x, scratch.ratio, material, alphas, thickening):
                     degenerate += 1.0
         cuda.syncthreads()
-        for slot in range(patches.offsets[patch] + cuda.threadIdx.x, patches.offsets[patch + 1], cuda.blockDim.x):
+        for slot in range(patches.offsets[patch] + cuda.threadIdx.x, patches.offsets[patch + 1], THREADS):
             fx, fy, fz = _forces_on_slot(shared, lists, slot)
             scratch.slot_forces[slot, 0] = fx
             scratch.slot_forces[slot, 1] = fy
@@ -317,7 +321,7 @@ def _forces_on_slot(shared, lists, slot):  # type: ignore[no-untyped-def]
 def _touch_all(shared, contact, x, block_touched):  # type: ignore[no-untyped-def]
     """The contact of every surface node, and how many are in contact, those with the medial plane counted again."""
     for block in range(cuda.blockIdx.x, len(block_touched), cuda.gridDim.x):
-        i, count = block * cuda.blockDim.x + cuda.threadIdx.x, 0.0
+        i, count = block * THREADS + cuda.threadIdx.x, 0.0
         if i < len(contact.nodes):
             _touch(contact, x, i)
             count += 1.0 if contact.touched[i] >= 0 else 0.0
@@ -332,10 +336,10 @@ def _touch_all(shared, contact, x, block_touched):  # type: ignore[no-untyped-de
 def _judge(shared, tallies):  # type: ignore[no-untyped-def]
     """Whether a step may be taken: by one block, when all others wait."""
     t, least, degenerate, touched = cuda.threadIdx.x, np.inf, 0.0, 0.0
-    for patch in range(t, len(tallies.patch_least), cuda.blockDim.x):
+    for patch in range(t, len(tallies.patch_least), THREADS):
         least = _least(least, tallies.patch_least[patch])
         degenerate += tallies.patch_count[patch]
-    for block in range(t, len(tallies.block_touched), cuda.blockDim.x):
+    for block in range(t, len(tallies.block_touched), THREADS):
         touched += tallies.block_touched[block]
     least, degenerate, touched = _smallest(shared, least), _total(shared, degenerate), _total(shared, touched)
     if t != 0:
@@ -377,7 +381,7 @@ def _contact_force(contact, lists, x, place):  # type: ignore[no-untyped-def]
 def _move_all(shared, patches, lists, held, material, state, contact, dt, scratch, block_energy):  # type: ignore[no-untyped-def]
     """Step every node; add what was dissipated and the work of the contact, block by block."""
     for block in range(cuda.blockIdx.x, len(block_energy), cuda.gridDim.x):
-        i, dissipated, pushed = block * cuda.blockDim.x + cuda.threadIdx.x, 0.0, 0.0
+        i, dissipated, pushed = block * THREADS + cuda.threadIdx.x, 0.0, 0.0
         if i < len(held):
             if lists.place[i] >= 0:
                 fx, fy, fz = _contact_force(contact, lists, state.x, lists.place[i])
@@ -405,7 +409,7 @@ def _move_all(shared, patches, lists, held, material, state, contact, dt, scratc
 # --- kernels ---------------------------------------------------------------------------------------------------------
 
 
-@cuda.jit
+@cuda.jit(**_LIMITS)
 def advance(patches, held, material, state, contact, lists, alphas, thickening, dt, elements, scratch, tallies):  # type: ignore[no-untyped-def]
     """`kernels.advance` on the device: as many steps as `alphas` has rows, unless one of them cannot be taken.
 
@@ -432,7 +436,7 @@ def advance(patches, held, material, state, contact, lists, alphas, thickening, 
         grid.sync()
 
 
-@cuda.jit
+@cuda.jit(**_LIMITS)
 def energies(patches, material, state, lists, alphas, thickening, elements, scratch, tallies):  # type: ignore[no-untyped-def]
     """Elastic energy of the elements of each patch, without that of the nodal volumes; and of each block of nodes.
 
@@ -445,13 +449,13 @@ def energies(patches, material, state, lists, alphas, thickening, elements, scra
     grid.sync()
     for patch in range(cuda.blockIdx.x, len(tallies.patch_least), cuda.gridDim.x):
         energy = 0.0
-        for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), cuda.blockDim.x):
+        for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
             energy += _deviatoric_energy(patches, patch, e, state.x, material, alphas, thickening)
         energy = _total(shared, energy)
         if cuda.threadIdx.x == 0:
             tallies.patch_least[patch] = energy
     for block in range(cuda.blockIdx.x, len(tallies.block_energy), cuda.gridDim.x):
-        i, kinetic, volumetric = block * cuda.blockDim.x + cuda.threadIdx.x, 0.0, 0.0
+        i, kinetic, volumetric = block * THREADS + cuda.threadIdx.x, 0.0, 0.0
         if i < len(scratch.ratio):
             volume, v = scratch.node_grown[i], _vector(state.v, i)
             kinetic, volumetric = volume * _dot(v, v), volume * (scratch.ratio[i] - 1) ** 2
