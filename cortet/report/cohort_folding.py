@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from cortet.formats.atomic import write_json
 from cortet.formats.tsv import read_tsv, write_tsv
-from cortet.report.figures import BLUE, GREEN, ORANGE, PAGE, PURPLE, STYLE, VERMILION, save
+from cortet.report.figures import COLOURS, PAGE, STYLE, save
 from cortet.report.fold_figures import curves, real_points
 from cortet.simulation.fold import TABLE, VERDICT
 
@@ -49,9 +49,9 @@ COLUMNS: dict[str, dict[str, Any]] = {
     "reason": {"Description": "How the run ended, in words"},
 }
 _LAST = ("gyrification_index", "fold_spacing_mm", "sulcal_depth_mm", "area_mm2", "volume_mm3")
-_COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE)
-#: runs of which each has a name in the legend
+#: runs of which each has a name in the legend, and as many colours (Paul Tol's beyond those of other figures)
 _NAMED = 10
+_COLOURS = (*COLOURS, "#56B4E9", "#44AA99", "#882255", "#8A6D3B", "#6B6B6B")
 
 
 def write_cohort_folding(

@@ -56,6 +56,12 @@ def test_the_figure_has_a_curve_per_run_over_real_brains(runs: list[dict[str, An
         assert sum(len(points.get_offsets()) for points in axis.collections) > 10
 
 
+def test_runs_that_have_a_name_in_the_legend_have_a_colour_of_their_own(runs: list[dict[str, Any]]) -> None:
+    cases = [{**runs[0], "case": f"sub-{number}_hemi-L"} for number in range(10)]
+    lines = [line for line in cohort_folding_figure(cases).axes[0].lines if str(line.get_label()).startswith("sub-")]
+    assert len({line.get_color() for line in lines}) == 10
+
+
 def test_variants_change_keys_of_fold() -> None:
     config = load({"fold": {"cases": "all", "variants": {"thin": {"thickness": 1.0}, "stiff": {"core_stiffness": 2}}}})
     assert config.fold.variants["thin"] == {"thickness": 1.0}
