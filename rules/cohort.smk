@@ -29,8 +29,7 @@ rule dataset_description:
         "../envs/cortet.yaml"
     params:
         version=__version__,
-        raw=RAW,
-        files=lambda _: sorted({str(path) for case in CASES.values() for path in case.files}),
+        links=lambda _: Places(Path(OUT), Path(RAW)).links(path for case in CASES.values() for path in case.files),
         meanings=lambda _: descriptions(SETTINGS),
     script:
         "../scripts/dataset_description.py"

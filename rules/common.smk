@@ -10,7 +10,7 @@ from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
 from cortet import __version__
-from cortet.cohort.bids import descriptions
+from cortet.cohort.bids import Places, descriptions
 from cortet.cohort.sheet import PHANTOM, folded, read_sheet
 from cortet.config import load, version_of
 from cortet.errors import CortetError

@@ -6,9 +6,7 @@ from _job import start
 
 job = start(snakemake)
 
-from cortet.cohort.bids import Places, write_dataset_description, write_descriptions
+from cortet.cohort.bids import write_dataset_description, write_descriptions
 
-description = Path(job.output.description)
-places = Places(description.parent, Path(job.params.raw))
-write_dataset_description(description, Path(job.output.ignore), places, map(Path, job.params.files))
+write_dataset_description(Path(job.output.description), Path(job.output.ignore), job.params.links)
 write_descriptions(job.params.meanings, Path(job.output.descriptions))

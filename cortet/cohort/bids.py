@@ -72,6 +72,12 @@ class Places:
         word = "".join(filter(str.isalnum, folder.name)) or "source"
         return f"{word}{hashlib.sha256(os.fsencode(folder)).hexdigest()[:4]}", folder
 
+    def links(self, files: Iterable[str | Path]) -> dict[str, str]:
+        """Names of the datasets that files come from, and where these are, seen from the output folder."""
+        roots = dict(sorted(self.dataset(_absolute(file)) for file in files))
+        output = _absolute(self.output)
+        return {name: Path(os.path.relpath(root, output)).as_posix() for name, root in roots.items() if name}
+
 
 def provenance(sources: Iterable[str | Path], reference: str | Path | None, places: Places) -> dict[str, object]:
     """`Sources` and `SpatialReference` of a sidecar.
@@ -85,24 +91,22 @@ def provenance(sources: Iterable[str | Path], reference: str | Path | None, plac
     return {"Sources": list(uris)} | ({} if reference is None else {"SpatialReference": places.uri(reference)})
 
 
-def write_dataset_description(description: Path, ignore: Path, places: Places, files: Iterable[Path]) -> None:
+def write_dataset_description(description: Path, ignore: Path, links: Mapping[str, str]) -> None:
     """Write `dataset_description.json` and `.bidsignore`.
 
     Parameters
     ----------
-    files : that the meshes are made from; where their datasets are is written relative to the folder of the
-        description, so that all may be moved together
+    links : of `Places.links`: relative to the folder of the description, so that all may be moved together
     """
-    roots = dict(sorted(places.dataset(_absolute(file)) for file in files))
-    links = {name: _relative(root, description.parent) for name, root in roots.items() if name}
-    sources = [{"URL": links[name], **_citable(roots[name])} for name in links]
+    named = {name: quote(place) for name, place in links.items()}
+    sources = [{"URL": named[name], **_citable(description.parent / place)} for name, place in links.items()]
     write_json(
         {
             "Name": "cortet: certified tetrahedral meshes of cortical surfaces",
             "BIDSVersion": BIDS_VERSION,
             "DatasetType": "derivative",
             "GeneratedBy": [{"Name": "cortet", "Version": cortet.__version__}],
-            **({"SourceDatasets": sources, "DatasetLinks": links} if links else {}),
+            **({"SourceDatasets": sources, "DatasetLinks": named} if links else {}),
             "ReferencesAndLinks": [PAPER],
         },
         description,
@@ -114,10 +118,6 @@ def write_dataset_description(description: Path, ignore: Path, places: Places, f
 def _absolute(file: str | Path) -> Path:
     """The file from the root; links stay, as a dataset may consist of them."""
     return Path(os.path.normpath(Path(file).absolute()))
-
-
-def _relative(root: Path, folder: Path) -> str:
-    return quote(Path(os.path.relpath(root, folder)).as_posix())
 
 
 def _citable(root: Path) -> dict[str, str]:

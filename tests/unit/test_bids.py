@@ -21,7 +21,7 @@ def places(tmp_path: Path) -> Places:
 def described(places: Places, *files: Path) -> dict[str, object]:
     places.output.mkdir(parents=True, exist_ok=True)
     description = places.output / "dataset_description.json"
-    write_dataset_description(description, places.output / ".bidsignore", places, files)
+    write_dataset_description(description, places.output / ".bidsignore", places.links(files))
     found: dict[str, object] = json.loads(description.read_text())
     return found
 
