@@ -174,7 +174,8 @@ if ! has_stamp ''; then
     pip=($venv/bin/python -m pip --disable-pip-version-check --quiet)
     "${pip[@]}" install "$(grep '^pip==' requirements.txt)"
     "${pip[@]}" install --no-deps -r <(grep -v '^pygalmesh==' requirements.txt)
-    "${pip[@]}" install --no-deps --no-build-isolation --editable .
+    # setuptools warns of every editable installation
+    PYTHONWARNINGS=ignore "${pip[@]}" install --no-deps --no-build-isolation --editable .
 
     say "compiling the kernels, once per machine and version"
     $venv/bin/python -c 'from cortet.pipeline import warm_up; warm_up()'
