@@ -201,9 +201,15 @@ def _grid(path: Path, name: str, kind: str) -> _Grid:
         raise InputError(f"grid {name} holds {topology.get('TopologyType')}, not {kind}", file=path)
     found = _Grid()
     found.points, found.topology = _values(geometry, path), _values(topology, path)
+    at = {"Node": (found.nodes_of, len(found.points)), "Cell": (found.cells_of, len(found.topology))}
     for attribute in grid.iterfind("Attribute"):
-        where = found.nodes_of if attribute.get("Center") == "Node" else found.cells_of
-        where[attribute.get("Name", "")] = _values(attribute, path)
+        called, centre, values = attribute.get("Name", ""), attribute.get("Center", ""), _values(attribute, path)
+        if centre not in at:
+            raise InputError(f"attribute {called} is at {centre!r}, neither Node nor Cell", file=path)
+        where, count = at[centre]
+        if len(values) != count:
+            raise InputError(f"attribute {called} has {len(values)} values for {count} {centre.lower()}s", file=path)
+        where[called] = values
     return found
 
 

@@ -207,6 +207,16 @@ def test_h5py_reads_the_data_of_the_fenics_files(mesh, tmp_path):
         assert len(file["facets/topology"]) == len(file["facets/surface"]) == 192
 
 
+@pytest.mark.parametrize(
+    ("centre", "message"), [("Cell", "values for .* cells"), ("Nod", "at 'Nod', neither Node nor Cell")]
+)
+def test_values_at_another_place_than_an_xdmf_file_says_are_refused(mesh, tmp_path, centre, message):
+    path = written(mesh, tmp_path, "fenics")
+    path.write_text(path.read_text().replace('Center="Node"', f'Center="{centre}"', 1))
+    with pytest.raises(InputError, match=message):
+        fenics.read(path)
+
+
 def test_the_tags_come_first_as_dolfinx_reads_the_first_attribute(mesh, tmp_path):
     path = written(mesh, tmp_path, "fenics")
     for file, name in ((path, "region"), (fenics.facets_path(path), "surface")):
