@@ -19,6 +19,7 @@ import shutil
 import textwrap
 from collections.abc import Iterator, Mapping
 from functools import cache
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
@@ -64,7 +65,7 @@ def _as_list(value: Any) -> Any:
 
 
 def _whole_micrometres(value: float) -> float:
-    if abs(value * 1000 - round(value * 1000)) > 1e-6:
+    if not isfinite(value * 1000) or abs(value * 1000 - round(value * 1000)) > 1e-6:
         raise ValueError("must be a multiple of 0.001 mm: files are named by it (res-600um)")
     return round(value, 3)
 

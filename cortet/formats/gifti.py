@@ -312,6 +312,8 @@ def _frame(element: ElementTree.Element) -> CoordinateFrame:
     matrix = tuple(float(word) for word in _text(system, "MatrixData").split())
     if len(matrix) != 16:
         raise ValueError(f"coordinate transform of {len(matrix)} numbers instead of 16")
+    if not np.isfinite(matrix).all():
+        raise ValueError("coordinate transform with numbers that are not finite")
     return CoordinateFrame(dataspace, xformspace, matrix)
 
 

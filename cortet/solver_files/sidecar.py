@@ -97,7 +97,7 @@ class _Field(BaseModel):
 class _Frame(BaseModel, extra="forbid"):
     dataspace: str
     xformspace: str
-    matrix: Annotated[list[float], Field(min_length=16, max_length=16)]
+    matrix: Annotated[list[Annotated[float, Field(allow_inf_nan=False)]], Field(min_length=16, max_length=16)]
 
 
 class _Record(BaseModel):

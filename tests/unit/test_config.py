@@ -141,6 +141,7 @@ def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
         ({"xyzzy": 1}, "unknown key xyzzy; known here: setting, output, keep_intermediates, time_limit, cohort"),
         ({"generate": {"cell_size": -1}}, "generate.cell_size.0 = -1: Input should be greater than 0"),
         ({"generate": {"cell_size": 0.00051}}, "multiple of 0.001 mm"),
+        ({"generate": {"cell_size": 1e308}}, "multiple of 0.001 mm"),
         ({"generate": {"facet_angle": float("nan")}}, "generate.facet_angle = nan"),
         ({"setting": "paper"}, "setting = 'paper': Input should be 'default', 'cgal' or 'published'"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -116,6 +117,16 @@ def test_what_cannot_be_read_is_refused_with_its_place(tmp_path, old, new, words
     with pytest.raises(InputError, match=words):
         febio.read(path)
     assert words in verify(path, "febio")[0]
+
+
+def test_a_field_with_a_value_too_many_is_refused(tmp_path):
+    path = tmp_path / "m.feb"
+    febio.write(replace(TETRAHEDRON, point_data={"age": np.arange(4.0)}), path)
+    text = path.read_text()
+    (value,) = re.findall(r'<node lid="4">[^<]*</node>', text)
+    path.write_text(text.replace(value, value + value))
+    with pytest.raises(InputError, match="<NodeData age> has 5 values for 4 nodes"):
+        febio.read(path)
 
 
 @pytest.mark.parametrize(

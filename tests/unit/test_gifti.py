@@ -106,6 +106,14 @@ def test_data_in_an_external_file_is_read(file, tmp_path: Path) -> None:
         read_surface(file(points(encoding="ExternalFileBinary", ExternalFileName="../x.data"), triangles()))
 
 
+def test_a_transform_that_is_not_finite_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.surf.gii"
+    write_surface(replace(ball_surface(1), frame=CoordinateFrame(matrix=tuple(np.arange(16.0)))), path)
+    path.write_text(re.sub(r"\b15(\.0*)?\b", "1e999", path.read_text()))
+    with pytest.raises(InputError, match="not finite"):
+        read_surface(path)
+
+
 def test_what_is_written_is_read_back_and_is_what_nibabel_reads(tmp_path: Path) -> None:
     ball = ball_surface(2)
     frame = CoordinateFrame("NIFTI_XFORM_ALIGNED_ANAT", "NIFTI_XFORM_MNI_152", tuple(np.arange(16.0)))

@@ -159,6 +159,7 @@ def test_a_field_named_as_a_path_writes_nothing_elsewhere(mesh, tmp_path: Path) 
         ("units", 3),
         ("coordinate_system", {"matrix": [1]}),
         ("nodes_sha256", None),
+        ("coordinate_system", {"dataspace": "x", "xformspace": "x", "matrix": [float("inf")] * 16}),
     ],
 )
 def test_a_sidecar_of_another_kind_is_refused(key: str, value: object, mesh, tmp_path: Path) -> None:
