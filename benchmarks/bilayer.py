@@ -22,6 +22,7 @@ from scipy.optimize import minimize_scalar
 
 from cortet.mesh import FloatArray
 from cortet.simulation.body import Material
+from cortet.simulation.law import growth_share
 
 #: growth beyond which a layer is called stable; Biot's half-space folds at 0.5
 LARGEST_GROWTH = 2.0
@@ -31,8 +32,7 @@ WAVELENGTHS = 0.3, 100.0
 _DEPTH = 2.0
 _TRIED = 30
 #: Gauss points of an element of [-1, 1], and their weights
-_GAUSS = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0]), np.array([5.0, 8.0, 5.0]) / 9
-
+_GAUSS = np.polynomial.legendre.leggauss(3)
 
 #: share of the full growth (k,) at depths (k,) in thicknesses
 Profile = Callable[[FloatArray], FloatArray]
@@ -50,8 +50,8 @@ class Onset(NamedTuple):
 
 
 def smooth_profile(depth: FloatArray) -> FloatArray:
-    """Share of the growth at a depth in thicknesses, as in `cortet.simulation.kernels`."""
-    return 1 / (1 + np.exp(np.minimum(10 * (depth - 1), 300.0)))
+    """Share of the growth at a depth in thicknesses, as the simulation has it."""
+    return np.asarray(np.vectorize(growth_share)(depth, 1.0, 1.0))
 
 
 def sharp_profile(depth: FloatArray) -> FloatArray:

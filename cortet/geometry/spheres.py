@@ -44,6 +44,12 @@ def flaws(sphere: TriSurface) -> list[str]:
     return found
 
 
+def same_triangles(one: TriSurface, other: TriSurface) -> bool:
+    """Whether vertices of one number are the same in both surfaces: they have the same triangles, whichever way up."""
+    same_size = len(one.points) == len(other.points) and one.faces.shape == other.faces.shape
+    return same_size and bool((np.sort(one.faces, axis=1) == np.sort(other.faces, axis=1)).all())
+
+
 def barycentric(old: TriSurface, new: TriSurface) -> Weights:
     """Weights of the corners of the triangle of `old` that is nearest to each vertex of `new`; both of one radius."""
     found = closest_points(surface_tree(old.points, old.faces), new.points)

@@ -11,6 +11,7 @@ import numba
 import numpy as np
 
 from cortet.geometry.closest_point import SurfaceTree, tree_of
+from cortet.geometry.remembering import once_per_object
 from cortet.mesh import FloatArray, TriSurface
 
 #: a box of triangles is one dipole from so many times its radius on (Barill et al. take 2)
@@ -22,8 +23,16 @@ _BLOCK = 256
 
 def winding_numbers(surface: TriSurface, points: FloatArray) -> FloatArray:
     """How many times a surface winds around each of some points (k, 3) mm: (k,), whole numbers where it is closed."""
-    tree = tree_of(surface)
-    return _winding_numbers(tuple(tree), _dipoles(tree), np.ascontiguousarray(points, dtype=np.float64))
+    return _winding_numbers(
+        tuple(tree_of(surface)), _dipoles_of(surface), np.ascontiguousarray(points, dtype=np.float64)
+    )
+
+
+@once_per_object
+def _dipoles_of(surface: TriSurface) -> FloatArray:
+    """One dipole for each box of the tree of a surface."""
+    found: FloatArray = _dipoles(tree_of(surface))
+    return found
 
 
 @numba.njit(cache=True)

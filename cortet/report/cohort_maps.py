@@ -23,6 +23,7 @@ from cortet.errors import InputError
 from cortet.formats.atomic import write_json
 from cortet.formats.gifti import read_surface, write_fields, write_surface
 from cortet.geometry.closest_point import closest_points, tree_of
+from cortet.geometry.spheres import same_triangles
 from cortet.geometry.topology import boundary_surface
 from cortet.mesh import FloatArray, TetMesh, TriSurface
 from cortet.report.figures import PAGE, STYLE, save
@@ -50,9 +51,7 @@ def case_map(resampled: TriSurface, meshed: TriSurface, mesh: TetMesh) -> TriSur
     mesh : made of it
     """
     fields, points = with_thickness(meshed).point_data, meshed.points
-    if len(meshed.points) != len(resampled.points) or not np.array_equal(
-        np.sort(meshed.faces, axis=1), np.sort(resampled.faces, axis=1)
-    ):
+    if not same_triangles(meshed, resampled):
         found = closest_points(tree_of(meshed), resampled.points)
         corners = meshed.faces[found.faces]
         fields = {name: at_triangles(values, corners, found.barycentric) for name, values in fields.items()}

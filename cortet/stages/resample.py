@@ -82,7 +82,7 @@ def resample(
         the sphere is none, or not of this surface; the surface has coordinates that are not finite; the template is no
         sphere
     """
-    if inside and not _belongs(sphere, surface):
+    if inside and not spheres.same_triangles(sphere, surface):
         return surface, _report(surface, surface, resampled=False)
     _check(surface, sphere, sphere_file)
     common = _common(template, subdivisions)
@@ -116,15 +116,9 @@ def _common(template: str | Path | None, subdivisions: int) -> TriSurface:
     return sphere
 
 
-def _belongs(sphere: TriSurface, surface: TriSurface) -> bool:
-    """Whether both have the same triangles, whichever way they face."""
-    same_size = len(sphere.points) == len(surface.points) and sphere.faces.shape == surface.faces.shape
-    return same_size and bool((np.sort(sphere.faces, axis=1) == np.sort(surface.faces, axis=1)).all())
-
-
 def _check(surface: TriSurface, sphere: TriSurface, file: Any) -> None:
     without = "or leave the column sphere of the cohort sheet empty"
-    if not _belongs(sphere, surface):
+    if not spheres.same_triangles(sphere, surface):
         raise InputError(
             f"its {len(sphere.points)} vertices and {len(sphere.faces)} triangles are not those of the surface, which "
             f"has {len(surface.points)} and {len(surface.faces)}",
