@@ -207,34 +207,32 @@ def _deviatoric_energy(patches, patch, e, x, material, alphas, thickening):  # t
 # --- a block of threads ----------------------------------------------------------------------------------------------
 
 
-@cuda.jit(device=True)
-def _total(shared, value):  # type: ignore[no-untyped-def]
-    """The sum of a value over the threads of a block, which all of them get; added by halves."""
-    t, half = cuda.threadIdx.x, THREADS // 2
-    cuda.syncthreads()
-    shared[t] = value
-    cuda.syncthreads()
-    while half > 0:
-        if t < half:
-            shared[t] += shared[t + half]
+def _reduction(combined: Any) -> Any:
+    """A function that combines a value over the threads of a block, by halves, and gives all of them the result."""
+
+    @cuda.jit(device=True)
+    def reduced(shared, value):  # type: ignore[no-untyped-def]
+        t, half = cuda.threadIdx.x, THREADS // 2
         cuda.syncthreads()
-        half //= 2
-    return shared[0]
+        shared[t] = value
+        cuda.syncthreads()
+        while half > 0:
+            if t < half:
+                shared[t] = combined(shared[t], shared[t + half])
+            cuda.syncthreads()
+            half //= 2
+        return shared[0]
+
+    return reduced
 
 
 @cuda.jit(device=True)
-def _smallest(shared, value):  # type: ignore[no-untyped-def]
-    """The smallest of a value over the threads of a block, NaN if there is one."""
-    t, half = cuda.threadIdx.x, THREADS // 2
-    cuda.syncthreads()
-    shared[t] = value
-    cuda.syncthreads()
-    while half > 0:
-        if t < half:
-            shared[t] = _least(shared[t], shared[t + half])
-        cuda.syncthreads()
-        half //= 2
-    return shared[0]
+def _sum(a, b):  # type: ignore[no-untyped-def]
+    return a + b
+
+
+#: the sum of a value over the threads of a block, and the smallest one, NaN if there is one
+_total, _smallest = _reduction(_sum), _reduction(_least)
 
 
 # --- the phases of a step, by all blocks -----------------------------------------------------------------------------
