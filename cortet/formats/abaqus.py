@@ -146,7 +146,7 @@ def read(path: str | Path) -> TetMesh:
         faces,
         {name: indices(numbers, number_of_cell, "element", path) for name, numbers in cell_sets.items()},
     )
-    return sound(TetMesh(nodes[:, 1:], cells, _read_fields(fields_path(path), number_of_node), sets=sets), path)
+    return sound(path, nodes[:, 1:], cells, _read_fields(fields_path(path), number_of_node), sets=sets)
 
 
 def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:

@@ -63,7 +63,7 @@ def read(path: str | Path) -> TetMesh:
     if len(nodes) == 0 or nodes.min() < 1 or nodes.max() > len(tables.points):
         raise InputError(f"has no tetrahedra, or node indices outside 1..{len(tables.points)}", file=path)
     points, cells, _ = compact(tables.points, (nodes - 1).astype(np.int32))
-    return sound(TetMesh(points, cells), path)
+    return sound(path, points, cells)
 
 
 def read_tables(path: str | Path) -> Tables:

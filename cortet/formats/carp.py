@@ -148,14 +148,14 @@ def _mesh(
         for name, file in _siblings(path, suffix):
             values = _text(file, columns, float, rows=len(points), headed=False)
             fields[name] = values[:, 0] if columns == 1 else values
-    mesh = TetMesh(
+    return sound(
+        path,
         points,
         cells,
         fields,
         {"region": regions.astype(np.int32), "fibre": fibres},
         MeshSets(node_sets, face_sets, {name: cells for name, cells in tags.items() if len(cells)} if named else {}),
     )
-    return sound(mesh, path)
 
 
 def _beside(path: str | Path, suffix: str) -> Path:

@@ -227,11 +227,8 @@ def read(path: str | Path) -> TetMesh:
         },
     )
     fields = {str(data.get("name")): _field(data, tables, path) for data in root.iterfind("MeshData/NodeData")}
-    for name, values in fields.items():
-        if len(values) != len(points):
-            raise InputError(f"<NodeData {name}> has {len(values)} values for {len(points)} nodes", file=path)
     corners = indices(np.concatenate(cells)[order], node_ids, "node", path)
-    return sound(TetMesh(points, corners, fields, sets=sets), path)
+    return sound(path, points, corners, fields, sets=sets)
 
 
 def read_xml(path: str | Path) -> tuple[ElementTree.Element, list[bytes]]:

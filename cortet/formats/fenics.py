@@ -177,7 +177,7 @@ def read(path: str | Path) -> TetMesh:
         }
         | {name: np.flatnonzero(values).astype(np.int32) for name, values in _taken(cells.cells_of, _CELL_SET).items()},
     )
-    return sound(TetMesh(cells.points, cells.topology, cells.nodes_of, cells.cells_of, sets), path)
+    return sound(path, cells.points, cells.topology, cells.nodes_of, cells.cells_of, sets)
 
 
 class _Grid:

@@ -159,8 +159,7 @@ def read(path: str | Path) -> TetMesh:
         kind: {name: _field(arrays[f"{kind}_{number}"]) for number, name in enumerate(names[kind])} for kind in FIELDS
     }
     sets = MeshSets(faces={name: faces[rows] for name, rows in groups["triangle"].items()}, cells=groups["tetrahedron"])
-    mesh = TetMesh(arrays["coordinates"][order], cells, fields["NodeData"], fields["ElementData"], sets)
-    return sound(mesh, path)
+    return sound(path, arrays["coordinates"][order], cells, fields["NodeData"], fields["ElementData"], sets)
 
 
 def check_version(path: str | Path) -> None:

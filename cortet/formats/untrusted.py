@@ -13,7 +13,6 @@ import stat
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 from xml.etree import ElementTree
@@ -145,27 +144,34 @@ def in_range(indices: NDArray[Any], count: int, what: str, path: str | Path) -> 
     return indices.astype(np.int32)
 
 
-def sound(mesh: TetMesh, path: str | Path) -> TetMesh:
-    """A mesh as it was read, with safe names.
+def sound(
+    path: str | Path,
+    points: NDArray[Any],
+    cells: NDArray[Any],
+    point_data: Mapping[str, NDArray[Any]] | None = None,
+    cell_data: Mapping[str, NDArray[Any]] | None = None,
+    sets: MeshSets | None = None,
+) -> TetMesh:
+    """The mesh of what was read, arrays and sets as of `TetMesh`, with safe names.
 
     Raises
     ------
     InputError
-        a coordinate is not finite, a tetrahedron, set or field does not fit the nodes or tetrahedra there are
+        a coordinate is not finite; an array has another shape than `TetMesh` says, a field another length than there
+        are nodes or tetrahedra; a tetrahedron or set names a node or tetrahedron that there is not
     """
-    bad = np.flatnonzero(~np.isfinite(mesh.points).all(axis=1))
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
-        what = f"{len(bad)} nodes have coordinates that are not finite, the first is {mesh.points[bad[0]].tolist()}"
+        what = f"{len(bad)} nodes have coordinates that are not finite, the first is {points[bad[0]].tolist()}"
         raise InputError(what, file=path, remedy="export the mesh again")
-    nodes, cells = len(mesh.points), len(mesh.cells)
-    in_range(mesh.cells, nodes, "node", path)
-    for fields, count in ((mesh.point_data, nodes), (mesh.cell_data, cells)):
-        for name, values in fields.items():
-            if len(values) != count:
-                raise InputError(f"field {name} has {len(values)} values instead of {count}", file=path)
-    sets = MeshSets(
-        {name: in_range(members, nodes, "node", path) for name, members in safely_named(mesh.sets.nodes).items()},
-        {name: in_range(members, nodes, "node", path) for name, members in safely_named(mesh.sets.faces).items()},
-        {name: in_range(members, cells, "element", path) for name, members in safely_named(mesh.sets.cells).items()},
+    in_range(cells, len(points), "node", path)
+    given = sets or MeshSets()
+    within = MeshSets(
+        {name: in_range(members, len(points), "node", path) for name, members in safely_named(given.nodes).items()},
+        {name: in_range(members, len(points), "node", path) for name, members in safely_named(given.faces).items()},
+        {name: in_range(members, len(cells), "element", path) for name, members in safely_named(given.cells).items()},
     )
-    return replace(mesh, point_data=safely_named(mesh.point_data), cell_data=safely_named(mesh.cell_data), sets=sets)
+    try:
+        return TetMesh(points, cells, safely_named(point_data or {}), safely_named(cell_data or {}), within)
+    except ValueError as error:
+        raise InputError(str(error), file=path, remedy="export the mesh again") from error

@@ -71,10 +71,9 @@ def read(path: str | Path) -> TetMesh:
     root = xml_root(text if raw is None else text[: raw.start()] + b"</VTKFile>", path)
     try:
         pieces = [_piece(piece, path, file) for file in [_file(root, text, raw)] for piece in _pieces(root)]
-        mesh = _joined(pieces)
+        return _joined(pieces, path)
     except _DAMAGED as error:
         raise InputError(f"is not a readable VTU file: {error}", file=path, remedy="delete it and run again") from error
-    return sound(mesh, path)
 
 
 def _file(root: ElementTree.Element, text: bytes, raw: re.Match[bytes] | None) -> _File:
@@ -122,7 +121,7 @@ def _piece(piece: ElementTree.Element, path: str | Path, file: _File) -> TetMesh
     return TetMesh(_values(points, nodes, file).reshape(-1, 3), corners.reshape(-1, 4), point_data, cell_data)
 
 
-def _joined(pieces: list[TetMesh]) -> TetMesh:
+def _joined(pieces: list[TetMesh], path: str | Path) -> TetMesh:
     """One mesh of all pieces, with its sets."""
     first = np.cumsum([0, *(len(piece.points) for piece in pieces)])
     points = np.concatenate([piece.points for piece in pieces])
@@ -134,7 +133,7 @@ def _joined(pieces: list[TetMesh]) -> TetMesh:
         {name: _faces(cells, bits) for name, bits in _taken(cell_data, _FACE_SET).items()},
         _indices(_taken(cell_data, _CELL_SET)),
     )
-    return TetMesh(points, cells, point_data, cell_data, sets)
+    return sound(path, points, cells, point_data, cell_data, sets)
 
 
 def _values(array: ElementTree.Element, rows: int, file: _File) -> NDArray[Any]:

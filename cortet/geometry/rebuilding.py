@@ -75,8 +75,9 @@ def rebuilt(surface: TriSurface, spacing: float) -> tuple[TriSurface, float]:
     depth = depths_on_grid(file, low, shape, spacing)
     if not (depth > 0).any():
         raise InputError("the triangles enclose nothing", remedy="set a smaller repair.spacing, or export it again")
-    before, (points, faces) = enclosed_volume(*skin(depth)), skin(as_ball(depth, spacing))
-    return TriSurface(low + spacing * points, faces), before * spacing**3
+    wound, ball = skin(depth), as_ball(depth, spacing)
+    points, faces = wound if np.array_equal(ball, depth) else skin(ball)
+    return TriSurface(low + spacing * points, faces), enclosed_volume(*wound) * spacing**3
 
 
 def depths_on_grid(file: TriSurface, low: FloatArray, shape: NDArray[np.int64], spacing: float) -> FloatArray:

@@ -125,7 +125,7 @@ def test_a_field_with_a_value_too_many_is_refused(tmp_path):
     text = path.read_text()
     (value,) = re.findall(r'<node lid="4">[^<]*</node>', text)
     path.write_text(text.replace(value, value + value))
-    with pytest.raises(InputError, match="<NodeData age> has 5 values for 4 nodes"):
+    with pytest.raises(InputError, match=r"field age has shape \(5,\), but there are 4 nodes"):
         febio.read(path)
 
 
