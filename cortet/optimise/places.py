@@ -64,6 +64,12 @@ def numbers_in(part: Part, nodes: IntArray) -> IntArray:
     return np.flatnonzero(np.isin(part.mesh.point_data[_NODE], nodes)).astype(np.int32)
 
 
+def nodes_near(part: Part, points: FloatArray) -> IntArray:
+    """The nodes of the whole mesh that are those vertices of a part nearest to some `points` (k, 3), mm: (k,) int32."""
+    nodes: IntArray = part.mesh.point_data[_NODE][KDTree(part.mesh.points).query(points)[1]]
+    return nodes
+
+
 def better_of_each(first: TetMesh, second: TetMesh) -> TetMesh:
     """For each place the one of two tries whose worst tetrahedron there is better, the first where they are alike.
 

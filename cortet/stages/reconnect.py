@@ -26,6 +26,7 @@ from cortet.optimise.places import (
     better_of_each,
     cut_out,
     mixed,
+    nodes_near,
     numbers_in,
     only,
     places_at,
@@ -37,7 +38,7 @@ from cortet.optimise.swaps import NO_SWAPS, SwapCount, improve, live_cells, swap
 from cortet.optimise.vertices import Boundary, Pass, interface_places, move_vertices, mu2_of
 from cortet.stages.clean import KEPT, require_positive
 
-VERSION: int = 7
+VERSION: int = 8
 
 _ROUNDS = 4
 #: swaps over tetrahedra below which a round is the last one
@@ -52,14 +53,15 @@ _INSERT_ABOVE = 0.335
 _LAST_ROUNDS = 4
 _SWEEPS, _LAST_MEAN_SWEEPS = 12, 4
 #: the search around what is left: by how much an insertion may make things worse at first, and for how many rounds
-_SEARCHES = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
+_GAINS = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
 #: tetrahedra around which is searched, the worst ones: places that join would cost as much as the mesh
 _MOST_SOUGHT = 40
-#: times that places are searched again because their boundary was spoilt
-_REPAIRS = 4
 #: a place with more tetrahedra above that than so many is given up for this series of rounds
 _MOST_HOPE = 100
-_SEARCH_POWERS, _SEARCH_SWEEPS = (8, 16, 32, 64), 25
+#: neither series of powers is the better one everywhere: in a tight place 64 lets the others hold the worst one back
+_SEARCH_POWERS, _SEARCH_SWEEPS = ((8, 16, 32, 64), (8, 32, 128, 256)), 25
+#: times that they are tried: two for all places, the others for those whose boundary was spoilt
+_SEARCHES = 6
 
 logger = logging.getLogger(__name__)
 
@@ -185,7 +187,7 @@ def _searched(
     """Try harder in the places of the worst that are above `threshold` still; also the number of vertices inserted.
 
     A vertex may make a place worse before it makes it better. Where the boundary may slide, its edges may be halved,
-    too; where that makes flaws, vertices are held for another search, and at last the whole boundary of the place.
+    too; a place where that makes flaws is as it was before, and searched again with vertices held.
     """
     q = quality(mesh.points, mesh.cells)
     worst = np.sort(q)[-_MOST_SOUGHT - 1 :]
@@ -193,42 +195,53 @@ def _searched(
     bad = q > threshold
     if not bad.any():
         return mesh, 0
+    logger.info("%d tetrahedra above q = %g: searching around them", np.count_nonzero(bad), threshold)
     part = cut_out(mesh, bad)
-    best = _best_tries(part.mesh, part, surface, threshold, boundary)
-    result = put_back(mesh, part, best)
-    held = np.zeros(0, np.int32)
-    for remaining in reversed(range(_REPAIRS)):
-        if boundary != "slide" or not (flaws := flaws_of(result)):
-            break
-        spoilt = places_at(best, np.concatenate([result.points[flaws.crossed.ravel()], mesh.points[flaws.left[:, 0]]]))
-        held = np.union1d(held, flaws.to_hold(held)).astype(np.int32)
+    best, held = part.mesh, np.zeros(0, np.int32)
+    again = np.ones(len(best.cells), np.bool_)
+    for number in range(1, _SEARCHES + 1):
         stiffer = part._replace(rim=np.union1d(part.rim, numbers_in(part, held)).astype(np.int32))
-        freedom: Boundary = "slide" if remaining and not len(flaws.crossed) else "fixed"
-        again = _best_tries(only(part.mesh, spoilt), stiffer, surface, threshold, freedom)
-        best = mixed(best, again, spoilt)
-        result = put_back(mesh, part, best)
-    logger.info("%d tetrahedra above q = %g: searched around them", np.count_nonzero(bad), threshold)
+        tried = better_of_each(best, _best_tries(only(best, again), stiffer, surface, threshold, boundary))
+        result = put_back(mesh, part, tried)
+        flaws = flaws_of(result)
+        crossing = result.points[flaws.crossed.ravel()]
+        spoilt = places_at(tried, np.concatenate([crossing, mesh.points[flaws.left[:, 0]]]))
+        best = mixed(tried, best, spoilt)
+        held = np.union1d(held, np.concatenate([flaws.to_hold(held), nodes_near(part, crossing)])).astype(np.int32)
+        if number > 1 and not spoilt.any():
+            break
+        again = spoilt if number > 1 else again
+    result = put_back(mesh, part, best)
     return result, len(result.points) - len(mesh.points)
 
 
 def _best_tries(start: TetMesh, part: Part, surface: TriSurface, threshold: float, boundary: Boundary) -> TetMesh:
-    """What is best in each place of a `part`, or of what it was at the `start`, after all rounds."""
+    """What is best in each place of a `part`, or of what it was at the `start`, after a search with each series."""
     best = start
-    for gain, rounds in _SEARCHES:
+    for powers in _SEARCH_POWERS:
+        aims = [Pass(threshold, power, _SEARCH_SWEEPS) for power in powers]
+        best = better_of_each(best, _best_of_series(start, part, surface, aims, boundary))
+    return best
+
+
+def _best_of_series(start: TetMesh, part: Part, surface: TriSurface, aims: list[Pass], boundary: Boundary) -> TetMesh:
+    best = start
+    for gain, rounds in _GAINS:
         trial = best
         for _ in range(rounds):
-            trial = promising(trial, threshold, _MOST_HOPE)
+            trial = promising(trial, aims[0].threshold, _MOST_HOPE)
             if not len(trial.cells):
                 break
-            trial = _tried(trial, part, surface, threshold, gain, boundary)
+            trial = _tried(trial, part, surface, aims, gain, boundary)
             best = better_of_each(best, trial)
     return best
 
 
 def _tried(
-    mesh: TetMesh, part: Part, surface: TriSurface, threshold: float, gain: float, boundary: Boundary
+    mesh: TetMesh, part: Part, surface: TriSurface, aims: list[Pass], gain: float, boundary: Boundary
 ) -> TetMesh:
     """One round of swaps, insertions and moves in what has become of a `part`, whose rim stays."""
+    threshold = aims[0].threshold
     tree = forest(surface)
 
     def rigid() -> NDArray[np.bool_]:
@@ -242,7 +255,6 @@ def _tried(
     mesh, _ = insert_vertices(
         mesh, mu2, _regions(mesh), float(mu2_of(threshold)), gain=gain, surface=halving, held=rigid()
     )
-    aims = [Pass(threshold, power, _SEARCH_SWEEPS) for power in _SEARCH_POWERS]
     return move_vertices(mesh, tree, aims, boundary=boundary, held=rim_of(part, mesh))[0]
 
 
