@@ -42,6 +42,7 @@ from cortet.mesh import IntArray, MeshSets, TetMesh
 
 _NODE_SET, _CELL_SET, _FACE_SET = "node_set_", "cell_set_", "face_set_"
 _XDMF_TYPES = {"i": "Int", "u": "UInt", "f": "Float"}
+_CORNERS = {"Tetrahedron": 4, "Triangle": 3}
 
 
 def write(mesh: TetMesh, path: str | Path) -> None:
@@ -160,22 +161,25 @@ def read(path: str | Path) -> TetMesh:
     facets = _grid(facets_path(path), "facets", "Triangle")
     if not np.array_equal(cells.points, facets.points):
         raise InputError("has other nodes than the tetrahedra", file=facets_path(path))
-    regions = cells.cells_of.pop("region", None)
-    if regions is None:
-        raise InputError("grid mesh has no attribute region", file=path)
-    surface = facets.cells_of.pop("surface", None)
-    if surface is None:
-        raise InputError("grid facets has no attribute surface", file=facets_path(path))
+    regions = _tags(cells, "region", path)
+    surface = _tags(facets, "surface", facets_path(path))
     faces = {name: facets.topology[surface == tag] for name, tag in SURFACE_TAGS.items() if (surface == tag).any()}
     sets = MeshSets(
-        {name: np.flatnonzero(values).astype(np.int32) for name, values in _taken(cells.nodes_of, _NODE_SET).items()},
-        faces | {name: facets.topology[values > 0] for name, values in _taken(facets.cells_of, _FACE_SET).items()},
+        {
+            name: np.flatnonzero(values).astype(np.int32)
+            for name, values in _taken(cells.nodes_of, _NODE_SET, path).items()
+        },
+        faces
+        | {name: facets.topology[values > 0] for name, values in _taken(facets.cells_of, _FACE_SET, path).items()},
         {
             name: np.flatnonzero(regions == tag).astype(np.int32)
             for name, tag in REGION_TAGS.items()
             if (regions == tag).any()
         }
-        | {name: np.flatnonzero(values).astype(np.int32) for name, values in _taken(cells.cells_of, _CELL_SET).items()},
+        | {
+            name: np.flatnonzero(values).astype(np.int32)
+            for name, values in _taken(cells.cells_of, _CELL_SET, path).items()
+        },
     )
     return sound(path, cells.points, cells.topology, cells.nodes_of, cells.cells_of, sets)
 
@@ -201,6 +205,11 @@ def _grid(path: Path, name: str, kind: str) -> _Grid:
         raise InputError(f"grid {name} holds {topology.get('TopologyType')}, not {kind}", file=path)
     found = _Grid()
     found.points, found.topology = _values(geometry, path), _values(topology, path)
+    for element, values, columns in ((geometry, found.points, 3), (topology, found.topology, _CORNERS[kind])):
+        if values.ndim != 2 or values.shape[1] != columns:
+            raise InputError(f"<{element.tag}> has shape {values.shape}, not (n, {columns})", file=path)
+    if found.topology.dtype.kind != "i":
+        raise InputError(f"<{topology.tag}> holds {found.topology.dtype}, not integers", file=path)
     at = {"Node": (found.nodes_of, len(found.points)), "Cell": (found.cells_of, len(found.topology))}
     for attribute in grid.iterfind("Attribute"):
         called, centre, values = attribute.get("Name", ""), attribute.get("Center", ""), _values(attribute, path)
@@ -270,7 +279,21 @@ def _faces_among(faces: IntArray, subset: IntArray) -> NDArray[np.bool_]:
     return np.isin(key[: len(faces)], key[len(faces) :])
 
 
-def _taken(attributes: dict[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
+def _tags(grid: _Grid, name: str, path: Path | str) -> NDArray[Any]:
+    """The attribute that says what each cell of a grid is, which is taken out of it."""
+    if name not in grid.cells_of:
+        raise InputError(f"has no attribute {name} of its cells", file=path)
+    return _of_each(grid.cells_of.pop(name), name, path)
+
+
+def _taken(attributes: dict[str, NDArray[Any]], prefix: str, path: Path | str) -> dict[str, NDArray[Any]]:
     """The attributes whose name begins with `prefix`, by the rest of their name; they are taken out of `attributes`."""
     names = [name for name in attributes if name.startswith(prefix)]
-    return {name.removeprefix(prefix): attributes.pop(name) for name in names}
+    return {name.removeprefix(prefix): _of_each(attributes.pop(name), name, path) for name in names}
+
+
+def _of_each(values: NDArray[Any], name: str, path: Path | str) -> NDArray[Any]:
+    """The same, having seen that there is one number each."""
+    if values.ndim != 1:
+        raise InputError(f"attribute {name} has shape {values.shape}, not one number each", file=path)
+    return values

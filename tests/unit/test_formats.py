@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -215,6 +216,30 @@ def test_values_at_another_place_than_an_xdmf_file_says_are_refused(mesh, tmp_pa
     path.write_text(path.read_text().replace('Center="Node"', f'Center="{centre}"', 1))
     with pytest.raises(InputError, match=message):
         fenics.read(path)
+
+
+@pytest.mark.parametrize(
+    ("file", "key", "message"),
+    [
+        ("mesh", "mesh/topology", r"<Topology> has shape .*, not \(n, 4\)"),
+        ("mesh", "nodes", r"<Geometry> has shape .*, not \(n, 3\)"),
+        ("mesh", "mesh/region", "attribute region has shape .*, not one number each"),
+        ("facets", "facets/topology", r"<Topology> has shape .*, not \(n, 3\)"),
+        ("facets", "facets/surface", "attribute surface has shape .*, not one number each"),
+    ],
+)
+def test_an_array_of_another_shape_is_refused(mesh, tmp_path, file, key, message):
+    mesh_file = written(mesh, tmp_path, "fenics")
+    path = mesh_file if file == "mesh" else fenics.facets_path(mesh_file)
+    with h5py.File(fenics.data_path(path), "r+") as data:
+        values = data[key][:]
+        del data[key]
+        data[key] = values[:, None] if values.ndim == 1 else values[:, :-1]
+        shape = " ".join(map(str, data[key].shape))
+    item = rf'(<DataItem Dimensions=")[^"]*("[^<]*/{key}<)'
+    path.write_text(re.sub(item, rf"\g<1>{shape}\2", path.read_text()))
+    with pytest.raises(InputError, match=message):
+        fenics.read(mesh_file)
 
 
 def test_the_tags_come_first_as_dolfinx_reads_the_first_attribute(mesh, tmp_path):
