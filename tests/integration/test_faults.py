@@ -10,13 +10,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from cortet.cohort.lock import NAME
-from cortet.config import Config
+from cortet.config import Config, load
+from cortet.formats.gifti import write_surface
 from tests.integration.study import ROOT, Study, is_result, surface
 
 SABOTAGE = Path(__file__).parent / "sabotage"
@@ -63,6 +66,36 @@ def test_every_job_killed_in_its_last_moment_is_done_again_with_the_same_bits(fi
     made = sums(study.folder, "sub-a*")
     assert len(made) > 20 and made.items() <= sums(finished.folder, "sub-a*").items()
     assert not [name for name in sums(study.folder) if "/." in name]
+
+
+def test_a_twin_whose_jobs_were_killed_has_the_same_bits_after_the_other_stages_and_folded(tmp_path: Path) -> None:
+    study = Study(tmp_path)
+    study.config |= {"resample": {"subdivisions": 3}, "smooth_boundary": {"enabled": True}, "snap": {"enabled": True}}
+    study.config["fold"] = {"cases": "all", "end": 24.1, "thickness": 3.0}
+    egg = surface(0)
+    for twin in "ab":
+        inner, sphere = (tmp_path / f"surfaces/{twin}_{what}.surf.gii" for what in ("white", "sphere"))
+        study.add_case(replace(study.case(twin), inner={"white": inner}, sphere=sphere), egg)
+        write_surface(replace(egg, points=0.7 * egg.points), inner)
+        write_surface(replace(egg, points=egg.points / np.linalg.norm(egg.points, axis=1)[:, None]), sphere)
+    rules = {stage.name for stage in load(study.config).line(nested=True, registered=True)} - set(JOBS)
+    rules |= {"resample_inner", "repair_inner", "gate_inner", "smooth_inner"}
+    plan = [*((rule, "sub-a") for rule in rules), ("fold", "")]
+    folded = "derivatives/cortet/sub-{0}/simulation/sub-{0}_hemi-L_res-4000um_desc-latticeFolded/fold.tsv"
+    targets = ["meshes", *map(folded.format, "ab")]
+    result = run(study, "--retries", "1", *targets, env=sabotaged(study, kill=plan))
+    assert result.returncode == 0, result.stdout + result.stderr
+    killed = {path.name.split("-")[1] for path in (study.folder / "sabotage").glob("kill-*")}
+    assert killed == rules | {"fold"} and killed > {"separate", "smooth_boundary", "snap", "resample"}
+    meshes = {
+        name: value
+        for name, value in sums(study.folder).items()
+        if name.endswith((".vtu", ".gii", ".mesh", "fold.tsv"))
+    }
+    a, b = (
+        {name.replace(f"sub-{twin}", ""): meshes[name] for name in meshes if f"sub-{twin}" in name} for twin in "ab"
+    )
+    assert len(a) > 15 and a == b
 
 
 def test_a_saved_job_can_be_run_again_in_a_debugger(finished: Study, tmp_path: Path) -> None:
