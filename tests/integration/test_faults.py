@@ -194,6 +194,15 @@ def test_a_full_disk_and_one_that_cannot_be_written_to(study: Study, small_disk:
     assert not [path for path in study.files(".*") if path.name not in (NAME, ".bidsignore")]
 
 
+def test_outputs_that_are_seen_late_are_waited_for(study: Study) -> None:
+    before = sums(study.folder, "sub-a*")
+    study.config["export"] = {"uncertified": True}  # another parameter, the same result
+    done = run(study, "--forcerun", "clean", "--", "meshes", env=sabotaged(study, late=[("*", "sub-a")]))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert len(list((study.folder / "sabotage").glob("late-*"))) > 3
+    assert sums(study.folder, "sub-a*") == before
+
+
 def test_a_case_that_hangs_and_a_surface_that_was_cut_off_fail_and_the_others_stay(study: Study) -> None:
     before = sums(study.folder, "sub-a*")
     study.add_case(study.case("hangs"), surface(2))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
+import subprocess
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -173,6 +176,41 @@ def test_a_killed_run_resumes_and_ends_with_the_same_bits(
     fold(ball, tmp_path, QUICK, lambda measurements, part, seconds: resumed.append(measurements.step))
     assert resumed[0] == reached[3]  # not from the beginning
     assert contents(tmp_path) == contents(finished[0])
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of its own with little room."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=4m", "tmpfs", disk], capture_output=True, check=False)
+    if mounted.returncode:
+        pytest.skip(f"needs to mount a file system: {mounted.stderr.decode().strip()}")
+    yield disk
+    subprocess.run(["umount", "-l", disk], check=True)
+
+
+def test_a_run_whose_disk_is_full_goes_on_when_there_is_room_again(
+    ball: TetMesh, finished: tuple[Path, Verdict], small_disk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fold_module, "_CHECKPOINT_SECONDS", 0.0)
+    filler, reached = small_disk / "filler", []
+
+    def fills_the_disk(measurements: Measurements, part: float, seconds: float) -> None:
+        reached.append(measurements.step)
+        if len(reached) == 4:
+            with filler.open("wb") as file, contextlib.suppress(OSError):
+                while file.write(bytes(4096)):
+                    file.flush()
+
+    with pytest.raises(OSError, match="No space left on device"):
+        fold(ball, small_disk / "run", QUICK, fills_the_disk)
+    assert all(len(meshio.read(path).points) == len(ball.points) for path in (small_disk / "run/frames").glob("*.vtu"))
+    filler.unlink()
+    resumed: list[int] = []
+    fold(ball, small_disk / "run", QUICK, lambda measurements, *_: resumed.append(measurements.step))
+    assert resumed[0] > 0  # not from the beginning
+    assert contents(small_disk / "run") == contents(finished[0])
 
 
 def test_a_checkpoint_of_another_run_is_not_used(

@@ -6,15 +6,19 @@
     wait    the same moment, until the file `go` is in the folder
     hang    the same moment, for good, inside C code that keeps the interpreter
     fill    the disk of the outputs is filled when the job opens its first output for writing
+    late    the outputs of the job are not to be seen for 3 s after its end, as over a network
 
 What was done leaves a file `<done>-<rule>-<first output>` in the folder, which says whether the last output was there.
 """
 
+import atexit
 import contextlib
 import ctypes
 import json
 import os
+import shutil
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -39,22 +43,31 @@ def _at_a_rename(event: str, arguments: tuple[object, ...]) -> None:
     outputs = [Path(output).absolute() for output in job.output]
     if Path(os.fsdecode(arguments[1])).absolute() != outputs[-1]:
         return
-    for what in ("kill", "wait", "hang"):
+    for what in ("kill", "wait", "hang", "late"):
         for rule, part in PLAN.get(what, []):
             mark = Path(PLAN["folder"]) / f"{what}-{job.rule}-{outputs[0].name}"
             if rule in ("*", job.rule) and part in outputs[0].name and not mark.exists():
                 mark.write_text("there" if outputs[-1].exists() else "not there")
-                _do(what)
+                _do(what, outputs)
 
 
-def _do(what: str) -> None:
+def _do(what: str, outputs: list[Path]) -> None:
     if what == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
     elif what == "hang":
         ctypes.PyDLL(None).sleep(3600)
+    elif what == "late":
+        atexit.register(_hide, outputs)
     else:
         while not (Path(PLAN["folder"]) / "go").exists():
             time.sleep(0.1)
+
+
+def _hide(outputs: list[Path]) -> None:
+    for output in outputs:
+        hidden = Path(PLAN["folder"]) / output.name
+        shutil.move(output, hidden)
+        subprocess.Popen(["sh", "-c", 'sleep 3; mv "$0" "$1"', hidden, output], start_new_session=True)
 
 
 if PLAN:
