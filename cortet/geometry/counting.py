@@ -64,3 +64,31 @@ def _sorted(cells, faces, e, k):  # type: ignore[no-untyped-def]
     """Vertices of a face, ascending."""
     a, b, c = cells[e, faces[k, 0]], cells[e, faces[k, 1]], cells[e, faces[k, 2]]
     return min(a, b, c), max(min(a, b), min(max(a, b), c)), max(a, b, c)
+
+
+@numba.njit(cache=True)
+def count_folded(cells, faces, behind):  # type: ignore[no-untyped-def]
+    """Number of faces that have both their tetrahedra on one side.
+
+    Parameters
+    ----------
+    cells : (m, 4) int32
+    faces : (4, 3), corners of the face opposite each corner, outward
+    behind : of `behind_faces`
+    """
+    count = 0
+    for e in range(len(cells)):
+        for k in range(4):
+            f = behind[e, k]
+            if f > e:
+                for j in range(4):
+                    if behind[f, j] == e and _sorted(cells, faces, e, k) == _sorted(cells, faces, f, j):
+                        count += _is_odd(cells, faces, e, k) == _is_odd(cells, faces, f, j)
+    return count
+
+
+@numba.njit(cache=True, inline="always")
+def _is_odd(cells, faces, e, k):  # type: ignore[no-untyped-def]
+    """Whether the corners of a face come in an order that takes an odd number of swaps to sort."""
+    a, b, c = cells[e, faces[k, 0]], cells[e, faces[k, 1]], cells[e, faces[k, 2]]
+    return (a > b) ^ (b > c) ^ (a > c)

@@ -14,6 +14,7 @@ import numpy as np
 
 from cortet.errors import InputError, StageError
 from cortet.geometry.closest_point import forest
+from cortet.geometry.topology import folded_faces
 from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import without_crossing
@@ -92,7 +93,7 @@ def clean(
         if not 0 <= threshold < 1:
             raise InputError(f"clean.thresholds: {threshold} is not a quality", remedy="give values from 0 to below 1")
     before = quality(mesh.points, mesh.cells)
-    require_positive(before)
+    require_sound(mesh, before)
     passes: tuple[PassReport, ...] = ()
     held = np.zeros(0, np.int32) if held is None else held
     program = None
@@ -152,10 +153,18 @@ def schedule(thresholds: Sequence[float], improve_mean: bool) -> list[Pass]:
     return [first, *aims, last]
 
 
-def require_positive(q: FloatArray) -> None:
-    """Refuse a mesh with flat or inverted tetrahedra: moving vertices downhill cannot start from one."""
+def require_sound(mesh: TetMesh, q: FloatArray) -> None:
+    """Refuse a mesh with flat or inverted tetrahedra, from which nothing moves downhill, or one that overlaps itself.
+
+    Around the edges of a face with both its tetrahedra on one side, swaps go round in circles.
+    """
     if not q.max() < 1:
         raise StageError(
             f"{np.count_nonzero(~(q < 1))} tetrahedra are flat or inverted before optimisation",
             remedy="look at the report of the stage before",
+        )
+    if folded := folded_faces(mesh):
+        raise StageError(
+            f"tetrahedra overlap before optimisation: both those of {folded} faces are on one side of it",
+            remedy="look at the report of the stage before, or at the program that made the mesh",
         )

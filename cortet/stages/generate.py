@@ -263,7 +263,7 @@ def generate_with_baseline(
     began = time.perf_counter()
     points, cells = baselines.fill(surface, mesher, cell_size=cell_size, time_limit=time_limit)
     mesh, flat = _well_ordered(points, cells)
-    if folded := folded_faces(mesh.cells):
+    if folded := folded_faces(mesh):
         raise StageError(
             f"{mesher} returned tetrahedra that overlap: both those of {folded} faces are on one side of it"
         )

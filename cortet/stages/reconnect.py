@@ -36,7 +36,7 @@ from cortet.optimise.places import (
 )
 from cortet.optimise.swaps import NO_SWAPS, SwapCount, improve, live_cells, swappable
 from cortet.optimise.vertices import Boundary, Pass, interface_places, move_vertices, mu2_of
-from cortet.stages.clean import KEPT, require_positive
+from cortet.stages.clean import KEPT, require_sound
 
 VERSION: int = 8
 
@@ -118,7 +118,7 @@ def reconnect(
     cell_size : mm, which says how far from `surface` the boundary may slide; None where it is not known
     """
     before = quality(mesh.points, mesh.cells)
-    require_positive(before)
+    require_sound(mesh, before)
     tree = forest(surface)
 
     def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, list[SwapCount]]:

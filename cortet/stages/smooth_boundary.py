@@ -28,7 +28,7 @@ from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import without_crossing
 from cortet.optimise.vertices import Boundary
-from cortet.stages.clean import clean, require_positive
+from cortet.stages.clean import clean, require_sound
 
 VERSION: int = 7
 
@@ -97,7 +97,7 @@ def smooth_boundary(
     StageError : inverted elements to begin with, or `wb_command` is not installed or failed
     """
     before = quality(mesh.points, mesh.cells)
-    require_positive(before)
+    require_sound(mesh, before)
     given = sheets(surface)
 
     def attempt(start: TetMesh, held: IntArray) -> tuple[TetMesh, tuple[int, float]]:

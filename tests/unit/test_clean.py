@@ -64,6 +64,12 @@ def test_what_cannot_be_cleaned_is_refused(mesh):
     inverted = TetMesh(mesh.points, mesh.cells[:, [1, 0, 2, 3]])
     with pytest.raises(StageError, match="flat or inverted"):
         clean(inverted, SURFACE)
+    apex = mesh.points[mesh.cells[0]].mean(axis=0)
+    on_one_side = TetMesh(
+        np.vstack([mesh.points, apex]), np.vstack([mesh.cells[:1], [*mesh.cells[0, :3], len(mesh.points)]])
+    )
+    with pytest.raises(StageError, match="tetrahedra overlap before optimisation: both those of 1 faces"):
+        clean(on_one_side, SURFACE)
     with pytest.raises(InputError, match=r"1\.5 is not a quality"):
         clean(mesh, SURFACE, thresholds=[1.5])
     with pytest.raises(InputError, match="meshtool moves the boundary freely"):
