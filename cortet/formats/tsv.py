@@ -67,13 +67,14 @@ def read_uneven_tsv(path: Path) -> tuple[pd.DataFrame, dict[int, str]]:
     counts = {number: text.count("\t") + 1 for number, text in lines}
     even = [text if counts[number] <= width else "\t".join(text.split("\t")[:width]) for number, text in lines]
     cells = pd.read_csv(
-        io.StringIO("\n".join(even)),
+        io.StringIO("".join(f"{text}\n" for text in even)),
         sep="\t",
         header=None,
         dtype=str,
         na_filter=False,
         quoting=csv.QUOTE_NONE,
         lineterminator="\n",
+        skip_blank_lines=False,  # of a table with one column; those of the file are gone
     ).map(str.strip)
     frame = cells[1:].set_axis(cells.iloc[0].tolist(), axis="columns").set_axis(list(counts)[1:], axis="index")
     return frame, {number: _miscounted(count, width) for number, count in counts.items() if count != width}

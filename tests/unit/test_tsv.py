@@ -72,6 +72,9 @@ def test_a_row_of_another_length_is_named_or_made_to_fit(tmp_path: Path) -> None
     table, wrong = read_uneven_tsv(tmp_path / "t.tsv")
     assert table.to_numpy().tolist() == [["1", ""], ["1", "2"], ["1", "2"]]
     assert list(wrong) == [2, 4]
+    (tmp_path / "t.tsv").write_text("a\n1\n\t2\n")
+    table, wrong = read_uneven_tsv(tmp_path / "t.tsv")
+    assert table.to_numpy().tolist() == [["1"], [""]] and list(wrong) == [3]
 
 
 @pytest.mark.parametrize(
