@@ -192,6 +192,7 @@ rule cohort_page:
         status=rules.cohort_status.output.table,
         quality=lambda _: [*rules.cohort_quality.output[:2]] if measured_certificates() else [],
         figure=lambda _: rules.cohort_figure.output[0] if measured_certificates() else [],
+        maps=lambda _: expand(rules.cohort_maps.output.picture, hemi=mapped_hemispheres()),
         folding=lambda _: [rules.cohort_folding.output.table, rules.cohort_folding.output.figure] if FOLDED else [],
     output:
         page=COHORT_PAGE,
@@ -213,6 +214,7 @@ rule cohort_page:
             }
             for (case, res, mesher), page in each_case(CASE_PAGE).items()
         ],
+        hemispheres=lambda _: mapped_hemispheres(),
         folds=lambda _: [
             {**run, "folder": beside(Path(verdict).parent, COHORT_PAGE)} for verdict, run in fold_runs().items()
         ],

@@ -481,6 +481,11 @@ def maps_of(hemi):
     return {mesh[0]: files[mesh] for mesh in meshes if is_measured(mesh, FAILURES)}
 
 
+def mapped_hemispheres():
+    """Hemispheres of which there are maps."""
+    return [hemi for hemi in "LR" if maps_of(hemi)]
+
+
 def measured_certificates():
     return [path for mesh, path in each_case(CERTIFICATE).items() if is_measured(mesh, FAILURES)]
 

@@ -15,6 +15,7 @@ write_cohort_page(
     job.output.page,
     meshes=job.params.meshes,
     figure=Path(given.figure) if given.figure else None,
+    maps=dict(zip(job.params.hemispheres, map(Path, given.maps), strict=True)),
     folding=(Path(given.folding[0]), Path(given.folding[1])) if given.folding else None,
     folds=job.params.folds,
 )

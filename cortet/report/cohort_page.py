@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from matplotlib.image import imread
 
 from cortet.cohort.status import COLUMNS as STATUS
 from cortet.formats.tsv import MISSING, cell, read_tsv
@@ -61,8 +62,8 @@ COLUMNS = (
     PageColumn("surface_to_boundary_max_mm", "Surface off the mesh (mm)", ".3f"),
     PageColumn("euler_number", "Euler number", ".0f"),
     PageColumn("crossing_faces", "Crossing faces", ",.0f"),
-    PageColumn("resample_native_to_resampled_mean_mm", "Native surface off the common mesh, mean (mm)", ".2g"),
-    PageColumn("resample_native_to_resampled_max_mm", "Native surface off the common mesh (mm)", ".2g"),
+    PageColumn("resample_native_to_resampled_mean_mm", "Off the native surface, mean (mm)", ".2g"),
+    PageColumn("resample_native_to_resampled_max_mm", "Off the native surface (mm)", ".2g"),
     PageColumn("surface_state", "Input surface"),
     PageColumn("repair_surface_to_file_max_mm", "Repaired surface off its file (mm)", ".2g"),
     PageColumn("repair_relative_volume_change", "Volume change by repair", "+.2%"),
@@ -98,6 +99,7 @@ def write_cohort_page(
     *,
     meshes: Sequence[Mapping[str, Any]],
     figure: Path | None = None,
+    maps: Mapping[str, Path] | None = None,
     folding: tuple[Path, Path] | None = None,
     folds: Sequence[Mapping[str, Any]] = (),
 ) -> None:
@@ -110,6 +112,7 @@ def write_cohort_page(
     meshes : per mesh `case`, `cell_size_mm`, `mesher` and `page`, the address of its page as seen from this one; with
         `scan_age` and `hemi`, which are then shown of meshes that were not measured, too
     figure : SVG file of the cohort against age
+    maps : hemisphere, L or R -> PNG file of its maps on the common mesh
     folding : `cohort_folding.tsv` and its SVG file; None where nothing is folded
     folds : per run `case`, `variant`, `cell_size_mm`, `mesher` and `folder`, as seen from the page
     """
@@ -132,11 +135,20 @@ def write_cohort_page(
         counts=_counts(rows),
         outliers=int((rows["outlying"] != "").sum()),
         figure=pages.embedded(figure.read_text(encoding="utf-8"), "age") if figure else "",
+        maps=[_map_picture(hemi, file) for hemi, file in (maps or {}).items()],
         folding=pages.embedded(folding[1].read_text(encoding="utf-8"), "folding") if folding else "",
         folds=_folds(folding[0], folds) if folding else [],
         fold_columns=FOLD_COLUMNS,
         files=[file.name for file in (status, *(quality or ()), *(folding or ())[:1])],
     )
+
+
+def _map_picture(hemi: str, file: Path) -> dict[str, Any]:
+    height, width = imread(file).shape[:2]
+    side = {"L": "left", "R": "right"}[hemi]
+    text = f"Means over the {side} hemispheres, at the vertices that they share"
+    uri = pages.data_uri(file.read_bytes(), "image/png")
+    return {"uri": uri, "width": width, "height": height, "caption": text, "alt": text}
 
 
 def _folds(table: Path, folds: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -21,7 +21,7 @@ from cortet.formats.atomic import atomic_path
 from cortet.report.figures import BLUE
 
 #: of the pages of cases and of the cohort, and of their templates
-VERSION: int = 1
+VERSION: int = 2
 
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("cortet.report", "templates"),
@@ -57,7 +57,7 @@ def source(name: str) -> str:
     return (files("cortet.report") / "templates" / name).read_text(encoding="utf-8")
 
 
-def data_uri(content: bytes, media_type: Literal["image/webp"]) -> str:
+def data_uri(content: bytes, media_type: Literal["image/webp", "image/png"]) -> str:
     """A file as an address that holds it."""
     return f"data:{media_type};base64,{base64.b64encode(content).decode()}"
 

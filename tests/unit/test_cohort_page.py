@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.image import imsave
 
 from cortet.cohort.status import COLUMNS
 from cortet.formats.atomic import write_json
@@ -153,3 +156,13 @@ def test_folds_are_shown_with_what_stopped_them_and_where_their_pictures_are(tmp
     assert section.index("fold: killed") < section.index("1.235")
     assert 'href="../a/Folded/folding.gif"' in section and "Foldedthin" not in section
     assert "folds.tsv" in section and "curves</text>" in section
+
+
+def test_maps_on_the_common_mesh_are_part_of_the_page(tmp_path: Path) -> None:
+    picture = tmp_path / "maps.png"
+    imsave(picture, np.zeros((4, 6, 3)))
+    write_tsv([other("a", "certified")], list(COLUMNS), tmp_path / "status.tsv")
+    page = tmp_path / "index.html"
+    write_cohort_page(tmp_path / "status.tsv", None, page, meshes=[], maps={"R": picture})
+    (shown,) = re.findall(r'<img src="data:image/png;base64,(.*?)" width="6" height="4" alt="(.*?)">', page.read_text())
+    assert base64.b64decode(shown[0]) == picture.read_bytes() and "right hemispheres" in shown[1]
