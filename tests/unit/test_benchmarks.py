@@ -7,10 +7,20 @@ import sys
 from pathlib import Path
 
 import pytest
+from shapes import ball_surface
 
-SCRIPTS = [
-    path for path in sorted((Path(__file__).parents[2] / "benchmarks").glob("*.py")) if "__main__" in path.read_text()
-]
+from cortet.formats.gifti import write_surface
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+SCRIPTS = [path for path in sorted(FOLDER.glob("*.py")) if "__main__" in path.read_text()]
+#: of those that take seconds on something tiny
+TINY = {
+    "chains": ["x_pial.surf.gii", "--cell-sizes", "4", "--chains", "default"],
+    "fidelity": ["x_pial.surf.gii", "--cell-sizes", "4"],
+    "formats": ["--tets", "500", "--formats", "carp"],
+    "regions": ["x_pial.surf.gii", "--cell-sizes", "4"],
+    "repair": ["x_pial.surf.gii", "--cell-size", "4"],
+}
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
@@ -19,3 +29,14 @@ def test_it_says_what_it_measures(script: Path) -> None:
 
     assert shown.returncode == 0, shown.stderr
     assert shown.stdout.startswith("usage:")
+
+
+@pytest.mark.parametrize("name", TINY)
+def test_it_measures_something_tiny(name: str, tmp_path: Path) -> None:
+    for which, radius in (("pial", 12.0), ("white", 8.0)):
+        write_surface(ball_surface(3, radius=radius), tmp_path / f"x_{which}.surf.gii")
+    command = [sys.executable, FOLDER / f"{name}.py", *TINY[name]]
+    done = subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr and "ended without a word" not in done.stdout
+    assert len(done.stdout.splitlines()) > 1, "a heading and a row"
