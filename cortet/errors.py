@@ -19,11 +19,11 @@ class CortetError(Exception):
     ----------
     what : the finding, with the offending value; of a very long one only the beginning and the end are kept
     file : the file (and, for tables, line and column) it was found in
-    remedy : what to do about it
+    remedy : what to do about it, shortened likewise
     """
 
     def __init__(self, what: str, *, file: object = None, remedy: str | None = None) -> None:
-        what = _shortened(what)
+        what, remedy = _shortened(what), remedy and _shortened(remedy)
         self.what, self.file, self.remedy = what, file, remedy
         place = f"{_shortened(str(file))}: " if file is not None else ""
         hint = f" ({remedy})" if remedy else ""

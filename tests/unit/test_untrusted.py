@@ -431,3 +431,9 @@ def test_a_name_longer_than_a_file_can_have_is_no_surface(tmp_path: Path) -> Non
     write_sheet([Case("a", None, "L", 24.5, Path(f"{'s' * 256}.surf.gii"))], tmp_path / "cohort.tsv")
     with pytest.raises(InputError, match="cannot be a file name here"):
         read_sheet(tmp_path / "cohort.tsv")
+
+
+def test_a_message_about_long_values_is_short() -> None:
+    error = InputError("a" * 500_000, file="b" * 500_000, remedy="c" * 500_000)
+    assert len(str(error)) < 40_000 and len(error.what) == len(error.remedy or "") < 11_000
+    assert "[... 490,000 characters ...]" in error.what
