@@ -170,7 +170,10 @@ def read(path: str | Path) -> TetMesh:
             for name, values in _taken(cells.nodes_of, _NODE_SET, path).items()
         },
         faces
-        | {name: facets.topology[values > 0] for name, values in _taken(facets.cells_of, _FACE_SET, path).items()},
+        | {
+            name: facets.topology[values > 0]
+            for name, values in _taken(facets.cells_of, _FACE_SET, facets_path(path)).items()
+        },
         {
             name: np.flatnonzero(regions == tag).astype(np.int32)
             for name, tag in REGION_TAGS.items()
