@@ -211,7 +211,8 @@ def _searched(
         if number > 1 and not spoilt.any():
             break
         again = spoilt if number > 1 else again
-    result = put_back(mesh, part, best)
+    else:  # the last try spoilt something, too
+        result = put_back(mesh, part, best)
     return result, len(result.points) - len(mesh.points)
 
 
