@@ -20,6 +20,7 @@ include: "rules/experiments_common.smk"
 include: "rules/experiments.smk"
 include: "rules/simulation.smk"
 include: "rules/failures.smk"
+include: "rules/receipts.smk"
 
 
 # What is farther down the line goes first: the first cases are done while the last ones wait.

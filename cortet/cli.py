@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import logging
 import math
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from cortet import __version__
 from cortet.errors import CortetError, InputError
 from cortet.formats import FORMATS, format_of
+from cortet.formats.ownership import delete_made, guarded, hashes
 
 if TYPE_CHECKING:
     from cortet.config import Config
@@ -32,7 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     args = parser().parse_args(arguments)
     logging.basicConfig(format="%(levelname)s %(message)s", level=logging.INFO if args.verbose else logging.WARNING)
     try:
-        code = int(args.run(args))
+        with _guarded(args):
+            code = int(args.run(args))
         sys.stdout.flush()
         return code
     except BrokenPipeError:  # whoever read our output, `head` perhaps, has enough
@@ -52,12 +55,44 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
+class OutputFile(type(Path())):  # type: ignore[misc]
+    """A file that a command writes; any other path among its arguments is an input."""
+
+
+class OutputFolder(type(Path())):  # type: ignore[misc]
+    """A folder that a command fills."""
+
+
+class CheckedOutput(type(Path())):  # type: ignore[misc]
+    """A file or folder of a command that itself refuses what is not its own: a sheet, the folders of `cortet run`."""
+
+
+_WRITTEN = (OutputFile, OutputFolder, CheckedOutput)
+
+
+def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None]:
+    """The guard of a command, from the types of its arguments."""
+    values = [one for value in vars(args).values() for one in (value if isinstance(value, list) else [value])]
+    paths = [Path(value[1]) if isinstance(value, tuple) else value for value in values]
+    return guarded(
+        [path for path in paths if isinstance(path, Path) and not isinstance(path, _WRITTEN)],
+        files=[path for path in paths if isinstance(path, OutputFile)],
+        claimed=[path for path in paths if isinstance(path, OutputFolder)],
+        folders=[path for path in paths if isinstance(path, CheckedOutput)],
+        force=getattr(args, "force", False),
+    )
+
+
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     top = argparse.ArgumentParser(prog="cortet", description="Certified tetrahedral meshes of cortical surfaces.")
     top.add_argument("--version", action="version", version=f"cortet {__version__}")
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("-v", "--verbose", action="store_true", help="say more while working")
+    writes = argparse.ArgumentParser(add_help=False, parents=[common])
+    writes.add_argument(
+        "--force", action="store_true", help="replace existing files, whoever made them; never an input"
+    )
     commands = top.add_subparsers(required=True, metavar="COMMAND")
 
     within = argparse.ArgumentParser(add_help=False)
@@ -94,16 +129,21 @@ def parser() -> argparse.ArgumentParser:
         "--sphere", type=Path, metavar="FILE", help="sphere of SURFACE, through which it is put onto the common mesh"
     )
 
-    mesh = commands.add_parser("mesh", parents=[common, line], help="mesh one surface and certify the mesh")
+    mesh = commands.add_parser("mesh", parents=[writes, line], help="mesh one surface and certify the mesh")
     mesh.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="OUT", help="mesh file; its suffix says for which solver"
+        "-o",
+        "--output",
+        type=OutputFile,
+        required=True,
+        metavar="OUT",
+        help="mesh file; its suffix says for which solver",
     )
-    mesh.add_argument("--picture", type=Path, metavar="PNG", help="also draw the mesh cut open, coloured by q")
-    mesh.add_argument("--page", type=Path, metavar="HTML", help="also write a page on the mesh for a browser")
+    mesh.add_argument("--picture", type=OutputFile, metavar="PNG", help="also draw the mesh cut open, coloured by q")
+    mesh.add_argument("--page", type=OutputFile, metavar="HTML", help="also write a page on the mesh for a browser")
     mesh.set_defaults(run=_mesh)
 
-    table = commands.add_parser("stages", parents=[common, line], help="run the line and tabulate what each stage does")
-    table.add_argument("-o", "--output", type=Path, metavar="TSV", help="also write the table there")
+    table = commands.add_parser("stages", parents=[writes, line], help="run the line and tabulate what each stage does")
+    table.add_argument("-o", "--output", type=OutputFile, metavar="TSV", help="also write the table there")
     table.set_defaults(run=_stages)
 
     gate = commands.add_parser("gate", parents=[common], help="say of each surface whether it can be meshed")
@@ -111,25 +151,25 @@ def parser() -> argparse.ArgumentParser:
     gate.add_argument("--allow-genus", type=int, default=0, metavar="N", help="accept up to N handles")
     gate.set_defaults(run=_gate)
 
-    repair = commands.add_parser("repair", parents=[common], help="repair a broken surface, within limits")
+    repair = commands.add_parser("repair", parents=[writes], help="repair a broken surface, within limits")
     repair.add_argument("surface", type=Path, metavar="IN", help="GIfTI or FreeSurfer surface")
     repair.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="OUT", help="GIfTI; the report is beside it"
+        "-o", "--output", type=OutputFile, required=True, metavar="OUT", help="GIfTI; the report is beside it"
     )
     repair.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section repair holds the limits")
-    repair.add_argument("--picture", type=Path, metavar="PNG", help="also draw it before and after")
+    repair.add_argument("--picture", type=OutputFile, metavar="PNG", help="also draw it before and after")
     repair.add_argument(
         "--field", action="append", default=[], type=_named_file, metavar="NAME=FILE", help="per-vertex field, GIfTI"
     )
     repair.set_defaults(run=_repair)
 
     resample = commands.add_parser(
-        "resample", parents=[common], help="put a surface onto the common mesh, through its sphere"
+        "resample", parents=[writes], help="put a surface onto the common mesh, through its sphere"
     )
     resample.add_argument("surface", type=Path, metavar="IN", help="GIfTI or FreeSurfer surface")
     resample.add_argument("--sphere", type=Path, required=True, metavar="FILE", help="registered sphere of IN")
     resample.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="OUT", help="GIfTI; the report is beside it"
+        "-o", "--output", type=OutputFile, required=True, metavar="OUT", help="GIfTI; the report is beside it"
     )
     resample.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section resample says onto what")
     resample.add_argument(
@@ -158,20 +198,24 @@ def parser() -> argparse.ArgumentParser:
     )
 
     certify = commands.add_parser(
-        "certify", parents=[common, within, limits], help="judge a mesh against the surface it was made from"
+        "certify", parents=[writes, within, limits], help="judge a mesh against the surface it was made from"
     )
     certify.add_argument("mesh", type=Path, metavar="MESH")
-    certify.add_argument("surface", type=Path, metavar="SURFACE")
-    certify.add_argument("-o", "--output", type=Path, metavar="JSON", help="also write the certificate there")
+    certify.add_argument(
+        "surface", type=Path, nargs="?", metavar="SURFACE", help="default: the surface that was meshed, by the sidecar"
+    )
+    certify.add_argument("-o", "--output", type=OutputFile, metavar="JSON", help="also write the certificate there")
     certify.set_defaults(run=_certify)
 
     compare = commands.add_parser(
-        "compare", parents=[common, limits], help="set meshes of one surface side by side, whatever made them"
+        "compare", parents=[writes, limits], help="set meshes of one surface side by side, whatever made them"
     )
     compare.add_argument("meshes", type=Path, nargs="+", metavar="MESH")
-    compare.add_argument("--surface", type=Path, required=True, metavar="SURFACE", help="the surface they fill")
-    compare.add_argument("-o", "--output", type=Path, required=True, metavar="HTML", help="page for a browser")
-    compare.add_argument("--table", type=Path, metavar="TSV", help="also write the numbers there")
+    compare.add_argument(
+        "--surface", type=Path, metavar="SURFACE", help="the surface they fill (default: by the sidecar of the first)"
+    )
+    compare.add_argument("-o", "--output", type=OutputFile, required=True, metavar="HTML", help="page for a browser")
+    compare.add_argument("--table", type=OutputFile, metavar="TSV", help="also write the numbers there")
     compare.set_defaults(run=_compare)
 
     verify = commands.add_parser(
@@ -181,38 +225,40 @@ def parser() -> argparse.ArgumentParser:
     verify.add_argument("--solver", choices=list(FORMATS), help="solver that will read it (default: by the suffix)")
     verify.set_defaults(run=_verify)
 
-    convert = commands.add_parser("convert", parents=[common], help="write a mesh file in another solver's format")
+    convert = commands.add_parser("convert", parents=[writes], help="write a mesh file in another solver's format")
     convert.add_argument("source", type=Path, metavar="IN")
-    convert.add_argument("target", type=Path, metavar="OUT", help="its suffix says for which solver")
+    convert.add_argument("target", type=OutputFile, metavar="OUT", help="its suffix says for which solver")
     convert.add_argument("--unit", choices=["mm", "um"], default="um", help="of a CARP file that is written")
     convert.add_argument("--source-unit", choices=["mm", "um"], default="um", help="of a CARP file without a sidecar")
     convert.set_defaults(run=_convert)
 
     quadratic = commands.add_parser(
-        "quadratic", parents=[common], help="write a mesh as ten-node tetrahedra, midside nodes on the surface"
+        "quadratic", parents=[writes], help="write a mesh as ten-node tetrahedra, midside nodes on the surface"
     )
     quadratic.add_argument("mesh", type=Path, metavar="MESH")
-    quadratic.add_argument("surface", type=Path, metavar="SURFACE", help="the surface that was meshed")
     quadratic.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="OUT", help=".inp, .feb, .msh, .vtu or .xdmf"
+        "surface", type=Path, nargs="?", metavar="SURFACE", help="default: the surface that was meshed, by the sidecar"
+    )
+    quadratic.add_argument(
+        "-o", "--output", type=OutputFile, required=True, metavar="OUT", help=".inp, .feb, .msh, .vtu or .xdmf"
     )
     quadratic.set_defaults(run=_quadratic)
 
-    job = commands.add_parser("job", parents=[common], help="write a folder in which a solver lets the cortex grow")
+    job = commands.add_parser("job", parents=[writes], help="write a folder in which a solver lets the cortex grow")
     job.add_argument("mesh", type=Path, metavar="MESH", help="with the sets that cortet exports")
-    job.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    job.add_argument("-o", "--output", type=OutputFolder, required=True, metavar="DIR")
     job.add_argument("--solver", choices=["calculix", "febio", "fenics"], default="calculix", help="default: calculix")
     job.add_argument("--growth", type=float, default=0.05, metavar="G", help="along the cortex (default: 0.05)")
     job.set_defaults(run=_job)
 
-    picture = commands.add_parser("picture", parents=[common], help="draw a mesh cut open, coloured by q")
+    picture = commands.add_parser("picture", parents=[writes], help="draw a mesh cut open, coloured by q")
     picture.add_argument("mesh", type=Path, metavar="MESH")
-    picture.add_argument("-o", "--output", type=Path, required=True, metavar="PNG")
+    picture.add_argument("-o", "--output", type=OutputFile, required=True, metavar="PNG")
     picture.set_defaults(run=_picture)
 
-    fold = commands.add_parser("fold", parents=[common], help="grow the cortex of a mesh until it folds")
+    fold = commands.add_parser("fold", parents=[writes], help="grow the cortex of a mesh until it folds")
     fold.add_argument("mesh", type=Path, metavar="MESH")
-    fold.add_argument("-o", "--output", type=Path, required=True, metavar="DIR")
+    fold.add_argument("-o", "--output", type=OutputFolder, required=True, metavar="DIR")
     fold.add_argument("--ga", type=float, required=True, metavar="WEEKS", help="gestational age of the mesh")
     fold.add_argument("--hemi", choices=["L", "R"], help="half a brain, beside its other half")
     fold.add_argument("--end", type=float, metavar="WEEKS", help="gestational age at the end (default: 40)")
@@ -223,16 +269,19 @@ def parser() -> argparse.ArgumentParser:
     fold.add_argument("--status", action=_FoldStatus, metavar="DIR", help="say how far the run in a folder is, and end")
     fold.set_defaults(run=_fold)
 
-    phantom = commands.add_parser("phantom", parents=[common], help="make a synthetic cortex of any gestational age")
+    phantom = commands.add_parser("phantom", parents=[writes], help="make a synthetic cortex of any gestational age")
     phantom.add_argument("--ga", type=float, required=True, metavar="WEEKS", help="gestational age")
     phantom.add_argument("--hemi", choices=["L", "R"], default="L")
     phantom.add_argument("--subdivisions", type=int, default=5, metavar="N", help="of the icosahedron (default: 5)")
     phantom.add_argument("--seed", type=int, default=0, metavar="N", help="of the individual variation (default: 0)")
-    phantom.add_argument("-o", "--output", type=Path, required=True, metavar="GII")
+    phantom.add_argument("-o", "--output", type=OutputFile, required=True, metavar="GII")
     phantom.add_argument(
-        "--pial", type=Path, metavar="GII", help="write the synthetic cortex there, and to -o a white surface within it"
+        "--pial",
+        type=OutputFile,
+        metavar="GII",
+        help="write the synthetic cortex there, and to -o a white surface within it",
     )
-    phantom.add_argument("--sphere", type=Path, metavar="GII", help="also write the sphere that it was made of")
+    phantom.add_argument("--sphere", type=OutputFile, metavar="GII", help="also write the sphere that it was made of")
     phantom.add_argument(
         "--thickness", type=float, default=1.5, metavar="MM", help="of the cortex between the two (default: 1.5)"
     )
@@ -243,7 +292,7 @@ def parser() -> argparse.ArgumentParser:
     )
     scan = cohort.add_parser("scan", parents=[common], help="make a cohort sheet of a data release")
     scan.add_argument("folder", type=Path, metavar="DIR")
-    scan.add_argument("-o", "--output", type=Path, required=True, metavar="TSV")
+    scan.add_argument("-o", "--output", type=CheckedOutput, required=True, metavar="TSV")
     scan.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose cohort.scan says where surfaces are")
     existing = scan.add_mutually_exclusive_group()
     existing.add_argument("--update", action="store_true", help="add new cases to an existing sheet, keep its rows")
@@ -252,7 +301,7 @@ def parser() -> argparse.ArgumentParser:
 
     run = commands.add_parser("run", parents=[common], help="mesh the surfaces of a BIDS dataset (a BIDS App)")
     run.add_argument("bids_dir", type=Path, metavar="BIDS_DIR", help="dataset, or derivatives of one, with surfaces")
-    run.add_argument("output_dir", type=Path, metavar="OUTPUT_DIR", help="where the derivatives go")
+    run.add_argument("output_dir", type=CheckedOutput, metavar="OUTPUT_DIR", help="where the derivatives go")
     run.add_argument("level", choices=["participant", "group"], help="single cases, or tables and figures over all")
     for words, name, of in (
         (("--participant-label", "--participant_label"), "participants", "participants"),
@@ -267,7 +316,11 @@ def parser() -> argparse.ArgumentParser:
     run.add_argument("--profile", metavar="NAME", help="profile of Snakemake: slurm, or a folder")
     run.add_argument("-n", "--dry-run", action="store_true", help="say what would be done")
     run.add_argument(
-        "-w", "--work-dir", type=Path, metavar="DIR", help="cohort sheet, configuration and what Snakemake remembers"
+        "-w",
+        "--work-dir",
+        type=CheckedOutput,
+        metavar="DIR",
+        help="cohort sheet, configuration and what Snakemake remembers",
     )
     run.set_defaults(run=_run)
 
@@ -277,12 +330,14 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _mesh(args: argparse.Namespace) -> int:
-    from cortet.formats.atomic import write_json
     from cortet.formats.placement import placed
+    from cortet.mesh import OUTERMOST
     from cortet.pipeline import mesh_surface
     from cortet.solver_files.export import export
     from cortet.solver_files.fields import field_sources
+    from cortet.solver_files.meshed import made_from, write_meshed
     from cortet.solver_files.sets import named_sets
+    from cortet.solver_files.sidecar import sidecar_path
 
     solver = format_of(args.output).name  # an unknown one is refused before the work, not after
     config = _config(args)
@@ -301,6 +356,9 @@ def _mesh(args: argparse.Namespace) -> int:
         progress=progress,
     )
     record = args.output.with_suffix(".certificate.json")
+    delete_made(record)  # what an earlier run left must not pass for this run's
+    delete_made(sidecar_path(args.output))
+    surfaces = write_meshed(meshed, args.output)
     if certificate.certified:
         sources = field_sources(dict(args.field), config.export.field_units)
         labels = {name: field.labels for name, field in sources.items()}
@@ -313,10 +371,9 @@ def _mesh(args: argparse.Namespace) -> int:
             frame=surface.frame,
             sources=sources,
             interior=config.transfer.interior,
+            made_from=made_from(surfaces, {OUTERMOST: args.surface} | dict(args.inner), args.output.parent),
         )
-    else:
-        args.output.unlink(missing_ok=True)  # one of an earlier run would pass for this one
-    write_json(asdict(certificate), record)
+    _write_record(asdict(certificate), record, surfaces.values())
     if args.picture:
         _draw(mesh, args.picture)
     if args.page:
@@ -326,14 +383,23 @@ def _mesh(args: argparse.Namespace) -> int:
         given = placed(surface, config.placement())
         write_case_page(mesh, given, asdict(certificate), args.page, meshed=meshed, facts=about(chosen))
         print(f"{args.page}: written")
+    _write_record(asdict(certificate), record, [*surfaces.values(), *filter(None, [args.picture, args.page])])
     print()
     _print_verdict(certificate)
     print(f"{record}: every number beside its limit")
     if certificate.certified:
-        print(f"{args.output}: written")
+        print(f"{args.output}: written, with the surface that was meshed: {surfaces[OUTERMOST].name}")
     else:
         print(f"{args.output}: not written")
     return 0 if certificate.certified else 1
+
+
+def _write_record(content: Mapping[str, Any], record: Path, files: Iterable[Path]) -> None:
+    """Write a report that lists the files that were made with it, so that another run may replace them."""
+    from cortet.formats.atomic import write_json
+
+    beside = [file for file in files if file.parent.absolute() == record.parent.absolute()]
+    write_json({**content, "files": hashes(beside)}, record)
 
 
 def _stages(args: argparse.Namespace) -> int:
@@ -382,7 +448,6 @@ def _gate(args: argparse.Namespace) -> int:
 
 def _repair(args: argparse.Namespace) -> int:
     from cortet.config import load
-    from cortet.formats.atomic import write_json
     from cortet.formats.gifti import read_surface, write_surface
     from cortet.formats.placement import placed
     from cortet.geometry.mending import measurable
@@ -396,7 +461,7 @@ def _repair(args: argparse.Namespace) -> int:
     made, report = repair(given, **config.arguments("repair", {"source": str(args.surface)}))
     write_surface(made, args.output)
     record = args.output.with_name(f"{_stem(args.output)}.repair.json")
-    write_json(asdict(report), record)
+    _write_record(asdict(report), record, [args.output])
     for step in report.steps:
         print(f"{step.count} {step.done}")
     if not report.repaired:
@@ -410,6 +475,7 @@ def _repair(args: argparse.Namespace) -> int:
 
         file = measurable(given)
         before_and_after(file, made, distances_to(file, made)[len(made.points) :], args.picture)
+        _write_record(asdict(report), record, [args.output, args.picture])
         print(f"{args.picture}: drawn")
     print(f"{args.output}: written, with {record.name}")
     return 0
@@ -417,7 +483,6 @@ def _repair(args: argparse.Namespace) -> int:
 
 def _resample(args: argparse.Namespace) -> int:
     from cortet.config import load
-    from cortet.formats.atomic import write_json
     from cortet.formats.gifti import read_surface, write_surface
     from cortet.formats.placement import placed
     from cortet.solver_files.fields import with_fields
@@ -429,7 +494,7 @@ def _resample(args: argparse.Namespace) -> int:
     made, report = resample(native, read_surface(args.sphere), **config.arguments("resample", facts))
     write_surface(made, args.output)
     record = args.output.with_name(f"{_stem(args.output)}.resample.json")
-    write_json(asdict(report), record)
+    _write_record(asdict(report), record, [args.output])
     there, back = report.native_to_resampled_mm, report.resampled_to_native_mm
     print(f"{report.vertices} vertices instead of {report.vertices_before}")
     print(f"from the native surface {there.mean:.3f} mm on average, {there.max:.3f} mm at most; ", end="")
@@ -450,16 +515,14 @@ def _quality(args: argparse.Namespace) -> int:
 def _certify(args: argparse.Namespace) -> int:
     from cortet.config import Config
     from cortet.formats.atomic import write_json
-    from cortet.formats.gifti import read_surface
-    from cortet.geometry.nesting import nested
     from cortet.solver_files.sets import with_regions
     from cortet.stages.separate import separate
 
-    mesh, surface = _read_mesh(args.mesh), read_surface(args.surface)
-    if args.inner:
-        surface = nested(surface, _inner_surfaces(dict(args.inner)))
+    mesh, given = _read_mesh(args.mesh), args.surface
+    surface = _filled_surface(args.mesh, args)
+    if surface.inner:
         mesh = with_regions(mesh, list(surface.inner))
-        if args.cell_size is not None:
+        if args.cell_size is not None and args.surface == given:  # not those that were meshed: separate them as then
             surface, _ = separate(surface, **Config().arguments("separate", {"cell_size": args.cell_size}))
     certificate = _judged(mesh, surface, args.mesh, args)
     if args.output:
@@ -468,6 +531,17 @@ def _certify(args: argparse.Namespace) -> int:
         print(f"{'pass' if check.passed else 'FAIL'}  {check.finding}")
     _print_verdict(certificate)
     return 0 if certificate.certified else 1
+
+
+def _filled_surface(mesh: Path, args: argparse.Namespace) -> TriSurface:
+    """The surface that a mesh fills, with its inner ones: as they were meshed rather than as they were given."""
+    from cortet.solver_files.meshed import meshed_surface
+
+    inner = {name: Path(file) for name, file in getattr(args, "inner", [])}
+    surface, args.surface = meshed_surface(mesh, given := args.surface, inner)
+    if args.surface != given:
+        print(f"{args.surface}: the surface that was meshed, by the sidecar of {mesh.name}")
+    return surface
 
 
 def _judged(mesh: TetMesh, surface: TriSurface, file: Path, args: argparse.Namespace) -> Certificate:
@@ -485,12 +559,11 @@ def _judged(mesh: TetMesh, surface: TriSurface, file: Path, args: argparse.Names
 
 
 def _compare(args: argparse.Namespace) -> int:
-    from cortet.formats.gifti import read_surface
     from cortet.formats.tsv import write_tsv
     from cortet.report.comparison_page import comparison_rows, write_comparison_page
 
     names = _names_of(args.meshes)
-    surface = read_surface(args.surface)
+    surface = _filled_surface(args.meshes[0], args)
     meshes = {name: _read_mesh(file) for name, file in names.items()}
     certificates = {name: asdict(_judged(mesh, surface, names[name], args)) for name, mesh in meshes.items()}
     write_comparison_page(meshes, certificates, surface, args.output, source=args.surface.name)
@@ -544,12 +617,11 @@ def _convert(args: argparse.Namespace) -> int:
 
 
 def _quadratic(args: argparse.Namespace) -> int:
-    from cortet.formats.gifti import read_surface
     from cortet.geometry.quadratic import quadratic
     from cortet.solver_files.ten_nodes import write_ten_nodes
 
     mesh = _read_mesh(args.mesh)
-    curved = quadratic(mesh, read_surface(args.surface))
+    curved = quadratic(mesh, _filled_surface(args.mesh, args))
     write_ten_nodes(mesh, curved, args.output)
     straight = curved.straightened_for_elements + curved.straightened_for_crossings
     print(
@@ -640,7 +712,7 @@ def _phantom(args: argparse.Namespace) -> int:
 
 
 def _scan(args: argparse.Namespace) -> int:
-    from cortet.cohort.sheet import add_to_sheet, scan, write_sheet
+    from cortet.cohort.sheet import add_to_sheet, read_header, scan, write_sheet
     from cortet.config import load
 
     exists = args.output.exists()
@@ -650,6 +722,8 @@ def _scan(args: argparse.Namespace) -> int:
             file=args.output,
             remedy="add --update to append new cases to it, --force to replace it, or give another name",
         )
+    if exists:
+        read_header(args.output)  # no other table is replaced, whatever is forced
     cases = scan(args.folder, load(args.config).cohort.scan if args.config else None)
     if exists and args.update:
         found, cases = len(cases), add_to_sheet(cases, args.output)
@@ -665,6 +739,13 @@ def _scan(args: argparse.Namespace) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
+    from cortet.cohort import app
+
+    with app.lock(args.bids_dir, args.output_dir):
+        return _run_locked(args)
+
+
+def _run_locked(args: argparse.Namespace) -> int:
     import time
 
     from cortet.cohort import app

@@ -11,10 +11,12 @@ from snakemake.logging import logger
 
 from cortet import __version__
 from cortet.cohort.bids import Places, descriptions
+from cortet.cohort.receipts import content
 from cortet.cohort.sheet import PHANTOM, folded, read_sheet
 from cortet.config import load, version_of
 from cortet.errors import CortetError
 from cortet.formats import FORMATS
+from cortet.mesh import OUTERMOST
 from cortet.meshers import BASELINES, MESHERS
 from cortet.stages import MESH_STAGES, STAGES
 from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
@@ -243,6 +245,37 @@ def space_of(wildcards):
     return surface_file("phantom").format(**wildcards) if case.is_phantom else str(case.surface)
 
 
+def paths_of(wildcards):
+    """The user's files that the surfaces of a case are made from, by their columns in the sheet."""
+    case = CASES[wildcards.case]
+    named = {"surface": case.surface} | {f"inner_{name}": path for name, path in case.inner.items()}
+    if is_resampled(wildcards):
+        named |= {"sphere": case.sphere, "template": CONFIG.template(case.hemi)}
+    return {name: str(path) for name, path in named.items() if path not in (None, PHANTOM)}
+
+
+def given_surfaces_of(wildcards):
+    """The user's surfaces of a case by region; nothing of a phantom."""
+    case = CASES[wildcards.case]
+    named = {OUTERMOST: case.surface, **case.inner}
+    return {region: str(path) for region, path in named.items() if path != PHANTOM}
+
+
+def field_paths_of(wildcards):
+    """The files of the fields of a case, by name."""
+    return {name: str(path) for name, path in CASES[wildcards.case].fields.items()}
+
+
+def all_paths_of(wildcards):
+    """All files of a case, by their columns in the sheet."""
+    return paths_of(wildcards) | {f"field_{name}": path for name, path in field_paths_of(wildcards).items()}
+
+
+def input_sha256_of(wildcards):
+    """Hashes of `paths_of`: with another content of a file, whatever its time, everything of the case runs again."""
+    return content(paths_of(wildcards))
+
+
 def origin_of(stage, wildcards):
     """Whose record a job writes; `stage` is the one that made the mesh or surface, by its label."""
     if "mesher" in wildcards.keys():
@@ -320,6 +353,11 @@ def minutes(rule):
 def existing(path):
     """The file if it is there: a missing one is for the job to complain about, so that other cases go on."""
     return str(path) if os.path.isfile(path) else []
+
+
+def existing_fields_of(wildcards):
+    """The files of the fields of a case that are there; the job complains about the others."""
+    return [path for path in field_paths_of(wildcards).values() if os.path.isfile(path)]
 
 
 def surface_of(wildcards):

@@ -30,6 +30,7 @@ checkpoint baseline:
         },
         version=version_of("meshers.baselines"),
         origin=partial(origin_of, LABELS["generate"]),
+        input_sha256=input_sha256_of,
     script:
         "../scripts/baseline.py"
 
@@ -54,6 +55,7 @@ rule quality:
     params:
         version=version_of("measure.quality"),
         origin=partial(origin_of, LABELS["generate"]),
+        input_sha256=input_sha256_of,
     script:
         "../scripts/quality.py"
 

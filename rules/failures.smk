@@ -14,7 +14,8 @@ import tempfile
 import time
 from collections import defaultdict
 
-from cortet.cohort.lock import hold
+from cortet.cohort.bids import require_own_output
+from cortet.cohort.lock import hold, is_held_by_parent
 from cortet.cohort.status import failure_reason, was_killed
 
 STARTED = time.time()
@@ -110,7 +111,9 @@ def run_over_done_cases(failures, missing, targets):
 
 onstart:
     try:
-        HELD.append(hold(CONFIG.output))
+        require_own_output(CONFIG.output, CONFIG.cohort.dataset)
+        if not is_held_by_parent():
+            HELD.append(hold(CONFIG.output))
     except CortetError as error:
         raise WorkflowError(str(error)) from None
     # a table of an earlier run must not pass for this one's, should this one be killed

@@ -29,6 +29,7 @@ rule generate:
         arguments=partial(arguments_of, "generate"),
         version=[version_of("stages.generate"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["generate"]),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/generate.py"
@@ -59,6 +60,7 @@ rule transfer:
         arguments=partial(arguments_of, "transfer"),
         version=[version_of("stages.transfer"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["transfer"]),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/transfer.py"
@@ -85,6 +87,7 @@ rule relocate:
         arguments=partial(arguments_of, "relocate"),
         version=[version_of("stages.relocate"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["relocate"]),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/mesh_stage.py"
@@ -113,6 +116,7 @@ rule clean:
         arguments=partial(arguments_of, "clean"),
         version=[version_of("stages.clean"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["clean"]),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/mesh_stage.py"
@@ -141,6 +145,7 @@ rule reconnect:
         arguments=partial(arguments_of, "reconnect"),
         version=[version_of("stages.reconnect"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["reconnect"]),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/mesh_stage.py"
@@ -169,6 +174,7 @@ rule smooth_boundary:
         arguments=partial(arguments_of, "smooth_boundary"),
         version=[version_of("stages.smooth_boundary"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["smooth_boundary"]),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/mesh_stage.py"
@@ -197,6 +203,7 @@ rule snap:
         arguments=partial(arguments_of, "snap"),
         version=[version_of("stages.snap"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["snap"]),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/mesh_stage.py"
@@ -226,6 +233,7 @@ rule solver_ready:
         arguments=partial(arguments_of, "solver_ready"),
         version=[version_of("stages.solver_ready"), version_of("measure.quality")],
         origin=partial(origin_of, LABELS["solver_ready"]),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/mesh_stage.py"

@@ -25,6 +25,7 @@ rule certify:
     params:
         arguments=partial(arguments_of, "certify"),
         version=version_of("measure.certify"),
+        input_sha256=input_sha256_of,
         line=recorded_line,
         inner=lambda wildcards: list(CASES[wildcards.case].inner),
     script:
@@ -54,6 +55,7 @@ rule case_page:
             "mesher": wildcards.mesher,
         },
         failure=failure_of,
+        input_sha256=input_sha256_of,
         to_mm=placement_of,
         cohort=lambda wildcards: beside(COHORT_PAGE, CASE_PAGE.format(**wildcards)),
         version=[version_of("report.pages"), version_of("report.render")],
@@ -93,7 +95,7 @@ rule export:
         certificate=CERTIFICATE,
         surface=MESHED_SURFACE,
         inner=inner_of(INNER_SURFACE),
-        fields=lambda wildcards: [existing(path) for path in CASES[wildcards.case].fields.values()],
+        fields=existing_fields_of,
     output:
         mesh=mesh_file("Solver", "{suffix}"),
         sidecar=mesh_file("Solver", "{suffix}.json"),
@@ -115,7 +117,10 @@ rule export:
         },
         version=version_of("solver_files.export"),
         sets=CONFIG.export.sets,
-        fields=lambda wildcards: {name: str(path) for name, path in CASES[wildcards.case].fields.items()},
+        inner=lambda wildcards: list(CASES[wildcards.case].inner),
+        given=given_surfaces_of,
+        input_sha256=lambda wildcards: content(field_paths_of(wildcards)),
+        paths=field_paths_of,
         units=CONFIG.export.field_units,
     script:
         "../scripts/export.py"

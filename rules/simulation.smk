@@ -60,6 +60,8 @@ rule convergence_run:
             "seed": int(wildcards.seed),
             "cell_size_mm": int(wildcards.res) / 1000,
         },
+        input_sha256=input_sha256_of,
+        paths=paths_of,
         age=lambda wildcards: CASES[wildcards.case].scan_age,
         version=[version_of("simulation.fold"), *(version_of(f"stages.{stage.name}") for stage in CONFIG.line())],
     script:

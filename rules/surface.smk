@@ -85,8 +85,10 @@ rule resample:
         arguments=partial(arguments_of, "resample"),
         source=lambda wildcards: str(CASES[wildcards.case].surface),
         to_mm=placement_of,
+        paths=paths_of,
         version=version_of("stages.resample"),
         origin=partial(origin_of, STAGES["resample"].label),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/resample.py"
@@ -111,8 +113,10 @@ rule repair:
     params:
         arguments=partial(arguments_of, "repair"),
         to_mm=placement_after_resampling,
+        paths=paths_of,
         version=version_of("stages.repair"),
         origin=partial(origin_of, STAGES["repair"].label),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/repair.py"
@@ -137,8 +141,10 @@ rule gate:
     params:
         arguments=partial(arguments_of, "gate"),
         to_mm=None if REPAIRS else placement_after_resampling,
+        paths=paths_of,
         version=version_of("stages.gate"),
         origin=partial(origin_of, STAGES["gate"].label),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/gate.py"
@@ -148,7 +154,7 @@ rule fields:
     """The per-vertex fields of a case on the vertices that the gate let in; S1 does not depend on them."""
     input:
         surface=surface_of,
-        fields=lambda wildcards: [existing(path) for path in CASES[wildcards.case].fields.values()],
+        fields=existing_fields_of,
         sphere=sphere_of,
         template=template_of,
     output:
@@ -168,7 +174,9 @@ rule fields:
         resample=lambda wildcards: arguments_of("resample", wildcards) if is_resampled(wildcards) else None,
         to_mm=placement_of,
         version=[version_of("stages.gate"), version_of("stages.repair"), version_of("stages.resample")],
-        files=lambda wildcards: {name: str(path) for name, path in CASES[wildcards.case].fields.items()},
+        input_sha256=lambda wildcards: content(all_paths_of(wildcards)),
+        paths=all_paths_of,
+        files=field_paths_of,
     script:
         "../scripts/fields.py"
 
@@ -193,6 +201,7 @@ rule smooth_surface:
         arguments=partial(arguments_of, "smooth_surface"),
         version=version_of("stages.smooth_surface"),
         origin=partial(origin_of, STAGES["smooth_surface"].label),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/smooth_surface.py"
@@ -220,8 +229,10 @@ rule resample_inner:
         arguments=lambda wildcards: {**arguments_of("resample", wildcards), "inside": True},
         source=lambda wildcards: str(CASES[wildcards.case].inner.get(wildcards.inner)),
         to_mm=placement_of,
+        paths=paths_of,
         version=version_of("stages.resample"),
         origin=partial(origin_of, STAGES["resample"].label),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/resample.py"
@@ -246,8 +257,10 @@ rule repair_inner:
     params:
         arguments=partial(arguments_of, "repair"),
         to_mm=placement_after_resampling,
+        paths=paths_of,
         version=version_of("stages.repair"),
         origin=partial(origin_of, STAGES["repair"].label),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/repair.py"
@@ -272,8 +285,10 @@ rule gate_inner:
     params:
         arguments=lambda wildcards: {**arguments_of("gate", wildcards), "inside": True},
         to_mm=None if REPAIRS else placement_after_resampling,
+        paths=paths_of,
         version=version_of("stages.gate"),
         origin=partial(origin_of, STAGES["gate"].label),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/gate.py"
@@ -299,6 +314,7 @@ rule smooth_inner:
         arguments=partial(arguments_of, "smooth_surface"),
         version=version_of("stages.smooth_surface"),
         origin=partial(origin_of, STAGES["smooth_surface"].label),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/smooth_surface.py"
@@ -325,6 +341,7 @@ rule separate:
         arguments=partial(arguments_of, "separate"),
         version=version_of("stages.separate"),
         origin=partial(origin_of, STAGES["separate"].label),
+        input_sha256=input_sha256_of,
         space=space_of,
     script:
         "../scripts/separate.py"

@@ -58,9 +58,24 @@ class Job:
         """Keyword arguments of the function that the script calls."""
         return dict(self.params.arguments)
 
+    def require_unchanged_input(self) -> None:
+        """Raise StageError where a file of the user that the job has read is not the one it was planned with."""
+        from cortet.cohort.receipts import require_unchanged
+
+        require_unchanged(self.params.paths, self.params.input_sha256)
+
     def record(self, report: Mapping[str, Any]) -> dict[str, Any]:
-        """A report that says whose it is, and of the files of a case what they were made from and in whose space."""
-        return {"origin": self.params.origin, **self._provenance(), **report}
+        """A report that says whose it is, and of the files of a case what they were made from and in whose space.
+
+        Raises
+        ------
+        StageError
+            a file of the user that the job has read is not the one it was planned with
+        """
+        if self.params.get("paths"):
+            self.require_unchanged_input()
+        made_from = {"input_sha256": hashes} if (hashes := self.params.get("input_sha256")) is not None else {}
+        return {"origin": self.params.origin, **made_from, **self._provenance(), **report}
 
     def _provenance(self) -> dict[str, object]:
         if "CORTET_OUTPUT" not in os.environ:  # a saved job
@@ -79,6 +94,7 @@ def start(snakemake: Any) -> Job:
     if snakemake.log:
         _guard(snakemake)
     _delete_leftovers(snakemake.output)
+    _leave_receipt(snakemake)
     return Job(snakemake.input, snakemake.output, snakemake.params, snakemake.wildcards)
 
 
@@ -114,6 +130,17 @@ def _run_saved(path: Path) -> None:
     script, job = pickle.loads(path.read_bytes())
     job.log = []
     runpy.run_path(str(Path(__file__).with_name(script)), init_globals={"snakemake": job}, run_name="__main__")
+
+
+def _leave_receipt(snakemake: Any) -> None:
+    """Write the receipt of the job when it has succeeded; until then there is none."""
+    if "CORTET_OUTPUT" not in os.environ or not snakemake.log:  # a saved job
+        return
+    from cortet.cohort.receipts import receipt_path, write_receipt
+
+    path = receipt_path(Path(os.environ["CORTET_OUTPUT"]), Path(snakemake.log[0]))
+    path.unlink(missing_ok=True)
+    atexit.register(lambda: None if _has_failed() else write_receipt(path, dict(snakemake.params.items())))
 
 
 def _use_own_temporary_folder() -> None:
@@ -161,8 +188,13 @@ def _remember(log: Path, earlier: Path) -> None:
 
 
 def _forget(earlier: Path) -> None:
-    if not hasattr(sys, "last_value"):  # which the interpreter sets when an exception ends it
+    if not _has_failed():
         earlier.unlink(missing_ok=True)
+
+
+def _has_failed() -> bool:
+    """Whether an exception is ending the interpreter."""
+    return hasattr(sys, "last_value")
 
 
 def _log_failure(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

@@ -10,14 +10,16 @@ from _job import start
 job = start(snakemake)
 
 from cortet.cohort.bids import ABOUT
+from cortet.cohort.receipts import require_same_input
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.measure.certify import certify
 
 
 def report_of(path: str) -> dict[str, Any]:
-    """A report; the certificate says itself whose it is."""
+    """A report of a stage that worked from the same input; the certificate says itself whose it is."""
     report = json.loads(Path(path).read_text(encoding="utf-8"))
+    require_same_input(path, report, job.params.input_sha256)
     return {key: value for key, value in report.items() if key not in ABOUT}
 
 

@@ -19,4 +19,5 @@ if job.input.sphere:
 if repairs:
     surface = repair(surface, **job.params.repair)[0]
 surface = gate(surface, **job.arguments)[0]
+job.require_unchanged_input()
 gifti.write_surface(surface, job.output.surface)

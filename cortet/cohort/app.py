@@ -6,20 +6,24 @@ and calls Snakemake there.
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import IO, Any, Literal
 
 import yaml
 
 import cortet
+from cortet.cohort.bids import require_own_output
+from cortet.cohort.lock import HELD_BY, hold
 from cortet.cohort.sheet import Case, scan, write_sheet
 from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats import child
+from cortet.formats.atomic import atomic_path
 from cortet.formats.tsv import read_tsv
 
 #: level of the analysis, as BIDS Apps call it, and the rule that makes it
@@ -77,8 +81,22 @@ def workflow() -> Path:
     raise InputError("no Snakefile in the package", file=package, remedy="install cortet from its wheel or a checkout")
 
 
+def lock(dataset: Path, output: Path) -> IO[str]:
+    """Lock the output folder of a run until the file that is returned is closed; nothing is written there before.
+
+    Raises
+    ------
+    InputError
+        the folder is the dataset, contains it, or is a dataset of others; or another run has the lock
+    """
+    if not dataset.is_dir():
+        raise InputError("no such folder", file=dataset, remedy="name the root of the dataset")
+    require_own_output(output, dataset)
+    return hold(output)
+
+
 def prepare(dataset: Path, output: Path, work: Path, selection: Selection, settings: Mapping[str, Any]) -> list[Case]:
-    """Write the cohort sheet and the configuration of a run.
+    """Write the cohort sheet and the configuration of a run; the lock of the output folder must be held.
 
     Parameters
     ----------
@@ -95,21 +113,21 @@ def prepare(dataset: Path, output: Path, work: Path, selection: Selection, setti
     """
     cohort = dict(settings.get("cohort") or {})
     chosen = selection.of(scan(dataset, load({"cohort": cohort}).cohort.scan), dataset)
-    work.mkdir(parents=True, exist_ok=True)
     sheet, file = work / "cohort.tsv", work / "config.yaml"
-    write_sheet(chosen, sheet)
     data = {
         **settings,
         "cohort": {**cohort, "sheet": str(sheet.resolve()), "dataset": str(dataset.resolve())},
         "output": str(output.resolve()),
     }
     load(data)
-    file.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
+    write_sheet(chosen, sheet)
+    with atomic_path(file) as temporary:
+        temporary.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     return chosen
 
 
 def snakemake(work: Path, level: str, *, cores: int, profile: str | None = None, dry_run: bool = False) -> int:
-    """Run the workflow in its working folder to its end; the exit code of Snakemake.
+    """Run the workflow in its working folder to its end; the exit code of Snakemake. This process holds the lock.
 
     Parameters
     ----------
@@ -125,7 +143,9 @@ def snakemake(work: Path, level: str, *, cores: int, profile: str | None = None,
         command += ["--profile", str(own if own.is_dir() else profile)]
     if dry_run:
         command.append("--dry-run")
-    return subprocess.run([*command, LEVELS[level]], check=False, preexec_fn=child.end_with_parent).returncode
+    command.append(LEVELS[level])
+    locked = os.environ | {HELD_BY: str(os.getpid())}
+    return subprocess.run(command, check=False, preexec_fn=child.end_with_parent, env=locked).returncode
 
 
 def failures(output: Path, since: float) -> list[str]:

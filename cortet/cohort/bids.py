@@ -13,6 +13,7 @@ from urllib.parse import quote
 
 import cortet
 from cortet.config import Config
+from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.tsv import write_tsv
 from cortet.stages import MESH_STAGES, STAGES
@@ -35,8 +36,8 @@ IGNORED = (
     "benchmarks",
     "work",
 )
-#: what a sidecar says of its file besides the report of the stage: whose it is, and two keys of BIDS
-ABOUT = ("origin", "Sources", "SpatialReference")
+#: what a sidecar says of its file besides the report of the stage: whose it is, of which input, and two keys of BIDS
+ABOUT = ("origin", "input_sha256", "Sources", "SpatialReference")
 #: `desc` of surfaces that are no result of a stage
 _SURFACES = {
     "phantom": "Synthetic cortex of the age of the case, or its sphere",
@@ -113,6 +114,35 @@ def write_dataset_description(description: Path, ignore: Path, links: Mapping[st
     )
     with atomic_path(ignore) as temporary:
         temporary.write_text("".join(f"{pattern}\n" for pattern in IGNORED), encoding="utf-8")
+
+
+def require_own_output(output: Path, dataset: Path | None) -> None:
+    """Raise InputError where results would be written over files of others.
+
+    Parameters
+    ----------
+    output : folder of everything that is made
+    dataset : root of the dataset that is meshed; None where none is known
+    """
+    remedy = "name an empty or a new folder, e.g. DATASET/derivatives/cortet"
+    if dataset is not None and dataset.resolve().is_relative_to(output.resolve()):
+        what = "is the dataset" if dataset.resolve() == output.resolve() else "contains the dataset"
+        raise InputError(f"{what} that is meshed, so nothing is written there", file=output, remedy=remedy)
+    if (output / DESCRIPTION).exists() and not _describes_ours(output / DESCRIPTION):
+        raise InputError(
+            "was not written by cortet: the folder is another dataset", file=output / DESCRIPTION, remedy=remedy
+        )
+    if (output / ".bidsignore").exists() and not (output / DESCRIPTION).exists():
+        raise InputError("was not written by cortet", file=output / ".bidsignore", remedy=remedy)
+
+
+def _describes_ours(description: Path) -> bool:
+    """Whether a description says that cortet generated its dataset."""
+    try:
+        generated = json.loads(description.read_text(encoding="utf-8"))["GeneratedBy"]
+        return any(one["Name"] == "cortet" for one in generated)
+    except (OSError, ValueError, LookupError, TypeError):
+        return False
 
 
 def _absolute(file: str | Path) -> Path:

@@ -16,6 +16,8 @@ from typing import IO
 from cortet.errors import InputError
 
 NAME = ".cortet.lock"
+#: environment variable of a run whose parent holds the lock: the id of the parent
+HELD_BY = "CORTET_LOCK_HELD_BY"
 
 #: what file systems answer that know no locks
 _WITHOUT_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
@@ -45,6 +47,11 @@ def hold(folder: Path) -> IO[str]:
         what = f"cannot be written to: {error.strerror}"
         raise InputError(what, file=folder, remedy="mend its permissions or space, or set output") from error
     return file
+
+
+def is_held_by_parent() -> bool:
+    """Whether the process that started this one holds the lock for it."""
+    return os.environ.get(HELD_BY) == str(os.getppid())
 
 
 def _lock(file: IO[str], folder: Path) -> None:

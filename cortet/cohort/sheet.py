@@ -127,15 +127,8 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
     ------
     InputError : naming the problems of the sheet, each with its line, column, value and remedy
     """
+    read_header(path)
     table, miscounted = read_uneven_tsv(path)
-    header = list(table.columns)
-    absent = [name for name in COLUMNS if name not in header]
-    if absent or len(set(header)) < len(header):
-        raise InputError(
-            f"line 1: no column {', '.join(absent)}" if absent else "line 1: two columns have the same name",
-            file=path,
-            remedy="the first line must name, separated by tabs: " + ", ".join(COLUMNS),
-        )
     found: list[str] = []
     lines: dict[str, int] = {}
     cases: list[Case] = []
@@ -155,6 +148,24 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
     if found:
         raise refusal(found, path)
     return cases
+
+
+def read_header(path: Path) -> list[str]:
+    """The columns of a cohort sheet.
+
+    Raises
+    ------
+    InputError : the file is no cohort sheet
+    """
+    header = list(read_uneven_tsv(path)[0].columns)
+    absent = [name for name in COLUMNS if name not in header]
+    if absent or len(set(header)) < len(header):
+        raise InputError(
+            f"line 1: no column {', '.join(absent)}" if absent else "line 1: two columns have the same name",
+            file=path,
+            remedy="the first line must name, separated by tabs: " + ", ".join(COLUMNS),
+        )
+    return header
 
 
 def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:

@@ -11,19 +11,28 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from cortet.formats.ownership import has_written, may_write
+
 
 @contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
     """A temporary name beside `path`, with its suffixes, that is renamed to `path` when the block ends without error.
 
     The folder is made when it is missing; after an error the temporary file is deleted and `path` is as it was.
+
+    Raises
+    ------
+    InputError
+        a command that is `guarded` may not write to `path`
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{os.getpid()}-{secrets.token_hex(4)}.{path.name}")
     try:
         yield temporary
+        may_write(path)
         temporary.replace(path)
+        has_written(path)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -33,6 +42,11 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     """A temporary folder beside `path`, whose files move to the folder of `path` when the block ends without error.
 
     It is for formats of several files that name each other: within it they have their final names.
+
+    Raises
+    ------
+    InputError
+        a command that is `guarded` may not write to one of them; then none is moved
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -40,8 +54,12 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     temporary.mkdir()
     try:
         yield temporary
-        for file in sorted(temporary.iterdir()):
+        files = sorted(temporary.iterdir())
+        for file in files:
+            may_write(path.with_name(file.name))
+        for file in files:
             file.replace(path.with_name(file.name))
+            has_written(path.with_name(file.name))
     finally:
         shutil.rmtree(temporary)
 

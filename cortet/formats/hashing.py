@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from cortet.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 def sha256(path: str | Path) -> str:
@@ -28,4 +28,6 @@ def sha256(path: str | Path) -> str:
 
 def array_sha256(values: NDArray[Any]) -> str:
     """Hash of numbers as float64, row by row, little-endian."""
+    import numpy as np  # files are known by their hashes before anything heavy is loaded
+
     return hashlib.sha256(np.ascontiguousarray(values, "<f8").tobytes()).hexdigest()

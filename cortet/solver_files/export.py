@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,11 +12,12 @@ import numpy as np
 from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, format_of
 from cortet.formats.atomic import atomic_folder, write_json
-from cortet.formats.hashing import sha256
+from cortet.formats.ownership import delete_made, hashes, may_write
 from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.mesh import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
+from cortet.solver_files.meshed import moved
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.sidecar import read_sidecar, sidecar, sidecar_path
 from cortet.solver_files.verify import problems
@@ -37,6 +37,7 @@ def export(
     frame: CoordinateFrame | None = None,
     sources: Mapping[str, FieldSource] | None = None,
     interior: str | None = None,
+    made_from: Mapping[str, Any] | None = None,
 ) -> None:
     """Write `path`, the files that belong to it and its sidecar, complete and verified or not at all.
 
@@ -50,6 +51,7 @@ def export(
     frame : coordinate system of the surface the mesh was made from
     sources : field -> where it came from
     interior : how interior nodes got their values
+    made_from : which surfaces were meshed, of `meshed.made_from`
 
     Raises
     ------
@@ -62,7 +64,9 @@ def export(
             file=path,
             remedy="export.uncertified: true writes it all the same",
         )
-    _write_verified(mesh, path, solver=solver, unit=unit, frame=frame, sources=sources or {}, interior=interior)
+    _write_verified(
+        mesh, path, solver=solver, unit=unit, frame=frame, sources=sources or {}, interior=interior, made_from=made_from
+    )
 
 
 def _write_verified(
@@ -74,6 +78,7 @@ def _write_verified(
     frame: CoordinateFrame | None,
     sources: Mapping[str, FieldSource],
     interior: str | None,
+    made_from: Mapping[str, Any] | None = None,
 ) -> None:
     with atomic_folder(path) as folder:
         write(content, folder / path.name, solver=solver, unit=unit, frame=frame)
@@ -83,13 +88,16 @@ def _write_verified(
         record = sidecar(
             as_read if isinstance(as_read, TriSurface) else as_read.mesh,
             solver=solver,
-            files={file.name: sha256(file) for file in sorted(folder.iterdir())},
+            files=hashes(sorted(folder.iterdir())),
             unit=unit if FORMATS[solver].has_unit else "mm",
             frame=frame or CoordinateFrame(),
             sources=sources,
             interior=interior,
+            made_from=made_from,
         )
-        _delete_earlier(path)
+        for file in folder.iterdir():
+            may_write(path.with_name(file.name))  # before anything is deleted
+        delete_made(sidecar_path(path))  # an earlier export of this name may have had other sets
         write_json(record, sidecar_path(folder / path.name))
 
 
@@ -159,6 +167,7 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
         frame=CoordinateFrame(**{**frame, "matrix": tuple(frame["matrix"])}) if frame else known,
         sources={name: _source(field) for name, field in record.get("fields", {}).items() if field["source"]},
         interior=next((field["interior"] for field in record.get("fields", {}).values()), None),
+        made_from=moved(record.get("made_from"), source.parent, target.parent),
     )
     return done
 
@@ -185,11 +194,3 @@ def _with_face_sets(mesh: TetMesh) -> tuple[TetMesh, str]:
 def _source(field: Mapping[str, Any]) -> FieldSource:
     """Where a field came from, as a sidecar records it."""
     return FieldSource(field["source"], field["source_sha256"], field["units"], field["kind"], {})
-
-
-def _delete_earlier(path: Path) -> None:
-    """Delete what an earlier export of the same name left, as its sidecar lists it: its sets may be others."""
-    for name in read_sidecar(path).get("files", {}):
-        own = Path(name).name == name and name.startswith(path.name.partition(".")[0])
-        if own and os.path.lexists(path.with_name(name)):  # false of names that no file can have
-            path.with_name(name).unlink()

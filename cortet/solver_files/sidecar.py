@@ -43,6 +43,7 @@ def sidecar(
     frame: CoordinateFrame,
     sources: Mapping[str, FieldSource],
     interior: str | None,
+    made_from: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Content of the sidecar.
 
@@ -54,6 +55,7 @@ def sidecar(
     frame : coordinate system of the surface the mesh was made from
     sources : name of a field -> where it came from
     interior : how interior nodes got their values; None where that is not known
+    made_from : of `meshed.made_from`
     """
     record: dict[str, Any] = {
         "format": solver,
@@ -63,6 +65,8 @@ def sidecar(
         "nodes": len(as_read.points),
         "nodes_sha256": array_sha256(as_read.points),
     }
+    if made_from:
+        record["made_from"] = dict(made_from)
     if isinstance(as_read, TetMesh):
         faces = boundary_faces(as_read)
         record |= {
@@ -100,6 +104,18 @@ class _Frame(BaseModel, extra="forbid"):
     matrix: Annotated[list[Annotated[float, Field(allow_inf_nan=False)]], Field(min_length=16, max_length=16)]
 
 
+class _Surface(BaseModel):
+    file: str
+    sha256: str
+
+
+class _MadeFrom(BaseModel):
+    """What is read of the origin of a mesh."""
+
+    given: dict[str, _Surface]
+    meshed: dict[str, _Surface]
+
+
 class _Record(BaseModel):
     """What is read of a sidecar, of whatever origin."""
 
@@ -109,6 +125,7 @@ class _Record(BaseModel):
     units: dict[str, str] = {}
     sets: dict[str, dict[str, int]] = {}
     coordinate_system: _Frame | None = None
+    made_from: _MadeFrom | None = None
 
 
 def read_sidecar(path: Path) -> dict[str, Any]:

@@ -1,0 +1,173 @@
+"""Whose a file is: a command never writes to its inputs, and replaces only files that cortet made.
+
+What cortet writes for a user has a record beside it: a JSON file whose key `files` holds the SHA-256 of each file. A
+file that no record lists, or that somebody changed since, belongs to the user. A folder that cortet fills has a marker.
+
+`guarded` is the door. While a command runs within it, every function of cortet that replaces or deletes a file asks
+`may_write` first. The workflow has no guard: its rules name their outputs, and none of them is a file of the user.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cortet.errors import InputError
+from cortet.formats.hashing import sha256
+
+#: file, or folder, that says of its folder that cortet made it
+MARKER = ".cortet"
+#: bytes of a record
+_LONGEST_RECORD = 100_000_000
+
+
+@dataclass(frozen=True)
+class _Guard:
+    """What a command may write to."""
+
+    #: device and inode of each input -> how it was named
+    inputs: dict[tuple[int, int], Path]
+    #: folders of the command itself
+    folders: tuple[Path, ...]
+    #: the user has said that existing files may be replaced
+    force: bool
+    #: files that this command has written
+    made: set[Path] = field(default_factory=set)
+
+
+_guard: ContextVar[_Guard | None] = ContextVar("_guard", default=None)
+
+
+@contextmanager
+def guarded(
+    inputs: Iterable[Path],
+    *,
+    files: Iterable[Path] = (),
+    claimed: Iterable[Path] = (),
+    folders: Iterable[Path] = (),
+    force: bool = False,
+) -> Iterator[None]:
+    """Run a command that reads some files and writes others; refuse it at once where it would harm the user's.
+
+    Parameters
+    ----------
+    inputs : files that the command only reads
+    files : what it is told to write
+    claimed : folders that it is told to fill; each is made, with a marker that says that it is cortet's
+    folders : others, below which it may write
+    force : existing files may be replaced, but never an input
+
+    Raises
+    ------
+    InputError
+        an output is an input, also by another name, or exists and was not made by cortet
+    """
+    known = {identity: path for path in inputs if (identity := _identity(path))}
+    claimed = tuple(claimed)
+    own = tuple(folder.absolute() for folder in (*claimed, *folders))
+    token = _guard.set(_Guard(known, own, force))
+    try:
+        for path in files:
+            may_write(path)
+        for folder in claimed:
+            _claim(folder, force=force)
+        yield
+    finally:
+        _guard.reset(token)
+
+
+def may_write(path: Path) -> None:
+    """Raise InputError unless a file may be written, replaced or deleted; without a guard, everything may be."""
+    guard = _guard.get()
+    if guard is None:
+        return
+    if (identity := _identity(path)) and (given := guard.inputs.get(identity)):
+        also = "" if given == path else f", {given}"
+        raise InputError(f"is an input of this command{also}", file=path, remedy="give the output another name")
+    place = path.absolute()
+    allowed = guard.force or place in guard.made or any(place.is_relative_to(folder) for folder in guard.folders)
+    if path.is_dir() and not path.is_symlink():
+        raise InputError("is a folder", file=path, remedy="give the name of a file")
+    if not allowed and os.path.lexists(path) and not is_ours(path):
+        raise InputError(
+            "exists, and no record beside it says that cortet made it as it is now",
+            file=path,
+            remedy="give another name, or add --force to replace it",
+        )
+
+
+def has_written(path: Path) -> None:
+    """Note that the command made a file: it may write it again."""
+    if guard := _guard.get():
+        guard.made.add(path.absolute())
+
+
+def is_ours(path: Path) -> bool:
+    """Whether a record in the folder of a file lists it with the SHA-256 that it has now, or the file is a record."""
+    if not path.is_file() or path.is_symlink():
+        return False
+    if files_of(path):
+        return True
+    stem = path.name.partition(".")[0]
+    records = (one for one in path.parent.iterdir() if one.name.startswith(stem) and one.suffix == ".json")
+    listed = {digest for record in records if (digest := files_of(record).get(path.name))}
+    return bool(listed) and sha256(path) in listed
+
+
+def files_of(record: Path) -> dict[str, str]:
+    """Name -> SHA-256 of the files that a record lists; nothing where the file is no record."""
+    if record.suffix != ".json":
+        return {}
+    try:
+        data: Any = json.loads(record.read_text("utf-8")) if record.stat().st_size < _LONGEST_RECORD else None
+    except (OSError, ValueError, RecursionError):
+        return {}
+    files = data.get("files") if isinstance(data, dict) else None
+    return {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else {}
+
+
+def hashes(paths: Iterable[Path]) -> dict[str, str]:
+    """The key `files` of a record: name -> SHA-256."""
+    return {path.name: sha256(path) for path in paths}
+
+
+def delete_made(record: Path) -> None:
+    """Delete the files that a record lists, where they are as it lists them, and the record itself."""
+    files = files_of(record)
+    for name, digest in files.items():
+        path = record.with_name(name)
+        if Path(name).name == name and path.is_file() and not path.is_symlink() and sha256(path) == digest:
+            may_write(path)
+            path.unlink()
+    if files:
+        may_write(record)
+        record.unlink()
+
+
+def _claim(folder: Path, *, force: bool) -> None:
+    """Make a folder with its marker; refuse one with files of others."""
+    if os.path.lexists(folder) and not folder.is_dir():
+        raise InputError("is a file", file=folder, remedy="give the name of a folder")
+    marker = folder / MARKER
+    if folder.is_dir() and not marker.exists() and any(folder.iterdir()) and not force:
+        raise InputError(
+            "holds files that cortet did not make", file=folder, remedy="give an empty or a new folder, or add --force"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    if not marker.exists():
+        marker.touch()
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """What a file is on its disk, whatever its name; None where there is none."""
+    try:
+        stat = path.stat()
+    except (OSError, ValueError):
+        return None
+    return stat.st_dev, stat.st_ino

@@ -1,0 +1,102 @@
+"""The surface that was meshed lies beside the mesh, and the sidecar of the mesh names it.
+
+It is not the surface that the user gave, which repair, smoothing and separation may have changed. A mesh can be judged
+against the surface that it fills only.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cortet.errors import InputError
+from cortet.formats.gifti import read_surface, write_surface
+from cortet.formats.hashing import sha256
+from cortet.geometry.nesting import nested, region_names, sheets
+from cortet.mesh import OUTERMOST, TriSurface
+from cortet.solver_files.sidecar import read_sidecar
+
+
+def write_meshed(surface: TriSurface, mesh: Path) -> dict[str, Path]:
+    """Write the surface that was meshed beside the mesh, and its inner ones; the files by region.
+
+    Parameters
+    ----------
+    surface : as `pipeline.Meshed.surface`; float32 coordinates in the files
+    mesh : file of the mesh, whose stem the names begin with
+    """
+    stem = mesh.name.removesuffix(mesh.suffix)
+    files = {}
+    for region, one in zip(region_names(surface), sheets(surface), strict=True):
+        of = "" if region == OUTERMOST else f"-{region}"
+        files[region] = mesh.with_name(f"{stem}.meshed{of}.surf.gii")
+        write_surface(one, files[region])
+    return files
+
+
+def made_from(meshed: Mapping[str, Path], given: Mapping[str, str | Path], folder: Path) -> dict[str, Any]:
+    """What the sidecar of a mesh says of its origin.
+
+    Parameters
+    ----------
+    meshed : region -> file of the surface that was meshed
+    given : region -> file of the surface that the user gave
+    folder : of the sidecar; names of files are relative to it
+    """
+    return {
+        kind: {
+            region: {"file": Path(os.path.relpath(file, folder)).as_posix(), "sha256": sha256(file)}
+            for region, file in files.items()
+        }
+        for kind, files in {"given": given, "meshed": meshed}.items()
+    }
+
+
+def moved(record: Mapping[str, Any] | None, source: Path, target: Path) -> dict[str, Any] | None:
+    """`made_from` as a sidecar in another folder says it."""
+    if not record:
+        return None
+    return {
+        kind: {
+            region: {**one, "file": Path(os.path.relpath(source / one["file"], target)).as_posix()}
+            for region, one in record[kind].items()
+        }
+        for kind in ("given", "meshed")
+    }
+
+
+def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) -> tuple[TriSurface, Path]:
+    """The surface that a mesh is to be judged against, with its inner ones, and its file.
+
+    It is the surface that was meshed, where the sidecar of the mesh names it and the surfaces that are given here are
+    those that were given then, or none are. Else it is what is given here.
+
+    Parameters
+    ----------
+    mesh : file of the mesh
+    given : file of a surface
+    inner : region -> file of a surface within it
+
+    Raises
+    ------
+    InputError
+        no surface is given and no sidecar names one, or the surface that was meshed is missing or was changed
+    """
+    record = read_sidecar(mesh).get("made_from")
+    named = ({OUTERMOST: given} if given else {}) | dict(inner)
+    if record and all(sha256(file) == record["given"].get(region, {}).get("sha256") for region, file in named.items()):
+        files = {region: mesh.parent / one["file"] for region, one in record["meshed"].items()}
+        for region, file in files.items():
+            if not file.is_file() or sha256(file) != record["meshed"][region]["sha256"]:
+                raise InputError(
+                    f"is not there as the sidecar of {mesh.name} records it: the surface that was meshed",
+                    file=file,
+                    remedy="put it back, or mesh the surface again",
+                )
+        given = files.pop(OUTERMOST)
+        inner = files
+    if given is None:
+        raise InputError("no sidecar says which surface was meshed", file=mesh, remedy="name the surface, too")
+    return nested(read_surface(given), {region: read_surface(file) for region, file in inner.items()}), given
