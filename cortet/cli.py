@@ -34,6 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     args = parser().parse_args(arguments)
     logging.basicConfig(format="%(levelname)s %(message)s", level=logging.INFO if args.verbose else logging.WARNING)
     try:
+        _refuse_repeated(args)
         with _guarded(args):
             code = int(args.run(args))
         sys.stdout.flush()
@@ -53,6 +54,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("cortet: interrupted", file=sys.stderr)
         return 130
+
+
+def _refuse_repeated(args: argparse.Namespace) -> None:
+    """Raise InputError where one name is given two files: of `--inner`, `--field`."""
+    for option in ("inner", "field"):
+        names = [name for name, _ in getattr(args, option, [])]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise InputError(f"--{option} names {twice} twice", remedy="give each a name of its own: NAME=FILE")
 
 
 class OutputFile(type(Path())):  # type: ignore[misc]
@@ -739,21 +748,13 @@ def _scan(args: argparse.Namespace) -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
-    from cortet.cohort import app
-
-    with app.lock(args.bids_dir, args.output_dir):
-        return _run_locked(args)
-
-
-def _run_locked(args: argparse.Namespace) -> int:
     import time
 
     from cortet.cohort import app
 
     began = time.time()
-    work = args.work_dir or app.work_folder(args.output_dir)
-    selection = app.Selection(args.participants, args.sessions, args.hemi)
-    cases = app.prepare(args.bids_dir, args.output_dir, work, selection, _settings(args))
+    settings, selection = _settings(args), app.Selection(args.participants, args.sessions, args.hemi)
+    cases = app.find(args.bids_dir, selection, settings)
     left_out = [case for case in cases if not case.include]
     print(f"{len(cases) - len(left_out)} surfaces of {args.bids_dir}", flush=True)
     for case in left_out:
@@ -764,9 +765,12 @@ def _run_locked(args: argparse.Namespace) -> int:
             file=args.bids_dir,
             remedy="give it in weeks in participants.tsv or the sessions tables, column scan_age",
         )
-    code = app.snakemake(
-        work, args.level, cores=args.cores or os.cpu_count() or 1, profile=args.profile, dry_run=args.dry_run
-    )
+    with app.lock(args.bids_dir, args.output_dir):
+        work = args.work_dir or app.work_folder(args.output_dir)
+        app.prepare(cases, args.bids_dir, args.output_dir, work, settings)
+        code = app.snakemake(
+            work, args.level, cores=args.cores or os.cpu_count() or 1, profile=args.profile, dry_run=args.dry_run
+        )
     for line in app.failures(args.output_dir, began):
         print(line, file=sys.stderr)
     if not code and not args.dry_run:
@@ -850,14 +854,12 @@ def _config(args: argparse.Namespace) -> Config:
 
 def _settings(args: argparse.Namespace) -> dict[str, Any]:
     """The sections of a configuration file, with the options of the command on top."""
-    import yaml
-
-    from cortet.config import load
+    from cortet.config import load, read
 
     data: dict[str, Any] = {}
     if args.config:
         load(args.config)  # complaints name the file
-        data = yaml.safe_load(args.config.read_text(encoding="utf-8"))
+        data = read(args.config)
     if args.setting:
         data["setting"] = args.setting
     if args.cell_size is not None:

@@ -715,13 +715,13 @@ def load(source: Path | str | Mapping[str, Any]) -> Config:
 
     Raises `InputError` naming every offending key with its value and, for an unknown key, the nearest known one.
     """
-    data = _read(Path(source)) if isinstance(source, (str, Path)) else dict(source)
+    data = read(Path(source)) if isinstance(source, (str, Path)) else dict(source)
     place = source if isinstance(source, (str, Path)) else "configuration"
     if sum(1 for _ in itertools.islice(_values(data), _MOST_VALUES + 1)) > _MOST_VALUES:
         raise InputError(f"holds more than {_MOST_VALUES:,} values", file=place, remedy="use fewer aliases (*name)")
-    data = _overlaid(SETTINGS.get(str(data.get("setting")), {}), data)
+    data = _overlaid(SETTINGS.get(str(data.get("setting")), {}), _without_empty_sections(data, Config))
     try:
-        return Config.model_validate({key: value for key, value in data.items() if value is not None})
+        return Config.model_validate(data)
     except ValidationError as error:
         lines = [_complaint(problem) for problem in error.errors(include_url=False)]
         raise InputError("; ".join(lines), file=place) from None
@@ -751,7 +751,45 @@ def render(data: Mapping[str, Any]) -> str:
 def refresh(path: Path | str) -> None:
     """Rewrite a configuration file: the keys that are set stay, documentation and other keys become the model's."""
     with atomic_path(path) as temporary:
-        temporary.write_text(render(_read(Path(path))), encoding="utf-8")
+        temporary.write_text(render(read(Path(path))), encoding="utf-8")
+
+
+def read(path: Path) -> dict[str, Any]:
+    """The content of a YAML file of the configuration, not validated.
+
+    Raises
+    ------
+    InputError
+        it cannot be read, holds no keys, or holds one twice
+    """
+    remedy = "give a YAML file of keys and values"
+    try:
+        data = yaml.load(content(path, largest=_LONGEST_FILE).decode("utf-8"), Loader=_UniqueKeys)
+    except _Twice as error:
+        raise InputError(str(error), file=path, remedy="keep one of the two, with the keys of both") from None
+    except (ValueError, TypeError, AttributeError, RecursionError, yaml.YAMLError) as error:  # what PyYAML lets through
+        raise InputError(f"cannot be read: {error}", file=path, remedy=remedy) from None
+    if not isinstance(data, dict):
+        raise InputError("holds no keys", file=path, remedy=remedy)
+    return data
+
+
+class _Twice(Exception):  # noqa: N818, becomes an InputError
+    """A key that a mapping of a YAML file holds twice."""
+
+
+class _UniqueKeys(yaml.SafeLoader):  # type: ignore[misc]
+    """Refuses what YAML forbids and PyYAML does: to take the last of two values of a key."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Raise _Twice for a key that occurs twice."""
+        lines: dict[str, int] = {}
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode) and key.tag != "tag:yaml.org,2002:merge":
+                line = key.start_mark.line + 1
+                if lines.setdefault(key.value, line) != line:
+                    raise _Twice(f"key {key.value} stands in line {lines[key.value]} and in line {line}")
+        return super().construct_mapping(node, deep)
 
 
 _PACKAGE = Path(__file__).parent
@@ -759,15 +797,17 @@ _PACKAGE = Path(__file__).parent
 _LONGEST_FILE, _MOST_VALUES = 10_000_000, 100_000
 
 
-def _read(path: Path) -> dict[str, Any]:
-    remedy = "give a YAML file of keys and values"
-    try:
-        data = yaml.safe_load(content(path, largest=_LONGEST_FILE).decode("utf-8"))
-    except (ValueError, TypeError, AttributeError, RecursionError, yaml.YAMLError) as error:  # what PyYAML lets through
-        raise InputError(f"cannot be read: {error}", file=path, remedy=remedy) from None
-    if not isinstance(data, dict):
-        raise InputError("holds no keys", file=path, remedy=remedy)
-    return data
+def _without_empty_sections(data: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
+    """The data without sections that are null: YAML makes that of one whose keys are all commented out."""
+    kept = {}
+    for key, value in data.items():
+        info = model.model_fields.get(key)
+        section = info.annotation if info and _is_section(info) else None
+        if isinstance(value, Mapping) and section:
+            kept[key] = _without_empty_sections(value, cast(type[BaseModel], section))
+        elif value is not None or not (section or model is Config):
+            kept[key] = value
+    return kept
 
 
 def _values(data: Any) -> Iterator[Any]:

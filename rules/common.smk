@@ -13,7 +13,7 @@ from cortet import __version__
 from cortet.cohort.bids import Places, descriptions
 from cortet.cohort.receipts import content
 from cortet.cohort.sheet import PHANTOM, folded, read_sheet
-from cortet.config import load, version_of
+from cortet.config import load, read, version_of
 from cortet.errors import CortetError
 from cortet.formats import FORMATS
 from cortet.mesh import OUTERMOST
@@ -27,6 +27,9 @@ FAILURES = {tuple(record["mesh"]): record["failure"] for record in config.pop("f
 MISSING = config.pop("missing", {})
 
 try:
+    if workflow.is_main_process:
+        for file in workflow.configfiles:  # Snakemake takes the last of two values of a key in silence
+            read(Path(file))
     CONFIG = load(config)
     # by the name that files carry: the line's own setting carries none, others are run beside it
     SETTINGS = {"": CONFIG} | {

@@ -89,41 +89,47 @@ def lock(dataset: Path, output: Path) -> IO[str]:
     InputError
         the folder is the dataset, contains it, or is a dataset of others; or another run has the lock
     """
-    if not dataset.is_dir():
-        raise InputError("no such folder", file=dataset, remedy="name the root of the dataset")
     require_own_output(output, dataset)
     return hold(output)
 
 
-def prepare(dataset: Path, output: Path, work: Path, selection: Selection, settings: Mapping[str, Any]) -> list[Case]:
-    """Write the cohort sheet and the configuration of a run; the lock of the output folder must be held.
+def find(dataset: Path, selection: Selection, settings: Mapping[str, Any]) -> list[Case]:
+    """The cases of a dataset that are selected, those that are left out among them.
 
     Parameters
     ----------
     settings : sections of the configuration, as of its file
-
-    Returns
-    -------
-    The cases on the sheet, those without an age among them.
 
     Raises
     ------
     InputError
         no surface is found or selected, or the settings are wrong
     """
-    cohort = dict(settings.get("cohort") or {})
-    chosen = selection.of(scan(dataset, load({"cohort": cohort}).cohort.scan), dataset)
+    if not dataset.is_dir():
+        raise InputError("no such folder", file=dataset, remedy="name the root of the dataset")
+    scanning = load({"cohort": settings.get("cohort") or {}}).cohort.scan
+    return selection.of(scan(dataset, scanning), dataset)
+
+
+def prepare(cases: Sequence[Case], dataset: Path, output: Path, work: Path, settings: Mapping[str, Any]) -> None:
+    """Write the cohort sheet and the configuration of a run, whose lock is held.
+
+    Raises
+    ------
+    InputError
+        the settings are wrong, or the file of them would be overwritten
+    """
     sheet, file = work / "cohort.tsv", work / "config.yaml"
+    cohort = dict(settings.get("cohort") or {})
     data = {
         **settings,
         "cohort": {**cohort, "sheet": str(sheet.resolve()), "dataset": str(dataset.resolve())},
         "output": str(output.resolve()),
     }
     load(data)
-    write_sheet(chosen, sheet)
     with atomic_path(file) as temporary:
         temporary.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
-    return chosen
+    write_sheet(cases, sheet)
 
 
 def snakemake(work: Path, level: str, *, cores: int, profile: str | None = None, dry_run: bool = False) -> int:

@@ -165,6 +165,12 @@ def read_header(path: Path) -> list[str]:
             file=path,
             remedy="the first line must name, separated by tabs: " + ", ".join(COLUMNS),
         )
+    if INNER in header and INNER_PREFIX + WHITE in header:
+        raise InputError(
+            f"line 1: columns {INNER} and {INNER_PREFIX}{WHITE} name the same region",
+            file=path,
+            remedy="keep one of the two",
+        )
     return header
 
 

@@ -141,7 +141,7 @@ def delete_made(record: Path) -> None:
     """Delete the files that a record lists, where they are as it lists them, and the record itself."""
     files = files_of(record)
     for name, digest in files.items():
-        path = record.with_name(name)
+        path = record.parent / name
         if Path(name).name == name and path.is_file() and not path.is_symlink() and sha256(path) == digest:
             may_write(path)
             path.unlink()

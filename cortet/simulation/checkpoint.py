@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cortet.formats.atomic import atomic_path
 from cortet.mesh import FloatArray, TetMesh
@@ -43,7 +44,15 @@ _ARRAYS = ("x", "v", "listed")
 def fingerprint(mesh: TetMesh, parameters: dict[str, Any]) -> str:
     """SHA-256 of everything a run depends on."""
     digest = hashlib.sha256(json.dumps(parameters, sort_keys=True, default=str).encode())
-    for array in (mesh.points, mesh.cells, *(mesh.point_data[name] for name in sorted(mesh.point_data))):
+    named: dict[str, NDArray[Any]] = {"points": mesh.points, "cells": mesh.cells}
+    named |= {f"point field {name}": values for name, values in mesh.point_data.items()}
+    named |= {f"cell field {name}": values for name, values in mesh.cell_data.items()}
+    named |= {
+        f"set of {kind}: {name}": members for kind, sets in vars(mesh.sets).items() for name, members in sets.items()
+    }
+    for name, array in sorted(named.items()):
+        # a name, a type and a shape: the same bytes under another name, or in other rows, are another mesh
+        digest.update(f"{name} {array.dtype} {array.shape}".encode())
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 

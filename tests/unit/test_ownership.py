@@ -1,0 +1,135 @@
+"""A command never writes to its inputs, and replaces only files that cortet made and nobody changed since."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from cortet.errors import InputError
+from cortet.formats.atomic import atomic_folder, atomic_path, write_json
+from cortet.formats.ownership import MARKER, delete_made, guarded, hashes, is_ours, may_write
+
+
+def made(path: Path, text: str = "made") -> Path:
+    """A file with a record beside it."""
+    path.write_text(text)
+    write_json({"files": hashes([path])}, path.with_name(path.name + ".json"))
+    return path
+
+
+def write(path: Path, text: str = "new") -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_text(text)
+
+
+def test_without_a_guard_everything_may_be_written(tmp_path: Path) -> None:
+    write(tmp_path / "a", "one")
+    write(tmp_path / "a", "two")
+    assert (tmp_path / "a").read_text() == "two"
+
+
+@pytest.mark.parametrize("name", ["same", "link", "hard link", "other spelling", "through a linked folder"])
+@pytest.mark.parametrize("force", [False, True])
+def test_no_input_is_written_to_whatever_it_is_called(tmp_path: Path, name: str, force: bool) -> None:
+    given = tmp_path / "given"
+    given.write_text("mine")
+    (tmp_path / "folder").symlink_to(tmp_path)
+    spelled = {
+        "same": given,
+        "link": tmp_path / "link",
+        "hard link": tmp_path / "hard",
+        "other spelling": tmp_path / ".." / tmp_path.name / "given",
+        "through a linked folder": tmp_path / "folder/given",
+    }[name]
+    if name == "link":
+        spelled.symlink_to(given)
+    if name == "hard link":
+        os.link(given, spelled)
+    with pytest.raises(InputError, match="is an input of this command"), guarded([given], files=[spelled], force=force):
+        raise AssertionError("it was let through")
+    with guarded([given], force=force), pytest.raises(InputError, match="is an input"):
+        write(spelled)
+    assert given.read_text() == "mine" and spelled.exists()
+
+
+def test_a_file_of_others_is_replaced_only_when_forced(tmp_path: Path) -> None:
+    notes = tmp_path / "notes"
+    notes.write_text("mine")
+    with pytest.raises(InputError, match="no record beside it.*--force"), guarded([], files=[notes]):
+        raise AssertionError("it was let through")
+    with guarded([], files=[notes], force=True):
+        write(notes)
+    assert notes.read_text() == "new"
+
+
+def test_a_file_that_cortet_made_is_replaced_and_one_that_was_edited_since_is_not(tmp_path: Path) -> None:
+    path = made(tmp_path / "x.mesh")
+    with guarded([], files=[path, tmp_path / "x.mesh.json"]):
+        write(path, "again")
+    with pytest.raises(InputError, match="as it is now"), guarded([], files=[path]):
+        raise AssertionError("its record is of the file before")
+
+
+def test_a_command_may_write_its_own_file_again(tmp_path: Path) -> None:
+    with guarded([]):
+        write(tmp_path / "a", "one")
+        write(tmp_path / "a", "two")
+    with guarded([]), pytest.raises(InputError):
+        write(tmp_path / "a", "three")
+
+
+def test_no_file_of_several_moves_where_one_may_not(tmp_path: Path) -> None:
+    (tmp_path / "b").write_text("mine")
+    with guarded([]), pytest.raises(InputError, match=r"/b: exists"), atomic_folder(tmp_path / "a") as folder:
+        (folder / "a").write_text("new")
+        (folder / "b").write_text("new")
+    assert not (tmp_path / "a").exists() and (tmp_path / "b").read_text() == "mine"
+
+
+def test_only_what_a_record_lists_and_is_unchanged_is_deleted(tmp_path: Path) -> None:
+    first, second = made(tmp_path / "x.elem"), tmp_path / "x.lon"
+    second.write_text("made")
+    record = tmp_path / "x.json"
+    write_json({"files": hashes([first, second]) | {"../outside": "0", "x.gone": "0"}}, record)
+    second.write_text("edited")
+    delete_made(record)
+    assert not first.exists() and second.exists() and not record.exists()
+    stranger = tmp_path / "stranger.json"
+    stranger.write_text('{"name": "no record"}')
+    delete_made(stranger)
+    assert stranger.exists()
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"files": 3}', '{"files": {"x": 1}}'])
+def test_what_is_no_record_makes_nothing_ours(tmp_path: Path, content: str) -> None:
+    (tmp_path / "x").write_text("mine")
+    (tmp_path / "x.json").write_text(content)
+    assert not is_ours(tmp_path / "x")
+
+
+def test_a_folder_is_filled_if_it_is_new_empty_or_cortets(tmp_path: Path) -> None:
+    new, full, file = tmp_path / "new", tmp_path / "full", tmp_path / "file"
+    full.mkdir()
+    (full / "thesis").write_text("mine")
+    file.touch()
+    for _ in range(2):
+        with guarded([], claimed=[new]):
+            write(new / "a")
+            write(new / "b/c")
+    assert (new / MARKER).exists()
+    for folder, says in ((full, "that cortet did not make"), (file, "is a file")):
+        with pytest.raises(InputError, match=says), guarded([], claimed=[folder]):
+            raise AssertionError("it was let through")
+    assert [path.name for path in full.iterdir()] == ["thesis"]
+
+
+def test_an_input_within_its_own_folder_stays(tmp_path: Path) -> None:
+    with guarded([], claimed=[tmp_path / "run"]):
+        write(tmp_path / "run/settings", "mine")
+    with (
+        guarded([tmp_path / "run/settings"], claimed=[tmp_path / "run"]),
+        pytest.raises(InputError, match="is an input"),
+    ):
+        may_write(tmp_path / "run/settings")
