@@ -28,6 +28,7 @@ from breakages import BREAKAGES
 from fuzz import damaged
 
 from cortet.cohort.lock import NAME as LOCK
+from cortet.cohort.receipts import FOLDER as RECEIPTS
 from cortet.cohort.sheet import Case, write_sheet
 from cortet.formats.gifti import write_surface
 from cortet.formats.tsv import read_tsv
@@ -37,7 +38,7 @@ ROOT = Path(__file__).parents[1]
 #: mm; a hemisphere then has some thousands of tetrahedra
 CELL_SIZE = 3.0
 #: what tells of the jobs, not of the results
-_OF_JOBS = ("logs", "benchmarks", LOCK)
+_OF_JOBS = ("logs", "benchmarks", LOCK, RECEIPTS)
 #: one case in so many is broken; some breakages need deeper sulci than small surfaces have
 _BROKEN = 5
 _ON_SMALL = [

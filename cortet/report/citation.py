@@ -13,7 +13,7 @@ from typing import Any
 import cortet
 from cortet.formats.atomic import atomic_path
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: key -> type and fields of the BibTeX entry; of programs by the names that certificates give their versions
 REFERENCES: dict[str, tuple[str, dict[str, str]]] = {
@@ -104,8 +104,12 @@ REFERENCES: dict[str, tuple[str, dict[str, str]]] = {
         },
     ),
 }
-#: packages whose versions stand for another program
-_SAME = {"pygalmesh": "cgal"}
+#: programs by what S1 calls them
+_MESHERS = {"pygalmesh": "cgal", "lattice": "tetgen"}
+#: stage -> the program that does its work
+_PROGRAMS = {"relocate": "gmsh", "smooth_surface": "pymeshlab", "resample": "workbench"}
+#: libraries of every stage
+_LIBRARIES = ("numpy", "scipy", "numba")
 #: what LaTeX does not print as it stands
 _LATEX = {
     "\\": r"\textbackslash{}",
@@ -121,11 +125,12 @@ _LATEX = {
 
 
 def cited(certificates: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Keys of what a run used: the method, this software, and the programs that the certificates name."""
-    used = {_SAME.get(name, name) for content in certificates for name in content["versions"]}
-    resampled = any(content["reports"].get("resample") for content in certificates)
-    always = ["cortet", "cortetsoftware", *(["workbench"] if resampled else [])]
-    return [*always, *(key for key in REFERENCES if key in used and key not in always)]
+    """Keys of what a run used, by the reports of its stages: an installed program is not a program that was used."""
+    reports = [content["reports"] for content in certificates]
+    backends = {report["generate"].get("backend", "") for report in reports if "generate" in report}
+    used = {"cortet", "cortetsoftware", *_LIBRARIES, *(_MESHERS.get(name, name) for name in backends)}
+    used |= {program for stage, program in _PROGRAMS.items() if any(report.get(stage) for report in reports)}
+    return [key for key in REFERENCES if key in used]
 
 
 def write_citation(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -91,13 +92,20 @@ def _cohort(cases: Sequence[Case]) -> list[str]:
 
 def _exclusions(cases: Iterable[Case], failures: Mapping[str, str]) -> list[str]:
     excluded = [f"{case.name} ({case.exclude_reason})" for case in cases if not case.include]
-    failed = [f"{name} ({reason})" for name, reason in sorted(failures.items())]
+    failed = [f"{name} ({_for_readers(reason)})" for name, reason in sorted(failures.items())]
     sentences = []
     if excluded:
         sentences.append(f"{_counted(len(excluded), 'surface')} had been excluded: {'; '.join(excluded)}.")
     if failed:
         sentences.append(f"{_counted(len(failed), 'surface')} could not be meshed: {'; '.join(failed)}.")
     return sentences or ["No surface was excluded."]
+
+
+def _for_readers(reason: str) -> str:
+    """A reason without folders of this machine, and without the words of an exception that nobody foresaw."""
+    if re.match(r"[A-Za-z_.]*(Error|Exception|Exit)\b", reason):
+        return "an unexpected error; see cohort_status.tsv"
+    return re.sub(r"(?:~|\.{1,2})?(?:/[^\s/:;,()]+)*/([^\s/:;,()]+)", r"\1", reason)
 
 
 def _stages(certificates: Sequence[Certificate]) -> list[str]:

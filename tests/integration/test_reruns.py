@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from cortet.cohort.lock import NAME
+from cortet.cohort.receipts import FOLDER
 from cortet.formats.gifti import read_surface, write_surface
 from tests.integration.study import ROOT, Study, scaled, surface, twice
 
@@ -176,7 +177,9 @@ def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study: Study, 
     assert study.jobs_of_run()
     assert {row["state"] for row in study.status().values()} == {"certified"}
     assert not [
-        path for path in study.files("*") if path.name.startswith(".") and path.name not in (".bidsignore", NAME)
+        path
+        for path in study.files("*")
+        if path.name.startswith(".") and path.name not in (".bidsignore", NAME, FOLDER)
     ]
 
 

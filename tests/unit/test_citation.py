@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from cortet.config import load
+from cortet.pipeline import mesh_surface
 from cortet.report.citation import cited, write_citation
+from tests.unit.shapes import ball_surface
 
 METHODS = "Of 2 meshes, q = 1 - √2 · 6V / l³ < 0.6 in 100 % of sub-01_hemi-L."
 CERTIFICATES: list[dict[str, Any]] = [
-    {"versions": {"numpy": "2.0", "pygalmesh": "0.10", "python": "3.11"}, "reports": {"repair": {}}},
-    {"versions": {"numpy": "2.0", "tetgen": "0.6"}, "reports": {}},
+    {"reports": {"generate": {"mesher": "cgal", "backend": "pygalmesh"}}},
+    {"reports": {"generate": {"mesher": "lattice", "backend": "tetgen"}}},
 ]
 
 
@@ -25,8 +29,16 @@ def files(tmp_path: Path) -> dict[str, str]:
 
 
 def test_what_was_used_is_cited() -> None:
-    assert cited(CERTIFICATES) == ["cortet", "cortetsoftware", "tetgen", "cgal", "numpy"]
-    assert "workbench" in cited([{"versions": {}, "reports": {"resample": {"vertices": 40962}}}])
+    assert cited(CERTIFICATES) == ["cortet", "cortetsoftware", "tetgen", "cgal", "numpy", "scipy", "numba"]
+    more = {"resample": {"vertices": 40962}, "relocate": {"passes": 5}, "smooth_surface": {"iterations": 3}}
+    assert {"workbench", "gmsh", "pymeshlab"} <= {*cited([{"reports": more}])}
+
+
+def test_what_is_only_installed_is_not_cited() -> None:
+    """The certificate of a real mesh names every library that is installed here."""
+    certificate = mesh_surface(ball_surface(3, 12.0), load({"generate": {"cell_size": 4.0}})).certificate
+    assert {"gmsh", "pymeshlab"} <= certificate.versions.keys()
+    assert not {"gmsh", "pymeshlab", "cgal"} & {*cited([asdict(certificate)])}
 
 
 def test_every_key_that_is_cited_is_an_entry(files: dict[str, str]) -> None:

@@ -1,0 +1,168 @@
+"""No command changes or deletes a file that it was given, whatever it is told to write, and to where."""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import itertools
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from cortet.cli import main, parser
+from cortet.formats.gifti import write_fields, write_surface
+from cortet.phantom import phantom_with_sphere
+from tests.unit.shapes import ball_surface
+
+#: the user's files
+GIVEN = (
+    *("x.surf.gii", "inner.surf.gii", "sphere.surf.gii", "x.shape.gii", "x.vtu", "x.pts", "x.elem", "x.lon", "x.inp"),
+    *("settings.yaml", "notes.txt", "x.json", "ds/participants.tsv"),
+    *("ds/dataset_description.json", "ds/.bidsignore", "ds/sub-1/anat/sub-1_hemi-L_white.surf.gii", "old/notes.txt"),
+)
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command that would succeed; `OUT` stands for a file that it writes, `DIR` for a folder."""
+
+    words: str
+    #: of what it writes
+    suffix: str = ""
+
+
+COMMANDS = {
+    "mesh": [
+        Command("x.surf.gii --cell-size 5 --config settings.yaml -o OUT", ".vtu"),
+        Command("x.surf.gii --inner inner.surf.gii --cell-size 5 -o OUT", ".pts"),
+        Command("x.surf.gii --cell-size 5 --field t=x.shape.gii -o fresh.mesh --picture OUT", ".png"),
+        Command("x.surf.gii --cell-size 5 -o fresh.mesh --page OUT", ".html"),
+    ],
+    "stages": [Command("x.surf.gii --cell-size 5 -o OUT", ".tsv")],
+    "gate": [Command("x.surf.gii inner.surf.gii")],
+    "repair": [
+        Command("x.surf.gii --config settings.yaml -o OUT", ".surf.gii"),
+        Command("x.surf.gii -o fresh.surf.gii --picture OUT", ".png"),
+    ],
+    "resample": [Command("sphere.surf.gii --sphere sphere.surf.gii --field t=x.shape.gii -o OUT", ".surf.gii")],
+    "quality": [Command("x.vtu")],
+    "certify": [Command("x.vtu x.surf.gii -o OUT", ".json")],
+    "compare": [
+        Command("x.vtu x.inp --surface x.surf.gii -o OUT", ".html"),
+        Command("x.vtu x.inp --surface x.surf.gii -o fresh.html --table OUT", ".tsv"),
+    ],
+    "verify": [Command("x.inp")],
+    "convert": [Command("x.vtu OUT", suffix) for suffix in (".inp", ".pts", ".vtu", ".surf.gii")],
+    "quadratic": [Command("x.vtu x.surf.gii -o OUT", ".inp")],
+    "job": [Command("x.inp -o DIR")],
+    "picture": [Command("x.vtu -o OUT", ".png")],
+    "fold": [Command("x.vtu --ga 30 --end 30.001 --config settings.yaml -o DIR")],
+    "phantom": [
+        Command("--ga 24 --subdivisions 3 -o OUT", ".surf.gii"),
+        Command("--ga 24 --subdivisions 3 --sphere fresh.surf.gii --pial OUT -o other.surf.gii", ".surf.gii"),
+        Command("--ga 24 --subdivisions 3 -o fresh.surf.gii --sphere OUT", ".surf.gii"),
+    ],
+    "cohort": [Command("scan ds -o OUT", ".tsv"), Command("scan ds --force -o OUT", ".tsv")],
+    "run": [Command("ds DIR participant --dry-run --config settings.yaml")],
+    "doctor": [],
+}
+
+
+@pytest.fixture(scope="module")
+def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of files of a user."""
+    folder = tmp_path_factory.mktemp("given")
+    for name in GIVEN:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("mine")
+    surface = ball_surface(3, 14.0)
+    write_surface(surface, folder / "x.surf.gii")
+    write_surface(surface, folder / "ds/sub-1/anat/sub-1_hemi-L_white.surf.gii")
+    write_surface(ball_surface(3, 8.0), folder / "inner.surf.gii")
+    write_surface(phantom_with_sphere(24.0, subdivisions=3)[1], folder / "sphere.surf.gii")
+    write_fields({"t": surface.points[:, 0]}, folder / "x.shape.gii")
+    (folder / "settings.yaml").write_text("generate:\n  cell_size: 5.0\n")
+    (folder / "ds/participants.tsv").write_text("participant_id\tscan_age\nsub-1\t24\n")
+    (folder / "ds/dataset_description.json").write_text(json.dumps({"Name": "raw", "BIDSVersion": "1.9.0"}))
+    for end in (".vtu", ".inp", ".pts"):
+        assert (
+            main(["mesh", str(folder / "x.surf.gii"), "--cell-size", "5", "--force", "-o", str(folder / f"x{end}")])
+            == 0
+        )
+    for record in [*folder.glob("x.*.json"), *folder.glob("x.meshed*")]:
+        record.unlink()  # so that the meshes are the user's
+    return folder
+
+
+def contents(folder: Path) -> dict[str, str]:
+    return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in GIVEN}
+
+
+def run(words: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> int:
+    monkeypatch.chdir(folder)
+    try:
+        return main(words.split())
+    except SystemExit as stop:  # wrong usage
+        return int(stop.code or 0)
+
+
+def everything_that_is_written() -> Iterator[tuple[str, Command]]:
+    for name, commands in COMMANDS.items():
+        yield from ((name, command) for command in commands)
+
+
+def test_every_command_is_tried() -> None:
+    (commands,) = (action for action in parser()._actions if isinstance(action, argparse._SubParsersAction))
+    assert set(COMMANDS) == set(commands.choices)
+
+
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [pytest.param(*one, id=f"{one[0]} {one[1].words}{one[1].suffix}") for one in everything_that_is_written()],
+)
+def test_no_command_changes_or_deletes_a_file_that_was_there(
+    given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, command: Command
+) -> None:
+    before = contents(given)
+    (tmp_path / "link").symlink_to(given)
+    targets = [*GIVEN, "ds", "old", "."] if "DIR" in command.words else GIVEN
+    spellings = ["{}", "ds/../{}", f"{tmp_path}/link/{{}}"]
+    tried = (
+        itertools.product(targets, spellings, ["", " --force"])
+        if "OUT" in command.words or "DIR" in command.words
+        else []
+    )
+    for target, spelling, force in tried:
+        place = spelling.format(target)
+        if force and (" --force" in command.words or name in ("cohort", "run") or not is_input(target, command, name)):
+            continue  # the user has said that this one may be replaced
+        words = f"{name} {command.words}{force}".replace("OUT", place).replace("DIR", place)
+        assert run(words, given, monkeypatch) != 0 or (name, target) == ("run", "old"), words
+        assert contents(given) == before, words
+    fresh = tmp_path / "fresh"
+    allowed = f"{name} {command.words}".replace("OUT", f"{fresh}{command.suffix}").replace("DIR", str(fresh))
+    if name != "run":  # which the integration tests run
+        assert run(allowed.replace("fresh.", f"{fresh}.").replace("other.", f"{fresh}-other."), given, monkeypatch) in (
+            0,
+            1,
+        )
+    assert contents(given) == before, allowed
+
+
+def is_input(target: str, command: Command, name: str) -> bool:
+    return target in command.words.replace("=", " ").split()
+
+
+def test_an_uncertified_mesh_leaves_nothing_of_an_earlier_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_surface(ball_surface(3, 14.0), tmp_path / "a.surf.gii")
+    mesh = "mesh a.surf.gii --cell-size 5 -o x.pts --page x.html"
+    assert run(mesh, tmp_path, monkeypatch) == 0
+    assert {"x.pts", "x.elem", "x.lon", "x.pts.json", "x.meshed.surf.gii"} <= {path.name for path in tmp_path.iterdir()}
+    (tmp_path / "x.notes").write_text("mine")
+    (tmp_path / "strict.yaml").write_text("certify:\n  q_max: 0.01\n")
+    assert run("mesh a.surf.gii --cell-size 5 --config strict.yaml -o x.pts", tmp_path, monkeypatch) == 1
+    left = {"a.surf.gii", "strict.yaml", "x.notes", "x.certificate.json", "x.meshed.surf.gii"}
+    assert {path.name for path in tmp_path.iterdir()} == left
