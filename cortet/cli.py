@@ -640,7 +640,7 @@ def _phantom(args: argparse.Namespace) -> int:
 
 
 def _scan(args: argparse.Namespace) -> int:
-    from cortet.cohort.sheet import add_to_sheet, scan, write_sheet
+    from cortet.cohort.sheet import add_to_sheet, ageless_notice, scan, write_sheet
     from cortet.config import load
 
     exists = args.output.exists()
@@ -656,11 +656,9 @@ def _scan(args: argparse.Namespace) -> int:
         print(f"{args.output}: {found} surfaces, {len(cases)} of them new and added")
     else:
         write_sheet(cases, args.output)
-        excluded = sum(not case.include for case in cases)
-        print(f"{args.output}: {len(cases)} surfaces, {excluded} of them excluded")
-    for case in cases:
-        if not case.include:
-            print(f"  {case.name}: {case.exclude_reason}")
+        print(f"{args.output}: {len(cases)} surfaces")
+    for notice in ageless_notice(cases):
+        print(f"  {notice}")
     return 0
 
 
@@ -668,21 +666,15 @@ def _run(args: argparse.Namespace) -> int:
     import time
 
     from cortet.cohort import app
+    from cortet.cohort.sheet import ageless_notice
 
     began = time.time()
     work = args.work_dir or app.work_folder(args.output_dir)
     selection = app.Selection(args.participants, args.sessions, args.hemi)
     cases = app.prepare(args.bids_dir, args.output_dir, work, selection, _settings(args))
-    left_out = [case for case in cases if not case.include]
-    print(f"{len(cases) - len(left_out)} surfaces of {args.bids_dir}", flush=True)
-    for case in left_out:
-        print(f"  without {case.name}: {case.exclude_reason}", flush=True)
-    if len(left_out) == len(cases):
-        raise InputError(
-            "no surface has an age",
-            file=args.bids_dir,
-            remedy="give it in weeks in participants.tsv or the sessions tables, column scan_age",
-        )
+    print(f"{len(cases)} surfaces of {args.bids_dir}", flush=True)
+    for notice in ageless_notice(cases):
+        print(f"  {notice}", flush=True)
     code = app.snakemake(
         work, args.level, cores=args.cores or os.cpu_count() or 1, profile=args.profile, dry_run=args.dry_run
     )

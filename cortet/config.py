@@ -540,12 +540,25 @@ class Config(Section):
         """Whether the line of stages contains `stage`."""
         return bool(getattr(getattr(self, stage, None), "enabled", True))
 
-    def line(self, *, nested: bool = False, registered: bool = False) -> list[Stage]:
-        """The stages that run, in their order; `nested`: on a surface with inner ones, `registered`: with a sphere."""
+    def smooths(self, *, aged: bool) -> bool:
+        """Whether the surface of a case is smoothed: how much depends on its age, so not where that is unknown."""
+        return self.enabled("smooth_surface") and aged
+
+    def line(self, *, nested: bool = False, registered: bool = False, aged: bool = True) -> list[Stage]:
+        """The stages that run, in their order.
+
+        Parameters
+        ----------
+        nested : whether the surface has inner ones
+        registered : whether it has a sphere
+        aged : whether its age is known
+        """
         return [
             stage
             for stage in STAGES.values()
-            if self.enabled(stage.name) and (nested or not stage.nested) and (registered or not stage.registered)
+            if (self.smooths(aged=aged) if stage.name == "smooth_surface" else self.enabled(stage.name))
+            and (nested or not stage.nested)
+            and (registered or not stage.registered)
         ]
 
     def require_programs(self) -> None:

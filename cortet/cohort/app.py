@@ -86,7 +86,7 @@ def prepare(dataset: Path, output: Path, work: Path, selection: Selection, setti
 
     Returns
     -------
-    The cases on the sheet, those without an age among them.
+    The cases on the sheet, those of unknown age among them.
 
     Raises
     ------

@@ -52,6 +52,8 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 _RowsByParticipant = dict[str, list[dict[str, str]]]
 
 _MISSING = {"", "n/a"}
+#: names of cases that a message lists
+_MOST_NAMES = 5
 #: names of sets that every mesh for a solver has
 _STANDING = ("core", "tissue")
 _YES, _NO = {"yes", "true", "1"}, {"no", "false", "0"}
@@ -68,7 +70,7 @@ class Case:
     session: str | None
     #: L, R, or None for a whole brain
     hemi: str | None
-    #: gestational age at scan, weeks; None only in excluded rows
+    #: gestational age at scan, weeks; None where it is not known: such a case is neither smoothed nor folded
     scan_age: float | None
     #: GIfTI file, or `PHANTOM`
     surface: Path | str
@@ -198,13 +200,36 @@ def _says_yes(case: Case, column: str) -> bool:
 def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
     """The cases that are folded: those that the configuration says, or else the column `fold` where there is one.
 
+    A fold starts at an age: of all cases, or of a number of them, those without one take no part.
+
     Raises
     ------
-    InputError : as `chosen`
+    InputError : as `chosen`; or a case that is asked for has no age
     """
     if which is None:
         which = {"column": FOLD} if any(FOLD in case.extra for case in cases) else []
-    return chosen(cases, which)
+    if isinstance(which, (str, int)):
+        return chosen(aged(cases), which)
+    asked = chosen(cases, which)
+    if ageless := [case.name for case in asked if case.scan_age is None]:
+        raise InputError(
+            f"{', '.join(ageless)}: to be folded, but without an age, at which the fold would start",
+            remedy="give the age in column scan_age of the cohort sheet, gestational weeks, or do not fold the case",
+        )
+    return asked
+
+
+def aged(cases: Sequence[Case]) -> list[Case]:
+    """The cases whose age is known."""
+    return [case for case in cases if case.scan_age is not None]
+
+
+def ageless_notice(cases: Sequence[Case]) -> list[str]:
+    """What becomes of the cases whose age is not known, in words; nothing where all have one."""
+    names = [case.name for case in cases if case.scan_age is None]
+    shown = ", ".join([*names[:_MOST_NAMES], *(["..."] if len(names) > _MOST_NAMES else [])])
+    told = f"{len(names)} without an age (column scan_age), not smoothed by age and not folded: {shown}"
+    return [told] if names else []
 
 
 def write_sheet(cases: Sequence[Case], path: Path) -> None:
@@ -261,7 +286,7 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
 def scan(directory: Path, patterns: Scan | None = None) -> list[Case]:
     """The hemispheres of a dHCP-like release, sorted by name.
 
-    A case whose age at scan is in no table is excluded, with that reason, rather than dropped.
+    A case whose age at scan is in no table has none.
 
     Raises
     ------
@@ -285,12 +310,9 @@ def scan(directory: Path, patterns: Scan | None = None) -> list[Case]:
     cases = []
     for (participant, session, hemi), path in sorted(found.items(), key=lambda item: [part or "" for part in item[0]]):
         age = _scan_age(directory, participant, session, patterns, tables)
-        reason = "" if age is not None else "no scan age in the sessions or participants table"
         surface, inner = _around(path) if patterns.pial else (path, {})
         sphere = _sphere_of(path, patterns.spheres)
-        cases.append(
-            Case(participant, session, hemi, age, surface, age is not None, reason, inner=inner, sphere=sphere)
-        )
+        cases.append(Case(participant, session, hemi, age, surface, inner=inner, sphere=sphere))
     return cases
 
 
@@ -324,16 +346,21 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
         yield f"column hemi: {row['hemi']!r}, but a {PHANTOM} is one hemisphere (use L or R)"
     if row["include"].lower() not in _YES | _NO:
         yield f"column include: {row['include']!r} is no decision (use yes or no)"
-    included = row["include"].lower() in _YES
-    if not included and row["exclude_reason"] in _MISSING:
+    if row["include"].lower() in _NO and row["exclude_reason"] in _MISSING:
         yield f"column exclude_reason: {row['exclude_reason']!r} does not say why the row is excluded (give a reason)"
-    if included or row["scan_age"] not in _MISSING:
-        age, (youngest, oldest) = _number(row["scan_age"]), SCAN_AGE_RANGE
-        if age is None or not youngest <= age <= oldest:
+    youngest, oldest = SCAN_AGE_RANGE
+    if row["scan_age"] in _MISSING:
+        if row["surface"] == PHANTOM:
             yield (
-                f"column scan_age: {row['scan_age']!r} is no age in gestational weeks "
-                f"(use a number from {youngest:g} to {oldest:g})"
+                f"column scan_age: {row['scan_age']!r}, but a {PHANTOM} is made for an age "
+                f"(use a number from {youngest:g} to {oldest:g}, gestational weeks)"
             )
+    elif not youngest <= (_number(row["scan_age"]) or math.nan) <= oldest:
+        yield (
+            f"column scan_age: {row['scan_age']!r} is no age in gestational weeks "
+            f"(use a number from {youngest:g} to {oldest:g}, or n/a where the age is not known: "
+            "the surface is then not smoothed by age)"
+        )
     for column, value in row.items():
         if column == "surface" and value in _MISSING:
             yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
