@@ -650,7 +650,7 @@ def _scan(args: argparse.Namespace) -> int:
             file=args.output,
             remedy="add --update to append new cases to it, --force to replace it, or give another name",
         )
-    cases = scan(args.folder, load(args.config).cohort.scan if args.config else None)
+    cases = scan(args.folder, load(args.config).cohort.scan if args.config else None, print)
     if exists and args.update:
         found, cases = len(cases), add_to_sheet(cases, args.output)
         print(f"{args.output}: {found} surfaces, {len(cases)} of them new and added")
@@ -671,7 +671,7 @@ def _run(args: argparse.Namespace) -> int:
     began = time.time()
     work = args.work_dir or app.work_folder(args.output_dir)
     selection = app.Selection(args.participants, args.sessions, args.hemi)
-    cases = app.prepare(args.bids_dir, args.output_dir, work, selection, _settings(args))
+    cases = app.prepare(args.bids_dir, args.output_dir, work, selection, _settings(args), print)
     print(f"{len(cases)} surfaces of {args.bids_dir}", flush=True)
     for notice in ageless_notice(cases):
         print(f"  {notice}", flush=True)

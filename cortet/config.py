@@ -104,7 +104,9 @@ class Scan(Section):
     participants: str = "participants.tsv"
     """Table of all participants, used where the sessions table has no age."""
     age_columns: list[str] = ["scan_age", "gestational_age", "ga", "age"]
-    """Columns that may hold the age at scan, gestational weeks; the first that exists is read."""
+    """Columns that may hold the gestational age at scan; the first that exists is read, in the unit that the sidecar of
+    the table gives (Units), else in weeks. The column age of BIDS counts from birth, in years: it is read where its
+    sidecar says weeks, or where this key is set."""
 
 
 class Cohort(Section):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -77,12 +77,20 @@ def workflow() -> Path:
     raise InputError("no Snakefile in the package", file=package, remedy="install cortet from its wheel or a checkout")
 
 
-def prepare(dataset: Path, output: Path, work: Path, selection: Selection, settings: Mapping[str, Any]) -> list[Case]:
+def prepare(
+    dataset: Path,
+    output: Path,
+    work: Path,
+    selection: Selection,
+    settings: Mapping[str, Any],
+    say: Callable[[str], object] = lambda _: None,
+) -> list[Case]:
     """Write the cohort sheet and the configuration of a run.
 
     Parameters
     ----------
     settings : sections of the configuration, as of its file
+    say : is told where the ages come from
 
     Returns
     -------
@@ -94,7 +102,7 @@ def prepare(dataset: Path, output: Path, work: Path, selection: Selection, setti
         no surface is found or selected, or the settings are wrong
     """
     cohort = dict(settings.get("cohort") or {})
-    chosen = selection.of(scan(dataset, load({"cohort": cohort}).cohort.scan), dataset)
+    chosen = selection.of(scan(dataset, load({"cohort": cohort}).cohort.scan, say), dataset)
     work.mkdir(parents=True, exist_ok=True)
     sheet, file = work / "cohort.tsv", work / "config.yaml"
     write_sheet(chosen, sheet)

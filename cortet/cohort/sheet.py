@@ -17,11 +17,12 @@ import glob
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cortet.cohort.ages import SCAN_AGE_RANGE, ages_at_scan, number
 from cortet.config import Cases, Scan
 from cortet.errors import InputError
 from cortet.formats.placement import UNITS
@@ -32,8 +33,6 @@ COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "inclu
 #: value of column `surface` that stands for a synthetic cortex of the row's age and hemisphere, of column `inner` for a
 #: white surface within it, and of column `sphere` for its sphere
 PHANTOM = "phantom"
-#: ages a surface can plausibly have, gestational weeks: below there is no cortical plate to mesh, above lies infancy
-SCAN_AGE_RANGE = (12.0, 60.0)
 FIELD_PREFIX = "field_"
 #: columns of inner surfaces: `inner` names that of the region `white`, `inner_NAME` that of the region NAME
 INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
@@ -47,9 +46,6 @@ FOLD = "fold"
 LONGEST_LABEL = 40
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
-
-#: rows of a table, column -> value, by the participant's label
-_RowsByParticipant = dict[str, list[dict[str, str]]]
 
 _MISSING = {"", "n/a"}
 #: names of cases that a message lists
@@ -283,10 +279,10 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
     }
 
 
-def scan(directory: Path, patterns: Scan | None = None) -> list[Case]:
+def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], object] = lambda _: None) -> list[Case]:
     """The hemispheres of a dHCP-like release, sorted by name.
 
-    A case whose age at scan is in no table has none.
+    A case whose age at scan is in no table has none. `say` is told where the ages come from, and what is not read.
 
     Raises
     ------
@@ -306,14 +302,26 @@ def scan(directory: Path, patterns: Scan | None = None) -> list[Case]:
             file=directory,
             remedy="check the folder, or set cohort.scan.surfaces; looked for " + ", ".join(patterns.surfaces),
         )
-    tables: dict[Path, _RowsByParticipant] = {}
+    sessions = list(dict.fromkeys((participant, session) for participant, session, _ in found))
+    tables = {key: _age_tables(directory, *key, patterns) for key in sessions}
+    named = "age_columns" in patterns.model_fields_set
+    ages, told = ages_at_scan(sessions, tables, patterns.age_columns, named=named)
+    for sentence in told:
+        say(sentence)
     cases = []
     for (participant, session, hemi), path in sorted(found.items(), key=lambda item: [part or "" for part in item[0]]):
-        age = _scan_age(directory, participant, session, patterns, tables)
         surface, inner = _around(path) if patterns.pial else (path, {})
         sphere = _sphere_of(path, patterns.spheres)
-        cases.append(Case(participant, session, hemi, age, surface, inner=inner, sphere=sphere))
+        cases.append(
+            Case(participant, session, hemi, ages.get((participant, session)), surface, inner=inner, sphere=sphere)
+        )
     return cases
+
+
+def _age_tables(directory: Path, participant: str, session: str | None, patterns: Scan) -> list[tuple[str, Path]]:
+    """Tables that may hold the age of a session, that which counts most first: what it is called, and where it is."""
+    labels = {"participant": participant, "session": session}
+    return [(name, directory / _formatted(name, labels)) for name in (patterns.sessions, patterns.participants)]
 
 
 def _sphere_of(path: Path, endings: Sequence[str]) -> Path | None:
@@ -355,7 +363,7 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
                 f"column scan_age: {row['scan_age']!r}, but a {PHANTOM} is made for an age "
                 f"(use a number from {youngest:g} to {oldest:g}, gestational weeks)"
             )
-    elif not youngest <= (_number(row["scan_age"]) or math.nan) <= oldest:
+    elif not youngest <= (number(row["scan_age"]) or math.nan) <= oldest:
         yield (
             f"column scan_age: {row['scan_age']!r} is no age in gestational weeks "
             f"(use a number from {youngest:g} to {oldest:g}, or n/a where the age is not known: "
@@ -420,7 +428,7 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
         participant=row["participant_id"].removeprefix("sub-"),
         session=None if session in _MISSING else session,
         hemi=None if hemi in _MISSING else _HEMI[hemi.lower()],
-        scan_age=_number(row["scan_age"]),
+        scan_age=number(row["scan_age"]),
         surface=PHANTOM if row["surface"] == PHANTOM else _located(row["surface"], folder),
         include=include,
         exclude_reason="" if include else row["exclude_reason"],
@@ -473,14 +481,6 @@ def _relative(path: Path | str, folder: Path) -> str:
     return os.path.relpath(target, start) if target.is_relative_to(start.parent) else str(target)
 
 
-def _number(text: str | None) -> float | None:
-    try:
-        value = float(text or "")
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
-
-
 def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, str]]]:
     """Files below `directory` that fit a pattern, with the values of its placeholders."""
     if "{participant}" not in pattern or not pattern.strip() or Path(pattern).is_absolute() or "\0" in pattern:
@@ -497,33 +497,3 @@ def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, st
     for path in sorted(directory.glob("*".join(parts[::2]))):
         if match := re.fullmatch(expression, path.relative_to(directory).as_posix()):
             yield path, match.groupdict()
-
-
-def _scan_age(
-    directory: Path, participant: str, session: str | None, patterns: Scan, tables: dict[Path, _RowsByParticipant]
-) -> float | None:
-    """Age of a session from the sessions table, else from the participants table; `tables` caches what was read."""
-    keys = {"participant_id": participant, "session_id": session}
-    for name in (patterns.sessions, patterns.participants):
-        path = directory / _formatted(name, {"participant": participant, "session": session})
-        if path not in tables:
-            tables[path] = _rows_by_participant(path) if path.exists() else {}
-        for row in tables[path].get(participant, []) + tables[path].get("", []):
-            fits = all(_label(row[key]) == label for key, label in keys.items() if label and key in row)
-            ages = [_number(row[column]) for column in patterns.age_columns if column in row]
-            if fits and ages and ages[0] is not None:
-                return ages[0]
-    return None
-
-
-def _rows_by_participant(path: Path) -> _RowsByParticipant:
-    """Rows of a table by the participant's label, which is empty where the table has no such column."""
-    table, _ = read_uneven_tsv(path)
-    found: _RowsByParticipant = {}
-    for row in table.to_dict("records"):
-        found.setdefault(_label(row.get("participant_id", "")), []).append(row)
-    return found
-
-
-def _label(text: str) -> str:
-    return re.sub("^(sub|ses)-", "", text)

@@ -39,7 +39,8 @@ def series_figure(brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]]) 
 
     Parameters
     ----------
-    brains : age in weeks, None where it is not known, and the meshes of a brain by hemisphere (`L`, `R`, or `n/a` for all of it)
+    brains : age in weeks, None where it is not known, and the meshes of a brain by hemisphere (`L`, `R`, or `n/a` for
+        all of it)
     """
     hemispheres = [[hemi for hemi in _HEMISPHERES if hemi in meshes] for _, meshes in brains]
     several = max(map(len, hemispheres)) > 1
