@@ -721,7 +721,7 @@ def _phantom(args: argparse.Namespace) -> int:
 
 
 def _scan(args: argparse.Namespace) -> int:
-    from cortet.cohort.sheet import add_to_sheet, read_header, scan, write_sheet
+    from cortet.cohort.sheet import add_to_sheet, ageless_notice, read_header, scan, write_sheet
     from cortet.config import load
 
     exists = args.output.exists()
@@ -733,17 +733,15 @@ def _scan(args: argparse.Namespace) -> int:
         )
     if exists:
         read_header(args.output)  # no other table is replaced, whatever is forced
-    cases = scan(args.folder, load(args.config).cohort.scan if args.config else None)
+    cases = scan(args.folder, load(args.config).cohort.scan if args.config else None, print)
     if exists and args.update:
         found, cases = len(cases), add_to_sheet(cases, args.output)
         print(f"{args.output}: {found} surfaces, {len(cases)} of them new and added")
     else:
         write_sheet(cases, args.output)
-        excluded = sum(not case.include for case in cases)
-        print(f"{args.output}: {len(cases)} surfaces, {excluded} of them excluded")
-    for case in cases:
-        if not case.include:
-            print(f"  {case.name}: {case.exclude_reason}")
+        print(f"{args.output}: {len(cases)} surfaces")
+    for notice in ageless_notice(cases):
+        print(f"  {notice}")
     return 0
 
 
@@ -751,20 +749,14 @@ def _run(args: argparse.Namespace) -> int:
     import time
 
     from cortet.cohort import app
+    from cortet.cohort.sheet import ageless_notice
 
     began = time.time()
     settings, selection = _settings(args), app.Selection(args.participants, args.sessions, args.hemi)
-    cases = app.find(args.bids_dir, selection, settings)
-    left_out = [case for case in cases if not case.include]
-    print(f"{len(cases) - len(left_out)} surfaces of {args.bids_dir}", flush=True)
-    for case in left_out:
-        print(f"  without {case.name}: {case.exclude_reason}", flush=True)
-    if len(left_out) == len(cases):
-        raise InputError(
-            "no surface has an age",
-            file=args.bids_dir,
-            remedy="give it in weeks in participants.tsv or the sessions tables, column scan_age",
-        )
+    cases = app.find(args.bids_dir, selection, settings, print)
+    print(f"{len(cases)} surfaces of {args.bids_dir}", flush=True)
+    for notice in ageless_notice(cases):
+        print(f"  {notice}", flush=True)
     with app.lock(args.bids_dir, args.output_dir):
         work = args.work_dir or app.work_folder(args.output_dir)
         app.prepare(cases, args.bids_dir, args.output_dir, work, settings)

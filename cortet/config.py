@@ -104,7 +104,9 @@ class Scan(Section):
     participants: str = "participants.tsv"
     """Table of all participants, used where the sessions table has no age."""
     age_columns: list[str] = ["scan_age", "gestational_age", "ga", "age"]
-    """Columns that may hold the age at scan, gestational weeks; the first that exists is read."""
+    """Columns that may hold the gestational age at scan; the first that exists is read, in the unit that the sidecar of
+    the table gives (Units), else in weeks. The column age of BIDS counts from birth, in years: it is read where its
+    sidecar says weeks, or where this key is set."""
 
 
 class Cohort(Section):
@@ -540,12 +542,25 @@ class Config(Section):
         """Whether the line of stages contains `stage`."""
         return bool(getattr(getattr(self, stage, None), "enabled", True))
 
-    def line(self, *, nested: bool = False, registered: bool = False) -> list[Stage]:
-        """The stages that run, in their order; `nested`: on a surface with inner ones, `registered`: with a sphere."""
+    def smooths(self, *, aged: bool) -> bool:
+        """Whether the surface of a case is smoothed: how much depends on its age, so not where that is unknown."""
+        return self.enabled("smooth_surface") and aged
+
+    def line(self, *, nested: bool = False, registered: bool = False, aged: bool = True) -> list[Stage]:
+        """The stages that run, in their order.
+
+        Parameters
+        ----------
+        nested : whether the surface has inner ones
+        registered : whether it has a sphere
+        aged : whether its age is known
+        """
         return [
             stage
             for stage in STAGES.values()
-            if self.enabled(stage.name) and (nested or not stage.nested) and (registered or not stage.registered)
+            if (self.smooths(aged=aged) if stage.name == "smooth_surface" else self.enabled(stage.name))
+            and (nested or not stage.nested)
+            and (registered or not stage.registered)
         ]
 
     def require_programs(self) -> None:

@@ -63,8 +63,8 @@ def stages(
     nested : whether there are inner surfaces
     registered : whether there is a sphere
     """
-    names = [stage.name for stage in config.line(nested=nested, registered=registered)]
-    return [name for name in names if name != "smooth_surface" or gestational_age is not None]
+    line = config.line(nested=nested, registered=registered, aged=gestational_age is not None)
+    return [stage.name for stage in line]
 
 
 def run(

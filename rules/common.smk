@@ -12,7 +12,7 @@ from snakemake.logging import logger
 from cortet import __version__
 from cortet.cohort.bids import Places, descriptions
 from cortet.cohort.receipts import content
-from cortet.cohort.sheet import PHANTOM, folded, read_sheet
+from cortet.cohort.sheet import PHANTOM, ageless_notice, folded, read_sheet
 from cortet.config import load, read, version_of
 from cortet.errors import CortetError
 from cortet.formats import FORMATS
@@ -56,6 +56,8 @@ os.environ.update(CORTET_OUTPUT=OUT, CORTET_RAW=RAW)
 # the first stage reads the files of the sheet
 REPAIRS = CONFIG.enabled("repair")
 CASES = {case.name: case for case in SHEET if case.include}
+for notice in ageless_notice(list(CASES.values())):
+    logger.warning(notice)
 try:
     CONFIG.require_nesting(any(case.inner for case in CASES.values()))
 except CortetError as error:
@@ -300,13 +302,29 @@ def origin_of_mesh(stage, case, res, mesher, setting=""):
     }
 
 
-# the surface that is meshed, and that every later stage measures against
-MESHED_SURFACE = surface_file([stage.label for stage in CONFIG.line() if stage.gives == "surface"][-1])
+def is_aged(wildcards):
+    """Whether the age of a case is known."""
+    return CASES[wildcards.case].scan_age is not None
 
 
-# the inner surfaces as S1 meshes them, and as they are before `separate`, which depends on the cell size
+def last_of_surface(wildcards):
+    """Label of the last stage that changes the surface of a case, or each of its inner ones, by itself."""
+    line = CONFIG.line(aged=is_aged(wildcards))
+    return [stage.label for stage in line if stage.gives == "surface"][-1]
+
+
+def meshed_surface(wildcards):
+    """The surface that is meshed, and that every later stage measures against."""
+    return surface_file(last_of_surface(wildcards))
+
+
+# the inner surfaces as S1 meshes them
 INNER_SURFACE = inner_file(STAGES["separate"].label, res="{res}um")
-SMOOTHED_INNER = inner_file(STAGES["smooth_surface" if CONFIG.enabled("smooth_surface") else "gate"].label)
+
+
+def inner_before_separating(wildcards):
+    """The inner surfaces of a case as they are before `separate`, which depends on the cell size."""
+    return inner_of(inner_file(last_of_surface(wildcards)))(wildcards)
 
 
 def inner_of(pattern):
@@ -418,7 +436,7 @@ def reports_of(wildcards):
             return surface_file(stage.label, "white.json")
         return mesh_file(stage.label, "tetmesh.json")
 
-    line = setting_of(wildcards).line(nested=bool(inner), registered=is_resampled(wildcards))
+    line = setting_of(wildcards).line(nested=bool(inner), registered=is_resampled(wildcards), aged=is_aged(wildcards))
     files = {stage.name: report(stage) for stage in line}
     # each report of `separate` is about all inner surfaces
     first = {"inner": next(iter(inner), "")}
@@ -545,7 +563,7 @@ def shown_on_page(wildcards):
         return {"surface": existing(phantom if case.is_phantom else case.surface)}
     return {
         "surface": surface_of(wildcards),
-        "meshed": MESHED_SURFACE,
+        "meshed": meshed_surface(wildcards),
         "mesh": mesh_file("Solver"),
         "certificate": CERTIFICATE,
     }

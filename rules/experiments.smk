@@ -7,7 +7,7 @@ None of this is part of `all`; ask for `tables`, `figures` or `report`.
 checkpoint baseline:
     """S1 by a mesher of another project; where it fails, the mesh is empty and the report says why."""
     input:
-        surface=MESHED_SURFACE,
+        surface=meshed_surface,
     output:
         mesh=mesh_file("Generated"),
         report=mesh_file("Generated", "tetmesh.json"),

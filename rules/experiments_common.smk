@@ -2,7 +2,7 @@
 
 import json
 
-from cortet.cohort.sheet import chosen
+from cortet.cohort.sheet import chosen, folded
 from cortet.report.ablated import ABLATED
 
 EXPERIMENTS = CONFIG.experiments
@@ -12,10 +12,10 @@ OWN_MESHERS = list(
 )
 
 
-def cases_of(section):
+def cases_of(section, choose=chosen):
     """The cases of an experiment; those with inner surfaces, which the meshers compared do not know, take no part."""
     try:
-        return chosen([case for case in CASES.values() if not case.inner], section)
+        return choose([case for case in CASES.values() if not case.inner], section)
     except CortetError as error:
         raise WorkflowError(str(error)) from None
 
@@ -119,7 +119,10 @@ def series():
         if (case.participant, case.session) in chosen_brains and mesh not in MISSING:
             brain = brains.setdefault((case.participant, case.session), {"age": case.scan_age, "meshes": {}})
             brain["meshes"][case.hemi or "n/a"] = mesh
-    return sorted(brains.values(), key=lambda brain: (brain["age"], list(brain["meshes"].values())))
+    # those of unknown age last
+    return sorted(
+        brains.values(), key=lambda brain: (brain["age"] is None, brain["age"] or 0, list(brain["meshes"].values()))
+    )
 
 
 def realisation_of(wildcards):
@@ -145,7 +148,7 @@ def convergence_runs():
             )
             for name in ("record.json", "fold.tsv", "start.surf.gii", "folded.surf.gii")
         ]
-        for case in cases_of(experiment.cases)
+        for case in cases_of(experiment.cases, folded)
         for size in experiment.cell_size
         for mesher in experiment.meshers
         for seed in experiment.seeds

@@ -7,7 +7,7 @@ Each stage measures the mesh that it made, while it has it in memory.
 rule generate:
     """S1: fill the surface with tetrahedra."""
     input:
-        surface=MESHED_SURFACE,
+        surface=meshed_surface,
         inner=inner_of(INNER_SURFACE),
         fields=size_field_of,
     output:
@@ -39,7 +39,7 @@ rule transfer:
     """S2: carry the fields of the surface to the nodes; write the mesh for openCARP and meshtool."""
     input:
         mesh=mesh_before("transfer"),
-        surface=MESHED_SURFACE,
+        surface=meshed_surface,
         inner=inner_of(INNER_SURFACE),
         fields=fields_of,
     output:
@@ -97,7 +97,7 @@ rule clean:
     """S4: move vertices until the worst tetrahedra are good."""
     input:
         mesh=mesh_before("clean"),
-        surface=MESHED_SURFACE,
+        surface=meshed_surface,
         inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("Cleaned")),
@@ -126,7 +126,7 @@ rule reconnect:
     """S4+: reconnect tetrahedra that moving vertices cannot improve."""
     input:
         mesh=mesh_before("reconnect"),
-        surface=MESHED_SURFACE,
+        surface=meshed_surface,
         inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("Reconnected")),
@@ -155,7 +155,7 @@ rule smooth_boundary:
     """Smooth the boundary, which the elements below follow, and clean these again."""
     input:
         mesh=mesh_before("smooth_boundary"),
-        surface=MESHED_SURFACE,
+        surface=meshed_surface,
         inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("BoundarySmoothed")),
@@ -184,7 +184,7 @@ rule snap:
     """S6: put the boundary back onto the surface."""
     input:
         mesh=mesh_before("snap"),
-        surface=MESHED_SURFACE,
+        surface=meshed_surface,
         inner=inner_of(INNER_SURFACE),
     output:
         mesh=intermediate(mesh_file("Snapped")),
@@ -213,7 +213,7 @@ rule solver_ready:
     """S5: order nodes and elements as solvers want them; carry the fields onto the final positions."""
     input:
         mesh=mesh_before("solver_ready"),
-        surface=MESHED_SURFACE,
+        surface=meshed_surface,
         inner=inner_of(INNER_SURFACE),
         fields=fields_of,
     output:

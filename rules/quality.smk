@@ -5,7 +5,7 @@ rule certify:
     """Verdict on the last mesh, with every number beside its limit."""
     input:
         mesh=mesh_file("Solver"),
-        surface=MESHED_SURFACE,
+        surface=meshed_surface,
         inner=inner_of(INNER_SURFACE),
         source=surface_of,
         reports=lambda wildcards: list(reports_of(wildcards).values()),
@@ -67,7 +67,7 @@ rule case_maps:
     """A case at the vertices of the common mesh, with its fields and its distance to the mesh."""
     input:
         resampled=surface_file("resampled"),
-        meshed=MESHED_SURFACE,
+        meshed=meshed_surface,
         inner=inner_of(INNER_SURFACE),
         fields=fields_of,
         mesh=mesh_file("Solver"),
@@ -93,7 +93,7 @@ rule export:
     input:
         mesh=mesh_file("Solver"),
         certificate=CERTIFICATE,
-        surface=MESHED_SURFACE,
+        surface=meshed_surface,
         inner=inner_of(INNER_SURFACE),
         fields=existing_fields_of,
     output:

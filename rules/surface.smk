@@ -323,8 +323,8 @@ rule smooth_inner:
 rule separate:
     """Move inner surfaces away from the one around them; the output is one of them, the report is about all."""
     input:
-        surface=MESHED_SURFACE,
-        inner=inner_of(SMOOTHED_INNER),
+        surface=meshed_surface,
+        inner=inner_before_separating,
     output:
         surface=INNER_SURFACE,
         report=inner_file("separated", "white.json", res="{res}um"),

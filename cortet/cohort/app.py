@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Literal
@@ -93,12 +93,15 @@ def lock(dataset: Path, output: Path) -> IO[str]:
     return hold(output)
 
 
-def find(dataset: Path, selection: Selection, settings: Mapping[str, Any]) -> list[Case]:
-    """The cases of a dataset that are selected, those that are left out among them.
+def find(
+    dataset: Path, selection: Selection, settings: Mapping[str, Any], say: Callable[[str], object] = lambda _: None
+) -> list[Case]:
+    """The cases of a dataset that are selected, those of unknown age among them.
 
     Parameters
     ----------
     settings : sections of the configuration, as of its file
+    say : is told where the ages come from
 
     Raises
     ------
@@ -108,7 +111,7 @@ def find(dataset: Path, selection: Selection, settings: Mapping[str, Any]) -> li
     if not dataset.is_dir():
         raise InputError("no such folder", file=dataset, remedy="name the root of the dataset")
     scanning = load({"cohort": settings.get("cohort") or {}}).cohort.scan
-    return selection.of(scan(dataset, scanning), dataset)
+    return selection.of(scan(dataset, scanning, say), dataset)
 
 
 def prepare(cases: Sequence[Case], dataset: Path, output: Path, work: Path, settings: Mapping[str, Any]) -> None:

@@ -73,6 +73,9 @@ COSTS = {
     "fold_figures": Cost((500, 800), (60, 120)),
 }
 
+#: most that one hemisphere of a human of any age encloses, mL
+LARGEST_HEMISPHERE_ML = 700.0
+
 #: bytes per tetrahedron of the files of one mesh: for ParaView, BrainGrowth and the browser; and what only later stages
 #: read, the last of it for CARP
 FINAL_BYTES, INTERMEDIATE_BYTES = 9.0 + 37.0 + 1.5, 4 * 9.0 + 48.0
@@ -82,12 +85,14 @@ def _line(coefficients: tuple[float, float], tets: float) -> float:
     return coefficients[0] + coefficients[1] * tets / 1e6
 
 
-def expected_volume_ml(gestational_age: float, *, whole: bool = False) -> float:
+def expected_volume_ml(gestational_age: float | None, *, whole: bool = False) -> float:
     """Most that a hemisphere (or both, `whole`) may enclose at an age, weeks: for before its surface is read.
 
-    A line above the templates at hand: 29 mL at 22 weeks, 39 at 25, 70 at 30, 87 at 33, 94 at 40.
+    A line above the templates at hand: 29 mL at 22 weeks, 39 at 25, 70 at 30, 87 at 33, 94 at 40. Where the age is not
+    known, that of an adult.
     """
-    return (2 if whole else 1) * max(30 + 5.5 * (gestational_age - 22), 20)
+    most = LARGEST_HEMISPHERE_ML if gestational_age is None else max(30 + 5.5 * (gestational_age - 22), 20)
+    return (2 if whole else 1) * most
 
 
 def expected_tets(volume_ml: float, cell_size: float, mesher: str = "cgal") -> float:

@@ -17,11 +17,12 @@ import glob
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cortet.cohort.ages import SCAN_AGE_RANGE, ages_at_scan, number
 from cortet.config import Cases, Scan
 from cortet.errors import InputError
 from cortet.formats.placement import UNITS
@@ -32,8 +33,6 @@ COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "inclu
 #: value of column `surface` that stands for a synthetic cortex of the row's age and hemisphere, of column `inner` for a
 #: white surface within it, and of column `sphere` for its sphere
 PHANTOM = "phantom"
-#: ages a surface can plausibly have, gestational weeks: below there is no cortical plate to mesh, above lies infancy
-SCAN_AGE_RANGE = (12.0, 60.0)
 FIELD_PREFIX = "field_"
 #: columns of inner surfaces: `inner` names that of the region `white`, `inner_NAME` that of the region NAME
 INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
@@ -48,10 +47,9 @@ LONGEST_LABEL = 40
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
-#: rows of a table, column -> value, by the participant's label
-_RowsByParticipant = dict[str, list[dict[str, str]]]
-
 _MISSING = {"", "n/a"}
+#: names of cases that a message lists
+_MOST_NAMES = 5
 #: names of sets that every mesh for a solver has
 _STANDING = ("core", "tissue")
 _YES, _NO = {"yes", "true", "1"}, {"no", "false", "0"}
@@ -68,7 +66,7 @@ class Case:
     session: str | None
     #: L, R, or None for a whole brain
     hemi: str | None
-    #: gestational age at scan, weeks; None only in excluded rows
+    #: gestational age at scan, weeks; None where it is not known: such a case is neither smoothed nor folded
     scan_age: float | None
     #: GIfTI file, or `PHANTOM`
     surface: Path | str
@@ -215,13 +213,36 @@ def _says_yes(case: Case, column: str) -> bool:
 def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
     """The cases that are folded: those that the configuration says, or else the column `fold` where there is one.
 
+    A fold starts at an age: of all cases, or of a number of them, those without one take no part.
+
     Raises
     ------
-    InputError : as `chosen`
+    InputError : as `chosen`; or a case that is asked for has no age
     """
     if which is None:
         which = {"column": FOLD} if any(FOLD in case.extra for case in cases) else []
-    return chosen(cases, which)
+    if isinstance(which, (str, int)):
+        return chosen(aged(cases), which)
+    asked = chosen(cases, which)
+    if ageless := [case.name for case in asked if case.scan_age is None]:
+        raise InputError(
+            f"{', '.join(ageless)}: to be folded, but without an age, at which the fold would start",
+            remedy="give the age in column scan_age of the cohort sheet, gestational weeks, or do not fold the case",
+        )
+    return asked
+
+
+def aged(cases: Sequence[Case]) -> list[Case]:
+    """The cases whose age is known."""
+    return [case for case in cases if case.scan_age is not None]
+
+
+def ageless_notice(cases: Sequence[Case]) -> list[str]:
+    """What becomes of the cases whose age is not known, in words; nothing where all have one."""
+    names = [case.name for case in cases if case.scan_age is None]
+    shown = ", ".join([*names[:_MOST_NAMES], *(["..."] if len(names) > _MOST_NAMES else [])])
+    told = f"{len(names)} without an age (column scan_age), not smoothed by age and not folded: {shown}"
+    return [told] if names else []
 
 
 def write_sheet(cases: Sequence[Case], path: Path) -> None:
@@ -275,10 +296,10 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
     }
 
 
-def scan(directory: Path, patterns: Scan | None = None) -> list[Case]:
+def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], object] = lambda _: None) -> list[Case]:
     """The hemispheres of a dHCP-like release, sorted by name.
 
-    A case whose age at scan is in no table is excluded, with that reason, rather than dropped.
+    A case whose age at scan is in no table has none. `say` is told where the ages come from, and what is not read.
 
     Raises
     ------
@@ -298,17 +319,26 @@ def scan(directory: Path, patterns: Scan | None = None) -> list[Case]:
             file=directory,
             remedy="check the folder, or set cohort.scan.surfaces; looked for " + ", ".join(patterns.surfaces),
         )
-    tables: dict[Path, _RowsByParticipant] = {}
+    sessions = list(dict.fromkeys((participant, session) for participant, session, _ in found))
+    tables = {key: _age_tables(directory, *key, patterns) for key in sessions}
+    named = "age_columns" in patterns.model_fields_set
+    ages, told = ages_at_scan(sessions, tables, patterns.age_columns, named=named)
+    for sentence in told:
+        say(sentence)
     cases = []
     for (participant, session, hemi), path in sorted(found.items(), key=lambda item: [part or "" for part in item[0]]):
-        age = _scan_age(directory, participant, session, patterns, tables)
-        reason = "" if age is not None else "no scan age in the sessions or participants table"
         surface, inner = _around(path) if patterns.pial else (path, {})
         sphere = _sphere_of(path, patterns.spheres)
         cases.append(
-            Case(participant, session, hemi, age, surface, age is not None, reason, inner=inner, sphere=sphere)
+            Case(participant, session, hemi, ages.get((participant, session)), surface, inner=inner, sphere=sphere)
         )
     return cases
+
+
+def _age_tables(directory: Path, participant: str, session: str | None, patterns: Scan) -> list[tuple[str, Path]]:
+    """Tables that may hold the age of a session, that which counts most first: what it is called, and where it is."""
+    labels = {"participant": participant, "session": session}
+    return [(name, directory / _formatted(name, labels)) for name in (patterns.sessions, patterns.participants)]
 
 
 def _sphere_of(path: Path, endings: Sequence[str]) -> Path | None:
@@ -341,16 +371,21 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
         yield f"column hemi: {row['hemi']!r}, but a {PHANTOM} is one hemisphere (use L or R)"
     if row["include"].lower() not in _YES | _NO:
         yield f"column include: {row['include']!r} is no decision (use yes or no)"
-    included = row["include"].lower() in _YES
-    if not included and row["exclude_reason"] in _MISSING:
+    if row["include"].lower() in _NO and row["exclude_reason"] in _MISSING:
         yield f"column exclude_reason: {row['exclude_reason']!r} does not say why the row is excluded (give a reason)"
-    if included or row["scan_age"] not in _MISSING:
-        age, (youngest, oldest) = _number(row["scan_age"]), SCAN_AGE_RANGE
-        if age is None or not youngest <= age <= oldest:
+    youngest, oldest = SCAN_AGE_RANGE
+    if row["scan_age"] in _MISSING:
+        if row["surface"] == PHANTOM:
             yield (
-                f"column scan_age: {row['scan_age']!r} is no age in gestational weeks "
-                f"(use a number from {youngest:g} to {oldest:g})"
+                f"column scan_age: {row['scan_age']!r}, but a {PHANTOM} is made for an age "
+                f"(use a number from {youngest:g} to {oldest:g}, gestational weeks)"
             )
+    elif not youngest <= (number(row["scan_age"]) or math.nan) <= oldest:
+        yield (
+            f"column scan_age: {row['scan_age']!r} is no age in gestational weeks "
+            f"(use a number from {youngest:g} to {oldest:g}, or n/a where the age is not known: "
+            "the surface is then not smoothed by age)"
+        )
     for column, value in row.items():
         if column == "surface" and value in _MISSING:
             yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
@@ -410,7 +445,7 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
         participant=row["participant_id"].removeprefix("sub-"),
         session=None if session in _MISSING else session,
         hemi=None if hemi in _MISSING else _HEMI[hemi.lower()],
-        scan_age=_number(row["scan_age"]),
+        scan_age=number(row["scan_age"]),
         surface=PHANTOM if row["surface"] == PHANTOM else _located(row["surface"], folder),
         include=include,
         exclude_reason="" if include else row["exclude_reason"],
@@ -463,14 +498,6 @@ def _relative(path: Path | str, folder: Path) -> str:
     return os.path.relpath(target, start) if target.is_relative_to(start.parent) else str(target)
 
 
-def _number(text: str | None) -> float | None:
-    try:
-        value = float(text or "")
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
-
-
 def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, str]]]:
     """Files below `directory` that fit a pattern, with the values of its placeholders."""
     if "{participant}" not in pattern or not pattern.strip() or Path(pattern).is_absolute() or "\0" in pattern:
@@ -487,33 +514,3 @@ def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, st
     for path in sorted(directory.glob("*".join(parts[::2]))):
         if match := re.fullmatch(expression, path.relative_to(directory).as_posix()):
             yield path, match.groupdict()
-
-
-def _scan_age(
-    directory: Path, participant: str, session: str | None, patterns: Scan, tables: dict[Path, _RowsByParticipant]
-) -> float | None:
-    """Age of a session from the sessions table, else from the participants table; `tables` caches what was read."""
-    keys = {"participant_id": participant, "session_id": session}
-    for name in (patterns.sessions, patterns.participants):
-        path = directory / _formatted(name, {"participant": participant, "session": session})
-        if path not in tables:
-            tables[path] = _rows_by_participant(path) if path.exists() else {}
-        for row in tables[path].get(participant, []) + tables[path].get("", []):
-            fits = all(_label(row[key]) == label for key, label in keys.items() if label and key in row)
-            ages = [_number(row[column]) for column in patterns.age_columns if column in row]
-            if fits and ages and ages[0] is not None:
-                return ages[0]
-    return None
-
-
-def _rows_by_participant(path: Path) -> _RowsByParticipant:
-    """Rows of a table by the participant's label, which is empty where the table has no such column."""
-    table, _ = read_uneven_tsv(path)
-    found: _RowsByParticipant = {}
-    for row in table.to_dict("records"):
-        found.setdefault(_label(row.get("participant_id", "")), []).append(row)
-    return found
-
-
-def _label(text: str) -> str:
-    return re.sub("^(sub|ses)-", "", text)

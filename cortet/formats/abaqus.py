@@ -11,6 +11,7 @@ has and CalculiX has not; a field of k components takes k variables, and a comme
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -37,6 +38,15 @@ _PER_LINE = 16
 #: names that Abaqus accepts (Analysis User's Guide, "Input syntax rules"); upper and lower case are the same to it
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,79}$")
 
+#: keywords that bring nodes or elements, or move them, in ways that are not read
+_ELSEWHERE = {
+    "INCLUDE": "takes lines from another file",
+    "SYSTEM": "changes the coordinate system",
+    **dict.fromkeys(("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"), "makes nodes or elements of others"),
+}
+#: numbers that ranges of one block may stand for
+_MOST_GENERATED = 2**26
+_COMMENT = re.compile(rb"^\*\*[^\n]*", re.MULTILINE)
 _FIELD = re.compile(rb"^\*\* variable (\d+): (\S+), component (\d+) of (\d+), (\w+)$", re.MULTILINE)
 
 
@@ -109,25 +119,26 @@ def read(path: str | Path) -> TetMesh:
         the file is missing, holds other elements, names nodes or elements it lacks, or a line cannot be read
     """
     node_rows, element_rows = [np.empty((0, 4))], [np.empty((0, 5), np.int64)]
-    node_sets, cell_sets, surfaces = {}, {}, {}
+    node_sets, cell_sets, surfaces = _Sets(), _Sets(), _Sets()
     for keyword, options, data, line in _blocks(path):
+        _refuse_unread(keyword, options, data, line, path)
         try:
             if keyword == "NODE":
                 node_rows.append(read_rows(data, 4, float, delimiter=","))
+                node_sets.add(options.get("NSET", ALL_NODES), whole(node_rows[-1][:, 0], "node", path))
             elif keyword == "ELEMENT":
                 if options.get("TYPE") != "C3D4":
                     raise InputError(f"line {line}: elements of type {options.get('TYPE')}, not C3D4", file=path)
                 element_rows.append(read_rows(data, 5, np.int64, delimiter=","))
-            elif keyword == "NSET":
-                node_sets[options["NSET"]] = _numbers(data)
-            elif keyword == "ELSET":
-                cell_sets[options["ELSET"]] = _numbers(data)
+                cell_sets.add(options.get("ELSET", ALL_ELEMENTS), element_rows[-1][:, 0])
+            elif keyword in ("NSET", "ELSET"):
+                named = node_sets if keyword == "NSET" else cell_sets
+                named.add(options[keyword], _ranges(data) if "GENERATE" in options else _numbers(data))
             elif keyword == "SURFACE":
-                surfaces[options["NAME"]] = read_rows(
-                    data.replace(b"S", b"").replace(b"s", b""), 2, np.int64, delimiter=","
-                )
+                sides_of = data.replace(b"S", b"").replace(b"s", b"")
+                surfaces.add(options["NAME"], read_rows(sides_of, 2, np.int64, delimiter=","))
         except BadRowError as error:
-            raise InputError(f"line {line + 1 + error.row} {error}", file=path) from error
+            raise InputError(f"line {_line_of(error.row, data, line)} {error}", file=path) from error
         except (KeyError, ValueError, OverflowError) as error:
             raise InputError(f"line {line}: *{keyword} cannot be read: {error}", file=path) from error
     nodes, elements = np.concatenate(node_rows), np.concatenate(element_rows)
@@ -136,38 +147,92 @@ def read(path: str | Path) -> TetMesh:
     number_of_node, number_of_cell = whole(nodes[:, 0], "node", path), elements[:, 0]
     cells = indices(elements[:, 1:], number_of_node, "node", path)
     faces = {}
-    for name, rows in surfaces.items():
+    for name, rows in surfaces.joined().items():
         if len(rows) and not (rows[:, 1].min() >= 1 and rows[:, 1].max() <= 4):
             raise InputError(f"*SURFACE {name} names a side that is not S1 to S4", file=path)
         owners = indices(rows[:, 0], number_of_cell, "element", path)
         faces[name] = faces_of_sides(cells, owners, _OPPOSITE[rows[:, 1]])
     sets = MeshSets(
-        {name: indices(numbers, number_of_node, "node", path) for name, numbers in node_sets.items()},
+        {
+            name: indices(numbers, number_of_node, "node", path)
+            for name, numbers in node_sets.joined().items()
+            if name != ALL_NODES
+        },
         faces,
-        {name: indices(numbers, number_of_cell, "element", path) for name, numbers in cell_sets.items()},
+        {
+            name: indices(numbers, number_of_cell, "element", path)
+            for name, numbers in cell_sets.joined().items()
+            if name != ALL_ELEMENTS
+        },
     )
     return sound(path, nodes[:, 1:], cells, _read_fields(fields_path(path), number_of_node), sets=sets)
 
 
+def _line_of(row: int, data: bytes, line: int) -> int:
+    """Line of a row of the data below line `line`; blank lines are no rows."""
+    filled = (number for number, text in enumerate(data.split(b"\n"), start=1) if text.strip())
+    return line + next(itertools.islice(filled, row, None), 1)
+
+
+class _Sets:
+    """Sets by name, as the blocks of a file add to them: a further block of a set adds its members to the set."""
+
+    def __init__(self) -> None:
+        self._parts: dict[str, list[NDArray[np.int64]]] = {}
+
+    def add(self, name: str, members: NDArray[np.int64]) -> None:
+        """Add the members that a block lists, one per row."""
+        self._parts.setdefault(name, []).append(members)
+
+    def joined(self) -> dict[str, NDArray[np.int64]]:
+        """All members of each set, each once where several blocks list them."""
+        return {
+            name: parts[0] if len(parts) == 1 else np.unique(np.concatenate(parts), axis=0)
+            for name, parts in self._parts.items()
+        }
+
+
+def _refuse_unread(keyword: str, options: Mapping[str, str], data: bytes, line: int, path: str | Path) -> None:
+    """InputError where a block says more of the mesh than `read` understands: it would be another mesh."""
+    where, remedy = f"line {line}: *{keyword}", "export the mesh as plain *NODE, *ELEMENT, *NSET, *ELSET and *SURFACE"
+    if keyword in _ELSEWHERE:
+        raise InputError(f"{where}, which {_ELSEWHERE[keyword]}, is not read", file=path, remedy=remedy)
+    if "INPUT" in options and keyword in ("NODE", "ELEMENT", "NSET", "ELSET"):
+        raise InputError(
+            f"{where} takes its lines from {options['INPUT']}, which is not read", file=path, remedy=remedy
+        )
+    if keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R":
+        raise InputError(f"{where}: coordinates are not rectangular", file=path, remedy=remedy)
+    if keyword == "NSET" and "ELSET" in options:
+        raise InputError(f"{where}: a set of the nodes of {options['ELSET']} is not read", file=path, remedy=remedy)
+    if keyword == "SURFACE" and options.get("TYPE", "ELEMENT") != "ELEMENT":
+        raise InputError(f"{where} of type {options['TYPE']} is not read, only ELEMENT", file=path, remedy=remedy)
+    if keyword == "INSTANCE" and data.strip():
+        raise InputError(f"{where} moves its part, which is not read", file=path, remedy=remedy)
+
+
 def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:
-    """Keyword, options, data lines and line number of every keyword line; comments are left out.
+    """Keyword, options, data lines and line number of every keyword line; comments become blank lines.
 
     Keywords are in capitals, and so are options and the values that Abaqus knows; names of sets keep their case.
     """
-    text = content(path)
+    text = _COMMENT.sub(b"", content(path).replace(b"\r\n", b"\n"))
     starts = [0] if text.startswith(b"*") else []
     while (newline := text.find(b"\n*", starts[-1] if starts else 0)) >= 0:
         starts.append(newline + 1)
     blocks, line = [], 1 + text.count(b"\n", 0, starts[0] if starts else 0)
     for start, end in zip(starts, [*starts[1:], len(text)], strict=False):
         head, _, data = text[start:end].partition(b"\n")
-        if not head.startswith(b"**"):
-            keyword, *options = (word.strip() for word in head[1:].decode("ascii", "replace").split(","))
-            pairs = (option.partition("=") for option in options)
-            values = {key.strip().upper(): value.strip() for key, _, value in pairs}
-            if "TYPE" in values:
-                values["TYPE"] = values["TYPE"].upper()
-            blocks.append((keyword.upper(), values, data, line))
+        lines = 1
+        while head.rstrip().endswith(b","):  # the line goes on
+            more, _, data = data.partition(b"\n")
+            head, lines = head + more, lines + 1
+        keyword, *options = (word.strip() for word in head[1:].decode("ascii", "replace").split(","))
+        pairs = (option.partition("=") for option in options)
+        values = {key.strip().upper(): value.strip() for key, _, value in pairs}
+        if "TYPE" in values:
+            values["TYPE"] = values["TYPE"].upper()
+        blocks.append((keyword.upper(), values, data, line + lines - 1))
         line += text.count(b"\n", start, end)
     return blocks
 
@@ -175,6 +240,23 @@ def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:
 def _numbers(data: bytes) -> NDArray[np.int64]:
     """The integers of lines of any length."""
     return np.array(data.replace(b",", b" ").split(), np.int64)
+
+
+def _ranges(data: bytes) -> NDArray[np.int64]:
+    """The integers of lines `first, last, increment`, both ends included; without an increment it is 1."""
+    found, total = [np.empty(0, np.int64)], 0
+    for text in data.replace(b",", b" ").split(b"\n"):
+        numbers = [int(word) for word in text.split()]
+        if not numbers:
+            continue
+        first, last, step = (*numbers, 1) if len(numbers) == 2 else numbers
+        if step < 1 or last < first:
+            raise ValueError(f"{first} to {last} by {step} is no range")
+        total += (last - first) // step + 1
+        if total > _MOST_GENERATED:
+            raise ValueError(f"generates more than {_MOST_GENERATED:,} numbers")
+        found.append(np.arange(first, last + 1, step))
+    return np.concatenate(found)
 
 
 def _read_fields(path: Path, number_of_node: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
@@ -191,7 +273,7 @@ def _read_fields(path: Path, number_of_node: NDArray[np.int64]) -> dict[str, NDA
         try:
             rows = read_rows(data, 2, float, delimiter=",")
         except BadRowError as error:
-            raise InputError(f"line {line + 1 + error.row} {error}", file=path) from error
+            raise InputError(f"line {_line_of(error.row, data, line)} {error}", file=path) from error
         name = found[2].decode(errors="replace")
         if not np.array_equal(rows[:, 0], number_of_node):
             raise InputError(

@@ -191,12 +191,14 @@ def read(path: str | Path) -> TetMesh:
     """
     root, tables = read_xml(path)
     node_ids, points = _nodes(root, tables, path)
-    parts, ids, cells = {}, [], []
+    parts: dict[str, NDArray[np.int64]] = {}
+    ids, cells = [], []
     for part in root.iterfind("Mesh/Elements"):
         if part.get("type") != "tet4":
             raise InputError(f"elements of type {part.get('type')}, not tet4", file=path)
         rows = _table(part, tables, 5, np.int64, path)
-        parts[part.get("name", "")] = rows[:, 0]
+        name = part.get("name", "")
+        parts[name] = np.concatenate([parts[name], rows[:, 0]]) if name in parts else rows[:, 0]
         ids.append(rows[:, 0])
         cells.append(rows[:, 1:])
     if not len(points) or not cells:
@@ -206,13 +208,13 @@ def read(path: str | Path) -> TetMesh:
     cell_ids = cell_ids[order]
     sets = MeshSets(
         {
-            str(element.get("name")): indices(_numbers(element, path), node_ids, "node", path)
-            for element in root.iterfind("Mesh/NodeSet")
-            if element.get("name") != ALL_NODES
+            name: indices(numbers, node_ids, "node", path)
+            for name, numbers in _sets(root.iterfind("Mesh/NodeSet"), path).items()
+            if name != ALL_NODES
         },
         {
-            str(element.get("name")): indices(_table(element, tables, 4, np.int64, path)[:, 1:], node_ids, "node", path)
-            for element in root.iterfind("Mesh/Surface")
+            name: indices(corners, node_ids, "node", path)
+            for name, corners in _surfaces(root.iterfind("Mesh/Surface"), tables, path).items()
         },
         {
             **{
@@ -221,12 +223,15 @@ def read(path: str | Path) -> TetMesh:
                 if name != TISSUE
             },
             **{
-                str(element.get("name")): indices(_numbers(element, path), cell_ids, "element", path)
-                for element in root.iterfind("Mesh/ElementSet")
+                name: indices(numbers, cell_ids, "element", path)
+                for name, numbers in _sets(root.iterfind("Mesh/ElementSet"), path).items()
             },
         },
     )
-    fields = {str(data.get("name")): _field(data, tables, path) for data in root.iterfind("MeshData/NodeData")}
+    given = list(root.iterfind("MeshData/NodeData"))
+    fields = {str(data.get("name")): _field(data, tables, path) for data in given}
+    if len(fields) < len(given):
+        raise InputError("two <NodeData> have the same name", file=path, remedy="name each field otherwise")
     corners = indices(np.concatenate(cells)[order], node_ids, "node", path)
     return sound(path, points, corners, fields, sets=sets)
 
@@ -282,8 +287,34 @@ def _nodes(
     return whole(table[:, 0], "node", path), table[:, 1:]
 
 
+def _sets(elements: Iterable[ElementTree.Element], path: str | Path) -> dict[str, NDArray[np.int64]]:
+    """Ids of each set; one that comes twice has the members of both."""
+    found: dict[str, NDArray[np.int64]] = {}
+    for element in elements:
+        name, numbers = str(element.get("name")), _numbers(element, path)
+        found[name] = np.union1d(found[name], numbers) if name in found else numbers
+    return found
+
+
+def _surfaces(
+    elements: Iterable[ElementTree.Element], tables: list[bytes], path: str | Path
+) -> dict[str, NDArray[np.int64]]:
+    """Corners of the triangles of each surface; one that comes twice has the triangles of both."""
+    found: dict[str, NDArray[np.int64]] = {}
+    for element in elements:
+        name, corners = str(element.get("name")), _table(element, tables, 4, np.int64, path)[:, 1:]
+        found[name] = np.concatenate([found[name], corners]) if name in found else corners
+    return found
+
+
 def _numbers(element: ElementTree.Element, path: str | Path) -> NDArray[np.int64]:
     """Ids of a set, separated by commas."""
+    if len(element):  # as older versions of the format have it
+        raise InputError(
+            f"<{element.tag} {element.get('name')}> holds <{element[0].tag}>, not ids separated by commas",
+            file=path,
+            remedy="save it again in FEBio Studio as version 4.0",
+        )
     try:
         return np.array((element.text or "").replace(",", " ").split(), np.int64)
     except (ValueError, OverflowError) as error:
@@ -296,6 +327,8 @@ def _field(data: ElementTree.Element, tables: list[bytes], path: str | Path) -> 
     if columns is None or data.get("node_set") != ALL_NODES:
         raise InputError(f"<NodeData {data.get('name')}> is not a scalar or vec3 on {ALL_NODES}", file=path)
     rows = _table(data, tables, 1 + columns, float, path)
+    if not np.array_equal(np.sort(rows[:, 0]), np.arange(1, len(rows) + 1)):
+        raise InputError(f"<NodeData {data.get('name')}> does not number its values from 1 to {len(rows)}", file=path)
     values = rows[np.argsort(rows[:, 0], kind="stable"), 1:]
     return values[:, 0] if columns == 1 else values
 

@@ -41,6 +41,8 @@ def arrays_of(path: str) -> dict[str, NDArray[Any]]:
         tags, coordinates, _ = gmsh.model.mesh.getNodes()
         arrays: dict[str, NDArray[Any]] = {"node_tags": tags, "coordinates": coordinates.reshape(-1, 3)}
         names: dict[str, list[str]] = {}
+        if others := sorted(set(gmsh.model.mesh.getElementTypes(3).tolist()) - {TETRAHEDRON}):
+            sys.exit(f"it holds {gmsh.model.mesh.getElementProperties(others[0])[0]} elements, not only Tetrahedron 4")
         for name, (kind, dimension) in KINDS.items():
             arrays[f"{name}_tags"], arrays[f"{name}_nodes"] = gmsh.model.mesh.getElementsByType(kind)
             names[name] = []

@@ -149,8 +149,8 @@ def read(path: str | Path) -> TetMesh:
         raise InputError("holds no tetrahedra", file=path)
     groups = {
         kind: {
-            name: indices(np.sort(arrays[f"{kind}_group_{number}"]).astype(np.int64), known, kind, path)
-            for number, name in enumerate(names[kind])
+            name: indices(tags_of, known, kind, path)
+            for name, tags_of in _groups(kind, arrays, names[kind]).items()
             if name != TISSUE
         }
         for kind, known in (("triangle", face_tags), ("tetrahedron", cell_tags))
@@ -202,6 +202,14 @@ def _elements(
     order = np.argsort(tags)
     nodes = arrays[f"{kind}_nodes"].astype(np.int64).reshape(-1, KINDS[kind][1] + 1)[order]
     return tags[order].astype(np.int64), indices(nodes, node_tags, "node", path)
+
+
+def _groups(kind: str, arrays: dict[str, NDArray[Any]], names: list[str]) -> dict[str, NDArray[np.int64]]:
+    """Tags, ascending, of the elements of each group; groups of one name are one."""
+    found: dict[str, NDArray[np.int64]] = {}
+    for number, name in enumerate(names):
+        found[name] = np.union1d(found.get(name, []), arrays[f"{kind}_group_{number}"]).astype(np.int64)
+    return found
 
 
 def _field(rows: NDArray[Any]) -> NDArray[Any]:

@@ -126,6 +126,9 @@ def _joined(pieces: list[TetMesh], path: str | Path) -> TetMesh:
     first = np.cumsum([0, *(len(piece.points) for piece in pieces)])
     points = np.concatenate([piece.points for piece in pieces])
     cells = np.concatenate([piece.cells + start for piece, start in zip(pieces, first[:-1], strict=True)])
+    for kind in ("point_data", "cell_data"):
+        if any(getattr(piece, kind).keys() != getattr(pieces[0], kind).keys() for piece in pieces):
+            raise ValueError(f"its pieces have different fields ({kind})")
     point_data = {name: np.concatenate([piece.point_data[name] for piece in pieces]) for name in pieces[0].point_data}
     cell_data = {name: np.concatenate([piece.cell_data[name] for piece in pieces]) for name in pieces[0].cell_data}
     sets = MeshSets(

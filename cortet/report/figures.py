@@ -55,12 +55,16 @@ STYLE = {
     "svg.hashsalt": "cortet",  # ids do not change from run to run
 }
 
+#: how far right of the oldest mesh those of unknown age stand, weeks
+_BESIDE = 4.0
 #: column of the quality table -> label of its panel
 _PANELS = {"tets": "tetrahedra (thousands)", "q_mean": "mean q", "q_max": r"$q_\mathrm{max}$"}
 
 
 def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
     """Number of tetrahedra, mean q and worst q of every mesh against gestational age, the published cohort behind.
+
+    Meshes of unknown age stand to the right of all others.
 
     Parameters
     ----------
@@ -69,7 +73,10 @@ def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
     """
     rows, theirs = read_tsv(table), published.cohort()
     drawn = ["cell_size_mm", "scan_age", *_PANELS]
-    rows[drawn] = rows[drawn].apply(pd.to_numeric)
+    rows[drawn] = rows[drawn].apply(pd.to_numeric, errors="coerce")  # an age may be n/a
+    unknown = rows["scan_age"].isna()
+    beside = float(np.nanmax([theirs["scan_age_weeks"].max(), rows["scan_age"].max()])) + _BESIDE
+    rows["scan_age"] = rows["scan_age"].fillna(beside)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, 2.6), layout="constrained")
         axes = figure.subplots(1, 3)
@@ -77,6 +84,9 @@ def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
             unit = 1000 if column == "tets" else 1
             _panel(axis, rows, theirs, column, unit)
             axis.set(xlabel="gestational age (weeks)", ylabel=label)
+            if unknown.any():
+                weeks = [tick for tick in axis.get_xticks()[1:] if tick <= beside - _BESIDE]
+                axis.set_xticks([*weeks, beside], [*(f"{tick:g}" for tick in weeks), "n/a"])
         axes[0].set_ylim(bottom=0)
         low, high = axes[1].get_ylim()
         axes[1].set_ylim(min(low, 0.125), max(high, 0.135))  # else differences of 0.001 look large

@@ -79,7 +79,7 @@ RESOLUTION = Table(
 
 
 def resolution_table(
-    records: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float]
+    records: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float | None]
 ) -> pd.DataFrame:
     """Table 2, by age, case, mesher, setting and cell size, then the published rows; columns `RESOLUTION_COLUMNS`.
 
@@ -87,7 +87,7 @@ def resolution_table(
     ----------
     records : quality records
     missing : reasons why records are missing
-    ages : case -> weeks
+    ages : case -> weeks, None where it is not known
     """
     values = {
         origin: {
@@ -157,7 +157,7 @@ MEASURES = Table(
 
 
 def measures_table(
-    records: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float]
+    records: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float | None]
 ) -> pd.DataFrame:
     """Worst elements by age, case, mesher and setting, then the published range; parameters as of `resolution_table`.
 
@@ -193,7 +193,7 @@ def write_mesh_table(
     missing: Iterable[Mapping[str, Any]],
     outputs: Iterable[str | Path],
     *,
-    ages: Mapping[str, float],
+    ages: Mapping[str, float | None],
 ) -> None:
     """Write one of `TABLES` from the files of quality records.
 
@@ -201,14 +201,14 @@ def write_mesh_table(
     ----------
     missing : `origin` and `reason` of each record that is missing
     outputs : paths, in the forms of `table_files.write`
-    ages : case -> weeks
+    ages : case -> weeks, None where it is not known
     """
     described, table_of = TABLES[table]
     write(described, table_of(by_origin(records), reasons_by_origin(missing), ages), *outputs)
 
 
 def _by_age(
-    values: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float]
+    values: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float | None]
 ) -> pd.DataFrame:
     """One row per mesh, also of those that are missing, by age, case, mesher, setting and cell size."""
     rows = [

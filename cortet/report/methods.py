@@ -43,7 +43,7 @@ def methods_text(certificates: Sequence[Certificate], sheet: Iterable[Case], fai
     Parameters
     ----------
     certificates : contents of the certificates of the line's meshes, at least one; their parameters and versions are
-        those of the first, save the cell sizes and meshers
+        those of the first, save the cell sizes and meshers, and smoothing, which surfaces of unknown age lack
     sheet : all cases, excluded ones too
     failures : case -> why it has no certificate
     """
@@ -80,14 +80,23 @@ def _cohort(cases: Sequence[Case]) -> list[str]:
     kinds = {"left": "left hemisphere", "right": "right hemisphere", "whole": "whole brain"}
     parts = [_counted(sides[side], kind) for side, kind in kinds.items() if sides[side]]
     subjects = len({case.participant for case in cases})
-    weeks = f"{min(ages):g}" if min(ages) == max(ages) else f"{min(ages):g}-{max(ages):g}"
+    at_scan = _ages(ages, len(cases))
     phantoms = sum(case.is_phantom for case in cases)
     made = f" ({'all' if phantoms == len(cases) else phantoms} of them synthetic)" if phantoms else ""
     return [
         f"Tetrahedral meshes were made of {_counted(len(cases), 'closed cortical surface')}{made} of "
-        f"{_counted(subjects, 'participant')} ({', '.join(parts)}; gestational age at scan {weeks} weeks) with cortet, "
+        f"{_counted(subjects, 'participant')} ({', '.join(parts)}; {at_scan}) with cortet, "
         "an implementation of CORTET (arXiv:2607.12157)."
     ]
+
+
+def _ages(ages: Sequence[float], of: int) -> str:
+    """The range of the ages that are known, weeks, of so many surfaces."""
+    if not ages:
+        return "age at scan not known"
+    weeks = f"{min(ages):g}" if min(ages) == max(ages) else f"{min(ages):g}-{max(ages):g}"
+    unknown = f", of {of - len(ages)} of them not known" if len(ages) < of else ""
+    return f"gestational age at scan {weeks} weeks{unknown}"
 
 
 def _exclusions(cases: Iterable[Case], failures: Mapping[str, str]) -> list[str]:
@@ -109,16 +118,20 @@ def _for_readers(reason: str) -> str:
 
 
 def _stages(certificates: Sequence[Certificate]) -> list[str]:
-    parameters = certificates[0]["parameters"]
+    every = [content["parameters"] for content in certificates]
+    parameters = every[0]
     sizes = sorted({content["parameters"]["generate"]["cell_size"] for content in certificates})
     backends = Counter(
         (content["parameters"]["generate"]["mesher"], content["reports"]["generate"]["backend"])
         for content in certificates
     )
     sentences = _resampling(certificates)
-    if smooth := parameters.get("smooth_surface"):
+    smoothed = [one["smooth_surface"] for one in every if one.get("smooth_surface")]
+    if smoothed:
+        smooth = smoothed[0]
+        whose = "Surfaces" if len(smoothed) == len(every) else "Surfaces of known age"
         sentences.append(
-            "Surfaces were smoothed by age (surface-preserving Laplacian of PyMeshLab; area change at most "
+            f"{whose} were smoothed by age (surface-preserving Laplacian of PyMeshLab; area change at most "
             f"{100 * smooth['max_area_change']:g} %, mean displacement at most {smooth['max_displacement']:g} mm)."
         )
     sentences.append(_generation(parameters["generate"], sizes, backends))

@@ -32,14 +32,15 @@ _MARGIN, _BAR, _DPI = 1.04, 20.0, 400
 _FEWEST = 3
 
 
-def series_figure(brains: Sequence[tuple[float, Mapping[str, TetMesh]]]) -> Figure:
+def series_figure(brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]]) -> Figure:
     """Meshes by age: each hemisphere seen from its side, and the first one of each brain cut, with q in colour.
 
     Hemispheres have rows of their own where a brain has more than one.
 
     Parameters
     ----------
-    brains : age in weeks, and the meshes of a brain by hemisphere (`L`, `R`, or `n/a` for all of it)
+    brains : age in weeks, None where it is not known, and the meshes of a brain by hemisphere (`L`, `R`, or `n/a` for
+        all of it)
     """
     hemispheres = [[hemi for hemi in _HEMISPHERES if hemi in meshes] for _, meshes in brains]
     several = max(map(len, hemispheres)) > 1
@@ -64,7 +65,8 @@ def series_figure(brains: Sequence[tuple[float, Mapping[str, TetMesh]]]) -> Figu
         figure = Figure(figsize=size, layout="constrained")
         axes = figure.subplots(len(rows) + 1, len(brains), squeeze=False)
         for column, (age, meshes), (first, *_) in zip(axes.T, brains, hemispheres, strict=True):
-            column[0].set_title(f"{age:g} weeks" + ("" if several else f", {_HEMISPHERES[first][0]}"))
+            weeks = "age n/a" if age is None else f"{age:g} weeks"
+            column[0].set_title(weeks + ("" if several else f", {_HEMISPHERES[first][0]}"))
             for axis, row in zip(column, [*rows, None], strict=True):
                 _bare(axis)
                 hemi = row or first

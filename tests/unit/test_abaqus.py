@@ -94,6 +94,82 @@ def test_node_and_element_numbers_may_be_any(tmp_path):
     assert verify(tmp_path / "m.inp", "abaqus") == []
 
 
+def rewritten(path: Path, old: str, new: str) -> TetMesh:
+    """What is read of a file of a cube of 3 x 3 x 3 cells when a part of it is written otherwise."""
+    abaqus.write(cube_with_sides(), path)
+    text = path.read_text()
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new))
+    return abaqus.read(path)
+
+
+def test_a_comment_within_a_block_drops_nothing(tmp_path):
+    whole = cube_with_sides()
+    path = tmp_path / "m.inp"
+    for line in ("100, ", "30, "):
+        abaqus.write(whole, path)
+        path.write_text(path.read_text().replace(f"\n{line}", f"\n** a comment, 1, 2\n{line}"))
+        back = abaqus.read(path)
+        assert np.array_equal(back.cells, whole.cells) and len(back.points) == len(whole.points)
+    path.write_text(path.read_text().replace("\n100, ", "\n100, x"))
+    number = path.read_text().splitlines().index(next(n for n in path.read_text().splitlines() if "100, x" in n)) + 1
+    with pytest.raises(InputError, match=f"line {number} holds"):
+        abaqus.read(path)
+
+
+def test_ranges_are_first_last_and_increment(tmp_path):
+    lines = (
+        "*NSET, NSET=some, GENERATE\n1, 9, 4\n20, 22\n*ELSET, GENERATE, ELSET=cortex\n1, 100, 1\n*ELSET, ELSET=all\n"
+    )
+    sets = rewritten(tmp_path / "m.inp", "*ELSET, ELSET=all\n", lines).sets
+    assert sets.nodes["some"].tolist() == [0, 4, 8, 19, 20, 21]
+    assert np.array_equal(sets.cells["cortex"], np.arange(100))
+
+
+@pytest.mark.parametrize("line", ["9, 1, 1", "1, 9, 0", "1, 2000000000, 1", "1, 2, 3, 4", "1"])
+def test_a_range_that_is_none_is_refused(tmp_path, line):
+    with pytest.raises(InputError, match=r"line \d+: \*NSET cannot be read"):
+        rewritten(tmp_path / "m.inp", "*ELSET, ELSET=all\n", f"*NSET, NSET=a, GENERATE\n{line}\n*ELSET, ELSET=all\n")
+
+
+def test_a_further_block_of_a_set_adds_to_it(tmp_path):
+    more = "*ELSET, ELSET=cortex\n1, 2\n*ELSET, ELSET=cortex\n2, 7\n*NSET, NSET=x0\n27\n*SURFACE, NAME=x0\n1, S1\n"
+    before = cube_with_sides().sets
+    sets = rewritten(tmp_path / "m.inp", "*ELSET, ELSET=all\n", f"{more}*ELSET, ELSET=all\n").sets
+    assert sets.cells["cortex"].tolist() == [0, 1, 6]
+    assert sets.nodes["x0"].tolist() == sorted({*before.nodes["x0"].tolist(), 26})
+    assert len(sets.faces["x0"]) == len(before.faces["x0"]) + 1
+
+
+def test_the_sets_that_node_and_element_blocks_name_are_read(tmp_path):
+    head, line = "*ELEMENT, TYPE=C3D4, ELSET=", "\n101, "
+    abaqus.write(cube_with_sides(), tmp_path / "m.inp")
+    text = (tmp_path / "m.inp").read_text().replace(f"{head}all_elements", f"{head}core")
+    before, mark, after = text.partition(f"{head}core")
+    (tmp_path / "m.inp").write_text(
+        before + mark + after.replace(line, f"\n*ELEMENT, TYPE=C3D4,\nELSET=cortex{line}", 1)
+    )
+    cells = abaqus.read(tmp_path / "m.inp").sets.cells
+    assert np.array_equal(cells["core"], np.arange(100)) and np.array_equal(cells["cortex"], np.arange(100, 162))
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ("*INCLUDE, INPUT=sets.inp", r"\*INCLUDE, which takes lines from another file, is not read"),
+        ("*NFILL\nx0, x1, 3", r"\*NFILL, which makes nodes or elements of others"),
+        ("*NODE, INPUT=more.inp", r"takes its lines from more.inp"),
+        ("*NODE, SYSTEM=C\n900, 1, 2, 3", "coordinates are not rectangular"),
+        ("*NSET, NSET=a, ELSET=all", "a set of the nodes of all is not read"),
+        ("*SURFACE, TYPE=NODE, NAME=a\n1, 1", "of type NODE is not read"),
+        ("*INSTANCE, NAME=a, PART=b\n1, 0, 0", "moves its part"),
+    ],
+)
+def test_what_would_change_the_mesh_and_is_not_read_is_refused(tmp_path, lines, words):
+    with pytest.raises(InputError, match=words):
+        rewritten(tmp_path / "m.inp", "*ELSET, ELSET=all\n", f"{lines}\n*ELSET, ELSET=all\n")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -184,7 +184,7 @@ def test_phantom_writes_a_surface_of_that_age(tmp_path: Path, capsys: pytest.Cap
     assert capsys.readouterr().out == f"{path}: 642 vertices, 1280 faces\n"
 
 
-def test_cohort_scan_writes_a_sheet_and_names_what_it_excludes(
+def test_cohort_scan_writes_a_sheet_and_names_what_has_no_age(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for session in ("1", "2"):
@@ -194,13 +194,13 @@ def test_cohort_scan_writes_a_sheet_and_names_what_it_excludes(
     (tmp_path / "release" / "sub-A" / "sub-A_sessions.tsv").write_text("session_id\tscan_age\nses-1\t25.5\n")
     sheet = tmp_path / "cohort.tsv"
     assert main(["cohort", "scan", str(tmp_path / "release"), "-o", str(sheet)]) == 0
-    assert [(case.name, case.include) for case in read_sheet(sheet)] == [
-        ("sub-A_ses-1_hemi-L", True),
-        ("sub-A_ses-2_hemi-L", False),
+    assert [(case.name, case.include, case.scan_age) for case in read_sheet(sheet)] == [
+        ("sub-A_ses-1_hemi-L", True, 25.5),
+        ("sub-A_ses-2_hemi-L", True, None),
     ]
     shown = capsys.readouterr().out
-    assert "2 surfaces, 1 of them excluded" in shown
-    assert "sub-A_ses-2_hemi-L: no scan age" in shown
+    assert f"{sheet}: 2 surfaces" in shown
+    assert "1 without an age (column scan_age), not smoothed by age and not folded: sub-A_ses-2_hemi-L" in shown
 
 
 def test_cohort_scan_replaces_no_sheet_unasked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -214,14 +214,15 @@ def test_cohort_scan_replaces_no_sheet_unasked(tmp_path: Path, capsys: pytest.Ca
     command = ["cohort", "scan", str(tmp_path / "release"), "-o", str(sheet)]
     assert main(command) == 0
     scanned = sheet.read_bytes()
-    edited = scanned.replace(b"no scan age in the sessions or participants table", b'the "left" one')
+    edited = scanned.replace(b"yes\tn/a", b'no\tthe "left" one')
     sheet.write_bytes(edited)
     found("B")
     assert main(command) == 1
     assert re.search(r"exists already.*--update.*--force", capsys.readouterr().err, re.DOTALL)
     assert sheet.read_bytes() == edited
     assert main([*command, "--update"]) == 0
-    assert "2 surfaces, 1 of them new and added\n  sub-B_hemi-L: no scan age" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "2 surfaces, 1 of them new and added\n" in shown and "folded: sub-B_hemi-L\n" in shown
     assert sheet.read_bytes().startswith(edited)
     assert [case.name for case in read_sheet(sheet)] == ["sub-A_hemi-L", "sub-B_hemi-L"]
     assert main([*command, "--force"]) == 0

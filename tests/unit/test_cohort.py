@@ -7,7 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from cortet.cohort.sheet import COLUMNS, Case, add_to_sheet, chosen, folded, read_sheet, scan, write_sheet
+from cortet.cohort.sheet import (
+    COLUMNS,
+    Case,
+    add_to_sheet,
+    ageless_notice,
+    chosen,
+    folded,
+    read_sheet,
+    scan,
+    write_sheet,
+)
 from cortet.config import Scan, load
 from cortet.errors import InputError
 
@@ -74,7 +84,8 @@ def test_an_unknown_placeholder_is_named(tmp_path: Path) -> None:
         ("007\t01\tleft-ish\t27\ta.gii\tyes\tn/a", "column hemi: 'left-ish' is no hemisphere (use L, R"),
         ("007\t01\tL\t190\ta.gii\tyes\tn/a", "column scan_age: '190' is no age in gestational weeks"),
         ("007\t01\tL\tnan\ta.gii\tyes\tn/a", "column scan_age: 'nan'"),
-        ("007\t01\tL\tn/a\ta.gii\tyes\tn/a", "column scan_age: 'n/a'"),
+        ("007\t01\tL\tn/a\tphantom\tyes\tn/a", "column scan_age: 'n/a', but a phantom is made for an age"),
+        ("007\t01\tL\told\ta.gii\tyes\tn/a", "n/a where the age is not known"),
         ("007\t01\tn/a\t27\tphantom\tyes\tn/a", "column hemi: 'n/a', but a phantom is one hemisphere"),
         ("007\t01\tL\t27\tn/a\tyes\tn/a", "column surface: 'n/a' names no file"),
         ("007\t01\tL\t27\t{x}.gii\tyes\tn/a", "column surface: '{x}.gii' cannot be a file name here"),
@@ -184,12 +195,25 @@ def test_scan_finds_the_white_surfaces_of_a_release_and_their_ages(tmp_path: Pat
     ]
 
 
-def test_scan_excludes_a_case_without_an_age_and_says_so(tmp_path: Path) -> None:
+def test_a_case_without_an_age_stays_in_the_sheet(tmp_path: Path) -> None:
     (release(tmp_path) / "participants.tsv").unlink()
-    excluded = [case for case in scan(tmp_path) if not case.include]
-    assert {case.participant for case in excluded} == {"CC02"}
-    write_sheet(scan(tmp_path), tmp_path / "cohort.tsv")
-    assert "no scan age" in read_sheet(tmp_path / "cohort.tsv")[-1].exclude_reason
+    cases = scan(tmp_path)
+    assert all(case.include for case in cases)
+    assert [case.scan_age for case in cases] == [30.5, 30.5, None, None]
+    write_sheet(cases, tmp_path / "cohort.tsv")
+    assert read_sheet(tmp_path / "cohort.tsv") == cases
+    (notice,) = ageless_notice(cases)
+    assert notice.startswith("2 without an age") and notice.endswith("sub-CC02_ses-200_hemi-L, sub-CC02_ses-200_hemi-R")
+    assert ageless_notice(cases[:2]) == []
+
+
+def test_a_case_without_an_age_is_not_folded(tmp_path: Path) -> None:
+    rows = (GOOD + "\tyes", GOOD.replace("007", "008").replace("27.5", "n/a") + "\tyes")
+    old, ageless = read_sheet(sheet(tmp_path, *rows, extra="\tfold"))
+    assert folded([old, ageless], "all") == [old] and folded([ageless, old], 2) == [old]
+    for which in (None, [ageless.name], {"column": "fold"}):
+        with pytest.raises(InputError, match="sub-008_ses-01_hemi-L: to be folded, but without an age"):
+            folded([old, ageless], which)
 
 
 def test_a_sphere_is_a_file_of_the_row_or_that_of_a_phantom(tmp_path: Path) -> None:

@@ -119,13 +119,46 @@ def test_what_cannot_be_read_is_refused_with_its_place(tmp_path, old, new, words
     assert words in verify(path, "febio")[0]
 
 
+def test_a_set_or_part_that_comes_twice_has_the_members_of_both(tmp_path, regions):
+    path = tmp_path / "m.feb"
+    febio.write(regions, path)
+    text = path.read_text()
+    again = '<ElementSet name="more">1,2</ElementSet><ElementSet name="more">2,5</ElementSet>'
+    again += '<NodeSet name="some">60</NodeSet>'
+    text = text.replace("</Mesh>", f"{again}</Mesh>").replace(
+        '<Elements type="tet4" name="cortex">', '<Elements type="tet4" name="core">'
+    )
+    path.write_text(text)
+    sets = febio.read(path).sets
+    assert sets.cells["more"].tolist() == [0, 1, 4] and len(sets.cells["core"]) == len(regions.cells)
+    assert sets.nodes["some"].tolist() == [*range(20), 59]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("</Mesh>", '<NodeSet name="a"><n id="1"/></NodeSet></Mesh>', "holds <n>, not ids separated by commas"),
+        ('lid="2"', 'lid="1"', "<NodeData age> does not number its values from 1 to 4"),
+        ("</MeshData>", "{again}</MeshData>", "two <NodeData> have the same name"),
+    ],
+)
+def test_what_would_be_read_otherwise_is_refused(tmp_path, old, new, words):
+    path = tmp_path / "m.feb"
+    febio.write(replace(TETRAHEDRON, point_data={"age": np.arange(4.0)}), path)
+    text = path.read_text()
+    again = re.search(r"<NodeData.*</NodeData>", text, re.DOTALL)
+    path.write_text(text.replace(old, new.format(again=again[0] if again else "")))
+    with pytest.raises(InputError, match=words):
+        febio.read(path)
+
+
 def test_a_field_with_a_value_too_many_is_refused(tmp_path):
     path = tmp_path / "m.feb"
     febio.write(replace(TETRAHEDRON, point_data={"age": np.arange(4.0)}), path)
     text = path.read_text()
     (value,) = re.findall(r'<node lid="4">[^<]*</node>', text)
     path.write_text(text.replace(value, value + value))
-    with pytest.raises(InputError, match=r"field age has shape \(5,\), but there are 4 nodes"):
+    with pytest.raises(InputError, match="does not number its values from 1 to 5"):
         febio.read(path)
 
 

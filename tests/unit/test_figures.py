@@ -46,6 +46,16 @@ def test_three_panels_show_every_mesh_in_front_of_the_published_ones(figure: Fig
         assert axis.get_xlabel() == "gestational age (weeks)"
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_meshes_of_unknown_age_stand_to_the_right_of_all_others(tmp_path: Path, known: bool) -> None:
+    table = tmp_path / "cohort_quality.tsv"
+    table.write_text(HEADER + (ROWS if known else "") + "sub-4_hemi-L\tL\tn/a\t0.6\t390000\t0.129\t0.4\n")
+    for axis in cohort_figure(table).axes:
+        places = np.concatenate([np.asarray(points.get_offsets())[:, 0] for points in axis.collections])
+        assert axis.get_xticks()[-1] == places.max() > sorted(set(places))[-2]
+        assert [tick.get_text() for tick in axis.get_xticklabels()][-1] == "n/a"
+
+
 def test_the_legend_counts_and_the_limit_is_drawn(figure: Figure) -> None:
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == [

@@ -173,6 +173,34 @@ def test_gmsh_lists_the_groups(mesh, tmp_path):
     assert np.array_equal(np.sort(nodes) - 1, mesh.sets.nodes["medial_wall"])
 
 
+def test_elements_of_another_kind_and_groups_of_one_name_in_a_gmsh_file(tmp_path):
+    path = tmp_path / "m.msh"
+    tetrahedra = np.array([[0, 1, 2, 3], [1, 2, 3, 4]])
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1.0]])
+    with msh.session():
+        gmsh.model.add("m")
+        for tag, cell in enumerate(tetrahedra, start=1):
+            gmsh.model.addDiscreteEntity(3, tag)
+            new = [0, 1, 2, 3] if tag == 1 else [4]
+            gmsh.model.mesh.addNodes(3, tag, [node + 1 for node in new], points[new].ravel())
+            gmsh.model.mesh.addElementsByType(tag, 4, [tag], cell + 1)
+            gmsh.model.addPhysicalGroup(3, [tag], tag=tag, name="one" if tag == 1 else "two")
+        gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
+        gmsh.write(str(path))
+    path.write_text(path.read_text().replace('"two"', '"one"'))
+    assert msh.read(path).sets.cells["one"].tolist() == [0, 1]
+
+    with msh.session():
+        gmsh.open(str(path))
+        gmsh.model.addDiscreteEntity(3, 9)
+        gmsh.model.mesh.addNodes(3, 9, [9], [2, 2, 2])
+        gmsh.model.mesh.addElementsByType(9, 7, [9], [1, 2, 5, 3, 9])
+        gmsh.option.setNumber("Mesh.SaveAll", 1)
+        gmsh.write(str(path))
+    with pytest.raises(InputError, match="it holds Pyramid 5 elements, not only Tetrahedron 4"):
+        msh.read(path)
+
+
 def test_meshio_reads_the_gmsh_file(mesh, tmp_path):
     found = meshio.read(written(mesh, tmp_path, "gmsh"))
     assert sum(len(block.data) for block in found.cells if block.type == "tetra") == len(mesh.cells)

@@ -55,6 +55,14 @@ def test_rows_are_in_the_order_of_age_setting_and_cell_size() -> None:
     assert rows[0]["tets"] == 6 * 4**3
 
 
+@pytest.mark.parametrize("ages", [{"sub-a": None, "sub-b": 22.0}, {"sub-a": None, "sub-b": None}])
+def test_an_unknown_age_is_n_a(tmp_path: Path, ages: dict[str, float | None]) -> None:
+    records = {at("sub-a", 1.0): record(2), at("sub-b", 1.0): record(2)}
+    rows = rows_of(resolution_table(records, {}, ages))
+    assert {row["case"]: row["scan_age"] for row in rows if row["case"] in ages} == ages
+    assert len(measures_table(records, {}, ages)) > 2
+
+
 def test_the_published_table_stands_below() -> None:
     rows = rows_of(resolution_table({at("sub-a", 1.0): record(2)}, {}, AGES))
     assert len(rows) == 1 + 9

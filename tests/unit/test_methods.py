@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +51,18 @@ def test_it_counts_surfaces_participants_and_hemispheres(records: list[dict[str,
     text = methods_text(records, CASES, {})
     assert "3 closed cortical surfaces (1 of them synthetic) of 2 participants" in text
     assert "(1 left hemisphere, 1 right hemisphere, 1 whole brain; gestational age at scan 22.5-30 weeks)" in text
+
+
+def test_it_tells_of_ages_that_are_not_known(records: list[dict[str, Any]]) -> None:
+    ageless = [replace(case, scan_age=None) for case in CASES[:3]]
+    unsmoothed = copy.deepcopy(records)
+    for record in unsmoothed:
+        del record["parameters"]["smooth_surface"]
+    text = methods_text(unsmoothed, ageless, {})
+    assert "1 whole brain; age at scan not known)" in text and "smoothed" not in text
+    text = methods_text([unsmoothed[0], *records[1:]], [ageless[0], *CASES[1:]], {})
+    assert "gestational age at scan 22.5-30 weeks, of 1 of them not known)" in text
+    assert "Surfaces of known age were smoothed by age" in text
 
 
 def test_it_names_what_was_left_out_and_why(records: list[dict[str, Any]]) -> None:

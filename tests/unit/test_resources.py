@@ -33,6 +33,11 @@ def test_tetrahedra_grow_with_the_volume_and_the_cube_of_the_cell_size() -> None
     assert expected_tets(50.0, 1.0, "netgen") == expected_tets(50.0, 1.0, "cgal") > expected_tets(50.0, 1.0, "lattice")
 
 
+def test_a_surface_of_unknown_age_may_be_as_large_as_an_adult_one() -> None:
+    assert expected_volume_ml(None) > expected_volume_ml(60.0)
+    assert expected_volume_ml(None, whole=True) == 2 * expected_volume_ml(None)
+
+
 @pytest.mark.parametrize("mesher", ["cgal", "lattice"])
 def test_a_ball_has_about_as_many_tetrahedra_as_expected(mesher: str) -> None:
     ball = ball_surface(3, radius=10.0)

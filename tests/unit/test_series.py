@@ -49,6 +49,11 @@ def test_one_scale_for_all_ages_and_the_cut_in_colour() -> None:
     assert [axis.get_title() for axis in figure.axes[:2]] == ["22 weeks, left", "30.5 weeks, right"]
 
 
+def test_an_unknown_age_is_said() -> None:
+    figure = series_figure([(None, {"L": ball_mesh(radius=10.0)})])
+    assert figure.axes[0].get_title() == "age n/a, left"
+
+
 def test_both_hemispheres_have_rows_of_their_own_where_there_are_both() -> None:
     ball = ball_mesh(radius=10.0)
     figure = series_figure([(22.0, {"L": ball, "R": ball}), (30.0, {"L": ball})])

@@ -72,3 +72,24 @@ def test_other_cells_than_tetrahedra_are_refused(tmp_path):
     meshio.vtu.write(tmp_path / "surface.vtu", surface)
     with pytest.raises(InputError, match="triangle"):
         vtu.read(tmp_path / "surface.vtu")
+
+
+PIECE = """<Piece NumberOfPoints="4" NumberOfCells="1"><Points><DataArray type="Float64" NumberOfComponents="3"
+ format="ascii">0 0 0 1 0 0 0 1 0 0 0 1</DataArray></Points><Cells>
+<DataArray type="Int32" Name="connectivity" format="ascii">0 1 2 3</DataArray>
+<DataArray type="Int32" Name="offsets" format="ascii">4</DataArray>
+<DataArray type="UInt8" Name="types" format="ascii">10</DataArray></Cells>
+<CellData><DataArray type="Float64" Name="NAME" format="ascii">1</DataArray></CellData></Piece>"""
+
+
+@pytest.mark.parametrize(("second", "good"), [("a", True), ("b", False)])
+def test_pieces_of_a_file_are_one_mesh_if_they_have_the_same_fields(tmp_path, second, good):
+    pieces = PIECE.replace("NAME", "a") + PIECE.replace("NAME", second)
+    (tmp_path / "m.vtu").write_text(
+        f'<VTKFile type="UnstructuredGrid"><UnstructuredGrid>{pieces}</UnstructuredGrid></VTKFile>'
+    )
+    if good:
+        assert vtu.read(tmp_path / "m.vtu").cell_data["a"].tolist() == [1, 1]
+        return
+    with pytest.raises(InputError, match="its pieces have different fields"):
+        vtu.read(tmp_path / "m.vtu")

@@ -1,0 +1,242 @@
+"""Ages at scan from the tables of a dataset: which column of which table, in which unit, and what is not read.
+
+A gestational age is what cortet needs. A column that is called so is read in weeks, or in the unit that the table's
+sidecar says (`Units`, as in BIDS). The column `age` of BIDS is in years from birth where no sidecar says otherwise, and
+the age of a child of two must not become a fetus of two weeks: it is read where its unit is weeks, or where the
+configuration names the column.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cortet.errors import InputError
+from cortet.formats.tsv import read_uneven_tsv
+from cortet.formats.untrusted import content
+
+#: ages a surface can plausibly have, gestational weeks: below there is no cortical plate to mesh, above lies infancy
+SCAN_AGE_RANGE = (12.0, 60.0)
+#: weeks in a unit of time
+WEEKS = {"weeks": 1.0, "days": 1 / 7, "months": 365.25 / 12 / 7, "years": 365.25 / 7}
+#: column whose ages count from birth where nothing else is said
+FROM_BIRTH = "age"
+#: a session of a participant: their labels
+Session = tuple[str, str | None]
+
+_UNITS = {
+    "weeks": r"weeks?|wks?|w",
+    "days": r"days?|d",
+    "months": r"months?|mo|mos|mths?",
+    "years": r"years?|yrs?|y",
+}
+#: words by which a sidecar says that a column counts from birth, or from before
+_BIRTH, _GESTATION = r"\b(birth|postnatal|chronological)", r"gestation|menstrual|concept|\bPMA\b|\bGA\b"
+_LARGEST_SIDECAR = 10_000_000
+
+#: rows of a table, column -> value, by the participant's label
+_RowsByParticipant = dict[str, list[dict[str, str]]]
+
+
+@dataclass(frozen=True)
+class Column:
+    """How a column of a table is read."""
+
+    #: file name of the table, as the configuration has it, and the column
+    table: str
+    name: str
+    #: of `WEEKS`
+    unit: str
+    #: who says so
+    source: str
+    #: why the column is not read; empty where it is
+    refused: str = ""
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """A value of a column for a session."""
+
+    session: Session
+    column: Column
+    text: str
+    #: None where the column is not read, or the value is no gestational age
+    weeks: float | None
+    #: whether the row is about all sessions of the participant
+    shared: bool
+
+
+def number(text: str | None) -> float | None:
+    """A finite number, or None."""
+    try:
+        value = float(text or "")
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def ages_at_scan(
+    sessions: Iterable[Session],
+    tables: Mapping[Session, Sequence[tuple[str, Path]]],
+    columns: Sequence[str],
+    *,
+    named: bool = False,
+) -> tuple[dict[Session, float], list[str]]:
+    """Gestational ages, weeks, of the sessions that have one; in words, where they come from and what is not read.
+
+    Parameters
+    ----------
+    sessions : participant and session, their labels
+    tables : of each session, what a table is called and where it is, the one that counts most first
+    columns : that may hold the age; of each table the first one that is there
+    named : whether the configuration names the columns, which vouches for weeks
+
+    Raises
+    ------
+    InputError : a table cannot be read
+    """
+    read: dict[Path, _RowsByParticipant] = {}
+    described: dict[Path, Mapping[str, object]] = {}
+    found: dict[Session, float] = {}
+    readings: list[_Reading] = []
+    for session in sessions:
+        for table, path in tables[session]:
+            if path not in read:
+                read[path] = _rows_by_participant(path) if path.exists() else {}
+                described[path] = _sidecar(path, table)
+            reading = _reading(session, read[path], described[path], table, columns, named=named)
+            readings += [reading] if reading else []
+            if reading and reading.weeks is not None:
+                found[session] = reading.weeks
+                break
+    return found, _in_words(readings)
+
+
+def _reading(
+    session: Session,
+    rows: _RowsByParticipant,
+    sidecar: Mapping[str, object],
+    table: str,
+    columns: Sequence[str],
+    *,
+    named: bool,
+) -> _Reading | None:
+    """What a table says of the age of a session; None where it says nothing."""
+    participant, label = session
+    keys = {"participant_id": participant, "session_id": label}
+    known = [
+        row
+        for row in rows.get(participant, []) + rows.get("", [])
+        if all(_label(row[key]) == value for key, value in keys.items() if value and key in row)
+    ]
+    if label is None and len({row.get("session_id") for row in known}) > 1:
+        return None  # the surface does not say of which session it is
+    for row in known:
+        name = next((column for column in columns if column in row), None)
+        value = number(row[name]) if name else None
+        if name and value is not None:
+            column = _column(table, name, sidecar.get(name), named=named)
+            weeks = round(value * WEEKS[column.unit], 2)
+            plausible = not column.refused and SCAN_AGE_RANGE[0] <= weeks <= SCAN_AGE_RANGE[1]
+            shared = label is not None and not row.get("session_id")
+            return _Reading(session, column, row[name], weeks if plausible else None, shared)
+    return None
+
+
+def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
+    """How a column is read, by what its sidecar says of it."""
+    said = {key.lower(): str(value) for key, value in entry.items()} if isinstance(entry, Mapping) else {}
+    about = " ".join(said.get(key, "") for key in ("longname", "description", "units"))
+    written = said.get("units", "")
+    unit = next((unit for unit, words in _UNITS.items() if re.search(rf"\b({words})\b", written, re.IGNORECASE)), None)
+    born = name == FROM_BIRTH and not re.search(_GESTATION, about, re.IGNORECASE)
+    if unit is None and born and not named:
+        return Column(table, name, "years", "BIDS, where no sidecar has Units", "it counts from birth")
+    if unit is None:
+        return Column(table, name, "weeks", "no sidecar has its Units")
+    source = f"its sidecar says Units: {written}"
+    counts_from_birth = re.search(_BIRTH, about, re.IGNORECASE) or (born and unit != "weeks")
+    return Column(table, name, unit, source, "it counts from birth" if counts_from_birth else "")
+
+
+def _in_words(readings: Sequence[_Reading]) -> list[str]:
+    """What was read of which column, what was not read and why, and which sessions share an age."""
+    told = []
+    for column in dict.fromkeys(reading.column for reading in readings):
+        own = [reading for reading in readings if reading.column == column]
+        good = [reading.session for reading in own if reading.weeks is not None]
+        which = f"column {column.name} of {column.table}, in {column.unit} ({column.source})"
+        if column.refused:
+            told.append(
+                f"not read: {which}; {column.refused}, and a gestational age is needed (call the column scan_age, say "
+                f"Units: weeks in the sidecar, or name it in cohort.scan.age_columns if it is one in weeks)"
+            )
+            continue
+        if good:
+            told.append(f"ages are from {which}: {_counted(good)}")
+        if bad := [reading for reading in own if reading.weeks is None]:
+            low, high = SCAN_AGE_RANGE
+            told.append(
+                f"not read: {len(bad)} of {which}, as {bad[0].text} of {_named(bad[0].session)}: "
+                f"no age from {low:g} to {high:g} gestational weeks (give its unit in the sidecar, as Units)"
+            )
+    shared: dict[tuple[str, float], list[str]] = {}
+    for reading in readings:
+        if reading.shared and reading.weeks is not None:
+            participant, label = reading.session
+            shared.setdefault((participant, reading.weeks), []).append(f"ses-{label}")
+    return told + [
+        f"sub-{participant}: {', '.join(labels)} share the one age of their participant, {weeks:g} weeks "
+        "(a sessions table gives each its own)"
+        for (participant, weeks), labels in shared.items()
+        if len(labels) > 1
+    ]
+
+
+def _counted(sessions: Sequence[Session]) -> str:
+    return f"{len(sessions)} participants or sessions" if len(sessions) > 1 else _named(sessions[0])
+
+
+def _named(session: Session) -> str:
+    participant, label = session
+    return f"sub-{participant}" + (f" ses-{label}" if label else "")
+
+
+def _sidecar(path: Path, table: str) -> Mapping[str, object]:
+    """What the JSON file beside a table says of its columns; for sessions tables, also one at the root of the dataset.
+
+    Raises
+    ------
+    InputError : it is no JSON of keys and values
+    """
+    beside = path.with_suffix(".json")
+    root = Path(*path.parts[: len(path.parts) - len(Path(table).parts)])
+    general = root / (path.stem.rpartition("_")[2] + ".json")
+    said: dict[str, object] = {}
+    for file in dict.fromkeys((general, beside)):
+        if path.exists() and file.is_file():
+            try:
+                data = json.loads(content(file, largest=_LARGEST_SIDECAR).decode("utf-8-sig"))
+            except (ValueError, RecursionError) as error:
+                raise InputError(f"is no JSON: {error}", file=file, remedy="mend it, or delete it") from None
+            if not isinstance(data, dict):
+                raise InputError("holds no keys", file=file, remedy="give one key per column of the table")
+            said |= data
+    return said
+
+
+def _rows_by_participant(path: Path) -> _RowsByParticipant:
+    """Rows of a table by the participant's label, which is empty where the table has no such column."""
+    table, _ = read_uneven_tsv(path)
+    found: _RowsByParticipant = {}
+    for row in table.to_dict("records"):
+        found.setdefault(_label(row.get("participant_id", "")), []).append(row)
+    return found
+
+
+def _label(text: str) -> str:
+    return re.sub("^(sub|ses)-", "", text)

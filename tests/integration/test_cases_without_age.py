@@ -1,0 +1,43 @@
+"""Adults and other species: a case without an age is meshed, unsmoothed, beside one that has an age."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from cortet.formats.gifti import write_surface
+from tests.integration.study import Study, surface
+
+
+def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path: Path) -> None:
+    study = Study(tmp_path)
+    study.config["experiments"] = {"settings": ["default"], "resolution": {"cell_size": [4.0]}}
+    inner = tmp_path / "surfaces/b_white.surf.gii"
+    study.add_case(study.case("a"), surface(0))
+    study.add_case(replace(study.case("b"), scan_age=None, inner={"white": inner}), surface(1))
+    one = surface(1)
+    write_surface(replace(one, points=0.6 * one.points), inner)
+    study.config["fold"] = {"cases": "all"}
+    assert {case for rule, case in study.planned_jobs() if rule == "fold"} == {"sub-a"}
+
+    study.config["fold"] = {}
+    jobs = study.jobs_of_run("cohort", "methods")
+    assert "1 without an age" in study.said and "sub-b_hemi-L" in study.said
+    assert {case for rule, case in jobs if rule in ("smooth_surface", "smooth_inner")} == {"sub-a"}
+    assert {row["state"] for row in study.status().values()} == {"certified"}
+    certificate = json.loads(study.files("sub-b*Solver_certificate.json")[0].read_text())
+    assert "smooth_surface" not in certificate["parameters"]
+    columns, *rows = (study.outputs / "cohort/cohort_quality.tsv").read_text().splitlines()
+    assert [row.split("\t")[columns.split("\t").index("scan_age")] for row in rows] == ["24", "n/a"]
+    methods = (study.outputs / "cohort/methods.md").read_text()
+    assert "gestational age at scan 24 weeks, of 1 of them not known" in methods
+    assert "Surfaces of known age were smoothed" in methods
+
+
+def test_a_case_to_be_folded_needs_an_age_and_nothing_is_run(tmp_path: Path) -> None:
+    study = Study(tmp_path)
+    study.config["fold"] = {"cases": ["sub-a_hemi-L"]}
+    study.add_case(replace(study.case("a"), scan_age=None), surface(0))
+    assert not study.jobs_of_run(succeeds=False)
+    assert "sub-a_hemi-L: to be folded, but without an age" in study.said

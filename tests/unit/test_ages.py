@@ -1,0 +1,107 @@
+"""Ages at scan: the unit that the dataset says, never years taken for weeks, and in words what was read."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cortet.cli import main
+from cortet.cohort.sheet import read_sheet, scan
+from cortet.config import Scan
+from cortet.errors import InputError
+
+
+def dataset(folder: Path, column: str, values: dict[str, str], described: dict[str, Any] | None = None) -> Path:
+    """One surface for each participant, their ages in participants.tsv, and its sidecar where there is one."""
+    for name in values:
+        (folder / f"sub-{name}/anat").mkdir(parents=True)
+        (folder / f"sub-{name}/anat/sub-{name}_hemi-L_white.surf.gii").touch()
+    rows = "".join(f"sub-{name}\t{value}\n" for name, value in values.items())
+    (folder / "participants.tsv").write_text(f"participant_id\t{column}\n{rows}")
+    if described is not None:
+        (folder / "participants.json").write_text(json.dumps({column: described}))
+    return folder
+
+
+def ages(folder: Path, patterns: Scan | None = None) -> tuple[list[float | None], str]:
+    """The ages of the cases, and all that was said."""
+    said: list[str] = []
+    return [case.scan_age for case in scan(folder, patterns, said.append)], "\n".join(said)
+
+
+@pytest.mark.parametrize("described", [None, {"Units": "years"}, {"Description": "age of the participant"}])
+def test_years_are_never_read_as_weeks(tmp_path: Path, described: dict[str, str] | None) -> None:
+    found, said = ages(dataset(tmp_path, "age", {"a": "28", "b": "35"}, described))
+    assert found == [None, None]
+    assert "not read: column age of participants.tsv, in years" in said
+    assert "it counts from birth" in said and "call the column scan_age" in said
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "described", "weeks"),
+    [
+        ("age", "28.5", {"Units": "weeks"}, 28.5),
+        ("age", "28.5", {"Units": "gestational weeks"}, 28.5),
+        ("age", "196", {"Units": "days", "Description": "postmenstrual age"}, 28.0),
+        ("gestational_age", "196", {"Units": "d"}, 28.0),
+        ("scan_age", "6.5", {"Units": "months"}, 28.26),
+        ("scan_age", "28.5", None, 28.5),
+        ("ga", "28.5", {"Description": "at scan"}, 28.5),
+        ("age", "28.5", {"Units": "weeks", "Description": "age since birth"}, None),
+        ("age", "28", {"Units": "months"}, None),
+    ],
+)
+def test_the_unit_of_the_sidecar_counts(
+    tmp_path: Path, column: str, value: str, described: dict[str, str] | None, weeks: float | None
+) -> None:
+    found, said = ages(dataset(tmp_path, column, {"a": value}, described))
+    assert found == [weeks]
+    assert said.startswith(f"{'ages are from' if weeks else 'not read:'} column {column} of participants.tsv, in ")
+
+
+def test_a_configuration_that_names_the_column_vouches_for_weeks(tmp_path: Path) -> None:
+    folder = dataset(tmp_path, "age", {"a": "28"})
+    assert ages(folder, Scan(age_columns=["age"]))[0] == [28.0]
+    (folder / "participants.json").write_text('{"age": {"Units": "years"}}')
+    assert ages(folder, Scan(age_columns=["age"]))[0] == [None]
+
+
+def test_a_value_that_is_no_gestational_age_is_named_and_left_out(tmp_path: Path) -> None:
+    found, said = ages(dataset(tmp_path, "scan_age", {"a": "28", "b": "196"}))
+    assert found == [28.0, None]
+    assert "196 of sub-b: no age from 12 to 60 gestational weeks (give its unit in the sidecar, as Units)" in said
+
+
+def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path: Path) -> None:
+    folder = dataset(tmp_path, "scan_age", {"a": "28", "b": "30"})
+    for session in ("1", "2"):
+        (folder / f"sub-a/ses-{session}/anat").mkdir(parents=True)
+        (folder / f"sub-a/ses-{session}/anat/sub-a_ses-{session}_hemi-L_white.surf.gii").touch()
+    _, said = ages(folder)
+    assert "sub-a: ses-1, ses-2 share the one age of their participant, 28 weeks" in said
+    (folder / "sub-a/sub-a_sessions.tsv").write_text("session_id\tage\nses-1\t24\nses-2\t200\n")
+    (folder / "sessions.json").write_text('{"age": {"Units": "weeks"}}')
+    found, said = ages(folder)
+    assert found == [28.0, 24.0, 28.0, 30.0], "what the sessions table does not say comes from the participants table"
+    assert "not read: 1 of column age of sub-{participant}" in said and "as 200 of sub-a ses-2" in said
+    assert (
+        "share" not in said and "ages are from column age of sub-{participant}/sub-{participant}_sessions.tsv" in said
+    )
+
+
+def test_a_sidecar_that_is_none_is_refused(tmp_path: Path) -> None:
+    folder = dataset(tmp_path, "age", {"a": "28"})
+    for text, words in (("{", "is no JSON"), ("[1]", "holds no keys")):
+        (folder / "participants.json").write_text(text)
+        with pytest.raises(InputError, match=rf"participants.json: {words}"):
+            scan(folder)
+
+
+def test_the_command_says_which_column_it_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = dataset(tmp_path / "bids", "age", {"a": "28"}, {"Units": "years"})
+    assert main(["cohort", "scan", str(folder), "-o", str(tmp_path / "cohort.tsv")]) == 0
+    assert "not read: column age of participants.tsv, in years" in capsys.readouterr().out
+    assert [case.scan_age for case in read_sheet(tmp_path / "cohort.tsv")] == [None]
