@@ -194,6 +194,13 @@ def parser() -> argparse.ArgumentParser:
     quadratic.add_argument("mesh", type=Path, metavar="MESH")
     quadratic.add_argument("surface", type=Path, metavar="SURFACE", help="the surface that was meshed")
     quadratic.add_argument(
+        "--max-boundary-distance",
+        type=float,
+        default=1e-3,
+        metavar="MM",
+        help="limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit)",
+    )
+    quadratic.add_argument(
         "-o", "--output", type=Path, required=True, metavar="OUT", help=".inp, .feb, .msh, .vtu or .xdmf"
     )
     quadratic.set_defaults(run=_quadratic)
@@ -549,7 +556,8 @@ def _quadratic(args: argparse.Namespace) -> int:
     from cortet.solver_files.ten_nodes import write_ten_nodes
 
     mesh = _read_mesh(args.mesh)
-    curved = quadratic(mesh, read_surface(args.surface))
+    limit = args.max_boundary_distance
+    curved = quadratic(mesh, read_surface(args.surface), max_boundary_distance=limit if math.isfinite(limit) else None)
     write_ten_nodes(mesh, curved, args.output)
     straight = curved.straightened_for_elements + curved.straightened_for_crossings
     print(
