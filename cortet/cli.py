@@ -249,6 +249,13 @@ def parser() -> argparse.ArgumentParser:
         "surface", type=Path, nargs="?", metavar="SURFACE", help="default: the surface that was meshed, by the sidecar"
     )
     quadratic.add_argument(
+        "--max-boundary-distance",
+        type=float,
+        default=1e-3,
+        metavar="MM",
+        help="limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit)",
+    )
+    quadratic.add_argument(
         "-o", "--output", type=OutputFile, required=True, metavar="OUT", help=".inp, .feb, .msh, .vtu or .xdmf"
     )
     quadratic.set_defaults(run=_quadratic)
@@ -630,7 +637,9 @@ def _quadratic(args: argparse.Namespace) -> int:
     from cortet.solver_files.ten_nodes import write_ten_nodes
 
     mesh = _read_mesh(args.mesh)
-    curved = quadratic(mesh, _filled_surface(args.mesh, args))
+    limit = args.max_boundary_distance
+    surface = _filled_surface(args.mesh, args)
+    curved = quadratic(mesh, surface, max_boundary_distance=limit if math.isfinite(limit) else None)
     write_ten_nodes(mesh, curved, args.output)
     straight = curved.straightened_for_elements + curved.straightened_for_crossings
     print(

@@ -196,7 +196,7 @@ def on_triangle(c, x, y, z):  # type: ignore[no-untyped-def]
         return 0.0, 1.0, 0.0
     vc = d1 * d4 - d3 * d2
     if vc <= 0 and d1 >= 0 and d3 <= 0:
-        t = d1 / (d1 - d3)
+        t = d1 / (d1 - d3) if d1 > d3 else 0.0
         return 1 - t, t, 0.0
     cpx, cpy, cpz = x - c[6], y - c[7], z - c[8]
     d5, d6 = abx * cpx + aby * cpy + abz * cpz, acx * cpx + acy * cpy + acz * cpz
@@ -204,12 +204,14 @@ def on_triangle(c, x, y, z):  # type: ignore[no-untyped-def]
         return 0.0, 0.0, 1.0
     vb = d5 * d2 - d1 * d6
     if vb <= 0 and d2 >= 0 and d6 <= 0:
-        t = d2 / (d2 - d6)
+        t = d2 / (d2 - d6) if d2 > d6 else 0.0
         return 1 - t, 0.0, t
     va = d3 * d6 - d5 * d4
     if va <= 0 and d4 >= d3 and d5 >= d6:
-        t = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        t = (d4 - d3) / ((d4 - d3) + (d5 - d6)) if (d4 - d3) + (d5 - d6) > 0 else 0.0
         return 0.0, 1 - t, t
+    if va + vb + vc == 0:  # a line, and rounding
+        return 1.0, 0.0, 0.0
     scale = 1 / (va + vb + vc)
     v, w = vb * scale, vc * scale
     return 1 - v - w, v, w

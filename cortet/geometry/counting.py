@@ -67,24 +67,46 @@ def _sorted(cells, faces, e, k):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def count_folded(cells, faces, behind):  # type: ignore[no-untyped-def]
-    """Number of faces that have both their tetrahedra on one side.
+def wrong_faces(points, cells, faces, behind):  # type: ignore[no-untyped-def]
+    """What is wrong with the face opposite each corner: (m, 4) int8, 0: nothing, 1: folded, 2: in more than two.
+
+    A folded face has both its tetrahedra on one side; it is flagged in the first of them. Of a face in more than two
+    tetrahedra, all but two flag it: the search of `behind_faces` pairs only the last two with each other.
 
     Parameters
     ----------
+    points : (n, 3), by which inverted tetrahedra are told from others
     cells : (m, 4) int32
     faces : (4, 3), corners of the face opposite each corner, outward
     behind : of `behind_faces`
     """
-    count = 0
+    wrong = np.zeros((len(cells), 4), np.int8)
     for e in range(len(cells)):
         for k in range(4):
             f = behind[e, k]
-            if f > e:
-                for j in range(4):
-                    if behind[f, j] == e and _sorted(cells, faces, e, k) == _sorted(cells, faces, f, j):
-                        count += _is_odd(cells, faces, e, k) == _is_odd(cells, faces, f, j)
-    return count
+            if f < 0:
+                continue
+            face = _sorted(cells, faces, e, k)
+            for j in range(4):
+                if _sorted(cells, faces, f, j) != face:
+                    continue
+                if behind[f, j] != e:
+                    wrong[e, k] = 2
+                elif f > e:
+                    same_turn = _is_odd(cells, faces, e, k) == _is_odd(cells, faces, f, j)
+                    if same_turn == (_is_inverted(points, cells, e) == _is_inverted(points, cells, f)):
+                        wrong[e, k] = 1
+    return wrong
+
+
+@numba.njit(cache=True, inline="always")
+def _is_inverted(points, cells, e):  # type: ignore[no-untyped-def]
+    """Whether a tetrahedron has negative volume."""
+    a, b, c, d = cells[e, 0], cells[e, 1], cells[e, 2], cells[e, 3]
+    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+    wx, wy, wz = points[d, 0] - points[a, 0], points[d, 1] - points[a, 1], points[d, 2] - points[a, 2]
+    return (uy * vz - uz * vy) * wx + (uz * vx - ux * vz) * wy + (ux * vy - uy * vx) * wz < 0
 
 
 @numba.njit(cache=True, inline="always")

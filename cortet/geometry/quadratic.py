@@ -15,7 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.errors import InputError, StageError
 from cortet.geometry.closest_point import closest_points, tree_of
+from cortet.geometry.filling import require_body
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import TRI_EDGES, edges, sheet
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
@@ -50,7 +52,7 @@ class QuadraticMesh:
     largest_move_mm: float
 
 
-def quadratic(mesh: TetMesh, surface: TriSurface) -> QuadraticMesh:
+def quadratic(mesh: TetMesh, surface: TriSurface, *, max_boundary_distance: float | None = 1e-3) -> QuadraticMesh:
     """Give every edge of a mesh a node in its middle, and move those of the boundary and the interfaces to the surface.
 
     An edge stays straight where an element around it would have a Jacobian determinant below `LEAST_JACOBIAN` of that
@@ -59,12 +61,24 @@ def quadratic(mesh: TetMesh, surface: TriSurface) -> QuadraticMesh:
     Parameters
     ----------
     mesh : with positive volumes
-    surface : the surface that its boundary lies on, with the inner surfaces of its regions
+    surface : the surface that was meshed, on which its boundary lies, with the inner surfaces of its regions
+    max_boundary_distance : mm, largest distance of a node of the boundary or an interface to its surface; None: any
 
     Returns
     -------
     the corners keep their numbers
+
+    Raises
+    ------
+    InputError
+        tetrahedra have no positive volume or fill no body, or the nodes lie on another surface
+    StageError
+        an element of the result is not valid
     """
+    _require_sound(mesh)
+    walls = list(_walls(mesh, surface))
+    if max_boundary_distance is not None:
+        _require_on_surface(mesh, walls, max_boundary_distance)
     ends = edges(mesh.cells)
     key = ends[:, 0].astype(np.int64) * len(mesh.points) + ends[:, 1]
 
@@ -76,7 +90,6 @@ def quadratic(mesh: TetMesh, surface: TriSurface) -> QuadraticMesh:
     of_cells = number_of(mesh.cells[:, EDGES])
     straight = mesh.points[ends].mean(axis=1)
     middle, on_surface = straight.copy(), np.zeros(len(ends), bool)
-    walls = list(_walls(mesh, surface))
     for faces, target in walls:
         chosen = np.unique(number_of(faces[:, TRI_EDGES]))
         middle[chosen] = closest_points(tree_of(target), straight[chosen]).points
@@ -93,6 +106,8 @@ def quadratic(mesh: TetMesh, surface: TriSurface) -> QuadraticMesh:
 
     touched = np.flatnonzero(shape.moved[of_cells].any(axis=1))
     least = jacobian_bounds(mesh.points[mesh.cells[touched]], middle[of_cells[touched]])
+    if not least.min(initial=1.0) > 0:
+        raise StageError(f"an element would have a Jacobian determinant of {least.min():.3g}, must be above 0")
     return QuadraticMesh(
         points=np.concatenate([mesh.points, middle]),
         cells=np.concatenate([mesh.cells, of_cells + np.int32(len(mesh.points))], axis=1),
@@ -116,7 +131,7 @@ def jacobian_bounds(corners: FloatArray, middles: FloatArray) -> FloatArray:
 
     Returns
     -------
-    (m,), fractions of the determinant of the straight element; 1 for a straight one
+    (m,), fractions of the size of the determinant of the straight element; 1 for a straight one, -1 for an inverted one
     """
     # control points of the quadratic map: those of corners, and those of edges, which the middles are not
     control = np.empty((len(corners), 4, 4, 3))
@@ -131,11 +146,35 @@ def jacobian_bounds(corners: FloatArray, middles: FloatArray) -> FloatArray:
         orders = sorted(set(permutations(powers)))
         terms = [_determinant(*(slopes[:, a, b] for a, b in enumerate(order))) for order in orders]
         np.minimum(least, np.mean(terms, axis=0), out=least)
-    return least / _determinant(*(corners[:, a] - corners[:, 0] for a in (1, 2, 3)))
+    return least / np.abs(_determinant(*(corners[:, a] - corners[:, 0] for a in (1, 2, 3))))
 
 
 def _determinant(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     return np.einsum("mi,mi->m", a, np.cross(b, c))
+
+
+def _require_sound(mesh: TetMesh) -> None:
+    """Raise InputError for flat or inverted tetrahedra, whose determinant is no measure, and for overlapping ones."""
+    a, b, c, d = (mesh.points[mesh.cells[:, corner]] for corner in range(4))
+    if wrong := np.count_nonzero(~(_determinant(b - a, c - a, d - a) > 0)):
+        raise InputError(
+            f"{wrong} of {len(mesh.cells)} tetrahedra are flat or inverted",
+            remedy="`cortet certify` says where; mend them in the program that made the mesh",
+        )
+    require_body(mesh)
+
+
+def _require_on_surface(mesh: TetMesh, walls: list[tuple[IntArray, TriSurface]], limit: float) -> None:
+    """Raise InputError where nodes of the boundary or an interface are farther than `limit` mm from its surface."""
+    for faces, target in walls:
+        distances = closest_points(tree_of(target), mesh.points[np.unique(faces)]).distances
+        if off := np.count_nonzero(distances > limit):
+            raise InputError(
+                f"{off} of {len(distances)} nodes of the boundary are not on the surface, the farthest "
+                f"{distances.max():.3g} mm from it, must not exceed {limit:g} mm",
+                remedy="give the surface that was meshed, as `cortet mesh` writes it beside the mesh: "
+                "NAME.meshed.surf.gii; a smoothed one is another than the one that was read",
+            )
 
 
 def _walls(mesh: TetMesh, surface: TriSurface) -> Iterator[tuple[IntArray, TriSurface]]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from cortet.geometry.counting import behind_faces, cells_around, count_folded
+from cortet.geometry.counting import behind_faces, cells_around
 from cortet.geometry.remembering import once_per_object
 from cortet.mesh import REGION, FloatArray, IntArray, TetMesh, TriSurface
 
@@ -150,11 +150,6 @@ def packed(simplices: NDArray[np.integer]) -> NDArray[np.int64]:
 def neighbours(mesh: TetMesh) -> IntArray:
     """The tetrahedron behind the face opposite each corner: (m, 4) int32, -1 outside."""
     return behind_faces(mesh.cells, TET_FACES, len(mesh.points))
-
-
-def folded_faces(mesh: TetMesh) -> int:
-    """Faces with both their tetrahedra, of positive volume, on one side; a mesh that fills space once has none."""
-    return int(count_folded(mesh.cells, TET_FACES, neighbours(mesh)))
 
 
 @OncePerCells

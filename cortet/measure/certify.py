@@ -22,8 +22,16 @@ from cortet import __version__
 from cortet.errors import StageError
 from cortet.formats.hashing import sha256
 from cortet.geometry.defects import defective_vertices
+from cortet.geometry.filling import flaws
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.topology import SurfaceTopology, boundary_surface, enclosed_volume, surface_topology, used_vertices
+from cortet.geometry.topology import (
+    SurfaceTopology,
+    boundary_faces,
+    boundary_surface,
+    enclosed_volume,
+    surface_topology,
+    used_vertices,
+)
 from cortet.measure.fidelity import Fidelity, fidelity
 from cortet.measure.lost import LostPlace, lost_places
 from cortet.measure.quality import QualitySummary, quality, signed_volumes, summarise
@@ -153,13 +161,17 @@ def certify(
     Raises
     ------
     StageError
-        coordinates are not finite, so nothing can be measured
+        coordinates are not finite, or there is no boundary, so nothing can be measured
     InputError
         `source` cannot be read
     """
     if bad := int((~np.isfinite(mesh.points)).any(axis=1).sum()):
         raise StageError(f"{bad} of {len(mesh.points)} nodes have coordinates that are not finite")
     reports = dict(reports or {})
+    found = flaws(mesh)
+    if not len(boundary_faces(mesh)):
+        counted = "; ".join(flaw.sentence for flaw in found if flaw.count)
+        raise StageError(f"every face is in two tetrahedra or more, so the mesh has no boundary: {counted}")
     boundary, _ = boundary_surface(mesh)
     topology = surface_topology(boundary.faces)
     measured, faithful = summarise(mesh), fidelity(mesh, surface)
@@ -179,10 +191,11 @@ def certify(
         _check("tetrahedra without positive volume", int((volumes <= 0).sum()), "==", 0),
         _check(
             "relative difference between the sum of volumes and the enclosed volume",
-            abs(float(volumes.sum()) - enclosed) / abs(enclosed),
+            _relative_difference(float(volumes.sum()), enclosed),
             "<=",
             VOLUME_TOLERANCE,
         ),
+        *(_check(flaw.name, flaw.count, "==", 0) for flaw in found),
         _check("unused nodes", len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))), "==", 0),
         *_topology_checks(topology, surface_topology(surface.faces).euler_number),
         *_meshing_checks(reports.get("generate")),
@@ -217,6 +230,7 @@ def certify(
         lost = lost_places(boundary, surface, limit=limit)
     places = {
         "worst q": _worst_place(worst[0], int((quality(mesh.points, mesh.cells) >= q_max).sum())),
+        **{flaw.name: _first(flaw.places) for flaw in found if flaw.count},
         "boundary faces that cross others": _first(centres),
         **dict.fromkeys(_PLACED_DEFECTS, _first(defects)),
         _SURFACE_DISTANCE: _lost(lost),
@@ -347,6 +361,12 @@ def _meshing_checks(report: Mapping[str, Any] | None) -> Iterator[Check]:
     """What S1 found wrong with the topology; a later stage can hide it, not undo it."""
     if report is not None:
         yield _check("topology problems after S1", int(not report["topology_ok"]), "==", 0, remedy=_TOPOLOGY_REMEDY)
+
+
+def _relative_difference(one: float, other: float) -> float:
+    """Of two volumes, by the larger of them; 0 where both are."""
+    largest = max(abs(one), abs(other))
+    return abs(one - other) / largest if largest else 0.0
 
 
 def _times(fraction: float | None, length: float | None) -> float | None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.geometry.filling import require_body
 from cortet.geometry.ordering import curve_order
 from cortet.geometry.topology import boundary_faces
 from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
@@ -120,14 +121,15 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
 
     Raises
     ------
-    InputError : nothing to grow, an inverted element, a field with impossible values or one that is missing, a time
-        step that is not stable, or a GPU that is not there
+    InputError : nothing to grow, tetrahedra that fill no body, an inverted element, a field with impossible values or
+        one that is missing, a time step that is not stable, or a GPU that is not there
     """
     device = device_name() if settings.device == "cuda" else "cpu"
     if not settings.gestational_age < settings.end:
         raise InputError(
             f"nothing grows from {settings.gestational_age:g} to {settings.end:g} weeks", remedy="set a later end"
         )
+    require_body(mesh)
     mesh, node, cell = _ordered(mesh)
     scale = scale_of(mesh, settings.hemisphere, reference=settings.reference)
     material, start = Material(mu_core=settings.core_stiffness), time_of(settings.gestational_age)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cortet.formats.as_read import AsRead
 from cortet.formats.surface_sets import INTERFACE, REGION_TAGS, SURFACE_TAGS, surface_faces
+from cortet.geometry.filling import broken_body
 from cortet.geometry.topology import TET_FACES, boundary_faces, enclosed_volume, packed, surface_topology
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
@@ -23,16 +24,24 @@ from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 _LARGEST_COORDINATE = 1e15
 
 
-def broken_conventions(file: AsRead) -> list[str]:
-    """Name every convention that a file breaks; an empty list means a solver may run on it."""
+def broken_conventions(file: AsRead, *, body: bool = True) -> list[str]:
+    """Name every convention that a file breaks; an empty list means a solver may run on it.
+
+    Parameters
+    ----------
+    body : whether to look also for what keeps the tetrahedra from filling a body
+    """
     mesh = file.mesh
     if absurd := list(_coordinates(mesh.points)):
         return [*file.problems, *absurd]
     if out_of_range := list(_out_of_range(mesh)):
         return [*file.problems, *out_of_range]
+    if not len(boundary_faces(mesh)):
+        return [*file.problems, "every face is in two tetrahedra or more: there is no boundary", *broken_body(mesh)]
     return [
         *file.problems,
         *_volumes(file),
+        *(broken_body(mesh) if body else ()),
         *_surface(file),
         *_sets(mesh),
         *_fields(mesh.point_data, len(mesh.points), "nodes"),

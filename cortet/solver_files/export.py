@@ -14,6 +14,7 @@ from cortet.formats import FORMATS, format_of
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.ownership import delete_made, hashes, may_write
 from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL
+from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.mesh import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
@@ -65,7 +66,15 @@ def export(
             remedy="export.uncertified: true writes it all the same",
         )
     _write_verified(
-        mesh, path, solver=solver, unit=unit, frame=frame, sources=sources or {}, interior=interior, made_from=made_from
+        mesh,
+        path,
+        solver=solver,
+        unit=unit,
+        frame=frame,
+        sources=sources or {},
+        interior=interior,
+        made_from=made_from,
+        body=bool(certificate["certified"]),
     )
 
 
@@ -79,11 +88,13 @@ def _write_verified(
     sources: Mapping[str, FieldSource],
     interior: str | None,
     made_from: Mapping[str, Any] | None = None,
+    body: bool = True,
 ) -> None:
+    """Write what is verified as written; of an uncertified mesh `body` is false, for it may overlap itself."""
     with atomic_folder(path) as folder:
         write(content, folder / path.name, solver=solver, unit=unit, frame=frame)
         as_read = FORMATS[solver].as_read(folder / path.name)
-        if broken := problems(as_read):
+        if broken := problems(as_read, body=body):
             raise StageError("the written file is not what the solver reads: " + "; ".join(broken), file=path)
         record = sidecar(
             as_read if isinstance(as_read, TriSurface) else as_read.mesh,
@@ -136,7 +147,8 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
     Raises
     ------
     InputError
-        a file's name stands for no format, `source` cannot be read, or holds a surface that is to become a mesh
+        a file's name stands for no format, `source` cannot be read, holds a surface that is to become a mesh, or
+        tetrahedra that fill no body
     StageError
         the mesh has tetrahedra without volume, or the written file breaks a convention of its solver
     """
@@ -150,6 +162,7 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
     else:
         options = {"unit": record.get("units", {}).get("coordinates", source_unit)} if read_from.has_unit else {}
         content = read_from.read(source, **options)
+        require_body(content, source)
         surface_nodes = boundary_nodes(content)
         if surface_nodes[-1] != len(surface_nodes) - 1:
             content = surface_nodes_first(content)[0]

@@ -29,6 +29,11 @@ def verify(path: str | Path, solver: str) -> list[str]:
         return [error.what]
 
 
-def problems(file: AsRead | TriSurface) -> list[str]:
-    """Name every convention that what was read breaks."""
-    return broken_surface(file) if isinstance(file, TriSurface) else broken_conventions(file)
+def problems(file: AsRead | TriSurface, *, body: bool = True) -> list[str]:
+    """Name every convention that what was read breaks.
+
+    Parameters
+    ----------
+    body : whether to look also for what keeps the tetrahedra of a mesh from filling a body
+    """
+    return broken_surface(file) if isinstance(file, TriSurface) else broken_conventions(file, body=body)

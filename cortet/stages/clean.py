@@ -14,7 +14,7 @@ import numpy as np
 
 from cortet.errors import InputError, StageError
 from cortet.geometry.closest_point import forest
-from cortet.geometry.topology import folded_faces
+from cortet.geometry.filling import folded_faces
 from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import without_crossing

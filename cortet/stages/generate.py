@@ -26,6 +26,7 @@ from typing import Literal
 import numpy as np
 
 from cortet.errors import InputError, StageError
+from cortet.geometry.filling import folded_faces
 from cortet.geometry.nesting import joined, sheets
 from cortet.geometry.ordering import ordered_along_curve
 from cortet.geometry.topology import (
@@ -35,7 +36,6 @@ from cortet.geometry.topology import (
     components,
     edges,
     enclosed_volume,
-    folded_faces,
     sheet,
     surface_topology,
 )

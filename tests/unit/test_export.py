@@ -41,7 +41,7 @@ def test_an_uncertified_mesh_is_written_only_on_demand(tmp_path: Path) -> None:
 
 
 def test_a_file_that_breaks_a_convention_gets_no_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cortet.solver_files.export.problems", lambda _: ["4 triangles face inward"])
+    monkeypatch.setattr("cortet.solver_files.export.problems", lambda _, **__: ["4 triangles face inward"])
     with pytest.raises(StageError, match="4 triangles face inward"):
         export(surface_nodes_first(ball_mesh())[0], tmp_path / "ball.mesh", solver="braingrowth", certificate=CERTIFIED)
     assert not list(tmp_path.iterdir())

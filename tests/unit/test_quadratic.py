@@ -17,12 +17,13 @@ from cubes import cube_mesh
 from shapes import ball_mesh
 
 from cortet.cli import main
+from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.geometry.quadratic import EDGES, LEAST_JACOBIAN, QuadraticMesh, jacobian_bounds, quadratic
-from cortet.geometry.topology import boundary_surface
+from cortet.geometry.topology import boundary_surface, sheet
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import TetMesh, TriSurface
+from cortet.mesh import REGION, TetMesh, TriSurface
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.ten_nodes import with_middles, write_ten_nodes
 
@@ -100,7 +101,7 @@ def test_an_element_that_would_not_be_valid_stays_straight(ball: tuple[TetMesh, 
     # pull the surface in at one place, deeper than the elements below it are high
     pole = surface.points @ [0, 0, 1]
     dented = replace(surface, points=surface.points * np.where((pole > 0.9) & (pole < 0.995), 0.5, 1)[:, None])
-    curved = quadratic(mesh, dented)
+    curved = quadratic(mesh, dented, max_boundary_distance=None)
     assert curved.straightened_for_elements > 0
     assert curved.least_jacobian >= LEAST_JACOBIAN
     assert determinants(curved, np.vstack([np.eye(4), RULE])).min() > 0
@@ -114,9 +115,44 @@ def test_faces_that_would_cross_stay_straight() -> None:
     surface = refined(refined(boundary_surface(twins)[0]))
     x, y, z = surface.points.T
     bulge = np.where(np.isclose(x, 1), 0.1 * (np.sin(2 * np.pi * y) * np.sin(2 * np.pi * z)) ** 2, 0)
-    curved = quadratic(twins, TriSurface(surface.points + bulge[:, None] * [1, 0, 0], surface.faces))
+    bulging = TriSurface(surface.points + bulge[:, None] * [1, 0, 0], surface.faces)
+    curved = quadratic(twins, bulging, max_boundary_distance=None)
     assert curved.straightened_for_crossings > 0
     assert curved.points[curved.cells[: len(one.cells)], 0].max() < 1.05
+
+
+def test_another_surface_than_the_meshed_one_is_refused(ball: tuple[TetMesh, TriSurface]) -> None:
+    """A hundredth of a radius is what smoothing changes; the middles would lie elsewhere than the corners."""
+    mesh, surface = ball
+    other = replace(surface, points=surface.points * 1.01)
+    with pytest.raises(InputError, match=r"162 of 162 nodes .* the farthest 0.00999 mm .*NAME.meshed.surf.gii"):
+        quadratic(mesh, other)
+    assert quadratic(mesh, other, max_boundary_distance=0.02).curved > 0
+
+
+def test_the_nodes_of_an_interface_are_judged_too() -> None:
+    mesh = cube_mesh(4, side=4.0)
+    inner = (np.abs(mesh.points[mesh.cells].mean(axis=1) - 2) < 1).all(axis=1)
+    mesh = replace(mesh, cell_data={REGION: inner.astype(np.int32)})
+    within, _ = sheet(mesh, 1)
+    outer = replace(boundary_surface(mesh)[0], inner={"white": within})
+    assert quadratic(mesh, outer).least_jacobian == 1
+    moved = TriSurface(within.points + 0.1, within.faces)
+    with pytest.raises(InputError, match="nodes of the boundary are not on the surface"):
+        quadratic(mesh, replace(outer, inner={"white": moved}))
+
+
+def test_inverted_and_overlapping_elements_are_refused(ball: tuple[TetMesh, TriSurface]) -> None:
+    mesh, surface = ball
+    cells = mesh.cells.copy()
+    cells[::3] = cells[::3][:, [1, 0, 2, 3]]
+    wrong = len(cells[::3])
+    with pytest.raises(InputError, match=f"{wrong} of {len(cells)} tetrahedra are flat or inverted"):
+        quadratic(replace(mesh, cells=cells), surface)
+    with pytest.raises(InputError, match="1 tetrahedra listed twice"):
+        quadratic(replace(mesh, cells=np.concatenate([mesh.cells, mesh.cells[:1]])), surface)
+    bounds = jacobian_bounds(mesh.points[cells], mesh.points[cells[:, EDGES]].mean(axis=2))
+    assert bounds[::3] == pytest.approx(-1) and bounds[1::3] == pytest.approx(1)
 
 
 @pytest.mark.parametrize("suffix", [".inp", ".msh", ".vtu", ".xdmf"])

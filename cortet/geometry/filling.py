@@ -1,0 +1,179 @@
+"""Whether tetrahedra fill one body, and each place of it once.
+
+A sum of volumes that equals the volume inside the boundary does not say so: an element listed twice makes up for a
+void, and its faces, which then are in two tetrahedra, for the boundary of it. So faces, nodes and parts of the boundary
+are counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.geometry.counting import wrong_faces
+from cortet.geometry.defects import defective_vertices
+from cortet.geometry.remembering import once_per_object
+from cortet.geometry.topology import (
+    TET_FACES,
+    boundary_surface,
+    component_labels,
+    enclosed_volume,
+    neighbours,
+    surface_topology,
+    used_vertices,
+)
+from cortet.geometry.winding import winding_numbers
+from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+
+#: volume inside a part of the boundary, over that inside all of it, up to which the part is a slit without width
+_NO_VOLUME = 1e-12
+#: how many places of a flaw are listed
+PLACES = 10
+
+#: winding number above which a point is inside
+_INSIDE = 0.9
+
+_FOLDED, _OVERFULL = 1, 2
+_VOIDS, _OVERLAPPING = "voids inside the mesh", "bodies that reach into another"
+
+
+@dataclass(frozen=True)
+class Flaw:
+    """One way not to fill a body, and how often it occurs."""
+
+    #: what is counted, so that "3 tetrahedra listed twice" is said of it
+    name: str
+    count: int
+    #: (k, 3) mm, the first few
+    places: FloatArray
+
+    @property
+    def sentence(self) -> str:
+        """Count, name and first place in plain words."""
+        x, y, z = self.places[0]
+        return f"{self.count} {self.name}, the first at ({x:.2f}, {y:.2f}, {z:.2f})"
+
+
+@once_per_object
+def flaws(mesh: TetMesh) -> tuple[Flaw, ...]:
+    """Every way not to fill a body, also those with the count 0; inverted tetrahedra count as if they were turned.
+
+    Parameters
+    ----------
+    mesh : all its indices are those of nodes
+    """
+    wrong = wrong_faces(mesh.points, mesh.cells, TET_FACES, neighbours(mesh))
+    doubled = _doubled_nodes(mesh.cells)
+    # all faces of a tetrahedron that is listed twice are wrong, so a mesh without wrong faces has none
+    repeated = _repeated(mesh.cells) if wrong.any() else np.zeros(0, np.int64)
+    corners = mesh.points[mesh.cells[repeated[:PLACES]]]
+    return (
+        Flaw("tetrahedra with one node twice", len(doubled), mesh.points[mesh.cells[doubled[:PLACES], 0]]),
+        Flaw("tetrahedra listed twice", len(repeated), corners.mean(axis=1)),
+        _wrong_faces(mesh, wrong == _OVERFULL, "faces in more than two tetrahedra"),
+        _wrong_faces(mesh, wrong == _FOLDED, "folded faces, with both tetrahedra on one side"),
+        *_inside_others(boundary_surface(mesh)[0]),
+        _nodes_at_one_place(mesh.points),
+    )
+
+
+def broken_body(mesh: TetMesh) -> list[str]:
+    """What keeps tetrahedra from filling bodies that a solver can run on, in plain words; none where nothing does.
+
+    Parameters
+    ----------
+    mesh : all its indices are those of nodes; it may consist of several bodies that do not touch
+    """
+    return [flaw.sentence for flaw in (*flaws(mesh), *_touching(mesh)) if flaw.count]
+
+
+def require_body(mesh: TetMesh, file: object = None) -> None:
+    """Raise InputError where tetrahedra do not fill bodies that a solver can run on.
+
+    Parameters
+    ----------
+    file : that the mesh was read from, named in the message
+    """
+    broken = broken_body(mesh)
+    if unused := len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))):
+        broken.append(f"{unused} nodes belong to no tetrahedron")
+    if broken:
+        raise InputError(
+            f"the tetrahedra fill no body: {'; '.join(broken)}",
+            file=file,
+            remedy="mend it in the program that made the mesh",
+        )
+
+
+def folded_faces(mesh: TetMesh) -> int:
+    """Faces with both their tetrahedra on one side; a mesh that fills space once has none."""
+    return int(np.count_nonzero(wrong_faces(mesh.points, mesh.cells, TET_FACES, neighbours(mesh)) == _FOLDED))
+
+
+def _wrong_faces(mesh: TetMesh, flagged: NDArray[np.bool_], name: str) -> Flaw:
+    """A face counts once, however many tetrahedra flag it."""
+    cell, corner = np.nonzero(flagged)
+    faces = mesh.cells[cell[:, None], TET_FACES[corner]]
+    first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]
+    return Flaw(name, len(first), mesh.points[faces[np.sort(first)[:PLACES]]].mean(axis=1))
+
+
+def _doubled_nodes(cells: IntArray) -> NDArray[np.int64]:
+    """Tetrahedra that name a node twice."""
+    a, b, c, d = cells.T
+    return np.flatnonzero((a == b) | (a == c) | (a == d) | (b == c) | (b == d) | (c == d))
+
+
+def _repeated(cells: IntArray) -> NDArray[np.int64]:
+    """Tetrahedra whose four nodes are those of an earlier one."""
+    first = np.unique(np.sort(cells, axis=1), axis=0, return_index=True)[1]
+    return np.setdiff1d(np.arange(len(cells)), first)
+
+
+def _inside_others(boundary: TriSurface) -> tuple[Flaw, Flaw]:
+    """Parts of the boundary that are walls of voids, and bodies that others overlap; none where there is one part.
+
+    The wall of a void faces inward; that of a closed slit encloses nothing. A body overlaps another where one of its
+    vertices is inside that.
+    """
+    label = component_labels(boundary.faces)[boundary.faces[:, 0]]
+    parts = [TriSurface(boundary.points, boundary.faces[label == number]) for number in np.unique(label)]
+    if len(parts) < 2:
+        return _parts([], _VOIDS), _parts([], _OVERLAPPING)
+    least = _NO_VOLUME * abs(enclosed_volume(boundary.points, boundary.faces))
+    walls: list[TriSurface] = []
+    bodies: list[TriSurface] = []
+    for part in parts:
+        (bodies if enclosed_volume(part.points, part.faces) > least else walls).append(part)
+    overlapping = [one for one in bodies if any(_is_inside(one, other) for other in bodies if other is not one)]
+    return _parts(walls, _VOIDS), _parts(overlapping, _OVERLAPPING)
+
+
+def _is_inside(one: TriSurface, other: TriSurface) -> bool:
+    """Whether a vertex of one closed surface is inside another; on it, the winding number is a half or so."""
+    return bool((winding_numbers(other, one.points[np.unique(one.faces)]) > _INSIDE).any())
+
+
+def _parts(parts: list[TriSurface], name: str) -> Flaw:
+    places = [part.points[part.faces].mean(axis=(0, 1)) for part in parts[:PLACES]]
+    return Flaw(name, len(parts), np.array(places).reshape(-1, 3))
+
+
+def _nodes_at_one_place(points: FloatArray) -> Flaw:
+    order = np.lexsort(points.T)
+    again = order[1:][(points[order[1:]] == points[order[:-1]]).all(axis=1)]
+    return Flaw("nodes at the place of another", len(again), points[np.sort(again)[:PLACES]])
+
+
+def _touching(mesh: TetMesh) -> Iterator[Flaw]:
+    """Edges and nodes in which parts of the boundary touch: hinges, whatever the elements are like."""
+    boundary, _ = boundary_surface(mesh)
+    topology = surface_topology(boundary.faces)
+    if topology.nonmanifold_edges or topology.pinched_vertices:
+        places = boundary.points[defective_vertices(boundary.faces)[:PLACES]]
+        yield Flaw("boundary edges in more than two faces", topology.nonmanifold_edges, places)
+        yield Flaw("pinched boundary vertices", topology.pinched_vertices, places)
