@@ -126,14 +126,27 @@ def series():
 
 
 def realisation_of(wildcards):
-    """Configuration of the line that makes a realisation of a mesh."""
-    own = {"cell_size": [int(wildcards.res) / 1000], "meshers": [wildcards.mesher], "seed": int(wildcards.seed)}
+    """Configuration of the line that makes a realisation of a mesh, with what the sheet says of the case."""
+    case = CASES[wildcards.case]
+    own = {
+        "generate": {
+            "cell_size": [int(wildcards.res) / 1000],
+            "meshers": [wildcards.mesher],
+            "seed": int(wildcards.seed),
+        },
+        "gate": {
+            "unit": case.unit or CONFIG.gate.unit,
+            "affine": str(case.affine) if case.affine else CONFIG.gate.affine,
+        },
+        "resample": {"template": CONFIG.template(case.hemi)},
+    }
+    sections = {name: getattr(CONFIG, name, None) for name in (*STAGES, "regions", "certify")}
     return {
         "setting": CONFIG.setting,
         **{
-            stage.name: getattr(CONFIG, stage.name).model_dump(mode="json") | (own if stage.name == "generate" else {})
-            for stage in CONFIG.line()
-            if hasattr(CONFIG, stage.name)
+            name: section.model_dump(mode="json") | own.get(name, {})
+            for name, section in sections.items()
+            if section is not None
         },
     }
 

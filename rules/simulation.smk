@@ -36,6 +36,9 @@ rule convergence_run:
     """Mesh a surface in one realisation, fold the mesh, and carry the surface along."""
     input:
         surface=surface_of,
+        fields=existing_fields_of,
+        sphere=sphere_of,
+        template=template_of,
     output:
         record=convergence_file("record.json"),
         table=convergence_file("fold.tsv"),
@@ -60,8 +63,9 @@ rule convergence_run:
             "seed": int(wildcards.seed),
             "cell_size_mm": int(wildcards.res) / 1000,
         },
-        input_sha256=input_sha256_of,
-        paths=paths_of,
+        input_sha256=lambda wildcards: content(all_paths_of(wildcards)),
+        paths=all_paths_of,
+        files=field_paths_of,
         age=lambda wildcards: CASES[wildcards.case].scan_age,
         version=[version_of("simulation.fold"), *(version_of(f"stages.{stage.name}") for stage in CONFIG.line())],
     script:

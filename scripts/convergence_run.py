@@ -17,9 +17,18 @@ from cortet.simulation.carried import carried
 from cortet.simulation.fold import SERIES, fold
 from cortet.simulation.progress import per_percent
 from cortet.simulation.run import Settings
+from cortet.solver_files.fields import with_fields
 
-folder, surface = Path(job.output.record).parent, gifti.read_surface(job.input.surface)
-made = mesh_surface(surface, load(job.params.line), gestational_age=job.params.age, source=job.input.surface)
+folder, config = Path(job.output.record).parent, load(job.params.line)
+surface = with_fields(gifti.read_surface(job.input.surface, finite=not config.enabled("repair")), job.params.files)
+made = mesh_surface(
+    surface,
+    config,
+    gestational_age=job.params.age,
+    source=job.input.surface,
+    sphere=gifti.read_surface(job.input.sphere) if job.input.sphere else None,
+    sphere_source=job.input.sphere or None,
+)
 verdict = fold(
     made.mesh,
     folder,
