@@ -118,7 +118,7 @@ def parser() -> argparse.ArgumentParser:
     line.add_argument("surface", type=Path, metavar="SURFACE", help="closed surface, GIfTI, mm")
     line.add_argument("--cell-size", type=float, metavar="MM", help="cell size h (default: 0.6, or what --config says)")
     line.add_argument(
-        "--ga", type=float, metavar="WEEKS", help="gestational age; without it the surface is not smoothed"
+        "--ga", type=_weeks, metavar="WEEKS", help="gestational age; without it the surface is not smoothed"
     )
     line.add_argument(
         "--setting",
@@ -275,18 +275,18 @@ def parser() -> argparse.ArgumentParser:
     fold = commands.add_parser("fold", parents=[writes], help="grow the cortex of a mesh until it folds")
     fold.add_argument("mesh", type=Path, metavar="MESH")
     fold.add_argument("-o", "--output", type=OutputFolder, required=True, metavar="DIR")
-    fold.add_argument("--ga", type=float, required=True, metavar="WEEKS", help="gestational age of the mesh")
+    fold.add_argument("--ga", type=_weeks, required=True, metavar="WEEKS", help="gestational age of the mesh")
     fold.add_argument("--hemi", choices=["L", "R"], help="half a brain, beside its other half")
     fold.add_argument("--end", type=float, metavar="WEEKS", help="gestational age at the end (default: 40)")
     fold.add_argument("--time-step", type=float, metavar="DT", help="dimensionless (default: from smallest altitude)")
     fold.add_argument("--device", choices=["cpu", "cuda"], help="what takes the steps: cuda is a GPU (default: cpu)")
     fold.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section fold says the rest")
-    fold.add_argument("--threads", type=int, metavar="N", help="default: one per core; the result is the same")
+    fold.add_argument("--threads", type=_count, metavar="N", help="default: one per core; the result is the same")
     fold.add_argument("--status", action=_FoldStatus, metavar="DIR", help="say how far the run in a folder is, and end")
     fold.set_defaults(run=_fold)
 
     phantom = commands.add_parser("phantom", parents=[writes], help="make a synthetic cortex of any gestational age")
-    phantom.add_argument("--ga", type=float, required=True, metavar="WEEKS", help="gestational age")
+    phantom.add_argument("--ga", type=_weeks, required=True, metavar="WEEKS", help="gestational age")
     phantom.add_argument("--hemi", choices=["L", "R"], default="L")
     phantom.add_argument("--subdivisions", type=int, default=5, metavar="N", help="of the icosahedron (default: 5)")
     phantom.add_argument("--seed", type=int, default=0, metavar="N", help="of the individual variation (default: 0)")
@@ -882,6 +882,23 @@ def _sphere(args: argparse.Namespace) -> TriSurface | None:
     from cortet.formats.gifti import read_surface
 
     return read_surface(args.sphere) if args.sphere else None
+
+
+def _weeks(text: str) -> float:
+    """A gestational age; which ages a command takes, it says itself."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0):
+        raise argparse.ArgumentTypeError(f"{text!r} is no age in weeks")
+    return value
+
+
+def _count(text: str) -> int:
+    if not (text.isdecimal() and int(text)):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 1 on")
+    return int(text)
 
 
 def _named_file(text: str) -> tuple[str, str]:

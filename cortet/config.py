@@ -42,10 +42,13 @@ from cortet.formats import FORMATS
 from cortet.formats.atomic import atomic_path
 from cortet.formats.placement import UNITS, matrix
 from cortet.formats.untrusted import content
+from cortet.geometry.limits import CELL_SIZE_MM, SUBDIVISIONS
 from cortet.meshers import BASELINES, MESHERS, installed_backend
+from cortet.simulation.growth import AGES
 from cortet.stages import MESH_STAGES, STAGES, Stage
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 Fraction = Annotated[float, Field(gt=0, le=1)]
 Threshold = Annotated[float, Field(gt=0, lt=1)]
 Boundary = Literal["fixed", "slide", "free"]
@@ -70,7 +73,8 @@ def _whole_micrometres(value: float) -> float:
     return round(value, 3)
 
 
-CellSize = Annotated[Positive, AfterValidator(_whole_micrometres)]
+CellSize = Annotated[Positive, AfterValidator(_whole_micrometres), Field(ge=CELL_SIZE_MM[0], le=CELL_SIZE_MM[1])]
+Subdivisions = Annotated[int, Field(ge=SUBDIVISIONS[0], le=SUBDIVISIONS[1])]
 #: those to which a column of the sheet says yes
 Column = Annotated[dict[Literal["column"], str], Field(min_length=1)]
 #: `all` cases of the sheet, so many of them, spread over the ages, those that are named, or those of a column
@@ -127,7 +131,7 @@ class Cohort(Section):
 class Phantom(Section):
     """Synthetic fetal cortex surfaces (`phantom` in the sheet)."""
 
-    subdivisions: Annotated[int, Field(ge=2, le=7)] = 5
+    subdivisions: Subdivisions = 5
     """Subdivisions of the icosahedron: 5 gives 10,242 vertices, 6 gives 40,962."""
     seed: NonNegativeInt = 0
     """Seed of the individual variation of the sulci."""
@@ -467,13 +471,13 @@ class Fold(Section):
     variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {}
     """Further runs of each of these cases, name: keys of this section that differ, e.g.
     {thin: {thickness: 1.0}, stiff: {core_stiffness: 2.0}}."""
-    end: Positive = 40.0
+    end: Annotated[float, Field(ge=AGES[0], le=AGES[1])] = 40.0
     """Gestational age at which a run ends, weeks."""
     growth_rate: Positive = 1.829
     """Tangential growth of the cortex per unit of time (0 at 22 weeks, 1 at 44)."""
     core_stiffness: Positive = 1.167
     """Shear modulus of what does not grow, over that of the growing cortex."""
-    regions: dict[int, Annotated[list[float], Field(min_length=3, max_length=3)]] = {}
+    regions: dict[int, Annotated[list[Finite], Field(min_length=3, max_length=3)]] = {}
     """Growth of single regions: value of the field label, then amplitude, rate and latency of a Gompertz law."""
     thickness: Positive | None = None
     """Thickness of the growing cortex at the start, mm; null: 0.042 of half the length of the brain at 22 weeks, 1.25

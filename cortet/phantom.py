@@ -21,6 +21,7 @@ from cortet.errors import InputError
 from cortet.formats.gifti import single_precision
 from cortet.geometry import topology
 from cortet.geometry.icosphere import icosphere
+from cortet.geometry.limits import SUBDIVISIONS, require_within
 from cortet.geometry.nesting import nested
 from cortet.mesh import FloatArray, IntArray, TriSurface
 from cortet.stages.separate import separate
@@ -125,7 +126,7 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
 
     Raises
     ------
-    InputError : the age is out of range, the hemisphere neither L nor R
+    InputError : the age or the number of subdivisions is out of range, the seed below 0, the hemisphere neither L nor R
     """
     return phantom_with_sphere(gestational_age, hemisphere=hemisphere, subdivisions=subdivisions, seed=seed)[0]
 
@@ -140,6 +141,9 @@ def phantom_with_sphere(
     if not AGES[0] <= gestational_age <= AGES[1]:
         what = f"no phantom of {gestational_age:g} weeks"
         raise InputError(what, remedy=f"gestational age must be {AGES[0]:g} to {AGES[1]:g} weeks")
+    require_within(subdivisions, SUBDIVISIONS, "the number of subdivisions of the icosahedron")
+    if seed < 0:
+        raise InputError(f"seed {seed} is below 0", remedy="use 0 or more")
     if hemisphere not in ("L", "R"):
         raise InputError(f"no hemisphere `{hemisphere}`", remedy="use L or R")
     volume, area = (float(x) for x in PchipInterpolator(GROWTH[:, 0], GROWTH[:, 1:])(gestational_age))

@@ -60,6 +60,8 @@ _MAX_BYTES = 2**31
 _MAX_DIMENSIONS = 6
 #: bytes that are looked at in one go
 _PART = 1 << 16
+#: relative change of a length up to which a matrix is a rigid motion, and spaces that brains are normalised to
+_RIGID, _TEMPLATES = 0.01, ("NIFTI_XFORM_TALAIRACH", "NIFTI_XFORM_MNI_152")
 _GEOMETRY = ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
 
 
@@ -85,13 +87,14 @@ def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
     Raises
     ------
     InputError : the file is missing, empty, truncated or no GIfTI; an array is missing; a coordinate is not finite; a
-        triangle refers to a vertex that does not exist
+        triangle refers to a vertex that does not exist; the matrix of the coordinates scales or shears them
     """
     if freesurfer.is_surface(Path(path)):
         return freesurfer.read_surface(Path(path), finite=finite)
     arrays = _read(Path(path))
     points = _geometry(arrays, "NIFTI_INTENT_POINTSET", path)
     triangles = _geometry(arrays, "NIFTI_INTENT_TRIANGLE", path)
+    _check_frame(points.frame, path)
     bad = np.flatnonzero(~np.isfinite(points.values).all(axis=1))
     if finite and len(bad):
         what = f"{len(bad)} vertices have coordinates that are not finite, the first is vertex {bad[0]}"
@@ -315,6 +318,29 @@ def _frame(element: ElementTree.Element) -> CoordinateFrame:
     if not np.isfinite(matrix).all():
         raise ValueError("coordinate transform with numbers that are not finite")
     return CoordinateFrame(dataspace, xformspace, matrix)
+
+
+def _check_frame(frame: CoordinateFrame, path: str | Path) -> None:
+    """InputError where the matrix of the coordinates says that they are not mm.
+
+    Coordinates stay as they are stored, in the space of the data; the matrix leads from there to another space (GIfTI
+    1.0, section 2.3.4). A rigid motion changes no length, and the way to a template changes those of a brain that is
+    stored in mm. Any other matrix says that what is stored has to be scaled or sheared to become mm.
+    """
+    linear = np.reshape(frame.matrix, (4, 4))[:3, :3]
+    stretches = np.linalg.svd(linear, compute_uv=False)
+    rigid = np.allclose(stretches, 1, atol=_RIGID) and np.linalg.det(linear) > 0
+    normalised = frame.xformspace in _TEMPLATES and frame.dataspace not in ("NIFTI_XFORM_UNKNOWN", frame.xformspace)
+    if rigid or normalised:
+        return
+    low, high = stretches[-1], stretches[0]
+    raise InputError(
+        f"the matrix from its coordinates ({frame.dataspace}) to {frame.xformspace} is no rigid motion: lengths change "
+        f"by {low:.4g} to {high:.4g}" + (", mirrored" if np.linalg.det(linear) < 0 else ""),
+        file=path,
+        remedy="apply the matrix to the coordinates and store the identity; where coordinates are mm as they stand, "
+        "take the matrix out of the file",
+    )
 
 
 def _text(element: ElementTree.Element, tag: str) -> str:

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import pymeshlab
 
+from cortet.geometry.limits import SUBDIVISIONS, require_within
 from cortet.mesh import TriSurface
 
 
 def icosphere(subdivisions: int) -> TriSurface:
-    """Unit sphere of 10 * 4**subdivisions + 2 vertices, counter-clockwise seen from outside."""
+    """Unit sphere of 10 * 4**subdivisions + 2 vertices, counter-clockwise seen from outside.
+
+    Raises
+    ------
+    InputError : the subdivisions are out of bounds (`limits.SUBDIVISIONS`)
+    """
+    require_within(subdivisions, SUBDIVISIONS, "the number of subdivisions of the icosahedron")
     meshes = pymeshlab.MeshSet()
     meshes.create_sphere(radius=1.0, subdiv=subdivisions)
     sphere = meshes.current_mesh()

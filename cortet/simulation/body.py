@@ -17,6 +17,7 @@ from cortet.geometry.topology import TET_FACES, boundary_faces, boundary_nodes, 
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh
 from cortet.simulation.cortex_region import cortex_region
+from cortet.simulation.fields import node_field
 
 #: cortical thickness at t = 0, and what it gains per unit of time
 THICKNESS, THICKENING = 0.042, 0.01
@@ -28,6 +29,8 @@ _ELLIPSOID_RADII = (0.5, 0.6)
 _ELLIPSOID_CENTRE, _ELLIPSOID_AXES = np.array([0.0, 0.1, -0.05]), np.array([1.0, 0.714, 1.0])
 #: depth, in thicknesses, at which nothing grows
 _NO_GROWTH = 10.0
+#: how far a field of 0 to 1 may leave this range: values in single precision, carried to nodes as weighted means
+_ROUNDING = 1e-5
 #: point data that replace the defaults where a mesh has them
 MASK_FIELD, THICKNESS_FIELD, LABEL_FIELD = "growth", "thickness", "label"
 
@@ -127,8 +130,8 @@ def body_of(
     cortex = cortex_region(mesh, points)
     if cortex is not None:
         normals = cortex.direction
-    if THICKNESS_FIELD in mesh.point_data:
-        node_thickness = mesh.point_data[THICKNESS_FIELD].astype(float) / scale.length
+    if (given := node_field(mesh, THICKNESS_FIELD)) is not None:
+        node_thickness = given / scale.length
         if not node_thickness.min() > 0:
             raise InputError(f"the field {THICKNESS_FIELD} falls to {node_thickness.min() * scale.length:g} mm")
     else:
@@ -177,11 +180,13 @@ def growth_mask(
     wall : (n,), nodes of the medial wall; None: a whole brain
     reference : each node grows as its own place says, outside an ellipsoid (Wang et al. 2021)
     """
-    if MASK_FIELD in mesh.point_data:
-        values = mesh.point_data[MASK_FIELD].astype(float)
-        if not (values.min() >= 0 and values.max() <= 1):
-            raise InputError(f"the field {MASK_FIELD} has values from {values.min():g} to {values.max():g}, not 0 to 1")
-        return values
+    if (values := node_field(mesh, MASK_FIELD)) is not None:
+        if not (values.min() >= -_ROUNDING and values.max() <= 1 + _ROUNDING):
+            raise InputError(
+                f"the field {MASK_FIELD} has values from {values.min():.9g} to {values.max():.9g}, not 0 to 1",
+                remedy="divide it by its largest value",
+            )
+        return np.clip(values, 0, 1)
     x = (mesh.points - scale.origin) / scale.length
     if reference:
         inner, outer = _ELLIPSOID_RADII
@@ -189,7 +194,8 @@ def growth_mask(
         return np.clip((radius - inner) / (outer - inner), 0, 1)
     nearest = across_cortex(mesh.points, mesh)[2]
     surface = boundary_nodes(mesh)
-    filled = surface[mesh.point_data.get(FILLED, np.zeros(len(x)))[surface] != 0]
+    caps = node_field(mesh, FILLED)
+    filled = surface[:0] if caps is None else surface[caps[surface] != 0]
     known = _away_from(x, filled, nearest)
     if wall is None:
         return np.minimum(known, np.clip((np.linalg.norm(x, axis=1)[nearest] - _CALLOSUM_RADIUS) / _CALLOSUM_RIM, 0, 1))

@@ -23,6 +23,7 @@ from cortet.simulation.frames import write_frame, write_series
 from cortet.simulation.growth import age_of, time_of
 from cortet.simulation.kernels import Motion
 from cortet.simulation.measurements import COLUMNS, Measurements
+from cortet.simulation.plausible import check_cells, check_mesh
 from cortet.simulation.run import (
     Moment,
     Run,
@@ -108,11 +109,12 @@ def fold(
 
     Raises
     ------
-    InputError : see `run.prepared`
+    InputError : see `run.prepared` and `plausible.check_mesh`
     """
     mesh = with_interface(mesh)
+    doubts = check_mesh(mesh, settings)
     run = prepared(mesh, settings)
-    for sentence in described(run):
+    for sentence in [*described(run), *(f"warning: {doubt}" for doubt in [*doubts, *check_cells(run)])]:
         say(sentence)
     journal = Journal(folder, checkpoint.fingerprint(mesh, {**asdict(settings), "version": VERSION}))
     moment = journal.resumed(run)

@@ -8,12 +8,29 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.errors import InputError
+
 #: coefficients of GA^3, GA^2, GA and 1 in the time of the simulation (Wang et al. 2021): 0 at 22 weeks, 1 at 44
 _TIME = (6.926e-5, -0.00665, 0.250, -3.0189)
 
 
+#: gestational ages that a fold may begin and end at, weeks: the time below is a fit to 22 to 44 weeks, before 20 of
+#: which a brain is smooth, and before 15 growth is negative
+AGES = (20.0, 60.0)
+
 #: one time, or many at once
 Times = TypeVar("Times", float, NDArray[np.float64])
+
+
+def check_age(gestational_age: float) -> None:
+    """Raise InputError for an age at which the model of growth means nothing, weeks."""
+    youngest, oldest = AGES
+    if not youngest <= gestational_age <= oldest:
+        raise InputError(
+            f"{gestational_age:g} is no gestational age to fold at: the model of growth holds from {youngest:g} to "
+            f"{oldest:g} weeks",
+            remedy="give the gestational age of the mesh in weeks",
+        )
 
 
 def time_of(gestational_age: float) -> float:

@@ -16,6 +16,7 @@ from cortet.errors import InputError
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary_faces, component_labels, face_areas, face_normals
 from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.simulation.fields import node_field
 
 #: hemisphere -> direction along x, in RAS coordinates, in which its other half lies
 TOWARDS_MIDLINE = {"L": 1.0, "R": -1.0}
@@ -87,8 +88,8 @@ def _wall(mesh: TetMesh, faces: IntArray, areas: FloatArray, chosen: NDArray[np.
 
 def _marked(mesh: TetMesh, faces: IntArray) -> NDArray[np.bool_] | None:
     """Faces that the mesh itself says to be of the wall, (k,): all their nodes are."""
-    if MEDIAL_WALL in mesh.point_data:
-        nodes = mesh.point_data[MEDIAL_WALL] != 0
+    if (marks := node_field(mesh, MEDIAL_WALL)) is not None:
+        nodes = marks != 0
     elif MEDIAL_WALL in mesh.sets.faces:
         nodes = np.zeros(len(mesh.points), bool)
         nodes[mesh.sets.faces[MEDIAL_WALL]] = True

@@ -29,8 +29,9 @@ from cortet.simulation.body import (
     stable_time_step,
 )
 from cortet.simulation.contact import Contact, contact_of
+from cortet.simulation.fields import node_field
 from cortet.simulation.gpu import OnGpu, device_name
-from cortet.simulation.growth import Gompertz, Law, Linear, age_of, growth_since, time_of
+from cortet.simulation.growth import Gompertz, Law, Linear, age_of, check_age, growth_since, time_of
 from cortet.simulation.kernels import INVERTED, LIST_OUTDATED, Motion, Work, workspace
 from cortet.simulation.measurements import Measurements, shape
 from cortet.simulation.medial_wall import Wall, medial_wall
@@ -40,6 +41,10 @@ from cortet.simulation.stepper import OnCpu, Stepper
 _CHUNK = 100
 #: medial plane of the reference
 _REFERENCE_PLANE = {"gap": 0.004, "plane": 1.0}
+#: settings that are above 0
+_POSITIVE = ("end", "growth_rate", "core_stiffness", "thickness", "record_interval", "frame_interval")
+#: labels that a message lists
+_MOST_LABELS = 10
 #: hemisphere -> side of the medial plane in RAS coordinates
 _SIDE = {"L": -1.0, "R": 1.0, None: 0.0}
 
@@ -121,9 +126,12 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
 
     Raises
     ------
-    InputError : nothing to grow, tetrahedra that fill no body, an inverted element, a field with impossible values or
-        one that is missing, a time step that is not stable, or a GPU that is not there
+    InputError : a setting that is no number of its kind, nothing to grow, tetrahedra that fill no body, an inverted
+        element, a field with impossible values or one that is missing, a time step that is not stable, or a GPU that is
+        not there
     """
+    _check_numbers(settings)
+    check_age(settings.gestational_age)
     device = device_name() if settings.device == "cuda" else "cpu"
     if not settings.gestational_age < settings.end:
         raise InputError(
@@ -153,6 +161,19 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     return Run(
         mesh, node, cell, scale, body, wall, faces, side, settings.reference, material, laws, start, end, bound, device
     )
+
+
+def _check_numbers(settings: Settings) -> None:
+    """Raise InputError for a setting that is no finite number, or not above 0 where it must be."""
+    for name in _POSITIVE:
+        value = getattr(settings, name)
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise InputError(
+                f"{name} = {value:g} is not a finite number above 0", remedy="mend the settings of the fold"
+            )
+    for label, law in settings.regions.items():
+        if not np.isfinite(law).all():
+            raise InputError(f"the growth law of region {label} is {list(law)}", remedy="mend the settings of the fold")
 
 
 def described(run: Run) -> list[str]:
@@ -193,14 +214,24 @@ def _laws(
     """The growth laws, and which of them holds at each node: the first one where no region says otherwise."""
     if not regions:
         return [Linear(growth_rate)], None
-    if LABEL_FIELD not in mesh.point_data:
+    of_node = node_field(mesh, LABEL_FIELD)
+    if of_node is None:
         raise InputError(
             f"growth differs by region, but the mesh has no field {LABEL_FIELD}",
             remedy="carry one to the mesh, or leave the regions out",
         )
+    there = np.unique(of_node)
+    if missing := [str(label) for label in regions if int(label) not in there]:
+        shown = ", ".join(f"{label:g}" for label in there[:_MOST_LABELS]) + (
+            ", ..." if len(there) > _MOST_LABELS else ""
+        )
+        raise InputError(
+            f"growth differs in regions {', '.join(missing)}, but the field {LABEL_FIELD} of the mesh has only {shown}",
+            remedy="name labels that the mesh has in fold.regions",
+        )
     law = np.zeros(len(mesh.points), np.int32)
     for number, label in enumerate(regions, start=1):
-        law[mesh.point_data[LABEL_FIELD] == int(label)] = number
+        law[of_node == int(label)] = number
     return [Linear(growth_rate), *(Gompertz(*values) for values in regions.values())], law
 
 

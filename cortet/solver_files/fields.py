@@ -40,7 +40,8 @@ def with_fields(surface: TriSurface, files: Mapping[str, str | Path]) -> TriSurf
     Raises
     ------
     InputError
-        a file cannot be read, holds no array, or another number of values than the surface has vertices
+        a file cannot be read, holds no array, a value that is not finite, or another number of values than the surface
+        has vertices
     """
     fields = dict(surface.point_data)
     for name, file in files.items():
@@ -50,6 +51,13 @@ def with_fields(surface: TriSurface, files: Mapping[str, str | Path]) -> TriSurf
                     f"{len(values)} values for {len(surface.points)} vertices",
                     file=file,
                     remedy="give a field of this very surface",
+                )
+            bad = np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))
+            if len(bad):
+                raise InputError(
+                    f"the field {field} is not finite at {len(bad)} vertices, the first is vertex {bad[0]}",
+                    file=file,
+                    remedy="give these vertices a value, such as 0 on the medial wall: no solver reads NaN",
                 )
             fields[field] = values
     return replace(surface, point_data=fields)

@@ -27,6 +27,7 @@ import numpy as np
 
 from cortet.errors import InputError, StageError
 from cortet.geometry.filling import folded_faces
+from cortet.geometry.limits import CELL_SIZE_MM, require_within
 from cortet.geometry.nesting import joined, sheets
 from cortet.geometry.ordering import ordered_along_curve
 from cortet.geometry.topology import (
@@ -185,6 +186,7 @@ def generate(
         raise InputError(f"unknown mesher {mesher!r}", remedy=f"use {known}")
     if not cell_size > 0 or not np.isfinite(cell_size):
         raise InputError(f"cell size {cell_size} mm is not a positive length")
+    require_within(cell_size, CELL_SIZE_MM, "the cell size in mm")
     if not facet_distance or min(facet_distance) <= 0:
         raise InputError(f"facet distances {list(facet_distance)} are not positive fractions of the cell size")
     if not edge_length or min(edge_length) <= 0:

@@ -270,6 +270,23 @@ def test_a_reader_that_has_enough_is_no_error(tmp_path: Path) -> None:
     assert (done.stdout, done.stderr) == ("{", "")
 
 
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (["fold", "m.vtu", "-o", "out", "--ga", "-5"], "'-5' is no age in weeks"),
+        (["mesh", "a.surf.gii", "-o", "m.vtu", "--ga", "nan"], "'nan' is no age in weeks"),
+        (["phantom", "-o", "a.surf.gii", "--ga", "inf"], "'inf' is no age in weeks"),
+        (["fold", "m.vtu", "-o", "out", "--ga", "22", "--threads", "-3"], "'-3' is not a number from 1 on"),
+    ],
+)
+def test_an_option_that_is_no_value_of_its_kind_is_wrong_usage(
+    command: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(command)
+    assert ended.value.code == 2 and words in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("step", ["1e200", "-1", "nan"])
 def test_a_time_step_that_is_not_stable_is_refused(
     step: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

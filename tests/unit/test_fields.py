@@ -42,6 +42,14 @@ def test_a_field_of_another_surface_is_refused(tmp_path: Path) -> None:
         with_fields(ball_surface(1), {"thickness": file})
 
 
+def test_a_value_that_is_not_finite_is_refused_before_anything_is_meshed(tmp_path: Path) -> None:
+    values = np.ones(42)
+    values[[5, 7]] = np.nan
+    file = shape_file(tmp_path / "a.shape.gii", thickness=values)
+    with pytest.raises(InputError, match="the field thickness is not finite at 2 vertices, the first is vertex 5"):
+        with_fields(ball_surface(1), {"thickness": file})
+
+
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.shape\.gii"):
         with_fields(ball_surface(1), {"thickness": tmp_path / "none.shape.gii"})

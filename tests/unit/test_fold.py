@@ -9,6 +9,7 @@ import subprocess
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -328,16 +329,39 @@ def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh) -> None:
     [
         (Settings(40.0, end=30.0), {}, "nothing grows from 40 to 30 weeks"),
         (Settings(22.0, regions={1: (1.0, 1.0, 1.0)}), {}, "no field label"),
+        (
+            Settings(22.0, regions={1: (1.0, 1.0, 1.0), 9: (1.0, 1.0, 1.0)}),
+            {"label": 1},
+            "in regions 9, but the field label of the mesh has only 1",
+        ),
+        (Settings(22.0, regions={1: (np.nan, 1.0, 1.0)}), {"label": 1}, "growth law of region 1 is"),
+        (Settings(12.0), {}, "12 is no gestational age to fold at: .* holds from 20 to 60 weeks"),
+        (Settings(-5.0), {}, "-5 is no gestational age"),
+        (Settings(np.nan), {}, "nan is no gestational age"),
+        (Settings(22.0, end=np.inf), {}, "end = inf is not a finite number above 0"),
+        (Settings(22.0, thickness=0.0), {}, "thickness = 0 is not a finite number above 0"),
+        (Settings(22.0), {"filled": np.nan}, "the field filled is nan at node 0"),
+        (Settings(22.0), {"thickness": np.inf}, "the field thickness is inf at node 0"),
+        (Settings(22.0), {"thickness": [1.0, 1.0, 1.0]}, r"the field thickness has \d+ x 3 values, not one per node"),
+        (Settings(22.0, "L"), {"medial_wall": np.nan}, "the field medial_wall is nan at node 0"),
+        (Settings(22.0, regions={1: (1.0, 1.0, 1.0)}), {"label": np.nan}, "the field label is nan at node 0"),
+        (Settings(22.0), {"growth": 1.001}, "growth has values from 1.001 to 1.001, not 0 to 1"),
         (Settings(22.0), {"growth": 2.0}, "growth has values from 2 to 2"),
         (Settings(22.0), {"thickness": -1.0}, "thickness falls to -1 mm"),
     ],
 )
 def test_what_cannot_be_folded_is_refused(
-    ball: TetMesh, settings: Settings, fields: dict[str, float], words: str
+    ball: TetMesh, settings: Settings, fields: dict[str, Any], words: str
 ) -> None:
-    data = {name: np.full(len(ball.points), value) for name, value in fields.items()}
+    data = {name: np.array([value] * len(ball.points)) for name, value in fields.items()}
     with pytest.raises(InputError, match=words):
         prepared(TetMesh(ball.points, ball.cells, data), settings)
+
+
+def test_a_growth_that_rounding_has_taken_beyond_1_is_clipped(ball: TetMesh) -> None:
+    values = np.linspace(-1e-7, 1 + 1e-7, len(ball.points)).astype(np.float32)
+    mask = growth_mask(replace(ball, point_data={"growth": values}), scale_of(ball, None))
+    assert (mask.min(), mask.max()) == (0, 1)
 
 
 def test_an_inverted_mesh_is_refused(ball: TetMesh) -> None:

@@ -47,6 +47,12 @@ def is_sound(mesh: TetMesh) -> bool:
     )
 
 
+@pytest.mark.parametrize("size", [0.001, 300.0, np.nan])
+def test_a_cell_size_that_would_take_all_memory_is_refused(size):
+    with pytest.raises(InputError, match="cell size"):
+        generate(ball_surface(), cell_size=size)
+
+
 @each_backend
 def test_a_ball_is_filled_with_good_tetrahedra(backend):
     mesh, report = generate(ball_surface(), cell_size=1.0, mesher="cgal", backend=backend)

@@ -139,6 +139,34 @@ def test_what_is_written_is_read_back_and_is_what_nibabel_reads(tmp_path: Path) 
     assert path.read_bytes() == written
 
 
+@pytest.mark.parametrize(
+    ("linear", "spaces", "words"),
+    [
+        (np.eye(3), (0, 1), None),
+        ([[0, -1, 0], [1, 0, 0], [0, 0, 1]], (0, 1), None),
+        (np.diag([0.9, 1.05, 1.1]), (1, 3), None),  # a native brain, and the way to a template
+        (0.5 * np.eye(3), (0, 1), r"no rigid motion: lengths change by 0.5 to 0.5 \(apply the matrix"),
+        (np.diag([0.5, 0.5, 0.8]), (0, 3), "lengths change by 0.5 to 0.8"),
+        (np.diag([-1, 1, 1]), (0, 1), "lengths change by 1 to 1, mirrored"),
+        ([[1, 0.3, 0], [0, 1, 0], [0, 0, 1]], (1, 2), "no rigid motion"),
+        (np.zeros((3, 3)), (0, 1), "lengths change by 0 to 0"),
+    ],
+)
+def test_a_matrix_that_says_that_coordinates_are_not_mm_is_refused(tmp_path: Path, linear, spaces, words) -> None:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = linear, [1, 2, 3]
+    names = [nibabel.nifti1.xform_codes.niistring[space] for space in spaces]
+    frame = CoordinateFrame(*names, tuple(matrix.ravel().tolist()))
+    ball = single_precision(replace(ball_surface(2), frame=frame))
+    write_surface(ball, tmp_path / "x.surf.gii")
+    if words is None:
+        again = read_surface(tmp_path / "x.surf.gii")
+        assert np.array_equal(again.points, ball.points) and again.frame == frame
+        return
+    with pytest.raises(InputError, match=words):
+        read_surface(tmp_path / "x.surf.gii")
+
+
 def test_fields_take_their_names_from_metadata_or_the_file(tmp_path: Path) -> None:
     values = np.array([0.5, 1.5, 2.5], np.float32)
     named = nibabel.gifti.GiftiDataArray(values, "NIFTI_INTENT_SHAPE", meta=nibabel.gifti.GiftiMetaData(Name="sulc"))

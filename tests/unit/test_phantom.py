@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from itertools import pairwise
 
@@ -85,3 +86,16 @@ def test_primary_sulci_appear_one_after_another() -> None:
 def test_what_there_is_no_phantom_of(weeks: float, hemisphere: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         phantom(weeks, hemisphere=hemisphere)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"subdivisions": 40}, "is 40 (use 2 to 7)"),
+        ({"subdivisions": 1}, "is 1 (use 2 to 7)"),
+        ({"seed": -1}, "seed -1"),
+    ],
+)
+def test_what_would_take_all_memory_or_break_is_refused(arguments: dict[str, int], words: str) -> None:
+    with pytest.raises(InputError, match=re.escape(words)):
+        phantom(28.0, **arguments)

@@ -1,0 +1,140 @@
+"""What a fold takes for granted of its mesh: a brain in mm and RAS coordinates, of its age, with its midline where it
+is said to be, and with cells finer than its cortex. What certainly is not so is refused, what may not be is said.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cortet.errors import InputError
+from cortet.formats.surface_sets import MEDIAL_WALL
+from cortet.geometry.topology import boundary, face_areas, face_normals
+from cortet.measure.quality import signed_volumes
+from cortet.mesh import FloatArray, TetMesh
+from cortet.simulation.growth import check_age
+from cortet.simulation.medial_wall import TOWARDS_MIDLINE
+from cortet.simulation.run import Run, Settings, thickness_mm
+
+#: longest side of a body that may be a brain in mm; mice have 8 mm, human adults 180
+EXTENT_MM = (5.0, 400.0)
+#: volume of a hemisphere at an age: weeks, and mL of the templates at hand; a body of so many times more or less of it
+#: is doubted
+_WEEKS, _ML = (20.0, 22.0, 25.0, 30.0, 33.0, 40.0), (18.0, 29.0, 39.0, 70.0, 87.0, 110.0)
+_TIMES = 3.0
+#: a side is flat where faces look at it up to an angle of this cosine and are within this depth of the outermost, in
+#: units of half the length
+_COSINE, _DEPTH = 0.7, 0.12
+#: how many times flatter than the medial side another one must be to be taken for it; of 30 real and synthetic
+#: hemispheres of 22 weeks to adults the medial side is 1.13 to 5 times as flat as any other
+_OTHER_SIDE, _OTHER_AXIS = 1.2, 1.5
+#: cell size over thickness, above which folds are as wide as the cells make them
+COARSEST = 0.6
+#: half a brain that reaches less far beyond x = 0, of its width, lies on the other side of it
+_REACH = 0.1
+#: another side that is less than this much flatter is as flat
+_ALIKE = 1.05
+#: tetrahedra per cube of the cell size
+_TETS_PER_CUBE = 4.0
+
+_SIDES = {(axis, sign): f"{'+' if sign > 0 else '-'}{'xyz'[axis]}" for axis in range(3) for sign in (1, -1)}
+
+
+def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
+    """What is to be doubted of a mesh, in sentences.
+
+    Raises
+    ------
+    InputError
+        an age is none, the mesh is no brain in mm, or another of its sides is its medial one
+    """
+    check_age(settings.gestational_age)
+    if settings.reference:
+        return []
+    return [*_size(mesh, settings), *(_side(mesh, settings.hemisphere) if settings.hemisphere else ())]
+
+
+def check_cells(run: Run) -> list[str]:
+    """Whether the cells next to the surface are as coarse as the cortex, in a sentence."""
+    volumes = signed_volumes(run.mesh.points, run.mesh.cells)[np.unique(boundary(run.mesh).cells)]
+    size, thickness = float(np.cbrt(_TETS_PER_CUBE * np.median(volumes))), thickness_mm(run)
+    if size <= COARSEST * thickness:
+        return []
+    return [
+        f"the cells are {size:.2f} mm and the cortex is {thickness:.2f} mm thick: the width of the folds will be that "
+        f"of the cells (use cells of at most {COARSEST:g} of the thickness)"
+    ]
+
+
+def _size(mesh: TetMesh, settings: Settings) -> list[str]:
+    """Whether the body has the volume of a brain of its age; InputError where it has the length of none."""
+    longest = float(np.ptp(mesh.points, axis=0).max())
+    low, high = EXTENT_MM
+    if not low <= longest <= high:
+        unit = next(
+            (name for name, factor in {"metres": 1e3, "micrometres": 1e-3}.items() if low <= longest * factor <= high),
+            "",
+        )
+        raise InputError(
+            f"the mesh is {longest:.4g} mm long, and no brain is"
+            + (f"; its coordinates may be {unit}" if unit else ""),
+            remedy="give a mesh in mm",
+        )
+    volume = float(signed_volumes(mesh.points, mesh.cells).sum()) / 1000
+    usual = (1 if settings.hemisphere else 2) * float(np.interp(settings.gestational_age, _WEEKS, _ML))
+    if usual / _TIMES <= volume <= usual * _TIMES:
+        return []
+    what = "hemisphere" if settings.hemisphere else "brain"
+    return [
+        f"the mesh has {volume:.3g} mL, a human {what} of {settings.gestational_age:g} weeks some {usual:.0f} mL: "
+        "is the age that of the mesh, and is it in mm?"
+    ]
+
+
+def _side(mesh: TetMesh, hemisphere: str) -> list[str]:
+    """Whether the medial side of half a brain is where it should be; InputError where it certainly is elsewhere.
+
+    A medial side is the flattest of the six, so another one that is flatter speaks against the one that is said.
+    """
+    said = (0, int(TOWARDS_MIDLINE[hemisphere]))
+    if MEDIAL_WALL in mesh.point_data or MEDIAL_WALL in mesh.sets.faces:
+        return []
+    flat = flatness(mesh)
+    best = max(flat, key=lambda side: flat[side])
+    ratio = flat[best] / max(flat[said], np.finfo(float).tiny)
+    if ratio <= _ALIKE:
+        return []
+    other = {"L": "R", "R": "L"}[hemisphere]
+    opposite = best == (0, -said[1])
+    what = (
+        f"the midline of hemisphere {hemisphere} lies at {_SIDES[said]} in RAS coordinates, but the flattest side of "
+        f"the mesh is {_SIDES[best]} ({flat[best]:.1%} of the surface, {flat[said]:.1%} at {_SIDES[said]})"
+    )
+    remedy = (
+        f"use --hemi {other} (in a sheet: hemi) if it is that side, or turn LPS coordinates to RAS"
+        if opposite
+        else "turn the mesh to RAS coordinates: x to the right, y to the front, z up"
+    )
+    across = -said[1] * mesh.points[:, 0]  # above 0 on the side of the midline x = 0 where this half should be
+    elsewhere = opposite and across.max() < _REACH * np.ptp(across)
+    if elsewhere or ratio >= (_OTHER_SIDE if opposite else _OTHER_AXIS):
+        raise InputError(what, remedy=f"{remedy}; or mark the medial wall in a field {MEDIAL_WALL} of the mesh")
+    return [f"{what}: {remedy}"]
+
+
+def flatness(mesh: TetMesh) -> dict[tuple[int, int], float]:
+    """Share of the surface that is flat and outermost at each of the six sides: (axis, sign) -> share."""
+    faces = boundary(mesh).faces
+    areas = face_areas(mesh.points, faces)
+    normals: FloatArray = face_normals(mesh.points, faces) / (2 * areas[:, None])
+    centres = mesh.points[faces].mean(axis=1)
+    depth = _DEPTH * float(np.ptp(mesh.points, axis=0).max()) / 2
+    return {
+        (axis, sign): float(
+            areas[
+                (sign * normals[:, axis] > _COSINE)
+                & (sign * centres[:, axis] > (sign * centres[:, axis]).max() - depth)
+            ].sum()
+            / areas.sum()
+        )
+        for axis, sign in _SIDES
+    }

@@ -1,0 +1,119 @@
+"""What is no brain in mm and RAS coordinates is not folded; what is doubtful is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import ball_mesh
+
+from cortet.errors import InputError
+from cortet.formats.gifti import read_surface
+from cortet.mesh import TetMesh
+from cortet.phantom import phantom
+from cortet.simulation.fold import fold
+from cortet.simulation.plausible import check_cells, check_mesh, flatness
+from cortet.simulation.run import Settings, prepared
+from cortet.stages.generate import generate
+
+SHARED = Path(__file__).parents[3] / "shared/data"
+LEFT, RIGHT = Settings(26.0, "L"), Settings(26.0, "R")
+
+
+@pytest.fixture(scope="module")
+def left() -> TetMesh:
+    """A left hemisphere of 26 weeks in coarse cells."""
+    return generate(phantom(26.0, subdivisions=4), cell_size=4.0, mesher="lattice")[0]
+
+
+def placed(mesh: TetMesh, *axes: int) -> TetMesh:
+    """The mesh with its axes in another order, 1 to 3, and turned round where negative."""
+    matrix = np.zeros((3, 3))
+    for row, axis in enumerate(axes):
+        matrix[row, abs(axis) - 1] = np.sign(axis)
+    cells = mesh.cells if np.linalg.det(matrix) > 0 else mesh.cells[:, [1, 0, 2, 3]]
+    return TetMesh(mesh.points @ matrix.T, cells, mesh.point_data)
+
+
+def test_a_hemisphere_in_its_place_is_not_doubted(left: TetMesh) -> None:
+    assert check_mesh(left, LEFT) == []
+    assert check_mesh(placed(left, -1, 2, 3), RIGHT) == []
+
+
+@pytest.mark.parametrize(
+    ("axes", "settings", "words"),
+    [
+        ((1, 2, 3), RIGHT, r"hemisphere R lies at -x .* flattest side of the mesh is \+x .*use --hemi L"),
+        ((-1, -2, 3), LEFT, r"hemisphere L lies at \+x .* is -x .*or turn LPS coordinates to RAS"),
+        ((2, -1, 3), LEFT, r"is -y .*turn the mesh to RAS coordinates"),
+        ((3, 2, -1), LEFT, r"is -z .*turn the mesh to RAS coordinates"),
+    ],
+)
+def test_a_midline_elsewhere_is_refused(left: TetMesh, axes: tuple[int, ...], settings: Settings, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        check_mesh(placed(left, *axes), settings)
+
+
+def test_what_is_flatter_on_the_other_side_and_lies_beyond_the_midline_is_refused() -> None:
+    old = generate(phantom(28.0, subdivisions=4), cell_size=3.0, mesher="lattice")[0]
+    flat = flatness(old)
+    assert 1.05 < flat[0, 1] / flat[0, -1] < 1.2, "by its sides alone this would only be doubted"
+    with pytest.raises(InputError, match="use --hemi L"):
+        check_mesh(old, Settings(28.0, "R"))
+    centred = replace(old, points=old.points - old.points.mean(axis=0))
+    assert [words for words in check_mesh(centred, Settings(28.0, "R")) if "use --hemi L" in words]
+    assert check_mesh(centred, Settings(28.0, "L")) == []
+
+
+def test_a_mesh_that_marks_its_medial_wall_is_believed(left: TetMesh) -> None:
+    marked = replace(left, point_data={"medial_wall": (left.points[:, 0] > -3).astype(np.int32)})
+    assert check_mesh(marked, RIGHT) == []
+
+
+def test_a_ball_has_no_flat_side() -> None:
+    ball = ball_mesh(3, radius=20.0)
+    assert np.ptp(list(flatness(ball).values())) < 0.02
+    assert [words for words in check_mesh(ball, LEFT) if "midline" in words] == []
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e-3, "metres"), (1e3, "micrometres")])
+def test_another_unit_than_mm_is_refused(left: TetMesh, factor: float, unit: str) -> None:
+    with pytest.raises(
+        InputError, match=rf"mm long, and no brain is; its coordinates may be {unit} \(give a mesh in mm"
+    ):
+        check_mesh(TetMesh(factor * left.points, left.cells), LEFT)
+
+
+def test_a_volume_that_is_none_of_the_age_is_doubted(left: TetMesh) -> None:
+    (doubt,) = check_mesh(TetMesh(0.6 * left.points, left.cells), LEFT)
+    assert "a human hemisphere of 26 weeks some" in doubt
+
+
+def test_cells_as_coarse_as_the_cortex_are_doubted(left: TetMesh) -> None:
+    (doubt,) = check_cells(prepared(left, LEFT))
+    assert "the width of the folds will be that of the cells" in doubt
+    assert check_cells(prepared(left, replace(LEFT, thickness=8.0))) == []
+
+
+def test_a_fold_says_its_doubts_and_begins_none_that_is_refused(left: TetMesh, tmp_path: Path) -> None:
+    said: list[str] = []
+    fold(left, tmp_path, replace(LEFT, end=26.001), say=said.append)
+    assert said[-1].startswith("warning: the cells are ")
+    with pytest.raises(InputError, match="hemisphere R"):
+        fold(left, tmp_path / "none", RIGHT)
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="needs ../shared/data")
+@pytest.mark.parametrize(
+    ("name", "hemisphere"),
+    [("CRL_STA22_left_white", "L"), ("CRL_STA25_right_white", "R"), ("fetomorph_GW30_right", "R")],
+)
+def test_real_hemispheres_are_in_their_place(name: str, hemisphere: str) -> None:
+    mesh = generate(read_surface(SHARED / f"fetal/{name}.surf.gii"), cell_size=4.0, mesher="lattice")[0]
+    settings = Settings(float("".join(filter(str.isdigit, name))), hemisphere)
+    assert check_mesh(mesh, settings) == []
+    with pytest.raises(InputError, match="turn the mesh to RAS"):
+        check_mesh(placed(mesh, 2, -1, 3), settings)
