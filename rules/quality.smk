@@ -26,6 +26,7 @@ rule certify:
         arguments=partial(arguments_of, "certify"),
         version=version_of("measure.certify"),
         line=recorded_line,
+        to_mm=placement_of,
         inner=lambda wildcards: list(CASES[wildcards.case].inner),
     script:
         "../scripts/certify.py"

@@ -12,6 +12,7 @@ job = start(snakemake)
 from cortet.cohort.bids import ABOUT
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
+from cortet.formats.placement import placed
 from cortet.measure.certify import certify
 
 
@@ -30,6 +31,7 @@ certificate = certify(
     vtu.read(job.input.mesh),
     gifti.read_nested(job.input.surface, job.input.inner),
     **job.arguments,
+    native=placed(gifti.read_surface(job.input.source, finite=False), job.params.to_mm),
     case=job.wildcards.case,
     source=job.input.source,
     parameters=job.params.line,
