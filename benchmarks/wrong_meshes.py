@@ -10,10 +10,11 @@ at it. A row says what each of them found first. A fault that a command cannot k
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -285,7 +286,9 @@ def _turned_positive(mesh: TetMesh) -> TetMesh:
 
 def certified(wrong: Wrong, _: Path) -> list[str]:
     """What keeps the mesh from being certified."""
-    return list(certify(wrong.mesh, wrong.surface, cell_size=wrong.cell_size).reasons)
+    certificate = certify(wrong.mesh, wrong.surface, cell_size=wrong.cell_size)
+    json.dumps(asdict(certificate), allow_nan=False)  # as it is written
+    return list(certificate.reasons)
 
 
 def verified(wrong: Wrong, folder: Path) -> list[str]:

@@ -562,15 +562,13 @@ def _filled_surface(mesh: Path, args: argparse.Namespace) -> TriSurface:
 
 def _judged(mesh: TetMesh, surface: TriSurface, file: Path, args: argparse.Namespace) -> Certificate:
     """The certificate of the mesh of a file, by the limits of the command."""
-    from cortet.config import Config
+    from cortet.config import load
     from cortet.measure.certify import certify
 
-    limits = Config().arguments("certify", {"cell_size": args.cell_size})
-    if args.q_max is not None:
-        limits["q_max"] = args.q_max
-    if args.max_boundary_distance is not None:
-        finite = math.isfinite(args.max_boundary_distance)
-        limits["max_boundary_distance"] = args.max_boundary_distance if finite else None
+    given = {"q_max": args.q_max, "max_boundary_distance": args.max_boundary_distance}
+    chosen = {key: None if value == math.inf and key != "q_max" else value for key, value in given.items()}
+    section = {key: value for key, value in chosen.items() if given[key] is not None}
+    limits = load({"certify": section}).arguments("certify", {"cell_size": args.cell_size})
     return certify(mesh, surface, **limits, case=_stem(file), source=args.surface, parameters={"certify": limits})
 
 

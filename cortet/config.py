@@ -351,6 +351,11 @@ class Certify(Section):
     """Worst element: q (0 regular, 1 degenerate) must be below this."""
     max_boundary_distance: Positive | None = 1e-3
     """Largest distance of a boundary node to the surface that was meshed, mm; null: no limit."""
+    max_face_distance: Positive | None = 0.75
+    """Largest distance of the centre of a boundary face to the surface, a fraction of h; null: no limit."""
+    min_bank_gap: Fraction | None = 0.05
+    """Smallest gap between banks of the boundary, through the outside, a fraction of the surface's own gap there (at
+    most an edge of the boundary); null: no limit."""
     max_surface_distance: Positive | None = 0.5
     """Largest distance of the surface (vertices and face centres) to the boundary, a fraction of h; null: no limit."""
     max_mean_surface_distance: Positive | None = 0.1
@@ -359,6 +364,13 @@ class Certify(Section):
     """Largest relative change of the area against the surface, of either sign; null: no limit."""
     max_volume_change: Positive | None = 0.1
     """Largest relative change of the volume against the surface, of either sign; null: no limit."""
+    max_native_distance: Positive | None = 1.0
+    """Largest distance between the boundary and the native surface, as it was read, of both directions, a fraction of
+    h; null: no limit. This and the next two do not apply to surfaces that were repaired."""
+    max_mean_native_distance: Positive | None = 0.2
+    """The same, on average; null: no limit."""
+    max_native_area_change: Positive | None = 0.06
+    """Largest relative change of the area against the native surface, of either sign; null: no limit."""
 
 
 class Quality(Section):
@@ -705,7 +717,10 @@ CGAL: dict[str, dict[str, Any]] = {
     "generate": {"meshers": ["cgal"]},
     "relocate": {"enabled": True},
     # its facets may be half a cell from the surface, and more at creases
-    "certify": {"max_surface_distance": 1.0},
+    "certify": {
+        "max_surface_distance": 1.0,
+        "max_face_distance": 1.0,
+    },
 }
 
 #: where the paper's choices differ from ours
@@ -718,10 +733,15 @@ PUBLISHED: dict[str, dict[str, Any]] = {
     "smooth_boundary": {"iterations": 10, "onto_surface": False},
     "certify": {
         "max_boundary_distance": None,
+        "max_face_distance": None,
+        "min_bank_gap": None,
         "max_surface_distance": None,
         "max_mean_surface_distance": None,
         "max_area_change": None,
         "max_volume_change": None,
+        "max_native_distance": None,
+        "max_mean_native_distance": None,
+        "max_native_area_change": None,
     },
 }
 

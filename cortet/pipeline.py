@@ -186,6 +186,7 @@ def mesh_surface(
         mesh,
         meshed,
         **config.arguments("certify", facts),
+        native=placed(surface, config.placement()),
         case=case,
         source=source,
         parameters={**parameters, "certify": config.record("certify", facts)},

@@ -197,9 +197,7 @@ class Limits(SphinxDirective):
         """The table."""
         rows = ["| check | limit | what to change where it fails |", "|---|---|---|"]
         for check in checks():
-            unit = (
-                "h" if check.name.startswith("distance of the surface") else check.unit
-            )  # it was judged with h = 1 mm
+            unit = "h" if check.name.startswith(_FRACTIONS) else check.unit  # it was judged with h = 1 mm
             limit = f"{_SIGNS[check.comparison]} {check.limit:g} {unit}".strip()
             remedy = check.remedy or "nothing: it is a fault of a stage; report it"
             if check.name == "worst q":
@@ -208,7 +206,9 @@ class Limits(SphinxDirective):
         return self.parse_text_to_nodes("\n".join(rows))
 
 
-_SIGNS = {"<": "below", "<=": "at most", "==": "exactly"}
+#: beginnings of the names of checks whose limits are fractions of the cell size
+_FRACTIONS = ("distance of the surface", "distance of the centre", "distance between the boundary and the native")
+_SIGNS = {"<": "below", "<=": "at most", "==": "exactly", ">=": "at least"}
 
 
 @cache
@@ -217,7 +217,9 @@ def checks() -> tuple[Any, ...]:
     from cortet.doctor import _icosahedron
     from cortet.measure.certify import certify
 
-    return certify(*_icosahedron(), cell_size=1.0, reports={"generate": {"topology_ok": True}}).checks
+    mesh, surface = _icosahedron()
+    limits = Config().arguments("certify", {"cell_size": 1.0})
+    return certify(mesh, surface, native=surface, **limits, reports={"generate": {"topology_ok": True}}).checks
 
 
 # --- messages --------------------------------------------------------------------------------------------------------

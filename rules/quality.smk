@@ -27,6 +27,7 @@ rule certify:
         version=version_of("measure.certify"),
         input_sha256=input_sha256_of,
         line=recorded_line,
+        to_mm=placement_of,
         inner=lambda wildcards: list(CASES[wildcards.case].inner),
     script:
         "../scripts/certify.py"

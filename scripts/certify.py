@@ -13,6 +13,7 @@ from cortet.cohort.bids import ABOUT
 from cortet.cohort.receipts import require_same_input
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
+from cortet.formats.placement import placed
 from cortet.measure.certify import certify
 
 
@@ -32,6 +33,7 @@ certificate = certify(
     vtu.read(job.input.mesh),
     gifti.read_nested(job.input.surface, job.input.inner),
     **job.arguments,
+    native=placed(gifti.read_surface(job.input.source, finite=False), job.params.to_mm),
     case=job.wildcards.case,
     source=job.input.source,
     parameters=job.params.line,

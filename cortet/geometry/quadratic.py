@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError, StageError
+from cortet.geometry.banks import LEAST_BANK_GAP, banks
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.filling import require_body
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.topology import TRI_EDGES, edges, sheet
+from cortet.geometry.topology import TRI_EDGES, boundary_surface, edges, sheet
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 
 #: corners at the ends of the six edges, in the order of VTK, Abaqus and FEBio
@@ -71,7 +72,7 @@ def quadratic(mesh: TetMesh, surface: TriSurface, *, max_boundary_distance: floa
     Raises
     ------
     InputError
-        tetrahedra have no positive volume or fill no body, or the nodes lie on another surface
+        tetrahedra have no positive volume or fill no body, nodes lie on another surface, or banks all but touch
     StageError
         an element of the result is not valid
     """
@@ -79,6 +80,7 @@ def quadratic(mesh: TetMesh, surface: TriSurface, *, max_boundary_distance: floa
     walls = list(_walls(mesh, surface))
     if max_boundary_distance is not None:
         _require_on_surface(mesh, walls, max_boundary_distance)
+        _require_banks_apart(mesh, surface)
     ends = edges(mesh.cells)
     key = ends[:, 0].astype(np.int64) * len(mesh.points) + ends[:, 1]
 
@@ -175,6 +177,18 @@ def _require_on_surface(mesh: TetMesh, walls: list[tuple[IntArray, TriSurface]],
                 remedy="give the surface that was meshed, as `cortet mesh` writes it beside the mesh: "
                 "NAME.meshed.surf.gii; a smoothed one is another than the one that was read",
             )
+
+
+def _require_banks_apart(mesh: TetMesh, surface: TriSurface) -> None:
+    """Raise InputError for a slit, whose middles would all be put onto the surface around it."""
+    found = banks(boundary_surface(mesh)[0], surface)
+    if found.least_share < LEAST_BANK_GAP:
+        x, y, z = found.place_mm
+        raise InputError(
+            f"two banks of the boundary are {found.gap_mm:.3g} mm apart at ({x:.2f}, {y:.2f}, {z:.2f}) mm, where those "
+            f"of the surface are {found.surface_gap_mm:.3g} mm apart or more",
+            remedy="mesh it again with a smaller cell size",
+        )
 
 
 def _walls(mesh: TetMesh, surface: TriSurface) -> Iterator[tuple[IntArray, TriSurface]]:

@@ -8,19 +8,19 @@ date and no time: the same mesh gets the same file.
 
 from __future__ import annotations
 
-import operator
 import platform
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from cortet import __version__
-from cortet.errors import StageError
+from cortet.errors import InputError, StageError
 from cortet.formats.hashing import sha256
+from cortet.geometry.banks import LEAST_BANK_GAP, Banks, banks
 from cortet.geometry.defects import defective_vertices
 from cortet.geometry.filling import flaws
 from cortet.geometry.intersection import self_intersections
@@ -32,8 +32,26 @@ from cortet.geometry.topology import (
     surface_topology,
     used_vertices,
 )
+from cortet.measure.checks import (
+    BANKS,
+    SURFACE_DISTANCE,
+    TOPOLOGY_REMEDY,
+    Check,
+    bank_checks,
+    boundary_checks,
+    interface_checks,
+    judged,
+    loss_checks,
+    meshing_checks,
+    native_checks,
+    region_checks,
+    relative_difference,
+    times,
+    topology_checks,
+)
 from cortet.measure.fidelity import Fidelity, fidelity
 from cortet.measure.lost import LostPlace, lost_places
+from cortet.measure.native import Native, native_record
 from cortet.measure.quality import QualitySummary, quality, signed_volumes, summarise
 from cortet.measure.regions import (
     InterfaceRecord,
@@ -45,7 +63,7 @@ from cortet.measure.regions import (
 from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound, worst_elements
 from cortet.mesh import FloatArray, TetMesh, TriSurface
 
-VERSION: int = 4
+VERSION: int = 5
 
 #: relative difference allowed between the sum of volumes and the volume inside the boundary
 VOLUME_TOLERANCE = 1e-9
@@ -53,37 +71,6 @@ VOLUME_TOLERANCE = 1e-9
 PLACES = 10
 #: distributions whose versions can change a mesh or its numbers
 LIBRARIES = ("numpy", "scipy", "numba", "nibabel", "meshio", "pymeshlab", "pygalmesh", "cgal", "tetgen", "gmsh")
-
-Comparison = Literal["<", "<=", "=="]
-_COMPARE: dict[Comparison, Callable[[float, float], bool]] = {"<": operator.lt, "<=": operator.le, "==": operator.eq}
-_WORDS: dict[Comparison, str] = {"<": "must be below", "<=": "must not exceed", "==": "must be"}
-
-_SURFACE_DISTANCE = "distance of the surface to the boundary, at most"
-_LOSS_REMEDY = "use a smaller cell size, or the mesher `lattice`, whose edges follow the shape"
-_TOPOLOGY_REMEDY = "add a smaller fraction to `generate.facet_distance`, or use a smaller cell size"
-
-
-@dataclass(frozen=True)
-class Check:
-    """One number and the limit it is judged by."""
-
-    name: str
-    value: float
-    #: empty for counts and ratios
-    unit: str
-    #: None where the number is reported without a limit
-    comparison: Comparison | None
-    limit: float | None
-    passed: bool
-    #: what to change when it does not pass
-    remedy: str
-
-    @property
-    def finding(self) -> str:
-        """Name, value and limit in plain words."""
-        unit = f" {self.unit}" if self.unit else ""
-        limit = f"{_WORDS[self.comparison]} {self.limit:g}{unit}" if self.comparison else "no limit"
-        return f"{self.name} {self.value:.6g}{unit}, {limit}"
 
 
 @dataclass(frozen=True)
@@ -107,6 +94,9 @@ class Certificate:
     crossings_mm: tuple[tuple[float, ...], ...]
     quality: QualitySummary
     fidelity: Fidelity
+    banks: Banks
+    #: None where the surface as it was read is not given, or has no place that is finite
+    native: Native | None
     #: of the boundary
     topology: SurfaceTopology
     #: the regions of a mesh with inner surfaces, and what is between them; empty for one of a single region
@@ -135,6 +125,12 @@ def certify(
     max_mean_surface_distance: float | None = 0.1,
     max_area_change: float | None = 0.05,
     max_volume_change: float | None = 0.1,
+    max_face_distance: float | None = 0.75,
+    min_bank_gap: float | None = LEAST_BANK_GAP,
+    native: TriSurface | None = None,
+    max_native_distance: float | None = None,
+    max_mean_native_distance: float | None = None,
+    max_native_area_change: float | None = None,
     case: str = "",
     source: str | Path | None = None,
     parameters: Mapping[str, Any] | None = None,
@@ -149,10 +145,16 @@ def certify(
         its inner surface
     q_max : limit that the worst q must stay below
     max_boundary_distance : mm, largest distance of a boundary node to `surface`
-    cell_size : mm; None where it is not known, and the two limits that are fractions of it do not hold
+    cell_size : mm; None where it is not known, and the limits that are fractions of it do not hold
     max_surface_distance, max_mean_surface_distance : fractions of `cell_size`, distance of points of `surface` to the
         boundary, largest and mean
     max_area_change, max_volume_change : relative change of area and of volume against `surface`, of either sign
+    max_face_distance : fraction of `cell_size`, distance of the centres of boundary faces to `surface`
+    min_bank_gap : smallest gap between banks of the boundary, a fraction of that of `surface` at this place
+    native : the surface as it was read, mm, before it was smoothed; it may be broken. None: it is not compared with
+    max_native_distance, max_mean_native_distance : fractions of `cell_size`, distance between the boundary and
+        `native`, the larger of both directions; of a surface that was repaired, `repair` has the limits
+    max_native_area_change : relative change of the area against `native`, likewise
     (of all limits, None reports the number without one)
     case : name of the case
     source : file of the input surface, to be identified by its hash
@@ -163,8 +165,24 @@ def certify(
     StageError
         coordinates are not finite, or there is no boundary, so nothing can be measured
     InputError
-        `source` cannot be read
+        `source` cannot be read, or a limit is no number above 0
     """
+    for name, limit in {
+        "q_max": q_max,
+        "max_boundary_distance": max_boundary_distance,
+        "cell_size": cell_size,
+        "max_surface_distance": max_surface_distance,
+        "max_mean_surface_distance": max_mean_surface_distance,
+        "max_area_change": max_area_change,
+        "max_volume_change": max_volume_change,
+        "max_face_distance": max_face_distance,
+        "min_bank_gap": min_bank_gap,
+        "max_native_distance": max_native_distance,
+        "max_mean_native_distance": max_mean_native_distance,
+        "max_native_area_change": max_native_area_change,
+    }.items():
+        if limit is not None and not 0 < limit < np.inf:
+            raise InputError(f"{name} = {limit:g} is no limit", remedy="give a number above 0")
     if bad := int((~np.isfinite(mesh.points)).any(axis=1).sum()):
         raise StageError(f"{bad} of {len(mesh.points)} nodes have coordinates that are not finite")
     reports = dict(reports or {})
@@ -174,7 +192,9 @@ def certify(
         raise StageError(f"every face is in two tetrahedra or more, so the mesh has no boundary: {counted}")
     boundary, _ = boundary_surface(mesh)
     topology = surface_topology(boundary.faces)
-    measured, faithful = summarise(mesh), fidelity(mesh, surface)
+    measured, faithful, gaps = summarise(mesh), fidelity(mesh, surface), banks(boundary, surface)
+    before = None if native is None else native_record(mesh, native)
+    repaired = _repaired(reports.get("repair", {}))
     walls = sheets_of(mesh) if surface.inner else boundary  # beginning with the boundary
     crossing = self_intersections(walls)
     regions = region_records(mesh, surface) if surface.inner else ()
@@ -186,54 +206,45 @@ def certify(
 
     volumes = signed_volumes(mesh.points, mesh.cells)
     enclosed = enclosed_volume(boundary.points, boundary.faces)
+    largest, mean = (times(fraction, cell_size) for fraction in (max_surface_distance, max_mean_surface_distance))
     checks = (
-        _check("worst q", measured.q.max, "<", q_max, remedy=worst[0].remedy),
-        _check("tetrahedra without positive volume", int((volumes <= 0).sum()), "==", 0),
-        _check(
+        judged("worst q", measured.q.max, "<", q_max, remedy=worst[0].remedy),
+        judged("tetrahedra without positive volume", int((volumes <= 0).sum()), "==", 0),
+        judged(
             "relative difference between the sum of volumes and the enclosed volume",
-            _relative_difference(float(volumes.sum()), enclosed),
+            relative_difference(float(volumes.sum()), enclosed),
             "<=",
             VOLUME_TOLERANCE,
         ),
-        *(_check(flaw.name, flaw.count, "==", 0) for flaw in found),
-        _check("unused nodes", len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))), "==", 0),
-        *_topology_checks(topology, surface_topology(surface.faces).euler_number),
-        *_meshing_checks(reports.get("generate")),
-        _check("boundary faces that cross others", len(crossing), "==", 0, remedy=_TOPOLOGY_REMEDY),
-        _check(
-            "distance of a boundary node to the surface, at most",
-            faithful.nodes_to_surface_mm.max,
-            "<=" if max_boundary_distance is not None else None,
-            max_boundary_distance,
-            unit="mm",
-            remedy="use `boundary: slide` in `clean` and `fixed` in `relocate`, or switch `snap` on",
+        *(judged(flaw.name, flaw.count, "==", 0) for flaw in found),
+        judged("unused nodes", len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))), "==", 0),
+        *topology_checks(topology, surface_topology(surface.faces).euler_number),
+        *meshing_checks(reports.get("generate")),
+        judged("boundary faces that cross others", len(crossing), "==", 0, remedy=TOPOLOGY_REMEDY),
+        *bank_checks(gaps, share=min_bank_gap),
+        *boundary_checks(faithful, nodes=max_boundary_distance, centres=times(max_face_distance, cell_size)),
+        *loss_checks(faithful, largest=largest, mean=mean, area=max_area_change, volume=max_volume_change),
+        # what a repair may change has limits of its own
+        *native_checks(
+            before,
+            largest=None if repaired else times(max_native_distance, cell_size),
+            mean=None if repaired else times(max_mean_native_distance, cell_size),
+            area=None if repaired else max_native_area_change,
         ),
-        *_loss_checks(
-            faithful,
-            largest=_times(max_surface_distance, cell_size),
-            mean=_times(max_mean_surface_distance, cell_size),
-            area=max_area_change,
-            volume=max_volume_change,
-        ),
-        *_region_checks(regions, volume=max_volume_change),
-        *_interface_checks(
-            interfaces,
-            nodes=max_boundary_distance,
-            largest=_times(max_surface_distance, cell_size),
-            mean=_times(max_mean_surface_distance, cell_size),
-            area=max_area_change,
-        ),
+        *region_checks(regions, volume=max_volume_change),
+        *interface_checks(interfaces, nodes=max_boundary_distance, largest=largest, mean=mean, area=max_area_change),
     )
-    limit = _times(max_surface_distance, cell_size)
     lost: list[LostPlace] = []
-    if limit is not None and faithful.surface_to_boundary_mm.max > limit:
-        lost = lost_places(boundary, surface, limit=limit)
+    if largest is not None and faithful.surface_to_boundary_mm.max > largest:
+        lost = lost_places(boundary, surface, limit=largest)
     places = {
         "worst q": _worst_place(worst[0], int((quality(mesh.points, mesh.cells) >= q_max).sum())),
         **{flaw.name: _first(flaw.places) for flaw in found if flaw.count},
         "boundary faces that cross others": _first(centres),
         **dict.fromkeys(_PLACED_DEFECTS, _first(defects)),
-        _SURFACE_DISTANCE: _lost(lost),
+        BANKS: f"the gap is {gaps.gap_mm:.3g} mm at {_point(gaps.place_mm)} mm, "
+        f"that of the surface {gaps.surface_gap_mm:.3g} mm",
+        SURFACE_DISTANCE: _lost(lost),
         "topology problems after S1": reports.get("generate", {}).get("reason", ""),
     }
     return Certificate(
@@ -248,11 +259,13 @@ def certify(
         crossings_mm=tuple(map(tuple, centres.tolist())),
         quality=measured,
         fidelity=faithful,
+        banks=gaps,
+        native=before,
         topology=topology,
         regions=regions,
         interfaces=interfaces,
         input={} if source is None else {"file": str(source), "sha256": sha256(source)},
-        input_repaired=_repaired(reports.get("repair", {})),
+        input_repaired=repaired,
         parameters=dict(parameters or {}),
         reports=reports,
         versions=versions(reports),
@@ -283,109 +296,12 @@ def _repaired(report: Mapping[str, Any]) -> bool:
     return any(bool(one.get("repaired")) for one in (report, *within))
 
 
-def _check(
-    name: str, value: float, comparison: Comparison | None, limit: float | None, *, unit: str = "", remedy: str = ""
-) -> Check:
-    passed = comparison is None or limit is None or _COMPARE[comparison](value, limit)
-    return Check(name, value, unit, comparison, limit, passed, remedy)
-
-
 #: checks whose failures have a place
 _PLACED_DEFECTS = (
     "boundary edges in one face only",
     "boundary edges in more than two faces",
     "pinched boundary vertices",
 )
-
-
-def _topology_checks(boundary: SurfaceTopology, euler_number: int) -> Iterator[Check]:
-    wanted = {
-        "boundary components": (boundary.components, 1),
-        "boundary Euler number": (boundary.euler_number, euler_number),
-        "boundary edges in one face only": (boundary.open_edges, 0),
-        "boundary edges in more than two faces": (boundary.nonmanifold_edges, 0),
-        "boundary edges between inconsistently oriented faces": (boundary.misoriented_edges, 0),
-        "pinched boundary vertices": (boundary.pinched_vertices, 0),
-    }
-    for name, (value, limit) in wanted.items():
-        yield _check(name, value, "==", limit, remedy=_TOPOLOGY_REMEDY)
-
-
-def _region_checks(regions: Sequence[RegionRecord], *, volume: float | None) -> Iterator[Check]:
-    for one in regions:
-        yield _check(f"tetrahedra of region {one.name}: none", int(one.tetrahedra == 0), "==", 0)
-        yield _check(
-            f"relative change of the volume of region {one.name}",
-            abs(one.relative_volume_change),
-            None if volume is None else "<=",
-            volume,
-            remedy=_LOSS_REMEDY,
-        )
-
-
-def _interface_checks(
-    interfaces: Sequence[InterfaceRecord],
-    *,
-    nodes: float | None,
-    largest: float | None,
-    mean: float | None,
-    area: float | None,
-) -> Iterator[Check]:
-    for one in interfaces:
-        genus = (2 - one.surface_euler_number) // 2
-        problems = one.topology.problems(genus)
-        remedy = "; ".join([*problems, "use a smaller cell size, or a larger regions.min_gap"])
-        yield _check(f"topology problems of the interface {one.name}", len(problems), "==", 0, remedy=remedy)
-        yield _check(
-            f"faces of the interface {one.name} that are not between {one.name} and {one.around}",
-            one.misplaced_faces,
-            "==",
-            0,
-        )
-        for what, value, limit, unit in (
-            (
-                "distance of a node of the interface {} to its surface, at most",
-                one.nodes_to_surface_mm.max,
-                nodes,
-                "mm",
-            ),
-            ("distance of the surface {} to the interface, at most", one.surface_to_interface_mm.max, largest, "mm"),
-            ("distance of the surface {} to the interface, on average", one.surface_to_interface_mm.mean, mean, "mm"),
-            ("relative change of the area of the interface {}", abs(one.relative_area_change), area, ""),
-        ):
-            comparison: Comparison | None = None if limit is None else "<="
-            yield _check(what.format(one.name), value, comparison, limit, unit=unit, remedy=_LOSS_REMEDY)
-
-
-def _meshing_checks(report: Mapping[str, Any] | None) -> Iterator[Check]:
-    """What S1 found wrong with the topology; a later stage can hide it, not undo it."""
-    if report is not None:
-        yield _check("topology problems after S1", int(not report["topology_ok"]), "==", 0, remedy=_TOPOLOGY_REMEDY)
-
-
-def _relative_difference(one: float, other: float) -> float:
-    """Of two volumes, by the larger of them; 0 where both are."""
-    largest = max(abs(one), abs(other))
-    return abs(one - other) / largest if largest else 0.0
-
-
-def _times(fraction: float | None, length: float | None) -> float | None:
-    """A fraction of a length; None where one of them is not given."""
-    return None if fraction is None or length is None else fraction * length
-
-
-def _loss_checks(
-    found: Fidelity, *, largest: float | None, mean: float | None, area: float | None, volume: float | None
-) -> Iterator[Check]:
-    """How much of the surface the mesh does not follow: distances in mm, changes relative."""
-    distance = found.surface_to_boundary_mm
-    for name, value, limit, unit in (
-        (_SURFACE_DISTANCE, distance.max, largest, "mm"),
-        ("distance of the surface to the boundary, on average", distance.mean, mean, "mm"),
-        ("relative change of the area", abs(found.relative_area_change), area, ""),
-        ("relative change of the volume", abs(found.relative_volume_change), volume, ""),
-    ):
-        yield _check(name, value, None if limit is None else "<=", limit, unit=unit, remedy=_LOSS_REMEDY)
 
 
 def _lost(places: Sequence[LostPlace]) -> str:

@@ -178,6 +178,9 @@ def _across(mesh: TetMesh, number: int, within: list[int]) -> Across | None:
     if not len(inner) or not len(outer):
         return None
     steps = dijkstra(graph.tocsr(), directed=False, indices=inner, unweighted=True, min_only=True)[outer]
+    steps = steps[np.isfinite(steps)]
+    if not len(steps):  # no way leads across: the numbers of the regions are wrong
+        return None
     return Across(int(steps.min()), float(np.percentile(steps, 5)), float(np.median(steps)))
 
 

@@ -19,6 +19,7 @@ from cortet.measure.lost import distances_to
 from cortet.mesh import REGION, TetMesh, TriSurface
 from cortet.report import pages, published
 from cortet.report.boundary_view import boundary_view, three_js
+from cortet.report.distances import distances_of, repairs_of, resamplings_of
 from cortet.report.figures import mesh_quality_figures, svg
 from cortet.report.render import COLOUR_NAMES, cut_view, reddest, surface_view, webp
 from cortet.stages import STAGES
@@ -35,24 +36,10 @@ DOES = {
     "certify": "judges the mesh",
 }
 
-_COMPARED = {"<": "below", "<=": "at most", "==": "exactly"}
+_COMPARED = {"<": "below", "<=": "at most", "==": "exactly", ">=": "at least"}
 _LOST = {"filled": "a sulcus that the mesh fills", "cut off": "a blade or tip that the mesh cuts off"}
 #: sides of the head that a surface is drawn from
 SIDES: dict[Literal["L", "R"], str] = {"L": "left", "R": "right"}
-_DISTANCES = {
-    "nodes_to_surface_mm": "Boundary nodes to the surface",
-    "face_centres_to_surface_mm": "Centres of boundary faces to the surface",
-    "surface_to_boundary_mm": "Vertices and face centres of the surface to the boundary",
-    "nodes_to_nearest_vertex_mm": "Boundary nodes to the nearest vertex of the surface, as published",
-}
-_REPAIR_DISTANCES = {
-    "file_to_surface_mm": "Vertices and face centres of the file to the repaired surface",
-    "surface_to_file_mm": "Vertices and face centres of the repaired surface to the file",
-}
-_RESAMPLING_DISTANCES = {
-    "native_to_resampled_mm": "Vertices and face centres of the native surface to the resampled one",
-    "resampled_to_native_mm": "Vertices and face centres of the resampled surface to the native one",
-}
 #: remedy of a job that left no message
 _KILLED = "give the job more memory or time, and run again"
 _READ_LOG = "read the log; it holds every line the job printed"
@@ -82,7 +69,7 @@ def write_case_page(
     files : name and title of files beside the page
     """
     pictures, trouble = _pictures(surface, mesh, meshed)
-    repairs = _repairs(certificate)
+    repairs = repairs_of(certificate)
     if repairs and not trouble:
         repairs[0]["pictures"] = _repair_pictures(surface, meshed)
     q = certificate["quality"]
@@ -98,7 +85,7 @@ def write_case_page(
         pictures=pictures,
         trouble=trouble,
         repairs=repairs,
-        resamplings=_resamplings(certificate),
+        resamplings=resamplings_of(certificate),
         checks=[in_words(check) for check in certificate["checks"]],
         failed=sum(not check["passed"] for check in certificate["checks"]),
         charts={
@@ -109,7 +96,7 @@ def write_case_page(
         quality=_quality(q),
         bound=_bound(certificate["valence_bound"]),
         view=boundary_view(mesh, certificate["worst_elements"]),
-        distances=_distances(certificate["fidelity"]),
+        distances=distances_of(certificate),
         shape=_shape(certificate),
         origin=[
             *((name, certificate["input"][key]) for key, name in _INPUT.items() if key in certificate["input"]),
@@ -244,59 +231,6 @@ def _repair_pictures(surface: TriSurface, meshed: TriSurface) -> list[dict[str, 
     ]
 
 
-def _repairs(certificate: Certificate) -> list[dict[str, Any]]:
-    """What was repaired, of the outer surface first, then of inner ones; nothing for a surface without a flaw."""
-    report = certificate["reports"].get("repair", {})
-    every = {"": report, **report.get("inner", {})}
-    return [
-        {
-            "name": name,
-            "steps": [
-                {**step, "places": ", ".join("({:.1f}, {:.1f}, {:.1f})".format(*place) for place in step["places_mm"])}
-                for step in one["steps"]
-            ],
-            "distances": _distance_rows(one, _REPAIR_DISTANCES),
-            "facts": [
-                ("Volume", f"{one['volume_ml']:.2f} mL ({100 * one['relative_volume_change']:+.3f} %)"),
-                ("Area", f"{one['area_mm2']:.0f} mm² ({100 * one['relative_area_change']:+.3f} %)"),
-                ("Area of the caps on holes", f"{one['filled_area_mm2']:.0f} mm²"),
-                ("Farthest that crossing triangles moved", f"{one['displacement_max_mm']:.3f} mm"),
-            ],
-            "pictures": [],
-        }
-        for name, one in every.items()
-        if one.get("repaired")
-    ]
-
-
-def _resamplings(certificate: Certificate) -> list[dict[str, Any]]:
-    """How far the common mesh is from the native surface, of the outer one first; nothing for one without a sphere."""
-    report = certificate["reports"].get("resample", {})
-    every = {"": report, **report.get("inner", {})}
-    return [
-        {
-            "name": name,
-            "distances": _distance_rows(one, _RESAMPLING_DISTANCES),
-            "facts": [
-                ("Vertices", f"{one['vertices']:,} instead of {one['vertices_before']:,}"),
-                ("Volume", f"{one['volume_ml']:.2f} mL ({100 * one['relative_volume_change']:+.3f} %)"),
-                ("Area", f"{one['area_mm2']:.0f} mm² ({100 * one['relative_area_change']:+.3f} %)"),
-                ("Triangles that cross others", f"{one['crossing_faces']:,}, before {one['crossing_faces_before']:,}"),
-            ],
-        }
-        for name, one in every.items()
-        if one.get("resampled")
-    ]
-
-
-def _distance_rows(report: Mapping[str, Any], names: Mapping[str, str]) -> list[dict[str, Any]]:
-    """Rows of a table of distances: mean, 95th percentile, largest."""
-    return [
-        {"name": words, "numbers": [f"{report[key][statistic]:.4g}" for statistic in ("mean", "p95", "max")]}
-        for key, words in names.items()
-    ]
-
-
 def _region_pictures(mesh: TetMesh, meshed: TriSurface | None) -> list[dict[str, Any]]:
     """The cut in the colours of the regions, and each inner surface by its distance to its interface."""
     if meshed is None or not meshed.inner or REGION not in mesh.cell_data:
@@ -410,10 +344,6 @@ def _tail_in_words(certificate: Certificate) -> str:
     return f"Elements above q, per million, beside the published meshes; the limit is {limit:g}. This mesh: {counts}."
 
 
-def _distances(fidelity: Mapping[str, Any]) -> list[dict[str, Any]]:
-    return _distance_rows(fidelity, _DISTANCES)
-
-
 def _shape(certificate: Certificate) -> Facts:
     fidelity, topology = certificate["fidelity"], certificate["topology"]
     return [
@@ -422,10 +352,20 @@ def _shape(certificate: Certificate) -> Facts:
         ("Roughness", f"{fidelity['roughness']:.3f} (surface {fidelity['surface_roughness']:.3f})"),
         ("Components of the boundary", str(topology["components"])),
         ("Euler number", str(topology["euler_number"])),
+        *_native(certificate),
         *_listed("Where it is open, pinched or fused", certificate["defects_mm"]),
         *_listed("Where faces cross", certificate["crossings_mm"]),
         *_regions(certificate),
     ]
+
+
+def _native(certificate: Certificate) -> Facts:
+    """The area against that of the surface as it was read, where that is known."""
+    native = certificate["native"]
+    if native is None:
+        return []
+    change = 100 * native["relative_area_change"]
+    return [("Area of the native surface", f"{native['native_area_mm2']:.0f} mm² (the boundary {change:+.2f} %)")]
 
 
 def _regions(certificate: Certificate) -> Facts:

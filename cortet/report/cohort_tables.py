@@ -14,7 +14,7 @@ from cortet.cohort.sheet import Case
 from cortet.formats.atomic import write_json
 from cortet.formats.tsv import write_tsv
 
-VERSION: int = 5
+VERSION: int = 6
 
 Certificate = Mapping[str, Any]
 
@@ -80,24 +80,69 @@ QUALITY_COLUMNS = (
         "relative_volume_change",
         "fidelity.relative_volume_change",
         "Volume of the mesh against that of the surface it fills, (mesh - surface) / surface",
+        check="relative change of the volume",
     ),
     CertificateColumn("area_mm2", "fidelity.area_mm2", "Area of the mesh boundary", "mm2"),
     CertificateColumn(
         "relative_area_change",
         "fidelity.relative_area_change",
         "Area of the mesh boundary against that of the surface it fills, (mesh - surface) / surface",
+        check="relative change of the area",
     ),
     *(
         CertificateColumn(
             f"{name}_{statistic}_mm", f"fidelity.{name}_mm.{statistic}", f"{words}: {meaning}", "mm", check
         )
         for name, words, judged in (
-            ("nodes_to_surface", "Boundary nodes to the nearest point of the surface", "max"),
-            ("surface_to_boundary", "Vertices and face centres of the surface to the mesh boundary", ""),
-            ("nodes_to_nearest_vertex", "Boundary nodes to the nearest vertex of the surface, as published", ""),
+            (
+                "nodes_to_surface",
+                "Boundary nodes to the nearest point of the surface",
+                {"max": "distance of a boundary node to the surface, at most"},
+            ),
+            (
+                "face_centres_to_surface",
+                "Centres of boundary faces to the nearest point of the surface",
+                {"max": "distance of the centre of a boundary face to the surface, at most"},
+            ),
+            (
+                "surface_to_boundary",
+                "Vertices and face centres of the surface to the mesh boundary",
+                {
+                    "mean": "distance of the surface to the boundary, on average",
+                    "max": "distance of the surface to the boundary, at most",
+                },
+            ),
+            ("nodes_to_nearest_vertex", "Boundary nodes to the nearest vertex of the surface, as published", {}),
         )
         for statistic, meaning in (("mean", "mean"), ("p95", "95th percentile"), ("max", "maximum"))
-        for check in ["distance of a boundary node to the surface, at most" if statistic == judged else ""]
+        for check in [judged.get(statistic, "")]
+    ),
+    CertificateColumn(
+        "bank_gap",
+        "banks.least_share",
+        "Smallest gap between banks of the boundary, through the outside, over that of the surface at this place",
+        check="smallest gap between banks of the boundary, over that of the surface",
+    ),
+    CertificateColumn(
+        "native_mean_mm",
+        "checks.distance between the boundary and the native surface, on average",
+        "Distance between the mesh boundary and the surface as it was read, before it was smoothed: mean, the larger "
+        "of both directions",
+        "mm",
+        check="distance between the boundary and the native surface, on average",
+    ),
+    CertificateColumn(
+        "native_max_mm",
+        "checks.distance between the boundary and the native surface, at most",
+        "The same: maximum",
+        "mm",
+        check="distance between the boundary and the native surface, at most",
+    ),
+    CertificateColumn(
+        "native_relative_area_change",
+        "native.relative_area_change",
+        "Area of the mesh boundary against that of the surface as it was read, (mesh - native) / native",
+        check="relative change of the area against the native surface",
     ),
     CertificateColumn(
         "roughness",
@@ -215,17 +260,25 @@ def _with_verdict(content: Certificate) -> dict[str, Any]:
 
 def quality_sidecar(certificates: Sequence[Certificate], columns: Iterable[str]) -> dict[str, dict[str, Any]]:
     """What each of the `columns` means, its unit, and the limit it is judged by."""
-    limits = {check["name"]: check for content in certificates for check in content["checks"]}
     described = dict(CASE_COLUMNS)
     for column in QUALITY_COLUMNS:
         entry = {"Description": column.description}
         if column.units:
             entry["Units"] = column.units
-        check = limits.get(column.check, {})
-        if check.get("comparison"):
-            entry["Threshold"] = f"{check['comparison']} {check['limit']:g}"
+        if threshold := _threshold(certificates, column.check):
+            entry["Threshold"] = threshold
         described[column.name] = entry
     return {name: described.get(name, {"Description": "Carried from the cohort sheet"}) for name in columns}
+
+
+def _threshold(certificates: Sequence[Certificate], name: str) -> str:
+    """The limit of a check in words; two where it differs from mesh to mesh, as limits by the cell size do."""
+    judged = [check for content in certificates for check in content["checks"] if check["name"] == name]
+    limits = sorted({check["limit"] for check in judged if check["comparison"]})
+    if not limits:
+        return ""
+    sign = next(check["comparison"] for check in judged if check["comparison"])
+    return f"{sign} {limits[0]:g}" + (f" to {limits[-1]:g}, by the mesh" if len(limits) > 1 else "")
 
 
 def summary_table(quality: pd.DataFrame) -> pd.DataFrame:

@@ -10,8 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cubes import cube_mesh
+from shapes import horseshoe
+from wrong_meshes import sound, with_slit
 
 from cortet.errors import InputError, StageError
+from cortet.geometry.banks import banks, gaps
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import Certificate, certify
 from cortet.mesh import TetMesh, TriSurface
@@ -166,3 +169,79 @@ def test_the_record_is_plain_json_and_the_same_every_time(mesh: TetMesh, surface
 def test_an_input_file_that_is_gone_is_an_error_that_names_it(mesh: TetMesh, surface: TriSurface) -> None:
     with pytest.raises(InputError, match=r"gone.surf.gii: cannot be read"):
         certify(mesh, surface, source="gone.surf.gii")
+
+
+SLIT = sound(4)
+
+
+@pytest.mark.parametrize("width", [2e-4, 1e-2])
+def test_a_slit_one_element_deep_is_refused_though_all_nodes_are_on_the_surface(width: float) -> None:
+    certificate = certify(with_slit(SLIT.mesh, width), SLIT.surface)
+    assert failed(certificate) == {"smallest gap between banks of the boundary, over that of the surface"}
+    assert certificate.fidelity.nodes_to_surface_mm.max < 1e-9
+    assert certificate.banks.gap_mm == pytest.approx(width / 3, rel=1e-3)
+    assert certificate.banks.surface_gap_mm == pytest.approx(certificate.banks.widest_mm)
+    assert "at (6.0" in certificate.reasons[0] and "must be at least 0.05" in certificate.reasons[0]
+    assert certify(with_slit(SLIT.mesh, width), SLIT.surface, min_bank_gap=None).certified
+
+
+def test_a_gap_that_the_surface_has_is_no_slit() -> None:
+    """The ends of a horseshoe face each other, nearer than an edge: the surface has that gap, too."""
+    narrow = horseshoe(0.3)
+    found = banks(narrow, narrow)
+    assert found.least_share == pytest.approx(1)
+    end = 0.3 / 5 / 2  # radians
+    place, normal = np.array([[np.cos(end), np.sin(end), 0]]) * 5, np.array([[np.sin(end), -np.cos(end), 0]])
+    assert gaps(narrow, place, normal, 2.0) == pytest.approx([0.3], rel=1e-3)
+    assert banks(horseshoe(0.006), narrow).least_share < 0.05
+
+
+def test_centres_of_faces_far_from_the_surface_are_refused(mesh: TetMesh, surface: TriSurface) -> None:
+    moved = TriSurface(surface.points + np.array([0, 0, 0.5]), surface.faces)
+    certificate = certify(mesh, moved, cell_size=0.6, max_boundary_distance=None, max_surface_distance=None)
+    assert "distance of the centre of a boundary face to the surface, at most" in failed(certificate)
+    assert "0.5 mm, must not exceed 0.45 mm" in " ".join(certificate.reasons)
+    assert certify(mesh, moved, max_boundary_distance=None).certified, "the cell size is not known"
+
+
+def test_the_native_surface_is_compared_both_ways_and_judged(mesh: TetMesh, surface: TriSurface) -> None:
+    native = TriSurface(surface.points * 1.05, surface.faces)
+    certificate = certify(
+        mesh,
+        surface,
+        native=native,
+        cell_size=1.0,
+        max_native_distance=0.5,
+        max_mean_native_distance=0.1,
+        max_native_area_change=0.06,
+    )
+    assert certificate.native is not None
+    assert certificate.native.relative_area_change == pytest.approx(1 / 1.05**2 - 1)
+    assert certificate.native.native_to_boundary_mm.max == pytest.approx(0.4 * np.sqrt(3))
+    assert certificate.native.boundary_to_native_mm.max == pytest.approx(0.4)
+    assert failed(certificate) == {
+        "distance between the boundary and the native surface, at most",
+        "distance between the boundary and the native surface, on average",
+        "relative change of the area against the native surface",
+    }
+    repaired = {"repair": {"repaired": True}}
+    limits = {"max_native_distance": 0.5, "max_mean_native_distance": 0.1, "max_native_area_change": 0.06}
+    assert certify(mesh, surface, native=native, cell_size=1.0, reports=repaired, **limits).certified
+    assert certify(mesh, surface, native=native, cell_size=1.0).certified, "without limits"
+
+
+def test_a_broken_native_surface_is_no_obstacle(mesh: TetMesh, surface: TriSurface) -> None:
+    points, faces = surface.points.copy(), surface.faces[5:].copy()
+    points[7] = np.nan
+    faces[3] = faces[4]
+    native = certify(mesh, surface, native=TriSurface(points, faces)).native
+    assert native is not None and native.native_to_boundary_mm.max < 1e-9 < native.boundary_to_native_mm.max
+    nothing = TriSurface(np.full((3, 3), np.nan), np.array([[0, 1, 2]], np.int32))
+    assert certify(mesh, surface, native=nothing).native is None
+
+
+@pytest.mark.parametrize("limit", [np.inf, np.nan, 0.0, -1.0])
+def test_a_limit_that_is_none_is_an_error_that_names_it(mesh: TetMesh, surface: TriSurface, limit: float) -> None:
+    for name in ("q_max", "cell_size", "max_boundary_distance"):
+        with pytest.raises(InputError, match=f"{name} = .* is no limit"):
+            certify(mesh, surface, **{name: limit})

@@ -59,7 +59,7 @@ def visible(page: str) -> str:
 def test_every_number_of_the_certificate_stands_beside_its_limit(page: str, certificate: dict[str, Any]) -> None:
     rows = re.findall(r'<th scope="row">([^<]*)</th><td class="n">([^<]*)</td><td>([^<]*)</td>', page)
     shown = {name.lower(): (value, limit) for name, value, limit in rows}
-    words = {"<": "below", "<=": "at most", "==": "exactly"}
+    words = {"<": "below", "<=": "at most", "==": "exactly", ">=": "at least"}
     for check in certificate["checks"]:
         value, limit = shown[check["name"].lower()]
         assert float(value.split()[0]) == pytest.approx(check["value"], rel=1e-3)
@@ -182,3 +182,14 @@ def test_a_figure_takes_the_colours_of_the_page() -> None:
     drawn = embedded(svg, "one")
     assert drawn.startswith("<svg aria-hidden") and "date" not in drawn
     assert 'id="one-a"' in drawn and "url(#one-a)" in drawn and "stroke: currentColor" in drawn
+
+
+def test_the_page_has_the_distances_to_the_native_surface(tmp_path: Path) -> None:
+    mesh, made = ball_mesh(2, radius=20.0), ball_surface(3, radius=20.0)
+    native = TriSurface(made.points * 1.01, made.faces)
+    certificate = asdict(certify(mesh, made, native=native))
+    write_case_page(mesh, native, certificate, tmp_path / "x.html", meshed=made)
+    text = (tmp_path / "x.html").read_text()
+    assert "Vertices and face centres of the native surface to the boundary" in text
+    assert f"{certificate['native']['native_to_boundary_mm']['mean']:.4g}" in text
+    assert "Area of the native surface" in text

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shapes import ball_surface
+from wrong_meshes import sound, swapped_regions
 
 from cortet.config import load
 from cortet.errors import InputError
@@ -425,3 +426,13 @@ def test_fields_of_both_surfaces_are_carried(meshed, interior):
         between = np.setdiff1d(np.flatnonzero((radius > 10) & (radius < 13.9)), [*outside, *within])
         exact = (1 / 10 - 1 / radius[between]) / (1 / 10 - 1 / 14)
         assert np.abs(mesh.point_data["one"][between] - exact).max() < 0.05
+
+
+def test_an_empty_region_is_said_in_a_sentence() -> None:
+    good = sound(4)
+    wrong = swapped_regions(good)
+    none = replace(wrong.mesh, cell_data={REGION: np.zeros(len(wrong.mesh.cells), np.int32)})
+    (reason,) = (one for one in certify(none, wrong.surface).reasons if one.startswith("tetrahedra of region white"))
+    assert reason == "tetrahedra of region white 0, must be at least 1"
+    swapped = certify(wrong.mesh, wrong.surface)
+    assert any("volume of region white" in reason for reason in swapped.reasons)

@@ -19,6 +19,7 @@ from cortet.measure.certify import certify
 from cortet.report.cohort_tables import (
     QUALITY_COLUMNS,
     SUMMARY_COLUMNS,
+    quality_sidecar,
     quality_table,
     summary_table,
     write_quality,
@@ -41,6 +42,7 @@ def record(case: Case, **limits: Any) -> dict[str, Any]:
     certificate = certify(
         mesh,
         surface,
+        native=surface,
         case=case.name,
         parameters={"generate": {"cell_size": 1.0, "mesher": "cgal"}},
         reports={
@@ -98,6 +100,9 @@ def test_the_sidecar_explains_every_column_and_gives_units_and_thresholds(tmp_pa
     assert all(entry["Description"] for entry in explained.values())
     assert explained["q_max"]["Threshold"] == "< 0.6"
     assert explained["nodes_to_surface_max_mm"]["Threshold"] == "<= 0.001"
+    assert explained["relative_area_change"]["Threshold"] == "<= 0.05"
+    assert explained["relative_volume_change"]["Threshold"] == "<= 0.1"
+    assert explained["bank_gap"]["Threshold"] == ">= 0.05"
     assert explained["scan_age"]["Units"] == "weeks"
     assert float(row["q_max"]) == pytest.approx(json.loads(path.read_text())["quality"]["q"]["max"], rel=1e-5)
     assert row["reasons"] == "n/a"
@@ -127,6 +132,13 @@ def test_the_summary_has_the_format_of_the_published_table() -> None:
 def test_cell_sizes_and_meshers_are_summarised_apart(records: list[dict[str, Any]]) -> None:
     table = summary_table(quality_table(records, CASES).assign(cell_size_mm=[1.0, 0.6]))
     assert list(zip(table["cell_size_mm"], table["meshes"], strict=True)) == [(0.6, 1), (1.0, 1)]
+
+
+def test_a_limit_that_differs_from_mesh_to_mesh_is_given_as_a_range() -> None:
+    sizes = [record(CASES[0], cell_size=size) for size in (0.6, 1.0)]
+    explained = quality_sidecar(sizes, ["surface_to_boundary_max_mm", "q_max"])
+    assert explained["surface_to_boundary_max_mm"]["Threshold"] == "<= 0.3 to 0.5, by the mesh"
+    assert explained["q_max"]["Threshold"] == "< 0.6"
 
 
 def test_the_summary_is_written_with_its_sidecar(tmp_path: Path) -> None:
