@@ -11,6 +11,8 @@ from cortet.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from cortet.mesh import TetMesh
+
 
 def sha256(path: str | Path) -> str:
     """Hash of a file, as `sha256sum` prints it.
@@ -31,3 +33,10 @@ def array_sha256(values: NDArray[Any]) -> str:
     import numpy as np  # files are known by their hashes before anything heavy is loaded
 
     return hashlib.sha256(np.ascontiguousarray(values, "<f8").tobytes()).hexdigest()
+
+
+def mesh_sha256(mesh: TetMesh) -> str:
+    """Hash of the nodes, (n, 3) float64, and the tetrahedra, (m, 4) int32, of a mesh, without fields and sets."""
+    digest = hashlib.sha256(mesh.points.astype("<f8", copy=False).tobytes())
+    digest.update(mesh.cells.astype("<i4", copy=False).tobytes())
+    return digest.hexdigest()

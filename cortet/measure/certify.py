@@ -19,7 +19,7 @@ import numpy as np
 
 from cortet import __version__
 from cortet.errors import InputError, StageError
-from cortet.formats.hashing import sha256
+from cortet.formats.hashing import mesh_sha256, sha256
 from cortet.geometry.banks import LEAST_BANK_GAP, Banks, banks
 from cortet.geometry.defects import defective_vertices
 from cortet.geometry.filling import flaws
@@ -104,6 +104,8 @@ class Certificate:
     interfaces: tuple[InterfaceRecord, ...]
     #: `file` and `sha256` of the input surface
     input: dict[str, str]
+    #: of nodes and tetrahedra: the mesh that this certificate is about
+    mesh_sha256: str
     #: whether it, or one of its inner surfaces, was repaired; `reports.repair` says what was done, and how far it went
     input_repaired: bool
     #: stage -> its parameters
@@ -265,6 +267,7 @@ def certify(
         regions=regions,
         interfaces=interfaces,
         input={} if source is None else {"file": str(source), "sha256": sha256(source)},
+        mesh_sha256=mesh_sha256(mesh),
         input_repaired=repaired,
         parameters=dict(parameters or {}),
         reports=reports,

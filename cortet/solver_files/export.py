@@ -12,6 +12,7 @@ import numpy as np
 from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, format_of
 from cortet.formats.atomic import atomic_folder, write_json
+from cortet.formats.hashing import mesh_sha256
 from cortet.formats.ownership import delete_made, hashes, may_write
 from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL
 from cortet.geometry.filling import require_body
@@ -57,8 +58,11 @@ def export(
     Raises
     ------
     StageError
-        the mesh is not certified, or the written file breaks a convention of the solver
+        the certificate is of another mesh, the mesh is not certified, or the written file breaks a convention of the
+        solver
     """
+    if certificate.get("mesh_sha256", mesh_sha256(mesh)) != mesh_sha256(mesh):
+        raise StageError("the certificate is of another mesh", file=path, remedy="certify this one first")
     if not certificate["certified"] and not uncertified:
         raise StageError(
             "not certified, so not exported: " + "; ".join(certificate["reasons"]),

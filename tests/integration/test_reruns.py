@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cortet.cohort.lock import NAME
 from cortet.cohort.receipts import FOLDER
-from cortet.formats.gifti import read_surface, write_surface
+from cortet.formats.gifti import read_surface, write_fields, write_surface
+from cortet.formats.hashing import sha256
 from tests.integration.study import ROOT, Study, scaled, surface, twice
 
 COHORT = {
@@ -57,6 +61,74 @@ def test_an_edited_surface_reruns_its_case_and_the_tables(study: Study) -> None:
 def test_a_new_row_runs_one_case_and_the_tables(study: Study) -> None:
     study.add_case(study.case("c"), surface(2))
     assert study.planned_jobs() == jobs(FROM_REPAIR, "c") | COHORT
+
+
+def test_a_surface_replaced_by_an_older_file_reruns_its_case(study: Study) -> None:
+    path = study.folder / "surfaces/a.surf.gii"
+    scaled(path, 1.05)
+    os.utime(path, (1e9, 1e9))  # as `cp -p`, `mv` and `rsync -a` leave it
+    assert study.jobs_of_run() == jobs(FROM_REPAIR, "a") | COHORT
+    (certificate,) = study.files("sub-a*certificate.json")
+    assert json.loads(certificate.read_text())["input"]["sha256"] == sha256(path)
+
+
+def test_two_surfaces_that_change_places_rerun_both(study: Study) -> None:
+    first, second = (study.folder / f"surfaces/{name}.surf.gii" for name in "ab")
+    first.rename(aside := first.with_name("aside"))
+    second.rename(first)
+    aside.rename(second)
+    assert study.planned_jobs() == jobs(FROM_REPAIR, "a", "b") | COHORT
+
+
+def test_a_moved_study_reruns_nothing(study: Study) -> None:
+    study.folder = study.folder.rename(study.folder.with_name("moved"))
+    shutil.rmtree(study.folder / ".snakemake")
+    assert study.planned_jobs() <= COHORT
+
+
+def test_results_are_used_from_another_working_folder_only_with_their_parameters(study: Study) -> None:
+    elsewhere = Study(study.folder / "elsewhere")
+    elsewhere.folder.mkdir()
+    elsewhere.config |= {"cohort": {"sheet": "../cohort.tsv"}, "output": "../derivatives/cortet"}
+    assert not {job for job in elsewhere.planned_jobs() if job not in COHORT}
+    elsewhere.config["certify"] = {**elsewhere.config["certify"], "q_max": 0.2}
+    assert elsewhere.planned_jobs() == jobs({"certify", "case_page", "export"}, "a", "b") | COHORT - {
+        ("cohort_stages", "-")
+    }
+    elsewhere.config["clean"] = {"thresholds": [0.6]}
+    assert elsewhere.planned_jobs() == jobs(FROM_CLEAN, "a", "b") | COHORT
+
+
+def test_a_missing_field_fails_its_case_only(study: Study) -> None:
+    first, second = study.cases()
+    field = study.folder / "surfaces/a_thickness.shape.gii"
+    write_fields({"thickness": np.ones(len(read_surface(Path(first.surface)).points))}, field)
+    gone = field.with_name("b_thickness.shape.gii")
+    study.write_cases([replace(first, fields={"thickness": field}), replace(second, fields={"thickness": gone})])
+    study.jobs_of_run(succeeds=False)
+    status = study.status()
+    assert status["sub-a_hemi-L"]["state"] == "certified"
+    assert (status["sub-b_hemi-L"]["state"], status["sub-b_hemi-L"]["stage"]) == ("failed", "fields")
+    assert "b_thickness.shape.gii" in status["sub-b_hemi-L"]["reason"]
+
+
+def test_a_configuration_with_a_section_twice_is_refused(study: Study) -> None:
+    study.command()
+    with (study.folder / "config.yaml").open("a") as file:
+        file.write("clean:\n  thresholds: [0.6]\nclean:\n  boundary: fixed\n")
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--cores", "1", "--dry-run"]
+    result = subprocess.run(command, cwd=study.folder, capture_output=True, text=True, check=False)
+    assert result.returncode != 0 and "key clean stands in line" in result.stdout + result.stderr
+
+
+def test_an_output_folder_of_others_is_left_alone(study: Study) -> None:
+    foreign = study.folder / "other"
+    foreign.mkdir()
+    (foreign / "dataset_description.json").write_text('{"Name": "mine", "BIDSVersion": "1.9.0"}')
+    study.config["output"] = "other"
+    result = study.run()
+    assert result.returncode != 0 and "was not written by cortet" in result.stdout + result.stderr
+    assert [path.name for path in foreign.iterdir()] == ["dataset_description.json"]
 
 
 def test_an_excluded_row_runs_nothing_but_the_tables(study: Study) -> None:
