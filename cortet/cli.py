@@ -389,6 +389,8 @@ def _mesh(args: argparse.Namespace) -> int:
             interior=config.transfer.interior,
             made_from=made_from(surfaces, {OUTERMOST: args.surface} | dict(args.inner), args.output.parent),
         )
+    elif args.force:
+        args.output.unlink(missing_ok=True)  # one of an earlier run would pass for this one
     _write_record(asdict(certificate), record, surfaces.values())
     if args.picture:
         _draw(mesh, args.picture)

@@ -158,7 +158,8 @@ def test_an_uncertified_mesh_is_not_written_and_one_of_an_earlier_run_is_gone(
     file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, config = tmp_path / "out.vtu", tmp_path / "strict.yaml"
-    out.write_text("from before")
+    config.write_text(json.dumps(FAST))
+    assert main(["mesh", str(file), "-o", str(out), "--config", str(config)]) == 0 and out.exists()
     config.write_text(json.dumps({**FAST, "certify": {"q_max": 0.05}}))
     code = main(["mesh", str(file), "-o", str(out), "--config", str(config)])
     assert code == 1
