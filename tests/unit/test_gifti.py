@@ -246,7 +246,7 @@ def test_empty_truncated_missing_and_other_files_are_refused(tmp_path: Path) -> 
         with pytest.raises(InputError, match="truncated or not GIfTI"):
             read_surface(path)
     path.write_bytes(b"ply\nformat ascii 1.0\n")
-    with pytest.raises(InputError, match="truncated or not GIfTI"):
+    with pytest.raises(InputError, match="is no readable PLY surface"):
         read_surface(path)
     path.write_text("<VTKFile></VTKFile>")
     with pytest.raises(InputError, match="not GIfTI: its XML begins with <VTKFile>"):
