@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats import foreign
 from cortet.formats.atomic import atomic_path
+from cortet.formats.numbering import in_32_bits
 from cortet.formats.untrusted import (
     MOST_ELEMENTS,
     XML_ERRORS,
@@ -189,7 +190,8 @@ def _arrays(fields: Mapping[str, NDArray[Any]]) -> list[GiftiDataArray]:
     for name, values in fields.items():
         meta = GiftiMetaData(Name=name)
         if np.issubdtype(values.dtype, np.integer):
-            array = GiftiDataArray(values.astype(np.int32), "NIFTI_INTENT_LABEL", "NIFTI_TYPE_INT32", meta=meta)
+            labels = in_32_bits(values, f"field `{name}`")
+            array = GiftiDataArray(labels, "NIFTI_INTENT_LABEL", "NIFTI_TYPE_INT32", meta=meta)
         else:
             array = GiftiDataArray(values.astype(np.float32), "NIFTI_INTENT_NONE", "NIFTI_TYPE_FLOAT32", meta=meta)
         arrays.append(array)
@@ -223,7 +225,12 @@ def _fields(arrays: list[_Array], path: str | Path, count: int | None = None) ->
             what = f"field `{array.name}` has {len(array.values)} values for {count} vertices"
             raise InputError(what, file=path, remedy="use fields of this very surface")
         values = array.values[:, 0] if array.values.ndim == 2 and array.values.shape[1] == 1 else array.values
-        fields.append((array.name, values.astype(np.int32) if array.intent == "NIFTI_INTENT_LABEL" else values))
+        fields.append(
+            (
+                array.name,
+                in_32_bits(values, f"field `{array.name}`", path) if array.intent == "NIFTI_INTENT_LABEL" else values,
+            )
+        )
     return safely_named(fields)
 
 

@@ -144,6 +144,13 @@ def in_range(indices: NDArray[Any], count: int, what: str, path: str | Path) -> 
     return indices.astype(np.int32)
 
 
+def require_ascii(names: Iterable[str], path: str | Path) -> None:
+    """Raise InputError for a name that a file of ASCII characters cannot hold."""
+    if other := [name for name in names if not name.isascii()]:
+        what = f"the format has no letters such as in the name {other[0]!r}"
+        raise InputError(what, file=path, remedy="name fields and sets in plain letters")
+
+
 def triangulated(points: NDArray[Any], corners: NDArray[Any], path: str | Path) -> TriSurface:
     """The surface of vertices (n, 3) and triangles (m, 3) that were read, whole numbers of any type.
 

@@ -12,12 +12,14 @@ import numpy as np
 
 from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, format_of
+from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.hashing import sha256
 from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.mesh import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
+from cortet.solver_files.names import ASCII, in_ascii, left_out
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.sidecar import read_sidecar, sidecar, sidecar_path
 from cortet.solver_files.verify import problems
@@ -74,7 +76,8 @@ def _write_verified(
     frame: CoordinateFrame | None,
     sources: Mapping[str, FieldSource],
     interior: str | None,
-) -> None:
+) -> AsRead | TriSurface:
+    """Write the files; what is read back of them."""
     with atomic_folder(path) as folder:
         write(content, folder / path.name, solver=solver, unit=unit, frame=frame)
         as_read = FORMATS[solver].as_read(folder / path.name)
@@ -91,6 +94,7 @@ def _write_verified(
         )
         _delete_earlier(path)
         write_json(record, sidecar_path(folder / path.name))
+    return as_read
 
 
 def write(
@@ -149,9 +153,12 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
         if not content.sets.faces:
             content, what = _with_face_sets(content)
             done.append(what)
+        if written_as.name in ASCII:
+            content, renamed = in_ascii(content)
+            done += renamed
     frame = record.get("coordinate_system")
     known = getattr(content, "frame", None)
-    _write_verified(
+    back = _write_verified(
         content,
         target,
         solver=written_as.name,
@@ -160,6 +167,8 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
         sources={name: _source(field) for name, field in record.get("fields", {}).items() if field["source"]},
         interior=next((field["interior"] for field in record.get("fields", {}).values()), None),
     )
+    if isinstance(content, TetMesh) and not isinstance(back, TriSurface):
+        done += left_out(content, back.mesh)
     return done
 
 
