@@ -388,11 +388,14 @@ def _repairable(path: Path, allow_genus: int) -> str:
     from cortet.stages.repair import repair
 
     config = load({"gate": {"allow_genus": allow_genus}})
+    logging.disable(logging.WARNING)  # nothing is repaired yet
     try:
         mended, _ = repair(read_surface(path, finite=False), **config.arguments("repair", {"source": str(path)}))
         gate(mended, source=str(path), allow_genus=allow_genus)
     except CortetError:
         return ""
+    finally:
+        logging.disable(logging.NOTSET)
     return f"; repairable: `cortet mesh` repairs it, and so does `cortet repair {path}`"
 
 

@@ -248,8 +248,8 @@ def _read(path: Path) -> list[_Array]:
             parser = ElementTree.iterparse(file, events=("start", "end"))
             root = next(parser)[1].tag
             if root != "GIFTI":
-                if what := foreign.name_of(path):
-                    raise InputError(f"is not GIfTI but {what}", file=path, remedy=_INSTEAD)
+                if other := foreign.name_of(path):
+                    raise InputError(f"is not GIfTI but {other}", file=path, remedy=_INSTEAD)
                 raise InputError(f"not GIfTI: its XML begins with <{root}>", file=path, remedy=_EXPORT_AGAIN)
             for number, (event, element) in enumerate(parser):
                 if number > 2 * MOST_ELEMENTS:
@@ -262,8 +262,8 @@ def _read(path: Path) -> list[_Array]:
         remedy = "check the path and its permissions"
         raise InputError(f"cannot be read: {error.strerror}", file=path, remedy=remedy) from error
     except XML_ERRORS as error:
-        if what := foreign.name_of(path):
-            raise InputError(f"is not GIfTI but {what}", file=path, remedy=_INSTEAD) from error
+        if other := foreign.name_of(path):
+            raise InputError(f"is not GIfTI but {other}", file=path, remedy=_INSTEAD) from error
         what = f"truncated or not GIfTI: {error} (the file has {size:,} bytes)"
         raise InputError(what, file=path, remedy=_EXPORT_AGAIN) from error
     return arrays
