@@ -458,10 +458,29 @@ def _gate(args: argparse.Namespace) -> int:
             _, report = gate(read_surface(path), source=str(path), allow_genus=args.allow_genus)
         except CortetError as error:
             refused += 1
-            print(f"refused   {error}", flush=True)
+            print(f"refused   {error}{_repairable(path, args.allow_genus)}", flush=True)
         else:
             print(f"accepted  {path}: {_findings(report)}", flush=True)
     return 1 if refused else 0
+
+
+def _repairable(path: Path, allow_genus: int) -> str:
+    """What `cortet mesh` and `cortet repair` would make of a surface that the gate refuses, for the end of a line."""
+    from cortet.config import load
+    from cortet.formats.gifti import read_surface
+    from cortet.stages.gate import gate
+    from cortet.stages.repair import repair
+
+    config = load({"gate": {"allow_genus": allow_genus}})
+    logging.disable(logging.WARNING)  # nothing is repaired yet
+    try:
+        mended, _ = repair(read_surface(path, finite=False), **config.arguments("repair", {"source": str(path)}))
+        gate(mended, source=str(path), allow_genus=allow_genus)
+    except CortetError:
+        return ""
+    finally:
+        logging.disable(logging.NOTSET)
+    return f"; repairable: `cortet mesh` repairs it, and so does `cortet repair {path}`"
 
 
 def _repair(args: argparse.Namespace) -> int:
