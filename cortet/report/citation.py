@@ -39,6 +39,15 @@ REFERENCES: dict[str, tuple[str, dict[str, str]]] = {
             "year": "2013",
         },
     ),
+    "taubin": (
+        "inproceedings",
+        {
+            "author": "Taubin, G.",
+            "title": "A signal processing approach to fair surface design",
+            "booktitle": "Proceedings of SIGGRAPH",
+            "year": "1995",
+        },
+    ),
     "tetgen": (
         "article",
         {
@@ -124,7 +133,10 @@ def cited(certificates: Sequence[Mapping[str, Any]]) -> list[str]:
     """Keys of what a run used: the method, this software, and the programs that the certificates name."""
     used = {_SAME.get(name, name) for content in certificates for name in content["versions"]}
     resampled = any(content["reports"].get("resample") for content in certificates)
-    always = ["cortet", "cortetsoftware", *(["workbench"] if resampled else [])]
+    smoothing = [content["reports"].get("smooth_surface") or {} for content in certificates]
+    taubin = any(report.get("method") == "taubin" and report["chosen_iterations"] for report in smoothing)
+    of_stages = {"workbench": resampled, "taubin": taubin}
+    always = ["cortet", "cortetsoftware", *(key for key, applies in of_stages.items() if applies)]
     return [*always, *(key for key in REFERENCES if key in used and key not in always)]
 
 

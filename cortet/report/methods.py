@@ -17,6 +17,11 @@ VERSION: int = 3
 #: content of a certificate.json
 Certificate = Mapping[str, Any]
 
+_SMOOTHING = {
+    "taubin": "Surfaces rougher than {max_roughness:g} (mean bi-Laplacian along the normals over the mean edge) were "
+    "smoothed by the filter of Taubin",
+    "published": "Surfaces were smoothed by age, by a surface-preserving Laplacian",
+}
 _BOUNDARY = {
     "fixed": "boundary nodes fixed",
     "free": "boundary nodes free",
@@ -110,7 +115,7 @@ def _stages(certificates: Sequence[Certificate]) -> list[str]:
     sentences = _resampling(certificates)
     if smooth := parameters.get("smooth_surface"):
         sentences.append(
-            "Surfaces were smoothed by age (surface-preserving Laplacian of PyMeshLab; area change at most "
+            f"{_SMOOTHING[smooth['method']].format(**smooth)} (PyMeshLab; area change at most "
             f"{100 * smooth['max_area_change']:g} %, mean displacement at most {smooth['max_displacement']:g} mm)."
         )
     sentences.append(_generation(parameters["generate"], sizes, backends))
