@@ -356,7 +356,7 @@ class Certify(Section):
     """Largest distance of a boundary node to the surface that was meshed, mm; null: no limit."""
     max_face_distance: Positive | None = 0.75
     """Largest distance of the centre of a boundary face to the surface, a fraction of h; null: no limit."""
-    min_bank_gap: Fraction | None = 0.05
+    min_bank_gap: Fraction | None = 0.03
     """Smallest gap between banks of the boundary, through the outside, a fraction of the surface's own gap there (at
     most an edge of the boundary); null: no limit."""
     max_surface_distance: Positive | None = 0.5

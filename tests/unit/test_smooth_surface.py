@@ -17,6 +17,7 @@ from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import enclosed_volume, face_areas
 from cortet.measure.fidelity import high_frequency_roughness
 from cortet.mesh import TriSurface
+from cortet.phantom import phantom
 from cortet.stages.smooth_surface import candidate_iterations, mean_nearest_vertex_distance, smooth_surface
 
 #: the method and the limits of the setting `published`
@@ -172,6 +173,7 @@ def test_no_more_steps_are_taken_than_the_limit_of_roughness_asks_for() -> None:
 def test_the_limits_hold_and_the_log_says_that_the_surface_stays_rough(
     limits: dict[str, float], words: str, caplog: pytest.LogCaptureFixture
 ) -> None:
+    caplog.set_level("INFO")
     surface = stairs()
     smooth, report = smooth_surface(surface, **limits)
     assert smooth is surface and report.chosen_iterations == 0
@@ -196,6 +198,14 @@ def test_taubin_gives_the_same_again() -> None:
 def test_the_published_method_needs_an_age() -> None:
     with pytest.raises(InputError, match="needs a gestational age"):
         smooth_surface(ball_surface(2), **PUBLISHED)
+
+
+def test_folds_that_large_triangles_hardly_follow_are_left_alone(caplog: pytest.LogCaptureFixture) -> None:
+    """They are as rough as stair steps; any smoothing would move them by more than the limit."""
+    coarse = phantom(34.0, subdivisions=4)
+    smooth, report = smooth_surface(coarse, gestational_age=34.0)
+    assert report.candidates[0].high_frequency_roughness > 0.03
+    assert smooth is coarse and not caplog.records
 
 
 @pytest.mark.parametrize("name", ["fetal/CRL_STA28_left_white", "atlas_series/dHCP.week40.L.white"])
