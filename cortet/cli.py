@@ -118,7 +118,7 @@ def parser() -> argparse.ArgumentParser:
     line.add_argument("surface", type=Path, metavar="SURFACE", help="closed surface, GIfTI, mm")
     line.add_argument("--cell-size", type=float, metavar="MM", help="cell size h (default: 0.6, or what --config says)")
     line.add_argument(
-        "--ga", type=_weeks, metavar="WEEKS", help="gestational age; without it the surface is not smoothed"
+        "--ga", type=_weeks, metavar="WEEKS", help="gestational age, by which the setting published smooths the surface"
     )
     line.add_argument(
         "--setting",

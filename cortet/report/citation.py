@@ -39,6 +39,15 @@ REFERENCES: dict[str, tuple[str, dict[str, str]]] = {
             "year": "2013",
         },
     ),
+    "taubin": (
+        "inproceedings",
+        {
+            "author": "Taubin, G.",
+            "title": "A signal processing approach to fair surface design",
+            "booktitle": "Proceedings of SIGGRAPH",
+            "year": "1995",
+        },
+    ),
     "tetgen": (
         "article",
         {
@@ -130,6 +139,9 @@ def cited(certificates: Sequence[Mapping[str, Any]]) -> list[str]:
     backends = {report["generate"].get("backend", "") for report in reports if "generate" in report}
     used = {"cortet", "cortetsoftware", *_LIBRARIES, *(_MESHERS.get(name, name) for name in backends)}
     used |= {program for stage, program in _PROGRAMS.items() if any(report.get(stage) for report in reports)}
+    smoothing = [report.get("smooth_surface") or {} for report in reports]
+    if any(report.get("method") == "taubin" and report["chosen_iterations"] for report in smoothing):
+        used.add("taubin")
     return [key for key in REFERENCES if key in used]
 
 

@@ -96,7 +96,7 @@ def _write_verified(
     made_from: Mapping[str, Any] | None = None,
     body: bool = True,
 ) -> AsRead | TriSurface:
-    """Write what is verified as written, and return it; of an uncertified mesh `body` is false: it may overlap itself."""
+    """Write what is verified as written, and return it; `body` is false of an uncertified mesh, which may overlap."""
     with atomic_folder(path) as folder:
         write(content, folder / path.name, solver=solver, unit=unit, frame=frame)
         as_read = FORMATS[solver].as_read(folder / path.name)
