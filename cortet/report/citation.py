@@ -138,9 +138,9 @@ def cited(certificates: Sequence[Mapping[str, Any]]) -> list[str]:
     reports = [content["reports"] for content in certificates]
     backends = {report["generate"].get("backend", "") for report in reports if "generate" in report}
     used = {"cortet", "cortetsoftware", *_LIBRARIES, *(_MESHERS.get(name, name) for name in backends)}
-    used |= {program for stage, program in _PROGRAMS.items() if any(report.get(stage) for report in reports)}
-    smoothing = [report.get("smooth_surface") or {} for report in reports]
-    if any(report.get("method") == "taubin" and report["chosen_iterations"] for report in smoothing):
+    worked = [{name: one for name, one in stages.items() if one.get("chosen_iterations", True)} for stages in reports]
+    used |= {program for stage, program in _PROGRAMS.items() if any(stage in stages for stages in worked)}
+    if any(stages.get("smooth_surface", {}).get("method") == "taubin" for stages in worked):
         used.add("taubin")
     return [key for key in REFERENCES if key in used]
 
