@@ -555,7 +555,7 @@ def _quadratic(args: argparse.Namespace) -> int:
 
     mesh = _read_mesh(args.mesh)
     limit = args.max_boundary_distance
-    curved = quadratic(mesh, read_surface(args.surface), max_boundary_distance=limit if math.isfinite(limit) else None)
+    curved = quadratic(mesh, read_surface(args.surface), max_boundary_distance=None if limit == math.inf else limit)
     write_ten_nodes(mesh, curved, args.output)
     straight = curved.straightened_for_elements + curved.straightened_for_crossings
     print(
