@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from cortet.formats.ownership import has_written, may_write
+from cortet.formats.ownership import files_of, has_written, may_write
 
 
 @contextmanager
@@ -55,7 +55,8 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     temporary.mkdir()
     try:
         yield temporary
-        files = sorted(temporary.iterdir())
+        # records first: killed in between, the next run knows what this one made
+        files = sorted(temporary.iterdir(), key=lambda file: (not files_of(file), file.name))
         for file in files:
             may_write(path.with_name(file.name))
         for file in files:

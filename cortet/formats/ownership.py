@@ -1,7 +1,9 @@
 """Whose a file is: a command never writes to its inputs, and replaces only files that cortet made.
 
-What cortet writes for a user has a record beside it: a JSON file whose key `files` holds the SHA-256 of each file. A
-file that no record lists, or that somebody changed since, belongs to the user. A folder that cortet fills has a marker.
+What cortet writes for a user has a record beside it: a JSON file that says that cortet made it, and whose key `files`
+holds the SHA-256 of each file. A file that no record lists, or that somebody changed since, belongs to the user. A
+folder that cortet fills has a marker. Every file that a command has read is an input of it, also one that no argument
+names: a sidecar, the other files of a format, a file that the configuration names.
 
 `guarded` is the door. While a command runs within it, every function of cortet that replaces or deletes a file asks
 `may_write` first. The workflow has no guard: its rules name their outputs, and none of them is a file of the user.
@@ -23,6 +25,8 @@ from cortet.formats.hashing import sha256
 
 #: file, or folder, that says of its folder that cortet made it
 MARKER = ".cortet"
+#: key and value by which a record is known from the JSON files of others
+_SIGNATURE = {"made_by": "cortet"}
 #: bytes of a record
 _LONGEST_RECORD = 100_000_000
 
@@ -31,8 +35,10 @@ _LONGEST_RECORD = 100_000_000
 class _Guard:
     """What a command may write to."""
 
-    #: device and inode of each input -> how it was named
+    #: device and inode of each input -> how it was named; those that are read on the way are added
     inputs: dict[tuple[int, int], Path]
+    #: what the command is told to write
+    files: tuple[Path, ...]
     #: folders that the command fills, and others below which it may write
     claimed: tuple[Path, ...]
     folders: tuple[Path, ...]
@@ -67,13 +73,15 @@ def guarded(
     Raises
     ------
     InputError
-        an output is an input, also by another name, or exists and was not made by cortet
+        an output is an input, also by another name, or exists and was not made by cortet; or two have one name
     """
     known = {identity: path for path in inputs if (identity := _identity(path))}
     own, others = (tuple(folder.absolute() for folder in given) for given in (claimed, folders))
-    token = _guard.set(_Guard(known, own, others, force))
+    outputs = tuple(files)
+    _refuse_repeated(outputs)
+    token = _guard.set(_Guard(known, outputs, own, others, force))
     try:
-        for path in files:
+        for path in outputs:
             may_write(path)
         for folder in own:
             _require_claimable(folder, force=force)
@@ -87,9 +95,7 @@ def may_write(path: Path) -> None:
     guard = _guard.get()
     if guard is None:
         return
-    if (identity := _identity(path)) and (given := guard.inputs.get(identity)):
-        also = "" if given == path else f", {given}"
-        raise InputError(f"is an input of this command{also}", file=path, remedy="give the output another name")
+    _refuse_input(path, guard)
     place = path.absolute()
     for folder in guard.claimed:
         if place.is_relative_to(folder):
@@ -100,6 +106,8 @@ def may_write(path: Path) -> None:
     allowed = guard.force or place in guard.made or any(place.is_relative_to(folder) for folder in guard.folders)
     if path.is_dir() and not path.is_symlink():
         raise InputError("is a folder", file=path, remedy="give the name of a file")
+    if path.exists() and not path.is_file():
+        raise InputError("is a device or a pipe, not a file", file=path, remedy="give the name of a file")
     if not allowed and os.path.lexists(path) and not is_ours(path):
         raise InputError(
             "exists, and no record beside it says that cortet made it as it is now",
@@ -112,6 +120,27 @@ def has_written(path: Path) -> None:
     """Note that the command made a file: it may write it again."""
     if guard := _guard.get():
         guard.made.add(path.absolute())
+        if identity := _identity(path):
+            guard.inputs.pop(identity, None)  # it was read back before it got its name
+
+
+def has_read(path: Path) -> None:
+    """Note that the command reads a file: it is an input from now on, unless it lies where the command may write.
+
+    Raises
+    ------
+    InputError
+        the command is told to write to this file
+    """
+    guard = _guard.get()
+    place = path.absolute()
+    if guard is None or place in guard.made or any(map(place.is_relative_to, (*guard.claimed, *guard.folders))):
+        return
+    if identity := _identity(path):
+        guard.inputs.setdefault(identity, path)
+        for output in guard.files:
+            if output.absolute() not in guard.made:
+                _refuse_input(output, guard)
 
 
 def is_ours(path: Path) -> bool:
@@ -127,20 +156,20 @@ def is_ours(path: Path) -> bool:
 
 
 def files_of(record: Path) -> dict[str, str]:
-    """Name -> SHA-256 of the files that a record lists; nothing where the file is no record."""
+    """Name -> SHA-256 of the files that a record lists; nothing where the file is no record of cortet."""
     if record.suffix != ".json":
         return {}
     try:
         data: Any = json.loads(record.read_text("utf-8")) if record.stat().st_size < _LONGEST_RECORD else None
     except (OSError, ValueError, RecursionError):
         return {}
-    files = data.get("files") if isinstance(data, dict) else None
+    files = data.get("files") if isinstance(data, dict) and data.items() >= _SIGNATURE.items() else None
     return {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else {}
 
 
-def hashes(paths: Iterable[Path]) -> dict[str, str]:
-    """The key `files` of a record: name -> SHA-256."""
-    return {path.name: sha256(path) for path in paths}
+def record_of(paths: Iterable[Path]) -> dict[str, Any]:
+    """What makes a JSON file the record of files beside it."""
+    return {**_SIGNATURE, "files": {path.name: sha256(path) for path in paths}}
 
 
 def delete_made(record: Path) -> None:
@@ -165,6 +194,24 @@ def _require_claimable(folder: Path, *, force: bool) -> None:
         raise InputError(
             "holds files that cortet did not make", file=folder, remedy="give an empty or a new folder, or add --force"
         )
+
+
+def _refuse_repeated(outputs: tuple[Path, ...]) -> None:
+    """Raise InputError where two outputs have one name: the second would replace the first."""
+    places = [os.path.realpath(path) for path in outputs]
+    for path, place in zip(outputs, places, strict=True):
+        if places.count(place) > 1:
+            raise InputError("is named twice, for two outputs", file=path, remedy="give each a name of its own")
+
+
+def _refuse_input(path: Path, guard: _Guard) -> None:
+    """Raise InputError where a file is an input, also by another name."""
+    identity = _identity(path)
+    given = guard.inputs.get(identity) if identity else None
+    if given is None or _identity(given) != identity:  # a file that is gone: another one has got its place on the disk
+        return
+    also = "" if given == path else f", {given}"
+    raise InputError(f"is an input of this command{also}", file=path, remedy="give the output another name")
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
