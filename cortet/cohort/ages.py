@@ -196,7 +196,8 @@ def _in_words(readings: Sequence[_Reading]) -> list[str]:
             low, high = SCAN_AGE_RANGE
             told.append(
                 f"not read: {len(bad)} of {which}, as {bad[0].text} of {_named(bad[0].session)}: "
-                f"no age from {low:g} to {high:g} gestational weeks (give one number, and its unit in the sidecar, as Units)"
+                f"no age from {low:g} to {high:g} gestational weeks "
+                "(give one number, and its unit in the sidecar, as Units)"
             )
     shared: dict[tuple[str, float], list[str]] = {}
     for reading in readings:
