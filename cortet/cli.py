@@ -732,7 +732,7 @@ class _FoldStatus(argparse.Action):
 def _fold(args: argparse.Namespace) -> int:
     from numba import get_num_threads, set_num_threads
 
-    from cortet.config import load
+    from cortet.config import load, read
     from cortet.report.fold_figures import draw
     from cortet.simulation.fold import fold
     from cortet.simulation.progress import status
@@ -740,9 +740,13 @@ def _fold(args: argparse.Namespace) -> int:
 
     if args.threads:
         set_num_threads(min(args.threads, get_num_threads()))
-    values = load(args.config or {}).arguments("fold", {"gestational_age": args.ga, "hemisphere": args.hemi})
     chosen = {"end": args.end, "time_step": args.time_step, "device": args.device}
-    values |= {key: value for key, value in chosen.items() if value is not None}
+    data: dict[str, Any] = {}
+    if args.config:
+        load(args.config)  # complaints name the file
+        data = read(args.config)
+    data["fold"] = {**(data.get("fold") or {}), **{key: value for key, value in chosen.items() if value is not None}}
+    values = load(data).arguments("fold", {"gestational_age": args.ga, "hemisphere": args.hemi})
     live = sys.stdout.isatty()
     verdict = fold(
         _read_mesh(args.mesh),
