@@ -251,3 +251,22 @@ def test_options_of_a_fold_have_the_bounds_of_the_configuration(
     assert run(f"fold x.vtu --ga 30 {option} -o f", meshed, monkeypatch) == 1
     assert f"fold.{option[2:].partition('=')[0].replace('-', '_')}" in capsys.readouterr().err
     assert not (meshed / "f").exists()
+
+
+def test_a_mesh_of_another_surface_keeps_its_certificate(meshed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_surface(ball_surface(3, 15.0), meshed / "b.surf.gii")
+    before = {path.name: path.read_bytes() for path in meshed.iterdir()}
+    assert run("mesh b.surf.gii --cell-size 5 -o x.mesh", meshed, monkeypatch) == 1
+    assert {path.name: path.read_bytes() for path in meshed.iterdir()} == before
+    assert run("mesh a.surf.gii --cell-size 5 -o x.mesh", meshed, monkeypatch) == 0
+    assert run("certify x.vtu", meshed, monkeypatch) == 0
+
+
+def test_a_sidecar_that_names_no_meshed_surface_is_of_no_use(
+    meshed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = json.loads((meshed / "x.vtu.json").read_text())
+    record["made_from"]["meshed"] = {}
+    (meshed / "x.vtu.json").write_text(json.dumps(record))
+    assert run("certify x.vtu", meshed, monkeypatch) == 1
+    assert "no sidecar says which surface was meshed" in capsys.readouterr().err
