@@ -270,3 +270,25 @@ def test_a_sidecar_that_names_no_meshed_surface_is_of_no_use(
     (meshed / "x.vtu.json").write_text(json.dumps(record))
     assert run("certify x.vtu", meshed, monkeypatch) == 1
     assert "no sidecar says which surface was meshed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "cohort.tsv"])
+def test_a_working_folder_of_others_is_left_alone(
+    given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    (tmp_path / "work").mkdir()
+    (tmp_path / "work" / name).write_text("mine")
+    words = f"run {given}/ds {tmp_path}/out participant --dry-run --work-dir {tmp_path}/"
+    assert run(words + "work", tmp_path, monkeypatch) == 1
+    assert (tmp_path / "work" / name).read_text() == "mine"
+    assert "was not written by `cortet run`" in capsys.readouterr().err
+    if name == "config.yaml":  # once is enough: Snakemake plans
+        for _ in range(2):
+            assert run(words + "fresh", tmp_path, monkeypatch) == 0
+
+
+def test_a_job_is_not_written_into_the_output_of_a_workflow(meshed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (meshed / "out/.cortet").mkdir(parents=True)
+    (meshed / "out/job.inp").write_text("mine")
+    assert run("job x.vtu -o out", meshed, monkeypatch) == 1
+    assert (meshed / "out/job.inp").read_text() == "mine"
