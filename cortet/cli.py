@@ -351,7 +351,7 @@ def _mesh(args: argparse.Namespace) -> int:
     from cortet.pipeline import mesh_surface
     from cortet.solver_files.export import export
     from cortet.solver_files.fields import field_sources
-    from cortet.solver_files.meshed import made_from, meshed_files, write_meshed
+    from cortet.solver_files.meshed import made_from, meshed_files, require_own_stem, write_meshed
     from cortet.solver_files.sets import named_sets
     from cortet.solver_files.sidecar import sidecar_path
 
@@ -361,6 +361,9 @@ def _mesh(args: argparse.Namespace) -> int:
     surfaces = meshed_files([OUTERMOST, *dict(args.inner)], args.output)
     for file in (record, sidecar_path(args.output), *surfaces.values()):
         may_write(file)
+    given = {OUTERMOST: args.surface} | dict(args.inner)
+    if not args.force:
+        require_own_stem(args.output, given)
     config = _config(args)
     surface = _surface(args, config)
     sphere = _sphere(args)
@@ -392,7 +395,7 @@ def _mesh(args: argparse.Namespace) -> int:
             frame=surface.frame,
             sources=sources,
             interior=config.transfer.interior,
-            made_from=made_from(surfaces, {OUTERMOST: args.surface} | dict(args.inner), args.output.parent),
+            made_from=made_from(surfaces, given, args.output.parent),
         )
     elif args.force:
         args.output.unlink(missing_ok=True)  # one of an earlier run would pass for this one
@@ -732,7 +735,7 @@ class _FoldStatus(argparse.Action):
 def _fold(args: argparse.Namespace) -> int:
     from numba import get_num_threads, set_num_threads
 
-    from cortet.config import load
+    from cortet.config import load, read
     from cortet.report.fold_figures import draw
     from cortet.simulation.fold import fold
     from cortet.simulation.progress import status
@@ -740,9 +743,13 @@ def _fold(args: argparse.Namespace) -> int:
 
     if args.threads:
         set_num_threads(min(args.threads, get_num_threads()))
-    values = load(args.config or {}).arguments("fold", {"gestational_age": args.ga, "hemisphere": args.hemi})
     chosen = {"end": args.end, "time_step": args.time_step, "device": args.device}
-    values |= {key: value for key, value in chosen.items() if value is not None}
+    data: dict[str, Any] = {}
+    if args.config:
+        load(args.config)  # complaints name the file
+        data = read(args.config)
+    data["fold"] = {**(data.get("fold") or {}), **{key: value for key, value in chosen.items() if value is not None}}
+    values = load(data).arguments("fold", {"gestational_age": args.ga, "hemisphere": args.hemi})
     live = sys.stdout.isatty()
     verdict = fold(
         _read_mesh(args.mesh),

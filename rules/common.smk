@@ -461,7 +461,8 @@ def recorded_line(wildcards):
 
 
 def solver_files():
-    return [path for pattern in SOLVER_FILES for path in each_case(pattern).values()]
+    """Solver files of all cases with their certificates: one that was deleted is made again."""
+    return [path for pattern in (*SOLVER_FILES, CERTIFICATE) for path in each_case(pattern).values()]
 
 
 def quality_records():

@@ -35,7 +35,9 @@ _UNITS = {
     "years": r"years?|yrs?|y",
 }
 #: words by which a sidecar says that a column counts from birth, or from before
-_BIRTH, _GESTATION = r"\b(birth|postnatal|chronological)", r"gestation|menstrual|concept|\bPMA\b|\bGA\b"
+_BIRTH, _GESTATION = r"\b(birth|born|postnatal|chronological)", r"gestation|menstrual|concept|\bPMA\b|\bGA\b"
+#: what tables hold where a value is not known
+_MISSING = frozenset({"", "n/a", "na", "nan", "none", "null"})
 _LARGEST_SIDECAR = 10_000_000
 
 #: rows of a table, column -> value, by the participant's label
@@ -64,7 +66,7 @@ class _Reading:
     session: Session
     column: Column
     text: str
-    #: None where the column is not read, or the value is no gestational age
+    #: None where the column is not read, or the value is no gestational age, or rows contradict each other
     weeks: float | None
     #: whether the row is about all sessions of the participant
     shared: bool
@@ -135,16 +137,25 @@ def _reading(
     ]
     if label is None and len({row.get("session_id") for row in known}) > 1:
         return None  # the surface does not say of which session it is
-    for row in known:
-        name = next((column for column in columns if column in row), None)
-        value = number(row[name]) if name else None
-        if name and value is not None:
-            column = _column(table, name, sidecar.get(name), named=named)
-            weeks = round(value * WEEKS[column.unit], 2)
-            plausible = not column.refused and SCAN_AGE_RANGE[0] <= weeks <= SCAN_AGE_RANGE[1]
-            shared = label is not None and not row.get("session_id")
-            return _Reading(session, column, row[name], weeks if plausible else None, shared)
-    return None
+    given = [(name, row) for row in known if (name := next((one for one in columns if one in row), None))]
+    given = [(name, row) for name, row in given if row[name].strip().lower() not in _MISSING]
+    if not given:
+        return None
+    name = given[0][0]
+    texts = list(dict.fromkeys(row[name] for one, row in given if one == name))
+    column = _column(table, name, sidecar.get(name), named=named)
+    shared = label is not None and not given[0][1].get("session_id")
+    return _Reading(session, column, " and ".join(texts), _weeks(texts, column), shared)
+
+
+def _weeks(texts: Sequence[str], column: Column) -> float | None:
+    """The one gestational age that the rows of a session give; None where there is none, or more than one."""
+    values = {number(text) for text in texts}
+    value = values.pop() if len(values) == 1 else None
+    if value is None or column.refused:
+        return None
+    weeks = round(value * WEEKS[column.unit], 2)
+    return weeks if SCAN_AGE_RANGE[0] <= weeks <= SCAN_AGE_RANGE[1] else None
 
 
 def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
@@ -152,13 +163,16 @@ def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
     said = {key.lower(): str(value) for key, value in entry.items()} if isinstance(entry, Mapping) else {}
     about = " ".join(said.get(key, "") for key in ("longname", "description", "units"))
     written = said.get("units", "")
-    unit = next((unit for unit, words in _UNITS.items() if re.search(rf"\b({words})\b", written, re.IGNORECASE)), None)
+    units = [unit for unit, words in _UNITS.items() if re.search(rf"\b({words})\b", written, re.IGNORECASE)]
+    unit = units[0] if units else None
     born = name == FROM_BIRTH and not re.search(_GESTATION, about, re.IGNORECASE)
     if unit is None and born and not named:
         return Column(table, name, "years", "BIDS, where no sidecar has Units", "it counts from birth")
     if unit is None:
         return Column(table, name, "weeks", "no sidecar has its Units")
     source = f"its sidecar says Units: {written}"
+    if len(units) > 1:
+        return Column(table, name, unit, source, f"its Units name {' and '.join(units)}")
     counts_from_birth = re.search(_BIRTH, about, re.IGNORECASE) or (born and unit != "weeks")
     return Column(table, name, unit, source, "it counts from birth" if counts_from_birth else "")
 
@@ -182,7 +196,8 @@ def _in_words(readings: Sequence[_Reading]) -> list[str]:
             low, high = SCAN_AGE_RANGE
             told.append(
                 f"not read: {len(bad)} of {which}, as {bad[0].text} of {_named(bad[0].session)}: "
-                f"no age from {low:g} to {high:g} gestational weeks (give its unit in the sidecar, as Units)"
+                f"no age from {low:g} to {high:g} gestational weeks "
+                "(give one number, and its unit in the sidecar, as Units)"
             )
     shared: dict[tuple[str, float], list[str]] = {}
     for reading in readings:

@@ -17,13 +17,14 @@ from typing import IO, Any, Literal
 import yaml
 
 import cortet
-from cortet.cohort.bids import require_own_output
+from cortet.cohort.bids import is_own_output, require_own_output
 from cortet.cohort.lock import HELD_BY, hold
 from cortet.cohort.sheet import Case, scan, write_sheet
 from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats import child
 from cortet.formats.atomic import atomic_path
+from cortet.formats.ownership import MARKER, mark
 from cortet.formats.tsv import read_tsv
 
 #: level of the analysis, as BIDS Apps call it, and the rule that makes it
@@ -120,7 +121,7 @@ def prepare(cases: Sequence[Case], dataset: Path, output: Path, work: Path, sett
     Raises
     ------
     InputError
-        the settings are wrong, or the file of them would be overwritten
+        the settings are wrong, or the working folder has a sheet or a configuration of others
     """
     sheet, file = work / "cohort.tsv", work / "config.yaml"
     cohort = dict(settings.get("cohort") or {})
@@ -130,9 +131,21 @@ def prepare(cases: Sequence[Case], dataset: Path, output: Path, work: Path, sett
         "output": str(output.resolve()),
     }
     load(data)
+    _claim(work, output, (sheet, file))
     with atomic_path(file) as temporary:
         temporary.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     write_sheet(cases, sheet)
+
+
+def _claim(work: Path, output: Path, files: Sequence[Path]) -> None:
+    """Mark the working folder as cortet's; InputError where files that are to be written there are others'."""
+    if not (work / MARKER).is_file():
+        there = [file for file in files if os.path.lexists(file)]
+        if there and not (work == work_folder(output) and is_own_output(output)):
+            remedy = "name an empty or a new folder with --work-dir, or move the file"
+            raise InputError("was not written by `cortet run`", file=there[0], remedy=remedy)
+        work.mkdir(parents=True, exist_ok=True)
+        mark(work)
 
 
 def snakemake(work: Path, level: str, *, cores: int, profile: str | None = None, dry_run: bool = False) -> int:

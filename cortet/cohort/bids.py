@@ -136,6 +136,11 @@ def require_own_output(output: Path, dataset: Path | None) -> None:
         raise InputError("was not written by cortet", file=output / ".bidsignore", remedy=remedy)
 
 
+def is_own_output(output: Path) -> bool:
+    """Whether a folder has a description that says that cortet generated it."""
+    return _describes_ours(output / DESCRIPTION)
+
+
 def _describes_ours(description: Path) -> bool:
     """Whether a description says that cortet generated its dataset."""
     try:

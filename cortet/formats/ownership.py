@@ -24,7 +24,7 @@ from typing import Any
 from cortet.errors import InputError
 from cortet.formats.hashing import sha256
 
-#: file, or folder, that says of its folder that cortet made it
+#: file that says of its folder that cortet made it; a folder of this name, in the output of a workflow, does not
 MARKER = ".cortet"
 #: file that lists what commands wrote to its folder: name -> the last SHA-256
 MANIFEST = ".cortet.json"
@@ -109,8 +109,8 @@ def may_write(path: Path) -> None:
     for folder in guard.claimed:
         if place.is_relative_to(folder):
             folder.mkdir(parents=True, exist_ok=True)
-            if not (folder / MARKER).exists():
-                (folder / MARKER).touch()
+            if not (folder / MARKER).is_file():
+                mark(folder)
             return
     if path.is_dir() and not path.is_symlink():
         raise InputError("is a folder", file=path, remedy="give the name of a file")
@@ -123,6 +123,12 @@ def may_write(path: Path) -> None:
             file=path,
             remedy="give another name, or add --force to replace it",
         )
+
+
+def mark(folder: Path) -> None:
+    """Say of a folder that cortet made it."""
+    if not (folder / MARKER).is_dir():
+        (folder / MARKER).touch()
 
 
 def has_read(path: Path) -> None:
@@ -234,7 +240,7 @@ def _require_claimable(folder: Path, *, force: bool) -> None:
     """Raise InputError for a folder with files of others."""
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError("is a file", file=folder, remedy="give the name of a folder")
-    if folder.is_dir() and not (folder / MARKER).exists() and any(folder.iterdir()) and not force:
+    if folder.is_dir() and not (folder / MARKER).is_file() and any(folder.iterdir()) and not force:
         raise InputError(
             "holds files that cortet did not make", file=folder, remedy="give an empty or a new folder, or add --force"
         )

@@ -16,7 +16,7 @@ from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.hashing import sha256
 from cortet.geometry.nesting import nested, region_names, sheets
 from cortet.mesh import OUTERMOST, TriSurface
-from cortet.solver_files.sidecar import read_sidecar
+from cortet.solver_files.sidecar import read_sidecar, sidecar_path
 
 
 def write_meshed(surface: TriSurface, mesh: Path) -> dict[str, Path]:
@@ -38,6 +38,30 @@ def meshed_files(regions: Iterable[str], mesh: Path) -> dict[str, Path]:
     stem = mesh.name.removesuffix(mesh.suffix)
     named = {region: "" if region == OUTERMOST else f"-{region}" for region in regions}
     return {region: mesh.with_name(f"{stem}.meshed{of}.surf.gii") for region, of in named.items()}
+
+
+def require_own_stem(mesh: Path, given: Mapping[str, str | Path]) -> None:
+    """Raise InputError where a mesh of other surfaces has the stem of a mesh that is to be made.
+
+    Certificate and meshed surface have names that begin with the stem: those of the new mesh would take their place.
+
+    Parameters
+    ----------
+    mesh : file that is to be written
+    given : region -> file of the surface that it is made from
+    """
+    stem = mesh.name.removesuffix(mesh.suffix)
+    beside = mesh.parent.iterdir() if mesh.parent.is_dir() else ()
+    others = [file for file in beside if file.name.removesuffix(file.suffix) == stem and file.name != mesh.name]
+    for other in others:
+        if sidecar_path(other).is_file() and (record := read_sidecar(other).get("made_from")):
+            hashes = {region: one["sha256"] for region, one in record["given"].items()}
+            if hashes != {region: sha256(file) for region, file in given.items()}:
+                raise InputError(
+                    f"would take the certificate and the meshed surface of {other.name}, a mesh of another surface",
+                    file=mesh,
+                    remedy="give another name, or delete the other mesh and its sidecar",
+                )
 
 
 def made_from(meshed: Mapping[str, Path], given: Mapping[str, str | Path], folder: Path) -> dict[str, Any]:
@@ -90,6 +114,8 @@ def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) ->
     """
     record = read_sidecar(mesh).get("made_from")
     named = ({OUTERMOST: given} if given else {}) | dict(inner)
+    if record and OUTERMOST not in record["meshed"]:
+        record = None
     if record and all(sha256(file) == record["given"].get(region, {}).get("sha256") for region, file in named.items()):
         files = {region: mesh.parent / one["file"] for region, one in record["meshed"].items()}
         for region, file in files.items():

@@ -53,6 +53,12 @@ def test_nothing_reruns_after_a_fresh_checkout_with_every_file_touched(study: St
     assert study.planned_jobs(checkout) == set()
 
 
+def test_a_certificate_that_was_deleted_is_made_again(study: Study) -> None:
+    (certificate,) = study.files("sub-a*certificate.json")
+    certificate.unlink()
+    assert ("certify", "sub-a") in study.planned_jobs()
+
+
 def test_an_edited_surface_reruns_its_case_and_the_tables(study: Study) -> None:
     scaled(study.folder / "surfaces/a.surf.gii", 1.05)
     assert study.jobs_of_run() == jobs(FROM_REPAIR, "a") | COHORT

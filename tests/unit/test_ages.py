@@ -72,7 +72,10 @@ def test_a_configuration_that_names_the_column_vouches_for_weeks(tmp_path: Path)
 def test_a_value_that_is_no_gestational_age_is_named_and_left_out(tmp_path: Path) -> None:
     found, said = ages(dataset(tmp_path, "scan_age", {"a": "28", "b": "196"}))
     assert found == [28.0, None]
-    assert "196 of sub-b: no age from 12 to 60 gestational weeks (give its unit in the sidecar, as Units)" in said
+    assert (
+        "196 of sub-b: no age from 12 to 60 gestational weeks (give one number, and its unit in the sidecar, as Units)"
+        in said
+    )
 
 
 def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path: Path) -> None:
@@ -105,3 +108,28 @@ def test_the_command_says_which_column_it_read(tmp_path: Path, capsys: pytest.Ca
     assert main(["cohort", "scan", str(folder), "-o", str(tmp_path / "cohort.tsv")]) == 0
     assert "not read: column age of participants.tsv, in years" in capsys.readouterr().out
     assert [case.scan_age for case in read_sheet(tmp_path / "cohort.tsv")] == [None]
+
+
+@pytest.mark.parametrize("text", ["30,5", "30 weeks", "30+4", "P30W4D", "1e400"])
+def test_an_age_that_is_no_number_is_told(tmp_path: Path, text: str) -> None:
+    found, said = ages(dataset(tmp_path, "scan_age", {"a": text, "b": "31", "c": "n/a", "d": ""}))
+    assert found == [None, 31.0, None, None]
+    assert f"not read: 1 of column scan_age of participants.tsv, in weeks (no sidecar has its Units), as {text}" in said
+
+
+def test_rows_that_contradict_each_other_give_no_age(tmp_path: Path) -> None:
+    folder = dataset(tmp_path, "scan_age", {"a": "30", "b": "31"})
+    with (folder / "participants.tsv").open("a") as table:
+        table.write("sub-a\t35\nsub-b\t31.0\n")
+    found, said = ages(folder)
+    assert found == [None, 31.0]
+    assert "as 30 and 35 of sub-a: no age from 12 to 60 gestational weeks (give one number" in said
+
+
+@pytest.mark.parametrize(
+    "described",
+    [{"Units": "years (not weeks)"}, {"Units": "weeks", "Description": "time since the child was born"}],
+)
+def test_a_unit_that_is_not_clear_or_counts_from_birth_is_not_read(tmp_path: Path, described: dict[str, str]) -> None:
+    found, said = ages(dataset(tmp_path, "age", {"a": "30"}, described))
+    assert found == [None] and "not read: column age of participants.tsv" in said

@@ -243,3 +243,53 @@ def test_two_outputs_of_one_name_are_refused(meshed: Path, monkeypatch: pytest.M
         "mesh a.surf.gii --cell-size 5 -o y.vtu --page ../*/y.vtu".replace("*", meshed.name), meshed, monkeypatch
     )
     assert not (meshed / "y.vtu").exists()
+
+
+@pytest.mark.parametrize("option", ["--end=1e308", "--end=-1", "--end=nan", "--time-step=nan", "--time-step=-1"])
+def test_options_of_a_fold_have_the_bounds_of_the_configuration(
+    meshed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: str
+) -> None:
+    assert run(f"fold x.vtu --ga 30 {option} -o f", meshed, monkeypatch) == 1
+    assert f"fold.{option[2:].partition('=')[0].replace('-', '_')}" in capsys.readouterr().err
+    assert not (meshed / "f").exists()
+
+
+def test_a_mesh_of_another_surface_keeps_its_certificate(meshed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_surface(ball_surface(3, 15.0), meshed / "b.surf.gii")
+    before = {path.name: path.read_bytes() for path in meshed.iterdir()}
+    assert run("mesh b.surf.gii --cell-size 5 -o x.mesh", meshed, monkeypatch) == 1
+    assert {path.name: path.read_bytes() for path in meshed.iterdir()} == before
+    assert run("mesh a.surf.gii --cell-size 5 -o x.mesh", meshed, monkeypatch) == 0
+    assert run("certify x.vtu", meshed, monkeypatch) == 0
+
+
+def test_a_sidecar_that_names_no_meshed_surface_is_of_no_use(
+    meshed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = json.loads((meshed / "x.vtu.json").read_text())
+    record["made_from"]["meshed"] = {}
+    (meshed / "x.vtu.json").write_text(json.dumps(record))
+    assert run("certify x.vtu", meshed, monkeypatch) == 1
+    assert "no sidecar says which surface was meshed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "cohort.tsv"])
+def test_a_working_folder_of_others_is_left_alone(
+    given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    (tmp_path / "work").mkdir()
+    (tmp_path / "work" / name).write_text("mine")
+    words = f"run {given}/ds {tmp_path}/out participant --dry-run --work-dir {tmp_path}/"
+    assert run(words + "work", tmp_path, monkeypatch) == 1
+    assert (tmp_path / "work" / name).read_text() == "mine"
+    assert "was not written by `cortet run`" in capsys.readouterr().err
+    if name == "config.yaml":  # once is enough: Snakemake plans
+        for _ in range(2):
+            assert run(words + "fresh", tmp_path, monkeypatch) == 0
+
+
+def test_a_job_is_not_written_into_the_output_of_a_workflow(meshed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (meshed / "out/.cortet").mkdir(parents=True)
+    (meshed / "out/job.inp").write_text("mine")
+    assert run("job x.vtu -o out", meshed, monkeypatch) == 1
+    assert (meshed / "out/job.inp").read_text() == "mine"
