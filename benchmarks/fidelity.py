@@ -2,10 +2,11 @@
 
     python benchmarks/fidelity.py SURFACE... [--cell-sizes 1.0 0.6] [--setting default] [--mesher lattice]
 
-One row per surface and cell size, of the whole line on the surface as it is (not smoothed). Distances are those of the
-surface's vertices and face centres to the boundary of the mesh, and of the boundary's nodes and face centres to the
-surface. The smallest altitude is the time step of an explicit solver, but for the speed of sound. Each row comes from
-a process of its own with kernels compiled; CPU seconds are those of all threads, MB those above the idle process.
+One row per surface and cell size, of the whole line, without an age. Distances are those of the vertices and face
+centres of the surface that was meshed to the boundary of the mesh, and of the boundary's nodes and face centres to that
+surface; `smoothing.py` measures those to the surface as it was read. The smallest altitude is the time step of an
+explicit solver, but for the speed of sound. Each row comes from a process of its own with kernels compiled; CPU seconds
+are those of all threads, MB those above the idle process.
 """
 
 from __future__ import annotations

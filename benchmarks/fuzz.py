@@ -35,7 +35,9 @@ if __name__ == "__main__":  # before NumPy and Numba are imported: a process tha
     os.environ["NUMBA_THREADING_LAYER"] = "workqueue"  # OpenMP ends a process that has forked
 
 import nibabel
+import nibabel.freesurfer.io as freesurfer
 import numpy as np
+import trimesh
 import yaml
 
 from cortet.cohort.sheet import Case, read_sheet, scan, write_sheet
@@ -291,6 +293,7 @@ def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
     found["affine"] = (folder / "affine" / "i.nii.gz", lambda path: placed(surface, matrix("mm", path)))
     write_surface(replace(surface, points=surface.points), folder / "fields" / "s.shape.gii")
     found["fields"] = (folder / "fields" / "s.shape.gii", lambda path: read_all_fields(path, surface))
+    found |= of_other_programs(surface, folder)
     (folder / "sheet").mkdir()
     cases = [Case(f"0{n}", "1", "L", 24.5, folder / f"s{n}.surf.gii", extra={"site": "x"}) for n in range(4)]
     cases[2] = replace(cases[2], include=False, exclude_reason="motion", fields={"sulc": folder / "s.gii"})
@@ -305,7 +308,35 @@ def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
     anat.mkdir(parents=True)
     (anat / "sub-A_hemi-L_wm.surf.gii").touch()
     (folder / "release" / "participants.tsv").write_text("participant_id\tscan_age\nsub-A\t28.5\nsub-B\tn/a\n")
+    (folder / "release" / "participants.json").write_text('{"scan_age": {"Units": "weeks", "Description": "at scan"}}')
     found["release"] = (folder / "release" / "participants.tsv", lambda path: scan(path.parent))
+    return found
+
+
+def of_other_programs(surface: TriSurface, folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
+    """The surface and its fields as other programs write them."""
+    mesh = trimesh.Trimesh(surface.points, surface.faces, process=False)
+    kinds = {"text_stl": "stl_ascii", "ply": "ply", "text_ply": "ply", "obj": "obj"}
+    found: dict[str, tuple[Path, Callable[[Path], Any]]] = {}
+    for name, kind in kinds.items():
+        options = {"encoding": "ascii"} if name == "text_ply" else {}
+        content = mesh.export(file_type=kind, **options)
+        found[name] = (folder / name / f"s.{kind}", read_surface)
+        found[name][0].parent.mkdir()
+        found[name][0].write_bytes(content.encode() if isinstance(content, str) else content)
+    for name in ("lh.thickness", "lh.aparc.annot"):
+        path = folder / name.replace(".", "_") / name
+        path.parent.mkdir()
+        found[path.parent.name] = (path, lambda path: read_all_fields(path, surface))
+    table = np.array([[number, 5, 25, 0, 0] for number in range(40)])
+    freesurfer.write_morph_data(str(found["lh_thickness"][0]), surface.point_data["thickness"])
+    freesurfer.write_annot(
+        str(found["lh_aparc_annot"][0]),
+        surface.point_data["area"],
+        table,
+        [f"label {n}" for n in range(40)],
+        fill_ctab=True,
+    )
     return found
 
 

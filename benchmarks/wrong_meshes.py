@@ -10,6 +10,8 @@ at it. A row says what each of them found first. A fault that a command cannot k
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import json
 import sys
 import tempfile
@@ -336,11 +338,19 @@ def findings(wrong: Wrong, command: str, folder: Path) -> list[str]:
         return [str(error)]
 
 
+def in_words(wrong: Wrong, command: str) -> str:
+    """What a command found first, or that it let the mesh through; `WRONG` where that is not right."""
+    with tempfile.TemporaryDirectory() as folder:
+        found = [one.replace(f"{folder}/", "") for one in findings(wrong, command, Path(folder))]
+    if wrong.fault == "none":
+        return f"WRONG: {found[0]}" if found else "passes"
+    if found:
+        return found[0].removeprefix("cortet: ")[:90]
+    return "not seen" if command in wrong.unseen_by else "WRONG: passes"
+
+
 def _said(*arguments: object) -> list[str]:
     """What `cortet` prints as it refuses; nothing where it does its work."""
-    import contextlib
-    import io
-
     with contextlib.redirect_stderr(io.StringIO()) as said, contextlib.redirect_stdout(io.StringIO()):
         code = cortet([str(argument) for argument in arguments])
     return said.getvalue().splitlines() if code else []
@@ -355,15 +365,8 @@ def main() -> int:
     passed = 0
     for n in options.sizes:
         for wrong in (sound(n), *wrong_meshes(n)):
-            row = []
-            for command in COMMANDS:
-                with tempfile.TemporaryDirectory() as folder:
-                    found = findings(wrong, command, Path(folder))
-                good = wrong.fault == "none" or command in wrong.unseen_by
-                missed = bool(found) == (wrong.fault == "none") and not (found and good and wrong.fault != "none")
-                missed = bool(found) if wrong.fault == "none" else not found and not good
-                passed += missed
-                row.append(("WRONG " if missed else "") + (found[0][:70] if found else "passes" if good else ""))
+            row = [in_words(wrong, command) for command in COMMANDS]
+            passed += sum(words.startswith("WRONG") for words in row)
             print(n, wrong.fault, *row, sep="\t", flush=True)
     return int(passed > 0)
 

@@ -118,7 +118,7 @@ def parser() -> argparse.ArgumentParser:
     line.add_argument("surface", type=Path, metavar="SURFACE", help="closed surface, GIfTI, mm")
     line.add_argument("--cell-size", type=float, metavar="MM", help="cell size h (default: 0.6, or what --config says)")
     line.add_argument(
-        "--ga", type=_weeks, metavar="WEEKS", help="gestational age; without it the surface is not smoothed"
+        "--ga", type=_weeks, metavar="WEEKS", help="gestational age, by which the setting published smooths the surface"
     )
     line.add_argument(
         "--setting",
@@ -389,6 +389,8 @@ def _mesh(args: argparse.Namespace) -> int:
             interior=config.transfer.interior,
             made_from=made_from(surfaces, {OUTERMOST: args.surface} | dict(args.inner), args.output.parent),
         )
+    elif args.force:
+        args.output.unlink(missing_ok=True)  # one of an earlier run would pass for this one
     _write_record(asdict(certificate), record, surfaces.values())
     if args.picture:
         _draw(mesh, args.picture)
@@ -456,10 +458,29 @@ def _gate(args: argparse.Namespace) -> int:
             _, report = gate(read_surface(path), source=str(path), allow_genus=args.allow_genus)
         except CortetError as error:
             refused += 1
-            print(f"refused   {error}", flush=True)
+            print(f"refused   {error}{_repairable(path, args.allow_genus)}", flush=True)
         else:
             print(f"accepted  {path}: {_findings(report)}", flush=True)
     return 1 if refused else 0
+
+
+def _repairable(path: Path, allow_genus: int) -> str:
+    """What `cortet mesh` and `cortet repair` would make of a surface that the gate refuses, for the end of a line."""
+    from cortet.config import load
+    from cortet.formats.gifti import read_surface
+    from cortet.stages.gate import gate
+    from cortet.stages.repair import repair
+
+    config = load({"gate": {"allow_genus": allow_genus}})
+    logging.disable(logging.WARNING)  # nothing is repaired yet
+    try:
+        mended, _ = repair(read_surface(path, finite=False), **config.arguments("repair", {"source": str(path)}))
+        gate(mended, source=str(path), allow_genus=allow_genus)
+    except CortetError:
+        return ""
+    finally:
+        logging.disable(logging.NOTSET)
+    return f"; repairable: `cortet mesh` repairs it, and so does `cortet repair {path}`"
 
 
 def _repair(args: argparse.Namespace) -> int:

@@ -56,7 +56,7 @@ class Meshed(NamedTuple):
 def stages(
     config: Config, *, gestational_age: float | None, nested: bool = False, registered: bool = False
 ) -> list[str]:
-    """Names of the stages that run; without a gestational age (weeks) there is no smoothing.
+    """Names of the stages that run; the published smoothing is left out without a gestational age (weeks).
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def run(
     surface : as read, with its inner surfaces by the names of the regions inside them; coordinates need not be finite
         where the line repairs
     config : of the line; the first of its cell sizes and meshers counts
-    gestational_age : weeks; None leaves out smoothing, whose strength depends on it
+    gestational_age : weeks; None leaves out the published smoothing, whose strength depends on it
     source : file of the surface, named in messages
     inner_sources : likewise of the inner surfaces, by name
     sphere : of the surface, which is then put onto the common mesh
@@ -97,7 +97,7 @@ def run(
     StageError
         a stage failed
     """
-    if config.enabled("smooth_surface") and gestational_age is None:
+    if config.enabled("smooth_surface") and config.smooth_surface.method == "published" and gestational_age is None:
         logger.warning("no gestational age is given, so the surface is not smoothed")
     config.require_programs()
     for notice in config.notices():

@@ -32,7 +32,8 @@ PACKAGE = Path(__file__).resolve().parents[1] / "cortet"
 ERRORS = ("InputError", "StageError", "WorkflowError")
 #: functions whose strings are messages though they raise none
 SPEAKERS = {
-    "cohort.sheet": ("_row_problems", "read_sheet", "scan"),
+    "cohort.ages": ("_in_words",),
+    "cohort.sheet": ("_row_problems", "ageless_notice", "read_sheet", "scan"),
     "config": ("_complaint", "_whole_micrometres"),
     "formats.tsv": ("_miscounted",),
     "geometry.topology": ("problems",),
@@ -43,6 +44,7 @@ SPEAKERS = {
     "solver_files.conventions": None,
     "solver_files.sidecar": ("stale",),
     "simulation.fold": ("_verdict",),
+    "simulation.plausible": ("_size", "_side", "check_cells"),
 }
 #: what a message says at this place depends on the case
 GAP = "…"

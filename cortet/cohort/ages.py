@@ -172,8 +172,8 @@ def _in_words(readings: Sequence[_Reading]) -> list[str]:
         which = f"column {column.name} of {column.table}, in {column.unit} ({column.source})"
         if column.refused:
             told.append(
-                f"not read: {which}; {column.refused}, and a gestational age is needed (call the column scan_age, say "
-                f"Units: weeks in the sidecar, or name it in cohort.scan.age_columns if it is one in weeks)"
+                f"not read: {which}; {column.refused}, and a gestational age is needed. Where it is one: say "
+                "Units: weeks in the sidecar, call the column scan_age, or name it in cohort.scan.age_columns"
             )
             continue
         if good:

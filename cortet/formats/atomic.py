@@ -26,11 +26,11 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         a command that is `guarded` may not write to `path`
     """
     path = Path(path)
+    may_write(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{os.getpid()}-{secrets.token_hex(4)}.{path.name}")
     try:
         yield temporary
-        may_write(path)
         temporary.replace(path)
         has_written(path)
     finally:
@@ -49,6 +49,7 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
         a command that is `guarded` may not write to one of them; then none is moved
     """
     path = Path(path)
+    may_write(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{os.getpid()}-{secrets.token_hex(4)}.{path.name}")
     temporary.mkdir()

@@ -23,6 +23,7 @@ from cortet.errors import InputError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
+from cortet.formats.numbering import in_32_bits
 from cortet.formats.surface_sets import REGION_TAGS, region_tags
 from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.formats.untrusted import content, in_range, sound
@@ -97,7 +98,8 @@ def _opened(files: ExitStack, path: Path) -> IO[str]:
 def _regions(mesh: TetMesh) -> IntArray:
     if REGION_TAGS.keys() & mesh.sets.cells.keys():
         return region_tags(mesh)
-    return mesh.cell_data.get("region", np.ones(len(mesh.cells), np.int32))
+    regions = mesh.cell_data.get("region", np.ones(len(mesh.cells), np.int32))
+    return in_32_bits(regions, "the region of an element")
 
 
 def _fibres(mesh: TetMesh) -> NDArray[Any]:
@@ -153,7 +155,7 @@ def _mesh(
         points,
         cells,
         fields,
-        {"region": regions.astype(np.int32), "fibre": fibres},
+        {"region": in_32_bits(regions, "the region of an element", path), "fibre": fibres},
         MeshSets(node_sets, face_sets, {name: cells for name, cells in tags.items() if len(cells)} if named else {}),
     )
 

@@ -27,7 +27,7 @@ from cortet.formats.components import in_components
 from cortet.formats.numbering import indices, whole
 from cortet.formats.surface_sets import REGION_TAGS, with_surface
 from cortet.formats.text import BadRowError, read_rows, write_rows
-from cortet.formats.untrusted import content, sound, xml_root
+from cortet.formats.untrusted import content, require_ascii, sound, xml_root
 from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
 
 #: set of all nodes, and part of a mesh without regions
@@ -101,6 +101,7 @@ def write_elements(
     sections : name -> what is in it, for a file that can be run; `Material` takes the place of the placeholders, other
         names are those of `SECTIONS` that the mesh has no part in, and `MeshData` where there are no fields
     """
+    require_ascii([*node_sets, *faces, *fields, *mesh.sets.cells], path)
     parts, more = _parts(mesh), sections or {}
     element, facet = {4: ("tet4", "tri3"), 10: ("tet10", "tri6")}[cells.shape[1]]
     with atomic_path(path) as temporary, temporary.open("w", encoding="ascii") as file:

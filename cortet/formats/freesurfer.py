@@ -1,4 +1,6 @@
-"""FreeSurfer's triangle surfaces, `lh.white` and the like, read by nibabel.
+"""FreeSurfer's files: surfaces (`lh.white`), values (`lh.thickness`) and annotations (`lh.aparc.annot`) of vertices.
+
+nibabel reads surfaces; values and annotations are read here, since it reserves the memory that a damaged one states.
 
 Coordinates are in the tool's own space ("surface RAS", mm); the translation to the scanner's, where the file has it,
 becomes the matrix of the coordinate frame (https://surfer.nmr.mgh.harvard.edu/fswiki/CoordinateSystems).
@@ -6,26 +8,33 @@ becomes the matrix of the coordinate frame (https://surfer.nmr.mgh.harvard.edu/f
 
 from __future__ import annotations
 
+import struct
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from nibabel.freesurfer.io import read_geometry
+from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.formats.untrusted import content, safe_name
 from cortet.mesh import CoordinateFrame, TriSurface
 
-#: the first bytes of a file of triangles
-_MAGIC = b"\xff\xff\xfe"
+#: the first bytes of a file of triangles, and of one of values
+SURFACE, VALUES = b"\xff\xff\xfe", b"\xff\xff\xff"
+_REMEDY = "run recon-all again, or export it as GIfTI (mris_convert)"
+#: of an annotation: key of vertices that belong to no label, and most labels and characters of a name
+_NONE, _MOST_LABELS, _LONGEST_NAME = -1, 100_000, 10_000
 
 
-def is_surface(path: Path) -> bool:
-    """Whether a file, which need not exist, begins like one of FreeSurfer's surfaces."""
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        return file.read(len(_MAGIC)) == _MAGIC
+class Annotation(NamedTuple):
+    """What an annotation says."""
+
+    #: name of the file's field -> (n,) int32, which entry of the table each vertex has, -1 for none
+    field: dict[str, NDArray[np.int32]]
+    #: entry -> name of the label
+    names: dict[int, str]
 
 
 def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
@@ -48,6 +57,115 @@ def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
         what = f"triangles refer to vertices {faces.min()} to {faces.max()}, but there are {len(points)}"
         raise InputError(what, file=path, remedy=remedy)
     return TriSurface(points, faces, frame=_frame(footer))
+
+
+def read_values(path: Path) -> dict[str, NDArray[Any]]:
+    """The values of a file such as `lh.thickness`, by the end of its name: (n,) float32.
+
+    Raises
+    ------
+    InputError : the file is truncated
+    """
+    data = content(path)
+    try:
+        vertices, _, columns = np.frombuffer(data, ">i4", 3, len(VALUES)).tolist()
+        start = len(VALUES) + 12
+        if columns != 1 or len(data) - start != 4 * vertices:
+            raise ValueError(f"{len(data) - start} bytes for {vertices} x {columns} values")
+        values = np.frombuffer(data, ">f4", vertices, start).astype(np.float32)
+    except ValueError as error:
+        raise InputError(f"no complete file of FreeSurfer's values ({error})", file=path, remedy=_REMEDY) from None
+    return {_field_name(path): values}
+
+
+def is_annotation(head: bytes, size: int) -> bool:
+    """Whether a file of so many bytes that begins like this is an annotation, which counts its vertices from 0."""
+    count = int(np.frombuffer(head[:4].ljust(4, b"\0"), ">i4")[0])
+    if not (count > 0 and 4 + 8 * count <= size):
+        return False
+    numbered = np.frombuffer(head[4 : 4 + 8 * min(count, 100)], ">i4")[::2]
+    return count > 1 and np.array_equal(numbered, np.arange(len(numbered)))
+
+
+def read_annotation(path: Path) -> Annotation:
+    """The labels of a file such as `lh.aparc.annot`.
+
+    Source: https://surfer.nmr.mgh.harvard.edu/fswiki/LabelsClutsAnnotationFiles
+
+    Raises
+    ------
+    InputError : the file is truncated, has no table of labels, or one of an unknown version
+    """
+    data = content(path)
+    try:
+        count = int(np.frombuffer(data, ">i4", 1)[0])
+        numbers = np.frombuffer(data, ">i4", 2 * count, 4).reshape(-1, 2)
+        names, colours = _table(_Words(data, 4 + 8 * count))
+    except (ValueError, struct.error, UnicodeDecodeError) as error:
+        raise InputError(f"no complete annotation of FreeSurfer ({error})", file=path, remedy=_REMEDY) from None
+    if not np.array_equal(np.sort(numbers[:, 0]), np.arange(count)):
+        raise InputError("an annotation that does not name each vertex once", file=path, remedy=_REMEDY)
+    of_vertex = np.empty(count, np.int64)
+    of_vertex[numbers[:, 0]] = numbers[:, 1]
+    order = np.argsort(colours, kind="stable")
+    place = np.minimum(np.searchsorted(colours[order], of_vertex), len(colours) - 1)
+    keys = np.array(list(names), np.int32)[order][place]
+    labels = np.where(colours[order][place] == of_vertex, keys, _NONE).astype(np.int32)
+    return Annotation({_field_name(path): labels}, names)
+
+
+class _Words:
+    """The numbers and texts of a file, one after the other."""
+
+    def __init__(self, data: bytes, start: int) -> None:
+        self.data, self.place = data, start
+
+    def number(self) -> int:
+        """The next number; struct.error where the file has ended."""
+        (value,) = struct.unpack_from(">i", self.data, self.place)
+        self.place += 4
+        return int(value)
+
+    def text(self) -> str:
+        """The next text, whose length stands before it."""
+        length = self.number()
+        if not 0 <= length <= _LONGEST_NAME or self.place + length > len(self.data):
+            raise ValueError(f"a name of {length} characters")
+        self.place += length
+        return self.data[self.place - length : self.place].split(b"\0")[0].decode("utf-8", "replace")
+
+
+def _table(words: _Words) -> tuple[dict[int, str], NDArray[np.int64]]:
+    """Name of each entry of the table, and the number that its colour makes."""
+    if words.number() != 1:
+        raise ValueError("it has no table of labels")
+    first = words.number()
+    if first > 0:  # the older version: the number of entries itself
+        words.text()
+        count = first
+    elif first == -2:
+        words.number()
+        words.text()
+        count = words.number()
+    else:
+        raise ValueError(f"a table of version {-first}")
+    if not 0 < count <= _MOST_LABELS:
+        raise ValueError(f"a table of {count} labels")
+    names, colours = {}, []
+    for entry in range(count):
+        key = entry if first > 0 else words.number()
+        if not 0 <= key <= _MOST_LABELS or key in names:
+            raise ValueError(f"an entry {key} of the table")
+        names[key] = safe_name(words.text())
+        red, green, blue, _ = (words.number() for _ in range(4))
+        colours.append(red + (green << 8) + (blue << 16))
+    return names, np.array(colours, np.int64)
+
+
+def _field_name(path: Path) -> str:
+    """What stands in a file's name behind the hemisphere: `thickness` of `lh.thickness`."""
+    words = path.name.removesuffix(".annot").split(".")
+    return safe_name(".".join(words[1:] or words))
 
 
 def _frame(footer: dict[str, Any]) -> CoordinateFrame:

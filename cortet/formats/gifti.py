@@ -28,8 +28,9 @@ from nibabel.nifti1 import xform_codes
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.formats import freesurfer
+from cortet.formats import foreign
 from cortet.formats.atomic import atomic_path
+from cortet.formats.numbering import in_32_bits
 from cortet.formats.untrusted import (
     MOST_ELEMENTS,
     XML_ERRORS,
@@ -47,6 +48,10 @@ from cortet.mesh import CoordinateFrame, TriSurface
 
 #: the region in the name of a file of an inner surface
 _REGION = re.compile(r"_inner-([A-Za-z0-9]+)_")
+_INSTEAD = (
+    "give GIfTI; a surface may also be one of FreeSurfer, STL, PLY or OBJ, and a field values or an annotation of "
+    "FreeSurfer"
+)
 _EXPORT_AGAIN = "export the surface again as GIfTI (.surf.gii)"
 _TYPES = {
     f"NIFTI_TYPE_{name.upper()}": np.dtype(name)
@@ -75,7 +80,7 @@ class _Array(NamedTuple):
 def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
     """Read a triangulated surface; further per-vertex arrays in the file become its `point_data`.
 
-    A surface of FreeSurfer (`lh.white`) is read as well, which its first bytes tell.
+    A surface of FreeSurfer (`lh.white`), STL, PLY or OBJ is read as well, which its first bytes tell.
     Any valid GIfTI will do: arrays in either order, row- or column-major, either endianness, ASCII, base64, compressed
     or in an external file, integer triangles of any type. Memory is bounded by what the file can hold, and by 2 GiB of
     values; names of fields that no file could be named by are changed (`untrusted.safe_name`).
@@ -89,8 +94,8 @@ def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
     InputError : the file is missing, empty, truncated or no GIfTI; an array is missing; a coordinate is not finite; a
         triangle refers to a vertex that does not exist; the matrix of the coordinates scales or shears them
     """
-    if freesurfer.is_surface(Path(path)):
-        return freesurfer.read_surface(Path(path), finite=finite)
+    if (read := foreign.surface_reader(Path(path))) is not None:
+        return read(Path(path), finite=finite)
     arrays = _read(Path(path))
     points = _geometry(arrays, "NIFTI_INTENT_POINTSET", path)
     triangles = _geometry(arrays, "NIFTI_INTENT_TRIANGLE", path)
@@ -131,9 +136,11 @@ def read_nested(path: str | Path, inner: Iterable[str | Path], fields: str | Pat
 def read_fields(path: str | Path) -> dict[str, NDArray[Any]]:
     """Read the per-vertex arrays of a .shape, .func or .label file: name -> (n,) or (n, k).
 
-    Names come from the metadata `Name`, else from the file. Labels are int32 keys.
-    Raises InputError like `read_surface`.
+    Names come from the metadata `Name`, else from the file. Labels are int32 keys. Values and annotations of FreeSurfer
+    (`lh.thickness`, `lh.aparc.annot`) are read as well. Raises InputError like `read_surface`.
     """
+    if (fields := foreign.fields_of(Path(path))) is not None:
+        return fields
     return _fields(_read(Path(path)), path)
 
 
@@ -142,6 +149,8 @@ def read_label_names(path: str | Path) -> dict[int, str]:
 
     Raises InputError like `read_surface`.
     """
+    if (names := foreign.label_names_of(Path(path))) is not None:
+        return names
     try:
         return {
             int(label.get("Key", "")): safe_name(label.text or "")
@@ -181,7 +190,8 @@ def _arrays(fields: Mapping[str, NDArray[Any]]) -> list[GiftiDataArray]:
     for name, values in fields.items():
         meta = GiftiMetaData(Name=name)
         if np.issubdtype(values.dtype, np.integer):
-            array = GiftiDataArray(values.astype(np.int32), "NIFTI_INTENT_LABEL", "NIFTI_TYPE_INT32", meta=meta)
+            labels = in_32_bits(values, f"field `{name}`")
+            array = GiftiDataArray(labels, "NIFTI_INTENT_LABEL", "NIFTI_TYPE_INT32", meta=meta)
         else:
             array = GiftiDataArray(values.astype(np.float32), "NIFTI_INTENT_NONE", "NIFTI_TYPE_FLOAT32", meta=meta)
         arrays.append(array)
@@ -215,7 +225,12 @@ def _fields(arrays: list[_Array], path: str | Path, count: int | None = None) ->
             what = f"field `{array.name}` has {len(array.values)} values for {count} vertices"
             raise InputError(what, file=path, remedy="use fields of this very surface")
         values = array.values[:, 0] if array.values.ndim == 2 and array.values.shape[1] == 1 else array.values
-        fields.append((array.name, values.astype(np.int32) if array.intent == "NIFTI_INTENT_LABEL" else values))
+        fields.append(
+            (
+                array.name,
+                in_32_bits(values, f"field `{array.name}`", path) if array.intent == "NIFTI_INTENT_LABEL" else values,
+            )
+        )
     return safely_named(fields)
 
 
@@ -233,6 +248,8 @@ def _read(path: Path) -> list[_Array]:
             parser = ElementTree.iterparse(file, events=("start", "end"))
             root = next(parser)[1].tag
             if root != "GIFTI":
+                if other := foreign.name_of(path):
+                    raise InputError(f"is not GIfTI but {other}", file=path, remedy=_INSTEAD)
                 raise InputError(f"not GIfTI: its XML begins with <{root}>", file=path, remedy=_EXPORT_AGAIN)
             for number, (event, element) in enumerate(parser):
                 if number > 2 * MOST_ELEMENTS:
@@ -245,6 +262,8 @@ def _read(path: Path) -> list[_Array]:
         remedy = "check the path and its permissions"
         raise InputError(f"cannot be read: {error.strerror}", file=path, remedy=remedy) from error
     except XML_ERRORS as error:
+        if other := foreign.name_of(path):
+            raise InputError(f"is not GIfTI but {other}", file=path, remedy=_INSTEAD) from error
         what = f"truncated or not GIfTI: {error} (the file has {size:,} bytes)"
         raise InputError(what, file=path, remedy=_EXPORT_AGAIN) from error
     return arrays

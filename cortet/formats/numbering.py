@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,18 @@ def indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, pat
     if outside.any():
         raise InputError(f"{kind} {numbers[outside][0]} is named but not defined", file=path)
     return place.astype(np.int32)
+
+
+def in_32_bits(values: NDArray[Any], what: str, path: str | Path | None = None) -> NDArray[np.int32]:
+    """Whole numbers as int32. Raises InputError where one is too large for that, which would become another number."""
+    outside = ~((values >= -(2**31)) & (values < 2**31))
+    if outside.any():
+        raise InputError(
+            f"{what} has the label {values[outside].ravel()[0]}, and labels have at most 32 bits",
+            file=path,
+            remedy="number the labels from 0 on",
+        )
+    return values.astype(np.int32)
 
 
 def whole(values: NDArray[np.float64], kind: str, path: str | Path) -> NDArray[np.int64]:

@@ -33,7 +33,8 @@ class _Guard:
 
     #: device and inode of each input -> how it was named
     inputs: dict[tuple[int, int], Path]
-    #: folders of the command itself
+    #: folders that the command fills, and others below which it may write
+    claimed: tuple[Path, ...]
     folders: tuple[Path, ...]
     #: the user has said that existing files may be replaced
     force: bool
@@ -59,7 +60,7 @@ def guarded(
     ----------
     inputs : files that the command only reads
     files : what it is told to write
-    claimed : folders that it is told to fill; each is made, with a marker that says that it is cortet's
+    claimed : folders that it is told to fill; the first file that it writes there makes a marker, too
     folders : others, below which it may write
     force : existing files may be replaced, but never an input
 
@@ -69,14 +70,13 @@ def guarded(
         an output is an input, also by another name, or exists and was not made by cortet
     """
     known = {identity: path for path in inputs if (identity := _identity(path))}
-    claimed = tuple(claimed)
-    own = tuple(folder.absolute() for folder in (*claimed, *folders))
-    token = _guard.set(_Guard(known, own, force))
+    own, others = (tuple(folder.absolute() for folder in given) for given in (claimed, folders))
+    token = _guard.set(_Guard(known, own, others, force))
     try:
         for path in files:
             may_write(path)
-        for folder in claimed:
-            _claim(folder, force=force)
+        for folder in own:
+            _require_claimable(folder, force=force)
         yield
     finally:
         _guard.reset(token)
@@ -91,6 +91,12 @@ def may_write(path: Path) -> None:
         also = "" if given == path else f", {given}"
         raise InputError(f"is an input of this command{also}", file=path, remedy="give the output another name")
     place = path.absolute()
+    for folder in guard.claimed:
+        if place.is_relative_to(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            if not (folder / MARKER).exists():
+                (folder / MARKER).touch()
+            return
     allowed = guard.force or place in guard.made or any(place.is_relative_to(folder) for folder in guard.folders)
     if path.is_dir() and not path.is_symlink():
         raise InputError("is a folder", file=path, remedy="give the name of a file")
@@ -142,7 +148,8 @@ def delete_made(record: Path) -> None:
     files = files_of(record)
     for name, digest in files.items():
         path = record.parent / name
-        if Path(name).name == name and path.is_file() and not path.is_symlink() and sha256(path) == digest:
+        own = Path(name).name == name and os.path.isfile(path)  # noqa: PTH113, false of names that no file can have
+        if own and not path.is_symlink() and sha256(path) == digest:
             may_write(path)
             path.unlink()
     if files:
@@ -150,18 +157,14 @@ def delete_made(record: Path) -> None:
         record.unlink()
 
 
-def _claim(folder: Path, *, force: bool) -> None:
-    """Make a folder with its marker; refuse one with files of others."""
+def _require_claimable(folder: Path, *, force: bool) -> None:
+    """Raise InputError for a folder with files of others."""
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError("is a file", file=folder, remedy="give the name of a folder")
-    marker = folder / MARKER
-    if folder.is_dir() and not marker.exists() and any(folder.iterdir()) and not force:
+    if folder.is_dir() and not (folder / MARKER).exists() and any(folder.iterdir()) and not force:
         raise InputError(
             "holds files that cortet did not make", file=folder, remedy="give an empty or a new folder, or add --force"
         )
-    folder.mkdir(parents=True, exist_ok=True)
-    if not marker.exists():
-        marker.touch()
 
 
 def _identity(path: Path) -> tuple[int, int] | None:

@@ -1,13 +1,16 @@
-"""Binary STL: the triangles of a surface, each with its normal and its corners as float32 (3D Systems, 1989).
+"""STL, binary and text: the triangles of a surface, each with its normal and its corners, float32 (3D Systems, 1989).
 
 STL has no vertices, only corners: on reading, corners of the same coordinates become one vertex.
 """
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
@@ -16,6 +19,10 @@ from cortet.geometry.topology import face_normals
 from cortet.mesh import TriSurface
 
 _HEADER_BYTES = 80
+_TEXT = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+_FACET, _END = re.compile(rb"\bendfacet\b", re.IGNORECASE), re.compile(rb"\bendsolid\b", re.IGNORECASE)
+#: bytes of a file in text
+_LARGEST_TEXT = 2**29
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -31,8 +38,15 @@ def write(surface: TriSurface, path: str | Path) -> None:
         temporary.write_bytes(header + records.tobytes())
 
 
+def begins(head: bytes, size: int) -> bool:
+    """Whether a file of so many bytes that begins like this is an STL file."""
+    count = int(np.frombuffer(head[_HEADER_BYTES : _HEADER_BYTES + 4].ljust(4, b"\0"), "<u4")[0])
+    binary = count > 0 and size == _HEADER_BYTES + 4 + count * _TRIANGLE.itemsize
+    return binary or (head.lstrip()[:5].lower() == b"solid" and b"facet" in head.lower())
+
+
 def read(path: str | Path) -> TriSurface:
-    """Read a binary STL file; vertices come in the order in which the triangles name them.
+    """Read an STL file; vertices come in the order in which the triangles name them.
 
     Raises
     ------
@@ -40,11 +54,36 @@ def read(path: str | Path) -> TriSurface:
         the file is missing, its size is not what its number of triangles asks for, or a coordinate is not finite
     """
     data = content(path)
+    if data[:_HEADER_BYTES].lstrip()[:5].lower() == b"solid" and _TEXT.search(data):
+        return _of_text(data, path)
     start = _HEADER_BYTES + 4
     count = int(np.frombuffer(data[_HEADER_BYTES:start].ljust(4, b"\0"), "<u4")[0])
     if len(data) != start + count * _TRIANGLE.itemsize:
         raise InputError(f"is no binary STL file of {count} triangles: it has {len(data)} bytes", file=path)
-    corners = np.frombuffer(data, _TRIANGLE, offset=start)["corners"].reshape(-1, 3)
+    return merged(np.frombuffer(data, _TRIANGLE, offset=start)["corners"].reshape(-1, 3), path)
+
+
+def _of_text(data: bytes, path: str | Path) -> TriSurface:
+    if len(data) > _LARGEST_TEXT:
+        raise InputError(f"has {len(data):,} bytes of text", file=path, remedy="save it as binary STL")
+    try:
+        words = (float(word) for match in _TEXT.finditer(data) for word in match.groups())
+        corners = np.fromiter(words, float).reshape(-1, 3)
+    except ValueError as error:
+        raise InputError(f"is no readable STL: {error}", file=path, remedy="export it again") from error
+    if len(corners) != 3 * len(_FACET.findall(data)) or not _END.search(data):
+        raise InputError("is no complete STL: a facet has not three corners, or its end is missing", file=path)
+    return merged(corners, path)
+
+
+def merged(corners: NDArray[Any], path: str | Path) -> TriSurface:
+    """The surface of triangles whose corners (3 m, 3) follow each other; equal ones become one vertex.
+
+    Raises
+    ------
+    InputError
+        a coordinate is not finite
+    """
     if not np.isfinite(corners).all():
         raise InputError("has corners whose coordinates are not finite", file=path)
     points, first, vertex = np.unique(corners, axis=0, return_index=True, return_inverse=True)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.mesh import MeshSets, TetMesh
+from cortet.mesh import MeshSets, TetMesh, TriSurface
 
 #: bytes of a file, and of what is unpacked from it: a mesh of 50 million tetrahedra has less
 LARGEST = 2**32
@@ -142,6 +142,36 @@ def in_range(indices: NDArray[Any], count: int, what: str, path: str | Path) -> 
     if outside.any():
         raise InputError(f"{what} {indices[outside][0]} is not among the {count:,} there are", file=path)
     return indices.astype(np.int32)
+
+
+def require_ascii(names: Iterable[str], path: str | Path) -> None:
+    """Raise InputError for a name that a file of ASCII characters cannot hold."""
+    if other := [name for name in names if not name.isascii()]:
+        what = f"the format has no letters such as in the name {other[0]!r}"
+        raise InputError(what, file=path, remedy="name fields and sets in plain letters")
+
+
+def triangulated(points: NDArray[Any], corners: NDArray[Any], path: str | Path) -> TriSurface:
+    """The surface of vertices (n, 3) and triangles (m, 3) that were read, whole numbers of any type.
+
+    Raises
+    ------
+    InputError
+        there are none, a coordinate is not finite, or a triangle refers to a vertex that does not exist
+    """
+    remedy = "export the surface again"
+    if not len(points) or not len(corners):
+        raise InputError("holds no vertices or no triangles", file=path, remedy=remedy)
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        what = f"{len(bad)} vertices have coordinates that are not finite, the first is vertex {bad[0]}"
+        raise InputError(what, file=path, remedy=remedy)
+    outside = ~((corners >= 0) & (corners < len(points))).all(axis=1) | (corners != np.floor(corners)).any(axis=1)
+    if outside.any():
+        first = int(np.argmax(outside))
+        what = f"triangle {first} is {corners[first].tolist()}, but vertices run from 0 to {len(points) - 1}"
+        raise InputError(what, file=path, remedy=remedy)
+    return TriSurface(points, corners.astype(np.int32))
 
 
 def sound(

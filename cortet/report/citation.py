@@ -39,6 +39,15 @@ REFERENCES: dict[str, tuple[str, dict[str, str]]] = {
             "year": "2013",
         },
     ),
+    "taubin": (
+        "inproceedings",
+        {
+            "author": "Taubin, G.",
+            "title": "A signal processing approach to fair surface design",
+            "booktitle": "Proceedings of SIGGRAPH",
+            "year": "1995",
+        },
+    ),
     "tetgen": (
         "article",
         {
@@ -129,7 +138,10 @@ def cited(certificates: Sequence[Mapping[str, Any]]) -> list[str]:
     reports = [content["reports"] for content in certificates]
     backends = {report["generate"].get("backend", "") for report in reports if "generate" in report}
     used = {"cortet", "cortetsoftware", *_LIBRARIES, *(_MESHERS.get(name, name) for name in backends)}
-    used |= {program for stage, program in _PROGRAMS.items() if any(report.get(stage) for report in reports)}
+    worked = [{name: one for name, one in stages.items() if one.get("chosen_iterations", True)} for stages in reports]
+    used |= {program for stage, program in _PROGRAMS.items() if any(stage in stages for stages in worked)}
+    if any(stages.get("smooth_surface", {}).get("method") == "taubin" for stages in worked):
+        used.add("taubin")
     return [key for key in REFERENCES if key in used]
 
 

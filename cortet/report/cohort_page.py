@@ -24,6 +24,10 @@ KEY = ["case", "cell_size_mm", "mesher"]
 OUTLIER, FEWEST = 3.5, 5
 #: column -> how it is called where it makes a mesh an outlier
 JUDGED = {"q_max": "worst q", "q_mean": "mean q"}
+#: least spread that a number is taken to have. Worst q of one surface that is meshed in other directions spreads by
+#: 0.0005, mean q by 0.002 (a phantom of 26 weeks, h = 2.5 mm): meshes that are more alike differ by chance, and a worst
+#: q that is 3.5 x 0.005 higher than others is of no consequence for a limit of 0.6
+LEAST_SPREAD = {"q_max": 0.005, "q_mean": 0.002}
 #: states in the order of the rows; certified meshes come by their outlier score
 _ORDER = ("failed", "unfinished", "uncertified", "certified", "excluded")
 
@@ -42,7 +46,8 @@ class PageColumn:
 
 _SCORE = (
     "Larger of the absolute modified z-scores of worst q and mean q (Iglewicz and Hoaglin 1993) among the meshes of "
-    f"one cell size and mesher, where there are at least {FEWEST}; above {OUTLIER} a mesh is called an outlier"
+    f"one cell size and mesher, where there are at least {FEWEST}; above {OUTLIER} a mesh is called an outlier. "
+    "A spread counts as at least: " + ", ".join(f"{JUDGED[name]} {least:g}" for name, least in LEAST_SPREAD.items())
 )
 COLUMNS = (
     PageColumn("case", "Case"),
@@ -178,14 +183,18 @@ def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:
     return rows.merge(more[[*KEY, *new]], how="left", on=KEY).fillna(MISSING)
 
 
-def modified_z_scores(values: pd.Series[float]) -> pd.Series[float]:
+def modified_z_scores(values: pd.Series[float], least: float = 0.0) -> pd.Series[float]:
     """Distance of each value to the median, in robust standard deviations (Iglewicz and Hoaglin 1993).
 
     0.6745 (x - median) / MAD with the median absolute deviation MAD; where more than half of the values are equal, the
     mean absolute deviation, times 1.2533, takes its place. All are 0 where the values are equal.
+
+    Parameters
+    ----------
+    least : standard deviation that is taken at least
     """
     distances = values - values.median()
-    scale = distances.abs().median() / 0.6745 or 1.2533 * distances.abs().mean()
+    scale = max(distances.abs().median() / 0.6745 or 1.2533 * distances.abs().mean(), least)
     return distances / scale if scale else 0.0 * distances
 
 
@@ -202,7 +211,8 @@ def with_outliers(rows: pd.DataFrame) -> pd.DataFrame:
     scores = pd.DataFrame(index=rows.index, columns=list(JUDGED), dtype=float)
     for _, members in values.groupby([rows.loc[values.index, name] for name in ("cell_size_mm", "mesher")]):
         if len(members) >= FEWEST:
-            scores.loc[members.index] = members.apply(modified_z_scores)
+            for name in JUDGED:
+                scores.loc[members.index, name] = modified_z_scores(members[name], LEAST_SPREAD[name])
     far = [
         ", ".join(f"{JUDGED[name]} {value:+.1f}" for name, value in own.items() if abs(value) > OUTLIER)
         for own in scores.to_dict("records")

@@ -18,6 +18,11 @@ VERSION: int = 3
 #: content of a certificate.json
 Certificate = Mapping[str, Any]
 
+_SMOOTHING = {
+    "taubin": "Surfaces rougher than {max_roughness:g} (mean bi-Laplacian along the normals over the mean edge) were "
+    "smoothed by the filter of Taubin",
+    "published": "{whose} were smoothed by age, by a surface-preserving Laplacian",
+}
 _BOUNDARY = {
     "fixed": "boundary nodes fixed",
     "free": "boundary nodes free",
@@ -131,7 +136,7 @@ def _stages(certificates: Sequence[Certificate]) -> list[str]:
         smooth = smoothed[0]
         whose = "Surfaces" if len(smoothed) == len(every) else "Surfaces of known age"
         sentences.append(
-            f"{whose} were smoothed by age (surface-preserving Laplacian of PyMeshLab; area change at most "
+            f"{_SMOOTHING[smooth['method']].format(whose=whose, **smooth)} (PyMeshLab; area change at most "
             f"{100 * smooth['max_area_change']:g} %, mean displacement at most {smooth['max_displacement']:g} mm)."
         )
     sentences.append(_generation(parameters["generate"], sizes, backends))

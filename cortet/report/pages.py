@@ -21,7 +21,7 @@ from cortet.formats.atomic import atomic_path
 from cortet.report.figures import BLUE
 
 #: of the pages of cases and of the cohort, and of their templates
-VERSION: int = 2
+VERSION: int = 3
 
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("cortet.report", "templates"),

@@ -11,6 +11,7 @@ import numpy as np
 
 from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, format_of
+from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.hashing import mesh_sha256
 from cortet.formats.ownership import delete_made, hashes, may_write
@@ -20,6 +21,7 @@ from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_su
 from cortet.mesh import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
 from cortet.solver_files.meshed import moved
+from cortet.solver_files.names import ASCII, in_ascii, left_out
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.sidecar import read_sidecar, sidecar, sidecar_path
 from cortet.solver_files.verify import problems
@@ -93,8 +95,8 @@ def _write_verified(
     interior: str | None,
     made_from: Mapping[str, Any] | None = None,
     body: bool = True,
-) -> None:
-    """Write what is verified as written; of an uncertified mesh `body` is false, for it may overlap itself."""
+) -> AsRead | TriSurface:
+    """Write what is verified as written, and return it; `body` is false of an uncertified mesh, which may overlap."""
     with atomic_folder(path) as folder:
         write(content, folder / path.name, solver=solver, unit=unit, frame=frame)
         as_read = FORMATS[solver].as_read(folder / path.name)
@@ -114,6 +116,7 @@ def _write_verified(
             may_write(path.with_name(file.name))  # before anything is deleted
         delete_made(sidecar_path(path))  # an earlier export of this name may have had other sets
         write_json(record, sidecar_path(folder / path.name))
+    return as_read
 
 
 def write(
@@ -174,9 +177,12 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
         if not content.sets.faces:
             content, what = _with_face_sets(content)
             done.append(what)
+        if written_as.name in ASCII:
+            content, renamed = in_ascii(content)
+            done += renamed
     frame = record.get("coordinate_system")
     known = getattr(content, "frame", None)
-    _write_verified(
+    back = _write_verified(
         content,
         target,
         solver=written_as.name,
@@ -186,6 +192,8 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
         interior=next((field["interior"] for field in record.get("fields", {}).values()), None),
         made_from=moved(record.get("made_from"), source.parent, target.parent),
     )
+    if isinstance(content, TetMesh) and not isinstance(back, TriSurface):
+        done += left_out(content, back.mesh)
     return done
 
 

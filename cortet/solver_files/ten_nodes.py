@@ -24,6 +24,7 @@ from cortet.formats.surface_sets import region_tags, sides, with_surface
 from cortet.geometry.quadratic import EDGES, QuadraticMesh
 from cortet.geometry.topology import TRI_EDGES, boundary_nodes
 from cortet.mesh import IntArray, MeshSets, TetMesh
+from cortet.solver_files.names import in_ascii
 
 
 def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> None:
@@ -43,7 +44,7 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> None:
     writer = _WRITERS.get(path.suffix)
     if writer is None:
         raise InputError("is of no format for ten-node elements", file=path, remedy=f"use {', '.join(_WRITERS)}")
-    mesh = with_surface(mesh)
+    mesh = with_surface(in_ascii(mesh)[0] if path.suffix in _PLAIN else mesh)
     sets = MeshSets(_node_sets(mesh, curved), mesh.sets.faces, mesh.sets.cells)
     with atomic_folder(path) as folder:
         writer(mesh, curved, sets, folder / path.name)
@@ -128,6 +129,8 @@ def _by_meshio(file_format: str) -> Callable[[TetMesh, QuadraticMesh, MeshSets, 
     return write
 
 
+#: of files that are plain ASCII
+_PLAIN = (".inp", ".feb")
 _WRITERS: Mapping[str, Callable[[TetMesh, QuadraticMesh, MeshSets, Path], None]] = {
     ".inp": _write_abaqus,
     ".feb": _write_febio,

@@ -55,7 +55,7 @@ STAGES: dict[str, Stage] = {
         ),
         Stage("repair", "repairs what is broken", "repaired", ("surface",), "surface"),
         Stage("gate", "lets in a surface that can be meshed", "gated", ("surface",), "surface"),
-        Stage("smooth_surface", "smooths the surface by its age", "smoothed", ("surface",), "surface"),
+        Stage("smooth_surface", "smooths the surface as much as it is rough", "smoothed", ("surface",), "surface"),
         Stage(
             "separate",
             "moves inner surfaces away from the one around them",

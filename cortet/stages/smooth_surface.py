@@ -1,24 +1,30 @@
-"""Smooth the input surface as much as its gestational age asks for, within limits on what that may change.
+"""Smooth the input surface as much as it is rough, within limits on what that may change.
 
-Surfaces of young, small brains carry the stair steps of their segmentation; those of older ones carry folds that
-smoothing would wipe out. So the age offers three strengths, and the strongest that changes little else is taken.
+Surfaces made of label images carry their stair steps; atlas surfaces carry none, and folds that smoothing would wipe
+out. So the roughness of the surface is measured, and none below a limit is smoothed. The filter of Taubin does not
+shrink: each step inward by lambda is followed by one outward by mu. The method of the paper is here, too: it smooths by
+gestational age, which offers three strengths, and the strongest that changes little else is taken.
 """
 
 from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pymeshlab
 from scipy.spatial import cKDTree
 
+from cortet.errors import InputError
 from cortet.formats.gifti import single_precision
 from cortet.geometry import topology
+from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.intersection import self_intersections
+from cortet.measure.fidelity import high_frequency_roughness
 from cortet.mesh import FloatArray, TriSurface
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: candidate numbers of iterations below each gestational age (weeks); CORTET, arXiv:2607.12157
 ITERATIONS = (
@@ -29,8 +35,13 @@ ITERATIONS = (
     (34.0, (0, 2, 8)),
     (np.inf, (0, 1, 3)),
 )
+#: steps of Taubin's filter, inward by lambda and outward by mu (Taubin, SIGGRAPH 1995), that are tried in this order
+STEPS = (2, 5, 10, 20, 40)
+_LAMBDA, _MU = 0.5, -0.53
 #: normals of a vertex's triangles may turn this much (degrees) before it is held; above about 20 it holds none
 _ANGLE = 60.0
+
+Method = Literal["taubin", "published"]
 
 logger = logging.getLogger(__name__)
 
@@ -52,8 +63,12 @@ class Candidate:
     #: relative to the input
     area_change: float
     volume_ml: float
-    #: symmetric mean nearest-vertex distance to the input
+    volume_change: float
+    #: to the input: of Taubin's method the mean distance from surface to surface, of the published one that from vertex
+    #: to nearest vertex; the mean of both directions
     displacement_mm: float
+    #: `measure.fidelity.high_frequency_roughness`
+    high_frequency_roughness: float
     #: mean distance of a vertex to the mean of its neighbours
     roughness_mm: float
     mean_curvature_per_mm: Spread
@@ -67,37 +82,66 @@ class Candidate:
 class SmoothReport:
     """What was tried and what was chosen."""
 
-    gestational_age_weeks: float
+    method: Method
+    #: None where it is not known
+    gestational_age_weeks: float | None
     chosen_iterations: int
     candidates: tuple[Candidate, ...]
 
 
 def smooth_surface(
-    surface: TriSurface, *, gestational_age: float, max_area_change: float = 0.06, max_displacement: float = 0.25
+    surface: TriSurface,
+    *,
+    gestational_age: float | None = None,
+    method: Method = "taubin",
+    max_roughness: float = 0.03,
+    max_area_change: float = 0.08,
+    max_volume_change: float | None = 0.01,
+    max_displacement: float = 0.05,
 ) -> tuple[TriSurface, SmoothReport]:
-    """Surface-preserving Laplacian smoothing (PyMeshLab), the candidate that removes most roughness within the limits.
+    """Smooth by the filter of Taubin, or by the paper's surface-preserving Laplacian (both PyMeshLab's).
 
-    Candidates whose triangles cross are not eligible. When none is, the surface stays as it is. Coordinates of the
-    result are float32 values, so a GIfTI file holds them exactly.
+    Of Taubin's filter the fewest steps are taken that bring the roughness below `max_roughness`, or else those that
+    remove most of it; a surface that is below is not touched. Of the paper's candidates that one is taken which removes
+    most roughness. Candidates beyond the limits, or whose triangles cross, are not eligible. When none is, the surface
+    stays as it is. Coordinates of the result are float32 values, so a GIfTI file holds them exactly.
 
     Parameters
     ----------
-    gestational_age : weeks
-    max_area_change : largest relative change of the area
-    max_displacement : largest symmetric mean nearest-vertex distance to the input, mm
+    gestational_age : weeks; `published` needs it
+    method : `taubin` or `published`
+    max_roughness : `measure.fidelity.high_frequency_roughness` that `taubin` leaves alone
+    max_area_change, max_volume_change : largest relative changes; stair steps have area of their own, which goes with
+        them. None: no limit
+    max_displacement : mm, largest mean distance to the input, as `Candidate.displacement_mm` says
+
+    Raises
+    ------
+    InputError : `published` without a gestational age
     """
-    limits = max_area_change, max_displacement
-    tried = {0: surface}
-    for iterations in candidate_iterations(gestational_age):
-        tried[iterations] = _smoothed(surface, iterations)
-    candidates = tuple(_candidate(surface, tried[iterations], iterations, *limits) for iterations in sorted(tried))
-    offered = [c for c in candidates if c.iterations in candidate_iterations(gestational_age) and not c.breaks]
-    chosen = min(offered, key=lambda c: c.roughness_mm, default=candidates[0])
+    limits = _Limits(method, max_area_change, max_volume_change, max_displacement)
+    before = _candidate(surface, surface, 0, limits)
+    if method == "published":
+        if gestational_age is None:
+            raise InputError("the published smoothing needs a gestational age", remedy="give it, or use method: taubin")
+        tried, candidates, offered = _by_age(surface, gestational_age, limits, before)
+        chosen = min(offered, key=lambda c: c.roughness_mm, default=candidates[0])
+    else:
+        tried, candidates = _by_roughness(surface, max_roughness, limits, before)
+        offered = [c for c in candidates if not c.breaks]
+        chosen = min(offered, key=lambda c: c.high_frequency_roughness)
     for candidate in candidates[1:]:
         if candidate.breaks:
             logger.info("%d iterations are too many: %s", candidate.iterations, "; ".join(candidate.breaks))
     if not offered:
         logger.warning("no candidate is within the limits: the surface is not smoothed")
+    if method == "taubin" and chosen.high_frequency_roughness > max_roughness:
+        # no warning: a surface whose triangles are too large for its folds is as rough, and is rightly left alone
+        logger.info(
+            "the surface stays rough: %.3f, where smoothing aims at %g; the limits allow no more",
+            chosen.high_frequency_roughness,
+            max_roughness,
+        )
     logger.info(
         "%d iterations: roughness %.4f -> %.4f mm, area %+.2f %%, displacement %.3f mm",
         chosen.iterations,
@@ -106,7 +150,47 @@ def smooth_surface(
         100 * chosen.area_change,
         chosen.displacement_mm,
     )
-    return tried[chosen.iterations], SmoothReport(gestational_age, chosen.iterations, candidates)
+    return tried[chosen.iterations], SmoothReport(method, gestational_age, chosen.iterations, candidates)
+
+
+class _Limits(NamedTuple):
+    """What a candidate is held against, and how its displacement is measured."""
+
+    method: Method
+    area_change: float
+    volume_change: float | None
+    displacement: float
+
+
+def _by_age(
+    surface: TriSurface, gestational_age: float, limits: _Limits, before: Candidate
+) -> tuple[dict[int, TriSurface], tuple[Candidate, ...], list[Candidate]]:
+    """The surface after each number of iterations, the candidates, and those that may be chosen."""
+    offered = candidate_iterations(gestational_age)
+    tried = {0: surface} | {iterations: _smoothed(surface, iterations) for iterations in offered}
+    further = (_candidate(surface, tried[iterations], iterations, limits) for iterations in sorted(tried) if iterations)
+    candidates = (before, *further)
+    return tried, candidates, [c for c in candidates if c.iterations in offered and not c.breaks]
+
+
+def _by_roughness(
+    surface: TriSurface, max_roughness: float, limits: _Limits, before: Candidate
+) -> tuple[dict[int, TriSurface], tuple[Candidate, ...]]:
+    """The surface after more and more steps, until it is smooth or a limit is broken, and the candidates."""
+    tried, candidates = {0: surface}, [before]
+    for steps in STEPS:
+        if candidates[-1].high_frequency_roughness <= max_roughness or candidates[-1].breaks:
+            break
+        tried[steps] = _without_steps(surface, steps)
+        candidates.append(_candidate(surface, tried[steps], steps, limits))
+    return tried, tuple(candidates)
+
+
+def _without_steps(surface: TriSurface, steps: int) -> TriSurface:
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(surface.points, surface.faces))
+    meshes.apply_coord_taubin_smoothing(lambda_=_LAMBDA, mu=_MU, stepsmoothnum=steps)
+    return single_precision(replace(surface, points=meshes.current_mesh().vertex_matrix()))
 
 
 def candidate_iterations(gestational_age: float) -> tuple[int, ...]:
@@ -123,18 +207,23 @@ def _smoothed(surface: TriSurface, iterations: int) -> TriSurface:
     return single_precision(replace(surface, points=meshes.current_mesh().vertex_matrix()))
 
 
-def _candidate(
-    before: TriSurface, after: TriSurface, iterations: int, max_area_change: float, max_displacement: float
-) -> Candidate:
+def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: _Limits) -> Candidate:
     """Measure one candidate and hold it against the limits."""
     area = float(topology.face_areas(after.points, after.faces).sum())
     area_change = area / float(topology.face_areas(before.points, before.faces).sum()) - 1
-    displacement = mean_nearest_vertex_distance(before.points, after.points)
-    crossing = len(self_intersections(after))
+    volume = topology.enclosed_volume(after.points, after.faces)
+    volume_change = volume / topology.enclosed_volume(before.points, before.faces) - 1
+    if limits.method == "published":
+        displacement = mean_nearest_vertex_distance(before.points, after.points)
+    else:
+        displacement = mean_surface_distance(before, after)
+    crossing = len(self_intersections(after)) if iterations else 0
     breaks = []
-    if abs(area_change) > max_area_change:
+    if abs(area_change) > limits.area_change:
         breaks.append(f"area changes by {area_change:+.1%}")
-    if displacement > max_displacement:
+    if limits.volume_change is not None and abs(volume_change) > limits.volume_change:
+        breaks.append(f"volume changes by {volume_change:+.1%}")
+    if displacement > limits.displacement:
         breaks.append(f"vertices are displaced by {displacement:.3f} mm")
     if crossing:
         breaks.append(f"{crossing} triangles cross")
@@ -144,8 +233,10 @@ def _candidate(
         iterations=iterations,
         area_mm2=area,
         area_change=area_change,
-        volume_ml=topology.enclosed_volume(after.points, after.faces) / 1000,
+        volume_ml=volume / 1000,
+        volume_change=volume_change,
         displacement_mm=displacement,
+        high_frequency_roughness=high_frequency_roughness(after.points, after.faces),
         roughness_mm=float(np.linalg.norm(offset, axis=1).mean()),
         mean_curvature_per_mm=mean_curvature,
         gaussian_curvature_per_mm2=gaussian_curvature,
@@ -157,6 +248,13 @@ def _candidate(
 def mean_nearest_vertex_distance(one: FloatArray, other: FloatArray) -> float:
     """Mean distance to the nearest vertex of the other set, the mean of both directions; (n, 3) and (m, 3) mm."""
     there, back = cKDTree(other).query(one)[0], cKDTree(one).query(other)[0]
+    return float(there.mean() + back.mean()) / 2
+
+
+def mean_surface_distance(one: TriSurface, other: TriSurface) -> float:
+    """Mean distance of the vertices of a surface to another one, the mean of both directions; mm."""
+    there = closest_points(tree_of(other), one.points).distances
+    back = closest_points(tree_of(one), other.points).distances
     return float(there.mean() + back.mean()) / 2
 
 

@@ -85,14 +85,7 @@ def transfer(mesh: TetMesh, surface: TriSurface, *, interior: Interior = "neares
         }
     if interior == "harmonic" and len(nodes) < len(mesh.points):
         fields, cut_off = _harmonic_inside(mesh, nodes, fields)
-    far = int((found.distances > FAR_MM).sum())
-    if far:
-        logger.warning(
-            "%d boundary nodes are more than %g mm from the surface, the furthest %.2f mm: do they belong together?",
-            far,
-            FAR_MM,
-            found.distances.max(),
-        )
+    far = _warned_of_far(found.distances, "boundary nodes", "the surface")
     return replace(mesh, point_data={**mesh.point_data, **fields}), TransferReport(
         fields={name: "label" if _is_label(values) else "interpolated" for name, values in surface.point_data.items()},
         mean_distance_mm=float(found.distances.mean()),
@@ -101,6 +94,21 @@ def transfer(mesh: TetMesh, surface: TriSurface, *, interior: Interior = "neares
         interior=interior,
         nodes_cut_off=cut_off,
     )
+
+
+def _warned_of_far(distances: FloatArray, nodes: str, surface: str) -> int:
+    """How many nodes are too far from their surface, having warned of them."""
+    far = int((distances > FAR_MM).sum())
+    if far:
+        logger.warning(
+            "%d %s are more than %g mm from %s, the furthest %.2f mm: do they belong together?",
+            far,
+            nodes,
+            FAR_MM,
+            surface,
+            distances.max(),
+        )
+    return far
 
 
 def _nearest(points: FloatArray, nodes: IntArray) -> IntArray:
@@ -127,11 +135,13 @@ def with_thickness(surface: TriSurface) -> TriSurface:
 def _of_all_sheets(mesh: TetMesh, surface: TriSurface, interior: Interior) -> tuple[TetMesh, TransferReport]:
     """Carry the fields of a surface and of its inner ones."""
     known: dict[str, list[tuple[IntArray, NDArray[Any]]]] = {}
-    distances = []
-    for number, one in enumerate(sheets(surface)):
+    distances, far = [], 0
+    called = [("boundary nodes", "the surface"), *((f"nodes of the interface {name}", name) for name in surface.inner)]
+    for number, (one, names) in enumerate(zip(sheets(surface), called, strict=True)):
         nodes = sheet(mesh, number)[1]
         found = closest_points(tree_of(one), mesh.points[nodes])
         distances.append(found.distances)
+        far += _warned_of_far(found.distances, *names)
         for name, values in one.point_data.items():
             there = at_triangles(values, one.faces[found.faces], found.barycentric)
             known.setdefault(name, []).append((nodes, there))
@@ -151,7 +161,7 @@ def _of_all_sheets(mesh: TetMesh, surface: TriSurface, interior: Interior) -> tu
         fields={name: "label" if _is_label(parts[0][1]) else "interpolated" for name, parts in known.items()},
         mean_distance_mm=float(off.mean()),
         max_distance_mm=float(off.max()),
-        nodes_further_than_1mm=int((off > FAR_MM).sum()),
+        nodes_further_than_1mm=far,
         interior=interior,
         nodes_cut_off=cut_off,
     )

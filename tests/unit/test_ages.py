@@ -37,7 +37,7 @@ def test_years_are_never_read_as_weeks(tmp_path: Path, described: dict[str, str]
     found, said = ages(dataset(tmp_path, "age", {"a": "28", "b": "35"}, described))
     assert found == [None, None]
     assert "not read: column age of participants.tsv, in years" in said
-    assert "it counts from birth" in said and "call the column scan_age" in said
+    assert "it counts from birth" in said and "Where it is one: say Units: weeks in the sidecar" in said
 
 
 @pytest.mark.parametrize(

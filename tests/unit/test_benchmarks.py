@@ -20,6 +20,8 @@ TINY = {
     "formats": ["--tets", "500", "--formats", "carp"],
     "regions": ["x_pial.surf.gii", "--cell-sizes", "4"],
     "repair": ["x_pial.surf.gii", "--cell-size", "4"],
+    "smoothing": ["x_pial.surf.gii", "--voxels", "1"],
+    "wrong_meshes": ["--sizes", "4"],
 }
 
 

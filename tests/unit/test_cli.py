@@ -56,7 +56,8 @@ def test_gate_gives_one_verdict_per_file(ball: Path, tmp_path: Path, capsys: pyt
     accepted, *refused = capsys.readouterr().out.splitlines()
     assert accepted.startswith(f"accepted  {ball}: 642 vertices")
     assert [line.split()[:2] for line in refused] == [["refused", f"{opened}:"], ["refused", f"{empty}:"]]
-    assert "open edges" in refused[0]
+    assert "open edges" in refused[0] and refused[0].endswith(f"so does `cortet repair {opened}`")
+    assert "repairable" not in refused[1]
     assert main(["gate", str(ball)]) == 0
 
 

@@ -70,6 +70,13 @@ def test_where_most_values_are_equal_the_mean_deviation_is_the_measure() -> None
     assert scores(2, 2, 2) == [0, 0, 0]
 
 
+def test_meshes_that_are_nearly_equal_have_no_outlier() -> None:
+    alike = {name: 0.3333 + 1e-7 * number for number, name in enumerate("abcde")}
+    rows = judged(measured(**alike, f=0.3350))
+    assert not any(rows["outlying"]) and pd.to_numeric(rows["outlier"]).max() < 1
+    assert judged(measured(**alike, f=0.40)).set_index("case").loc["f", "outlying"] == "worst q +13.3"
+
+
 def test_failures_come_first_then_the_farthest_outlier() -> None:
     rows = [*measured(**WORST), other("x", "excluded"), other("y", "failed"), other("z", "uncertified")]
     names = list(ordered(judged(rows))["case"])

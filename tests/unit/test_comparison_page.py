@@ -58,7 +58,7 @@ def test_files_of_the_same_name_are_told_apart_and_no_file_is_given_twice(
     rest = ["--surface", files[2], "-o", str(tmp_path / "page.html")]
     assert main(["compare", files[0], str(twin), *rest]) == 0
     assert f"{files[0]}: " in capsys.readouterr().out
-    assert main(["compare", files[0], files[0], *rest]) == 1
+    assert main(["compare", files[0], files[0], *rest, "--force"]) == 1
     assert "a mesh is given twice (name each file once)" in capsys.readouterr().err
 
 

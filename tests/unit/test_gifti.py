@@ -14,7 +14,7 @@ import pytest
 from shapes import ball_surface
 
 from cortet.errors import InputError
-from cortet.formats.gifti import read_fields, read_surface, single_precision, write_surface
+from cortet.formats.gifti import read_fields, read_surface, single_precision, write_fields, write_surface
 from cortet.mesh import CoordinateFrame, TriSurface
 
 POINTS = np.array([[0, 0, 0], [1.5, 0, 0], [0, 2.25, 0], [0, 0, -3]], np.float32)
@@ -180,6 +180,15 @@ def test_fields_take_their_names_from_metadata_or_the_file(tmp_path: Path) -> No
     assert fields["regions"].dtype == np.int32
 
 
+@pytest.mark.parametrize("kind", [np.uint32, np.int64])
+def test_labels_of_more_than_32_bits_are_refused_and_never_wrapped(file, tmp_path: Path, kind: type) -> None:
+    values = np.array([1, 2**31 + 5, 3], kind)
+    with pytest.raises(InputError, match="has the label 2147483653, and labels have at most 32 bits"):
+        read_fields(file(data_array(values, "LABEL")))
+    with pytest.raises(InputError, match="has the label 2147483653"):
+        write_fields({"label": values}, tmp_path / "again.label.gii")
+
+
 def test_a_field_of_another_surface_is_refused(file) -> None:
     with pytest.raises(InputError, match="3 values for 4 vertices"):
         read_surface(file(points(), triangles(), data_array(np.zeros(3, np.float32), "SHAPE")))
@@ -246,7 +255,7 @@ def test_empty_truncated_missing_and_other_files_are_refused(tmp_path: Path) -> 
         with pytest.raises(InputError, match="truncated or not GIfTI"):
             read_surface(path)
     path.write_bytes(b"ply\nformat ascii 1.0\n")
-    with pytest.raises(InputError, match="truncated or not GIfTI"):
+    with pytest.raises(InputError, match="is no readable PLY surface"):
         read_surface(path)
     path.write_text("<VTKFile></VTKFile>")
     with pytest.raises(InputError, match="not GIfTI: its XML begins with <VTKFile>"):

@@ -40,8 +40,9 @@ def mesh() -> TetMesh:
 def deck(mesh: TetMesh, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("febio")
     vtu.write(mesh, folder / "mesh.vtu")
-    assert main(["job", str(folder / "mesh.vtu"), "-o", str(folder), "--solver", "febio", "--growth", "0.3"]) == 0
-    return folder / "job.feb"
+    job = str(folder / "job")
+    assert main(["job", str(folder / "mesh.vtu"), "-o", job, "--solver", "febio", "--growth", "0.3"]) == 0
+    return folder / "job/job.feb"
 
 
 def test_growth_of_the_febio_job_is_along_the_cortex_of_each_element(deck: Path, mesh: TetMesh) -> None:

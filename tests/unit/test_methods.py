@@ -60,6 +60,8 @@ def test_it_tells_of_ages_that_are_not_known(records: list[dict[str, Any]]) -> N
         del record["parameters"]["smooth_surface"]
     text = methods_text(unsmoothed, ageless, {})
     assert "1 whole brain; age at scan not known)" in text and "smoothed" not in text
+    for record in records:
+        record["parameters"]["smooth_surface"]["method"] = "published"
     text = methods_text([unsmoothed[0], *records[1:]], [ageless[0], *CASES[1:]], {})
     assert "gestational age at scan 22.5-30 weeks, of 1 of them not known)" in text
     assert "Surfaces of known age were smoothed by age" in text

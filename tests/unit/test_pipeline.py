@@ -61,11 +61,13 @@ def test_the_line_has_the_stages_that_the_configuration_enables() -> None:
     line = ["repair", "gate", "smooth_surface", "generate", "transfer", "clean", "reconnect", "solver_ready"]
     assert stages(Config(), gestational_age=28.0) == line
     assert stages(load({"setting": "cgal"}), gestational_age=28.0) == [*line[:5], "relocate", *line[5:]]
-    assert stages(Config(), gestational_age=None) == [stage for stage in line if stage != "smooth_surface"]
+    assert stages(Config(), gestational_age=None) == line
+    by_age = load({"smooth_surface": {"method": "published"}})
+    assert stages(by_age, gestational_age=None) == [stage for stage in line if stage != "smooth_surface"]
     published = stages(load({"setting": "published"}), gestational_age=28.0)
     assert not {"repair", "reconnect"} & set(published)
     snapping = load({"clean": {"enabled": False}, "snap": {"enabled": True}})
-    assert stages(snapping, gestational_age=None)[3:] == ["transfer", "reconnect", "snap", "solver_ready"]
+    assert stages(snapping, gestational_age=None)[4:] == ["transfer", "reconnect", "snap", "solver_ready"]
 
 
 def test_the_mesh_is_certified_and_faithful(made: tuple[TetMesh, Certificate, list[str]], ball: TriSurface) -> None:
@@ -99,6 +101,8 @@ def test_without_an_age_the_log_says_that_nothing_is_smoothed(
     ball: TriSurface, caplog: pytest.LogCaptureFixture
 ) -> None:
     next(run(ball, load(FAST)))
+    assert "is not smoothed" not in caplog.text, "the default method needs none"
+    next(run(ball, load({**FAST, "smooth_surface": {"method": "published"}})))
     assert "no gestational age is given, so the surface is not smoothed" in caplog.text
 
 
@@ -158,7 +162,8 @@ def test_an_uncertified_mesh_is_not_written_and_one_of_an_earlier_run_is_gone(
     file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, config = tmp_path / "out.vtu", tmp_path / "strict.yaml"
-    out.write_text("from before")
+    config.write_text(json.dumps(FAST))
+    assert main(["mesh", str(file), "-o", str(out), "--config", str(config)]) == 0 and out.exists()
     config.write_text(json.dumps({**FAST, "certify": {"q_max": 0.05}}))
     code = main(["mesh", str(file), "-o", str(out), "--config", str(config)])
     assert code == 1

@@ -402,6 +402,14 @@ def test_the_page_shows_regions_and_thin_places(pair, meshed, tmp_path):
     assert "Thinnest places of cortex around white" in page and "4.0" in page
 
 
+def test_an_inner_surface_elsewhere_is_warned_about(meshed, caplog):
+    surface = nested(ball(14.0), {"white": ball(8.0)})
+    with caplog.at_level("WARNING"):
+        _, report = transfer(replace(meshed.mesh, point_data={}), surface)
+    assert "nodes of the interface white are more than 1 mm from white, the furthest 2.0" in caplog.text
+    assert "boundary nodes" not in caplog.text and report.nodes_further_than_1mm > 0
+
+
 @pytest.mark.parametrize("interior", ["nearest", "harmonic"])
 def test_fields_of_both_surfaces_are_carried(meshed, interior):
     outer, inner = ball(14.0), ball(10.0)

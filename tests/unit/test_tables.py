@@ -102,7 +102,7 @@ def test_the_sidecar_explains_every_column_and_gives_units_and_thresholds(tmp_pa
     assert explained["nodes_to_surface_max_mm"]["Threshold"] == "<= 0.001"
     assert explained["relative_area_change"]["Threshold"] == "<= 0.05"
     assert explained["relative_volume_change"]["Threshold"] == "<= 0.1"
-    assert explained["bank_gap"]["Threshold"] == ">= 0.05"
+    assert explained["bank_gap"]["Threshold"] == ">= 0.03"
     assert explained["scan_age"]["Units"] == "weeks"
     assert float(row["q_max"]) == pytest.approx(json.loads(path.read_text())["quality"]["q"]["max"], rel=1e-5)
     assert row["reasons"] == "n/a"

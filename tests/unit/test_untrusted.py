@@ -38,6 +38,7 @@ from cortet.solver_files.sidecar import sidecar_path
 from cortet.solver_files.verify import verify
 
 KINDS = [*FORMATS, "gate", "repair", "affine", "fields", "sheet", "config", "release"]
+KINDS += ["text_stl", "ply", "text_ply", "obj", "lh_thickness", "lh_aparc_annot"]
 XML = {"vtu": "m.vtu", "febio": "m.feb", "fenics": "m.xdmf", "gifti": "m.surf.gii"}
 
 

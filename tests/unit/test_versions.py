@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
-from cortet.config import version_of
+from cortet.config import SETTINGS, version_of
 from cortet.formats import vtu
 from cortet.measure.quality import quality
 from cortet.mesh import TetMesh, TriSurface
@@ -46,6 +46,13 @@ def rough_ball() -> TriSurface:
     ball = ball_surface(4, radius=20.0)
     noise = np.random.default_rng(0).normal(1, 0.002, (len(ball.points), 1))
     return TriSurface(ball.points * noise, ball.faces, {"thickness": ball.points[:, 0]})
+
+
+def jagged_ball() -> TriSurface:
+    """A ball of 20 mm, its radius rounded to steps of 0.1 mm: rough enough to be smoothed."""
+    ball = ball_surface(5, radius=20.0)
+    steps = 0.1 * np.round(np.random.default_rng(0).normal(0, 1, (len(ball.points), 1)))
+    return TriSurface(ball.points * (1 + steps / 20), ball.faces)
 
 
 def broken_ball() -> TriSurface:
@@ -87,7 +94,10 @@ RESULTS: dict[str, Callable[[], TriSurface | TetMesh]] = {
     "resample": lambda: resample(*with_labels(*phantom_with_sphere(28.0, subdivisions=3)), subdivisions=3)[0],
     "repair": lambda: repair(broken_ball(), source="broken ball")[0],
     "gate": lambda: gate(rough_ball(), source="rough ball")[0],
-    "smooth_surface": lambda: smooth_surface(rough_ball(), gestational_age=28.0)[0],
+    "smooth_surface": lambda: smooth_surface(jagged_ball())[0],
+    "smooth_surface (published)": lambda: smooth_surface(
+        rough_ball(), gestational_age=28.0, **SETTINGS["published"]["smooth_surface"]
+    )[0],
     "generate": lambda: generate(ball_surface(3), cell_size=1.5, mesher="cgal", backend="cgal")[0],
     "generate (lattice)": lambda: generate(ball_surface(3), cell_size=1.5, mesher="lattice")[0],
     "transfer": lambda: transfer(ball_mesh(3, radius=20.0), rough_ball())[0],

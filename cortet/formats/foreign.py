@@ -1,0 +1,101 @@
+"""Files that are no GIfTI, known by their first bytes: what is read in its place, and what the others are called."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from cortet.formats import freesurfer, obj, ply, stl
+from cortet.mesh import TriSurface
+
+#: bytes that are looked at, of which an OBJ file may have comments first
+_HEAD = 1 << 16
+_OBJ = re.compile(rb"^v[ \t]+[-+.\d]", re.MULTILINE)
+#: how files begin that are not read, and what they are; where a remedy helps, it follows in brackets
+_NAMES: tuple[tuple[bytes, str], ...] = (
+    (b"\xff\xff\xfd", "a FreeSurfer surface of quadrangles (convert it: mris_convert)"),
+    (b"#!ascii", "a FreeSurfer surface in text (convert it: mris_convert)"),
+    (b"version https://git-lfs", "a pointer of Git LFS, not the file (git lfs pull)"),
+    (b"/annex/objects", "a pointer of git-annex, not the file (git annex get)"),
+    (b"\x1f\x8b", "compressed by gzip (gunzip it)"),
+    (b"PK\x03\x04", "a ZIP archive (unpack it)"),
+    (b"<!DOCTYPE html", "a web page, not the file (download it again)"),
+    (b"<html", "a web page, not the file (download it again)"),
+    (b"# vtk DataFile", "a VTK file (convert it: wb_command, ParaView)"),
+    (b"$MeshFormat", "a Gmsh mesh"),
+    (b"*HEADING", "an Abaqus mesh"),
+    (b"\x89HDF", "an HDF5 file"),
+    (b"OFF", "an OFF surface (convert it to PLY, STL or OBJ)"),
+    (b"\x5c\x01\x00\x00", "a NIfTI image"),
+    (b"\x1c\x02\x00\x00", "a NIfTI-2 or CIFTI file"),
+    (b"\x00\x00\x00\x01\x00\x00", "an MGH image"),
+    (b"MATLAB", "a MATLAB file"),
+    (b"mz3", "an MZ3 surface"),
+)
+
+
+def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
+    """What reads a surface that is no GIfTI, as `read(path, finite=...)`; None where the file begins like none."""
+    head, size = _beginning(path)
+    if head.startswith(freesurfer.SURFACE):
+        return freesurfer.read_surface
+    if stl.begins(head, size):
+        return _always_finite(stl.read)
+    if head.startswith(ply.MAGIC):
+        return _always_finite(ply.read)
+    if _OBJ.search(head) and b"\0" not in head and not head.lstrip().startswith(b"<"):
+        return _always_finite(obj.read)
+    return None
+
+
+def fields_of(path: Path) -> dict[str, NDArray[Any]] | None:
+    """Per-vertex values of a file of FreeSurfer, by its name; None where the file is none."""
+    head, size = _beginning(path)
+    if head.startswith(freesurfer.VALUES):
+        return freesurfer.read_values(path)
+    return freesurfer.read_annotation(path).field if freesurfer.is_annotation(head, size) else None
+
+
+def label_names_of(path: Path) -> dict[int, str] | None:
+    """Key -> name of the labels of a file of FreeSurfer, which only an annotation has; None where the file is none."""
+    head, size = _beginning(path)
+    if head.startswith(freesurfer.VALUES):
+        return {}
+    return freesurfer.read_annotation(path).names if freesurfer.is_annotation(head, size) else None
+
+
+def name_of(path: Path) -> str:
+    """What a file is that is not read as a surface or a field; empty where its first bytes are not known."""
+    head, size = _beginning(path)
+    known = [name for begin, name in _NAMES if head.lstrip().startswith(begin) or head.startswith(begin)]
+    if known:
+        return known[0]
+    if stl.begins(head, size) or head.startswith(ply.MAGIC) or _OBJ.search(head):
+        return "a surface without values"
+    if head.startswith((freesurfer.SURFACE, freesurfer.VALUES)):
+        return "a FreeSurfer surface" if head.startswith(freesurfer.SURFACE) else "values of FreeSurfer, no surface"
+    return "an annotation of FreeSurfer, no surface" if freesurfer.is_annotation(head, size) else ""
+
+
+def _always_finite(read: Callable[[Path], TriSurface]) -> Callable[..., TriSurface]:
+    """A reader that lets no coordinate in that is not finite, whether that is asked for or not."""
+
+    def reader(path: Path, *, finite: bool = True) -> TriSurface:  # noqa: ARG001
+        return read(path)
+
+    return reader
+
+
+def _beginning(path: Path) -> tuple[bytes, int]:
+    """The first bytes of a file and its size; nothing of what is no regular file."""
+    if not path.is_file():
+        return b"", 0
+    try:
+        with path.open("rb") as file:
+            return file.read(_HEAD), path.stat().st_size
+    except OSError:
+        return b"", 0

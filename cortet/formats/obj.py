@@ -1,0 +1,48 @@
+"""Wavefront OBJ surfaces: the vertices and the triangles; normals, textures and materials are left out."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from cortet.errors import InputError
+from cortet.formats.untrusted import content, triangulated
+from cortet.mesh import TriSurface
+
+_VERTEX = re.compile(rb"^[ \t]*v[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.MULTILINE)
+_FACE = re.compile(rb"^[ \t]*f[ \t]+([^\r\n]*)", re.MULTILINE)
+#: bytes of a file
+_LARGEST = 2**29
+_REMEDY = "export the surface again as GIfTI (.surf.gii)"
+
+
+def read(path: str | Path) -> TriSurface:
+    """Read a surface, mm; faces of more corners are divided into triangles that share the first corner.
+
+    Raises
+    ------
+    InputError
+        the file is missing or no OBJ; a face counts its corners from the end; a coordinate is not finite, or a face
+        refers to a vertex that does not exist
+    """
+    text = content(path, largest=_LARGEST)
+    try:
+        points = np.fromiter((float(word) for match in _VERTEX.finditer(text) for word in match.groups()), float)
+        corners = np.fromiter(_corners(text), np.int64)
+    except (ValueError, OverflowError) as error:
+        raise InputError(f"is no readable OBJ surface: {error}", file=path, remedy=_REMEDY) from error
+    return triangulated(points.reshape(-1, 3), corners.reshape(-1, 3), path)
+
+
+def _corners(text: bytes) -> Iterator[int]:
+    """The corners of all triangles, one after the other, counted from 0."""
+    for match in _FACE.finditer(text):
+        face = [int(word.split(b"/")[0]) for word in match[1].split(b"#")[0].split()]
+        if len(face) < 3 or min(face) < 1:
+            raise ValueError(f"face {match[1][:40].decode('ascii', 'replace')!r} has no three corners counted from 1")
+        for second, third in pairwise(face[1:]):
+            yield from (face[0] - 1, second - 1, third - 1)

@@ -1,0 +1,55 @@
+"""What becomes of the names of fields and sets on the way to another format: written in plain letters, or left out."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TypeVar
+
+from cortet.formats.untrusted import safely_named
+from cortet.mesh import REGION, MeshSets, TetMesh
+
+#: formats whose files are plain ASCII
+ASCII = ("abaqus", "febio")
+
+_T = TypeVar("_T")
+
+
+def in_ascii(mesh: TetMesh) -> tuple[TetMesh, list[str]]:
+    """The mesh with names of ASCII characters, and in words which names that changed: `dïcke` becomes `dicke`."""
+    sets = MeshSets(*(_plain(named) for named in (mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells)))
+    made = replace(mesh, point_data=_plain(mesh.point_data), cell_data=_plain(mesh.cell_data), sets=sets)
+    changes = [
+        f"{old} is called {new}"
+        for before, after in zip(_named(mesh), _named(made), strict=True)
+        for old, new in zip(before, after, strict=True)
+        if old != new
+    ]
+    return made, list(dict.fromkeys(changes))
+
+
+def left_out(mesh: TetMesh, back: TetMesh) -> list[str]:
+    """In words, which fields and sets of a mesh are not in what is read back of its file.
+
+    A field of several components may have become one field for each, named `<field>_1` and so on.
+    """
+    whats = ("fields of the nodes", "fields of the tetrahedra", "sets of nodes", "sets of faces", "sets of tetrahedra")
+    told = []
+    for what, before, after in zip(whats, _named(mesh), _named(back), strict=True):
+        lost = [name for name in before if name not in after and f"{name}_1" not in after]
+        if before is mesh.cell_data and mesh.sets.cells:  # the regions are sets as well
+            lost = [name for name in lost if name != REGION]
+        told += [f"left out, as the format has no {what}: {', '.join(lost)}"] if lost else []
+    return told
+
+
+def _named(mesh: TetMesh) -> tuple[Mapping[str, object], ...]:
+    return mesh.point_data, mesh.cell_data, mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells
+
+
+def _plain(values: Mapping[str, _T]) -> dict[str, _T]:
+    if all(name.isascii() for name in values):
+        return dict(values)
+    plain = (unicodedata.normalize("NFKD", name.replace("ß", "ss")) for name in values)
+    return safely_named(zip((name.encode("ascii", "ignore").decode() for name in plain), values.values(), strict=True))
