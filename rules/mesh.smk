@@ -49,6 +49,7 @@ for stage in (STAGES[name] for name in LABELS if name not in ("generate", "trans
     is_last = stage.name == "solver_ready"
 
     rule:
+        """A mesh out of the one before it, and with it the fields at the end of the line."""
         name:
             stage.name
         input:

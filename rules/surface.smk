@@ -62,9 +62,9 @@ for inner in (False, True):
     of_inner = "_inner" if inner else ""
 
     rule:
+        """Put a surface that has a sphere onto the mesh that all cases share."""
         name:
             f"resample{of_inner}"
-        """Put a surface that has a sphere onto the mesh that all cases share."""
         input:
             surface=PLAN.inner_source if inner else PLAN.surface,
             sphere=PLAN.sphere,
@@ -73,64 +73,64 @@ for inner in (False, True):
             surface=LAYOUT.surface("resampled", inner=inner),
             report=LAYOUT.surface("resampled", "white.json", inner=inner),
         params:
+            **recorded("resample"),
             arguments=partial(PLAN.arguments, "resample"),
             source=PLAN.source,
             to_mm=PLAN.placement,
             version=version_of("stages.resample"),
             paths=PLAN.paths,
-            **recorded("resample"),
         script:
             "../scripts/resample.py"
 
     rule:
+        """Repair a broken surface within limits; one without a flaw stays as it is."""
         name:
             f"repair{of_inner}"
-        """Repair a broken surface within limits; one without a flaw stays as it is."""
         input:
             surface=PLAN.first_surface,
         output:
             surface=LAYOUT.surface("repaired", inner=inner),
             report=LAYOUT.surface("repaired", "white.json", inner=inner),
         params:
+            **recorded("repair"),
             arguments=partial(PLAN.arguments, "repair"),
             to_mm=PLAN.placement_after_resampling,
             version=version_of("stages.repair"),
             paths=PLAN.paths,
-            **recorded("repair"),
         script:
             "../scripts/repair.py"
 
     rule:
+        """Let a surface in that can be meshed, mended where it must be; refuse any other."""
         name:
             f"gate{of_inner}"
-        """Let a surface in that can be meshed, mended where it must be; refuse any other."""
         input:
             surface=LAYOUT.surface("repaired", inner=inner) if CONFIG.enabled("repair") else PLAN.first_surface,
         output:
             surface=LAYOUT.surface("gated", inner=inner),
             report=LAYOUT.surface("gated", "white.json", inner=inner),
         params:
+            **recorded("gate"),
             arguments=partial(PLAN.arguments, "gate"),
             to_mm=None if CONFIG.enabled("repair") else PLAN.placement_after_resampling,
             version=version_of("stages.gate"),
             paths=PLAN.paths,
-            **recorded("gate"),
         script:
             "../scripts/gate.py"
 
     rule:
+        """Smooth a surface as much as it asks for and its limits allow."""
         name:
             f"smooth_surface{of_inner}"
-        """Smooth a surface as much as it asks for and its limits allow."""
         input:
             surface=LAYOUT.surface("gated", inner=inner),
         output:
             surface=LAYOUT.surface("smoothed", inner=inner),
             report=LAYOUT.surface("smoothed", "white.json", inner=inner),
         params:
+            **recorded("smooth_surface"),
             arguments=partial(PLAN.arguments, "smooth_surface"),
             version=version_of("stages.smooth_surface"),
-            **recorded("smooth_surface"),
         script:
             "../scripts/smooth_surface.py"
 
@@ -144,8 +144,8 @@ rule separate:
         surface=LAYOUT.separated,
         report=LAYOUT.surface("separated", "white.json", inner=True, res="{res}um"),
     params:
+        **recorded("separate"),
         arguments=partial(PLAN.arguments, "separate"),
         version=version_of("stages.separate"),
-        **recorded("separate"),
     script:
         "../scripts/separate.py"

@@ -120,11 +120,6 @@ def cost(rule: str, mesher: str = "cgal") -> Cost:
     return found
 
 
-def is_known(rule: str) -> bool:
-    """Whether the rule asks for what it was measured to take."""
-    return rule in COSTS or rule.removesuffix("_inner") in COSTS
-
-
 def memory_to_ask_mb(measured: float, attempt: int = 1) -> int:
     """Memory a job asks for, MB: twice as much with every attempt.
 
