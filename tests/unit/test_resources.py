@@ -18,9 +18,9 @@ from cortet.cohort.resources import (
     minutes_to_ask,
 )
 from cortet.errors import InputError
+from cortet.geometry.topology import enclosed_volume
 from cortet.pipeline import ALONE
 from cortet.stages import STAGES
-from cortet.geometry.topology import enclosed_volume
 from cortet.stages.generate import generate
 from tests.unit.shapes import ball_surface
 
