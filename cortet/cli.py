@@ -658,7 +658,7 @@ def _quadratic(args: argparse.Namespace) -> int:
     mesh = _read_mesh(args.mesh)
     limit = args.max_boundary_distance
     surface = _filled_surface(args.mesh, args)
-    curved = quadratic(mesh, surface, max_boundary_distance=limit if math.isfinite(limit) else None)
+    curved = quadratic(mesh, surface, max_boundary_distance=None if limit == math.inf else limit)
     write_ten_nodes(mesh, curved, args.output)
     straight = curved.straightened_for_elements + curved.straightened_for_crossings
     print(

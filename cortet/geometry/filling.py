@@ -19,23 +19,23 @@ from cortet.geometry.defects import defective_vertices
 from cortet.geometry.remembering import once_per_object
 from cortet.geometry.topology import (
     TET_FACES,
+    boundary,
     boundary_surface,
     component_labels,
-    enclosed_volume,
     neighbours,
     surface_topology,
     used_vertices,
 )
 from cortet.geometry.winding import winding_numbers
-from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.mesh import FloatArray, IntArray, TetMesh
 
 #: volume inside a part of the boundary, over that inside all of it, up to which the part is a slit without width
 _NO_VOLUME = 1e-12
 #: how many places of a flaw are listed
 PLACES = 10
 
-#: winding number above which a point is inside
-_INSIDE = 0.9
+#: winding number above which a place is in two bodies
+_TWICE = 1.5
 
 _FOLDED, _OVERFULL = 1, 2
 _VOIDS, _OVERLAPPING = "voids inside the mesh", "bodies that reach into another"
@@ -76,7 +76,7 @@ def flaws(mesh: TetMesh) -> tuple[Flaw, ...]:
         Flaw("tetrahedra listed twice", len(repeated), corners.mean(axis=1)),
         _wrong_faces(mesh, wrong == _OVERFULL, "faces in more than two tetrahedra"),
         _wrong_faces(mesh, wrong == _FOLDED, "folded faces, with both tetrahedra on one side"),
-        *_inside_others(boundary_surface(mesh)[0]),
+        *_inside_others(mesh),
         _nodes_at_one_place(mesh.points),
     )
 
@@ -134,33 +134,26 @@ def _repeated(cells: IntArray) -> NDArray[np.int64]:
     return np.setdiff1d(np.arange(len(cells)), first)
 
 
-def _inside_others(boundary: TriSurface) -> tuple[Flaw, Flaw]:
-    """Parts of the boundary that are walls of voids, and bodies that others overlap; none where there is one part.
+def _inside_others(mesh: TetMesh) -> tuple[Flaw, ...]:
+    """Parts of the boundary that are walls of voids, and bodies that reach into others; none where there is one part.
 
-    The wall of a void faces inward; that of a closed slit encloses nothing. A body overlaps another where one of its
-    vertices is inside that.
+    The wall of a void faces inward; that of a closed slit encloses nothing. Where bodies overlap, the boundary winds
+    more than once around the place.
     """
-    label = component_labels(boundary.faces)[boundary.faces[:, 0]]
-    parts = [TriSurface(boundary.points, boundary.faces[label == number]) for number in np.unique(label)]
-    if len(parts) < 2:
-        return _parts([], _VOIDS), _parts([], _OVERLAPPING)
-    least = _NO_VOLUME * abs(enclosed_volume(boundary.points, boundary.faces))
-    walls: list[TriSurface] = []
-    bodies: list[TriSurface] = []
-    for part in parts:
-        (bodies if enclosed_volume(part.points, part.faces) > least else walls).append(part)
-    overlapping = [one for one in bodies if any(_is_inside(one, other) for other in bodies if other is not one)]
-    return _parts(walls, _VOIDS), _parts(overlapping, _OVERLAPPING)
-
-
-def _is_inside(one: TriSurface, other: TriSurface) -> bool:
-    """Whether a vertex of one closed surface is inside another; on it, the winding number is a half or so."""
-    return bool((winding_numbers(other, one.points[np.unique(one.faces)]) > _INSIDE).any())
-
-
-def _parts(parts: list[TriSurface], name: str) -> Flaw:
-    places = [part.points[part.faces].mean(axis=(0, 1)) for part in parts[:PLACES]]
-    return Flaw(name, len(parts), np.array(places).reshape(-1, 3))
+    surface, _ = boundary_surface(mesh)
+    number, part = np.unique(component_labels(surface.faces)[surface.faces[:, 0]], return_inverse=True)
+    if len(number) < 2 or not np.isfinite(mesh.points).all():
+        return Flaw(_VOIDS, 0, np.zeros((0, 3))), Flaw(_OVERLAPPING, 0, np.zeros((0, 3)))
+    a, b, c = (surface.points - surface.points.mean(axis=0))[surface.faces].transpose(1, 0, 2)
+    volumes = np.bincount(part, np.einsum("ij,ij->i", a, np.cross(b, c)))
+    walls = np.flatnonzero(~(volumes > _NO_VOLUME * np.abs(volumes.sum())))
+    behind = mesh.points[mesh.cells[boundary(mesh).cells]].mean(axis=1)
+    overlapping = np.unique(part[winding_numbers(surface, behind) > _TWICE])
+    centres = surface.points[surface.faces].mean(axis=1)
+    return tuple(
+        Flaw(name, len(found), np.array([centres[part == one].mean(axis=0) for one in found[:PLACES]]).reshape(-1, 3))
+        for name, found in ((_VOIDS, walls), (_OVERLAPPING, overlapping))
+    )
 
 
 def _nodes_at_one_place(points: FloatArray) -> Flaw:

@@ -31,6 +31,9 @@ _OTHER_SIDE, _OTHER_AXIS = 1.2, 1.5
 COARSEST = 0.6
 #: half a brain that reaches less far beyond x = 0, of its width, lies on the other side of it
 _REACH = 0.1
+#: smallest over largest extent below which a body has the shape of half a brain, 0.36 to 0.5; of rounder ones, nothing
+#: about their sides is certain
+_NARROW = 0.65
 #: another side that is less than this much flatter is as flat
 _ALIKE = 1.05
 #: tetrahedra per cube of the cell size
@@ -116,7 +119,9 @@ def _side(mesh: TetMesh, hemisphere: str) -> list[str]:
     )
     across = -said[1] * mesh.points[:, 0]  # above 0 on the side of the midline x = 0 where this half should be
     elsewhere = opposite and across.max() < _REACH * np.ptp(across)
-    if elsewhere or ratio >= (_OTHER_SIDE if opposite else _OTHER_AXIS):
+    extents = np.ptp(mesh.points, axis=0)
+    half = extents.min() < _NARROW * extents.max()
+    if half and (elsewhere or ratio >= (_OTHER_SIDE if opposite else _OTHER_AXIS)):
         raise InputError(what, remedy=f"{remedy}; or mark the medial wall in a field {MEDIAL_WALL} of the mesh")
     return [f"{what}: {remedy}"]
 

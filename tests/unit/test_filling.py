@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -108,3 +109,14 @@ def test_a_mesh_without_boundary_is_an_error_in_words() -> None:
     twice = replace(CUBE.mesh, cells=np.concatenate([CUBE.mesh.cells, CUBE.mesh.cells]))
     with pytest.raises(StageError, match="no boundary: 384 tetrahedra listed twice"):
         certify(twice, CUBE.surface)
+
+
+def test_many_bodies_are_looked_at_at_once() -> None:
+    """Ten thousand loose tetrahedra, a few of which reach into each other: seconds, not hours."""
+    corner = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    places = 3.0 * np.stack(np.meshgrid(*[np.arange(22)] * 3), axis=-1).reshape(-1, 1, 3)[:10000]
+    places[5] = places[4] + 0.01
+    loose = TetMesh((places + corner).reshape(-1, 3), np.arange(40000, dtype=np.int32).reshape(-1, 4))
+    began = time.process_time()
+    assert counts(loose) == {"bodies that reach into another": 2}
+    assert time.process_time() - began < 10

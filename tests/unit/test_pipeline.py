@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -196,3 +197,13 @@ def test_a_real_surface_of_22_weeks_is_certified() -> None:
     config = load({"generate": {"cell_size": 2.5, **passes}})
     _, certificate, _ = mesh_surface(read_surface(REAL), config, source=REAL)
     assert certificate.certified, certificate.reasons
+
+
+def test_the_native_surface_is_compared_in_mm_whatever_the_unit(ball: TriSurface) -> None:
+    metres = replace(ball, points=ball.points / 1000)
+    made = mesh_surface(metres, load({**FAST, "gate": {"unit": "m"}}))
+    assert made.certificate.native is not None
+    assert made.certificate.native.native_to_boundary_mm.max < 5.0
+    assert abs(made.certificate.native.relative_area_change) < 0.05
+    names = [check.name for check in made.certificate.checks if check.limit is not None]
+    assert "distance between the boundary and the native surface, on average" in names

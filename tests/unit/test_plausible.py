@@ -78,6 +78,15 @@ def test_a_ball_has_no_flat_side() -> None:
     assert [words for words in check_mesh(ball, LEFT) if "midline" in words] == []
 
 
+def test_of_a_round_body_no_side_is_certain() -> None:
+    egg = ball_mesh(2, radius=20.0)
+    points = egg.points * [1, 0.95, 0.9]
+    points[:, 0] = np.minimum(points[:, 0], 15)
+    cut = TetMesh(points, egg.cells)
+    assert flatness(cut)[0, 1] > 1.5 * flatness(cut)[0, -1]
+    assert [words for words in check_mesh(cut, RIGHT) if "use --hemi L" in words]
+
+
 @pytest.mark.parametrize(("factor", "unit"), [(1e-3, "metres"), (1e3, "micrometres")])
 def test_another_unit_than_mm_is_refused(left: TetMesh, factor: float, unit: str) -> None:
     with pytest.raises(

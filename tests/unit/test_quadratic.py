@@ -128,6 +128,9 @@ def test_another_surface_than_the_meshed_one_is_refused(ball: tuple[TetMesh, Tri
     with pytest.raises(InputError, match=r"162 of 162 nodes .* the farthest 0.00999 mm .*NAME.meshed.surf.gii"):
         quadratic(mesh, other)
     assert quadratic(mesh, other, max_boundary_distance=0.02).curved > 0
+    for none in (np.nan, -1.0, 0.0, np.inf):
+        with pytest.raises(InputError, match="is no limit"):
+            quadratic(mesh, other, max_boundary_distance=none)
 
 
 def test_the_nodes_of_an_interface_are_judged_too() -> None:
