@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from cortet.formats.ownership import has_written, may_write
+from cortet.formats.ownership import about_to_write, may_write, temporary_beside
 
 
 @contextmanager
@@ -28,11 +26,11 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     may_write(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{os.getpid()}-{secrets.token_hex(4)}.{path.name}")
+    temporary = temporary_beside(path)
     try:
         yield temporary
+        about_to_write(temporary, path)
         temporary.replace(path)
-        has_written(path)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -51,7 +49,7 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     path = Path(path)
     may_write(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{os.getpid()}-{secrets.token_hex(4)}.{path.name}")
+    temporary = temporary_beside(path)
     temporary.mkdir()
     try:
         yield temporary
@@ -59,8 +57,8 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
         for file in files:
             may_write(path.with_name(file.name))
         for file in files:
+            about_to_write(file, path.with_name(file.name))
             file.replace(path.with_name(file.name))
-            has_written(path.with_name(file.name))
     finally:
         shutil.rmtree(temporary)
 

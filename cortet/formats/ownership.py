@@ -1,18 +1,19 @@
 """Whose a file is: a command never writes to its inputs, and replaces only files that cortet made.
 
-What cortet writes for a user has a record beside it: a JSON file whose key `files` holds the SHA-256 of each file. A
-file that no record lists, or that somebody changed since, belongs to the user. A folder that cortet fills has a marker.
-
 `guarded` is the door. While a command runs within it, every function of cortet that replaces or deletes a file asks
-`may_write` first. The workflow has no guard: its rules name their outputs, and none of them is a file of the user.
+`may_write` first. What the command writes is listed with its SHA-256 in a hidden manifest of the folder. A file that
+the manifest does not list, or that somebody changed since, belongs to the user. A folder that cortet fills as a whole
+has a marker instead. The workflow has no guard: its rules name their outputs, and none of them is a file of the user.
 """
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
+import secrets
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +24,11 @@ from cortet.formats.hashing import sha256
 
 #: file, or folder, that says of its folder that cortet made it
 MARKER = ".cortet"
-#: bytes of a record
+#: file that lists what commands wrote to its folder: name -> the last SHA-256
+MANIFEST = ".cortet.json"
+#: hashes that a manifest keeps of a file: one that was replaced, or was about to be when the command was killed
+_HASHES = 2
+#: bytes of a record or a manifest
 _LONGEST_RECORD = 100_000_000
 
 
@@ -102,40 +107,78 @@ def may_write(path: Path) -> None:
         raise InputError("is a folder", file=path, remedy="give the name of a file")
     if not allowed and os.path.lexists(path) and not is_ours(path):
         raise InputError(
-            "exists, and no record beside it says that cortet made it as it is now",
+            "exists, and cortet did not make it as it is now",
             file=path,
             remedy="give another name, or add --force to replace it",
         )
 
 
-def has_written(path: Path) -> None:
-    """Note that the command made a file: it may write it again."""
-    if guard := _guard.get():
-        guard.made.add(path.absolute())
+def temporary_beside(path: Path) -> Path:
+    """A name of no file beside one, with its suffixes, for what will be renamed to it."""
+    return path.with_name(f"{_own_prefix()}{secrets.token_hex(4)}.{path.name}")
+
+
+def _own_prefix() -> str:
+    return f".{os.getpid()}-"
+
+
+def about_to_write(temporary: Path, path: Path) -> None:
+    """List in the manifest what a file is about to be, so that a command that is killed now may be started again."""
+    guard = _guard.get()
+    if guard is None:
+        return
+    may_write(path)
+    place = path.absolute()
+    guard.made.add(place)
+    within_temporary = path.parent.name.startswith(_own_prefix())  # the files of a folder get their names together
+    if not within_temporary and not any(place.is_relative_to(folder) for folder in (*guard.claimed, *guard.folders)):
+        _list_in_manifest(path, sha256(temporary))
 
 
 def is_ours(path: Path) -> bool:
-    """Whether a record in the folder of a file lists it with the SHA-256 that it has now, or the file is a record."""
+    """Whether the manifest of its folder lists a file with the SHA-256 that it has now."""
     if not path.is_file() or path.is_symlink():
         return False
-    if files_of(path):
-        return True
-    stem = path.name.partition(".")[0]
-    records = (one for one in path.parent.iterdir() if one.name.startswith(stem) and one.suffix == ".json")
-    listed = {digest for record in records if (digest := files_of(record).get(path.name))}
-    return bool(listed) and sha256(path) in listed
+    listed = _manifest(path.parent).get(path.name)
+    return listed is not None and sha256(path) in listed
+
+
+def _manifest(folder: Path) -> dict[str, list[str]]:
+    """Name -> hashes; nothing where there is no manifest, or a damaged one."""
+    files = _read(folder / MANIFEST).get("files")
+    if not isinstance(files, dict):
+        return {}
+    return {str(name): [str(one) for one in found] for name, found in files.items() if isinstance(found, list)}
+
+
+def _list_in_manifest(path: Path, digest: str) -> None:
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(folder, fcntl.LOCK_EX)
+        files = _manifest(path.parent)
+        known = [one for one in files.get(path.name, []) if one != digest]
+        files[path.name] = [*known, digest][-_HASHES:]
+        manifest = path.with_name(MANIFEST)
+        temporary = temporary_beside(manifest)
+        temporary.write_text(json.dumps({"files": files}, indent=1) + "\n", encoding="utf-8")
+        temporary.replace(manifest)
+    finally:
+        os.close(folder)
 
 
 def files_of(record: Path) -> dict[str, str]:
-    """Name -> SHA-256 of the files that a record lists; nothing where the file is no record."""
-    if record.suffix != ".json":
-        return {}
+    """Name -> SHA-256 of the files that a record lists under `files`; nothing where the file is no record."""
+    files = _read(record).get("files")
+    return {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else {}
+
+
+def _read(file: Path) -> dict[str, Any]:
     try:
-        data: Any = json.loads(record.read_text("utf-8")) if record.stat().st_size < _LONGEST_RECORD else None
+        data = json.loads(file.read_text("utf-8")) if file.stat().st_size < _LONGEST_RECORD else None
     except (OSError, ValueError, RecursionError):
         return {}
-    files = data.get("files") if isinstance(data, dict) else None
-    return {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else {}
+    return data if isinstance(data, dict) else {}
 
 
 def hashes(paths: Iterable[Path]) -> dict[str, str]:

@@ -13,6 +13,7 @@ import nibabel
 import numpy as np
 
 from cortet.formats.gifti import write_surface
+from cortet.formats.ownership import guarded
 from cortet.phantom import phantom
 
 ROOT = Path(__file__).parents[2]
@@ -101,7 +102,8 @@ def make_checkout(folder: Path) -> None:
             (folder / path.name).symlink_to(path)
     (folder / ".venv").symlink_to(sys.prefix)
     surface = phantom(28, subdivisions=3)
-    write_surface(surface, folder / "x.surf.gii")
+    with guarded([]):  # as `cortet phantom` of another page made it
+        write_surface(surface, folder / "x.surf.gii")
     thickness = nibabel.gifti.GiftiDataArray(np.linspace(1, 2, len(surface.points), dtype=np.float32))
     nibabel.save(nibabel.GiftiImage(darrays=[thickness]), folder / "x.shape.gii")
     make_release(folder / "dhcp")

@@ -14,6 +14,7 @@ import pytest
 
 from cortet.cli import main, parser
 from cortet.formats.gifti import write_fields, write_surface
+from cortet.formats.ownership import MANIFEST
 from cortet.phantom import phantom_with_sphere
 from tests.unit.shapes import ball_surface
 
@@ -92,7 +93,7 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
             main(["mesh", str(folder / "x.surf.gii"), "--cell-size", "5", "--force", "-o", str(folder / f"x{end}")])
             == 0
         )
-    for record in [*folder.glob("x.*.json"), *folder.glob("x.meshed*")]:
+    for record in [*folder.glob("x.*.json"), *folder.glob("x.meshed*"), folder / MANIFEST]:
         record.unlink()  # so that the meshes are the user's
     return folder
 
@@ -165,4 +166,4 @@ def test_an_uncertified_mesh_leaves_nothing_of_an_earlier_one(tmp_path: Path, mo
     (tmp_path / "strict.yaml").write_text("certify:\n  q_max: 0.01\n")
     assert run("mesh a.surf.gii --cell-size 5 --config strict.yaml -o x.pts", tmp_path, monkeypatch) == 1
     left = {"a.surf.gii", "strict.yaml", "x.notes", "x.certificate.json", "x.meshed.surf.gii"}
-    assert {path.name for path in tmp_path.iterdir()} == left
+    assert {path.name for path in tmp_path.iterdir()} == {*left, MANIFEST}

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_folder, atomic_path, write_json
-from cortet.formats.ownership import MARKER, delete_made, guarded, hashes, is_ours, may_write
+from cortet.formats.ownership import MANIFEST, MARKER, delete_made, guarded, hashes, is_ours, may_write
+
+ROOT = Path(__file__).parents[2]
 
 
 def made(path: Path, text: str = "made") -> Path:
-    """A file with a record beside it."""
-    path.write_text(text)
-    write_json({"files": hashes([path])}, path.with_name(path.name + ".json"))
+    """A file that a command wrote."""
+    with guarded([], files=[path]):
+        write(path, text)
     return path
 
 
@@ -57,7 +61,7 @@ def test_no_input_is_written_to_whatever_it_is_called(tmp_path: Path, name: str,
 def test_a_file_of_others_is_replaced_only_when_forced(tmp_path: Path) -> None:
     notes = tmp_path / "notes"
     notes.write_text("mine")
-    with pytest.raises(InputError, match="no record beside it.*--force"), guarded([], files=[notes]):
+    with pytest.raises(InputError, match="cortet did not make it.*--force"), guarded([], files=[notes]):
         raise AssertionError("it was let through")
     with guarded([], files=[notes], force=True):
         write(notes)
@@ -66,18 +70,43 @@ def test_a_file_of_others_is_replaced_only_when_forced(tmp_path: Path) -> None:
 
 def test_a_file_that_cortet_made_is_replaced_and_one_that_was_edited_since_is_not(tmp_path: Path) -> None:
     path = made(tmp_path / "x.mesh")
-    with guarded([], files=[path, tmp_path / "x.mesh.json"]):
+    with guarded([], files=[path]):
         write(path, "again")
+    path.write_text("edited")
     with pytest.raises(InputError, match="as it is now"), guarded([], files=[path]):
-        raise AssertionError("its record is of the file before")
+        raise AssertionError("it was let through")
+
+
+def test_a_command_that_is_killed_while_it_replaces_its_file_may_be_started_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = made(tmp_path / "x.mesh")
+
+    def killed(self: Path, target: Path) -> None:
+        if target == path:
+            raise KeyboardInterrupt
+        os.replace(self, target)  # noqa: PTH105, Path's own is what is tested
+
+    monkeypatch.setattr(Path, "replace", killed)
+    with pytest.raises(KeyboardInterrupt), guarded([], files=[path]):
+        write(path, "again")
+    monkeypatch.undo()
+    assert path.read_text() == "made" and is_ours(path)
+
+
+def test_many_commands_may_write_to_one_folder(tmp_path: Path) -> None:
+    code = "import sys; from pathlib import Path; from tests.unit.test_ownership import made; made(Path(sys.argv[1]))"
+    files = [tmp_path / f"{number}.mesh" for number in range(6)]
+    running = [subprocess.Popen([sys.executable, "-c", code, file], cwd=ROOT) for file in files]
+    assert [one.wait() for one in running] == [0] * 6
+    assert all(map(is_ours, files))
 
 
 def test_a_command_may_write_its_own_file_again(tmp_path: Path) -> None:
     with guarded([]):
         write(tmp_path / "a", "one")
+        (tmp_path / "a").write_text("changed by itself")
         write(tmp_path / "a", "two")
-    with guarded([]), pytest.raises(InputError):
-        write(tmp_path / "a", "three")
 
 
 def test_no_file_of_several_moves_where_one_may_not(tmp_path: Path) -> None:
@@ -89,7 +118,8 @@ def test_no_file_of_several_moves_where_one_may_not(tmp_path: Path) -> None:
 
 
 def test_only_what_a_record_lists_and_is_unchanged_is_deleted(tmp_path: Path) -> None:
-    first, second = made(tmp_path / "x.elem"), tmp_path / "x.lon"
+    first, second = tmp_path / "x.elem", tmp_path / "x.lon"
+    first.write_text("made")
     second.write_text("made")
     record = tmp_path / "x.json"
     write_json({"files": hashes([first, second]) | {"../outside": "0", "x.gone": "0"}}, record)
@@ -102,11 +132,14 @@ def test_only_what_a_record_lists_and_is_unchanged_is_deleted(tmp_path: Path) ->
     assert stranger.exists()
 
 
-@pytest.mark.parametrize("content", ["{", "[]", '{"files": 3}', '{"files": {"x": 1}}'])
-def test_what_is_no_record_makes_nothing_ours(tmp_path: Path, content: str) -> None:
+@pytest.mark.parametrize("content", ["{", "[]", '{"files": 3}', '{"files": {"x": 1}}', '{"files": {"x": ["1"]}}'])
+def test_a_damaged_manifest_makes_nothing_ours(tmp_path: Path, content: str) -> None:
     (tmp_path / "x").write_text("mine")
-    (tmp_path / "x.json").write_text(content)
+    (tmp_path / MANIFEST).write_text(content)
     assert not is_ours(tmp_path / "x")
+    with guarded([], force=True):
+        write(tmp_path / "x")
+    assert is_ours(tmp_path / "x")
 
 
 def test_a_folder_is_filled_if_it_is_new_empty_or_cortets(tmp_path: Path) -> None:
