@@ -16,7 +16,7 @@ from cortet.errors import InputError
 TETS_PER_CUBE = {"cgal": 4.2, "lattice": 4.1}
 #: resident memory of Snakemake itself, MB, which in a cluster's job runs twice beside the script
 SNAKEMAKE_MB = 600
-#: what is asked for, as a multiple of what was measured at most: memory that lacks kills the job, and so does time
+#: safety factors over what was measured at most: a job that exceeds its memory or time is killed
 MEMORY_MARGIN, TIME_MARGIN = 1.25, 4.0
 #: minutes a job may wait for its file system and its interpreter
 START_MINUTES = 5
