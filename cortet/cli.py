@@ -11,7 +11,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from cortet import __version__
 from cortet.errors import CortetError, InputError
 from cortet.formats import FORMATS, format_of
-from cortet.formats.ownership import delete_made, guarded, hashes
+from cortet.formats.ownership import delete_made, guarded, may_write, record_of
 
 if TYPE_CHECKING:
     from cortet.config import Config
@@ -351,11 +351,16 @@ def _mesh(args: argparse.Namespace) -> int:
     from cortet.pipeline import mesh_surface
     from cortet.solver_files.export import export
     from cortet.solver_files.fields import field_sources
-    from cortet.solver_files.meshed import made_from, write_meshed
+    from cortet.solver_files.meshed import made_from, meshed_files, write_meshed
     from cortet.solver_files.sets import named_sets
     from cortet.solver_files.sidecar import sidecar_path
 
-    solver = format_of(args.output).name  # an unknown one is refused before the work, not after
+    # what cannot be written is refused before the work, and before anything of an earlier run is deleted
+    solver = format_of(args.output).name
+    record = args.output.with_suffix(".certificate.json")
+    surfaces = meshed_files([OUTERMOST, *dict(args.inner)], args.output)
+    for file in (record, sidecar_path(args.output), *surfaces.values()):
+        may_write(file)
     config = _config(args)
     surface = _surface(args, config)
     sphere = _sphere(args)
@@ -371,10 +376,10 @@ def _mesh(args: argparse.Namespace) -> int:
         case=_stem(args.output),
         progress=progress,
     )
-    record = args.output.with_suffix(".certificate.json")
     delete_made(record)  # what an earlier run left must not pass for this run's
     delete_made(sidecar_path(args.output))
-    surfaces = write_meshed(meshed, args.output)
+    with _recorded(asdict(certificate), record) as place:
+        write_meshed(meshed, place(args.output))
     if certificate.certified:
         sources = field_sources(dict(args.field), config.export.field_units)
         labels = {name: field.labels for name, field in sources.items()}
@@ -391,17 +396,8 @@ def _mesh(args: argparse.Namespace) -> int:
         )
     elif args.force:
         args.output.unlink(missing_ok=True)  # one of an earlier run would pass for this one
-    _write_record(asdict(certificate), record, surfaces.values())
-    if args.picture:
-        _draw(mesh, args.picture)
-    if args.page:
-        from cortet.report.case_page import about, write_case_page
-
-        chosen = {"scan_age": args.ga, "cell_size": config.generate.cell_size[0], "mesher": config.generate.meshers[0]}
-        given = placed(surface, config.placement())
-        write_case_page(mesh, given, asdict(certificate), args.page, meshed=meshed, facts=about(chosen))
-        print(f"{args.page}: written")
-    _write_record(asdict(certificate), record, [*surfaces.values(), *filter(None, [args.picture, args.page])])
+    with _recorded(asdict(certificate), record, surfaces.values()) as place:
+        _mesh_views(args, mesh, meshed, placed(surface, config.placement()), asdict(certificate), config, place)
     print()
     _print_verdict(certificate)
     print(f"{record}: every number beside its limit")
@@ -412,12 +408,43 @@ def _mesh(args: argparse.Namespace) -> int:
     return 0 if certificate.certified else 1
 
 
-def _write_record(content: Mapping[str, Any], record: Path, files: Iterable[Path]) -> None:
-    """Write a report that lists the files that were made with it, so that another run may replace them."""
-    from cortet.formats.atomic import write_json
+def _mesh_views(
+    args: argparse.Namespace,
+    mesh: TetMesh,
+    meshed: TriSurface,
+    given: TriSurface,
+    certificate: Mapping[str, Any],
+    config: Config,
+    place: Callable[[Path], Path],
+) -> None:
+    """The picture and the page of a mesh, where they are asked for; `place` says where they are written for now."""
+    if args.picture:
+        _draw(mesh, args.picture, place)
+    if args.page:
+        from cortet.report.case_page import about, write_case_page
 
-    beside = [file for file in files if file.parent.absolute() == record.parent.absolute()]
-    write_json({**content, "files": hashes(beside)}, record)
+        chosen = {"scan_age": args.ga, "cell_size": config.generate.cell_size[0], "mesher": config.generate.meshers[0]}
+        write_case_page(mesh, given, certificate, place(args.page), meshed=meshed, facts=about(chosen))
+        print(f"{args.page}: written")
+
+
+@contextlib.contextmanager
+def _recorded(
+    content: Mapping[str, Any], record: Path, earlier: Iterable[Path] = ()
+) -> Iterator[Callable[[Path], Path]]:
+    """Write a report that lists the files made with it, so that another run may replace them, also after a kill.
+
+    Yields where to write a file for now: those beside the report get their names after the report has its own.
+
+    Parameters
+    ----------
+    earlier : further files beside the report that it lists
+    """
+    from cortet.formats.atomic import atomic_folder, write_json
+
+    with atomic_folder(record) as folder:
+        yield lambda file: folder / file.name if file.parent.absolute() == record.parent.absolute() else file
+        write_json({**content, **record_of([*earlier, *sorted(folder.iterdir())])}, folder / record.name)
 
 
 def _stages(args: argparse.Namespace) -> int:
@@ -496,9 +523,14 @@ def _repair(args: argparse.Namespace) -> int:
     given = with_fields(read_surface(args.surface, finite=False), dict(args.field))
     given = placed(given, config.placement())
     made, report = repair(given, **config.arguments("repair", {"source": str(args.surface)}))
-    write_surface(made, args.output)
     record = args.output.with_name(f"{_stem(args.output)}.repair.json")
-    _write_record(asdict(report), record, [args.output])
+    with _recorded(asdict(report), record) as place:
+        write_surface(made, place(args.output))
+        if args.picture:
+            from cortet.report.render import before_and_after
+
+            file = measurable(given)
+            before_and_after(file, made, distances_to(file, made)[len(made.points) :], place(args.picture))
     for step in report.steps:
         print(f"{step.count} {step.done}")
     if not report.repaired:
@@ -508,11 +540,6 @@ def _repair(args: argparse.Namespace) -> int:
         print(f"{there.max:.3f} mm from the file to the surface at most, {back.max:.3f} mm back")
         print(f"volume {report.volume_ml:.2f} mL ({report.relative_volume_change:+.3%})")
     if args.picture:
-        from cortet.report.render import before_and_after
-
-        file = measurable(given)
-        before_and_after(file, made, distances_to(file, made)[len(made.points) :], args.picture)
-        _write_record(asdict(report), record, [args.output, args.picture])
         print(f"{args.picture}: drawn")
     print(f"{args.output}: written, with {record.name}")
     return 0
@@ -529,9 +556,9 @@ def _resample(args: argparse.Namespace) -> int:
     native = placed(with_fields(read_surface(args.surface), dict(args.field)), config.placement())
     facts = {"sphere_file": str(args.sphere), "hemisphere": None}
     made, report = resample(native, read_surface(args.sphere), **config.arguments("resample", facts))
-    write_surface(made, args.output)
     record = args.output.with_name(f"{_stem(args.output)}.resample.json")
-    _write_record(asdict(report), record, [args.output])
+    with _recorded(asdict(report), record) as place:
+        write_surface(made, place(args.output))
     there, back = report.native_to_resampled_mm, report.resampled_to_native_mm
     print(f"{report.vertices} vertices instead of {report.vertices_before}")
     print(f"from the native surface {there.mean:.3f} mm on average, {there.max:.3f} mm at most; ", end="")
@@ -957,10 +984,10 @@ def _read_mesh(path: Path) -> TetMesh:
     return form.read(path)
 
 
-def _draw(mesh: TetMesh, path: Path) -> None:
+def _draw(mesh: TetMesh, path: Path, place: Callable[[Path], Path] = lambda path: path) -> None:
     from cortet.report.render import picture
 
-    picture(mesh, path)
+    picture(mesh, place(path))
     print(f"{path}: drawn")
 
 

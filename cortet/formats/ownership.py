@@ -1,9 +1,11 @@
 """Whose a file is: a command never writes to its inputs, and replaces only files that cortet made.
 
 `guarded` is the door. While a command runs within it, every function of cortet that replaces or deletes a file asks
-`may_write` first. What the command writes is listed with its SHA-256 in a hidden manifest of the folder. A file that
-the manifest does not list, or that somebody changed since, belongs to the user. A folder that cortet fills as a whole
-has a marker instead. The workflow has no guard: its rules name their outputs, and none of them is a file of the user.
+`may_write` first, and every reader tells `has_read`: a file that a command has read is its input, also one that no
+argument names, as a sidecar. What the command writes is listed with its SHA-256 in a hidden manifest of the folder. A
+file that the manifest does not list, or that somebody changed since, belongs to the user. A folder that cortet fills as
+a whole has a marker instead. The workflow has no guard: its rules name their outputs, and none of them is a file of the
+user.
 """
 
 from __future__ import annotations
@@ -28,6 +30,8 @@ MARKER = ".cortet"
 MANIFEST = ".cortet.json"
 #: hashes that a manifest keeps of a file: one that was replaced, or was about to be when the command was killed
 _HASHES = 2
+#: key and value by which a record is known from the JSON files of others
+_SIGNATURE = {"made_by": "cortet"}
 #: bytes of a record or a manifest
 _LONGEST_RECORD = 100_000_000
 
@@ -36,8 +40,10 @@ _LONGEST_RECORD = 100_000_000
 class _Guard:
     """What a command may write to."""
 
-    #: device and inode of each input -> how it was named
+    #: device and inode of each input -> how it was named; those that are read on the way are added
     inputs: dict[tuple[int, int], Path]
+    #: what the command is told to write
+    files: tuple[Path, ...]
     #: folders that the command fills, and others below which it may write
     claimed: tuple[Path, ...]
     folders: tuple[Path, ...]
@@ -45,6 +51,10 @@ class _Guard:
     force: bool
     #: files that this command has written
     made: set[Path] = field(default_factory=set)
+
+    def is_below_own_folder(self, place: Path) -> bool:
+        """Whether a file lies in a folder of the command."""
+        return any(map(place.is_relative_to, (*self.claimed, *self.folders)))
 
 
 _guard: ContextVar[_Guard | None] = ContextVar("_guard", default=None)
@@ -72,13 +82,15 @@ def guarded(
     Raises
     ------
     InputError
-        an output is an input, also by another name, or exists and was not made by cortet
+        an output is an input, also by another name, or exists and was not made by cortet; or two have one name
     """
     known = {identity: path for path in inputs if (identity := _identity(path))}
     own, others = (tuple(folder.absolute() for folder in given) for given in (claimed, folders))
-    token = _guard.set(_Guard(known, own, others, force))
+    outputs = tuple(files)
+    _refuse_repeated(outputs)
+    token = _guard.set(_Guard(known, outputs, own, others, force))
     try:
-        for path in files:
+        for path in outputs:
             may_write(path)
         for folder in own:
             _require_claimable(folder, force=force)
@@ -92,9 +104,7 @@ def may_write(path: Path) -> None:
     guard = _guard.get()
     if guard is None:
         return
-    if (identity := _identity(path)) and (given := guard.inputs.get(identity)):
-        also = "" if given == path else f", {given}"
-        raise InputError(f"is an input of this command{also}", file=path, remedy="give the output another name")
+    _refuse_input(path, guard)
     place = path.absolute()
     for folder in guard.claimed:
         if place.is_relative_to(folder):
@@ -102,9 +112,11 @@ def may_write(path: Path) -> None:
             if not (folder / MARKER).exists():
                 (folder / MARKER).touch()
             return
-    allowed = guard.force or place in guard.made or any(place.is_relative_to(folder) for folder in guard.folders)
     if path.is_dir() and not path.is_symlink():
         raise InputError("is a folder", file=path, remedy="give the name of a file")
+    if path.exists() and not path.is_file():
+        raise InputError("is a device or a pipe, not a file", file=path, remedy="give the name of a file")
+    allowed = guard.force or place in guard.made or guard.is_below_own_folder(place)
     if not allowed and os.path.lexists(path) and not is_ours(path):
         raise InputError(
             "exists, and cortet did not make it as it is now",
@@ -113,26 +125,42 @@ def may_write(path: Path) -> None:
         )
 
 
-def temporary_beside(path: Path) -> Path:
-    """A name of no file beside one, with its suffixes, for what will be renamed to it."""
-    return path.with_name(f"{_own_prefix()}{secrets.token_hex(4)}.{path.name}")
+def has_read(path: Path) -> None:
+    """Note that the command reads a file: it is an input from now on, unless it lies where the command may write.
 
-
-def _own_prefix() -> str:
-    return f".{os.getpid()}-"
+    Raises
+    ------
+    InputError
+        the command is told to write to this file
+    """
+    guard = _guard.get()
+    place = path.absolute()
+    if guard is None or place in guard.made or guard.is_below_own_folder(place):
+        return
+    if identity := _identity(path):
+        guard.inputs.setdefault(identity, path)
+        for output in guard.files:
+            if output.absolute() not in guard.made:
+                _refuse_input(output, guard)
 
 
 def about_to_write(temporary: Path, path: Path) -> None:
-    """List in the manifest what a file is about to be, so that a command that is killed now may be started again."""
+    """Note that a file is about to get its name. The manifest lists it before, so that a kill does no harm."""
     guard = _guard.get()
     if guard is None:
         return
-    may_write(path)
     place = path.absolute()
     guard.made.add(place)
+    if identity := _identity(temporary):
+        guard.inputs.pop(identity, None)  # it was read back before it got its name
     within_temporary = path.parent.name.startswith(_own_prefix())  # the files of a folder get their names together
-    if not within_temporary and not any(place.is_relative_to(folder) for folder in (*guard.claimed, *guard.folders)):
+    if not within_temporary and not guard.is_below_own_folder(place):
         _list_in_manifest(path, sha256(temporary))
+
+
+def temporary_beside(path: Path) -> Path:
+    """A name of no file beside one, with its suffixes, for what will be renamed to it."""
+    return path.with_name(f"{_own_prefix()}{secrets.token_hex(4)}.{path.name}")
 
 
 def is_ours(path: Path) -> bool:
@@ -141,6 +169,32 @@ def is_ours(path: Path) -> bool:
         return False
     listed = _manifest(path.parent).get(path.name)
     return listed is not None and sha256(path) in listed
+
+
+def record_of(paths: Iterable[Path]) -> dict[str, Any]:
+    """What makes a JSON file the record of the files that were made with it."""
+    return {**_SIGNATURE, "files": {path.name: sha256(path) for path in paths}}
+
+
+def files_of(record: Path) -> dict[str, str]:
+    """Name -> SHA-256 of the files that a record lists; nothing where the file is no record of cortet."""
+    data = _read(record)
+    files = data.get("files") if data.items() >= _SIGNATURE.items() else None
+    return {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else {}
+
+
+def delete_made(record: Path) -> None:
+    """Delete the files that a record lists, where they are as it lists them, and the record itself."""
+    files = files_of(record)
+    for name, digest in files.items():
+        path = record.parent / name
+        own = Path(name).name == name and os.path.isfile(path)  # noqa: PTH113, false of names that no file can have
+        if own and not path.is_symlink() and sha256(path) == digest:
+            may_write(path)
+            path.unlink()
+    if files:
+        may_write(record)
+        record.unlink()
 
 
 def _manifest(folder: Path) -> dict[str, list[str]]:
@@ -167,37 +221,13 @@ def _list_in_manifest(path: Path, digest: str) -> None:
         os.close(folder)
 
 
-def files_of(record: Path) -> dict[str, str]:
-    """Name -> SHA-256 of the files that a record lists under `files`; nothing where the file is no record."""
-    files = _read(record).get("files")
-    return {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else {}
-
-
 def _read(file: Path) -> dict[str, Any]:
+    """Content of a JSON file; nothing where it is none."""
     try:
         data = json.loads(file.read_text("utf-8")) if file.stat().st_size < _LONGEST_RECORD else None
     except (OSError, ValueError, RecursionError):
         return {}
     return data if isinstance(data, dict) else {}
-
-
-def hashes(paths: Iterable[Path]) -> dict[str, str]:
-    """The key `files` of a record: name -> SHA-256."""
-    return {path.name: sha256(path) for path in paths}
-
-
-def delete_made(record: Path) -> None:
-    """Delete the files that a record lists, where they are as it lists them, and the record itself."""
-    files = files_of(record)
-    for name, digest in files.items():
-        path = record.parent / name
-        own = Path(name).name == name and os.path.isfile(path)  # noqa: PTH113, false of names that no file can have
-        if own and not path.is_symlink() and sha256(path) == digest:
-            may_write(path)
-            path.unlink()
-    if files:
-        may_write(record)
-        record.unlink()
 
 
 def _require_claimable(folder: Path, *, force: bool) -> None:
@@ -208,6 +238,29 @@ def _require_claimable(folder: Path, *, force: bool) -> None:
         raise InputError(
             "holds files that cortet did not make", file=folder, remedy="give an empty or a new folder, or add --force"
         )
+
+
+def _refuse_repeated(outputs: tuple[Path, ...]) -> None:
+    """Raise InputError where two outputs have one name: the second would replace the first."""
+    places = [os.path.realpath(path) for path in outputs]
+    for path, place in zip(outputs, places, strict=True):
+        if places.count(place) > 1:
+            raise InputError("is named twice, for two outputs", file=path, remedy="give each a name of its own")
+
+
+def _refuse_input(path: Path, guard: _Guard) -> None:
+    """Raise InputError where a file is an input, also by another name."""
+    identity = _identity(path)
+    given = guard.inputs.get(identity) if identity else None
+    if given is None or _identity(given) != identity:  # a file that is gone: another one has got its place on the disk
+        return
+    also = "" if given == path else f", {given}"
+    raise InputError(f"is an input of this command{also}", file=path, remedy="give the output another name")
+
+
+def _own_prefix() -> str:
+    """What temporary names of this process begin with."""
+    return f".{os.getpid()}-"
 
 
 def _identity(path: Path) -> tuple[int, int] | None:

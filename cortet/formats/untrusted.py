@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.formats.ownership import has_read
 from cortet.mesh import MeshSets, TetMesh, TriSurface
 
 #: bytes of a file, and of what is unpacked from it: a mesh of 50 million tetrahedra has less
@@ -36,12 +37,12 @@ _T = TypeVar("_T")
 
 
 def check_file(path: str | Path, largest: int = LARGEST) -> int:
-    """Size of a file in bytes, having seen that it is one: devices and pipes have no end.
+    """Size of a file in bytes, having seen that it is one: devices and pipes have no end. It is an input from now on.
 
     Raises
     ------
     InputError
-        it is missing or may not be read, is no regular file, or has more than `largest` bytes
+        it is missing or may not be read, is no regular file, has more than `largest` bytes, or is to be written to
     """
     try:
         found = Path(path).stat()
@@ -53,6 +54,7 @@ def check_file(path: str | Path, largest: int = LARGEST) -> int:
     if found.st_size > largest:
         what = f"has {found.st_size:,} bytes, more than the {largest:,} that are read"
         raise InputError(what, file=path, remedy="give a smaller mesh or surface")
+    has_read(Path(path))
     return found.st_size
 
 

@@ -39,6 +39,7 @@ from cortet.measure.checks import (
     Check,
     bank_checks,
     boundary_checks,
+    for_mesher,
     interface_checks,
     judged,
     loss_checks,
@@ -236,6 +237,8 @@ def certify(
         *region_checks(regions, volume=max_volume_change),
         *interface_checks(interfaces, nodes=max_boundary_distance, largest=largest, mean=mean, area=max_area_change),
     )
+    mesher = reports.get("generate", {}).get("mesher")
+    checks = tuple(for_mesher(check, mesher) for check in checks)
     lost: list[LostPlace] = []
     if largest is not None and faithful.surface_to_boundary_mm.max > largest:
         lost = lost_places(boundary, surface, limit=largest)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from cortet.geometry.banks import Banks
@@ -65,6 +65,18 @@ def judged(
         comparison = None
     passed = comparison is None or limit is None or _COMPARE[comparison](value, limit)
     return Check(name, value, unit, comparison, limit, passed, remedy)
+
+
+def for_mesher(check: Check, mesher: str | None) -> Check:
+    """A check whose remedy fits what filled the surface; None: a mesh that cortet did not make."""
+    if mesher == "lattice":
+        fitting = dict.fromkeys((LOSS_REMEDY, TOPOLOGY_REMEDY), "use a smaller cell size")
+    elif mesher is None:
+        remedy = "use a smaller cell size; or the mesh was made from another surface than this one: name that"
+        fitting = dict.fromkeys((LOSS_REMEDY, TOPOLOGY_REMEDY), remedy)
+    else:
+        return check
+    return replace(check, remedy=fitting.get(check.remedy, check.remedy))
 
 
 def bank_checks(found: Banks, *, share: float | None) -> Iterator[Check]:

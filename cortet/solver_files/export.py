@@ -14,7 +14,7 @@ from cortet.formats import FORMATS, format_of
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.hashing import mesh_sha256
-from cortet.formats.ownership import delete_made, hashes, may_write
+from cortet.formats.ownership import delete_made, may_write
 from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL
 from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
@@ -27,7 +27,7 @@ from cortet.solver_files.sidecar import read_sidecar, sidecar, sidecar_path
 from cortet.solver_files.verify import problems
 from cortet.stages.solver_ready import surface_nodes_first
 
-VERSION: int = 2
+VERSION: int = 3
 
 
 def export(
@@ -105,7 +105,7 @@ def _write_verified(
         record = sidecar(
             as_read if isinstance(as_read, TriSurface) else as_read.mesh,
             solver=solver,
-            files=hashes(sorted(folder.iterdir())),
+            files=sorted(folder.iterdir()),
             unit=unit if FORMATS[solver].has_unit else "mm",
             frame=frame or CoordinateFrame(),
             sources=sources,

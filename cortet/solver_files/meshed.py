@@ -7,7 +7,7 @@ against the surface that it fills only.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +27,17 @@ def write_meshed(surface: TriSurface, mesh: Path) -> dict[str, Path]:
     surface : as `pipeline.Meshed.surface`; float32 coordinates in the files
     mesh : file of the mesh, whose stem the names begin with
     """
-    stem = mesh.name.removesuffix(mesh.suffix)
-    files = {}
-    for region, one in zip(region_names(surface), sheets(surface), strict=True):
-        of = "" if region == OUTERMOST else f"-{region}"
-        files[region] = mesh.with_name(f"{stem}.meshed{of}.surf.gii")
+    files = meshed_files(region_names(surface), mesh)
+    for region, one in zip(files, sheets(surface), strict=True):
         write_surface(one, files[region])
     return files
+
+
+def meshed_files(regions: Iterable[str], mesh: Path) -> dict[str, Path]:
+    """Names of the files of the surfaces that were meshed, by region; they begin with the stem of the mesh's file."""
+    stem = mesh.name.removesuffix(mesh.suffix)
+    named = {region: "" if region == OUTERMOST else f"-{region}" for region in regions}
+    return {region: mesh.with_name(f"{stem}.meshed{of}.surf.gii") for region, of in named.items()}
 
 
 def made_from(meshed: Mapping[str, Path], given: Mapping[str, str | Path], folder: Path) -> dict[str, Any]:

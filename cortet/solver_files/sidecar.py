@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, ValidationError
 
 from cortet.errors import InputError
 from cortet.formats.hashing import array_sha256, sha256
+from cortet.formats.ownership import record_of
 from cortet.formats.untrusted import content
 from cortet.geometry.topology import boundary_faces, face_areas
 from cortet.measure.quality import signed_volumes
@@ -38,7 +39,7 @@ def sidecar(
     as_read: TetMesh | TriSurface,
     *,
     solver: str,
-    files: Mapping[str, str],
+    files: Iterable[Path],
     unit: str,
     frame: CoordinateFrame,
     sources: Mapping[str, FieldSource],
@@ -50,7 +51,7 @@ def sidecar(
     Parameters
     ----------
     as_read : the mesh as it is read back from the file
-    files : name -> SHA-256 of every file of the export
+    files : of the export
     unit : of the coordinates in the file
     frame : coordinate system of the surface the mesh was made from
     sources : name of a field -> where it came from
@@ -59,7 +60,7 @@ def sidecar(
     """
     record: dict[str, Any] = {
         "format": solver,
-        "files": dict(files),
+        **record_of(files),
         "units": {"coordinates": unit},
         "coordinate_system": asdict(frame),
         "nodes": len(as_read.points),
@@ -142,6 +143,11 @@ def read_sidecar(path: Path) -> dict[str, Any]:
     try:
         record: dict[str, Any] = json.loads(content(file, largest=_LONGEST_FILE))
         _Record.model_validate(record)
+    except ValidationError as error:
+        wrong = ", ".join(".".join(map(str, one["loc"])) for one in error.errors())
+        raise InputError(
+            f"is no sidecar: wrong or missing {wrong}", file=file, remedy="export the mesh again"
+        ) from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"is no sidecar: {error}", file=file, remedy="export the mesh again") from error
     return record

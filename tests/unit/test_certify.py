@@ -17,6 +17,7 @@ from cortet.errors import InputError, StageError
 from cortet.geometry.banks import banks, gaps
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import Certificate, certify
+from cortet.measure.checks import LOSS_REMEDY, for_mesher, judged
 from cortet.mesh import TetMesh, TriSurface
 
 
@@ -96,7 +97,7 @@ def test_a_tunnel_is_refused_though_every_element_is_good(mesh: TetMesh, surface
     ring = TetMesh(mesh.points[nodes], np.searchsorted(nodes, mesh.cells[~hole]))
     certificate = certify(ring, surface, **ANY_SIZE)
     assert failed(certificate) == {"boundary Euler number"}
-    assert "facet_distance" in certificate.reasons[0]
+    assert "use a smaller cell size" in certificate.reasons[0]
 
 
 def test_cubes_that_touch_in_an_edge_or_a_corner_are_refused(mesh: TetMesh, surface: TriSurface) -> None:
@@ -245,3 +246,19 @@ def test_a_limit_that_is_none_is_an_error_that_names_it(mesh: TetMesh, surface: 
     for name in ("q_max", "cell_size", "max_boundary_distance"):
         with pytest.raises(InputError, match=f"{name} = .* is no limit"):
             certify(mesh, surface, **{name: limit})
+
+
+@pytest.mark.parametrize(
+    ("mesher", "says", "not_says"),
+    [
+        ("lattice", "use a smaller cell size", "mesher `lattice`"),
+        ("cgal", "the mesher `lattice`", "another surface"),
+        (None, "the mesh was made from another surface", "mesher `lattice`"),
+    ],
+)
+def test_a_remedy_fits_what_filled_the_surface(mesher: str | None, says: str, not_says: str) -> None:
+    check = judged("distance", 2.0, "<=", 1.0, remedy=LOSS_REMEDY)
+    remedy = for_mesher(check, mesher).remedy
+    assert says in remedy and not_says not in remedy
+    other = judged("worst q", 0.7, "<", 0.6, remedy="move it")
+    assert for_mesher(other, mesher).remedy == "move it"

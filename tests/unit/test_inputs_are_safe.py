@@ -167,3 +167,79 @@ def test_an_uncertified_mesh_leaves_nothing_of_an_earlier_one(tmp_path: Path, mo
     assert run("mesh a.surf.gii --cell-size 5 --config strict.yaml -o x.pts", tmp_path, monkeypatch) == 1
     left = {"a.surf.gii", "strict.yaml", "x.notes", "x.certificate.json", "x.meshed.surf.gii"}
     assert {path.name for path in tmp_path.iterdir()} == {*left, MANIFEST}
+
+
+@pytest.fixture
+def meshed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a mesh of cortet's."""
+    write_surface(ball_surface(3, 14.0), tmp_path / "a.surf.gii")
+    assert run("mesh a.surf.gii --cell-size 5 -o x.vtu", tmp_path, monkeypatch) == 0
+    return tmp_path
+
+
+@pytest.mark.parametrize("force", ["", " --force"])
+@pytest.mark.parametrize("output", ["x.meshed.surf.gii", "x.vtu.json", "x.vtu"])
+@pytest.mark.parametrize(
+    "command", ["certify x.vtu -o {}", "compare x.vtu -o {}", "compare x.vtu -o a.html --table {}"]
+)
+def test_what_the_sidecar_names_is_an_input(
+    meshed: Path, monkeypatch: pytest.MonkeyPatch, command: str, output: str, force: str
+) -> None:
+    before = (meshed / output).read_bytes()
+    assert run(command.format(output) + force, meshed, monkeypatch) == 1
+    assert (meshed / output).read_bytes() == before and not (meshed / "a.html").exists()
+
+
+def test_a_file_that_the_configuration_names_is_an_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for number, name in ((3, "x"), (4, "common")):
+        surface, sphere = phantom_with_sphere(24.0, subdivisions=number)
+        write_surface(surface, tmp_path / f"{name}.surf.gii")
+        write_surface(sphere, tmp_path / f"{name}.sphere.gii")
+    (tmp_path / "c.yaml").write_text(f"resample:\n  template: {tmp_path}/common.sphere.gii\n")
+    before = (tmp_path / "common.sphere.gii").read_bytes()
+    words = "resample x.surf.gii --sphere x.sphere.gii --config c.yaml --force -o "
+    assert run(words + "common.sphere.gii", tmp_path, monkeypatch) == 1
+    assert (tmp_path / "common.sphere.gii").read_bytes() == before
+    assert run(words + "y.surf.gii", tmp_path, monkeypatch) == 0
+
+
+@pytest.mark.parametrize("name", ["x.certificate.json", "x.vtu.json", "x.meshed.surf.gii"])
+def test_a_mesh_that_cannot_be_replaced_stays(meshed: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    (meshed / name).write_text("mine")
+    before = {path.name: path.read_bytes() for path in meshed.iterdir()}
+    assert run("mesh a.surf.gii --cell-size 5 -o x.vtu", meshed, monkeypatch) == 1
+    assert {path.name: path.read_bytes() for path in meshed.iterdir()} == before
+
+
+@pytest.mark.parametrize("last", ["x.certificate.json", "x.meshed.surf.gii", "x.vtu.json", "x.vtu", "x.png"])
+def test_a_command_that_was_killed_is_started_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: str) -> None:
+    class Killed(BaseException):
+        pass
+
+    def replace_then_die(path: Path, target: Path) -> Path:
+        result = replace(path, target)
+        if Path(target).absolute() == tmp_path / last:
+            raise Killed
+        return result
+
+    write_surface(ball_surface(3, 14.0), tmp_path / "a.surf.gii")
+    replace = Path.replace
+    words = "mesh a.surf.gii --cell-size 5 -o x.vtu --picture x.png"
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", replace_then_die)
+        with pytest.raises(Killed):
+            run(words, tmp_path, patched)
+    assert (tmp_path / last).exists()
+    assert run(words, tmp_path, monkeypatch) == 0
+
+
+def test_a_repair_with_a_picture_is_done_twice(meshed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for _ in range(2):
+        assert run("repair a.surf.gii -o r.surf.gii --picture r.png", meshed, monkeypatch) == 0
+
+
+def test_two_outputs_of_one_name_are_refused(meshed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run(
+        "mesh a.surf.gii --cell-size 5 -o y.vtu --page ../*/y.vtu".replace("*", meshed.name), meshed, monkeypatch
+    )
+    assert not (meshed / "y.vtu").exists()

@@ -11,7 +11,16 @@ import pytest
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_folder, atomic_path, write_json
-from cortet.formats.ownership import MANIFEST, MARKER, delete_made, guarded, hashes, is_ours, may_write
+from cortet.formats.ownership import (
+    MANIFEST,
+    MARKER,
+    delete_made,
+    guarded,
+    has_read,
+    is_ours,
+    may_write,
+    record_of,
+)
 
 ROOT = Path(__file__).parents[2]
 
@@ -122,7 +131,8 @@ def test_only_what_a_record_lists_and_is_unchanged_is_deleted(tmp_path: Path) ->
     first.write_text("made")
     second.write_text("made")
     record = tmp_path / "x.json"
-    write_json({"files": hashes([first, second]) | {"../outside": "0", "x.gone": "0"}}, record)
+    content = record_of([first, second])
+    write_json(content | {"files": content["files"] | {"../outside": "0", "x.gone": "0"}}, record)
     second.write_text("edited")
     delete_made(record)
     assert not first.exists() and second.exists() and not record.exists()
@@ -166,3 +176,42 @@ def test_an_input_within_its_own_folder_stays(tmp_path: Path) -> None:
         pytest.raises(InputError, match="is an input"),
     ):
         may_write(tmp_path / "run/settings")
+
+
+def test_a_record_of_others_is_no_record(tmp_path: Path) -> None:
+    data = tmp_path / "x.raw"
+    data.write_text("mine")
+    manifest = tmp_path / "x.json"
+    write_json({"files": record_of([data])["files"]}, manifest)
+    assert not is_ours(data) and not is_ours(manifest)
+    delete_made(manifest)
+    assert data.exists() and manifest.exists()
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_what_a_command_has_read_is_an_input(tmp_path: Path, force: bool) -> None:
+    read = made(tmp_path / "x.mesh")
+    with guarded([], force=force), pytest.raises(InputError, match="is an input"):
+        has_read(read)
+        write(read)
+    with guarded([], files=[read], force=force), pytest.raises(InputError, match="is an input"):
+        has_read(tmp_path / ".." / tmp_path.name / "x.mesh")
+    assert read.read_text() == "made"
+
+
+def test_a_command_may_write_again_what_it_has_read_back(tmp_path: Path) -> None:
+    with guarded([], files=[tmp_path / "x"]):
+        with atomic_path(tmp_path / "x") as temporary:
+            temporary.write_text("one")
+            has_read(temporary)
+        has_read(tmp_path / "x")
+        write(tmp_path / "x", "two")
+    assert (tmp_path / "x").read_text() == "two"
+
+
+def test_a_device_or_a_pipe_is_not_replaced_even_when_forced(tmp_path: Path) -> None:
+    pipe = tmp_path / "x.png"
+    os.mkfifo(pipe)
+    with pytest.raises(InputError, match="a device or a pipe"), guarded([], files=[pipe], force=True):
+        raise AssertionError("it was let through")
+    assert pipe.is_fifo()
