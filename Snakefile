@@ -20,7 +20,7 @@ include: "rules/experiments_common.smk"
 include: "rules/experiments.smk"
 include: "rules/simulation.smk"
 include: "rules/failures.smk"
-include: "rules/receipts.smk"
+include: "rules/jobs.smk"
 
 
 # What is farther down the line goes first: the first cases are done while the last ones wait.
@@ -46,26 +46,26 @@ rule all:
     default_target: True
     input:
         rules.dataset_description.output,
-        lambda _: solver_files(),
-        lambda _: quality_records(),
+        lambda _: PLAN.solver_files(),
+        lambda _: PLAN.quality_records(),
         COHORT_FILES,
-        lambda _: [*fold_files(), *rules.cohort_folding.output] if FOLDED else [],
+        lambda _: [*PLAN.fold_files(), *rules.cohort_folding.output] if FOLDED else [],
 
 
 rule meshes:
     """Certified solver files of every case, without cohort tables and figures."""
     input:
-        lambda _: solver_files(),
+        lambda _: PLAN.solver_files(),
 
 
 rule participants:
     """Everything on single cases: solver files, certificates, pages, records, folding."""
     input:
         rules.dataset_description.output,
-        lambda _: solver_files(),
-        lambda _: quality_records(),
-        lambda _: list(each_case(CASE_PAGE).values()),
-        lambda _: fold_files(),
+        lambda _: PLAN.solver_files(),
+        lambda _: PLAN.quality_records(),
+        lambda _: list(PLAN.each_case(LAYOUT.case_page).values()),
+        lambda _: PLAN.fold_files(),
 
 
 rule cohort:

@@ -33,10 +33,11 @@ from cortet.mesh import TetMesh
 from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 from cortet.simulation.body import Material, body_of, scale_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
-from cortet.simulation.gpu import OnGpu, device_name
+from cortet.simulation.device import device_name
+from cortet.simulation.gpu import OnGpu
 from cortet.simulation.kernels import DONE, Motion, Work, workspace
 from cortet.simulation.patches import ROWS, VOLUME
-from cortet.simulation.run import Moment
+from cortet.simulation.state import Moment
 from cortet.simulation.stepper import OnCpu
 
 #: growth at every step: enough that no term of the forces is zero

@@ -23,7 +23,7 @@ from cortet.formats.tsv import read_tsv
 from cortet.mesh import TetMesh
 from cortet.report import published
 from cortet.simulation.fold import TABLE, VERDICT, fold
-from cortet.simulation.run import Settings
+from cortet.simulation.state import Settings
 
 #: ages that judge the fit end here, weeks
 LAST = 34.0

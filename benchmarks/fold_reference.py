@@ -24,7 +24,7 @@ from cortet.mesh import TetMesh
 from cortet.report.fold_figures import draw
 from cortet.simulation.fold import TABLE, fold
 from cortet.simulation.growth import age_of
-from cortet.simulation.run import Settings
+from cortet.simulation.state import Settings
 
 #: of the reference: 0.05 sqrt(rho / K) times a mesh spacing of 0.01
 TIME_STEP = 0.05 * (0.01 / 5) ** 0.5 * 0.01

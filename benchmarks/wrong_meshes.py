@@ -29,7 +29,8 @@ from cortet.formats.gifti import write_surface
 from cortet.geometry.topology import TET_FACES, boundary_surface, neighbours
 from cortet.measure.certify import certify
 from cortet.mesh import REGION, IntArray, TetMesh, TriSurface
-from cortet.simulation.run import Settings, prepared
+from cortet.simulation.run import prepared
+from cortet.simulation.state import Settings
 from cortet.solver_files.export import convert
 from cortet.solver_files.verify import verify
 from cortet.stages.solver_ready import surface_nodes_first

@@ -739,7 +739,7 @@ def _fold(args: argparse.Namespace) -> int:
     from cortet.report.fold_figures import draw
     from cortet.simulation.fold import fold
     from cortet.simulation.progress import status
-    from cortet.simulation.run import Settings
+    from cortet.simulation.state import Settings
 
     if args.threads:
         set_num_threads(min(args.threads, get_num_threads()))

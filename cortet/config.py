@@ -513,7 +513,7 @@ class Fold(Section):
     """Weeks between two frames (.vtu) of a run."""
     device: Literal["cpu", "cuda"] = "cpu"
     """What takes the steps of a run: cpu, or cuda for a GPU of NVIDIA (`pip install 'cortet[gpu]'`), where the workflow
-    lets one job at a time have one. The bits of a result are those of its device."""
+    lets one job at a time have one. A result is reproducible bit for bit on one device, not across devices."""
 
     @model_validator(mode="after")
     def _variants_are_valid(self) -> Fold:

@@ -268,8 +268,9 @@ def _prove_gpu() -> str:
     import numpy as np
 
     from cortet.errors import InputError
-    from cortet.simulation.gpu import device_name
-    from cortet.simulation.run import Settings, advance_to, beginning, prepared
+    from cortet.simulation.device import device_name
+    from cortet.simulation.run import advance_to, beginning, prepared
+    from cortet.simulation.state import Settings
 
     try:
         name = device_name()

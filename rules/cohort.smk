@@ -21,12 +21,6 @@ rule dataset_description:
         description=f"{OUT}/dataset_description.json",
         ignore=f"{OUT}/.bidsignore",
         descriptions=f"{OUT}/descriptions.tsv",
-    log:
-        run_log("dataset_description"),
-    benchmark:
-        run_benchmark("dataset_description")
-    conda:
-        "../envs/cortet.yaml"
     params:
         version=__version__,
         links=lambda _: Places(Path(OUT), Path(RAW)).links(path for case in CASES.values() for path in case.files),
@@ -38,7 +32,7 @@ rule dataset_description:
 rule cohort_quality:
     """One row per mesh: quality, fidelity, topology, verdict; a JSON file explains the columns."""
     input:
-        lambda _: measured_certificates(),
+        lambda _: PLAN.measured_certificates(),
     output:
         table=f"{OUT}/cohort/cohort_quality.tsv",
         sidecar=f"{OUT}/cohort/cohort_quality.json",
@@ -48,12 +42,6 @@ rule cohort_quality:
             category="Cohort",
             labels={"result": "table: quality"},
         ),
-    log:
-        run_log("cohort_quality"),
-    benchmark:
-        run_benchmark("cohort_quality")
-    conda:
-        "../envs/cortet.yaml"
     params:
         cases=list(CASES.values()),
         version=[version_of("report.cohort_tables"), version_of("report.table_files")],
@@ -64,7 +52,7 @@ rule cohort_quality:
 rule cohort_summary:
     """One row per cell size and mesher, as Table 1 of the CORTET paper."""
     input:
-        lambda _: measured_certificates(),
+        lambda _: PLAN.measured_certificates(),
     output:
         table=f"{OUT}/cohort/cohort_summary.tsv",
         sidecar=f"{OUT}/cohort/cohort_summary.json",
@@ -74,12 +62,6 @@ rule cohort_summary:
             category="Cohort",
             labels={"result": "table: summary"},
         ),
-    log:
-        run_log("cohort_summary"),
-    benchmark:
-        run_benchmark("cohort_summary")
-    conda:
-        "../envs/cortet.yaml"
     params:
         cases=list(CASES.values()),
         version=[version_of("report.cohort_tables"), version_of("report.table_files")],
@@ -90,7 +72,7 @@ rule cohort_summary:
 rule cohort_stages:
     """One row per mesh and measured stage."""
     input:
-        lambda _: stage_records(),
+        lambda _: PLAN.stage_records(),
     output:
         table=f"{OUT}/cohort/cohort_stages.tsv",
         sidecar=f"{OUT}/cohort/cohort_stages.json",
@@ -100,12 +82,6 @@ rule cohort_stages:
             category="Cohort",
             labels={"result": "table: stages"},
         ),
-    log:
-        run_log("cohort_stages"),
-    benchmark:
-        run_benchmark("cohort_stages")
-    conda:
-        "../envs/cortet.yaml"
     params:
         version=[version_of("report.ablation"), version_of("report.table_files")],
     script:
@@ -124,12 +100,6 @@ rule cohort_figure:
             labels={"result": "figure: quality against age"},
         ),
         multiext(f"{OUT}/cohort/figure-cohort", ".pdf", ".png"),
-    log:
-        run_log("cohort_figure"),
-    benchmark:
-        run_benchmark("cohort_figure")
-    conda:
-        "../envs/cortet.yaml"
     params:
         limit=CONFIG.certify.q_max,
         version=version_of("report.figures"),
@@ -140,10 +110,8 @@ rule cohort_figure:
 rule cohort_status:
     """Every case with its stage, state, reason and log."""
     input:
-        certificates=lambda _: measured_certificates(),
-        solver_files=lambda _: [
-            path for pattern in SOLVER_FILES for mesh, path in each_case(pattern).items() if mesh not in FAILURES
-        ],
+        certificates=lambda _: PLAN.measured_certificates(),
+        solver_files=lambda _: PLAN.exported_files(),
     output:
         table=f"{OUT}/cohort/cohort_status.tsv",
         sidecar=f"{OUT}/cohort/cohort_status.json",
@@ -153,14 +121,8 @@ rule cohort_status:
             category="Cohort",
             labels={"result": "table: status"},
         ),
-    log:
-        run_log("cohort_status"),
-    benchmark:
-        run_benchmark("cohort_status")
-    conda:
-        "../envs/cortet.yaml"
     params:
-        meshes=lambda _: status_of_all(),
+        meshes=lambda _: PLAN.status(),
         version=[version_of("cohort.status"), version_of("report.table_files")],
     script:
         "../scripts/cohort_status.py"
@@ -169,18 +131,12 @@ rule cohort_status:
 rule citation:
     """What a paper says of the run, with references, as fMRIPrep leaves it."""
     input:
-        lambda _: measured_certificates(),
+        lambda _: PLAN.measured_certificates(),
     output:
         multiext(f"{OUT}/logs/CITATION", ".md", ".bib", ".tex", ".html"),
-    log:
-        run_log("citation"),
-    benchmark:
-        run_benchmark("citation")
-    conda:
-        "../envs/cortet.yaml"
     params:
         sheet=SHEET,
-        failures=lambda _: unmeasured(),
+        failures=lambda _: PLAN.unmeasured(),
         version=[version_of("report.methods"), version_of("report.citation")],
     script:
         "../scripts/citation.py"
@@ -190,33 +146,18 @@ rule cohort_page:
     """All cases on one page for a browser, with their key numbers, failures and outliers first."""
     input:
         status=rules.cohort_status.output.table,
-        quality=lambda _: [*rules.cohort_quality.output[:2]] if measured_certificates() else [],
-        figure=lambda _: rules.cohort_figure.output[0] if measured_certificates() else [],
-        maps=lambda _: expand(rules.cohort_maps.output.picture, hemi=mapped_hemispheres()),
+        quality=lambda _: [*rules.cohort_quality.output[:2]] if PLAN.measured_certificates() else [],
+        figure=lambda _: rules.cohort_figure.output[0] if PLAN.measured_certificates() else [],
+        maps=lambda _: expand(rules.cohort_maps.output.picture, hemi=PLAN.mapped_hemispheres()),
         folding=lambda _: [rules.cohort_folding.output.table, rules.cohort_folding.output.figure] if FOLDED else [],
     output:
-        page=COHORT_PAGE,
-    log:
-        run_log("cohort_page"),
-    benchmark:
-        run_benchmark("cohort_page")
-    conda:
-        "../envs/cortet.yaml"
+        page=LAYOUT.cohort_page,
     params:
-        meshes=lambda _: [
-            {
-                "case": case,
-                "scan_age": CASES[case].scan_age,
-                "hemi": CASES[case].hemi,
-                "cell_size_mm": res / 1000,
-                "mesher": mesher,
-                "page": beside(page, COHORT_PAGE),
-            }
-            for (case, res, mesher), page in each_case(CASE_PAGE).items()
-        ],
-        hemispheres=lambda _: mapped_hemispheres(),
+        meshes=lambda _: PLAN.listed_on_page(),
+        hemispheres=lambda _: PLAN.mapped_hemispheres(),
         folds=lambda _: [
-            {**run, "folder": beside(Path(verdict).parent, COHORT_PAGE)} for verdict, run in fold_runs().items()
+            {**run, "folder": beside(Path(verdict).parent, LAYOUT.cohort_page)}
+            for verdict, run in PLAN.fold_runs().items()
         ],
         version=version_of("report.pages"),
     script:
@@ -226,7 +167,7 @@ rule cohort_page:
 rule cohort_maps:
     """Means over the cases of a hemisphere on the common mesh: surface, fields, distance to the boundary."""
     input:
-        lambda wildcards: list(maps_of(wildcards.hemi).values()),
+        lambda wildcards: list(PLAN.maps(wildcards.hemi).values()),
     output:
         surface=f"{OUT}/cohort/hemi-{{hemi}}_desc-mean_white.surf.gii",
         maps=f"{OUT}/cohort/hemi-{{hemi}}_desc-mean_maps.shape.gii",
@@ -237,19 +178,13 @@ rule cohort_maps:
             category="Cohort",
             labels={"result": "maps on the common mesh"},
         ),
-    log:
-        run_log("cohort_maps_hemi-{hemi}"),
-    benchmark:
-        run_benchmark("cohort_maps_hemi-{hemi}")
     wildcard_constraints:
         hemi="[LR]",
-    conda:
-        "../envs/cortet.yaml"
     resources:
         mem_mb=4000,
         runtime=60,
     params:
-        cases=lambda wildcards: list(maps_of(wildcards.hemi)),
+        cases=lambda wildcards: list(PLAN.maps(wildcards.hemi)),
         version=[version_of("report.cohort_maps"), version_of("report.render")],
     script:
         "../scripts/cohort_maps.py"
@@ -263,6 +198,6 @@ COHORT_FILES = [
     *rules.cohort_status.output,
     *rules.cohort_page.output,
     *rules.citation.output,
-    *expand(rules.cohort_maps.output, hemi=[hemi for hemi in "LR" if mapped(hemi)]),
-    *each_case(CASE_PAGE).values(),
+    *expand(rules.cohort_maps.output, hemi=[hemi for hemi in "LR" if PLAN.mapped(hemi)]),
+    *PLAN.each_case(LAYOUT.case_page).values(),
 ]

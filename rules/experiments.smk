@@ -7,20 +7,14 @@ None of this is part of `all`; ask for `tables`, `figures` or `report`.
 checkpoint baseline:
     """S1 by a mesher of another project; where it fails, the mesh is empty and the report says why."""
     input:
-        surface=meshed_surface,
+        surface=PLAN.meshed_surface,
     output:
-        mesh=mesh_file("Generated"),
-        report=mesh_file("Generated", "tetmesh.json"),
-    log:
-        mesh_log("baseline"),
-    benchmark:
-        mesh_benchmark("baseline")
+        mesh=LAYOUT.mesh("Generated"),
+        report=LAYOUT.mesh("Generated", "tetmesh.json"),
     wildcard_constraints:
-        mesher="|".join(COMPARED_MESHERS) or "none",
-    conda:
-        "../envs/cortet.yaml"
+        mesher="|".join(PLAN.compared_meshers) or "none",
     resources:
-        mem_mb=megabytes("generate"),
+        mem_mb=partial(PLAN.megabytes, "generate"),
         runtime=EXPERIMENTS.ablation.time_limit + 5,
     params:
         arguments=lambda wildcards: {
@@ -29,8 +23,8 @@ checkpoint baseline:
             "time_limit": EXPERIMENTS.ablation.time_limit,
         },
         version=version_of("meshers.baselines"),
-        origin=partial(origin_of, LABELS["generate"]),
-        input_sha256=input_sha256_of,
+        origin=partial(PLAN.origin, LABELS["generate"]),
+        input_sha256=PLAN.input_sha256,
     script:
         "../scripts/baseline.py"
 
@@ -38,24 +32,15 @@ checkpoint baseline:
 rule quality:
     """Element quality of a mesh of another project's mesher that did not fail."""
     input:
-        mesh=mesh_file("Generated"),
+        mesh=LAYOUT.mesh("Generated"),
     output:
-        record=mesh_file("Generated", "quality.json"),
-    log:
-        mesh_log("quality"),
-    benchmark:
-        mesh_benchmark("quality")
+        record=LAYOUT.mesh("Generated", "quality.json"),
     wildcard_constraints:
-        mesher="|".join(COMPARED_MESHERS) or "none",
-    conda:
-        "../envs/cortet.yaml"
-    resources:
-        mem_mb=megabytes("quality"),
-        runtime=minutes("quality"),
+        mesher="|".join(PLAN.compared_meshers) or "none",
     params:
         version=version_of("measure.quality"),
-        origin=partial(origin_of, LABELS["generate"]),
-        input_sha256=input_sha256_of,
+        origin=partial(PLAN.origin, LABELS["generate"]),
+        input_sha256=PLAN.input_sha256,
     script:
         "../scripts/quality.py"
 
@@ -66,12 +51,6 @@ rule reference:
         mesh=lambda wildcards: str(REFERENCES[wildcards.reference]),
     output:
         record=f"{OUT}/cohort/reference-{{reference}}_quality.json",
-    log:
-        run_log("reference/{reference}"),
-    benchmark:
-        run_benchmark("reference/{reference}")
-    conda:
-        "../envs/cortet.yaml"
     resources:
         mem_mb=2000,
         runtime=5,
@@ -87,7 +66,7 @@ rule table_ablation:
     input:
         records=lambda _: existing_files(records_of_all(ablated(OWN_MESHERS))),
         baselines=lambda _: existing_files(
-            records_of_all(mesh for mesh in ablated(COMPARED_MESHERS) if baseline_succeeded(*mesh))
+            records_of_all(mesh for mesh in ablated(PLAN.compared_meshers) if baseline_succeeded(*mesh))
         ),
         reports=lambda _: existing_files(ablation_reports()),
         references=expand(rules.reference.output.record, reference=REFERENCES),
@@ -99,14 +78,8 @@ rule table_ablation:
             labels={"table": "1, stage ablation"},
         ),
         multiext(f"{OUT}/cohort/table-ablation", ".tsv", ".json", ".tex", ".md"),
-    log:
-        run_log("table_ablation"),
-    benchmark:
-        run_benchmark("table_ablation")
-    conda:
-        "../envs/cortet.yaml"
     params:
-        missing=lambda _: missing_records(records_of_all(ablated([*OWN_MESHERS, *COMPARED_MESHERS]))),
+        missing=lambda _: missing_records(records_of_all(ablated([*OWN_MESHERS, *PLAN.compared_meshers]))),
         version=[version_of("report.ablation"), version_of("report.table_files")],
     script:
         "../scripts/table_ablation.py"
@@ -124,12 +97,6 @@ rule table_resolution:
             labels={"table": "2, cell size"},
         ),
         multiext(f"{OUT}/cohort/table-resolution", ".tsv", ".json", ".tex", ".md"),
-    log:
-        run_log("table_resolution"),
-    benchmark:
-        run_benchmark("table_resolution")
-    conda:
-        "../envs/cortet.yaml"
     params:
         table="resolution",
         missing=missing_records(RESOLUTION_RECORDS),
@@ -151,12 +118,6 @@ rule table_measures:
             labels={"table": "other measures"},
         ),
         multiext(f"{OUT}/cohort/table-measures", ".tsv", ".json", ".tex", ".md"),
-    log:
-        run_log("table_measures"),
-    benchmark:
-        run_benchmark("table_measures")
-    conda:
-        "../envs/cortet.yaml"
     params:
         table="measures",
         missing=missing_records(MEASURES_RECORDS),
@@ -178,12 +139,6 @@ rule figure_pooled_quality:
             labels={"figure": "pooled quality, h = {res} µm"},
         ),
         multiext(f"{OUT}/cohort/figure-pooled-quality_res-{{res}}um", ".pdf", ".png"),
-    log:
-        run_log("figure_pooled_quality/{res}"),
-    benchmark:
-        run_benchmark("figure_pooled_quality/{res}")
-    conda:
-        "../envs/cortet.yaml"
     params:
         arguments=lambda wildcards: {
             "settings": {SETTINGS[name].setting: mesher for name, mesher in MESHER_OF.items()},
@@ -207,12 +162,6 @@ rule figure_series:
             labels={"figure": "developmental series"},
         ),
         multiext(f"{OUT}/cohort/figure-series", ".pdf", ".png"),
-    log:
-        run_log("figure_series"),
-    benchmark:
-        run_benchmark("figure_series")
-    conda:
-        "../envs/cortet.yaml"
     resources:
         mem_mb=8000,
         runtime=30,
@@ -227,7 +176,7 @@ rule figure_series:
 rule methods:
     """A paragraph for the methods section: parameters, versions, numbers and exclusions."""
     input:
-        lambda _: measured_certificates(),
+        lambda _: PLAN.measured_certificates(),
     output:
         text=f"{OUT}/cohort/methods.md",
         view=report(
@@ -236,15 +185,9 @@ rule methods:
             category="Methods",
             labels={"text": "methods paragraph"},
         ),
-    log:
-        run_log("methods"),
-    benchmark:
-        run_benchmark("methods")
-    conda:
-        "../envs/cortet.yaml"
     params:
         sheet=SHEET,
-        failures=lambda _: unmeasured(),
+        failures=lambda _: PLAN.unmeasured(),
         version=version_of("report.methods"),
     script:
         "../scripts/methods.py"
@@ -271,12 +214,6 @@ rule report:
         FIGURES,
     output:
         archive=f"{OUT}/cohort/report.zip",
-    log:
-        run_log("report"),
-    benchmark:
-        run_benchmark("report")
-    conda:
-        "../envs/cortet.yaml"
     params:
         config=config,
         snakefile=str(workflow.main_snakefile),

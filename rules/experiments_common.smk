@@ -8,7 +8,9 @@ from cortet.report.ablated import ABLATED
 EXPERIMENTS = CONFIG.experiments
 # meshers whose failure is that of the case
 OWN_MESHERS = list(
-    dict.fromkeys(m for m in [*CONFIG.generate.meshers, *EXPERIMENTS.ablation.meshers] if m not in COMPARED_MESHERS)
+    dict.fromkeys(
+        m for m in [*CONFIG.generate.meshers, *EXPERIMENTS.ablation.meshers] if m not in PLAN.compared_meshers
+    )
 )
 
 
@@ -38,13 +40,13 @@ def ablated(meshers):
 def record_of(desc, mesh, setting=""):
     """The quality record of one mesh after a stage, by the label of the stage."""
     case, res, mesher = mesh
-    path = file_of(mesh_file(desc, "quality.json"), case, res, mesher, setting)
-    return {path: origin_of_mesh(desc, case.name, res, mesher, setting)}
+    path = file_of(LAYOUT.mesh(desc, "quality.json"), case, res, mesher, setting)
+    return {path: PLAN.origin_of_mesh(desc, case.name, res, mesher, setting)}
 
 
 def records_of(mesh):
     """Quality records of one mesh, after each stage that the ablation looks at, in the settings that are run on it."""
-    settings = settings_on(mesh[2])
+    settings = PLAN.settings_on(mesh[2])
     return {
         path: origin
         for stage, desc in LABELS.items()
@@ -71,7 +73,7 @@ def last_records(meshes):
 def baseline_succeeded(case, res, mesher):
     """Whether a mesher that is only compared with made a mesh; asking makes it try."""
     if MISSING:  # the run has ended: what is there is there
-        path = file_of(mesh_file("Generated", "tetmesh.json"), case, res, mesher)
+        path = file_of(LAYOUT.mesh("Generated", "tetmesh.json"), case, res, mesher)
     else:
         path = checkpoints.baseline.get(folder=case.folder, case=case.name, res=res, mesher=mesher).output["report"]
     return Path(path).exists() and "failure" not in json.loads(Path(path).read_text())
@@ -79,8 +81,8 @@ def baseline_succeeded(case, res, mesher):
 
 def ablation_reports():
     """What S1 reported of every mesh; with these as inputs the meshers run at once, not one after the other."""
-    meshes = ablated([*OWN_MESHERS, *COMPARED_MESHERS])
-    return [file_of(mesh_file("Generated", "tetmesh.json"), *mesh) for mesh in meshes]
+    meshes = ablated([*OWN_MESHERS, *PLAN.compared_meshers])
+    return [file_of(LAYOUT.mesh("Generated", "tetmesh.json"), *mesh) for mesh in meshes]
 
 
 # by setting, the mesher whose meshes stand for it
@@ -115,7 +117,7 @@ def series():
     chosen_brains = {(case.participant, case.session) for case in cases_of(EXPERIMENTS.series.cases)}
     brains = {}
     for case in CASES.values():
-        mesh = file_of(mesh_file("Solver"), case, RESOLUTIONS[0], MESHER_OF[""])
+        mesh = file_of(LAYOUT.mesh("Solver"), case, RESOLUTIONS[0], MESHER_OF[""])
         if (case.participant, case.session) in chosen_brains and mesh not in MISSING:
             brain = brains.setdefault((case.participant, case.session), {"age": case.scan_age, "meshes": {}})
             brain["meshes"][case.hemi or "n/a"] = mesh
@@ -156,7 +158,7 @@ def convergence_runs():
     experiment = EXPERIMENTS.convergence
     return {
         (case.name, size, mesher, seed): [
-            convergence_file(name).format(
+            LAYOUT.convergence(name).format(
                 folder=case.folder, case=case.name, res=round(1000 * size), mesher=mesher, seed=seed
             )
             for name in ("record.json", "fold.tsv", "start.surf.gii", "folded.surf.gii")

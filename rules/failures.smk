@@ -43,7 +43,7 @@ def failures_of_run():
     for job in sorted(workflow.dag.needrun_jobs(), key=lambda job: order[job.rule.name]):
         undone[job.wildcards.get("case")].append(job)
     failures = {}
-    for mesh in each_case(CERTIFICATE):
+    for mesh in PLAN.each_case(LAYOUT.certificate):
         case, res, mesher = mesh
         jobs = [job for job in undone[case] if is_about(job, res=res, mesher=mesher, setting="")]
         failed = [job for job in jobs if job in failed_in_run]
@@ -130,10 +130,12 @@ onerror:
     failures, missing = failures_of_run(), missing_of_run()
     for (case, *_), failure in failures.items():
         logger.error(f"{case}: {failure['stage']}: {failure['reason']}")
-    measured = any(is_measured(mesh, failures) for mesh in each_case(CERTIFICATE))
+    measured = any(PLAN.is_measured(mesh, failures) for mesh in PLAN.each_case(LAYOUT.certificate))
     possible = OVER_ALL_CASES if measured else ["cohort_status", "cohort_page"]
     targets = [path for job in workflow.dag.jobs if job.rule.name in possible for path in job.output]
-    pages = {page for mesh, page in each_case(CASE_PAGE).items() if not is_measured(mesh, failures)}
+    pages = {
+        page for mesh, page in PLAN.each_case(LAYOUT.case_page).items() if not PLAN.is_measured(mesh, failures)
+    }
     targets += sorted(pages & {path for job in workflow.dag.jobs for path in job.output})
     if missing and targets:
         run_over_done_cases(failures, missing, targets)

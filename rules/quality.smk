@@ -4,30 +4,21 @@
 rule certify:
     """Verdict on the last mesh, with every number beside its limit."""
     input:
-        mesh=mesh_file("Solver"),
-        surface=meshed_surface,
-        inner=inner_of(INNER_SURFACE),
-        source=surface_of,
-        reports=lambda wildcards: list(reports_of(wildcards).values()),
-        inner_repairs=inner_reports_of("repair"),
-        inner_resamplings=inner_reports_of("resample"),
+        mesh=LAYOUT.mesh("Solver"),
+        surface=PLAN.meshed_surface,
+        inner=PLAN.inner_surfaces,
+        source=PLAN.surface,
+        reports=lambda wildcards: list(PLAN.reports(wildcards).values()),
+        inner_repairs=PLAN.inner_reports("repair"),
+        inner_resamplings=PLAN.inner_reports("resample"),
     output:
-        certificate=CERTIFICATE,
-    log:
-        mesh_log("certify"),
-    benchmark:
-        mesh_benchmark("certify")
-    conda:
-        "../envs/cortet.yaml"
-    resources:
-        mem_mb=megabytes("certify"),
-        runtime=minutes("certify"),
+        certificate=LAYOUT.certificate,
     params:
-        arguments=partial(arguments_of, "certify"),
+        arguments=partial(PLAN.arguments, "certify"),
         version=version_of("measure.certify"),
-        input_sha256=input_sha256_of,
-        line=recorded_line,
-        to_mm=placement_of,
+        input_sha256=PLAN.input_sha256,
+        line=PLAN.recorded_line,
+        to_mm=PLAN.placement,
         inner=lambda wildcards: list(CASES[wildcards.case].inner),
     script:
         "../scripts/certify.py"
@@ -36,29 +27,15 @@ rule certify:
 rule case_page:
     """A page on one mesh for a browser; of one that failed, what failed and why."""
     input:
-        unpack(shown_on_page),
+        unpack(PLAN.shown_on_page),
     output:
-        page=CASE_PAGE,
-    log:
-        mesh_log("case_page"),
-    benchmark:
-        mesh_benchmark("case_page")
-    conda:
-        "../envs/cortet.yaml"
-    resources:
-        mem_mb=megabytes("case_page"),
-        runtime=minutes("case_page"),
+        page=LAYOUT.case_page,
     params:
-        about=lambda wildcards: {
-            "scan_age": CASES[wildcards.case].scan_age,
-            "hemi": CASES[wildcards.case].hemi,
-            "cell_size": int(wildcards.res) / 1000,
-            "mesher": wildcards.mesher,
-        },
-        failure=failure_of,
-        input_sha256=input_sha256_of,
-        to_mm=placement_of,
-        cohort=lambda wildcards: beside(COHORT_PAGE, CASE_PAGE.format(**wildcards)),
+        about=PLAN.about,
+        failure=PLAN.failure,
+        input_sha256=PLAN.input_sha256,
+        to_mm=PLAN.placement,
+        cohort=lambda wildcards: beside(LAYOUT.cohort_page, LAYOUT.case_page.format(**wildcards)),
         version=[version_of("report.pages"), version_of("report.render")],
     script:
         "../scripts/case_page.py"
@@ -67,22 +44,13 @@ rule case_page:
 rule case_maps:
     """A case at the vertices of the common mesh, with its fields and its distance to the mesh."""
     input:
-        resampled=surface_file("resampled"),
-        meshed=meshed_surface,
-        inner=inner_of(INNER_SURFACE),
-        fields=fields_of,
-        mesh=mesh_file("Solver"),
+        resampled=LAYOUT.surface("resampled"),
+        meshed=PLAN.meshed_surface,
+        inner=PLAN.inner_surfaces,
+        fields=PLAN.fields,
+        mesh=LAYOUT.mesh("Solver"),
     output:
-        maps=mesh_file("Solver", "maps.surf.gii"),
-    log:
-        mesh_log("case_maps"),
-    benchmark:
-        mesh_benchmark("case_maps")
-    conda:
-        "../envs/cortet.yaml"
-    resources:
-        mem_mb=megabytes("case_maps"),
-        runtime=minutes("case_maps"),
+        maps=LAYOUT.mesh("Solver", "maps.surf.gii"),
     params:
         version=version_of("report.cohort_maps"),
     script:
@@ -92,26 +60,17 @@ rule case_maps:
 rule export:
     """The mesh as a solver reads it, with its sets and a sidecar, verified as written; refused when it is not certified."""
     input:
-        mesh=mesh_file("Solver"),
-        certificate=CERTIFICATE,
-        surface=meshed_surface,
-        inner=inner_of(INNER_SURFACE),
-        fields=existing_fields_of,
+        mesh=LAYOUT.mesh("Solver"),
+        certificate=LAYOUT.certificate,
+        surface=PLAN.meshed_surface,
+        inner=PLAN.inner_surfaces,
+        fields=PLAN.existing_fields,
     output:
-        mesh=mesh_file("Solver", "{suffix}"),
-        sidecar=mesh_file("Solver", "{suffix}.json"),
-    log:
-        mesh_log("export", desc="Solver_{suffix}"),
-    benchmark:
-        mesh_benchmark("export", desc="Solver_{suffix}")
-    conda:
-        "../envs/cortet.yaml"
-    resources:
-        mem_mb=megabytes("export"),
-        runtime=minutes("export"),
+        mesh=LAYOUT.mesh("Solver", "{suffix}"),
+        sidecar=LAYOUT.mesh("Solver", "{suffix}.json"),
     params:
         arguments=lambda wildcards: {
-            "solver": SOLVERS[wildcards.suffix],
+            "solver": EXPORTED[wildcards.suffix],
             "uncertified": CONFIG.export.uncertified,
             "unit": CONFIG.export.carp_unit,
             "interior": CONFIG.transfer.interior,
@@ -119,9 +78,9 @@ rule export:
         version=version_of("solver_files.export"),
         sets=CONFIG.export.sets,
         inner=lambda wildcards: list(CASES[wildcards.case].inner),
-        given=given_surfaces_of,
-        input_sha256=lambda wildcards: content(field_paths_of(wildcards)),
-        paths=field_paths_of,
+        given=PLAN.given_surfaces,
+        input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
+        paths=PLAN.field_paths,
         units=CONFIG.export.field_units,
     script:
         "../scripts/export.py"

@@ -7,26 +7,18 @@ rule fold:
     Frames and checkpoint lie beside the outputs; declared, Snakemake would delete them before it starts a job again.
     """
     input:
-        mesh=mesh_file("Solver"),
+        mesh=LAYOUT.mesh("Solver"),
     output:
-        verdict=fold_file("verdict.json"),
-        table=fold_file("fold.tsv"),
-        sidecar=fold_file("fold.json"),
-        series=fold_file("fold.pvd"),
-    log:
-        mesh_log("fold", desc="Folded{variant}"),
-    benchmark:
-        mesh_benchmark("fold", desc="Folded{variant}")
-    conda:
-        "../envs/cortet.yaml"
+        verdict=LAYOUT.fold("verdict.json"),
+        table=LAYOUT.fold("fold.tsv"),
+        sidecar=LAYOUT.fold("fold.json"),
+        series=LAYOUT.fold("fold.pvd"),
     # two threads that wait for each other after every loop are no gain on a small mesh
-    threads: lambda wildcards: 1 if tets(wildcards) < 2e5 else 2
+    threads: lambda wildcards: 1 if PLAN.tets(wildcards) < 2e5 else 2
     resources:
-        mem_mb=megabytes("fold"),
-        runtime=minutes("fold"),
-        gpu=gpus,
+        gpu=PLAN.gpus,
     params:
-        arguments=lambda wildcards: arguments_of("fold", wildcards) | variant_of(wildcards),
+        arguments=lambda wildcards: PLAN.arguments("fold", wildcards) | PLAN.variant(wildcards),
         version=version_of("simulation.fold"),
     script:
         "../scripts/fold.py"
@@ -35,27 +27,19 @@ rule fold:
 rule convergence_run:
     """Mesh a surface in one realisation, fold the mesh, and carry the surface along."""
     input:
-        surface=surface_of,
-        fields=existing_fields_of,
-        sphere=sphere_of,
-        template=template_of,
+        surface=PLAN.surface,
+        fields=PLAN.existing_fields,
+        sphere=PLAN.sphere,
+        template=PLAN.template,
     output:
-        record=convergence_file("record.json"),
-        table=convergence_file("fold.tsv"),
-        start=convergence_file("start.surf.gii"),
-        folded=convergence_file("folded.surf.gii"),
-    log:
-        run_log("convergence/{folder}/{case}_res-{res}um_desc-{mesher}_seed-{seed}"),
-    benchmark:
-        run_benchmark("convergence/{folder}/{case}_res-{res}um_desc-{mesher}_seed-{seed}")
-    conda:
-        "../envs/cortet.yaml"
+        record=LAYOUT.convergence("record.json"),
+        table=LAYOUT.convergence("fold.tsv"),
+        start=LAYOUT.convergence("start.surf.gii"),
+        folded=LAYOUT.convergence("folded.surf.gii"),
     resources:
-        mem_mb=megabytes("fold"),
-        runtime=minutes("fold"),
-        gpu=gpus,
+        gpu=PLAN.gpus,
     params:
-        arguments=partial(arguments_of, "fold"),
+        arguments=partial(PLAN.arguments, "fold"),
         line=realisation_of,
         origin=lambda wildcards: {
             "case": wildcards.case,
@@ -63,9 +47,9 @@ rule convergence_run:
             "seed": int(wildcards.seed),
             "cell_size_mm": int(wildcards.res) / 1000,
         },
-        input_sha256=lambda wildcards: content(all_paths_of(wildcards)),
-        paths=all_paths_of,
-        files=field_paths_of,
+        input_sha256=lambda wildcards: content(PLAN.all_paths(wildcards)),
+        paths=PLAN.all_paths,
+        files=PLAN.field_paths,
         age=lambda wildcards: CASES[wildcards.case].scan_age,
         version=[version_of("simulation.fold"), *(version_of(f"stages.{stage.name}") for stage in CONFIG.line())],
     script:
@@ -92,12 +76,6 @@ rule convergence:
         multiext(f"{OUT}/cohort/table-convergence", ".tsv", ".json", ".tex", ".md"),
         multiext(f"{OUT}/cohort/figure-convergence", ".pdf", ".png"),
         f"{OUT}/cohort/convergence.txt",
-    log:
-        run_log("convergence"),
-    benchmark:
-        run_benchmark("convergence")
-    conda:
-        "../envs/cortet.yaml"
     params:
         version=[version_of("report.convergence"), version_of("report.table_files")],
     script:
@@ -111,32 +89,23 @@ rule fold_figures:
         series=rules.fold.output.series,
     output:
         numbers=report(
-            fold_file("folding.svg"),
+            LAYOUT.fold("folding.svg"),
             caption="../reports/folding.rst",
             category="Folding",
             labels={"case": "{case} {variant}", "figure": "numbers"},
         ),
         picture=report(
-            fold_file("folded.png"),
+            LAYOUT.fold("folded.png"),
             caption="../reports/folded.rst",
             category="Folding",
             labels={"case": "{case} {variant}", "figure": "before and after"},
         ),
         film=report(
-            fold_file("folding.gif"),
+            LAYOUT.fold("folding.gif"),
             caption="../reports/folded.rst",
             category="Folding",
             labels={"case": "{case} {variant}", "figure": "film"},
         ),
-    log:
-        mesh_log("fold_figures", desc="Folded{variant}"),
-    benchmark:
-        mesh_benchmark("fold_figures", desc="Folded{variant}")
-    conda:
-        "../envs/cortet.yaml"
-    resources:
-        mem_mb=megabytes("fold_figures"),
-        runtime=minutes("fold_figures"),
     params:
         hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
         version=version_of("report.fold_figures"),
@@ -149,7 +118,7 @@ rule cohort_folding:
     input:
         lambda _: [
             str(Path(verdict).with_name(name))
-            for verdict in existing_files(fold_runs())
+            for verdict in existing_files(PLAN.fold_runs())
             for name in ("verdict.json", "fold.tsv")
         ],
     output:
@@ -162,20 +131,14 @@ rule cohort_folding:
             labels={"figure": "all folds"},
         ),
         print=multiext(f"{OUT}/cohort/cohort_folding", ".pdf", ".png"),
-    log:
-        run_log("cohort_folding"),
-    benchmark:
-        run_benchmark("cohort_folding")
-    conda:
-        "../envs/cortet.yaml"
     params:
         runs=lambda _: [
             {**run, "folder": str(Path(verdict).parent)}
-            for verdict, run in fold_runs().items()
+            for verdict, run in PLAN.fold_runs().items()
             if verdict not in MISSING
         ],
         failed=lambda _: [
-            {**run, "reason": MISSING[verdict]} for verdict, run in fold_runs().items() if verdict in MISSING
+            {**run, "reason": MISSING[verdict]} for verdict, run in PLAN.fold_runs().items() if verdict in MISSING
         ],
         version=version_of("report.cohort_folding"),
     script:

@@ -16,7 +16,7 @@ from cortet.report.fold_figures import series
 from cortet.simulation.carried import carried
 from cortet.simulation.fold import SERIES, fold
 from cortet.simulation.progress import per_percent
-from cortet.simulation.run import Settings
+from cortet.simulation.state import Settings
 from cortet.solver_files.fields import with_fields
 
 folder, config = Path(job.output.record).parent, load(job.params.line)

@@ -10,7 +10,7 @@ job = start(snakemake)
 from cortet.formats import vtu
 from cortet.simulation.fold import fold
 from cortet.simulation.progress import per_percent
-from cortet.simulation.run import Settings
+from cortet.simulation.state import Settings
 
 verdict = fold(
     vtu.read(job.input.mesh),

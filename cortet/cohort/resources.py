@@ -16,7 +16,7 @@ from cortet.errors import InputError
 TETS_PER_CUBE = {"cgal": 4.2, "lattice": 4.1}
 #: resident memory of Snakemake itself, MB, which in a cluster's job runs twice beside the script
 SNAKEMAKE_MB = 600
-#: what is asked for, as a multiple of what was measured at most: memory that lacks kills the job, and so does time
+#: safety factors over what was measured at most: a job that exceeds its memory or time is killed
 MEMORY_MARGIN, TIME_MARGIN = 1.25, 4.0
 #: minutes a job may wait for its file system and its interpreter
 START_MINUTES = 5
@@ -40,20 +40,16 @@ class Cost:
         return _line(self.seconds, tets)
 
 
-#: rule -> its cost; rules on surfaces do not depend on tetrahedra
+#: rule -> its cost; rules on surfaces do not depend on tetrahedra, and one on an inner surface takes as much
 COSTS = {
     "phantom": Cost((400, 0), (4, 0)),
     "phantom_sphere": Cost((400, 0), (4, 0)),
     "resample": Cost((700, 0), (15, 0)),
-    "resample_inner": Cost((700, 0), (15, 0)),
     "repair": Cost((700, 0), (15, 0)),
     "gate": Cost((600, 0), (7, 0)),
     "fields": Cost((700, 0), (15, 0)),
     "smooth_surface": Cost((600, 0), (7, 0)),
-    "repair_inner": Cost((700, 0), (15, 0)),
     "phantom_inner": Cost((600, 0), (15, 0)),
-    "gate_inner": Cost((600, 0), (7, 0)),
-    "smooth_inner": Cost((600, 0), (7, 0)),
     "separate": Cost((700, 0), (15, 0)),
     "generate": Cost((330, 550), (5, 370)),
     "generate:lattice": Cost((250, 520), (8, 20)),
@@ -69,6 +65,7 @@ COSTS = {
     "case_page": Cost((560, 120), (5, 3)),
     "case_maps": Cost((250, 420), (5, 3)),
     "export": Cost((270, 170), (3, 5)),
+    "convergence_run": Cost((500, 1200), (90, 4000)),
     "fold": Cost((500, 1200), (90, 4000)),
     "fold_figures": Cost((500, 800), (60, 120)),
 }
@@ -115,7 +112,7 @@ def cost(rule: str, mesher: str = "cgal") -> Cost:
     InputError
         nothing is known of the rule
     """
-    found = COSTS.get(f"{rule}:{mesher}") or COSTS.get(rule)
+    found = COSTS.get(f"{rule}:{mesher}") or COSTS.get(rule) or COSTS.get(rule.removesuffix("_inner"))
     if found is None:
         raise InputError(
             f"nothing is known of what rule `{rule}` takes", remedy="add it to COSTS in cortet/cohort/resources.py"

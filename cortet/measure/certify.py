@@ -158,7 +158,7 @@ def certify(
     max_native_distance, max_mean_native_distance : fractions of `cell_size`, distance between the boundary and
         `native`, the larger of both directions; of a surface that was repaired, `repair` has the limits
     max_native_area_change : relative change of the area against `native`, likewise
-    (of all limits, None reports the number without one)
+    Any limit may be None: the number is reported, not judged.
     case : name of the case
     source : file of the input surface, to be identified by its hash
     parameters, reports : stage -> what it ran with and what it reported; S1's findings about topology are judged too

@@ -28,7 +28,7 @@ CONSTANT = 1.54
 GAP = 0.5
 #: ratio of the spacings of one lattice and the next finer one
 _STEP = 2**0.5
-#: share of a step that does not count
+#: spacings this close, as a share of a step, count as equal
 _SAME_STEP = 0.05
 #: place of the lattice's origin in a cube: any will do that puts no node on a round coordinate
 _ORIGIN = np.array([0.123, 0.347, 0.211])

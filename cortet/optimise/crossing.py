@@ -24,7 +24,7 @@ from cortet.optimise.backing_off import back_off
 from cortet.optimise.places import cut_out, numbers_in, put_back
 from cortet.optimise.undoing import undone
 
-#: times that places are undone and done again, and times that they are undone and stay so after that
+#: rounds of undo and retry, then rounds of undo only
 _ROUNDS, _LAST_ROUNDS = 4, 3
 #: q that no tetrahedron rises to when vertices go half the way back
 _HALF_WAY_WORST = 0.9

@@ -66,7 +66,7 @@ class Body(NamedTuple):
     volumes: FloatArray
     #: (m, 3), unit vector across the cortex; the zero vector lets an element grow in all directions
     normals: FloatArray
-    #: (m,), distance to the surface; of a cortex that is a region 0, outside of it far
+    #: (m,), distance to the surface; where the cortex is a region: 0 inside it, beyond all growth outside
     depth: FloatArray
     #: (m,), 1 where the cortex grows, 0 where it does not
     mask: FloatArray

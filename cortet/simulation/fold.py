@@ -24,18 +24,8 @@ from cortet.simulation.growth import age_of, time_of
 from cortet.simulation.kernels import Motion
 from cortet.simulation.measurements import COLUMNS, Measurements
 from cortet.simulation.plausible import check_cells, check_mesh
-from cortet.simulation.run import (
-    Moment,
-    Run,
-    Settings,
-    advance_to,
-    beginning,
-    described,
-    measured,
-    millimetres,
-    prepared,
-    thickness_mm,
-)
+from cortet.simulation.run import advance_to, beginning, described, measured, millimetres, prepared, thickness_mm
+from cortet.simulation.state import Moment, Run, Settings
 
 VERSION: int = 4
 

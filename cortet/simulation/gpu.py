@@ -7,73 +7,32 @@ the body is measured.
 
 from __future__ import annotations
 
-import importlib.util
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from math import fsum
 from typing import TYPE_CHECKING, Any
 
-import numba
 import numpy as np
 
-from cortet.errors import InputError, StageError
+from cortet.errors import StageError
 from cortet.mesh import FloatArray, IntArray
 from cortet.simulation.body import Body, Material
 from cortet.simulation.contact import Contact, listed_at
+from cortet.simulation.device import ON_CPU, is_simulated
 from cortet.simulation.kernels import Motion
 from cortet.simulation.patches import SIZE, Patches
+from cortet.simulation.state import Moment, Run
 
 if TYPE_CHECKING:
     from cortet.simulation.gpu_kernels import Gathered
-    from cortet.simulation.run import Moment, Run
 
-_CPU = "run on the CPU: leave out --device cuda, or set fold.device: cpu"
 #: bytes on the device per tetrahedron, for the message where there are not enough
 _BYTES_PER_TET = 210
 
 
-def is_simulated() -> bool:
-    """Whether Numba's simulator stands for a GPU, as in tests."""
-    return bool(numba.config.ENABLE_CUDASIM)  # type: ignore[attr-defined]
-
-
-def device_name() -> str:
-    """What the GPU is called that a run would take.
-
-    Raises
-    ------
-    InputError : there is no numba-cuda, no driver, no compiler for the device, or no GPU
-    """
-    if is_simulated():
-        return "simulator"
-    if importlib.util.find_spec("numba_cuda") is None:
-        raise InputError(
-            "a GPU is asked for, but the package numba-cuda is not installed",
-            remedy=f"pip install 'cortet[gpu]', or {_CPU}",
-        )
-    from numba import cuda
-
-    try:
-        if not cuda.is_available():
-            raise InputError(f"no GPU can be used: {_reason(cuda)}", remedy=f"see what nvidia-smi says, or {_CPU}")
-        name = cuda.get_current_device().name
-    except Exception as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(
-            f"no GPU can be used: {' '.join(str(error).split())}", remedy=f"see what nvidia-smi says, or {_CPU}"
-        ) from None
-    return name.decode() if isinstance(name, bytes) else str(name)
-
-
-def _reason(cuda: Any) -> str:
-    """Why Numba finds no GPU."""
-    return " ".join(str(cuda.cuda_error() or "the compiler for the device (libNVVM) is missing").split())
-
-
 class OnGpu:
-    """The steps of a moment of a run, on a GPU; see `stepper.Stepper`."""
+    """The steps of a moment of a run, on a GPU; a `state.Stepper`."""
 
     def __init__(self, run: Run, moment: Moment) -> None:
         from cortet.simulation import gpu_kernels
@@ -210,7 +169,9 @@ class OnGpu:
             if "CUDA_ERROR" not in str(error):
                 raise
             size = f"{self._elements:,} tetrahedra take {self._elements * _BYTES_PER_TET / 1e9:.1f} GB there"
-            raise StageError(f"the GPU has failed: {' '.join(str(error).split())}", remedy=f"{size}; {_CPU}") from error
+            raise StageError(
+                f"the GPU has failed: {' '.join(str(error).split())}", remedy=f"{size}; {ON_CPU}"
+            ) from error
 
 
 def _sent(array: Any) -> Any:

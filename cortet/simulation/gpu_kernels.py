@@ -29,7 +29,7 @@ from numba.core.dispatcher import Dispatcher
 from cortet.mesh import FloatArray, IntArray
 from cortet.simulation import contact as contacts
 from cortet.simulation import kernels, law
-from cortet.simulation.gpu import is_simulated
+from cortet.simulation.device import is_simulated
 from cortet.simulation.kernels import DONE, INVERTED, LIST_OUTDATED
 from cortet.simulation.patches import ACROSS, DEPTH, MASK, SIZE, THICKNESS, VOLUME
 

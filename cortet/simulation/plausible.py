@@ -13,7 +13,8 @@ from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, TetMesh
 from cortet.simulation.growth import check_age
 from cortet.simulation.medial_wall import TOWARDS_MIDLINE
-from cortet.simulation.run import Run, Settings, thickness_mm
+from cortet.simulation.run import thickness_mm
+from cortet.simulation.state import Run, Settings
 
 #: longest side of a body that may be a brain in mm; mice have 8 mm, human adults 180
 EXTENT_MM = (5.0, 400.0)

@@ -26,7 +26,7 @@ def status(now: Measurements, part: float, seconds: float) -> str:
 
 
 def per_percent(say: Callable[[str], None]) -> Progress:
-    """What tells `fold` to say how far it has come whenever another percent of it is done, and at its end."""
+    """A progress callback for `fold` that speaks once per percent, and at the end."""
     said = -1
 
     def progress(now: Measurements, part: float, seconds: float) -> None:

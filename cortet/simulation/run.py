@@ -1,10 +1,8 @@
-"""A run in memory: what stays the same, where it is, and how it goes on."""
+"""A run in memory: how it is prepared, where it begins, and how it goes on."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +16,7 @@ from cortet.simulation.body import (
     LABEL_FIELD,
     THICKENING,
     THICKNESS,
-    Body,
     Material,
-    Scale,
     body_of,
     growth_mask,
     largest_time_step,
@@ -28,14 +24,16 @@ from cortet.simulation.body import (
     smallest_altitude,
     stable_time_step,
 )
-from cortet.simulation.contact import Contact, contact_of
+from cortet.simulation.contact import contact_of
+from cortet.simulation.device import device_name
 from cortet.simulation.fields import node_field
-from cortet.simulation.gpu import OnGpu, device_name
+from cortet.simulation.gpu import OnGpu
 from cortet.simulation.growth import Gompertz, Law, Linear, age_of, check_age, growth_since, time_of
-from cortet.simulation.kernels import INVERTED, LIST_OUTDATED, Motion, Work, workspace
+from cortet.simulation.kernels import INVERTED, LIST_OUTDATED, Motion, workspace
 from cortet.simulation.measurements import Measurements, shape
-from cortet.simulation.medial_wall import Wall, medial_wall
-from cortet.simulation.stepper import OnCpu, Stepper
+from cortet.simulation.medial_wall import medial_wall
+from cortet.simulation.state import Moment, Run, Settings, Stepper
+from cortet.simulation.stepper import OnCpu
 
 #: steps for which growth is computed at a time, and after which its work is added up
 _CHUNK = 100
@@ -47,78 +45,6 @@ _POSITIVE = ("end", "growth_rate", "core_stiffness", "thickness", "record_interv
 _MOST_LABELS = 10
 #: hemisphere -> side of the medial plane in RAS coordinates
 _SIDE = {"L": -1.0, "R": 1.0, None: 0.0}
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What a run depends on besides its mesh."""
-
-    #: of the mesh, weeks; growth is relative to it
-    gestational_age: float
-    #: "L" or "R" for half a brain, held back by the medial plane; None for a whole one
-    hemisphere: str | None = None
-    #: gestational age at which the run ends, weeks
-    end: float = 40.0
-    #: tangential growth per unit of time
-    growth_rate: float = 1.829
-    #: shear modulus of what does not grow, over that of the growing cortex
-    core_stiffness: float = Material().mu_core
-    #: label -> amplitude, rate and latency of a Gompertz law, which replaces `growth_rate` there
-    regions: Mapping[int, Sequence[float]] = field(default_factory=dict)
-    #: of the cortex at the start, mm; None takes 0.042 + 0.01 t of the unit of length; a field of the mesh replaces it
-    thickness: float | None = None
-    #: dimensionless; None takes it from the smallest altitude of the body as it is at each row of the table
-    time_step: float | None = None
-    #: centre, mask, medial plane, start of growth and lag of one step as in the reference, for comparison with it
-    reference: bool = False
-    #: weeks between two rows of the table, and between two frames
-    record_interval: float = 0.1
-    frame_interval: float = 1.0
-    #: what takes the steps
-    device: Literal["cpu", "cuda"] = "cpu"
-
-
-class Run(NamedTuple):
-    """What stays the same during a run; nodes and elements are in the order of a space-filling curve."""
-
-    mesh: TetMesh
-    #: (n,) and (m,), number in the user's mesh
-    node: NDArray[np.int64]
-    cell: NDArray[np.int64]
-    scale: Scale
-    body: Body
-    #: of half a brain
-    wall: Wall | None
-    #: (k, 3) int32, boundary
-    faces: IntArray
-    #: of the medial plane on which the body stays, or 0
-    side: float
-    #: whether the choices of the reference hold
-    reference: bool
-    material: Material
-    laws: Sequence[Law]
-    #: times of the simulation at the start and at the end
-    start: float
-    end: float
-    #: that the user has chosen
-    time_step: float | None
-    #: "cpu", or what the GPU is called that takes the steps
-    device: str
-
-
-@dataclass
-class Moment:
-    """Where a run is."""
-
-    step: int
-    time: float
-    state: Motion
-    work: Work
-    contact: Contact
-    #: energy that growth has brought into the body since the start
-    growth_work: float = 0.0
-    #: that takes the steps from here on, once it has begun
-    stepper: Stepper | None = None
 
 
 def prepared(mesh: TetMesh, settings: Settings) -> Run:

@@ -1,45 +1,15 @@
-"""Who takes the steps of a run: a CPU, or a GPU with its own memory."""
+"""The steps of a run on a CPU."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING, Protocol
 
 from cortet.mesh import FloatArray
 from cortet.simulation.contact import listed_at
 from cortet.simulation.kernels import Motion, advance, elastic_energy, elastic_forces, kinetic_energy
-
-if TYPE_CHECKING:
-    from cortet.simulation.run import Moment, Run
-
-
-class Stepper(Protocol):
-    """Steps of a moment; between `begin` and `finish` the moment itself may be behind."""
-
-    @property
-    def state(self) -> Motion:
-        """Where the body is, in the memory of the device."""
-
-    def begin(self) -> None:
-        """Take the moment as it is."""
-
-    def finish(self) -> None:
-        """Bring the moment up to date."""
-
-    def copy(self) -> Motion:
-        """Where the body is, kept until the next copy."""
-
-    def advance(self, alphas: FloatArray, thickening: FloatArray, dt: float) -> tuple[int, int]:
-        """As many steps as `alphas` has rows, as `kernels.advance`: steps taken, and how it ended."""
-
-    def list_contacts(self) -> None:
-        """Make the list of contacts anew."""
-
-    def energies(self, state: Motion, alphas: FloatArray, thickening: float) -> tuple[float, float]:
-        """Kinetic and elastic energy of a state with some growth of each label, and of the thickness."""
+from cortet.simulation.state import Moment, Run
 
 
 class OnCpu:
-    """The steps of a moment, in place."""
+    """The steps of a moment, in place: a `state.Stepper`."""
 
     def __init__(self, run: Run, moment: Moment) -> None:
         self._run, self._moment = run, moment

@@ -200,7 +200,7 @@ class _Repair:
         self.given, self.limits = surface, limits
         points = surface.points.astype(np.float32).astype(np.float64)
         self.work = mending.triangles(points, surface.faces)
-        #: (n,) of the file: vertices of faces that were removed, so that holes there are none of the file
+        #: (n,) of the file: vertices whose faces this repair removed; a hole there is ours
         self.touched = np.zeros(len(points), np.bool_)
         self.steps: list[RepairStep] = []
         #: mm, of crossing triangles

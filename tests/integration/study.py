@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from cortet.cohort.receipts import FOLDER
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.geometry.nesting import joined
@@ -107,8 +108,8 @@ class Study:
 
 
 def is_result(path: Path, outputs: Path) -> bool:
-    """Whether an output is no log or benchmark, which tell of the jobs."""
-    return path.relative_to(outputs).parts[0] not in ("logs", "benchmarks")
+    """Whether an output is no log, benchmark or receipt, which tell of the jobs."""
+    return path.relative_to(outputs).parts[0] not in ("logs", "benchmarks", FOLDER)
 
 
 def surface(number: int) -> TriSurface:

@@ -13,6 +13,8 @@ from tests.integration.study import Study, surface
 def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path: Path) -> None:
     study = Study(tmp_path)
     study.config["experiments"] = {"settings": ["default"], "resolution": {"cell_size": [4.0]}}
+    study.config["smooth_surface"] = {"method": "published"}  # which asks for the age
+    study.config["certify"] |= {"max_native_distance": None, "max_mean_native_distance": None}
     inner = tmp_path / "surfaces/b_white.surf.gii"
     study.add_case(study.case("a"), surface(0))
     study.add_case(replace(study.case("b"), scan_age=None, inner={"white": inner}), surface(1))
@@ -24,7 +26,7 @@ def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path: Path) -> No
     study.config["fold"] = {}
     jobs = study.jobs_of_run("cohort", "methods")
     assert "1 without an age" in study.said and "sub-b_hemi-L" in study.said
-    assert {case for rule, case in jobs if rule in ("smooth_surface", "smooth_inner")} == {"sub-a"}
+    assert {case for rule, case in jobs if rule in ("smooth_surface", "smooth_surface_inner")} == {"sub-a"}
     assert {row["state"] for row in study.status().values()} == {"certified"}
     certificate = json.loads(study.files("sub-b*Solver_certificate.json")[0].read_text())
     assert "smooth_surface" not in certificate["parameters"]

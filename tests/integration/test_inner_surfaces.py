@@ -28,7 +28,7 @@ def test_cases_with_and_without_inner_surfaces(tmp_path: Path) -> None:
     study.add_case(replace(study.case("b"), inner={"white": inner}), surface(1))
     write_surface(shrunk(surface(1), 0.7), inner)
     first = study.jobs_of_run()
-    of_inner = {"repair_inner", "gate_inner", "smooth_inner", "separate"}
+    of_inner = {"repair_inner", "gate_inner", "smooth_surface_inner", "separate"}
     assert {case for rule, case in first if rule in of_inner} == {"sub-b"} and {r for r, _ in first} >= of_inner
 
     assert study.status()["sub-b_hemi-L"]["state"] == "certified"

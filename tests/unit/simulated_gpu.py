@@ -23,8 +23,8 @@ from cortet.simulation.contact import contact_of
 from cortet.simulation.fold import fold
 from cortet.simulation.kernels import DONE, INVERTED, LIST_OUTDATED, Motion, workspace
 from cortet.simulation.patches import SIZE
-from cortet.simulation.run import Moment, Settings
-from cortet.simulation.stepper import OnCpu, Stepper
+from cortet.simulation.state import Moment, Settings, Stepper
+from cortet.simulation.stepper import OnCpu
 
 UNIT = Scale(np.zeros(3), 1.0)
 EXACT = {"rtol": 0, "atol": 1e-12}

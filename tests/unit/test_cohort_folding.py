@@ -15,7 +15,7 @@ from cortet.errors import InputError
 from cortet.formats.tsv import read_tsv
 from cortet.report.cohort_folding import COLUMNS, cohort_folding_figure, write_cohort_folding
 from cortet.simulation.fold import fold
-from cortet.simulation.run import Settings
+from cortet.simulation.state import Settings
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from cortet import config
 from cortet.errors import InputError
-from cortet.simulation.run import Settings
+from cortet.simulation.state import Settings
 from cortet.stages import STAGES
 
 ROOT = Path(__file__).parents[2]

@@ -29,7 +29,8 @@ from cortet.simulation.body import THICKNESS, Material, growth_mask, scale_of
 from cortet.simulation.fold import Verdict, fold
 from cortet.simulation.growth import Gompertz, Linear, age_of, growth_since, time_of
 from cortet.simulation.measurements import COLUMNS, Measurements
-from cortet.simulation.run import Settings, beginning, growth_at, prepared, thickness_mm, time_step_of
+from cortet.simulation.run import beginning, growth_at, prepared, thickness_mm, time_step_of
+from cortet.simulation.state import Settings
 from cortet.stages.generate import generate
 
 SHARED = Path(__file__).parents[3] / "shared/data"

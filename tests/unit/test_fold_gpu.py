@@ -16,9 +16,10 @@ from cortet import doctor
 from cortet.cli import main
 from cortet.errors import InputError
 from cortet.formats import vtu
-from cortet.simulation import gpu
+from cortet.simulation.device import device_name
 from cortet.simulation.law import degenerate_stress, stretches, turned_stress, turned_stretches
-from cortet.simulation.run import Settings, prepared
+from cortet.simulation.run import prepared
+from cortet.simulation.state import Settings
 
 HERE = Path(__file__).parent
 
@@ -90,7 +91,7 @@ def test_nothing_at_all_has_stretches() -> None:
 
 def no_gpu() -> bool:
     try:
-        gpu.device_name()
+        device_name()
     except InputError:
         return True
     return False
@@ -112,7 +113,7 @@ def test_a_gpu_that_is_not_there_is_an_error_before_anything_runs(
 def test_a_package_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError, match="numba-cuda is not installed"):
-        gpu.device_name()
+        device_name()
 
 
 def test_the_doctor_says_what_a_gpu_lacks() -> None:

@@ -17,7 +17,8 @@ from cortet.phantom import phantom
 from cortet.simulation.body import scale_of
 from cortet.simulation.growth import time_of
 from cortet.simulation.medial_wall import Wall, medial_wall
-from cortet.simulation.run import Settings, advance_to, beginning, described, millimetres, prepared
+from cortet.simulation.run import advance_to, beginning, described, millimetres, prepared
+from cortet.simulation.state import Settings
 from cortet.stages.generate import generate
 
 SHARED = Path(__file__).parents[3] / "shared/data"

@@ -15,7 +15,8 @@ from cortet.mesh import TetMesh
 from cortet.phantom import phantom
 from cortet.simulation.fold import fold
 from cortet.simulation.plausible import check_cells, check_mesh, flatness
-from cortet.simulation.run import Settings, prepared
+from cortet.simulation.run import prepared
+from cortet.simulation.state import Settings
 from cortet.stages.generate import generate
 
 SHARED = Path(__file__).parents[3] / "shared/data"

@@ -65,5 +65,8 @@ def test_a_file_that_is_not_there_has_no_content(tmp_path: Path) -> None:
 
 def test_a_report_on_another_input_is_refused() -> None:
     require_same_input("gate.json", {"input_sha256": {"surface": "a"}}, {"surface": "a"})
+    require_same_input("gate.json", {"input_sha256": {"surface": "a"}}, {"surface": "a", "inner_white": "b"})
+    with pytest.raises(StageError):
+        require_same_input("gate.json", {}, {"surface": "a"})
     with pytest.raises(StageError, match=r"gate\.json: is about another version of the input"):
         require_same_input("gate.json", {"input_sha256": {"surface": "b"}}, {"surface": "a"})

@@ -29,7 +29,7 @@ from cortet.report.case_page import write_case_page
 from cortet.simulation.body import body_of, scale_of
 from cortet.simulation.cortex_region import with_interface
 from cortet.simulation.fold import fold
-from cortet.simulation.run import Settings
+from cortet.simulation.state import Settings
 from cortet.solver_files.export import export
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import verify

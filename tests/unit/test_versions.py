@@ -22,7 +22,7 @@ from cortet.measure.quality import quality
 from cortet.mesh import TetMesh, TriSurface
 from cortet.phantom import phantom, phantom_with_sphere
 from cortet.simulation.fold import fold
-from cortet.simulation.run import Settings
+from cortet.simulation.state import Settings
 from cortet.stages.clean import clean
 from cortet.stages.gate import gate
 from cortet.stages.generate import generate

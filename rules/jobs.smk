@@ -1,10 +1,13 @@
-"""What is there is used only if it was made with what is asked for now: its receipt says so (cortet.cohort.receipts).
+"""What every rule with a script has: log, benchmark, environment, memory and minutes; and when it runs again.
 
+What is there is used only if it was made with what is asked for now: its receipt says so (cortet.cohort.receipts).
 Snakemake compares parameters with those it remembers, in the folder where it was started, and only with those.
 """
 
 from cortet.cohort.receipts import is_current, receipt_path
+from cortet.cohort.resources import cost
 from snakemake.iocontainers import InputFiles, OutputFiles
+from snakemake.resources import Resources
 
 
 def rerun_without_receipt(step):
@@ -26,5 +29,14 @@ def rerun_without_receipt(step):
 
 
 for step in workflow.rules:
-    if step.log:
+    if not step.norun:
+        wildcards = sorted(step.wildcard_names)
+        step.log_modifier = step.benchmark_modifier = step.output_modifier
+        step.set_log(LAYOUT.log(step.name, wildcards))
+        step.benchmark = LAYOUT.log(step.name, wildcards, kind="tsv")
+        step.conda_env = "../envs/cortet.yaml"
         step.set_input(receipt=rerun_without_receipt(step))
+        if "case" in wildcards and "mem_mb" not in step.resources:
+            cost(step.name)  # an error here and now for a rule that nobody has measured
+            asked = {"mem_mb": partial(PLAN.megabytes, step.name), "runtime": partial(PLAN.minutes, step.name)}
+            step.resources.update(Resources.from_mapping(asked))

@@ -1,0 +1,137 @@
+"""Names of all files of an output folder, BIDS-derivative style. Nothing else builds a path there.
+
+A pattern is a name with Snakemake's wildcards: `folder` and `case` of the sheet, `res` (cell size in µm), `mesher`,
+`setting` (empty for the line's own), `inner` (region of an inner surface), `variant` (of a fold), `seed`, `suffix`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cortet.cohort.sheet import Case
+from cortet.formats import FORMATS, Format
+from cortet.stages import MESH_STAGES, STAGES
+
+#: what names of meshes call the result of each stage
+LABELS = {name: stage.label for name, stage in MESH_STAGES.items()}
+#: labels of stages whose mesh is the same in every setting
+SHARED = {stage.label for stage in MESH_STAGES.values() if stage.shared_by_settings}
+
+
+def exported_suffix(form: Format) -> str:
+    """End of the name of an exported file; the stages' own files end in tetmesh.vtu."""
+    return f"{'boundary' if form.is_surface else 'sets' if form.name == 'vtu' else 'tetmesh'}{form.suffix}"
+
+
+#: end of the name of an exported file -> its format
+EXPORTED = {exported_suffix(form): name for name, form in FORMATS.items()}
+
+#: what each wildcard matches, those that depend on the configuration left out
+WILDCARDS = {
+    "folder": r"sub-[A-Za-z0-9]+(/ses-[A-Za-z0-9]+)?",
+    "case": r"sub-[A-Za-z0-9]+(_ses-[A-Za-z0-9]+)?(_hemi-[LR])?",
+    "res": r"[1-9][0-9]*",
+    "seed": r"[0-9]+",
+    "inner": r"[A-Za-z][A-Za-z0-9]*",
+    "mesher": r"[a-z0-9]+",
+}
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Patterns of the files below an output folder."""
+
+    output: str
+
+    def bids(self, suffix: str, datatype: str, **entities: str) -> str:
+        """Pattern of a file of a case: OUT/{folder}/DATATYPE/{case}_KEY-VALUE..._SUFFIX."""
+        name = "_".join(["{case}", *(f"{key}-{value}" for key, value in entities.items()), suffix])
+        return f"{self.output}/{{folder}}/{datatype}/{name}"
+
+    def surface(self, desc: str, suffix: str = "white.surf.gii", *, inner: bool = False, **entities: str) -> str:
+        """Pattern of a file of a surface; of an inner one its name tells the region inside it."""
+        region = {"inner": "{inner}"} if inner else {}
+        return self.bids(suffix, "anat", **entities, **region, desc=desc)
+
+    def mesh(self, desc: str, suffix: str = "tetmesh.vtu") -> str:
+        """Pattern of a file of a stage's mesh: its name tells mesher, setting where it matters, and stage."""
+        setting = "" if desc in SHARED else "{setting}"
+        return self.bids(suffix, "mesh", res="{res}um", desc=f"{{mesher}}{setting}{desc}")
+
+    def fold(self, name: str) -> str:
+        """Pattern of a file of a simulation; a run has a folder of its own."""
+        run = "{case}_res-{res}um_desc-{mesher}{setting}Folded{variant}"
+        return f"{self.output}/{{folder}}/simulation/{run}/{name}"
+
+    def convergence(self, name: str) -> str:
+        """Pattern of a file of a fold of the experiment on convergence; a realisation of a mesh has its own folder."""
+        run = "{case}_res-{res}um_desc-{mesher}_seed-{seed}"
+        return f"{self.output}/{{folder}}/convergence/{run}/{name}"
+
+    def cohort(self, name: str) -> str:
+        """A file over all cases."""
+        return f"{self.output}/cohort/{name}"
+
+    @property
+    def certificate(self) -> str:
+        """Pattern of the certificate of a mesh."""
+        return self.mesh("Solver", "certificate.json")
+
+    @property
+    def case_page(self) -> str:
+        """Pattern of the page of a mesh."""
+        return self.mesh("Solver", "report.html")
+
+    @property
+    def cohort_page(self) -> str:
+        """The page of all cases."""
+        return self.cohort("index.html")
+
+    @property
+    def separated(self) -> str:
+        """Pattern of an inner surface as S1 meshes it: it depends on the cell size."""
+        return self.surface(STAGES["separate"].label, inner=True, res="{res}um")
+
+    def solver_files(self, formats: Iterable[str]) -> list[str]:
+        """Patterns of the files for solvers."""
+        return [self.mesh("Solver", suffix) for suffix, name in EXPORTED.items() if name in formats]
+
+    def log(self, rule: str, wildcards: Iterable[str], *, kind: str = "log") -> str:
+        """Pattern of the log of a job, or with kind `tsv` its benchmark (seconds and memory).
+
+        Parameters
+        ----------
+        rule : name of the rule
+        wildcards : those in the names of its outputs
+        """
+        found = set(wildcards)
+        name = "{folder}/{case}" if "case" in found else ""
+        known = {
+            "res": "res-{res}um",
+            "mesher": f"desc-{{mesher}}{''.join(f'{{{key}}}' for key in ('setting', 'variant') if key in found)}",
+            **{key: f"{key}-{{{key}}}" for key in ("seed", "inner", "hemi", "reference")},
+            "suffix": "{suffix}",
+        }
+        parts = [name, *(text for key, text in known.items() if key in found)]
+        folder = "logs" if kind == "log" else "benchmarks"
+        tail = "_".join(part for part in parts if part)
+        return f"{self.output}/{folder}/{rule}{f'/{tail}' if tail else ''}.{kind}"
+
+
+def file_of(pattern: str, case: Case, res: int, mesher: str, setting: str = "") -> str:
+    """The file of a pattern for one mesh."""
+    return pattern.format(folder=case.folder, case=case.name, res=res, mesher=mesher, setting=setting, variant="")
+
+
+def filled(pattern: str, wildcards: Mapping[str, Any], **more: str) -> str:
+    """The file of a pattern for the wildcards of a job."""
+    return pattern.format(**{"setting": "", **wildcards, **more})
+
+
+def beside(path: str | Path, page: str | Path) -> str:
+    """Address of a file as seen from a page."""
+    return Path(os.path.relpath(path, Path(page).parent)).as_posix()

@@ -1,0 +1,118 @@
+"""What a run depends on, what stays the same during it, and where it is.
+
+Everything that takes its steps, on the CPU or on a GPU, knows these and not each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.simulation.body import Body, Material, Scale
+from cortet.simulation.contact import Contact
+from cortet.simulation.growth import Law
+from cortet.simulation.kernels import Motion, Work
+from cortet.simulation.medial_wall import Wall
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a run depends on besides its mesh."""
+
+    #: of the mesh, weeks; growth is relative to it
+    gestational_age: float
+    #: "L" or "R" for half a brain, held back by the medial plane; None for a whole one
+    hemisphere: str | None = None
+    #: gestational age at which the run ends, weeks
+    end: float = 40.0
+    #: tangential growth per unit of time
+    growth_rate: float = 1.829
+    #: shear modulus of what does not grow, over that of the growing cortex
+    core_stiffness: float = Material().mu_core
+    #: label -> amplitude, rate and latency of a Gompertz law, which replaces `growth_rate` there
+    regions: Mapping[int, Sequence[float]] = field(default_factory=dict)
+    #: of the cortex at the start, mm; None takes 0.042 + 0.01 t of the unit of length; a field of the mesh replaces it
+    thickness: float | None = None
+    #: dimensionless; None takes it from the smallest altitude of the body as it is at each row of the table
+    time_step: float | None = None
+    #: centre, mask, medial plane, start of growth and lag of one step as in the reference, for comparison with it
+    reference: bool = False
+    #: weeks between two rows of the table, and between two frames
+    record_interval: float = 0.1
+    frame_interval: float = 1.0
+    #: what takes the steps
+    device: Literal["cpu", "cuda"] = "cpu"
+
+
+class Run(NamedTuple):
+    """What stays the same during a run; nodes and elements are in the order of a space-filling curve."""
+
+    mesh: TetMesh
+    #: (n,) and (m,), number in the user's mesh
+    node: NDArray[np.int64]
+    cell: NDArray[np.int64]
+    scale: Scale
+    body: Body
+    #: of half a brain
+    wall: Wall | None
+    #: (k, 3) int32, boundary
+    faces: IntArray
+    #: of the medial plane on which the body stays, or 0
+    side: float
+    #: whether the choices of the reference hold
+    reference: bool
+    material: Material
+    laws: Sequence[Law]
+    #: times of the simulation at the start and at the end
+    start: float
+    end: float
+    #: that the user has chosen
+    time_step: float | None
+    #: "cpu", or what the GPU is called that takes the steps
+    device: str
+
+
+class Stepper(Protocol):
+    """Steps of a moment; between `begin` and `finish` the moment itself may be behind."""
+
+    @property
+    def state(self) -> Motion:
+        """Where the body is, in the memory of the device."""
+
+    def begin(self) -> None:
+        """Take the moment as it is."""
+
+    def finish(self) -> None:
+        """Bring the moment up to date."""
+
+    def copy(self) -> Motion:
+        """Where the body is, kept until the next copy."""
+
+    def advance(self, alphas: FloatArray, thickening: FloatArray, dt: float) -> tuple[int, int]:
+        """As many steps as `alphas` has rows, as `kernels.advance`: steps taken, and how it ended."""
+
+    def list_contacts(self) -> None:
+        """Make the list of contacts anew."""
+
+    def energies(self, state: Motion, alphas: FloatArray, thickening: float) -> tuple[float, float]:
+        """Kinetic and elastic energy of a state with some growth of each label, and of the thickness."""
+
+
+@dataclass
+class Moment:
+    """Where a run is."""
+
+    step: int
+    time: float
+    state: Motion
+    work: Work
+    contact: Contact
+    #: energy that growth has brought into the body since the start
+    growth_work: float = 0.0
+    #: that takes the steps from here on, once it has begun
+    stepper: Stepper | None = None

@@ -1,0 +1,127 @@
+"""What a run does: files that jobs read, parameters, what failed and what is over all cases."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cortet.cohort.plan import Mesh, Plan
+from cortet.cohort.sheet import PHANTOM, Case
+from cortet.config import load
+from cortet.formats.hashing import sha256
+
+GOOD = Case("good", None, "L", 24.0, Path("good.surf.gii"))
+PAIR = Case("pair", None, "R", None, Path("pial.surf.gii"), inner={"white": Path("white.surf.gii")})
+MADE = Case("made", None, "L", 30.0, PHANTOM, sphere=PHANTOM)
+OUT = Case("out", None, "L", 24.0, Path("out.surf.gii"), include=False, exclude_reason="motion")
+
+
+def plan(*cases: Case, failures: Mapping[Mesh, Any] | None = None, **sections: Any) -> Plan:
+    data = {"output": "out", "generate": {"cell_size": 2.0}, **sections}
+    settings = {"": load(data), "Published": load({**data, "setting": "published"})}
+    return Plan(settings, cases or (GOOD, PAIR, MADE, OUT), failures or {})
+
+
+def job(case: Case, **wildcards: str) -> dict[str, str]:
+    return {"folder": case.folder, "case": case.name, **wildcards}
+
+
+def mesh_job(case: Case, **wildcards: str) -> dict[str, str]:
+    return job(case, res="2000", mesher="lattice", **wildcards)
+
+
+def test_every_included_case_is_asked_for_at_every_size_by_every_mesher() -> None:
+    asked = plan(generate={"cell_size": [2.0, 1.0], "meshers": ["lattice", "cgal"]})
+    meshes = asked.each_case(asked.layout.certificate)
+    assert len(meshes) == 3 * 2 * 2 and ("sub-out_hemi-L", 2000, "lattice") not in meshes
+
+
+def test_the_line_of_a_case_follows_from_its_row() -> None:
+    def line(case: Case, **more: str) -> list[str]:
+        return [stage.name for stage in plan().line(mesh_job(case, **more))]
+
+    assert "separate" in line(PAIR) and "separate" not in line(GOOD)
+    assert line(MADE)[0] == "resample"
+    assert "smooth_surface" in line(GOOD, setting="Published") and "smooth_surface" not in line(
+        PAIR, setting="Published"
+    )
+
+
+def test_a_bypassed_stage_is_not_read_from() -> None:
+    before = plan().mesh_before("clean")
+    assert before(mesh_job(GOOD)).endswith("desc-latticeTransferred_tetmesh.vtu")
+    assert before(mesh_job(GOOD, setting="Published")).endswith("desc-latticePublishedRelocated_tetmesh.vtu")
+    without = plan(reconnect={"enabled": False}).mesh_before("solver_ready")
+    assert without(mesh_job(GOOD)).endswith("desc-latticeCleaned_tetmesh.vtu")
+
+
+def test_stages_that_settings_share_run_by_those_of_the_line() -> None:
+    asked = plan(clean={"thresholds": [0.6]}, transfer={"interior": "harmonic"})
+    published = mesh_job(GOOD, setting="Published")
+    assert asked.arguments("transfer", published)["interior"] == "harmonic"
+    assert asked.arguments("clean", published)["boundary"] == "free"
+    assert asked.arguments("clean", mesh_job(GOOD))["boundary"] == "slide"
+
+
+def test_an_inner_surface_is_told_that_it_is_one() -> None:
+    inside, outside = (plan().arguments("gate", one) for one in (job(PAIR, inner="white"), job(PAIR)))
+    assert inside["inside"] and inside["source"] == "white.surf.gii"
+    assert "inside" not in outside and outside["source"] == "pial.surf.gii"
+
+
+def test_a_missing_file_is_no_input_and_a_phantom_is_made(tmp_path: Path) -> None:
+    there = replace(GOOD, surface=tmp_path / "there.surf.gii", fields={"t": tmp_path / "none.gii"})
+    (tmp_path / "there.surf.gii").write_text("surface")
+    asked = plan(there, PAIR, MADE)
+    assert asked.surface(job(there)) == str(tmp_path / "there.surf.gii")
+    assert asked.existing_fields(job(there)) == [] and asked.field_paths(job(there)) == {
+        "t": str(tmp_path / "none.gii")
+    }
+    assert asked.surface(job(PAIR)) == [] == asked.inner_source(job(PAIR, inner="white"))
+    assert asked.surface(job(MADE)) == "out/{folder}/anat/{case}_desc-phantom_white.surf.gii"
+    assert asked.input_sha256(job(there)) == {"surface": sha256(tmp_path / "there.surf.gii")}
+    assert asked.input_sha256(job(PAIR)) == {"surface": None}
+    assert asked.input_sha256(job(PAIR, inner="white")) == {"inner_white": None}
+    assert asked.input_sha256(mesh_job(PAIR)) == {"surface": None, "inner_white": None}
+    assert asked.input_sha256(job(MADE)) == {}
+
+
+def test_what_failed_before_its_certificate_is_not_measured() -> None:
+    early, late = ("sub-good_hemi-L", 2000, "lattice"), ("sub-pair_hemi-R", 2000, "lattice")
+    failure = {"state": "failed", "reason": "a hole", "log": "x.log"}
+    asked = plan(failures={early: {"stage": "gate", **failure}, late: {"stage": "export", **failure}})
+    assert [path for path in asked.measured_certificates() if "sub-good" in path] == []
+    assert len(asked.measured_certificates()) == 2 and len(asked.exported_files()) == 1
+    assert asked.unmeasured() == {"sub-good_hemi-L": "a hole"}
+    states = {row["case"]: (row.get("state"), "certificate" in row) for row in asked.status()}
+    assert states == {
+        "sub-good_hemi-L": ("failed", False),
+        "sub-pair_hemi-R": ("failed", True),
+        "sub-made_hemi-L": (None, True),
+        "sub-out_hemi-L": ("excluded", False),
+    }
+    assert asked.failure(mesh_job(GOOD)) and not asked.failure(mesh_job(PAIR))
+
+
+def test_folds_are_asked_for_by_case_and_variant() -> None:
+    asked = plan(fold={"cases": ["sub-good_hemi-L"], "variants": {"stiff": {"core_stiffness": 2.0}}})
+    runs = asked.fold_runs()
+    assert [row["variant"] for row in runs.values()] == [None, "stiff"]
+    assert all(path.startswith("out/sub-good/simulation/") for path in runs)
+    assert asked.variant({"variant": "Stiff"}) == {"core_stiffness": 2.0} and asked.variant({}) == {}
+
+
+def test_maps_are_of_a_hemispheres_resampled_cases() -> None:
+    assert list(plan().maps("L")) == ["sub-made_hemi-L"] and plan().mapped_hemispheres() == ["L"]
+
+
+@pytest.mark.parametrize("cell_size", ["500", "2000"])
+def test_a_job_asks_for_more_with_more_tetrahedra_and_after_it_was_killed(cell_size: str) -> None:
+    asked = mesh_job(GOOD) | {"res": cell_size}
+    assert plan().megabytes("clean", asked, attempt=2) == 2 * plan().megabytes("clean", asked, attempt=1)
+    assert plan().minutes("clean", asked) >= plan().minutes("clean", mesh_job(GOOD))
+    assert plan().tets(job(GOOD)) == 0
