@@ -76,7 +76,11 @@ class CheckedOutput(type(Path())):  # type: ignore[misc]
     """A file or folder of a command that itself refuses what is not its own: a sheet, the folders of `cortet run`."""
 
 
-_WRITTEN = (OutputFile, OutputFolder, CheckedOutput)
+class FolderOfFiles(type(Path())):  # type: ignore[misc]
+    """A folder in which a command writes some files, each of them guarded by itself."""
+
+
+_WRITTEN = (OutputFile, OutputFolder, CheckedOutput, FolderOfFiles)
 
 
 def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None]:
@@ -87,6 +91,7 @@ def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None
         [path for path in paths if isinstance(path, Path) and not isinstance(path, _WRITTEN)],
         files=[path for path in paths if isinstance(path, OutputFile)],
         claimed=[path for path in paths if isinstance(path, OutputFolder)],
+        shared=[path for path in paths if isinstance(path, FolderOfFiles)],
         folders=[path for path in paths if isinstance(path, CheckedOutput)],
         force=getattr(args, "force", False),
     )
@@ -262,7 +267,7 @@ def parser() -> argparse.ArgumentParser:
 
     job = commands.add_parser("job", parents=[writes], help="write a folder in which a solver lets the cortex grow")
     job.add_argument("mesh", type=Path, metavar="MESH", help="with the sets that cortet exports")
-    job.add_argument("-o", "--output", type=OutputFolder, required=True, metavar="DIR")
+    job.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
     job.add_argument("--solver", choices=["calculix", "febio", "fenics"], default="calculix", help="default: calculix")
     job.add_argument("--growth", type=float, default=0.05, metavar="G", help="along the cortex (default: 0.05)")
     job.set_defaults(run=_job)

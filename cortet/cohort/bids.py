@@ -12,6 +12,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 import cortet
+from cortet.cohort.lock import NAME as LOCK
 from cortet.config import Config
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path, write_json
@@ -132,8 +133,9 @@ def require_own_output(output: Path, dataset: Path | None) -> None:
         raise InputError(
             "was not written by cortet: the folder is another dataset", file=output / DESCRIPTION, remedy=remedy
         )
-    if (output / ".bidsignore").exists() and not (output / DESCRIPTION).exists():
-        raise InputError("was not written by cortet", file=output / ".bidsignore", remedy=remedy)
+    begun = (output / DESCRIPTION).exists() or (output / LOCK).exists()  # a run that was killed has left its lock
+    if not begun and output.is_dir() and any(output.iterdir()):
+        raise InputError("holds files that cortet did not make", file=output, remedy=remedy)
 
 
 def is_own_output(output: Path) -> bool:

@@ -66,6 +66,7 @@ def guarded(
     *,
     files: Iterable[Path] = (),
     claimed: Iterable[Path] = (),
+    shared: Iterable[Path] = (),
     folders: Iterable[Path] = (),
     force: bool = False,
 ) -> Iterator[None]:
@@ -76,6 +77,7 @@ def guarded(
     inputs : files that the command only reads
     files : what it is told to write
     claimed : folders that it is told to fill; the first file that it writes there makes a marker, too
+    shared : folders in which it writes files one by one, each guarded by itself
     folders : others, below which it may write
     force : existing files may be replaced, but never an input
 
@@ -93,7 +95,9 @@ def guarded(
         for path in outputs:
             may_write(path)
         for folder in own:
-            _require_claimable(folder, force=force)
+            _require_own_folder(folder, MARKER, force=force)
+        for folder in shared:
+            _require_own_folder(folder, MANIFEST, force=force)
         yield
     finally:
         _guard.reset(token)
@@ -236,11 +240,11 @@ def _read(file: Path) -> dict[str, Any]:
     return data if isinstance(data, dict) else {}
 
 
-def _require_claimable(folder: Path, *, force: bool) -> None:
-    """Raise InputError for a folder with files of others."""
+def _require_own_folder(folder: Path, sign: str, *, force: bool) -> None:
+    """Raise InputError for a folder with files, but without the one by which cortet knows its own."""
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError("is a file", file=folder, remedy="give the name of a folder")
-    if folder.is_dir() and not (folder / MARKER).is_file() and any(folder.iterdir()) and not force:
+    if folder.is_dir() and not (folder / sign).is_file() and any(folder.iterdir()) and not force:
         raise InputError(
             "holds files that cortet did not make", file=folder, remedy="give an empty or a new folder, or add --force"
         )
