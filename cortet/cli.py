@@ -745,7 +745,15 @@ def _fold(args: argparse.Namespace) -> int:
     from cortet.simulation.fold import fold
     from cortet.simulation.progress import status
     from cortet.simulation.state import Settings
+    from cortet.solver_files.sidecar import read_sidecar
 
+    known = read_sidecar(args.mesh).get("made_from", {}).get("hemisphere")
+    if args.hemi and known and args.hemi != known:
+        raise InputError(
+            f"was made from a surface of hemisphere {known}, as that says, not {args.hemi}",
+            file=args.mesh,
+            remedy=f"use --hemi {known}",
+        )
     if args.threads:
         set_num_threads(min(args.threads, get_num_threads()))
     chosen = {"end": args.end, "time_step": args.time_step, "device": args.device}

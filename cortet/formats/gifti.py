@@ -19,7 +19,7 @@ import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -70,6 +70,10 @@ _RIGID, _TEMPLATES = 0.01, ("NIFTI_XFORM_TALAIRACH", "NIFTI_XFORM_MNI_152")
 _GEOMETRY = ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
 
 
+#: value of the metadata that names the structure, as CDATA or as it stands
+_STRUCTURE = rb"AnatomicalStructurePrimary.{0,99}?<Value>\s*(?:<!\[CDATA\[)?\s*(\w+)"
+
+
 class _Array(NamedTuple):
     intent: str
     name: str
@@ -112,6 +116,18 @@ def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
         what = f"triangle {bad[0]} is {triangles.values[bad[0]].tolist()}, but vertices run from 0 to {count - 1}"
         raise InputError(what, file=path, remedy=_EXPORT_AGAIN)
     return TriSurface(points.values, triangles.values, _fields(arrays, path, count), points.frame)
+
+
+def hemisphere_of(path: str | Path) -> Literal["L", "R"] | None:
+    """The hemisphere that a GIfTI file names in AnatomicalStructurePrimary; None where it names none.
+
+    Raises
+    ------
+    InputError : the file cannot be read
+    """
+    named = re.search(_STRUCTURE, content(path), re.DOTALL)
+    known: dict[bytes, Literal["L", "R"]] = {b"CortexLeft": "L", b"CortexRight": "R"}
+    return known.get(named[1]) if named else None
 
 
 def read_nested(path: str | Path, inner: Iterable[str | Path], fields: str | Path | None = None) -> TriSurface:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cortet.errors import InputError
-from cortet.formats.gifti import read_surface, write_surface
+from cortet.formats.gifti import hemisphere_of, read_surface, write_surface
 from cortet.formats.hashing import sha256
 from cortet.geometry.nesting import nested, region_names, sheets
 from cortet.mesh import OUTERMOST, TriSurface
@@ -73,26 +73,29 @@ def made_from(meshed: Mapping[str, Path], given: Mapping[str, str | Path], folde
     given : region -> file of the surface that the user gave
     folder : of the sidecar; names of files are relative to it
     """
-    return {
+    hemisphere = hemisphere_of(given[OUTERMOST]) if OUTERMOST in given else None
+    surfaces = {
         kind: {
             region: {"file": Path(os.path.relpath(file, folder)).as_posix(), "sha256": sha256(file)}
             for region, file in files.items()
         }
         for kind, files in {"given": given, "meshed": meshed}.items()
     }
+    return {**surfaces, **({"hemisphere": hemisphere} if hemisphere else {})}
 
 
 def moved(record: Mapping[str, Any] | None, source: Path, target: Path) -> dict[str, Any] | None:
     """`made_from` as a sidecar in another folder says it."""
     if not record:
         return None
-    return {
+    surfaces = {
         kind: {
             region: {**one, "file": Path(os.path.relpath(source / one["file"], target)).as_posix()}
             for region, one in record[kind].items()
         }
         for kind in ("given", "meshed")
     }
+    return {**record, **surfaces}
 
 
 def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) -> tuple[TriSurface, Path]:

@@ -115,6 +115,7 @@ class _MadeFrom(BaseModel):
 
     given: dict[str, _Surface]
     meshed: dict[str, _Surface]
+    hemisphere: Literal["L", "R"] | None = None
 
 
 class _Record(BaseModel):

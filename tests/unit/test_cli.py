@@ -296,3 +296,20 @@ def test_a_time_step_that_is_not_stable_is_refused(
     command = ["fold", str(tmp_path / "ball.vtu"), "--ga", "22", "-o", str(tmp_path / "folded"), f"--time-step={step}"]
     assert main(command) == 1
     assert "the limit of stability" in capsys.readouterr().err
+
+
+def test_a_fold_of_the_other_hemisphere_than_the_files_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "x.surf.gii"
+    write_surface(ball_surface(3, 14.0), path)
+    text = path.read_text()
+    named = "<MetaData><MD><Name>AnatomicalStructurePrimary</Name><Value>CortexLeft</Value></MD></MetaData>"
+    path.write_text(text.replace("<MetaData/>", named, 1).replace("<MetaData />", named, 1))
+    assert main(["mesh", str(path), "--cell-size", "5", "-o", str(tmp_path / "x.vtu")]) == 0
+    assert main(["convert", str(tmp_path / "x.vtu"), str(tmp_path / "x.inp")]) == 0
+    for mesh in ("x.vtu", "x.inp"):
+        command = ["fold", str(tmp_path / mesh), "--ga", "28", "--hemi", "R", "-o", str(tmp_path / "folded")]
+        assert main(command) == 1
+        assert "was made from a surface of hemisphere L" in capsys.readouterr().err
+    assert not (tmp_path / "folded").exists()

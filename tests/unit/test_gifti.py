@@ -14,7 +14,7 @@ import pytest
 from shapes import ball_surface
 
 from cortet.errors import InputError
-from cortet.formats.gifti import read_fields, read_surface, single_precision, write_fields, write_surface
+from cortet.formats.gifti import hemisphere_of, read_fields, read_surface, single_precision, write_fields, write_surface
 from cortet.mesh import CoordinateFrame, TriSurface
 
 POINTS = np.array([[0, 0, 0], [1.5, 0, 0], [0, 2.25, 0], [0, 0, -3]], np.float32)
@@ -277,3 +277,16 @@ def test_single_precision_changes_nothing_twice() -> None:
     rounded = single_precision(TriSurface([[1 / 3, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2]]))
     assert rounded.points[0, 0] == np.float32(1 / 3)
     assert np.array_equal(single_precision(rounded).points, rounded.points)
+
+
+@pytest.mark.parametrize(
+    ("structure", "hemisphere"), [("CortexLeft", "L"), ("CortexRight", "R"), ("Cerebellum", None), (None, None)]
+)
+def test_a_file_may_name_its_hemisphere(tmp_path: Path, structure: str | None, hemisphere: str | None) -> None:
+    path = tmp_path / "x.surf.gii"
+    write_surface(ball_surface(2), path)
+    image = nibabel.load(path)
+    if structure:
+        image.darrays[0].meta = nibabel.gifti.GiftiMetaData(AnatomicalStructurePrimary=structure)
+    nibabel.save(image, path)
+    assert hemisphere_of(path) == hemisphere
