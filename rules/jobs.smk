@@ -1,4 +1,4 @@
-"""What every rule with a script has: log, benchmark, environment, memory and minutes; and when it runs again.
+"""Log, benchmark, environment, memory and minutes of every rule that has a script; and when it runs again.
 
 What is there is used only if it was made with what is asked for now: its receipt says so (cortet.cohort.receipts).
 Snakemake compares parameters with those it remembers, in the folder where it was started, and only with those.
