@@ -34,6 +34,7 @@ from cortet.formats.hashing import sha256
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.topology import enclosed_volume
 from cortet.mesh import TriSurface
+from cortet.stages import STAGES
 
 ROOT = Path(__file__).parents[1]
 #: mm
@@ -176,7 +177,10 @@ def contradictions(world: World) -> Iterator[str]:
             asked = config.record(step, facts | {"source": recorded.get("source"), "nested": False})
             if json.loads(json.dumps(asked)) != recorded:
                 yield f"{case}: {step} ran with other parameters"
-        for record in (world.folder / world.output / f"sub-{case}").rglob("*_white.json"):
+        # a stage that the configuration bypasses now may have left its record of another time, which nothing reads
+        labels = [STAGES[step].label for step in certificate["parameters"] if step in STAGES]
+        records = (world.folder / world.output / f"sub-{case}").rglob("*_white.json")
+        for record in (one for one in records if any(f"desc-{label}_" in one.name for label in labels)):
             if json.loads(record.read_text(encoding="utf-8"))["input_sha256"] != {"surface": wanted}:
                 yield f"{case}: {record.name} is of another surface"
         solver = meshes / f"{name}_tetmesh.mesh"
