@@ -22,8 +22,6 @@ from cortet.stages import STAGES
 
 #: stages that take every surface by itself
 ALONE = ("resample", "repair", "gate", "smooth_surface")
-#: of these, those that are told when a surface is an inner one
-TOLD = ("resample", "gate")
 
 logger = logging.getLogger(__name__)
 
@@ -127,7 +125,7 @@ def run(
             within, reported["inner"] = {}, {}
             for name, one in latest["surface"].inner.items():
                 own = config.arguments(stage.name, {**facts, "source": str((inner_sources or {}).get(name, name))})
-                inside = {"inside": True} if stage.name in TOLD else {}
+                inside = {"inside": True} if stage.told_inside else {}
                 within[name], report = stage.function(one, *taken[1:], **own, **inside)
                 reported["inner"][name] = asdict(report)
             latest["surface"] = nested(latest["surface"], within)

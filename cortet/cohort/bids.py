@@ -129,7 +129,7 @@ def require_own_output(output: Path, dataset: Path | None) -> None:
     if dataset is not None and dataset.resolve().is_relative_to(output.resolve()):
         what = "is the dataset" if dataset.resolve() == output.resolve() else "contains the dataset"
         raise InputError(f"{what} that is meshed, so nothing is written there", file=output, remedy=remedy)
-    if (output / DESCRIPTION).exists() and not _describes_ours(output / DESCRIPTION):
+    if (output / DESCRIPTION).exists() and not is_own_output(output):
         raise InputError(
             "was not written by cortet: the folder is another dataset", file=output / DESCRIPTION, remedy=remedy
         )
@@ -140,13 +140,8 @@ def require_own_output(output: Path, dataset: Path | None) -> None:
 
 def is_own_output(output: Path) -> bool:
     """Whether a folder has a description that says that cortet generated it."""
-    return _describes_ours(output / DESCRIPTION)
-
-
-def _describes_ours(description: Path) -> bool:
-    """Whether a description says that cortet generated its dataset."""
     try:
-        generated = json.loads(description.read_text(encoding="utf-8"))["GeneratedBy"]
+        generated = json.loads((output / DESCRIPTION).read_text(encoding="utf-8"))["GeneratedBy"]
         return any(one["Name"] == "cortet" for one in generated)
     except (OSError, ValueError, LookupError, TypeError):
         return False

@@ -34,8 +34,6 @@ OVER_ALL_CASES = (
     *("cohort_folding", "convergence"),
     *("table_ablation", "table_resolution", "table_measures", "figure_pooled_quality", "figure_series", "methods"),
 )
-#: stages that are told when a surface is an inner one
-TOLD_OF_INNER = ("resample", "gate")
 #: rules after the certificate: where they fail, the mesh is measured all the same
 AFTER_CERTIFICATE = ("export", "case_page", "case_maps", "fold", "fold_figures", "convergence_run")
 
@@ -157,7 +155,8 @@ class Plan:
     def arguments(self, step: str, job: Job) -> dict[str, Any]:
         """Keyword arguments of a stage or another step: with its VERSION, they decide whether it runs again."""
         values = self._config_of(step, job).arguments(step, self.facts(job))
-        return {**values, "inside": True} if step in TOLD_OF_INNER and "inner" in job.keys() else values  # noqa: SIM118
+        told = step in STAGES and STAGES[step].told_inside and "inner" in job.keys()  # noqa: SIM118
+        return {**values, "inside": True} if told else values
 
     def recorded_line(self, job: Job) -> dict[str, Any]:
         """Arguments and versions of the stages of a setting and of the certificate, for the certificate."""

@@ -125,8 +125,8 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
     ------
     InputError : naming the problems of the sheet, each with its line, column, value and remedy
     """
-    read_header(path)
     table, miscounted = read_uneven_tsv(path)
+    _check_header(list(table.columns), path)
     found: list[str] = []
     lines: dict[str, int] = {}
     cases: list[Case] = []
@@ -156,6 +156,11 @@ def read_header(path: Path) -> list[str]:
     InputError : the file is no cohort sheet
     """
     header = list(read_uneven_tsv(path)[0].columns)
+    _check_header(header, path)
+    return header
+
+
+def _check_header(header: Sequence[str], path: Path) -> None:
     absent = [name for name in COLUMNS if name not in header]
     if absent or len(set(header)) < len(header):
         raise InputError(
@@ -169,7 +174,6 @@ def read_header(path: Path) -> list[str]:
             file=path,
             remedy="keep one of the two",
         )
-    return header
 
 
 def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:

@@ -31,6 +31,8 @@ class Stage:
     nested: bool = False
     #: whether it has something to do only where the surface has a sphere
     registered: bool = False
+    #: whether its function is told, by `inside=True`, that a surface is an inner one
+    told_inside: bool = False
     #: whether the result is the same in every setting of the configuration, so that all of them share it
     shared_by_settings: bool = False
 
@@ -52,9 +54,10 @@ STAGES: dict[str, Stage] = {
             ("surface", "sphere"),
             "surface",
             registered=True,
+            told_inside=True,
         ),
         Stage("repair", "repairs what is broken", "repaired", ("surface",), "surface"),
-        Stage("gate", "lets in a surface that can be meshed", "gated", ("surface",), "surface"),
+        Stage("gate", "lets in a surface that can be meshed", "gated", ("surface",), "surface", told_inside=True),
         Stage("smooth_surface", "smooths the surface as much as it is rough", "smoothed", ("surface",), "surface"),
         Stage(
             "separate",
