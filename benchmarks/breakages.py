@@ -16,10 +16,10 @@ from cortet.geometry.holes import rims
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.mending import chosen_faces, compacted, pieces, split_fans, triangles
 from cortet.geometry.nesting import depths, joined
+from cortet.geometry.orientation import outward
+from cortet.geometry.thickness import thickness
 from cortet.geometry.topology import edges, face_areas, vertex_normals
 from cortet.mesh import FloatArray, IntArray, TriSurface
-from cortet.meshers.thickness import thickness
-from cortet.stages.gate import outward
 
 #: mm, farthest apart that two banks are joined
 _BETWEEN_BANKS = 6.0

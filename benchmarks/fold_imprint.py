@@ -26,7 +26,7 @@ from cortet.formats import vtu
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
 from cortet.mesh import FloatArray, IntArray
-from cortet.meshers.lattice import CONSTANT
+from cortet.meshers._lattice import CONSTANT
 from cortet.report.fold_figures import series
 from cortet.simulation.fold import SERIES, TABLE
 

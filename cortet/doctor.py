@@ -288,9 +288,9 @@ def _prove_gpu() -> str:
 
 
 def _prove_baseline(mesher: str) -> str:
-    from cortet.meshers.baselines import fill
+    from cortet.meshers.baselines import tetrahedra
 
-    _, cells = fill(_ball(), mesher, cell_size=5.0)
+    _, cells = tetrahedra(_ball(), mesher, cell_size=5.0)
     return f"a ball becomes {len(cells)} tetrahedra"
 
 
@@ -470,7 +470,7 @@ def _prove_slurm_executor() -> str:
 
 def _prove_meshtool() -> str:
     from cortet.measure.quality import quality
-    from cortet.stages.meshtool import clean_with_meshtool
+    from cortet.stages._meshtool import clean_with_meshtool
 
     mesh, _ = _icosahedron()
     before = quality(mesh.points, mesh.cells).max()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 #: characters of a message: a value may be as long as the file it is in
 _LONGEST = 10_000
 
@@ -36,3 +38,8 @@ class InputError(CortetError):
 
 class StageError(CortetError):
     """A stage could not produce a valid result from valid input."""
+
+
+def place_mm(point: Iterable[float]) -> str:
+    """A place (3,), mm, as messages name it: ``(1.00, 2.00, 3.00) mm``."""
+    return "({}) mm".format(", ".join(f"{x:.2f}" for x in point))

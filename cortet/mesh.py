@@ -7,7 +7,7 @@ of an existing one are read-only. Quantities derived from the connectivity live 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -60,6 +60,8 @@ class CoordinateFrame:
 REGION = "region"
 #: name of region 0; the others are named as the inner surfaces around them
 OUTERMOST = "cortex"
+#: name of the integer field of a repaired surface that is 1 on the cap of a filled hole
+FILLED = "filled"
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +83,11 @@ class TriSurface:
         object.__setattr__(self, "points", _frozen(self.points, np.float64, 3, "points"))
         object.__setattr__(self, "faces", _frozen(self.faces, np.int32, 3, "faces"))
         object.__setattr__(self, "point_data", _fields(self.point_data, len(self.points), "vertices"))
+
+
+def single_precision(surface: TriSurface) -> TriSurface:
+    """The surface as a file holds it: coordinates rounded to float32."""
+    return replace(surface, points=surface.points.astype(np.float32).astype(np.float64))
 
 
 @dataclass(frozen=True, eq=False)

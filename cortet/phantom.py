@@ -18,12 +18,11 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
-from cortet.formats.gifti import single_precision
 from cortet.geometry import topology
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.limits import SUBDIVISIONS, require_within
 from cortet.geometry.nesting import nested
-from cortet.mesh import FloatArray, IntArray, TriSurface
+from cortet.mesh import FloatArray, IntArray, TriSurface, single_precision
 from cortet.stages.separate import separate
 
 VERSION: int = 1

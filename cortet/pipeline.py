@@ -20,9 +20,6 @@ from cortet.mesh import TetMesh, TriSurface
 from cortet.phantom import phantom
 from cortet.stages import STAGES
 
-#: stages that take every surface by itself
-ALONE = ("resample", "repair", "gate", "smooth_surface")
-
 logger = logging.getLogger(__name__)
 
 
@@ -120,7 +117,7 @@ def run(
         began = time.perf_counter()
         latest[stage.gives], report = stage.function(*taken, **config.arguments(stage.name, facts))
         reported = asdict(report)
-        if stage.name in ALONE and inner:
+        if stage.alone and inner:
             # each inner surface by itself
             within, reported["inner"] = {}, {}
             for name, one in latest["surface"].inner.items():

@@ -140,7 +140,7 @@ def realisation_of(wildcards):
             "unit": case.unit or CONFIG.gate.unit,
             "affine": str(case.affine) if case.affine else CONFIG.gate.affine,
         },
-        "resample": {"template": CONFIG.template(case.hemi)},
+        "resample": {"template": CONFIG.resample.template_of(case.hemi)},
     }
     sections = {name: getattr(CONFIG, name, None) for name in (*STAGES, "regions", "certify")}
     return {

@@ -12,10 +12,10 @@ from cortet.errors import StageError
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.mesh import TetMesh
-from cortet.stages.generate import generate_with_baseline
+from cortet.stages.generate import generate
 
 try:
-    mesh, made = generate_with_baseline(gifti.read_surface(job.input.surface), **job.arguments)
+    mesh, made = generate(gifti.read_surface(job.input.surface), **job.arguments)
     report = asdict(made)
 except StageError as error:
     logging.getLogger("cortet").warning("%s", error)

@@ -185,7 +185,7 @@ class Plan:
             own = f"inner_{job['inner']}" if "inner" in job.keys() else "surface"  # noqa: SIM118
             named = {own: named[own]}
         if self.is_resampled(job):
-            named |= {"sphere": case.sphere, "template": self.config.template(case.hemi)}
+            named |= {"sphere": case.sphere, "template": self.config.resample.template_of(case.hemi)}
         return {name: str(path) for name, path in named.items() if path not in (None, PHANTOM)}
 
     def field_paths(self, job: Job) -> dict[str, str]:
@@ -222,7 +222,7 @@ class Plan:
 
     def template(self, job: Job) -> str | list[str]:
         """The common sphere that a case is resampled to; nothing where that is the icosphere."""
-        template = self.config.template(self.case(job).hemi) if self.is_resampled(job) else None
+        template = self.config.resample.template_of(self.case(job).hemi) if self.is_resampled(job) else None
         return [] if template is None else existing(template)
 
     def inner_source(self, job: Job) -> str | list[str]:

@@ -8,12 +8,11 @@ least on what else the machine does.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from cortet.errors import InputError
+from cortet.meshers import MESHERS
+from cortet.sections import Cost
+from cortet.stages import STAGES
 
-#: tetrahedra per cube of the cell size; measured 4.13 to 4.19 (cgal), 3.3 to 4.0 (lattice, most where blades are thin)
-TETS_PER_CUBE = {"cgal": 4.2, "lattice": 4.1}
 #: resident memory of Snakemake itself, MB, which in a cluster's job runs twice beside the script
 SNAKEMAKE_MB = 600
 #: safety factors over what was measured at most: a job that exceeds its memory or time is killed
@@ -22,44 +21,12 @@ MEMORY_MARGIN, TIME_MARGIN = 1.25, 4.0
 START_MINUTES = 5
 
 
-@dataclass(frozen=True)
-class Cost:
-    """What a rule takes: each number for no tetrahedra, and more for every million of them."""
-
-    #: peak resident memory of the script, MB
-    megabytes: tuple[float, float]
-    #: CPU time of the script, the start of the interpreter included
-    seconds: tuple[float, float]
-
-    def memory_mb(self, tets: float) -> float:
-        """Peak resident memory, MB, for a number of tetrahedra."""
-        return _line(self.megabytes, tets)
-
-    def cpu_seconds(self, tets: float) -> float:
-        """CPU time, s, for a number of tetrahedra."""
-        return _line(self.seconds, tets)
-
-
-#: rule -> its cost; rules on surfaces do not depend on tetrahedra, and one on an inner surface takes as much
-COSTS = {
+#: rule -> its cost; those on surfaces do not depend on tetrahedra. Stages and meshers declare their own
+COSTS = {stage.name: stage.cost for stage in STAGES.values()} | {
     "phantom": Cost((400, 0), (4, 0)),
     "phantom_sphere": Cost((400, 0), (4, 0)),
-    "resample": Cost((700, 0), (15, 0)),
-    "repair": Cost((700, 0), (15, 0)),
-    "gate": Cost((600, 0), (7, 0)),
     "fields": Cost((700, 0), (15, 0)),
-    "smooth_surface": Cost((600, 0), (7, 0)),
     "phantom_inner": Cost((600, 0), (15, 0)),
-    "separate": Cost((700, 0), (15, 0)),
-    "generate": Cost((330, 550), (5, 370)),
-    "generate:lattice": Cost((250, 520), (8, 20)),
-    "transfer": Cost((230, 125), (2, 3)),
-    "relocate": Cost((310, 260), (4, 55)),
-    "clean": Cost((230, 290), (2, 7)),
-    "reconnect": Cost((240, 420), (4, 9)),
-    "smooth_boundary": Cost((400, 430), (4, 10)),
-    "snap": Cost((400, 430), (4, 10)),
-    "solver_ready": Cost((240, 180), (3, 2)),
     "quality": Cost((350, 820), (2, 6)),
     "certify": Cost((250, 420), (3, 3)),
     "case_page": Cost((560, 120), (5, 3)),
@@ -78,10 +45,6 @@ LARGEST_HEMISPHERE_ML = 700.0
 FINAL_BYTES, INTERMEDIATE_BYTES = 9.0 + 37.0 + 1.5, 4 * 9.0 + 48.0
 
 
-def _line(coefficients: tuple[float, float], tets: float) -> float:
-    return coefficients[0] + coefficients[1] * tets / 1e6
-
-
 def expected_volume_ml(gestational_age: float | None, *, whole: bool = False) -> float:
     """Most that a hemisphere (or both, `whole`) may enclose at an age, weeks: for before its surface is read.
 
@@ -92,27 +55,28 @@ def expected_volume_ml(gestational_age: float | None, *, whole: bool = False) ->
     return (2 if whole else 1) * most
 
 
-def expected_tets(volume_ml: float, cell_size: float, mesher: str = "cgal") -> float:
+def expected_tets(volume_ml: float, cell_size: float, mesher: str) -> float:
     """Tetrahedra of a mesh.
 
     Parameters
     ----------
     volume_ml : enclosed by the surface, mL
     cell_size : h, mm
-    mesher : of S1; one that was not measured counts as `cgal`
+    mesher : of S1
     """
-    return TETS_PER_CUBE.get(mesher, TETS_PER_CUBE["cgal"]) * 1000 * volume_ml / cell_size**3
+    return MESHERS[mesher].tets_per_cube * 1000 * volume_ml / cell_size**3
 
 
-def cost(rule: str, mesher: str = "cgal") -> Cost:
-    """Cost of a rule, which for S1 depends on the mesher.
+def cost(rule: str, mesher: str | None = None) -> Cost:
+    """Cost of a rule, which for S1 depends on the mesher; one on an inner surface takes as much as one on the outer.
 
     Raises
     ------
     InputError
         nothing is known of the rule
     """
-    found = COSTS.get(f"{rule}:{mesher}") or COSTS.get(rule) or COSTS.get(rule.removesuffix("_inner"))
+    own = MESHERS[mesher].cost if mesher and rule == "generate" else None
+    found = own or COSTS.get(rule) or COSTS.get(rule.removesuffix("_inner"))
     if found is None:
         raise InputError(
             f"nothing is known of what rule `{rule}` takes", remedy="add it to COSTS in cortet/cohort/resources.py"

@@ -23,11 +23,12 @@ from pathlib import Path
 from typing import Any
 
 from cortet.cohort.ages import SCAN_AGE_RANGE, ages_at_scan, number
-from cortet.config import Cases, Scan
+from cortet.config import Scan
 from cortet.errors import InputError
 from cortet.formats.placement import UNITS
 from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
 from cortet.mesh import OUTERMOST
+from cortet.sections import Cases
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
 #: value of column `surface` that stands for a synthetic cortex of the row's age and hemisphere, of column `inner` for a

@@ -214,11 +214,6 @@ def _arrays(fields: Mapping[str, NDArray[Any]]) -> list[GiftiDataArray]:
     return arrays
 
 
-def single_precision(surface: TriSurface) -> TriSurface:
-    """The surface as a file holds it: coordinates rounded to float32."""
-    return replace(surface, points=surface.points.astype(np.float32).astype(np.float64))
-
-
 def _geometry(arrays: list[_Array], intent: str, path: str | Path) -> _Array:
     """The one (n, 3) array of this intent."""
     found = [array for array in arrays if array.intent == intent]

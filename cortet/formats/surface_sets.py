@@ -13,8 +13,6 @@ from cortet.mesh import IntArray, MeshSets, TetMesh
 
 #: the two parts of the boundary; every boundary face belongs to one of them
 CORTICAL_SURFACE, MEDIAL_WALL = "cortical_surface", "medial_wall"
-#: field of the nodes on caps of holes that the file of a surface had
-FILLED = "filled"
 #: the two parts of the tissue; every tetrahedron belongs to one of them
 CORTEX, CORE = "cortex", "core"
 #: end of the name of a set of faces between two regions, counter-clockwise seen from outside the inner one

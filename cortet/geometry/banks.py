@@ -16,9 +16,6 @@ from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.topology import edges, face_normals
 from cortet.mesh import FloatArray, TriSurface
 
-#: gap of a boundary over that of its surface, from which on it is no slit; that of good meshes is 0.16 and
-#: more on fine real surfaces, 0.07 on coarse ones
-LEAST_BANK_GAP = 0.03
 #: balls shrink so often at most; each is smaller, and after a few they do not change any more
 _ROUNDS = 20
 #: a ball that is so much larger than its distance to the nearest place, relatively, reaches into the body

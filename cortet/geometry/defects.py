@@ -1,4 +1,4 @@
-"""Where a triangulated surface is not a manifold; `topology.surface_topology` counts, this finds the places."""
+"""Where a triangulated surface is flat or not a manifold; `topology.surface_topology` counts, this finds the places."""
 
 from __future__ import annotations
 
@@ -7,13 +7,22 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from cortet.geometry.topology import TRI_EDGES, packed
-from cortet.mesh import IntArray
+from cortet.geometry.topology import TRI_EDGES, face_areas, packed
+from cortet.mesh import FloatArray, IntArray
 
 
 def defective_vertices(faces: IntArray) -> NDArray[np.int64]:
     """Vertices of edges that are not in exactly two faces, and vertices with more than one fan of faces; ascending."""
     return np.union1d(_of_bad_edges(faces), _pinched(faces))
+
+
+def flat_faces(points: FloatArray, faces: IntArray) -> IntArray:
+    """Faces without area, to within the rounding of coordinates to float32; (k,) int32, ascending."""
+    points = points.astype(np.float32).astype(np.float64)
+    corners = points[faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    flat = face_areas(points, faces) <= np.finfo(np.float32).eps * longest**2
+    return np.flatnonzero(flat).astype(np.int32)
 
 
 def _of_bad_edges(faces: IntArray) -> NDArray[np.int64]:

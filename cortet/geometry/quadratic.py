@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError, StageError
-from cortet.geometry.banks import LEAST_BANK_GAP, banks
+from cortet.geometry.banks import banks
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.filling import require_body
 from cortet.geometry.intersection import self_intersections
+from cortet.geometry.limits import LEAST_BANK_GAP
 from cortet.geometry.topology import TRI_EDGES, boundary_surface, edges, sheet
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 

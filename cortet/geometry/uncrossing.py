@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
@@ -12,8 +15,9 @@ from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.holes import replaced
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.mending import Triangles, as_surface, border_vertices, compacted, faces_at, rings, within
+from cortet.geometry.nesting import joined
 from cortet.geometry.topology import component_labels, neighbour_means
-from cortet.mesh import FloatArray, IntArray, TriSurface
+from cortet.mesh import FloatArray, IntArray, TriSurface, single_precision
 
 #: rounds of smoothing around crossing triangles, and of replacing them
 _SMOOTHINGS, _REPLACINGS = 12, 8
@@ -68,6 +72,39 @@ def uncrossed(work: Triangles, *, max_displacement: float, max_piece: float) -> 
     return Uncrossed(work, centres, number > 0, displacement, place)
 
 
+def moved_apart(
+    surface: TriSurface,
+    moved: Callable[[TriSurface, NDArray[np.bool_], int], FloatArray],
+    *,
+    rounds: int,
+    beside: TriSurface | None = None,
+) -> tuple[TriSurface, IntArray]:
+    """Move the vertices of crossing triangles, and of a ring more around them every third round, until none cross.
+
+    Parameters
+    ----------
+    surface : mm; its vertices and triangles keep their numbers, so fields stay valid
+    moved : new positions of all vertices (n, 3), given the surface, the vertices chosen (n,) and the round's number
+    rounds : at most so many
+    beside : another surface, which stays; its triangles count as obstacles
+
+    Returns
+    -------
+    The surface, with coordinates rounded to float32 if it moved, and the triangles that still cross, (k,), those of
+    `beside` numbered after the surface's own
+    """
+    for number in range(rounds + 1):
+        crossing = self_intersections(surface if beside is None else joined([surface, beside]))
+        own = crossing[crossing < len(surface.faces)]
+        if not len(own) or number == rounds:
+            break
+        chosen = np.zeros(len(surface.points), np.bool_)
+        chosen[surface.faces[own]] = True
+        chosen = rings(surface.faces, chosen, number // 3)
+        surface = single_precision(replace(surface, points=moved(surface, chosen, number)))
+    return surface, crossing
+
+
 def _smoothed_apart(work: Triangles, crossing: IntArray, limit: float) -> Triangles:
     """Vertices of crossing triangles, and of ever more around them, moved towards the middle of their neighbours.
 
@@ -75,16 +112,15 @@ def _smoothed_apart(work: Triangles, crossing: IntArray, limit: float) -> Triang
     """
     used, faces = _near(work, crossing, limit)
     fixed = np.isin(np.arange(len(used)), border_vertices(faces))
-    given = points = work.points[used]
-    for number in range(_SMOOTHINGS):
-        rest = self_intersections(TriSurface(points, faces))
-        if not len(rest):
-            break
-        marked = np.isin(np.arange(len(points)), faces[rest])
-        chosen = rings(faces, marked, number // 3) & ~fixed
+    given = work.points[used]
+
+    def towards_neighbours(surface: TriSurface, chosen: NDArray[np.bool_], number: int) -> FloatArray:
         share = _GENTLY if number < _SMOOTHINGS // 2 else 1.0
-        moved = points + share * (neighbour_means(points, faces) - points)
-        points = np.where(chosen[:, None], moved, points).astype(np.float32).astype(np.float64)
+        means = neighbour_means(surface.points, faces)
+        moved = surface.points + share * (means - surface.points)
+        return np.where((chosen & ~fixed)[:, None], moved, surface.points)
+
+    points = moved_apart(TriSurface(given, faces), towards_neighbours, rounds=_SMOOTHINGS)[0].points
     away = np.linalg.norm(points - given, axis=1)
     wrong = (away > limit) | np.isin(np.arange(len(points)), faces[self_intersections(TriSurface(points, faces))])
     # the whole place goes back, not a part of it

@@ -20,7 +20,7 @@ import numpy as np
 from cortet import __version__
 from cortet.errors import InputError, StageError
 from cortet.formats.hashing import mesh_sha256, sha256
-from cortet.geometry.banks import LEAST_BANK_GAP, Banks, banks
+from cortet.geometry.banks import Banks, banks
 from cortet.geometry.defects import defective_vertices
 from cortet.geometry.filling import flaws
 from cortet.geometry.intersection import self_intersections
@@ -51,6 +51,7 @@ from cortet.measure.checks import (
     topology_checks,
 )
 from cortet.measure.fidelity import Fidelity, fidelity
+from cortet.measure.limits import LIMITS
 from cortet.measure.lost import LostPlace, lost_places
 from cortet.measure.native import Native, native_record
 from cortet.measure.quality import QualitySummary, quality, signed_volumes, summarise
@@ -121,19 +122,19 @@ def certify(
     mesh: TetMesh,
     surface: TriSurface,
     *,
-    q_max: float = 0.6,
-    max_boundary_distance: float | None = 1e-3,
+    q_max: float = LIMITS.q_max,
+    max_boundary_distance: float | None = LIMITS.max_boundary_distance,
     cell_size: float | None = None,
-    max_surface_distance: float | None = 0.5,
-    max_mean_surface_distance: float | None = 0.1,
-    max_area_change: float | None = 0.05,
-    max_volume_change: float | None = 0.1,
-    max_face_distance: float | None = 0.75,
-    min_bank_gap: float | None = LEAST_BANK_GAP,
+    max_surface_distance: float | None = LIMITS.max_surface_distance,
+    max_mean_surface_distance: float | None = LIMITS.max_mean_surface_distance,
+    max_area_change: float | None = LIMITS.max_area_change,
+    max_volume_change: float | None = LIMITS.max_volume_change,
+    max_face_distance: float | None = LIMITS.max_face_distance,
+    min_bank_gap: float | None = LIMITS.min_bank_gap,
     native: TriSurface | None = None,
-    max_native_distance: float | None = None,
-    max_mean_native_distance: float | None = None,
-    max_native_area_change: float | None = None,
+    max_native_distance: float | None = LIMITS.max_native_distance,
+    max_mean_native_distance: float | None = LIMITS.max_mean_native_distance,
+    max_native_area_change: float | None = LIMITS.max_native_area_change,
     case: str = "",
     source: str | Path | None = None,
     parameters: Mapping[str, Any] | None = None,

@@ -61,6 +61,13 @@ def signed_volumes(points: FloatArray, cells: IntArray) -> FloatArray:
     return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
 
 
+def oriented(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:
+    """Tetrahedra reordered to positive volume, without the exactly flat ones, whose number is returned too."""
+    volumes = signed_volumes(points, cells)
+    cells = np.where((volumes < 0)[:, None], cells[:, [0, 1, 3, 2]], cells)
+    return cells[volumes != 0], int((volumes == 0).sum())
+
+
 def quality(points: FloatArray, cells: IntArray) -> FloatArray:
     """q = 1 - sqrt(2) 6V / l_rms^3: (m,); 1 where V <= 0."""
     return _quality(np.ascontiguousarray(points, np.float64), np.ascontiguousarray(cells, np.int32))

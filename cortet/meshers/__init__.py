@@ -1,16 +1,28 @@
-"""Ways to fill a surface with tetrahedra, which `cortet.stages.generate` chooses from.
+"""Ways to fill a surface with tetrahedra, which `cortet.stages.generate` chooses from: each declares itself.
 
-These lists are the only ones; they are light, so that naming a mesher loads none.
+This is the only list. Like the modules of stages, those here are light; modules whose names begin with `_` are parts of
+meshers, and load with them. A new mesher is a new file in this folder (CONTRIBUTING.md shows one).
 """
 
-from importlib.util import find_spec
+from __future__ import annotations
 
-#: our own meshers: name -> how tables print it
-MESHERS = {"cgal": "CGAL", "lattice": "Lattice"}
-#: those of other projects, to compare with (`cortet.meshers.baselines`)
-BASELINES = {"tetgen": "TetGen", "ftetwild": "fTetWild", "gmsh": "Gmsh", "netgen": "Netgen"}
+from importlib import import_module
+from pkgutil import iter_modules
+
+from cortet.meshers.mesher import Mesher
+
+__all__ = ["BASELINES", "MESHERS", "OWN", "Mesher"]
 
 
-def installed_backend() -> str:
-    """The package that runs CGAL where the configuration says `auto`."""
-    return "pygalmesh" if find_spec("pygalmesh") else "cgal"
+def _found() -> dict[str, Mesher]:
+    """The meshers that all modules in this folder declare, by name, in their order."""
+    modules = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__) if module.name[0] != "_"]
+    meshers = [mesher for module in modules for mesher in getattr(module, "MESHERS", ())]
+    return {mesher.name: mesher for mesher in sorted(meshers, key=lambda mesher: (mesher.order, mesher.name))}
+
+
+MESHERS = _found()
+#: those of the line
+OWN = {name: mesher for name, mesher in MESHERS.items() if mesher.own}
+#: those of other projects, to compare with
+BASELINES = {name: mesher for name, mesher in MESHERS.items() if not mesher.own}

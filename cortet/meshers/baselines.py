@@ -19,16 +19,17 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from cortet.errors import StageError
-from cortet.formats import child
-from cortet.geometry.topology import compact, enclosed_volume
 from cortet.mesh import FloatArray, IntArray, TriSurface
+from cortet.meshers.mesher import Filled, Mesher, Settings
 
 VERSION: int = 1
 
@@ -39,10 +40,10 @@ TETGEN_SWITCHES = "pq1.2/20Y"
 _PACKAGES = Path(__file__).parents[2]
 
 #: nodes (n, 3) in mm and tetrahedra (m, 4) of either orientation
-Filled = tuple[FloatArray, IntArray]
+Tetrahedra = tuple[FloatArray, IntArray]
 
 
-def with_tetgen(points: FloatArray, faces: IntArray, _cell_size: float) -> Filled:
+def with_tetgen(points: FloatArray, faces: IntArray, _cell_size: float) -> Tetrahedra:
     """TetGen, as the CORTET paper called it."""
     import tetgen
 
@@ -50,14 +51,14 @@ def with_tetgen(points: FloatArray, faces: IntArray, _cell_size: float) -> Fille
     return filled[0], filled[1]
 
 
-def with_ftetwild(points: FloatArray, faces: IntArray, cell_size: float) -> Filled:
+def with_ftetwild(points: FloatArray, faces: IntArray, cell_size: float) -> Tetrahedra:
     """fTetWild; its boundary only stays within an envelope around the surface."""
     import pytetwild
 
     return pytetwild.tetrahedralize(points, faces, edge_length_abs=cell_size, quiet=True, num_threads=1)[:2]  # type: ignore[attr-defined, unused-ignore]
 
 
-def with_gmsh(points: FloatArray, faces: IntArray, cell_size: float) -> Filled:
+def with_gmsh(points: FloatArray, faces: IntArray, cell_size: float) -> Tetrahedra:
     """Gmsh's own mesher inside the triangles it is given, with its optimisation after the mesher, as by default."""
     import gmsh
 
@@ -80,7 +81,7 @@ def with_gmsh(points: FloatArray, faces: IntArray, cell_size: float) -> Filled:
     return coordinates.reshape(-1, 3), row[corners].reshape(-1, 4)
 
 
-def with_netgen(points: FloatArray, faces: IntArray, cell_size: float) -> Filled:
+def with_netgen(points: FloatArray, faces: IntArray, cell_size: float) -> Tetrahedra:
     """Netgen's volume mesher inside the triangles it is given."""
     from netgen import meshing
 
@@ -94,7 +95,7 @@ def with_netgen(points: FloatArray, faces: IntArray, cell_size: float) -> Filled
 
 
 #: mesher -> distribution that it is installed by, and what calls it
-TOOLS: dict[str, tuple[str, Callable[[FloatArray, IntArray, float], Filled]]] = {
+TOOLS: dict[str, tuple[str, Callable[[FloatArray, IntArray, float], Tetrahedra]]] = {
     "tetgen": ("tetgen", with_tetgen),
     "ftetwild": ("pytetwild", with_ftetwild),
     "gmsh": ("gmsh", with_gmsh),
@@ -102,8 +103,8 @@ TOOLS: dict[str, tuple[str, Callable[[FloatArray, IntArray, float], Filled]]] = 
 }
 
 
-def fill(surface: TriSurface, mesher: str, *, cell_size: float, time_limit: float | None = None) -> Filled:
-    """Fill a closed surface with one of `TOOLS`, in a process of its own.
+def tetrahedra(surface: TriSurface, mesher: str, *, cell_size: float, time_limit: float | None = None) -> Tetrahedra:
+    """Nodes and tetrahedra inside a closed surface by one of `TOOLS`, in a process of its own.
 
     Parameters
     ----------
@@ -119,6 +120,8 @@ def fill(surface: TriSurface, mesher: str, *, cell_size: float, time_limit: floa
     ------
     StageError : the mesher is not installed, failed, crashed, took too long, or returned nothing
     """
+    from cortet.formats import child
+
     with TemporaryDirectory(prefix=f"cortet-{mesher}-") as folder:
         given, made = Path(folder) / "surface.npz", Path(folder) / "mesh.npz"
         points, faces = prepared(surface)
@@ -147,6 +150,8 @@ def fill(surface: TriSurface, mesher: str, *, cell_size: float, time_limit: floa
 
 def prepared(surface: TriSurface) -> tuple[FloatArray, IntArray]:
     """Points and faces turned outward, without unused points and with those of equal coordinates merged."""
+    from cortet.geometry.topology import compact, enclosed_volume
+
     _, first, inverse = np.unique(surface.points, axis=0, return_index=True, return_inverse=True)
     faces = first[inverse.reshape(-1)][surface.faces].astype(np.int32)
     if enclosed_volume(surface.points, faces) < 0:
@@ -156,10 +161,36 @@ def prepared(surface: TriSurface) -> tuple[FloatArray, IntArray]:
 
 
 def _run(mesher: str, given: str, made: str, cell_size: str) -> None:
-    """What the process of `fill` does."""
+    """What the process of `tetrahedra` does."""
     with np.load(given) as arrays:
         points, cells = TOOLS[mesher][1](arrays["points"], arrays["faces"], float(cell_size))
     np.savez(made, points=points, cells=cells)
+
+
+def _fill(mesher: str, surface: TriSurface, settings: Settings) -> Filled:
+    """A mesh by one of `TOOLS`, without its flat tetrahedra; refused where it overlaps itself."""
+    from cortet.geometry.filling import folded_faces
+    from cortet.meshers._filled import judged, log_attempt, well_ordered
+
+    began = time.perf_counter()
+    made = tetrahedra(surface, mesher, cell_size=settings.cell_size, time_limit=settings.time_limit)
+    mesh, flat = well_ordered(*made)
+    if folded := folded_faces(mesh):  # no later stage could work on it
+        raise StageError(
+            f"{mesher} returned tetrahedra that overlap: both those of {folded} faces are on one side of it"
+        )
+    attempt = judged(mesh, surface, flat=flat)
+    log_attempt(mesher, attempt, time.perf_counter() - began)
+    return Filled(mesh, (attempt,), TOOLS[mesher][0])
+
+
+#: how tables print them
+_PRINTED = {"tetgen": "TetGen", "ftetwild": "fTetWild", "gmsh": "Gmsh", "netgen": "Netgen"}
+
+MESHERS = tuple(
+    Mesher(name=name, order=50 + place, printed=_PRINTED[name], fill=partial(_fill, name), own=False)
+    for place, name in enumerate(TOOLS)
+)
 
 
 if __name__ == "__main__":

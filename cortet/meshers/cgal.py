@@ -1,171 +1,113 @@
-"""CGAL Mesh_3, the published mesher: Delaunay refinement and four optimisation passes.
+"""CGAL Mesh_3, the published mesher, through pygalmesh or the `cgal` wheel (`meshers._cgal`).
 
-Two builds of the library can run it: `pygalmesh` (CGAL 5, compiled from source, the published tool) and the `cgal`
-wheel (CGAL 6, nothing to compile). Both read an OFF file and write a Medit file, with 17 significant digits.
-
-Reference: https://doc.cgal.org/latest/Mesh_3/index.html (criteria and passes).
+Its refinement decides the topology: with a coarse facet distance the two banks of a narrow sulcus pinch or fuse,
+silently. So the boundary is checked after refinement, before the slow passes, and again after them; where its topology
+is not that of the surface, the facet distance (nothing else) is tightened. On surfaces with creases, or with banks
+closer than their own edges, no distance helps; then the fallback is taken.
 """
 
 from __future__ import annotations
 
-import ctypes
 import logging
-import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
 
-import meshio
-import numpy as np
+from cortet.errors import InputError
+from cortet.mesh import TetMesh, TriSurface
+from cortet.meshers.mesher import Attempt, Filled, Mesher, Settings
 
-from cortet.errors import StageError
-from cortet.geometry.topology import compact, enclosed_volume
-from cortet.mesh import FloatArray, IntArray, TriSurface
-
-#: CGAL's optimisation passes in the order it runs them; exude must be last, since moving a vertex undoes it
-PASSES = ("odt", "lloyd", "perturb", "exude")
-#: CGAL's own defaults for ODT and Lloyd, which the wheel wants spelled out
-CONVERGENCE, FREEZE_BOUND = 0.02, 0.01
-#: "no limit" for the time limits, iteration limits and sliver bounds of CGAL's passes
-NO_LIMIT = 0
-
-#: time for the system to move this thread to an idle core before it is confined to where it is
-_SETTLING_S = 0.05
+if TYPE_CHECKING:
+    from cortet.meshers._cgal import Criteria
 
 logger = logging.getLogger(__name__)
 
 
-class Criteria(NamedTuple):
-    """What CGAL refines for; lengths in mm, the angle in degrees."""
-
-    cell_size: float
-    facet_angle: float
-    facet_distance: float
-    radius_edge_ratio: float
+def installed_backend() -> str:
+    """The package that runs CGAL where the configuration says `auto`."""
+    return "pygalmesh" if find_spec("pygalmesh") else "cgal"
 
 
-def fill(
-    off: Path, *, backend: str, criteria: Criteria, passes: Sequence[str], seed: int
-) -> tuple[FloatArray, IntArray]:
-    """Tetrahedra inside the surface of an OFF file; the Medit file that CGAL writes stays beside it.
+def fill(surface: TriSurface, settings: Settings) -> Filled:
+    """Mesh with the first facet distance that gives the topology of the surface, else with the last."""
+    from cortet.meshers._cgal import BACKENDS, Criteria, write_off
 
-    Parameters
-    ----------
-    off : as `write_off` writes it
-    backend : a key of `BACKENDS`
-    passes : those of `PASSES` that run after the refinement
-    seed : of CGAL's random numbers; the `cgal` wheel takes none
-
-    Returns
-    -------
-    points (n, 3) float64 mm; cells (m, 4), of either orientation
-
-    Raises
-    ------
-    StageError
-        the backend failed, is not installed, or returned nothing
-    """
-    medit = off.with_suffix(".mesh")
-    try:
-        BACKENDS[backend](off, medit, criteria, passes, seed)
-    except ImportError as error:
-        raise StageError(f"mesher backend {backend} is not installed: {error}", remedy="run cortet doctor") from error
-    except RuntimeError as error:
-        raise StageError(f"{backend} failed: {error}") from error
-    result = meshio.medit.read(medit)
-    cells = result.cells_dict.get("tetra", np.empty((0, 4), np.int32))
-    if not len(cells):
-        raise StageError("the mesher returned no tetrahedra", remedy="use a smaller cell size")
-    return result.points, cells
+    backend = installed_backend() if settings.backend == "auto" else settings.backend
+    if backend not in BACKENDS:
+        raise InputError(f"unknown mesher backend {backend!r}", remedy=f"use auto, {' or '.join(BACKENDS)}")
+    every = [
+        Criteria(settings.cell_size, settings.facet_angle, fraction * settings.cell_size, settings.radius_edge_ratio)
+        for fraction in settings.facet_distance
+    ]
+    attempts: list[Attempt] = []
+    with TemporaryDirectory(prefix="cortet-generate-") as folder:
+        off = Path(folder) / "surface.off"
+        write_off(surface, off)
+        for criteria in every:
+            # nothing is tried after the last: its passes run whatever the refinement gives
+            another = criteria != every[-1] or settings.fallback is not None
+            for passes in [(), settings.passes] if settings.passes and another else [settings.passes]:
+                mesh, attempt = _attempt(off, surface, backend, criteria, passes, seed=settings.seed)
+                attempts.append(attempt)
+                if attempt.problems:
+                    break
+            if not attempts[-1].problems:
+                break
+        else:
+            tried = list(settings.facet_distance)
+            logger.warning("facet distances of %s h: %s", tried, "; ".join(attempts[-1].problems))
+    return Filled(mesh, tuple(attempts), backend, settings.passes)
 
 
-def _with_pygalmesh(off: Path, medit: Path, criteria: Criteria, passes: Sequence[str], seed: int) -> None:
-    # Imported here, as CGAL is below, since either may be missing. pygalmesh's public function only wraps this one,
-    # through temporary files of its own that outlive a failure.
-    from _pygalmesh import _generate_from_off
+def _attempt(
+    off: Path, surface: TriSurface, backend: str, criteria: Criteria, passes: tuple[str, ...], *, seed: int
+) -> tuple[TetMesh, Attempt]:
+    """Mesh once and compare the topology of the result with that of the surface."""
+    from cortet.meshers import _cgal
+    from cortet.meshers._filled import judged, log_attempt, well_ordered
 
-    _generate_from_off(
-        str(off),
-        str(medit),
-        **{name: name in passes for name in PASSES},
-        min_facet_angle=criteria.facet_angle,
-        max_radius_surface_delaunay_ball=criteria.cell_size,
-        max_facet_distance=criteria.facet_distance,
-        max_circumradius_edge_ratio=criteria.radius_edge_ratio,
-        max_cell_circumradius=criteria.cell_size,
-        verbose=False,
-        seed=seed,
+    began = time.perf_counter()
+    mesh, flat = well_ordered(*_cgal.fill(off, backend=backend, criteria=criteria, passes=passes, seed=seed))
+    if flat:
+        logger.warning("%d exactly flat tetrahedra left out", flat)
+    what = f"{backend}, facet distance {criteria.facet_distance:g} mm, {', '.join(('refinement', *passes))}"
+    attempt = judged(mesh, surface, facet_distance=criteria.facet_distance, passes=passes, flat=flat)
+    log_attempt(what, attempt, time.perf_counter() - began)
+    return mesh, attempt
+
+
+def _notice(generate: Any) -> str:
+    if generate.backend != "auto" or installed_backend() == "pygalmesh":
+        return ""
+    return (
+        "pygalmesh, the paper's tool, is not installed: CGAL runs by the `cgal` wheel, the same library in "
+        "another version and without a seed (`make published` compiles pygalmesh, once, in some ten minutes)"
     )
 
 
-def _with_cgal(off: Path, medit: Path, criteria: Criteria, passes: Sequence[str], _seed: int) -> None:
-    from CGAL import CGAL_Mesh_3 as mesh_3
-    from CGAL.CGAL_Polyhedron_3 import Polyhedron_3
-
-    wanted = mesh_3.Default_mesh_criteria()
-    wanted.facet_angle(criteria.facet_angle)
-    wanted.facet_size(criteria.cell_size)
-    wanted.facet_distance(criteria.facet_distance)
-    wanted.cell_radius_edge_ratio(criteria.radius_edge_ratio)
-    wanted.cell_size(criteria.cell_size)
-    refinement_only = mesh_3.Mesh_3_parameters()
-    refinement_only.no_perturb()
-    refinement_only.no_exude()
-    limits = (NO_LIMIT, NO_LIMIT, CONVERGENCE, FREEZE_BOUND)
-
-    # the polyhedron must outlive the domain, which only refers to it
-    polyhedron = Polyhedron_3(str(off))
-    domain = mesh_3.Polyhedral_mesh_domain_3(polyhedron)
-    with one_core():
-        complex_3 = mesh_3.make_mesh_3(domain, wanted, refinement_only)
-    run: dict[str, Callable[[], object]] = {
-        "odt": lambda: mesh_3.odt_optimize_mesh_3(complex_3, domain, *limits),
-        "lloyd": lambda: mesh_3.lloyd_optimize_mesh_3(complex_3, domain, *limits),
-        "perturb": lambda: mesh_3.perturb_mesh_3(complex_3, domain, NO_LIMIT, NO_LIMIT),
-        "exude": lambda: mesh_3.exude_mesh_3(complex_3, NO_LIMIT, NO_LIMIT),
-    }
-    for name in passes:
-        began = time.perf_counter()
-        with one_core():
-            run[name]()
-        logger.info("cgal: %s, %.1f s", name, time.perf_counter() - began)
-    complex_3.output_to_medit(str(medit))
+def _said(parameters: Mapping[str, Any], backend: str, _mesher: str, meshes: str) -> str:
+    passes = [name for name in ("odt", "lloyd", "perturb", "exude") if parameters[name]]
+    distances = ", ".join(f"{value:g}" for value in parameters["facet_distance"])
+    return (
+        f"CGAL Mesh_3 through {backend} (facet angle {parameters['facet_angle']:g} degrees, facet distance "
+        f"{distances} h, tried in this order until the topology was right, radius-edge ratio "
+        f"{parameters['radius_edge_ratio']:g}, optimisation {', '.join(passes) or 'none'}, seed "
+        f"{parameters['seed']}; {meshes})"
+    )
 
 
-#: name of the distribution -> function that meshes an OFF file into a Medit file
-BACKENDS: dict[str, Callable[[Path, Path, Criteria, Sequence[str], int], None]] = {
-    "pygalmesh": _with_pygalmesh,
-    "cgal": _with_cgal,
-}
-
-
-@contextmanager
-def one_core() -> Iterator[None]:
-    """Confine this thread, and the threads it starts, to the core it is running on, and undo that at the end.
-
-    The `cgal` wheel starts one thread per core it may use, and more than one make the mesh depend on their timing.
-    Each pass is confined anew, so that two jobs that happen to choose the same core do not share it for long.
-    """
-    if not hasattr(os, "sched_setaffinity"):
-        logger.warning("no CPU affinity on this system: the cgal backend is not reproducible here")
-        yield
-        return
-    allowed = os.sched_getaffinity(0)
-    time.sleep(_SETTLING_S)
-    os.sched_setaffinity(0, {ctypes.CDLL(None).sched_getcpu()})
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, allowed)
-
-
-def write_off(surface: TriSurface, path: Path) -> None:
-    """Write an OFF file whose faces point outward, with every digit of the coordinates."""
-    inward = enclosed_volume(surface.points, surface.faces) < 0
-    points, faces, _ = compact(surface.points, surface.faces[:, ::-1] if inward else surface.faces)
-    with path.open("w") as file:
-        file.write(f"OFF\n{len(points)} {len(faces)} 0\n")
-        np.savetxt(file, points, "%.17g")
-        np.savetxt(file, faces, "3 %d %d %d")
+MESHERS = (
+    Mesher(
+        name="cgal",
+        order=10,
+        printed="CGAL",
+        fill=fill,
+        tets_per_cube=4.2,  # measured 4.13 to 4.19
+        may_change_topology=True,
+        notice=_notice,
+        said=_said,
+    ),
+)

@@ -18,7 +18,7 @@ import pandas as pd
 from cortet.formats.atomic import write_json
 from cortet.formats.tsv import write_tsv
 from cortet.measure.quality import COUNTED_LIMITS
-from cortet.meshers import BASELINES, MESHERS
+from cortet.meshers import MESHERS
 from cortet.report import published
 from cortet.report.ablated import ABLATED
 from cortet.report.figures import Pooled, pooled_quality_figure, save
@@ -255,7 +255,7 @@ def _quality(record: Mapping[str, Any]) -> dict[str, float]:
 def _cohort_rows(meshes: pd.DataFrame) -> pd.DataFrame:
     """The meshes of `_meshes_of` by cell size, mesher, setting and stage."""
     meshes = meshes.assign(
-        mesher=pd.Categorical(meshes["mesher"], list(MESHERS | BASELINES), ordered=True),
+        mesher=pd.Categorical(meshes["mesher"], list(MESHERS), ordered=True),
         setting=meshes["setting"].fillna(""),  # first in the order
         stage=pd.Categorical(meshes["stage"], list(ABLATED), ordered=True),
     )
@@ -275,7 +275,7 @@ def _cohort_rows(meshes: pd.DataFrame) -> pd.DataFrame:
 
 
 def _configuration(mesher: str, stage: str) -> str:
-    return f"{(MESHERS | BASELINES)[mesher]} only" if stage == STAGES["generate"].label else ABLATED[stage][1]
+    return f"{MESHERS[mesher].printed} only" if stage == STAGES["generate"].label else ABLATED[stage][1]
 
 
 def _remarks(meshes: pd.DataFrame) -> str:

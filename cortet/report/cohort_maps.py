@@ -23,12 +23,13 @@ from cortet.errors import InputError
 from cortet.formats.atomic import write_json
 from cortet.formats.gifti import read_surface, write_fields, write_surface
 from cortet.geometry.closest_point import closest_points, tree_of
+from cortet.geometry.interpolation import at_triangles
 from cortet.geometry.spheres import same_triangles
 from cortet.geometry.topology import boundary_surface
 from cortet.mesh import FloatArray, TetMesh, TriSurface
 from cortet.report.figures import PAGE, STYLE, save
 from cortet.report.render import surface_view
-from cortet.stages.transfer import at_triangles, with_thickness
+from cortet.stages.transfer import with_thickness
 
 VERSION: int = 1
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cortet.meshers import BASELINES, MESHERS
+from cortet.meshers import MESHERS
 from cortet.report import published
 from cortet.report.ablation import Origin, by_origin, reasons_by_origin
 from cortet.report.table_files import PrintedColumn, Table, number, write
@@ -33,7 +33,7 @@ _REMARKS = {"remarks": {"Description": "Why the mesh is missing, or where the ro
 _PRINTED_MESH = (
     PrintedColumn("Case", lambda row: row["case"], "Name of the case"),
     PrintedColumn("GA (weeks)", lambda row: number(row["scan_age"], 1), "Gestational age at scan"),
-    PrintedColumn("Mesher", lambda row: (MESHERS | BASELINES)[row["mesher"]], "Mesher of S1"),
+    PrintedColumn("Mesher", lambda row: MESHERS[row["mesher"]].printed, "Mesher of S1"),
     PrintedColumn("Setting", lambda row: row["setting"], "Setting of S3 and later stages; published: as in the paper"),
     PrintedColumn("h (mm)", lambda row: f"{row['cell_size_mm']:g}", "Cell size"),
 )

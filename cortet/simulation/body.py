@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
-from cortet.formats.surface_sets import FILLED
 from cortet.geometry.topology import TET_FACES, boundary_faces, boundary_nodes, face_areas, vertex_normals
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.mesh import FILLED, FloatArray, IntArray, TetMesh
 from cortet.simulation.cortex_region import cortex_region
 from cortet.simulation.fields import node_field
 

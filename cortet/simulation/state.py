@@ -18,6 +18,7 @@ from cortet.simulation.contact import Contact
 from cortet.simulation.growth import Law
 from cortet.simulation.kernels import Motion, Work
 from cortet.simulation.medial_wall import Wall
+from cortet.simulation.section import DEFAULT
 
 
 @dataclass(frozen=True)
@@ -29,24 +30,24 @@ class Settings:
     #: "L" or "R" for half a brain, held back by the medial plane; None for a whole one
     hemisphere: str | None = None
     #: gestational age at which the run ends, weeks
-    end: float = 40.0
+    end: float = DEFAULT.end
     #: tangential growth per unit of time
-    growth_rate: float = 1.829
+    growth_rate: float = DEFAULT.growth_rate
     #: shear modulus of what does not grow, over that of the growing cortex
-    core_stiffness: float = Material().mu_core
+    core_stiffness: float = DEFAULT.core_stiffness
     #: label -> amplitude, rate and latency of a Gompertz law, which replaces `growth_rate` there
     regions: Mapping[int, Sequence[float]] = field(default_factory=dict)
     #: of the cortex at the start, mm; None takes 0.042 + 0.01 t of the unit of length; a field of the mesh replaces it
-    thickness: float | None = None
+    thickness: float | None = DEFAULT.thickness
     #: dimensionless; None takes it from the smallest altitude of the body as it is at each row of the table
-    time_step: float | None = None
+    time_step: float | None = DEFAULT.time_step
     #: centre, mask, medial plane, start of growth and lag of one step as in the reference, for comparison with it
-    reference: bool = False
+    reference: bool = DEFAULT.reference
     #: weeks between two rows of the table, and between two frames
-    record_interval: float = 0.1
-    frame_interval: float = 1.0
+    record_interval: float = DEFAULT.record_interval
+    frame_interval: float = DEFAULT.frame_interval
     #: what takes the steps
-    device: Literal["cpu", "cuda"] = "cpu"
+    device: Literal["cpu", "cuda"] = DEFAULT.device
 
 
 class Run(NamedTuple):

@@ -8,18 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+from pydantic import Field, model_validator
 
-from cortet.errors import InputError, StageError
-from cortet.geometry.closest_point import forest
-from cortet.geometry.filling import folded_faces
-from cortet.measure.quality import quality
-from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.optimise.crossing import without_crossing
-from cortet.optimise.vertices import Boundary, Pass, PassReport, move_vertices
-from cortet.stages.meshtool import clean_with_meshtool, program_version
+from cortet.errors import InputError
+from cortet.mesh import IntArray, TetMesh, TriSurface
+from cortet.sections import Boundary, Cost, Section, Threshold
+from cortet.stages.stage import BOUNDARY_WORDS, Certificate, Stage, parameters_of
+
+if TYPE_CHECKING:
+    from cortet.optimise.vertices import Pass, PassReport
 
 VERSION: int = 7
 
@@ -27,8 +27,6 @@ VERSION: int = 7
 _FIRST_MEAN_SWEEPS, _LAST_MEAN_SWEEPS = 4, 3
 #: sweeps of one threshold pass, and the power of the first one, doubled from each to the next
 _THRESHOLD_SWEEPS, _FIRST_POWER = 12, 8
-#: elements up to this may get as bad as this when the mean improves, worse ones not worse; lower costs mean
-KEPT = 0.34
 #: without passes over all vertices: the power of each threshold's pass, for which higher ones would make the mean pay;
 #: then a power for the tail that is left. A bad element often improves only if its neighbours give way, so that takes
 #: in elements down to a share of the lowest threshold. Sweeps before and after, down to another share, win its price
@@ -36,6 +34,42 @@ KEPT = 0.34
 #: (34 weeks, h = 2 mm: worst q 0.417 instead of 0.487, 1,225 elements above 0.3 instead of 1,495, mean 0.136 and 0.139)
 _POWER_ALONE, _TAIL_POWER, _TAIL_SHARE = 4, 16, 2 / 3
 _AROUND_SHARE, _SWEEPS_AROUND = 1 / 2, 8
+
+
+class Clean(Section):
+    """S4: worst-element cleaning; only vertices move."""
+
+    enabled: bool = True
+    """false leaves the stage out."""
+    thresholds: Annotated[list[Threshold], Field(min_length=1)] = [0.7, 0.5, 0.3]
+    """One pass per threshold: the vertices of elements with q above it are moved. Where `improve_mean` is false, passes
+    around them also move those above half of the lowest."""
+    boundary: Boundary = "slide"
+    """slide lets boundary nodes move along the input surface, fixed holds them, free lets them leave it."""
+    improve_mean: bool = True
+    """Sweeps over all vertices before and after the passes, which improve the mean; the published tool has none."""
+    backend: Literal["cortet", "meshtool"] = "cortet"
+    """cortet: our own kernel; meshtool: an installed meshtool binary (boundary free, improve_mean false)."""
+
+    def programs(self) -> dict[str, str]:
+        """Meshtool, where it is the backend."""
+        return {"meshtool": "clean.backend: cortet"} if self.backend == "meshtool" else {}
+
+    def knows_no_interfaces(self) -> str:
+        """A boundary that is free leaves the interfaces, too."""
+        return "clean.boundary: free" if self.boundary == "free" else ""
+
+    @model_validator(mode="after")
+    def _backend_has_it(self) -> Clean:
+        if self.enabled and self.backend == "meshtool" and (self.boundary != "free" or self.improve_mean):
+            raise ValueError(
+                "backend meshtool moves the boundary freely and has no passes for the mean: "
+                "set clean.boundary: free and clean.improve_mean: false"
+            )
+        return self
+
+
+DEFAULT = Clean()
 
 
 @dataclass(frozen=True)
@@ -61,10 +95,10 @@ def clean(
     mesh: TetMesh,
     surface: TriSurface,
     *,
-    thresholds: Sequence[float] = (0.7, 0.5, 0.3),
-    boundary: Boundary = "slide",
-    improve_mean: bool = True,
-    backend: Literal["cortet", "meshtool"] = "cortet",
+    thresholds: Sequence[float] = DEFAULT.thresholds,
+    boundary: Boundary = DEFAULT.boundary,
+    improve_mean: bool = DEFAULT.improve_mean,
+    backend: Literal["cortet", "meshtool"] = DEFAULT.backend,
     cell_size: float | None = None,
     held: IntArray | None = None,
 ) -> tuple[TetMesh, CleanReport]:
@@ -89,6 +123,13 @@ def clean(
     InputError : a threshold outside [0, 1), or a combination the backend does not have
     StageError : the mesh has inverted elements to begin with, or meshtool failed
     """
+    from cortet.geometry.closest_point import forest
+    from cortet.measure.quality import quality
+    from cortet.optimise.crossing import without_crossing
+    from cortet.optimise.soundness import require_sound
+    from cortet.optimise.vertices import move_vertices
+    from cortet.stages._meshtool import clean_with_meshtool, program_version
+
     for threshold in thresholds:
         if not 0 <= threshold < 1:
             raise InputError(f"clean.thresholds: {threshold} is not a quality", remedy="give values from 0 to below 1")
@@ -136,6 +177,8 @@ def clean(
 
 def schedule(thresholds: Sequence[float], improve_mean: bool) -> list[Pass]:
     """The passes of a run; with passes for the mean around them, each threshold comes closer to min-max."""
+    from cortet.optimise.vertices import KEPT, Pass
+
     if not improve_mean:
         if not thresholds:
             return []
@@ -153,18 +196,28 @@ def schedule(thresholds: Sequence[float], improve_mean: bool) -> list[Pass]:
     return [first, *aims, last]
 
 
-def require_sound(mesh: TetMesh, q: FloatArray) -> None:
-    """Refuse a mesh with flat or inverted tetrahedra, from which nothing moves downhill, or one that overlaps itself.
+def _sentence(certificates: Sequence[Certificate]) -> str:
+    for done in parameters_of("clean", certificates)[:1]:
+        thresholds = ", ".join(f"{value:g}" for value in done["thresholds"])
+        program = " by meshtool" if done["backend"] == "meshtool" else ""
+        mean = ", with sweeps that improve the mean" if done["improve_mean"] else ""
+        return (
+            f"Vertices around elements with q > {thresholds} were moved{program}, in this order, to lower the worst q "
+            f"({BOUNDARY_WORDS[done['boundary']]}{mean})."
+        )
+    return ""
 
-    Around the edges of a face with both its tetrahedra on one side, swaps go round in circles.
-    """
-    if not q.max() < 1:
-        raise StageError(
-            f"{np.count_nonzero(~(q < 1))} tetrahedra are flat or inverted before optimisation",
-            remedy="look at the report of the stage before",
-        )
-    if folded := folded_faces(mesh):
-        raise StageError(
-            f"tetrahedra overlap before optimisation: both those of {folded} faces are on one side of it",
-            remedy="look at the report of the stage before, or at the program that made the mesh",
-        )
+
+STAGE = Stage(
+    name="clean",
+    order=90,
+    does="moves vertices until the worst elements are good",
+    label="Cleaned",
+    takes=("mesh", "surface"),
+    gives="mesh",
+    number="S4",
+    parameters=Clean,
+    facts=("cell_size",),
+    cost=Cost((230, 290), (2, 7)),
+    sentence=_sentence,
+)

@@ -1,96 +1,97 @@
-"""S1: fill a closed surface with tetrahedra.
-
-There are two meshers of our own line. `cgal` is the published one (`cortet.meshers.cgal`). Its refinement decides the
-topology: with a coarse facet distance the two banks of a narrow sulcus pinch or fuse, silently. So the boundary is
-checked after refinement, before the slow passes, and again after them; when its topology is not that of the input, the
-facet distance (nothing else) is tightened. On surfaces with creases, or with banks closer than their own edges, no
-distance helps; then the fallback is taken.
-
-`lattice` remeshes the surface with triangles of one edge length, shorter where its shape asks for that, which keeps
-its topology and leaves no point of it behind, and fills it with a body-centred cubic lattice (`cortet.meshers`). The
-slivers between the two are reconnected at once, before anything moves. Where remeshed banks cross each other, the edges
-are shortened, there first.
-"""
+"""S1: fill a closed surface with tetrahedra by one of the meshers, and by the fallback where its topology is wrong."""
 
 from __future__ import annotations
 
 import logging
-import time
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
-from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
-from cortet.errors import InputError, StageError
-from cortet.geometry.filling import folded_faces
+from cortet.errors import InputError
 from cortet.geometry.limits import CELL_SIZE_MM, require_within
-from cortet.geometry.nesting import joined, sheets
-from cortet.geometry.ordering import ordered_along_curve
-from cortet.geometry.topology import (
-    SurfaceTopology,
-    boundary_faces,
-    compact,
-    components,
-    edges,
-    enclosed_volume,
-    sheet,
-    surface_topology,
-)
-from cortet.measure.quality import signed_volumes
-from cortet.mesh import REGION, FloatArray, IntArray, TetMesh, TriSurface
-from cortet.meshers import BASELINES, MESHERS, baselines, cgal, installed_backend
-from cortet.meshers.cgal import BACKENDS, PASSES, Criteria, write_off
-from cortet.meshers.lattice import graded_nodes, tetrahedralised
-from cortet.meshers.nested import regions_of, remesh_apart, wanted
-from cortet.meshers.remesh import SHORTEST, Remeshed, shapes, unsound
-from cortet.meshers.triangles import FLAT
-from cortet.stages.reconnect import reconnect
+from cortet.mesh import FloatArray, TetMesh, TriSurface
+from cortet.meshers import MESHERS, OWN, Mesher
+from cortet.meshers.cgal import installed_backend
+from cortet.meshers.mesher import Attempt, Refinement, Settings
+from cortet.sections import AsList, CellSize, Cost, Fraction, NonNegativeInt, Positive, Section
+from cortet.stages.stage import Certificate, Stage, counted
+
+if TYPE_CHECKING:
+    MesherName = str
+else:  # the names of all meshers
+    MesherName = Literal[tuple(MESHERS)]
 
 VERSION: int = 8
 
-#: share of the surface's volume below which a remeshed boundary is too coarse to stand for it
-LEAST_VOLUME = 0.8
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Refinement:
-    """Where the triangles of ``lattice`` are smaller than elsewhere, and how near the surface they are."""
+class Generate(Section):
+    """S1: tetrahedra inside the surface."""
 
-    vertices: int
-    #: vertices whose edges were to be shorter than elsewhere by more than a fifth
-    vertices_refined: int
-    shortest_edge_mm: float
-    #: from the surface's vertices and face centres to the triangles, before anything slides
-    distance_mean_mm: float
-    distance_max_mm: float
-    #: remeshings in all; all but the last had triangles that cross
-    rounds: int
+    choices: ClassVar[frozenset[str]] = Section.choices | {"cell_size", "meshers"}
+
+    cell_size: Annotated[list[CellSize], AsList, Field(min_length=1)] = [0.6]
+    """Cell size h, mm, a multiple of 0.001: bound of circumradius and surface ball. A list makes one mesh per size."""
+    meshers: Annotated[list[MesherName], AsList, Field(min_length=1)] = ["lattice"]
+    """Meshers: lattice (ours: better elements, ten times faster), cgal (published), or with its own defaults one of
+    tetgen, ftetwild, gmsh and netgen. Every stage after S1 is the same for all of them."""
+    backend: Literal["auto", "pygalmesh", "cgal"] = "auto"
+    """Package that runs CGAL: pygalmesh (compiled from source), cgal (wheel), auto: pygalmesh where installed."""
+    facet_angle: Annotated[float, Field(gt=0, le=30)] = 25.0
+    """Smallest angle of a boundary triangle, degrees; refinement ends for certain only up to 30."""
+    facet_distance: Annotated[list[Fraction], AsList, Field(min_length=1)] = [0.5, 0.2, 0.1, 0.05]
+    """Distance of a boundary triangle's circumcentre to that of its surface ball, as fractions of h, tried in this
+    order until the boundary is a closed manifold of the input's genus: narrow sulci fuse when it is too large."""
+    radius_edge_ratio: Positive = 2.0
+    """Largest ratio of circumradius to shortest edge."""
+    odt: bool = True
+    """Optimal Delaunay triangulation smoothing."""
+    lloyd: bool = True
+    """Lloyd smoothing."""
+    perturb: bool = True
+    """Vertex perturbation against slivers."""
+    exude: bool = True
+    """Sliver exudation, last."""
+    seed: NonNegativeInt = 0
+    """Seed of CGAL's random numbers, and of the direction in which the surface is meshed (0: as it stands)."""
+    fallback: Literal[tuple(OWN)] | None = "lattice"  # type: ignore[valid-type]
+    """Mesher to take where no facet distance gives the right topology; null: none."""
+    edge_length: Annotated[list[Positive], AsList, Field(min_length=1)] = [
+        1.25,
+        1.2,
+        1.15,
+        1.1,
+        1.0,
+        0.9,
+        0.8,
+        0.7,
+        0.6,
+    ]
+    """lattice: edges of the boundary triangles, as fractions of h, tried in this order until no triangles cross."""
+    surface_distance: Annotated[float, Field(gt=0, le=1)] = 0.4
+    """lattice: largest distance of the surface to the boundary triangles, a fraction of h; edges get shorter where it
+    takes that. S4 and S4+ slide the boundary and may add 0.07 h."""
+    core_ratio: Annotated[float, Field(ge=1, le=8)] = 1.0
+    """lattice: how many times larger cells are in the core; the cortex keeps h."""
+    core_depth: Positive = 6.0
+    """lattice: depth below the surface where the core begins, mm."""
+    size_field: str | None = None
+    """lattice: field of the surface that says the cell size at each vertex, mm, where it is to be smaller than h (down
+    to 0.35 h); cells grow to h away from there."""
+
+    def knows_no_interfaces(self) -> str:
+        """Not all meshers fill several regions."""
+        able = all(MESHERS[name].regions for name in self.meshers)
+        return "" if able else f"generate.meshers: {', '.join(self.meshers)}"
 
 
-@dataclass(frozen=True)
-class Attempt:
-    """One attempt to mesh the surface, and the topology of its result."""
-
-    #: None where the boundary was given
-    facet_distance_mm: float | None
-    #: of the triangles the boundary was given as; None where CGAL made it
-    edge_length_mm: float | None
-    #: the passes that ran; none when only the refinement was tried
-    passes: tuple[str, ...]
-    nodes: int
-    tetrahedra: int
-    #: exactly flat tetrahedra that were left out
-    flat_tetrahedra_dropped: int
-    boundary: SurfaceTopology
-    #: in plain words, what is wrong with the topology
-    problems: tuple[str, ...]
-    #: None where CGAL made the boundary, or it was given
-    refinement: Refinement | None = None
+DEFAULT = Generate()
 
 
 @dataclass(frozen=True)
@@ -124,23 +125,24 @@ def generate(
     surface: TriSurface,
     *,
     cell_size: float,
-    mesher: str = "lattice",
-    backend: str = "auto",
-    facet_angle: float = 25.0,
-    facet_distance: Sequence[float] = (0.5, 0.2, 0.1, 0.05),
-    radius_edge_ratio: float = 2.0,
-    odt: bool = True,
-    lloyd: bool = True,
-    perturb: bool = True,
-    exude: bool = True,
-    seed: int = 0,
-    fallback: Literal["lattice"] | None = "lattice",
-    edge_length: Sequence[float] = (1.25, 1.2, 1.15, 1.1, 1.0, 0.9, 0.8, 0.7, 0.6),
-    surface_distance: float = 0.4,
-    core_ratio: float = 1.0,
-    core_depth: float = 6.0,
-    size_field: str | None = None,
+    mesher: str = DEFAULT.meshers[0],
+    backend: str = DEFAULT.backend,
+    facet_angle: float = DEFAULT.facet_angle,
+    facet_distance: Sequence[float] = DEFAULT.facet_distance,
+    radius_edge_ratio: float = DEFAULT.radius_edge_ratio,
+    odt: bool = DEFAULT.odt,
+    lloyd: bool = DEFAULT.lloyd,
+    perturb: bool = DEFAULT.perturb,
+    exude: bool = DEFAULT.exude,
+    seed: int = DEFAULT.seed,
+    fallback: str | None = DEFAULT.fallback,
+    edge_length: Sequence[float] = DEFAULT.edge_length,
+    surface_distance: float = DEFAULT.surface_distance,
+    core_ratio: float = DEFAULT.core_ratio,
+    core_depth: float = DEFAULT.core_depth,
+    size_field: str | None = DEFAULT.size_field,
     elements_across: int = 1,
+    time_limit: float | None = None,
 ) -> tuple[TetMesh, GenerateReport]:
     """Mesh the inside of a closed surface.
 
@@ -149,7 +151,7 @@ def generate(
     surface : a closed, connected manifold of any genus, without self-intersections; its inner surfaces, which keep
         apart from it and from each other, bound regions of their own, the mesh's cell data `region`
     cell_size : mm, upper bound of circumradii of tetrahedra and of surface Delaunay balls
-    mesher : ``lattice``, ``cgal``, or one of `meshers.BASELINES`, which take the cell size and nothing else
+    mesher : a key of `meshers.MESHERS`; those of other projects take the cell size and nothing else
     backend : ``pygalmesh``, ``cgal``, or ``auto``: pygalmesh where it is installed, else cgal
     facet_angle : degrees, lower bound of the angles of boundary triangles
     facet_distance : fractions of `cell_size`, tried in this order until the boundary has the topology of the surface;
@@ -168,7 +170,8 @@ def generate(
     size_field : of `surface` or its inner ones, (n,) mm per vertex: cell size there, where it is smaller, graded from
         there inward; ``lattice`` only
     elements_across : tetrahedra between `surface` and those inside it, at least; edges become shorter for it, down to
-        `SHORTEST` of what they are elsewhere
+        `meshers._remesh.SHORTEST` of what they are elsewhere
+    time_limit : minutes that a mesher of another project may take; None for no limit
 
     Returns
     -------
@@ -181,9 +184,8 @@ def generate(
     StageError
         the backend failed, is not installed, or returned nothing
     """
-    if mesher not in MESHERS | BASELINES:
-        known = " or ".join(MESHERS | BASELINES)
-        raise InputError(f"unknown mesher {mesher!r}", remedy=f"use {known}")
+    if mesher not in MESHERS:
+        raise InputError(f"unknown mesher {mesher!r}", remedy=f"use {' or '.join(MESHERS)}")
     if not cell_size > 0 or not np.isfinite(cell_size):
         raise InputError(f"cell size {cell_size} mm is not a positive length")
     require_within(cell_size, CELL_SIZE_MM, "the cell size in mm")
@@ -191,147 +193,69 @@ def generate(
         raise InputError(f"facet distances {list(facet_distance)} are not positive fractions of the cell size")
     if not edge_length or min(edge_length) <= 0:
         raise InputError(f"edge lengths {list(edge_length)} are not positive fractions of the cell size")
-    topology = surface_topology(surface.faces)
-    if not topology.is_closed_manifold:
-        raise InputError(f"surface cannot be meshed: {'; '.join(topology.problems(int(topology.genus)))}")
-    if size_field is not None and mesher != "lattice":
-        raise InputError(f"the mesher {mesher} knows no generate.size_field", remedy="use the mesher lattice")
-    if surface.inner and mesher != "lattice":
-        raise InputError(f"the mesher {mesher} knows no inner surfaces", remedy="use the mesher lattice")
-    if mesher in BASELINES:
-        return generate_with_baseline(surface, mesher, cell_size=cell_size)
-    backend = installed_backend() if backend == "auto" else backend
-    if backend not in BACKENDS:
-        raise InputError(f"unknown mesher backend {backend!r}", remedy=f"use auto, {' or '.join(BACKENDS)}")
-
-    turn = _rotation(seed)
-    if seed:
+    _require_meshable(surface, MESHERS[mesher], size_field)
+    chosen = {"odt": odt, "lloyd": lloyd, "perturb": perturb, "exude": exude}
+    settings = Settings(
+        cell_size=cell_size,
+        backend=backend,
+        facet_angle=facet_angle,
+        facet_distance=facet_distance,
+        radius_edge_ratio=radius_edge_ratio,
+        passes=tuple(name for name, runs in chosen.items() if runs),
+        seed=seed if MESHERS[mesher].own else 0,
+        fallback=fallback,
+        edge_length=edge_length,
+        surface_distance=surface_distance,
+        core_ratio=core_ratio,
+        core_depth=core_depth,
+        size_field=size_field,
+        elements_across=elements_across,
+        time_limit=time_limit,
+    )
+    turn = _rotation(settings.seed)
+    if settings.seed:
         surface = _turned(surface, turn)
-    attempts: list[Attempt] = []
-    if mesher == "cgal":
-        chosen = {"odt": odt, "lloyd": lloyd, "perturb": perturb, "exude": exude}
-        passes = tuple(name for name in PASSES if chosen[name])
-        criteria = [
-            Criteria(cell_size, facet_angle, fraction * cell_size, radius_edge_ratio) for fraction in facet_distance
-        ]
-        mesh, attempts = _refined(surface, backend, criteria, passes, seed=seed, last=fallback is None)
-        if attempts[-1].problems:
-            logger.warning("facet distances of %s h: %s", list(facet_distance), "; ".join(attempts[-1].problems))
-    if mesher == "lattice" or (attempts[-1].problems and fallback):
-        backend, passes = "tetgen", ()
-        mesh, tried = _filled_with_lattice(
-            surface,
-            cell_size,
-            edge_length,
-            surface_distance,
-            core_ratio=core_ratio,
-            core_depth=core_depth,
-            elements_across=elements_across,
-            sizes=None if size_field is None else _sizes_of(surface, size_field, cell_size),
-        )
-        attempts += tried
-
-    if seed:
+    filled = MESHERS[mesher].fill(surface, settings)
+    if MESHERS[mesher].may_change_topology and filled.attempts[-1].problems and fallback:
+        again = MESHERS[fallback].fill(surface, settings)
+        filled = replace(again, attempts=filled.attempts + again.attempts)
+    mesh, final = filled.mesh, filled.attempts[-1]
+    if settings.seed:
         mesh = replace(mesh, points=mesh.points @ turn.T)
-    final = attempts[-1]
     return mesh, GenerateReport(
         mesher=mesher,
-        backend=backend,
-        backend_version=version(backend),
-        seed=seed,
+        backend=filled.backend,
+        backend_version=version(filled.backend),
+        seed=settings.seed,
         cell_size_mm=cell_size,
         facet_distance_mm=final.facet_distance_mm,
         facet_distance_fraction=None if final.facet_distance_mm is None else final.facet_distance_mm / cell_size,
         edge_length_mm=final.edge_length_mm,
         refinement=final.refinement,
-        passes=passes,
+        passes=filled.passes,
         nodes=len(mesh.points),
         tetrahedra=len(mesh.cells),
         flat_tetrahedra_dropped=final.flat_tetrahedra_dropped,
         topology_ok=not final.problems,
         reason="; ".join(final.problems),
-        attempts=tuple(attempts),
+        attempts=filled.attempts,
     )
 
 
-def generate_with_baseline(
-    surface: TriSurface, mesher: str, *, cell_size: float, time_limit: float | None = None
-) -> tuple[TetMesh, GenerateReport]:
-    """Mesh the inside of a closed surface with one of `meshers.BASELINES` and its own defaults.
+def _require_meshable(surface: TriSurface, mesher: Mesher, size_field: str | None) -> None:
+    """Refuse what is no closed manifold, and what this mesher does not know."""
+    from cortet.geometry.topology import surface_topology
 
-    Exactly flat tetrahedra are left out. Raises `StageError` when there is no mesh, or one that overlaps itself, which
-    no later stage could work on.
-    """
-    began = time.perf_counter()
-    points, cells = baselines.fill(surface, mesher, cell_size=cell_size, time_limit=time_limit)
-    mesh, flat = _well_ordered(points, cells)
-    if folded := folded_faces(mesh):
-        raise StageError(
-            f"{mesher} returned tetrahedra that overlap: both those of {folded} faces are on one side of it"
-        )
-    genus = int(surface_topology(surface.faces).genus)
-    attempt = _judged(mesh, genus, passes=(), flat=flat)
-    _log(mesher, attempt, time.perf_counter() - began)
-    distribution, _ = baselines.TOOLS[mesher]
-    return mesh, GenerateReport(
-        mesher=mesher,
-        backend=distribution,
-        backend_version=version(distribution),
-        seed=0,
-        cell_size_mm=cell_size,
-        facet_distance_mm=None,
-        facet_distance_fraction=None,
-        edge_length_mm=None,
-        refinement=None,
-        passes=(),
-        nodes=len(mesh.points),
-        tetrahedra=len(mesh.cells),
-        flat_tetrahedra_dropped=flat,
-        topology_ok=not attempt.problems,
-        reason="; ".join(attempt.problems),
-        attempts=(attempt,),
-    )
-
-
-def _refined(
-    surface: TriSurface,
-    backend: str,
-    criteria: Sequence[Criteria],
-    passes: tuple[str, ...],
-    *,
-    seed: int,
-    last: bool,
-) -> tuple[TetMesh, list[Attempt]]:
-    """Mesh by the first criteria that give the topology of the surface; `last`: nothing is tried after them."""
-    genus = int(surface_topology(surface.faces).genus)
-    attempts: list[Attempt] = []
-    with TemporaryDirectory(prefix="cortet-generate-") as folder:
-        off = Path(folder) / "surface.off"
-        write_off(surface, off)
-        for candidate in criteria:
-            may_retry = bool(passes) and (candidate != criteria[-1] or not last)
-            for trial in [(), passes] if may_retry else [passes]:
-                mesh, attempt = _attempt(off, backend, candidate, trial, seed=seed, genus=genus)
-                attempts.append(attempt)
-                if attempt.problems:
-                    break
-            if not attempts[-1].problems:
-                break
-    return mesh, attempts
-
-
-def _attempt(
-    off: Path, backend: str, criteria: Criteria, passes: tuple[str, ...], *, seed: int, genus: int
-) -> tuple[TetMesh, Attempt]:
-    """Mesh once and compare the topology of the result with a surface of `genus` handles."""
-    began = time.perf_counter()
-    mesh, flat = _well_ordered(*cgal.fill(off, backend=backend, criteria=criteria, passes=passes, seed=seed))
-    if flat:
-        logger.warning("%d exactly flat tetrahedra left out", flat)
-    what = f"{backend}, facet distance {criteria.facet_distance:g} mm, {', '.join(('refinement', *passes))}"
-    attempt = _judged(mesh, genus, facet_distance=criteria.facet_distance, passes=passes, flat=flat)
-    _log(what, attempt, time.perf_counter() - began)
-    return mesh, attempt
+    topology = surface_topology(surface.faces)
+    if not topology.is_closed_manifold:
+        raise InputError(f"surface cannot be meshed: {'; '.join(topology.problems(int(topology.genus)))}")
+    for asked, able, what in (
+        (size_field is not None, "sizes", "generate.size_field"),
+        (bool(surface.inner), "regions", "inner surfaces"),
+    ):
+        if asked and not getattr(mesher, able):
+            others = " or ".join(name for name, other in MESHERS.items() if getattr(other, able))
+            raise InputError(f"the mesher {mesher.name} knows no {what}", remedy=f"use the mesher {others}")
 
 
 def _rotation(seed: int) -> FloatArray:
@@ -347,179 +271,40 @@ def _turned(surface: TriSurface, turn: FloatArray) -> TriSurface:
     return replace(surface, points=surface.points @ turn, inner=inner)
 
 
-def _filled_with_lattice(
-    surface: TriSurface,
-    cell_size: float,
-    edge_length: Sequence[float],
-    surface_distance: float,
-    *,
-    core_ratio: float,
-    core_depth: float,
-    elements_across: int,
-    sizes: Sequence[FloatArray] | None,
-) -> tuple[TetMesh, list[Attempt]]:
-    """Mesh by the longest edges with which no two triangles cross, of the boundary and of the surfaces inside it.
+def _settled(values: dict[str, Any], config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:
+    """One backend for all meshes of a cohort; cells across the cortex only where there is an inner surface."""
+    if values["backend"] == "auto":
+        values = {**values, "backend": installed_backend()}
+    return {**values, "elements_across": config.regions.elements_across} if facts.get("nested") else values
 
-    Parameters
-    ----------
-    sizes : for each sheet (n,) mm, the cell size at its vertices, where that is smaller than `cell_size`
 
-    Raises `StageError` when triangles cross with all edge lengths.
-    """
-    every = sheets(surface)
-    genus = int(surface_topology(surface.faces).genus)
-    attempts: list[Attempt] = []
-    for fraction in edge_length:
-        began = time.perf_counter()
-        edge = fraction * cell_size
-        longest = None if sizes is None else [fraction * size for size in sizes]
-        made = remesh_apart(
-            surface, wanted(surface, edge, surface_distance * cell_size, across=elements_across, longest=longest)
-        )
-        walls = [one.surface for one in made]
-        if problem := _fault(walls, every):
-            topology = surface_topology(walls[0].faces)
-            attempt = Attempt(None, edge, (), sum(len(wall.points) for wall in walls), 0, 0, topology, (problem,))
+def _sentence(certificates: Sequence[Certificate]) -> str:
+    every = [content["parameters"]["generate"] for content in certificates]
+    sizes = " and ".join(f"{size:g}" for size in sorted({done["cell_size"] for done in every}))
+    backends = [content["reports"]["generate"]["backend"] for content in certificates]
+    ways = []
+    for (name, backend), count in sorted(Counter(zip((d["mesher"] for d in every), backends, strict=True)).items()):
+        mesher, meshes = MESHERS[name], counted(count, "mesh")
+        if mesher.may_change_topology and backend not in ("pygalmesh", "cgal"):
+            fallback = every[0]["fallback"]
+            ways.append(f"the fallback {fallback}, where CGAL's boundary had another topology ({count})")
         else:
-            nodes = graded_nodes(
-                walls[0],
-                np.concatenate([one.size for one in made]),
-                edge_length=edge,
-                cell_size=cell_size,
-                core_ratio=core_ratio,
-                core_depth=core_depth,
-                walls=joined(walls),
-                plateau=elements_across / 2 if elements_across > 1 else 0,  # from both sides to the middle
-            )
-            points, cells = tetrahedralised(joined(walls), nodes)
-            region = regions_of(points, cells, walls) if surface.inner else None
-            mesh, flat = _well_ordered(points, cells, region)
-            mesh, _ = reconnect(mesh, surface, insert=False, cell_size=cell_size)
-            attempt = _judged(mesh, genus, edge_length=edge, passes=(), flat=flat)
-            attempt = replace(attempt, problems=attempt.problems + _interface_problems(mesh, surface))
-        attempts.append(replace(attempt, refinement=_refinement(made)))
-        _log(f"lattice, edges of {edge:g} mm", attempt, time.perf_counter() - began)
-        if not attempt.problems:
-            return mesh, attempts
-    remedy = "choose a smaller cell size, add a smaller generate.edge_length, or "
-    raise StageError(
-        f"no edge length of {list(edge_length)} h gives a boundary to fill: {'; '.join(attempts[-1].problems)}",
-        remedy=remedy + ("take a larger regions.min_gap" if surface.inner else "smooth the surface there"),
-    )
+            ways.append(mesher.said(every[0], backend, name, meshes))
+    return f"They were filled with tetrahedra of cell size h = {sizes} mm by {' and '.join(ways)}."
 
 
-def _sizes_of(surface: TriSurface, name: str, cell_size: float) -> list[FloatArray]:
-    """Values of a field of sizes on each sheet, (n,) mm; infinite on one that has none."""
-    every = sheets(surface)
-    if not any(name in one.point_data for one in every):
-        known = ", ".join(surface.point_data) or "none"
-        raise InputError(
-            f"generate.size_field: the surface has no field {name} (it has: {known})",
-            remedy="name a field of the surface, or give it: `--field NAME=FILE`, in a sheet `cohort.fields`",
-        )
-    found = []
-    for one in every:
-        values = np.asarray(one.point_data.get(name, np.full(len(one.points), np.inf)), np.float64)
-        least = SHORTEST * cell_size
-        bad = ~(values >= least) if values.ndim == 1 else np.ones(1, np.bool_)
-        if bad.any():
-            what = f"{np.count_nonzero(bad)} values that are no cell size of at least {least:g} mm ({SHORTEST:g} h)"
-            shown = f", the first {values[bad.argmax()]} at vertex {bad.argmax()}"
-            raise InputError(
-                f"generate.size_field: {name} has {what}{shown}",
-                remedy="give one size in mm per vertex; where finer cells are wanted, choose a smaller cell size",
-            )
-        found.append(values)
-    return found
-
-
-def _interface_problems(mesh: TetMesh, surface: TriSurface) -> tuple[str, ...]:
-    """In plain words, where an interface has not the topology of its surface."""
-    found = []
-    for number, (name, one) in enumerate(surface.inner.items(), start=1):
-        genus = int(surface_topology(one.faces).genus)
-        found += [f"{name}: {what}" for what in surface_topology(sheet(mesh, number)[0].faces).problems(genus)]
-    return tuple(found)
-
-
-def _refinement(made: Sequence[Remeshed]) -> Refinement:
-    both = joined([one.surface for one in made])
-    size, distances = (np.concatenate([getattr(one, name) for one in made]) for name in ("size", "distances"))
-    start, end = edges(both.faces).T
-    return Refinement(
-        vertices=len(both.points),
-        vertices_refined=int((size < 0.8 * size.max()).sum()),
-        shortest_edge_mm=float(np.linalg.norm(both.points[start] - both.points[end], axis=1).min()),
-        distance_mean_mm=float(distances.mean()),
-        distance_max_mm=float(distances.max()),
-        rounds=made[0].rounds,
-    )
-
-
-def _fault(walls: Sequence[TriSurface], every: Sequence[TriSurface]) -> str:
-    """Why remeshed surfaces cannot be filled, or nothing; `every` holds the given ones."""
-    both = joined(walls)
-    unusable = unsound(both)
-    if len(unusable):
-        flat = shapes(both)[unusable] < FLAT
-        counts = {"cross": np.count_nonzero(~flat), "are flat": np.count_nonzero(flat)}
-        what = " and ".join(f"{count} boundary triangles {fault}" for fault, count in counts.items() if count)
-        x, y, z = both.points[both.faces[unusable[0]]].mean(axis=0)
-        return f"{what}, the first at ({x:.1f}, {y:.1f}, {z:.1f}) mm"
-    for wall, one in zip(walls, every, strict=True):
-        share = enclosed_volume(wall.points, wall.faces) / enclosed_volume(one.points, one.faces)
-        if share < LEAST_VOLUME:
-            return f"the remeshed boundary encloses {100 * share:.0f} % of the volume"
-    return ""
-
-
-def _log(what: str, attempt: Attempt, seconds: float) -> None:
-    found = "; ".join(attempt.problems) or "topology of the surface"
-    logger.info("%s: %d nodes, %d tetrahedra, %s, %.1f s", what, attempt.nodes, attempt.tetrahedra, found, seconds)
-
-
-def _judged(
-    mesh: TetMesh,
-    genus: int,
-    *,
-    facet_distance: float | None = None,
-    edge_length: float | None = None,
-    passes: tuple[str, ...],
-    flat: int,
-) -> Attempt:
-    """Compare the topology of a mesh with a surface of `genus` handles."""
-    boundary = surface_topology(boundary_faces(mesh))
-    problems = boundary.problems(genus)
-    if (bodies := components(mesh.cells)) != 1:
-        problems.append(f"{bodies} bodies instead of one")
-    return Attempt(
-        facet_distance_mm=facet_distance,
-        edge_length_mm=edge_length,
-        passes=passes,
-        nodes=len(mesh.points),
-        tetrahedra=len(mesh.cells),
-        flat_tetrahedra_dropped=flat,
-        boundary=boundary,
-        problems=tuple(problems),
-    )
-
-
-def _well_ordered(points: FloatArray, cells: IntArray, region: IntArray | None = None) -> tuple[TetMesh, int]:
-    """Tetrahedra of a mesher with positive volumes, numbered along a curve; and how many flat ones were left out.
-
-    Parameters
-    ----------
-    region : (m,) of the tetrahedra, where there are several
-    """
-    kept = signed_volumes(points, cells) != 0
-    cells, flat = oriented(points, cells)
-    points, cells, _ = compact(points, cells)
-    points, cells, order = ordered_along_curve(points, cells)
-    return TetMesh(points, cells, cell_data={} if region is None else {REGION: region[kept][order]}), flat
-
-
-def oriented(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:
-    """Tetrahedra reordered to positive volume, without the exactly flat ones, whose number is returned too."""
-    volumes = signed_volumes(points, cells)
-    cells = np.where((volumes < 0)[:, None], cells[:, [0, 1, 3, 2]], cells)
-    return cells[volumes != 0], int((volumes == 0).sum())
+STAGE = Stage(
+    name="generate",
+    order=60,
+    does="fills the surface with tetrahedra",
+    label="Generated",
+    takes=("surface",),
+    gives="mesh",
+    number="S1",
+    parameters=Generate,
+    facts=("cell_size", "mesher"),
+    settle=_settled,
+    cost=Cost((330, 550), (5, 370)),
+    sentence=_sentence,
+    shared_by_settings=True,
+)

@@ -13,29 +13,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from shutil import which
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import pymeshlab
 
 from cortet.errors import StageError
-from cortet.formats import child, gifti
-from cortet.geometry.closest_point import SurfaceTree, closest_points, tree_of
-from cortet.geometry.nesting import joined, sheets
-from cortet.geometry.topology import edges, sheet
-from cortet.measure.fidelity import Distances, boundary_roughness, summary
-from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.optimise.crossing import without_crossing
-from cortet.optimise.vertices import Boundary
-from cortet.stages.clean import clean, require_sound
+from cortet.sections import Boundary, Cost, PositiveInt, Section, Threshold
+from cortet.stages.clean import clean
+from cortet.stages.stage import Certificate, Stage, counted, parameters_of
+
+if TYPE_CHECKING:
+    from cortet.geometry.closest_point import SurfaceTree
+    from cortet.measure.fidelity import Distances
 
 VERSION: int = 7
 
 Method = Literal["laplacian", "workbench"]
 
-#: angle (degrees) of the surface-preserving Laplacian, as published; inert above about 20
-_ANGLE = 60.0
 #: strength of `wb_command -surface-smoothing`, as published
 _STRENGTH = 0.7
 #: shells of interior nodes that follow the boundary, each by this share of the one above
@@ -44,6 +39,32 @@ _SHELLS, _FOLLOWING = 2, 0.5
 _RETRIES = 4
 
 logger = logging.getLogger(__name__)
+
+
+class SmoothBoundary(Section):
+    """Post-mesh smoothing of the boundary (paper, section 4.4), with a cleaning of its own."""
+
+    enabled: bool = False
+    """true adds the stage."""
+    method: Method = "laplacian"
+    """laplacian: PyMeshLab's surface-preserving one; workbench: wb_command -surface-smoothing, if it is installed."""
+    iterations: PositiveInt = 3
+    """Iterations; halved, up to four times, when an element inverts."""
+    onto_surface: bool = True
+    """true puts the boundary back onto the surface after each iteration; false lets it leave it."""
+    thresholds: list[Threshold] = [0.7, 0.5]
+    """Passes of the cleaning afterwards, as in clean; a further one at 0.3 does not converge here (paper)."""
+
+    def programs(self) -> dict[str, str]:
+        """Connectome Workbench, where it is the method."""
+        return {"wb_command": "smooth_boundary.method: laplacian"} if self.method == "workbench" else {}
+
+    def knows_no_interfaces(self) -> str:
+        """Interfaces that left their surfaces would meet."""
+        return "" if self.onto_surface else "smooth_boundary.onto_surface: false"
+
+
+DEFAULT = SmoothBoundary()
 
 
 @dataclass(frozen=True)
@@ -74,10 +95,10 @@ def smooth_boundary(
     mesh: TetMesh,
     surface: TriSurface,
     *,
-    method: Method = "laplacian",
-    iterations: int = 3,
-    onto_surface: bool = True,
-    thresholds: Sequence[float] = (0.7, 0.5),
+    method: Method = DEFAULT.method,
+    iterations: int = DEFAULT.iterations,
+    onto_surface: bool = DEFAULT.onto_surface,
+    thresholds: Sequence[float] = DEFAULT.thresholds,
 ) -> tuple[TetMesh, SmoothBoundaryReport]:
     """Smooth the boundary of a mesh and its interfaces, let the interior follow, and clean the elements again.
 
@@ -96,6 +117,14 @@ def smooth_boundary(
     ------
     StageError : inverted elements to begin with, or `wb_command` is not installed or failed
     """
+    from cortet.geometry.closest_point import closest_points, tree_of
+    from cortet.geometry.nesting import joined, sheets
+    from cortet.geometry.topology import sheet
+    from cortet.measure.fidelity import boundary_roughness, summary
+    from cortet.measure.quality import quality, signed_volumes
+    from cortet.optimise.crossing import without_crossing
+    from cortet.optimise.soundness import require_sound
+
     before = quality(mesh.points, mesh.cells)
     require_sound(mesh, before)
     given = sheets(surface)
@@ -148,24 +177,22 @@ def smooth_boundary(
 
 def _smoothed(boundary: TriSurface, method: Method, iterations: int, tree: SurfaceTree | None) -> FloatArray:
     """Positions of the boundary's vertices after smoothing, (b, 3) mm; put back onto a surface after each iteration."""
-    smooth = {"laplacian": _laplacian, "workbench": _workbench}[method]
+    from cortet.geometry.closest_point import closest_points
+    from cortet.geometry.smoothing import surface_preserving
+
+    smooth = {"laplacian": surface_preserving, "workbench": _workbench}[method]
     if not len(boundary.points):  # an interface that does not reach into this part of a mesh
         return boundary.points
     if tree is None:
-        return smooth(boundary, iterations)
+        return smooth(boundary, iterations=iterations)
     for _ in range(iterations):
-        boundary = replace(boundary, points=closest_points(tree, smooth(boundary, 1)).points)
+        boundary = replace(boundary, points=closest_points(tree, smooth(boundary, iterations=1)).points)
     return boundary.points
 
 
-def _laplacian(boundary: TriSurface, iterations: int) -> FloatArray:
-    meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(boundary.points, boundary.faces))
-    meshes.apply_coord_laplacian_smoothing_surface_preserving(angledeg=_ANGLE, iterations=iterations)
-    return np.asarray(meshes.current_mesh().vertex_matrix())
+def _workbench(boundary: TriSurface, *, iterations: int) -> FloatArray:
+    from cortet.formats import child, gifti
 
-
-def _workbench(boundary: TriSurface, iterations: int) -> FloatArray:
     program = which("wb_command")
     if program is None:
         raise StageError(
@@ -184,6 +211,8 @@ def _workbench(boundary: TriSurface, iterations: int) -> FloatArray:
 
 def _followed(mesh: TetMesh, nodes: IntArray, target: FloatArray) -> FloatArray:
     """Move boundary `nodes` to `target`, and each node of the shells below by a share of its upper neighbours' mean."""
+    from cortet.geometry.topology import edges
+
     shift = np.zeros_like(mesh.points)
     shift[nodes] = target - mesh.points[nodes]
     links = edges(mesh.cells)
@@ -201,3 +230,22 @@ def _followed(mesh: TetMesh, nodes: IntArray, target: FloatArray) -> FloatArray:
     points = mesh.points + shift
     points[nodes] = target
     return points
+
+
+def _sentence(certificates: Sequence[Certificate]) -> str:
+    for done in parameters_of("smooth_boundary", certificates)[:1]:
+        return f"The boundary was smoothed ({counted(done['iterations'], 'iteration')}, method {done['method']})."
+    return ""
+
+
+STAGE = Stage(
+    name="smooth_boundary",
+    order=110,
+    does="smooths the boundary",
+    label="BoundarySmoothed",
+    takes=("mesh", "surface"),
+    gives="mesh",
+    parameters=SmoothBoundary,
+    cost=Cost((400, 430), (4, 10)),
+    sentence=_sentence,
+)

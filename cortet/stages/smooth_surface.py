@@ -9,20 +9,16 @@ gestational age, which offers three strengths, and the strongest that changes li
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-import pymeshlab
-from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
-from cortet.formats.gifti import single_precision
-from cortet.geometry import topology
-from cortet.geometry.closest_point import closest_points, tree_of
-from cortet.geometry.intersection import self_intersections
-from cortet.measure.fidelity import high_frequency_roughness
-from cortet.mesh import FloatArray, TriSurface
+from cortet.mesh import FloatArray, TriSurface, single_precision
+from cortet.sections import Cost, Fraction, Positive, Section
+from cortet.stages.stage import Certificate, Stage, parameters_of
 
 VERSION: int = 2
 
@@ -38,12 +34,37 @@ ITERATIONS = (
 #: steps of Taubin's filter, inward by lambda and outward by mu (Taubin, SIGGRAPH 1995), that are tried in this order
 STEPS = (2, 5, 10, 20, 40)
 _LAMBDA, _MU = 0.5, -0.53
-#: normals of a vertex's triangles may turn this much (degrees) before it is held; above about 20 it holds none
-_ANGLE = 60.0
 
 Method = Literal["taubin", "published"]
 
 logger = logging.getLogger(__name__)
+
+
+class SmoothSurface(Section):
+    """Smoothing of the input surface, as much as it is rough, or by gestational age as in the paper (PyMeshLab)."""
+
+    enabled: bool = True
+    """false leaves the stage out: the surface is meshed as the gate lets it through."""
+    method: Method = "taubin"
+    """taubin removes stair steps without shrinking, where there are some; published smooths by gestational age, and is
+    left out where that is not known."""
+    max_roughness: Positive = 0.03
+    """taubin: roughness (mean bi-Laplacian along the normals over the mean edge) up to which a surface is not smoothed;
+    atlas surfaces have 0.006 to 0.027, the stair steps of a label image 0.11."""
+    max_area_change: Fraction = 0.08
+    """Largest relative change of the area; stair steps have some of their own, which goes with them."""
+    max_volume_change: Fraction | None = 0.01
+    """Largest relative change of the volume; null: no limit."""
+    max_displacement: Positive = 0.05
+    """Largest mean distance to the unsmoothed surface, mm: a tenth of a voxel of 0.5 mm. Of taubin from surface to
+    surface, of published from vertex to nearest vertex."""
+
+    def runs(self, *, aged: bool) -> bool:
+        """The published method asks for the age."""
+        return self.enabled and (aged or self.method != "published")
+
+
+DEFAULT = SmoothSurface()
 
 
 @dataclass(frozen=True)
@@ -93,11 +114,11 @@ def smooth_surface(
     surface: TriSurface,
     *,
     gestational_age: float | None = None,
-    method: Method = "taubin",
-    max_roughness: float = 0.03,
-    max_area_change: float = 0.08,
-    max_volume_change: float | None = 0.01,
-    max_displacement: float = 0.05,
+    method: Method = DEFAULT.method,
+    max_roughness: float = DEFAULT.max_roughness,
+    max_area_change: float = DEFAULT.max_area_change,
+    max_volume_change: float | None = DEFAULT.max_volume_change,
+    max_displacement: float = DEFAULT.max_displacement,
 ) -> tuple[TriSurface, SmoothReport]:
     """Smooth by the filter of Taubin, or by the paper's surface-preserving Laplacian (both PyMeshLab's).
 
@@ -166,8 +187,13 @@ def _by_age(
     surface: TriSurface, gestational_age: float, limits: _Limits, before: Candidate
 ) -> tuple[dict[int, TriSurface], tuple[Candidate, ...], list[Candidate]]:
     """The surface after each number of iterations, the candidates, and those that may be chosen."""
+    from cortet.geometry.smoothing import surface_preserving
+
     offered = candidate_iterations(gestational_age)
-    tried = {0: surface} | {iterations: _smoothed(surface, iterations) for iterations in offered}
+    tried = {0: surface}
+    for iterations in filter(None, offered):
+        points = surface_preserving(surface, iterations=iterations)
+        tried[iterations] = single_precision(replace(surface, points=points))
     further = (_candidate(surface, tried[iterations], iterations, limits) for iterations in sorted(tried) if iterations)
     candidates = (before, *further)
     return tried, candidates, [c for c in candidates if c.iterations in offered and not c.breaks]
@@ -177,20 +203,16 @@ def _by_roughness(
     surface: TriSurface, max_roughness: float, limits: _Limits, before: Candidate
 ) -> tuple[dict[int, TriSurface], tuple[Candidate, ...]]:
     """The surface after more and more steps, until it is smooth or a limit is broken, and the candidates."""
+    from cortet.geometry.smoothing import taubin
+
     tried, candidates = {0: surface}, [before]
     for steps in STEPS:
         if candidates[-1].high_frequency_roughness <= max_roughness or candidates[-1].breaks:
             break
-        tried[steps] = _without_steps(surface, steps)
+        points = taubin(surface, steps=steps, lambda_=_LAMBDA, mu=_MU)
+        tried[steps] = single_precision(replace(surface, points=points))
         candidates.append(_candidate(surface, tried[steps], steps, limits))
     return tried, tuple(candidates)
-
-
-def _without_steps(surface: TriSurface, steps: int) -> TriSurface:
-    meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(surface.points, surface.faces))
-    meshes.apply_coord_taubin_smoothing(lambda_=_LAMBDA, mu=_MU, stepsmoothnum=steps)
-    return single_precision(replace(surface, points=meshes.current_mesh().vertex_matrix()))
 
 
 def candidate_iterations(gestational_age: float) -> tuple[int, ...]:
@@ -198,17 +220,13 @@ def candidate_iterations(gestational_age: float) -> tuple[int, ...]:
     return next(iterations for below, iterations in ITERATIONS if gestational_age < below)
 
 
-def _smoothed(surface: TriSurface, iterations: int) -> TriSurface:
-    if not iterations:
-        return surface
-    meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(surface.points, surface.faces))
-    meshes.apply_coord_laplacian_smoothing_surface_preserving(angledeg=_ANGLE, iterations=iterations)
-    return single_precision(replace(surface, points=meshes.current_mesh().vertex_matrix()))
-
-
 def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: _Limits) -> Candidate:
     """Measure one candidate and hold it against the limits."""
+    from cortet.geometry import topology
+    from cortet.geometry.intersection import self_intersections
+    from cortet.geometry.smoothing import curvatures
+    from cortet.measure.fidelity import high_frequency_roughness
+
     area = float(topology.face_areas(after.points, after.faces).sum())
     area_change = area / float(topology.face_areas(before.points, before.faces).sum()) - 1
     volume = topology.enclosed_volume(after.points, after.faces)
@@ -228,7 +246,7 @@ def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: _
     if crossing:
         breaks.append(f"{crossing} triangles cross")
     offset = after.points - topology.neighbour_means(after.points, after.faces)
-    mean_curvature, gaussian_curvature = _curvatures(after)
+    mean, gaussian = (Spread(float(values.mean()), float(values.std())) for values in curvatures(after))
     return Candidate(
         iterations=iterations,
         area_mm2=area,
@@ -238,8 +256,8 @@ def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: _
         displacement_mm=displacement,
         high_frequency_roughness=high_frequency_roughness(after.points, after.faces),
         roughness_mm=float(np.linalg.norm(offset, axis=1).mean()),
-        mean_curvature_per_mm=mean_curvature,
-        gaussian_curvature_per_mm2=gaussian_curvature,
+        mean_curvature_per_mm=mean,
+        gaussian_curvature_per_mm2=gaussian,
         self_intersecting_faces=crossing,
         breaks=tuple(breaks),
     )
@@ -247,24 +265,51 @@ def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: _
 
 def mean_nearest_vertex_distance(one: FloatArray, other: FloatArray) -> float:
     """Mean distance to the nearest vertex of the other set, the mean of both directions; (n, 3) and (m, 3) mm."""
+    from scipy.spatial import cKDTree
+
     there, back = cKDTree(other).query(one)[0], cKDTree(one).query(other)[0]
     return float(there.mean() + back.mean()) / 2
 
 
 def mean_surface_distance(one: TriSurface, other: TriSurface) -> float:
     """Mean distance of the vertices of a surface to another one, the mean of both directions; mm."""
+    from cortet.geometry.closest_point import closest_points, tree_of
+
     there = closest_points(tree_of(other), one.points).distances
     back = closest_points(tree_of(one), other.points).distances
     return float(there.mean() + back.mean()) / 2
 
 
-def _curvatures(surface: TriSurface) -> tuple[Spread, Spread]:
-    """Discrete mean (1/mm) and Gaussian (1/mm2) curvature by PyMeshLab (Meyer et al. 2003)."""
-    meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(surface.points, surface.faces))
-    spreads = []
-    for kind in ("Mean Curvature", "Gaussian Curvature"):
-        meshes.compute_scalar_by_discrete_curvature_per_vertex(curvaturetype=kind)
-        values = meshes.current_mesh().vertex_scalar_array()
-        spreads.append(Spread(float(values.mean()), float(values.std())))
-    return spreads[0], spreads[1]
+#: method -> how it is said
+_SAID = {
+    "taubin": "Surfaces rougher than {max_roughness:g} (mean bi-Laplacian along the normals over the mean edge) were "
+    "smoothed by the filter of Taubin",
+    "published": "{whose} were smoothed by age, by a surface-preserving Laplacian",
+}
+
+
+def _sentence(certificates: Sequence[Certificate]) -> str:
+    smoothed = parameters_of("smooth_surface", certificates)
+    if not smoothed:
+        return ""
+    done = smoothed[0]
+    whose = "Surfaces" if len(smoothed) == len(certificates) else "Surfaces of known age"
+    return (
+        f"{_SAID[done['method']].format(whose=whose, **done)} (PyMeshLab; area change at most "
+        f"{100 * done['max_area_change']:g} %, mean displacement at most {done['max_displacement']:g} mm)."
+    )
+
+
+STAGE = Stage(
+    name="smooth_surface",
+    order=40,
+    does="smooths the surface as much as it is rough",
+    label="smoothed",
+    takes=("surface",),
+    gives="surface",
+    parameters=SmoothSurface,
+    facts=("gestational_age",),
+    cost=Cost((600, 0), (7, 0)),
+    sentence=_sentence,
+    alone=True,
+)

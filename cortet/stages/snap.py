@@ -8,17 +8,19 @@ and the rest of the way is tried again. Nodes that would make the boundary cross
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cortet.geometry.closest_point import SurfaceTree, closest_points, tree_of
-from cortet.geometry.topology import boundary_nodes
-from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.optimise.backing_off import back_off
-from cortet.optimise.crossing import without_crossing
+from cortet.sections import Cost, Section, Threshold
 from cortet.stages.clean import clean
+from cortet.stages.stage import Certificate, Stage, parameters_of
+
+if TYPE_CHECKING:
+    from cortet.geometry.closest_point import SurfaceTree
 
 VERSION: int = 5
 
@@ -28,6 +30,18 @@ ON_SURFACE_MM = 1e-4
 REPAIR_ROUNDS, REPAIR_THRESHOLDS = 3, (0.5, 0.3)
 
 logger = logging.getLogger(__name__)
+
+
+class Snap(Section):
+    """S6: boundary nodes to the nearest point of the input surface."""
+
+    enabled: bool = False
+    """true adds the stage; after `boundary: slide` there is nothing left for it to do."""
+    q_max: Threshold = 0.6
+    """Elements that snapping makes worse than this are repaired."""
+
+
+DEFAULT = Snap()
 
 
 @dataclass(frozen=True)
@@ -50,7 +64,7 @@ class SnapReport:
     q_max_after: float
 
 
-def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = 0.6) -> tuple[TetMesh, SnapReport]:
+def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = DEFAULT.q_max) -> tuple[TetMesh, SnapReport]:
     """Move boundary nodes to the nearest point of `surface`, as far as no element inverts or rises to the limit.
 
     Parameters
@@ -64,6 +78,11 @@ def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = 0.6) -> tuple[Tet
     StageError
         the mesh has inverted elements to begin with
     """
+    from cortet.geometry.closest_point import closest_points, tree_of
+    from cortet.geometry.topology import boundary_nodes
+    from cortet.measure.quality import quality
+    from cortet.optimise.crossing import without_crossing
+
     tree = tree_of(surface)
     nodes = boundary_nodes(mesh)
     found = closest_points(tree, mesh.points[nodes])
@@ -108,6 +127,9 @@ def _brought(
 
     Returns also how often it was cleaned.
     """
+    from cortet.geometry.closest_point import closest_points
+    from cortet.optimise.backing_off import back_off
+
     rounds = 0
     while True:
         places = closest_points(tree, mesh.points[nodes]).points
@@ -126,3 +148,22 @@ def _placed(points: FloatArray, nodes: IntArray, places: FloatArray) -> FloatArr
     moved = points.copy()
     moved[nodes] = places
     return moved
+
+
+def _sentence(certificates: Sequence[Certificate]) -> str:
+    done = parameters_of("snap", certificates)
+    return "Boundary nodes were put onto the nearest point of the surface." if done else ""
+
+
+STAGE = Stage(
+    name="snap",
+    order=120,
+    does="puts the boundary onto the surface",
+    label="Snapped",
+    takes=("mesh", "surface"),
+    gives="mesh",
+    number="S6",
+    parameters=Snap,
+    cost=Cost((400, 430), (4, 10)),
+    sentence=_sentence,
+)

@@ -8,14 +8,11 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
-from cortet.geometry.closest_point import closest_points, tree_of
-from cortet.geometry.nesting import sheets
-from cortet.geometry.topology import boundary_nodes, numbers, sheet
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.stages.harmonic import harmonic
+from cortet.sections import Cost, Section
+from cortet.stages.stage import Stage
 
 VERSION: int = 1
 
@@ -27,6 +24,17 @@ THICKNESS = "thickness"
 FAR_MM = 1.0
 
 logger = logging.getLogger(__name__)
+
+
+class Transfer(Section):
+    """S2, and once more before S5: the surface's fields on the nodes of the mesh."""
+
+    interior: Interior = "nearest"
+    """Values of interior nodes: nearest takes those of the nearest boundary node, harmonic solves Laplace's equation.
+    Labels always come from the nearest boundary node."""
+
+
+DEFAULT = Transfer()
 
 
 @dataclass(frozen=True)
@@ -44,7 +52,9 @@ class TransferReport:
     nodes_cut_off: int
 
 
-def transfer(mesh: TetMesh, surface: TriSurface, *, interior: Interior = "nearest") -> tuple[TetMesh, TransferReport]:
+def transfer(
+    mesh: TetMesh, surface: TriSurface, *, interior: Interior = DEFAULT.interior
+) -> tuple[TetMesh, TransferReport]:
     """Give every node the values of `surface.point_data`.
 
     A boundary node takes the barycentric mean at the closest point of the surface; of an integer field (labels) it
@@ -69,6 +79,10 @@ def transfer(mesh: TetMesh, surface: TriSurface, *, interior: Interior = "neares
     StageError
         harmonic interpolation did not converge
     """
+    from cortet.geometry.closest_point import closest_points, tree_of
+    from cortet.geometry.interpolation import at_triangles, is_label
+    from cortet.geometry.topology import boundary_nodes
+
     if interior not in ("nearest", "harmonic"):
         raise InputError(f"transfer: interior {interior!r} is neither 'nearest' nor 'harmonic'")
     if surface.inner:
@@ -87,7 +101,7 @@ def transfer(mesh: TetMesh, surface: TriSurface, *, interior: Interior = "neares
         fields, cut_off = _harmonic_inside(mesh, nodes, fields)
     far = _warned_of_far(found.distances, "boundary nodes", "the surface")
     return replace(mesh, point_data={**mesh.point_data, **fields}), TransferReport(
-        fields={name: "label" if _is_label(values) else "interpolated" for name, values in surface.point_data.items()},
+        fields={name: "label" if is_label(values) else "interpolated" for name, values in surface.point_data.items()},
         mean_distance_mm=float(found.distances.mean()),
         max_distance_mm=float(found.distances.max()),
         nodes_further_than_1mm=far,
@@ -113,6 +127,10 @@ def _warned_of_far(distances: FloatArray, nodes: str, surface: str) -> int:
 
 def _nearest(points: FloatArray, nodes: IntArray) -> IntArray:
     """The place in `nodes` (b,), ascending, of the node nearest to each of all `points` (n, 3): (n,) int32."""
+    from scipy.spatial import cKDTree
+
+    from cortet.geometry.topology import numbers
+
     source = numbers(nodes, len(points))
     inner = np.flatnonzero(source < 0)
     source[inner] = cKDTree(points[nodes]).query(points[inner])[1]
@@ -134,6 +152,14 @@ def with_thickness(surface: TriSurface) -> TriSurface:
 
 def _of_all_sheets(mesh: TetMesh, surface: TriSurface, interior: Interior) -> tuple[TetMesh, TransferReport]:
     """Carry the fields of a surface and of its inner ones."""
+    from scipy.spatial import cKDTree
+
+    from cortet.geometry.closest_point import closest_points, tree_of
+    from cortet.geometry.interpolation import at_triangles, is_label
+    from cortet.geometry.nesting import sheets
+    from cortet.geometry.topology import sheet
+    from cortet.stages._harmonic import harmonic
+
     known: dict[str, list[tuple[IntArray, NDArray[Any]]]] = {}
     distances, far = [], 0
     called = [("boundary nodes", "the surface"), *((f"nodes of the interface {name}", name) for name in surface.inner)]
@@ -151,14 +177,14 @@ def _of_all_sheets(mesh: TetMesh, surface: TriSurface, interior: Interior) -> tu
         values = np.concatenate([there for _, there in parts])
         carried = values[cKDTree(mesh.points[nodes]).query(mesh.points)[1]]
         carried[nodes] = values
-        if interior == "harmonic" and not _is_label(values):
+        if interior == "harmonic" and not is_label(values):
             columns = carried.reshape(len(carried), -1).astype(np.float64)
             solved, more = harmonic(mesh, nodes, columns[nodes], columns)
             carried, cut_off = solved.reshape(carried.shape), cut_off + more
         fields[name] = carried
     off = np.concatenate(distances)
     return replace(mesh, point_data={**mesh.point_data, **fields}), TransferReport(
-        fields={name: "label" if _is_label(parts[0][1]) else "interpolated" for name, parts in known.items()},
+        fields={name: "label" if is_label(parts[0][1]) else "interpolated" for name, parts in known.items()},
         mean_distance_mm=float(off.mean()),
         max_distance_mm=float(off.max()),
         nodes_further_than_1mm=far,
@@ -171,7 +197,10 @@ def _harmonic_inside(
     mesh: TetMesh, nodes: IntArray, fields: dict[str, NDArray[Any]]
 ) -> tuple[dict[str, NDArray[Any]], int]:
     """Fields that are no labels with harmonic values inside, and the number of nodes whose values were cut off."""
-    smooth = {name: values for name, values in fields.items() if not _is_label(values)}
+    from cortet.geometry.interpolation import is_label
+    from cortet.stages._harmonic import harmonic
+
+    smooth = {name: values for name, values in fields.items() if not is_label(values)}
     if not smooth:
         return fields, 0
     columns = np.column_stack(list(smooth.values())).astype(np.float64)
@@ -182,14 +211,15 @@ def _harmonic_inside(
     return {name: harmonics.get(name, values) for name, values in fields.items()}, cut_off
 
 
-def _is_label(values: NDArray[Any]) -> bool:
-    return bool(np.issubdtype(values.dtype, np.integer))
-
-
-def at_triangles(values: NDArray[Any], corners: IntArray, weights: FloatArray) -> NDArray[Any]:
-    """Values of one field at points given by the (k, 3) corners and weights of the triangles they lie in."""
-    if _is_label(values):
-        values_there: NDArray[Any] = values[corners[np.arange(len(corners)), weights.argmax(axis=1)]]
-    else:
-        values_there = np.einsum("kc,kc...->k...", weights, values[corners])
-    return values_there
+STAGE = Stage(
+    name="transfer",
+    order=70,
+    does="carries fields to the mesh",
+    label="Transferred",
+    takes=("mesh", "surface"),
+    gives="mesh",
+    number="S2",
+    parameters=Transfer,
+    cost=Cost((230, 125), (2, 3)),
+    shared_by_settings=True,
+)

@@ -58,7 +58,7 @@ def test_an_explained_message_that_the_code_does_not_have_stops_the_build(tmp_pa
 
 
 def test_messages_are_found_with_their_remedies() -> None:
-    code = "import from_code; print(*(m[1:] for m in from_code.messages() if m.module == 'meshers.cgal'), sep='\\n')"
+    code = "import from_code; print(*(m[1:] for m in from_code.messages() if m.module == 'meshers._cgal'), sep='\\n')"
     environment = os.environ | {"PYTHONPATH": f"{ROOT / 'docs'}{os.pathsep}{ROOT}"}
     found = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert "('the mesher returned no tetrahedra', ('use a smaller cell size',))" in found.stdout.splitlines()

@@ -15,8 +15,8 @@ from cortet.geometry.topology import boundary_faces, enclosed_volume
 from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import TriSurface
 from cortet.meshers import baselines
-from cortet.meshers.baselines import TOOLS, fill, prepared
-from cortet.stages.generate import generate, generate_with_baseline
+from cortet.meshers.baselines import TOOLS, prepared, tetrahedra
+from cortet.stages.generate import generate
 
 MODULES = {"tetgen": "tetgen", "ftetwild": "pytetwild", "gmsh": "gmsh", "netgen": "netgen"}
 REAL = Path(__file__).parents[3] / "shared/data/fetal/fetomorph_GW25_left.surf.gii"
@@ -39,13 +39,13 @@ def test_a_ball_is_filled(mesher: str) -> None:
 
 @pytest.mark.parametrize("mesher", ["tetgen", "gmsh"])
 def test_the_same_surface_gives_the_same_mesh(mesher: str) -> None:
-    (first, cells), (second, again) = (fill(ball_surface(), mesher, cell_size=1.0) for _ in range(2))
+    (first, cells), (second, again) = (tetrahedra(ball_surface(), mesher, cell_size=1.0) for _ in range(2))
     assert np.array_equal(first, second) and np.array_equal(cells, again)
 
 
 def test_tetgen_keeps_the_boundary_and_makes_slivers_as_published() -> None:
     surface = ball_surface(4)
-    mesh, _ = generate_with_baseline(surface, "tetgen", cell_size=1.0)
+    mesh, _ = generate(surface, mesher="tetgen", cell_size=1.0)
     assert len(boundary_faces(mesh)) == len(surface.faces)
     assert quality(mesh.points, mesh.cells).max() > 0.85
 
@@ -64,7 +64,7 @@ def test_a_surface_that_crosses_itself_is_an_error_of_the_mesher() -> None:
         np.vstack([ball.points, ball.points + 3]), np.vstack([ball.faces, ball.faces + len(ball.points)])
     )
     with pytest.raises(StageError, match="tetgen failed|tetgen crashed"):
-        fill(shifted, "tetgen", cell_size=1.0)
+        tetrahedra(shifted, "tetgen", cell_size=1.0)
 
 
 def test_a_mesher_that_is_not_installed_is_an_error_that_says_so(
@@ -73,21 +73,21 @@ def test_a_mesher_that_is_not_installed_is_an_error_that_says_so(
     (tmp_path / "tetgen.py").write_text("import a_module_that_is_not_there")
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(StageError, match="tetgen failed: ModuleNotFoundError: No module named"):
-        fill(ball_surface(1), "tetgen", cell_size=1.0)
+        tetrahedra(ball_surface(1), "tetgen", cell_size=1.0)
 
 
 def test_a_mesh_that_overlaps_itself_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """As Netgen's on coarse surfaces: turned to positive volumes, two tetrahedra lie on one side of their face."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 1], [0.3, 0.3, 0.5]], float)
     cells = np.array([[0, 1, 2, 3], [0, 1, 2, 4]], np.int32)
-    monkeypatch.setattr(baselines, "fill", lambda *_, **__: (points, cells))
+    monkeypatch.setattr(baselines, "tetrahedra", lambda *_, **__: (points, cells))
     with pytest.raises(StageError, match="netgen returned tetrahedra that overlap: both those of 1 faces"):
-        generate_with_baseline(ball_surface(1), "netgen", cell_size=1.0)
+        generate(ball_surface(1), mesher="netgen", cell_size=1.0)
 
 
 def test_a_mesher_that_takes_too_long_is_stopped() -> None:
     with pytest.raises(StageError, match="tetgen took longer than 0.001 minutes"):
-        fill(ball_surface(1), "tetgen", cell_size=1.0, time_limit=0.001)
+        tetrahedra(ball_surface(1), "tetgen", cell_size=1.0, time_limit=0.001)
 
 
 def test_a_crash_of_a_mesher_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -96,12 +96,12 @@ def test_a_crash_of_a_mesher_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_pa
     crash.chmod(0o755)
     monkeypatch.setattr(baselines.sys, "executable", str(crash))
     with pytest.raises(StageError, match=r"tetgen crashed \(SIGSEGV\)"):
-        fill(ball_surface(1), "tetgen", cell_size=1.0)
+        tetrahedra(ball_surface(1), "tetgen", cell_size=1.0)
 
 
 @pytest.mark.skipif(not REAL.exists(), reason="no real surfaces in ../shared/data")
 def test_on_a_real_surface_tetgen_is_as_bad_as_published() -> None:
-    mesh, report = generate_with_baseline(gifti.read_surface(REAL), "tetgen", cell_size=1.0)
+    mesh, report = generate(gifti.read_surface(REAL), mesher="tetgen", cell_size=1.0)
     q = quality(mesh.points, mesh.cells)
     assert q.max() > 0.95
     assert 0.2 < q.mean() < 0.3

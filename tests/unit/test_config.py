@@ -69,7 +69,7 @@ def test_a_stage_gets_exactly_the_parameters_its_function_takes(stage: str) -> N
     }
     given = set(config.Config().arguments(stage, FACTS))
     assert given <= keywords
-    assert keywords - given <= {"held", "inside"}  # between stages; of inner surfaces
+    assert keywords - given <= {"held", "inside", "time_limit"}  # between stages; of inner surfaces; of other meshers
 
 
 def test_the_folding_section_holds_the_settings_of_a_run() -> None:

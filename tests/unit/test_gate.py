@@ -11,10 +11,10 @@ import trimesh
 from shapes import ball_surface
 
 from cortet.errors import InputError
-from cortet.formats.gifti import read_surface, single_precision
+from cortet.formats.gifti import read_surface
 from cortet.geometry import topology
 from cortet.geometry.intersection import self_intersections
-from cortet.mesh import TriSurface
+from cortet.mesh import TriSurface, single_precision
 from cortet.stages.gate import gate
 
 DATA = Path(__file__).parents[2] / "../shared/data"

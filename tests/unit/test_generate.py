@@ -15,15 +15,17 @@ from shapes import ball_surface, bowl, horseshoe
 from cortet.errors import InputError, StageError
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume, surface_topology
-from cortet.measure.quality import circumradii, quality, signed_volumes
+from cortet.measure.quality import circumradii, oriented, quality, signed_volumes
 from cortet.mesh import TetMesh, TriSurface
-from cortet.meshers import cgal, nested
-from cortet.stages import generate as s1
+from cortet.meshers import _cgal as cgal
+from cortet.meshers import _nested as nested
+from cortet.meshers._cgal import PASSES
+from cortet.meshers.cgal import installed_backend
 from cortet.stages.generate import generate
 
 pygalmesh = pytest.param(
     "pygalmesh",
-    marks=pytest.mark.skipif(s1.installed_backend() != "pygalmesh", reason="pygalmesh could not be built here"),
+    marks=pytest.mark.skipif(installed_backend() != "pygalmesh", reason="pygalmesh could not be built here"),
 )
 
 
@@ -63,7 +65,7 @@ def test_a_ball_is_filled_with_good_tetrahedra(backend):
     assert on_boundary.min() > 4.9 and on_boundary.max() <= 5.0 + 1e-9
     q = quality(mesh.points, mesh.cells)
     assert q.mean() < 0.2 and q.max() < 0.85
-    assert report.topology_ok and report.reason == "" and report.passes == s1.PASSES
+    assert report.topology_ok and report.reason == "" and report.passes == PASSES
     assert (report.nodes, report.tetrahedra, report.backend) == (len(mesh.points), len(mesh.cells), backend)
     assert report.facet_distance_fraction == 0.5 and report.seed == 0
 
@@ -103,7 +105,7 @@ def test_the_published_setting_does_not_retry_and_says_that_it_failed(backend):
     mesh, report = generate(
         horseshoe(gap=0.4), cell_size=1.5, mesher="cgal", backend=backend, facet_distance=[0.5], fallback=None
     )
-    assert len(report.attempts) == 1 and report.attempts[0].passes == s1.PASSES
+    assert len(report.attempts) == 1 and report.attempts[0].passes == PASSES
     assert not report.topology_ok
     assert report.reason == "; ".join(surface_topology(boundary_faces(mesh)).problems()) != ""
 
@@ -111,7 +113,7 @@ def test_the_published_setting_does_not_retry_and_says_that_it_failed(backend):
 def test_the_slow_passes_are_not_paid_for_when_refinement_shows_the_fault():
     _, report = generate(horseshoe(gap=0.4), cell_size=1.5, mesher="cgal", backend="cgal", fallback=None)
     tried = [attempt.passes for attempt in report.attempts]
-    assert tried == [(), (), (), s1.PASSES]
+    assert tried == [(), (), (), PASSES]
 
 
 def test_where_no_facet_distance_helps_a_lattice_fills_the_surface():
@@ -260,7 +262,7 @@ def test_an_open_surface_is_refused():
         ({"cell_size": 1.0, "facet_distance": []}, "facet distances"),
         ({"cell_size": 1.0, "edge_length": [0.0]}, "edge lengths"),
         ({"cell_size": 1.0, "mesher": "hexes"}, "unknown mesher 'hexes'"),
-        ({"cell_size": 1.0, "backend": "tbb"}, "unknown mesher backend 'tbb'"),
+        ({"cell_size": 1.0, "mesher": "cgal", "backend": "tbb"}, "unknown mesher backend 'tbb'"),
     ],
 )
 def test_parameters_out_of_range_are_named(arguments, words):
@@ -276,7 +278,7 @@ def test_a_backend_that_is_missing_is_named(monkeypatch):
 
 def test_exactly_flat_tetrahedra_are_counted_not_kept():
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0], [1, 1, 0]])
-    cells, flat = s1.oriented(points, np.array([[0, 1, 2, 3], [0, 2, 1, 3], [0, 1, 2, 4]], np.int32))
+    cells, flat = oriented(points, np.array([[0, 1, 2, 3], [0, 2, 1, 3], [0, 1, 2, 4]], np.int32))
     assert flat == 1 and (signed_volumes(points, cells) > 0).all() and len(cells) == 2
 
 

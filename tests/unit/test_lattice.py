@@ -11,12 +11,12 @@ from shapes import ball_surface
 from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_topology
-from cortet.measure.quality import signed_volumes
+from cortet.measure.quality import oriented, signed_volumes
 from cortet.mesh import TetMesh, TriSurface
-from cortet.meshers import lattice
-from cortet.meshers.lattice import graded_nodes, lattice_nodes, tetrahedralised
-from cortet.meshers.nested import remesh_apart, wanted
-from cortet.stages.generate import _rotation, generate, oriented
+from cortet.meshers import _lattice as lattice
+from cortet.meshers._lattice import graded_nodes, lattice_nodes, tetrahedralised
+from cortet.meshers._nested import remesh_apart, wanted
+from cortet.stages.generate import _rotation, generate
 
 
 def box(size: float) -> TriSurface:

@@ -17,8 +17,8 @@ from cortet.errors import StageError
 from cortet.measure.certify import versions
 from cortet.measure.quality import quality
 from cortet.mesh import TetMesh
+from cortet.stages._meshtool import clean_with_meshtool, program_version
 from cortet.stages.clean import clean
-from cortet.stages.meshtool import clean_with_meshtool, program_version
 
 #: a script in place of the binary. As the real one does, it writes nothing and exits with 0 when no element is above
 #: the threshold; else it copies the mesh to -outmsh, moved by 0.001 mm, and then does its own `{twist}`

@@ -10,8 +10,9 @@ from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import TetMesh
 from cortet.optimise.crossing import Flaws
+from cortet.optimise.reconnection import searched
 from cortet.stages.clean import clean
-from cortet.stages.reconnect import _searched, reconnect
+from cortet.stages.reconnect import reconnect
 
 SURFACE = ball_surface(2, 1.0)
 
@@ -81,7 +82,7 @@ def test_a_place_whose_boundary_a_search_spoils_stays_as_it_was():
         crossed = np.full((int(tries[-1]), 3), there, np.int32)
         return Flaws(crossed, np.zeros((0, 3), np.int32))
 
-    result, _ = _searched(mesh, flaws, topology.boundary_surface(mesh)[0], 0.5, "fixed")
+    result, _ = searched(mesh, flaws, topology.boundary_surface(mesh)[0], 0.5, "fixed")
     after = worst_beside(result, 0.5)
     assert any(tries) and after[0] == before[0] and after[1] < before[1]
 

@@ -13,15 +13,16 @@ from wrong_meshes import sound, swapped_regions
 from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats import FORMATS
-from cortet.formats.gifti import read_surface, single_precision
+from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closest_points, forest, surface_tree
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import depths, joined, nested, parents, region_boundary
+from cortet.geometry.separation import taken_back
 from cortet.geometry.topology import enclosed_volume, interfaces, sheet, surface_topology
 from cortet.measure.certify import certify
 from cortet.measure.fidelity import boundary_roughness
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import REGION, MeshSets, TetMesh, TriSurface
+from cortet.mesh import REGION, MeshSets, TetMesh, TriSurface, single_precision
 from cortet.optimise.backing_off import back_off
 from cortet.phantom import inset, phantom
 from cortet.pipeline import Meshed, mesh_surface
@@ -36,7 +37,7 @@ from cortet.solver_files.verify import verify
 from cortet.stages.clean import clean
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
-from cortet.stages.separate import _taken_back, separate
+from cortet.stages.separate import separate
 from cortet.stages.smooth_boundary import smooth_boundary
 from cortet.stages.snap import snap
 from cortet.stages.solver_ready import surface_nodes_first
@@ -184,7 +185,7 @@ def test_what_was_pushed_into_the_surface_itself_goes_back_and_the_rest_stays():
     top = int(np.argmax(points[:, 2]))
     points[top] += [0, 2.5, -0.3]  # under its neighbours, and out through those behind them
     pushed = replace(white, points=points)
-    moved, remaining = _taken_back(pushed, white, ball(14.0))
+    moved, remaining = taken_back(pushed, white, ball(14.0))
     assert len(self_intersections(pushed)) > 0 == len(remaining) == len(self_intersections(moved))
     shift = np.linalg.norm(moved.points - white.points, axis=1)
     assert shift[top] < 1.3 and (shift < 0.09).any()
@@ -201,7 +202,7 @@ def test_apart_surfaces_stay_as_they_are(pair):
     ("outer", "inner", "words"),
     [
         (ball(10.0), ball(14.0), "encloses 11.5 mL, the outer one 4.2 mL"),
-        (ball(14.0), ball(11.0, (8, 0, 0)), "lies up to 5.00 mm outside the one around it, at \\(19.0, "),
+        (ball(14.0), ball(11.0, (8, 0, 0)), "lies up to 5.00 mm outside the one around it, at \\(19.00, "),
     ],
     ids=["swapped", "shifted by 5 mm"],
 )

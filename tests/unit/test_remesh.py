@@ -10,11 +10,11 @@ from shapes import ball_surface, bowl, horseshoe
 from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections
+from cortet.geometry.thickness import thickness
 from cortet.geometry.topology import edges, enclosed_volume, surface_topology, vertex_normals
 from cortet.mesh import FloatArray, TriSurface
-from cortet.meshers.nested import remesh_apart, wanted
-from cortet.meshers.remesh import Remeshed, remesh
-from cortet.meshers.thickness import thickness
+from cortet.meshers._nested import remesh_apart, wanted
+from cortet.meshers._remesh import Remeshed, remesh
 
 
 def remeshed(surface: TriSurface, edge_length: float, distance: float = 0.4) -> Remeshed:

@@ -12,8 +12,7 @@ import trimesh
 from shapes import ball_surface
 
 from cortet.errors import InputError
-from cortet.formats.gifti import read_surface, single_precision
-from cortet.formats.surface_sets import FILLED
+from cortet.formats.gifti import read_surface
 from cortet.geometry import mending
 from cortet.geometry.handles import cut_open, short_loops
 from cortet.geometry.holes import capped, closed_volume, rim_length, rims
@@ -21,7 +20,7 @@ from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import joined
 from cortet.geometry.topology import edges, enclosed_volume, surface_topology
 from cortet.measure.lost import distances_to
-from cortet.mesh import TriSurface
+from cortet.mesh import FILLED, TriSurface, single_precision
 from cortet.phantom import phantom
 from cortet.stages.gate import gate
 from cortet.stages.repair import RepairReport, repair

@@ -9,7 +9,6 @@ import yaml
 
 from cortet.cohort.resources import (
     COSTS,
-    Cost,
     cost,
     disk_mb,
     expected_tets,
@@ -19,7 +18,8 @@ from cortet.cohort.resources import (
 )
 from cortet.errors import InputError
 from cortet.geometry.topology import enclosed_volume
-from cortet.pipeline import ALONE
+from cortet.meshers import MESHERS
+from cortet.sections import Cost
 from cortet.stages import STAGES
 from cortet.stages.generate import generate
 from tests.unit.shapes import ball_surface
@@ -28,9 +28,9 @@ ROOT = Path(__file__).parents[2]
 
 
 def test_tetrahedra_grow_with_the_volume_and_the_cube_of_the_cell_size() -> None:
-    assert expected_tets(50.0, 1.0) == pytest.approx(4.2 * 50_000)
-    assert expected_tets(100.0, 1.0) == 2 * expected_tets(50.0, 1.0)
-    assert expected_tets(50.0, 0.5) == pytest.approx(8 * expected_tets(50.0, 1.0))
+    assert expected_tets(50.0, 1.0, "cgal") == pytest.approx(4.2 * 50_000)
+    assert expected_tets(100.0, 1.0, "cgal") == 2 * expected_tets(50.0, 1.0, "cgal")
+    assert expected_tets(50.0, 0.5, "cgal") == pytest.approx(8 * expected_tets(50.0, 1.0, "cgal"))
     assert expected_tets(50.0, 1.0, "netgen") == expected_tets(50.0, 1.0, "cgal") > expected_tets(50.0, 1.0, "lattice")
 
 
@@ -74,7 +74,7 @@ def test_a_mesh_that_was_measured_fits_into_what_is_asked_for() -> None:
 
 
 def test_the_lattice_has_a_cost_of_its_own_in_s1_only() -> None:
-    assert cost("generate", "lattice") is COSTS["generate:lattice"]
+    assert cost("generate", "lattice") is MESHERS["lattice"].cost
     assert cost("clean", "lattice") is cost("clean", "cgal") is COSTS["clean"]
     assert cost("repair_inner") is COSTS["repair"]
     assert Cost((100, 10), (1, 5)).memory_mb(2e6) == 120
@@ -93,7 +93,7 @@ def test_the_profile_groups_every_rule_on_a_case_but_the_long_ones() -> None:
     profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text())
     grouped = {line.partition("=")[0] for line in profile["groups"]}
     rules = {rule.partition(":")[0] for rule in COSTS}
-    rules |= {f"{stage.name}_inner" for stage in STAGES.values() if stage.name in ALONE}
+    rules |= {f"{stage.name}_inner" for stage in STAGES.values() if stage.alone}
     long = {"generate", "fold", "fold_figures", "convergence_run"}
     assert rules - grouped == long and grouped <= rules
     assert profile["retries"] > 0 and "attempt=attempt" in profile["default-resources"]

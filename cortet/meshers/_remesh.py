@@ -14,8 +14,8 @@ from cortet.geometry.closest_point import SurfaceTree, surface_tree
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import compact, edges, face_areas
 from cortet.mesh import FloatArray, IntArray, TriSurface
-from cortet.meshers import triangles
-from cortet.meshers.triangles import FLAT, Limits, Work
+from cortet.meshers import _triangles as triangles
+from cortet.meshers._triangles import FLAT, Limits, Work
 
 #: rounds of splits, collapses, flips and smoothing; more change little
 ITERATIONS = 8

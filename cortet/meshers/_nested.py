@@ -18,10 +18,11 @@ from scipy.sparse.csgraph import connected_components
 from cortet.errors import StageError
 from cortet.geometry.closest_point import tree_of
 from cortet.geometry.nesting import joined, parents, region_boundary, sheets
+from cortet.geometry.thickness import thickness
 from cortet.geometry.topology import TET_FACES, enclosed_volume, neighbours, packed, vertex_normals
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.meshers.lattice import finer_step
-from cortet.meshers.remesh import (
+from cortet.meshers._lattice import finer_step
+from cortet.meshers._remesh import (
     CREST,
     EDGE_OVER_THICKNESS,
     REACH,
@@ -35,7 +36,6 @@ from cortet.meshers.remesh import (
     tightened,
     unsound,
 )
-from cortet.meshers.thickness import thickness
 
 #: edges over the thickness of a layer of tetrahedra between two surfaces; some lead through two layers already
 EDGE_OF_LAYERS = 1.25

@@ -1,0 +1,12 @@
+"""The typed configuration: every key with its unit, its default and what it does.
+
+`load` reads a YAML file (or the dict Snakemake hands over), `render` writes the documented YAML that `config.yaml` is
+checked against, and `Config.arguments` gives the plain arguments of one step that the workflow compares between runs.
+"""
+
+from cortet.config.files import load, read, refresh, render
+from cortet.config.model import STEPS, Config, version_of
+from cortet.config.sections import Scan
+from cortet.config.settings import SETTINGS
+
+__all__ = ["SETTINGS", "STEPS", "Config", "Scan", "load", "read", "refresh", "render", "version_of"]

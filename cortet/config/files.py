@@ -1,0 +1,192 @@
+"""Files of the configuration: read, checked, and written with every key explained."""
+
+from __future__ import annotations
+
+import difflib
+import itertools
+import reprlib
+import textwrap
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, cast
+
+import yaml
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from cortet.config.model import Config
+from cortet.config.settings import SETTINGS
+from cortet.errors import InputError
+from cortet.formats.atomic import atomic_path
+from cortet.formats.untrusted import content
+from cortet.sections import Section
+
+
+def load(source: Path | str | Mapping[str, Any]) -> Config:
+    """The validated configuration of a YAML file or a plain dict.
+
+    Raises `InputError` naming every offending key with its value and, for an unknown key, the nearest known one.
+    """
+    data = read(Path(source)) if isinstance(source, (str, Path)) else dict(source)
+    place = source if isinstance(source, (str, Path)) else "configuration"
+    if sum(1 for _ in itertools.islice(_values(data), _MOST_VALUES + 1)) > _MOST_VALUES:
+        raise InputError(f"holds more than {_MOST_VALUES:,} values", file=place, remedy="use fewer aliases (*name)")
+    data = _overlaid(SETTINGS.get(str(data.get("setting")), {}), _without_empty_sections(data, Config))
+    try:
+        return Config.model_validate(data)
+    except ValidationError as error:
+        lines = [_complaint(problem) for problem in error.errors(include_url=False)]
+        raise InputError("; ".join(lines), file=place) from None
+
+
+def render(data: Mapping[str, Any]) -> str:
+    """Documented YAML of a configuration: keys in `data` are set, the others shown as comments with their default."""
+    head = (
+        "# Configuration of cortet. Keys that are commented out show their value in the `default` setting.\n"
+        "# Use another file with `snakemake --configfile FILE`, or change single keys with\n"
+        "# `snakemake --config setting=published generate='{cell_size: 1.0}'`.\n"
+    )
+    return head + "".join(_rendered(Config, data, SETTINGS, indent=0, commented=False))
+
+
+def refresh(path: Path | str) -> None:
+    """Rewrite a configuration file: the keys that are set stay, documentation and other keys become the model's."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(render(read(Path(path))), encoding="utf-8")
+
+
+def read(path: Path) -> dict[str, Any]:
+    """The content of a YAML file of the configuration, not validated.
+
+    Raises
+    ------
+    InputError
+        it cannot be read, holds no keys, or holds one twice
+    """
+    remedy = "give a YAML file of keys and values"
+    try:
+        data = yaml.load(content(path, largest=_LONGEST_FILE).decode("utf-8"), Loader=_UniqueKeys)
+    except _Twice as error:
+        raise InputError(str(error), file=path, remedy="keep one of the two, with the keys of both") from None
+    except (ValueError, TypeError, AttributeError, RecursionError, yaml.YAMLError) as error:  # what PyYAML lets through
+        raise InputError(f"cannot be read: {error}", file=path, remedy=remedy) from None
+    if not isinstance(data, dict):
+        raise InputError("holds no keys", file=path, remedy=remedy)
+    return data
+
+
+class _Twice(Exception):  # noqa: N818, becomes an InputError
+    """A key that a mapping of a YAML file holds twice."""
+
+
+class _UniqueKeys(yaml.SafeLoader):  # type: ignore[misc]
+    """Refuses what YAML forbids and PyYAML does: to take the last of two values of a key."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Raise _Twice for a key that occurs twice."""
+        lines: dict[str, int] = {}
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode) and key.tag != "tag:yaml.org,2002:merge":
+                line = key.start_mark.line + 1
+                if lines.setdefault(key.value, line) != line:
+                    raise _Twice(f"key {key.value} stands in line {lines[key.value]} and in line {line}")
+        return super().construct_mapping(node, deep)
+
+
+#: of a configuration: bytes, and values when aliases are written out
+_LONGEST_FILE, _MOST_VALUES = 10_000_000, 100_000
+
+
+def _without_empty_sections(data: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
+    """The data without sections that are null: YAML makes that of one whose keys are all commented out."""
+    kept = {}
+    for key, value in data.items():
+        info = model.model_fields.get(key)
+        section = info.annotation if info and _is_section(info) else None
+        if isinstance(value, Mapping) and section:
+            kept[key] = _without_empty_sections(value, cast(type[BaseModel], section))
+        elif value is not None or not (section or model is Config):
+            kept[key] = value
+    return kept
+
+
+def _values(data: Any) -> Iterator[Any]:
+    """All values, with everything that an alias stands for; without end where it stands for itself."""
+    waiting = [data]
+    while waiting:
+        value = waiting.pop()
+        yield value
+        if isinstance(value, Mapping):
+            waiting += [*value.values(), *value]
+        elif isinstance(value, (list, set, tuple)):
+            waiting += value
+
+
+def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """`base` with the keys of `over` put on top, section by section."""
+    result = dict(base)
+    for key, value in over.items():
+        both = isinstance(value, Mapping) and isinstance(result.get(key), Mapping)
+        result[key] = _overlaid(result[key], value) if both else value
+    return result
+
+
+def _complaint(problem: Any) -> str:
+    """One finding of pydantic in the user's words."""
+    *parents, last = [str(part) for part in problem["loc"]]
+    name = ".".join([*parents, last])
+    if problem["type"] != "extra_forbidden":
+        return f"{name} = {reprlib.repr(problem['input'])}: {problem['msg']}"
+    model: Any = Config
+    for parent in parents:
+        model = model.model_fields[parent].annotation
+    here, everywhere = list(model.model_fields), {key.rpartition(".")[2]: key for key in _keys(Config)}
+    for known in (here, list(everywhere)):
+        if nearest := difflib.get_close_matches(last, known, n=1, cutoff=0.7):
+            suggestion = ".".join([*parents, nearest[0]]) if known is here else everywhere[nearest[0]]
+            return f"unknown key {name}; did you mean {suggestion}?"
+    return f"unknown key {name}; known here: {', '.join(here)}"
+
+
+def _keys(model: type[BaseModel], parents: str = "") -> Iterator[str]:
+    """Dotted names of all keys, sections included."""
+    for name, info in model.model_fields.items():
+        yield parents + name
+        if _is_section(info):
+            yield from _keys(cast(type[BaseModel], info.annotation), f"{parents}{name}.")
+
+
+def _is_section(info: FieldInfo) -> bool:
+    return isinstance(info.annotation, type) and issubclass(info.annotation, Section)
+
+
+def _rendered(
+    model: type[BaseModel],
+    data: Mapping[str, Any],
+    settings: Mapping[str, Mapping[str, Any]],
+    *,
+    indent: int,
+    commented: bool,
+) -> Iterator[str]:
+    pad = " " * indent
+    for name, info in model.model_fields.items():
+        given = data.get(name)
+        hidden = "# " if commented or name not in data else ""
+        if _is_section(info):
+            section: Any = info.annotation
+            yield f"\n{pad}# {section.__doc__}\n{pad}{hidden}{name}:\n"
+            below = {setting: values.get(name, {}) for setting, values in settings.items()}
+            yield from _rendered(section, given or {}, below, indent=indent + 2, commented=bool(hidden))
+            continue
+        text = " ".join((info.description or "").split())
+        text += "".join(f" {setting}: {_yaml(values[name])}" for setting, values in settings.items() if name in values)
+        yield "\n" if indent == 0 else ""
+        yield textwrap.indent(textwrap.fill(text, 118 - indent, break_long_words=False), f"{pad}# ") + "\n"
+        yield f"{pad}{hidden}{name}: {_yaml(given if name in data else info.default)}\n"
+
+
+def _yaml(value: Any) -> str:
+    """One line of YAML for one value."""
+    plain = value.as_posix() if isinstance(value, Path) else value
+    text: str = yaml.safe_dump(plain, default_flow_style=True, width=10_000)
+    return text.removesuffix("\n").removesuffix("\n...")

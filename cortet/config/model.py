@@ -1,0 +1,165 @@
+"""The whole configuration: what stages and meshers declare, composed with the sections around the line."""
+
+from __future__ import annotations
+
+import ast
+import shutil
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import create_model
+
+from cortet.config.sections import Cohort, Experiments, Export, Phantom, Quality, Setting
+from cortet.errors import InputError
+from cortet.formats.placement import matrix
+from cortet.measure.limits import Certify
+from cortet.meshers import MESHERS
+from cortet.sections import Positive, Section
+from cortet.simulation.section import Fold
+from cortet.stages import STAGES, Stage
+from cortet.stages.stage import Step
+
+_PACKAGE = Path(__file__).parents[1]
+
+#: what has arguments or a version, and is no stage of the line
+STEPS: dict[str, Step] = {
+    "phantom": Step("phantom", "phantom", frozenset({"subdivisions", "seed"}), ("gestational_age", "hemisphere")),
+    "phantom_inner": Step("phantom", "phantom", frozenset({"thickness"})),
+    "quality": Step("measure.quality", "quality"),
+    "certify": Step("measure.certify", "certify", facts=("cell_size",)),
+    "export": Step("solver_files.export", "export"),
+    "fold": Step("simulation.fold", "fold", facts=("gestational_age", "hemisphere")),
+} | {name: stage.step for name, stage in STAGES.items()}
+
+
+class _BeforeTheLine(Section):
+    setting: Setting = "default"
+    """Named set of stage parameters: `default` (ours: lattice mesher, no Gmsh), `cgal` (the paper's mesher and Gmsh,
+    then ours) or `published` (the CORTET paper's). Keys below override it."""
+    output: Path = Path("derivatives/cortet")
+    """Folder of everything that is made (BIDS derivative)."""
+    keep_intermediates: bool = True
+    """false deletes the mesh of every stage but the last as soon as nothing needs it any more, CARP files of S2
+    included: a third of the disk, but a changed parameter of any stage runs the line from S1 on.
+    `snakemake --delete-temp-output` deletes those of earlier runs."""
+    time_limit: Positive | None = 1440.0
+    """Minutes a job may take before it is ended and its case has failed; null: no limit."""
+    cohort: Cohort = Cohort()
+    phantom: Phantom = Phantom()
+
+
+if TYPE_CHECKING:
+
+    class _WithTheLine(_BeforeTheLine):
+        def __getattr__(self, section: str) -> Any: ...
+
+else:  # a section for each stage that declares one, in the order of the line
+    _WithTheLine = create_model(
+        "_WithTheLine",
+        __base__=_BeforeTheLine,
+        **{
+            stage.section or stage.name: (stage.parameters, stage.parameters())
+            for stage in STAGES.values()
+            if stage.parameters
+        },
+    )
+
+
+class Config(_WithTheLine):
+    """The whole configuration."""
+
+    certify: Certify = Certify()
+    quality: Quality = Quality()
+    export: Export = Export()
+    fold: Fold = Fold()
+    experiments: Experiments = Experiments()
+
+    def _section(self, stage: Stage) -> Section:
+        section: Section = getattr(self, stage.section or stage.name)
+        return section
+
+    def enabled(self, stage: str) -> bool:
+        """Whether the line of stages contains `stage`."""
+        return bool(getattr(getattr(self, stage, None), "enabled", True))
+
+    def line(self, *, nested: bool = False, registered: bool = False, aged: bool = True) -> list[Stage]:
+        """The stages that run, in their order.
+
+        Parameters
+        ----------
+        nested : whether the surface has inner ones
+        registered : whether it has a sphere
+        aged : whether its age is known
+        """
+        return [
+            stage
+            for stage in STAGES.values()
+            if self._section(stage).runs(aged=aged)
+            and (nested or not stage.nested)
+            and (registered or not stage.registered)
+        ]
+
+    def require_programs(self) -> None:
+        """Raise InputError naming a program that the line calls and that is not installed here."""
+        for stage in self.line():
+            for program, instead in self._section(stage).programs().items():
+                if shutil.which(program) is None:
+                    raise InputError(
+                        f"the program {program} is not installed", remedy=f"put it on the PATH, or set {instead}"
+                    )
+
+    def require_nesting(self, nested: bool) -> None:
+        """Raise InputError where inner surfaces meet a mesher or a stage that knows no interfaces."""
+        for stage in self.line(nested=True) if nested else []:
+            if key := self._section(stage).knows_no_interfaces():
+                raise InputError(
+                    f"{key} knows no inner surfaces", remedy="use the setting `default` for cases that have some"
+                )
+
+    def notices(self) -> list[str]:
+        """What a user should know before the line runs, in plain words."""
+        said = (MESHERS[name].notice(self.generate) for name in self.generate.meshers)
+        return [notice for notice in said if notice]
+
+    def arguments(self, step: str, facts: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Plain, JSON-able keyword arguments of the function of a stage, or of another step of the workflow.
+
+        Parameters
+        ----------
+        step : a key of `STEPS`
+        facts : what is known of the mesh that is asked for, by the names that the step declares
+        """
+        return STEPS[step].arguments(self, facts or {})
+
+    def placement(
+        self, unit: str | None = None, affine: str | Path | None = None
+    ) -> tuple[tuple[float, ...], ...] | None:
+        """Matrix that takes coordinates as stored to mm (`formats.placement.matrix`); None where they are mm.
+
+        Parameters
+        ----------
+        unit, affine : of one case; None: as `gate.unit` and `gate.affine` say
+        """
+        return matrix(unit or self.gate.unit, affine or self.gate.affine)
+
+    def record(self, step: str, facts: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """The arguments of a step beside the version of its code, as certificates record them."""
+        placement = (facts or {}).get("placement") if step == "gate" else None
+        return {
+            **self.arguments(step, facts),
+            **({"to_mm": placement} if placement else {}),
+            "version": version_of(STEPS[step].module),
+        }
+
+
+@cache
+def version_of(module: str) -> int:
+    """`VERSION` of a module of cortet (`stages.clean`), read from its source: importing it would load Numba or Gmsh."""
+    path = _PACKAGE.joinpath(*module.split(".")).with_suffix(".py")
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        if any(isinstance(target, ast.Name) and target.id == "VERSION" for target in targets):
+            return int(ast.literal_eval(node.value))  # type: ignore[attr-defined]
+    raise LookupError(f"{path} declares no VERSION")

@@ -1,0 +1,176 @@
+"""Sections of what is before and after the line of stages: the cohort, its files for solvers, the experiments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from cortet.formats import FORMATS
+from cortet.meshers import MESHERS
+from cortet.sections import Cases, CellSize, NonNegativeInt, Positive, PositiveInt, Section, Subdivisions
+from cortet.stages import MESH_STAGES
+
+Setting = Literal["default", "cgal", "published"]
+if TYPE_CHECKING:
+    Mesher = str
+    Solver = str
+    StageName = str
+else:  # what may be chosen from the lists of meshers, formats and stages
+    Mesher = Literal[tuple(MESHERS)]
+    Solver = Literal[tuple(FORMATS)]
+    StageName = Literal[tuple(MESH_STAGES)]
+
+
+class Scan(Section):
+    """How `cortet cohort scan` reads a data release. Placeholders: {participant}, {session}, {hemi}."""
+
+    surfaces: list[str] = [
+        "sub-{participant}/ses-{session}/anat/sub-{participant}_ses-{session}_hemi-{hemi}_wm.surf.gii",
+        "sub-{participant}/ses-{session}/anat/sub-{participant}_ses-{session}_hemi-{hemi}_white.surf.gii",
+        "sub-{participant}/anat/sub-{participant}_hemi-{hemi}_wm.surf.gii",
+        "sub-{participant}/anat/sub-{participant}_hemi-{hemi}_white.surf.gii",
+        "sub-{participant}/surf/{hemi}.white",
+    ]
+    """Where surfaces lie below the release's folder; the first pattern that finds a case wins."""
+    pial: bool = False
+    """true: a pial surface beside a white one becomes the surface, and the white one its inner surface."""
+    spheres: list[str] = ["sphere.reg*.surf.gii", "desc-reg_sphere.surf.gii", "sphere.surf.gii", "sphere.reg"]
+    """Spheres beside a surface, through which it is resampled (section resample): what stands in their names in the
+    place of `white.surf.gii`, of FreeSurfer's of `white`; the first that exists wins. []: none."""
+    sessions: str = "sub-{participant}/sub-{participant}_sessions.tsv"
+    """Table of a participant's sessions."""
+    participants: str = "participants.tsv"
+    """Table of all participants, used where the sessions table has no age."""
+    age_columns: list[str] = ["scan_age", "gestational_age", "ga", "age"]
+    """Columns that may hold the gestational age at scan; the first that exists is read, in the unit that the sidecar of
+    the table gives (Units), else in weeks. The column age of BIDS counts from birth, in years: it is read where its
+    sidecar says weeks, or where this key is set."""
+
+
+class Cohort(Section):
+    """The surfaces to mesh."""
+
+    sheet: Path = Path("demo/cohort.tsv")
+    """Cohort sheet (TSV); `cortet cohort scan` writes one. File names in it are relative to the sheet's folder.
+    The surface `phantom` stands for a synthetic cortex of the row's scan_age and hemi."""
+    dataset: Path | None = None
+    """Root of the dataset that the surfaces come from, `bids:raw:` in the sidecars. null: the folder of the sheet."""
+    fields: dict[str, str] = {}
+    """Per-vertex fields (.shape/.func/.label.gii) of every case, name: file pattern. Placeholders are the columns of
+    the sheet, e.g. thickness: "../{participant_id}/{session_id}/thickness_hemi-{hemi}.shape.gii"; names are relative
+    to the sheet's folder. A sheet column `field_<name>` overrides the pattern for its row."""
+    scan: Scan = Scan()
+
+
+class Phantom(Section):
+    """Synthetic fetal cortex surfaces (`phantom` in the sheet)."""
+
+    subdivisions: Subdivisions = 5
+    """Subdivisions of the icosahedron: 5 gives 10,242 vertices, 6 gives 40,962."""
+    seed: NonNegativeInt = 0
+    """Seed of the individual variation of the sulci."""
+    thickness: Positive = 1.5
+    """Distance of the synthetic white surface (`phantom` in the column `inner`) below the cortex, mm; folds of 30 weeks
+    and more have no room for that."""
+
+
+class Quality(Section):
+    """Quality records beside the meshes."""
+
+    choices: ClassVar[frozenset[str]] = Section.choices | {"stages"}
+
+    stages: list[StageName] = ["generate", "relocate", "clean", "solver_ready"]
+    """Stages whose mesh is measured (those that are enabled)."""
+
+
+class Export(Section):
+    """Files for solvers, each verified as written."""
+
+    formats: list[Solver] = ["braingrowth"]
+    """Formats to write: braingrowth (.mesh), abaqus (.inp, CalculiX reads it too), febio (.feb), fenics (.xdmf), gmsh
+    (.msh), vtu, carp (.pts), carp_binary (.bpts); and of the boundary stl and gifti (.surf.gii)."""
+    uncertified: bool = False
+    """true also exports meshes that are not certified."""
+    carp_unit: Literal["mm", "um"] = "um"
+    """Unit of the coordinates in CARP files: um for openCARP, mm for meshtool."""
+    cortex_depth: Positive = 1.5
+    """Tetrahedra whose centroid is less than this below the cortical surface, mm, are cortex, the others core."""
+    cortex_thickness: str | None = None
+    """Field of the cohort, mm, that takes the place of cortex_depth, e.g. thickness."""
+    medial_wall: dict[str, list[int]] = {}
+    """Label fields and their keys that mark the medial wall, e.g. {parcellation: [0]}; the rest is cortical surface."""
+    field_units: dict[str, str] = {}
+    """Units of the fields, e.g. {thickness: mm}, for the sidecars."""
+
+    @property
+    def sets(self) -> dict[str, Any]:
+        """Arguments of `cortet.solver_files.sets.named_sets`."""
+        return self.model_dump(mode="json", include={"cortex_depth", "cortex_thickness", "medial_wall"})
+
+
+class Ablation(Section):
+    """What each stage does (the paper's Table 1, and the pooled quality of its Fig. 2), beside other meshers."""
+
+    cases: Cases = "all"
+    """Cases at the cell sizes of `generate`: all, a number of them spread over the ages, or a list of their names."""
+    further: dict[CellSize, Cases] = {}
+    """Further cell sizes, mm, and the cases that are meshed with each, e.g. {0.6: [sub-01_hemi-L]}."""
+    meshers: list[Mesher] = ["cgal", "tetgen"]
+    """Meshers beside those of `generate`, through the same S3 and S4: lattice, or with its own defaults one of tetgen,
+    ftetwild, gmsh and netgen. Where one of these four fails, a row of the table says so."""
+    time_limit: PositiveInt = 60
+    """Minutes that tetgen, ftetwild, gmsh or netgen may take for one surface."""
+
+
+class Resolution(Section):
+    """Element count and quality against the cell size (the paper's Table 2)."""
+
+    cases: Cases = 3
+    """Cases: all, a number of them spread over the ages, or a list of their names."""
+    cell_size: list[CellSize] = [0.4, 0.6, 0.8]
+    """Cell sizes h, mm."""
+
+
+class Measures(Section):
+    """Worst element by three further measures of the literature."""
+
+    cases: Cases = 3
+    """Cases at the first cell size of `generate`: all, a number of them spread over the ages, or their names."""
+
+
+class Series(Section):
+    """Pictures of meshes over the ages, on one scale."""
+
+    cases: Cases = 4
+    """Cases at the first cell size of `generate`: all, a number of them spread over the ages, or their names. Both
+    hemispheres are drawn where the sheet has them."""
+
+
+class Convergence(Section):
+    """Folding against the cell size: `snakemake convergence`. What is folded, and until when, is as in `fold`."""
+
+    cases: Cases = 1
+    """Cases: all, a number of them spread over the ages, or a list of their names."""
+    cell_size: Annotated[list[CellSize], Field(min_length=2)] = [1.6, 1.2, 0.9]
+    """Cell sizes h, mm; three or more, in about equal ratios, allow an extrapolation to h = 0."""
+    seeds: Annotated[list[NonNegativeInt], Field(min_length=1)] = [0, 1]
+    """Realisations of a mesh (`generate.seed`): directions in which it is made. How much they differ is chance."""
+    meshers: Annotated[list[Mesher], Field(min_length=1)] = ["lattice", "cgal"]
+    """Meshers: lattice, cgal."""
+
+
+class Experiments(Section):
+    """The experiments of the paper, on this cohort: `snakemake tables figures report`."""
+
+    settings: list[Setting] = ["default", "cgal", "published"]
+    """Settings to compare, from S3 on. Each is run on the meshes of its own mesher, so `cgal` and `published` on the
+    same ones, and on those of tetgen, ftetwild, gmsh and netgen."""
+    reference_meshes: list[Path] = []
+    """Tetrahedral meshes in the format of BrainGrowth (Tallinen), measured beside ours."""
+    ablation: Ablation = Ablation()
+    resolution: Resolution = Resolution()
+    measures: Measures = Measures()
+    series: Series = Series()
+    convergence: Convergence = Convergence()

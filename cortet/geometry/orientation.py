@@ -1,0 +1,33 @@
+"""Which way the triangles of a surface face."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from cortet.geometry.topology import TRI_EDGES, enclosed_volume, packed
+from cortet.mesh import FloatArray, IntArray
+
+
+def outward(points: FloatArray, faces: IntArray) -> IntArray:
+    """Turn triangles so that neighbours agree and the enclosed volume is positive; (m, 3) int32.
+
+    Every triangle stands for two nodes of a graph, as it is and turned; an edge of two triangles links the states that
+    run through it in opposite directions. A connected surface then makes two components, one the reverse of the other;
+    a surface that cannot be oriented makes only one, and keeps the edges where its triangles disagree.
+    """
+    directed = faces[:, TRI_EDGES].reshape(-1, 2)
+    order = np.argsort(packed(directed), kind="stable")
+    undirected = np.sort(directed[order], axis=1)
+    here = np.flatnonzero((undirected[1:] == undirected[:-1]).all(axis=1))
+    first, second = order[here], order[here + 1]
+    agree = directed[first, 0] != directed[second, 0]
+    first, second, count = first // 3, second // 3, len(faces)
+    links = (np.r_[first, first + count], np.r_[np.where(agree, second, second + count), second + count * agree])
+    graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(2 * count, 2 * count))
+    label = connected_components(graph, directed=False)[1]
+    turned = label[:count] > label[count:]
+    result = np.where(turned[:, None], faces[:, ::-1], faces)
+    inside_out = enclosed_volume(points, result) < 0
+    return np.ascontiguousarray(result[:, ::-1] if inside_out else result)

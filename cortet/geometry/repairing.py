@@ -1,0 +1,332 @@
+"""Steps that set a broken surface right, in the order that changes least; the stage `repair` runs them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import InputError, place_mm
+from cortet.geometry import mending
+from cortet.geometry.closest_point import closest_points, tree_of
+from cortet.geometry.defects import flat_faces
+from cortet.geometry.handles import without_handles
+from cortet.geometry.holes import capped, closed_volume, replaced, rim_length, rims
+from cortet.geometry.interpolation import at_triangles
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.mending import CAP, REPLACED, Triangles
+from cortet.geometry.orientation import outward
+from cortet.geometry.rebuilding import rebuilt
+from cortet.geometry.topology import enclosed_volume, neighbour_means, surface_topology
+from cortet.geometry.uncrossing import uncrossed
+from cortet.mesh import FILLED, FloatArray, IntArray, TriSurface, single_precision
+
+#: how many places of one kind are listed, and how far from each other they are, mm
+PLACES, APART_MM = 10, 5.0
+#: vertices of open edges are one within this share of the longest side: rounding of single precision
+_ROUNDING = 1e-6
+#: a vertex so many times the mean edge around it away from the middle of its neighbours is a spike
+_SPIKE = 5.0
+#: share of the way to the middle of their neighbours that the parts of a split vertex are moved, so that they part
+_PARTED = 0.1
+
+
+@dataclass(frozen=True)
+class RepairStep:
+    """One kind of flaw, and what was done to it."""
+
+    #: in words
+    done: str
+    #: how many, and of what
+    count: int
+    of: str
+    #: where, the first few that are apart
+    places_mm: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What may be done; beyond it a surface is refused."""
+
+    max_displacement: float
+    max_volume_change: float
+    max_hole: float
+    max_loop: float
+    max_piece: float
+    method: str
+    spacing: float
+    allow_genus: int
+
+
+def has_flaw(surface: TriSurface, allow_genus: int) -> bool:
+    """Whether there is anything to repair."""
+    if not (mending.finite(surface.points).all() and len(surface.faces)):
+        return True
+    topology = surface_topology(surface.faces)
+    return (
+        not topology.is_closed_manifold
+        or topology.genus > allow_genus
+        or bool(len(flat_faces(surface.points, surface.faces)))
+        or bool(len(_spikes(surface.points, surface.faces)))
+        or bool(len(self_intersections(surface)))
+    )
+
+
+def _spikes(points: FloatArray, faces: IntArray) -> IntArray:
+    """Vertices far from the middle of their neighbours, compared with the edges between these."""
+    away = np.linalg.norm(points - neighbour_means(points, faces), axis=1)
+    corners = points[faces]
+    opposite = np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1), axis=2)
+    vertex, count = faces.ravel(), len(points)
+    ring = np.bincount(vertex, opposite.ravel(), minlength=count) / np.maximum(np.bincount(vertex, minlength=count), 1)
+    return np.flatnonzero(away > _SPIKE * ring).astype(np.int32)
+
+
+class BrokenSurface:
+    """A surface that is being repaired, with what has been done to it so far."""
+
+    def __init__(self, surface: TriSurface, limits: Limits) -> None:
+        self.given, self.limits = surface, limits
+        points = surface.points.astype(np.float32).astype(np.float64)
+        self.work = mending.triangles(points, surface.faces)
+        #: (n,) of the file: vertices whose faces this repair removed; a hole there is ours
+        self.touched = np.zeros(len(points), np.bool_)
+        self.steps: list[RepairStep] = []
+        #: mm, of crossing triangles
+        self.displacement = 0.0
+        #: mm3, with the holes of the file filled
+        self.volume_before = 0.0
+
+    def set_right(self) -> None:
+        """All steps, in their order."""
+        local = (
+            self._branches,
+            self._small_pieces,
+            self._orientation,
+            self._holes,
+            self._misshapen,
+            self._handles,
+            self._crossings,
+        )
+        how = {"local": local, "voxel": (self._rebuilding,)}[self.limits.method]
+        for step in (self._unknown_places, self._coinciding, self._duplicates, *how):
+            step()
+            if not len(self.work.faces):
+                raise InputError("no triangle is left", remedy="export the surface again")
+
+    def result(self) -> TriSurface:
+        """The repaired surface with its fields, if it is one closed manifold and within the limits."""
+        work = self.work = mending.compacted(self.work)
+        made = single_precision(TriSurface(work.points, work.faces))
+        topology = surface_topology(made.faces)
+        problems = topology.problems(genus=int(topology.genus))
+        problems += [f"{count} triangles that cross others" for count in [len(self_intersections(made))] if count]
+        problems += [f"{count} triangles without area" for count in [len(flat_faces(made.points, made.faces))] if count]
+        if problems:
+            raise InputError(f"repair leaves {'; '.join(problems)}")
+        volume = enclosed_volume(made.points, made.faces)
+        change = volume / self.volume_before - 1 if self.volume_before else np.inf
+        if abs(change) > self.limits.max_volume_change:
+            raise InputError(
+                f"repair would change the volume by {change:+.1%}, where {self.limits.max_volume_change:.1%} are "
+                f"allowed ({self.done()})",
+                remedy="edit the surface, or set repair.max_volume_change",
+            )
+        return replace(made, point_data=self._fields(made), frame=self.given.frame, inner=self.given.inner)
+
+    def done(self) -> str:
+        """What was done, in words."""
+        return "; ".join(f"{step.count} {step.done}" for step in self.steps)
+
+    def _unknown_places(self) -> None:
+        work, vertices = mending.with_known_places(self.work)
+        if len(vertices):
+            around = self._neighbours(vertices)
+            self.touched[around] = True
+            self._replace(work, "vertices without finite coordinates removed", len(vertices), "vertices", around)
+
+    def _coinciding(self) -> None:
+        tolerance = _ROUNDING * float(np.ptp(self.work.points, axis=0).max())
+        work, gone = mending.merged(self.work, tolerance)
+        if len(gone):
+            self._replace(work, "coinciding vertices merged", len(gone), "vertices", gone)
+        work, gone = mending.collapsed(self.work, 0.0)
+        if len(gone):
+            self._replace(work, "edges without length collapsed", len(gone), "vertices", gone)
+        self.work, _ = mending.without_lines(self.work)
+
+    def _duplicates(self) -> None:
+        work, gone = mending.without_duplicates(self.work)
+        if len(gone):
+            places = self.work.faces[gone, 0]
+            self._replace(work, "doubled triangles removed", len(gone), "faces", places)
+
+    def _rebuilding(self) -> None:
+        turned = TriSurface(self.work.points, outward(self.work.points, self.work.faces))
+        made, self.volume_before = rebuilt(turned, self.limits.spacing)
+        self._note(f"surface made anew on a grid of {self.limits.spacing:g} mm", 1, "surface", made.points.mean(axis=0))
+        work = mending.triangles(made.points, made.faces)
+        self.work = work._replace(origin=np.full(len(made.points), -1, np.int32), made=work.made + REPLACED)
+
+    def _branches(self) -> None:
+        count = len(self.work.points)
+        self.work, centres, cut = mending.without_branches(self.work)
+        if len(centres):
+            self.touched[cut] = True
+            self._note("edges in more than two triangles parted", len(centres), "edges", centres)
+        work, vertices = mending.split_fans(self.work)
+        if len(vertices):
+            self._replace(work, "vertices with several fans of triangles split", len(vertices), "vertices", vertices)
+        self._part(count)
+
+    def _part(self, count: int) -> None:
+        """Move the parts of split vertices, which are numbered from `count`, a little towards their own triangles."""
+        copies = np.arange(count, len(self.work.points))
+        parted = np.flatnonzero(np.isin(self.work.origin, self.work.origin[copies]))
+        if len(parted):
+            points = self.work.points.copy()
+            points[parted] += _PARTED * (neighbour_means(points, self.work.faces)[parted] - points[parted])
+            points[~np.isfinite(points)] = 0  # of vertices that no triangle uses any more
+            self.work = self.work._replace(points=points)
+
+    def _small_pieces(self) -> None:
+        piece, area = mending.pieces(self.work)
+        share = area / area.sum()
+        large = np.flatnonzero(share > self.limits.max_piece)
+        if len(large) > 1:
+            shares = ", ".join(f"{value:.1%}" for value in share[large[:4]])
+            where = in_mm(np.array([self._middle(piece == number) for number in large[:2]]))
+            raise InputError(
+                f"{len(large)} separate pieces with {shares} of the area, around {where}: which one is meant is not "
+                "known",
+                remedy=f"keep one of them, or set repair.max_piece (now {self.limits.max_piece:g})",
+            )
+        if len(area) > 1:
+            centres = np.array([self._middle(piece == number) for number in range(1, min(len(area), PLACES + 1))])
+            self._note("small separate pieces dropped", len(area) - 1, "pieces", centres)
+            self.work = mending.chosen_faces(self.work, piece == 0)
+
+    def _orientation(self) -> None:
+        topology = surface_topology(self.work.faces)
+        turned = outward(self.work.points, self.work.faces)
+        changed = np.flatnonzero((turned != self.work.faces).any(axis=1))
+        if topology.misoriented_edges:
+            places = self.work.faces[changed, 0]
+            self._note("triangles turned outward", len(changed), "faces", self.work.points[places])
+        self.work = self.work._replace(faces=turned)
+        if surface_topology(turned).misoriented_edges:
+            raise InputError("this surface has no inside: it cannot be oriented", remedy="export the surface again")
+        if closed_volume(self.work) < 0:
+            self.work = self.work._replace(faces=np.ascontiguousarray(turned[:, ::-1]))
+
+    def _holes(self) -> None:
+        found = rims(self.work.faces)
+        for rim in found:
+            length = rim_length(self.work.points, rim)
+            if length > self.limits.max_hole:
+                raise InputError(
+                    f"a hole with a rim of {length:.0f} mm around {in_mm(self.work.points[rim].mean(axis=0))}, "
+                    f"where up to {self.limits.max_hole:g} mm are filled",
+                    remedy="close the surface there, or set repair.max_hole",
+                )
+        # where faces were removed above, the file had no hole
+        ours = [bool(self.touched[self.work.origin[rim]].any()) for rim in found]
+        cut, of_file = ([rim for rim, own in zip(found, ours, strict=True) if own == which] for which in (True, False))
+        if of_file:
+            middles = np.array([self.work.points[rim].mean(axis=0) for rim in of_file])
+            longest = max(rim_length(self.work.points, rim) for rim in of_file)
+            self._note(f"holes filled, with a rim of up to {longest:.1f} mm", len(of_file), "holes", middles)
+        for rim, made in [*((rim, CAP) for rim in of_file), *((rim, REPLACED) for rim in cut)]:
+            self.work = capped(self.work, rim, made)
+        self.volume_before = enclosed_volume(self.work.points, self.work.faces)
+
+    def _misshapen(self) -> None:
+        """Flat triangles and spikes are cut out, and the holes closed smoothly."""
+        work = self.work = mending.compacted(self.work)
+        if len(spikes := _spikes(work.points, work.faces)):
+            self._note("spikes cut off", len(spikes), "vertices", work.points[spikes])
+            work = self.work = mending.compacted(replaced(work, spikes, self.limits.max_piece))
+        if len(flat := work.faces[flat_faces(work.points, work.faces)]):
+            self._note("triangles without area replaced", len(flat), "faces", work.points[flat].mean(axis=1))
+            self.work = replaced(work, flat.ravel(), self.limits.max_piece)
+
+    def _handles(self) -> None:
+        limits = self.limits
+        cuts = without_handles(
+            mending.compacted(self.work), keep=limits.allow_genus, max_loop=limits.max_loop, max_piece=limits.max_piece
+        )
+        self.work = cuts.work
+        if len(cuts.centres):
+            done = f"handles cut or tunnels closed, along loops of up to {cuts.longest:.1f} mm"
+            self._note(done, len(cuts.centres), "handles", cuts.centres)
+
+    def _crossings(self) -> None:
+        limits = self.limits
+        found = uncrossed(
+            mending.compacted(self.work), max_displacement=limits.max_displacement, max_piece=limits.max_piece
+        )
+        self.work = found.work
+        if not len(found.centres):
+            return
+        how = "moved apart or replaced" if found.replaced else "moved apart"
+        self._note(f"crossing triangles {how}", len(found.centres), "faces", found.centres)
+        self.displacement = found.displacement
+        if self.displacement > limits.max_displacement:
+            raise InputError(
+                f"repair of {len(found.centres)} crossing triangles would move the surface by "
+                f"{found.displacement:.2f} mm at {in_mm(found.place)}, where {limits.max_displacement:g} mm are "
+                "allowed",
+                remedy="edit the surface there, or set repair.max_displacement",
+            )
+
+    def _fields(self, made: TriSurface) -> dict[str, NDArray[Any]]:
+        """Values of the file at its vertices, at new ones those of the nearest point of the file."""
+        fields: dict[str, NDArray[Any]] = {}
+        new = np.flatnonzero(self.work.origin < 0)
+        if self.given.point_data and len(new):
+            file = mending.measurable(self.given)
+            found = closest_points(tree_of(file), made.points[new])
+            corners = file.faces[found.faces]
+        for name, values in self.given.point_data.items():
+            taken = values[np.maximum(self.work.origin, 0)].copy()
+            if len(new):
+                taken[new] = at_triangles(values, corners, found.barycentric)
+            fields[name] = taken
+        if (self.work.made == CAP).any():
+            filled = np.ones(len(made.points), np.int32)
+            filled[made.faces[self.work.made != CAP]] = 0
+            fields[FILLED] = filled
+        return fields
+
+    def _neighbours(self, vertices: IntArray) -> IntArray:
+        """Vertices with known places in the faces of some vertices."""
+        near = self.work.faces[np.isin(self.work.faces, vertices).any(axis=1)]
+        return np.setdiff1d(near, np.flatnonzero(~mending.finite(self.work.points)))
+
+    def _replace(self, work: Triangles, done: str, count: int, of: str, vertices: IntArray) -> None:
+        self._note(done, count, of, self.work.points[vertices])
+        self.work = work
+
+    def _note(self, done: str, count: int, of: str, places: FloatArray) -> None:
+        listed = tuple(map(tuple, _apart(np.atleast_2d(places)).round(3).tolist()))
+        self.steps.append(RepairStep(done, count, of, listed))
+
+    def _middle(self, faces: NDArray[np.bool_]) -> FloatArray:
+        middle: FloatArray = self.work.points[self.work.faces[faces]].mean(axis=(0, 1))
+        return middle
+
+
+def in_mm(places: FloatArray) -> str:
+    """Places (k, 3) or (3,), mm, as messages name them."""
+    return " and ".join(place_mm(place) for place in np.atleast_2d(places).tolist())
+
+
+def _apart(places: FloatArray) -> FloatArray:
+    """The first few of some places (k, 3), each farther than `APART_MM` from those before it."""
+    listed: list[FloatArray] = []
+    while len(places) and len(listed) < PLACES:
+        listed.append(places[0])
+        places = places[np.linalg.norm(places - places[0], axis=1) > APART_MM]
+    return np.array(listed).reshape(-1, 3)

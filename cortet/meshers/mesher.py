@@ -1,0 +1,124 @@
+"""What a mesher is: what it is given, what it returns, and what others need to know of it, declared in its module."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from cortet.mesh import TetMesh, TriSurface
+from cortet.sections import Cost
+
+if TYPE_CHECKING:
+    from cortet.geometry.topology import SurfaceTopology
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Parameters of S1, as `cortet.stages.generate.generate` describes them; a mesher takes those that it knows."""
+
+    cell_size: float
+    backend: str
+    facet_angle: float
+    facet_distance: Sequence[float]
+    radius_edge_ratio: float
+    #: CGAL's optimisation passes
+    passes: tuple[str, ...]
+    seed: int
+    #: name of the mesher that is tried next, where there is one
+    fallback: str | None
+    edge_length: Sequence[float]
+    surface_distance: float
+    core_ratio: float
+    core_depth: float
+    size_field: str | None
+    elements_across: int
+    #: minutes
+    time_limit: float | None
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Where the triangles of ``lattice`` are smaller than elsewhere, and how near the surface they are."""
+
+    vertices: int
+    #: vertices whose edges were to be shorter than elsewhere by more than a fifth
+    vertices_refined: int
+    shortest_edge_mm: float
+    #: from the surface's vertices and face centres to the triangles, before anything slides
+    distance_mean_mm: float
+    distance_max_mm: float
+    #: remeshings in all; all but the last had triangles that cross
+    rounds: int
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One attempt to mesh the surface, and the topology of its result."""
+
+    #: None where the boundary was given
+    facet_distance_mm: float | None
+    #: of the triangles the boundary was given as; None where CGAL made it
+    edge_length_mm: float | None
+    #: the passes that ran; none when only the refinement was tried
+    passes: tuple[str, ...]
+    nodes: int
+    tetrahedra: int
+    #: exactly flat tetrahedra that were left out
+    flat_tetrahedra_dropped: int
+    boundary: SurfaceTopology
+    #: in plain words, what is wrong with the topology
+    problems: tuple[str, ...]
+    #: None where CGAL made the boundary, or it was given
+    refinement: Refinement | None = None
+
+
+@dataclass(frozen=True)
+class Filled:
+    """What a mesher made of a surface."""
+
+    #: of the last attempt; positive volumes, nodes in the order of a curve (`meshers._filled.well_ordered`)
+    mesh: TetMesh
+    #: at least one; the last says what is wrong with the topology of `mesh`, if anything is
+    attempts: tuple[Attempt, ...]
+    #: distribution on PyPI that made it
+    backend: str
+    #: optimisation passes that were asked for
+    passes: tuple[str, ...] = ()
+
+
+def _no_notice(_: Any) -> str:
+    return ""
+
+
+def _named(_parameters: Mapping[str, Any], _backend: str, mesher: str, meshes: str) -> str:
+    return f"the mesher {mesher} ({meshes})"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mesher:
+    """One way to fill a closed surface with tetrahedra."""
+
+    name: str
+    #: place in lists and tables
+    order: int
+    #: how tables print it
+    printed: str
+    #: fills a closed, connected manifold without self-intersections; raises StageError where it cannot
+    fill: Callable[[TriSurface, Settings], Filled]
+    #: tetrahedra per cube of the cell size, as measured
+    tets_per_cube: float = 4.2
+    #: of a job of S1, where it differs from the stage's
+    cost: Cost | None = None
+    #: whether it belongs to the line; others run with their own defaults, to compare with
+    own: bool = True
+    #: whether it fills the regions between inner surfaces
+    regions: bool = False
+    #: whether it takes a field of cell sizes
+    sizes: bool = False
+    #: whether its boundary may have another topology than the surface, so that a fallback is tried
+    may_change_topology: bool = False
+    #: what a user should know before it runs, from the section `generate`; "" for nothing
+    notice: Callable[[Any], str] = _no_notice
+    #: what the methods paragraph says of it, from its parameters, the backend, its name and the counted meshes
+    said: Callable[[Mapping[str, Any], str, str, str], str] = _named

@@ -1,0 +1,255 @@
+"""Swaps, insertions and moves around the worst tetrahedra, in rounds; the stage `reconnect` chooses among them."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.geometry.closest_point import SurfaceTree, forest
+from cortet.geometry.topology import neighbours
+from cortet.measure.quality import quality
+from cortet.mesh import IntArray, TetMesh, TriSurface
+from cortet.optimise.crossing import Flaws, flaws_since, without_crossing
+from cortet.optimise.insertion import MIN_GAIN, insert_vertices
+from cortet.optimise.places import (
+    Part,
+    better_of_each,
+    cut_out,
+    mixed,
+    nodes_near,
+    numbers_in,
+    only,
+    places_at,
+    promising,
+    put_back,
+    rim_of,
+)
+from cortet.optimise.swaps import NO_SWAPS, SwapCount, improve, live_cells, swappable
+from cortet.optimise.vertices import KEPT, Pass, interface_places, move_vertices, mu2_of
+from cortet.sections import Boundary
+
+#: q above which a vertex may be inserted
+_INSERT_ABOVE = 0.335
+_ROUNDS = 4
+#: swaps over tetrahedra below which a round is the last one
+_FEW = 2e-4
+#: the first round swaps above this q, which improves the mean, too
+_FIRST_SWAPS = 0.18
+#: its vertices move far, later ones must not lose what was reached
+_FIRST_POWERS = (8, 16, 32)
+#: rounds of insertions after everything else
+_LAST_ROUNDS = 4
+_SWEEPS, _LAST_MEAN_SWEEPS = 12, 4
+#: the search around what is left: by how much an insertion may make things worse at first, and for how many rounds
+_GAINS = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
+#: tetrahedra around which is searched, the worst ones: places that join would cost as much as the mesh
+_MOST_SOUGHT = 40
+#: a place with more tetrahedra above that than so many is given up for this series of rounds
+_MOST_HOPE = 100
+#: neither series of powers is the better one everywhere: in a tight place 64 lets the others hold the worst one back
+_SEARCH_POWERS, _SEARCH_SWEEPS = ((8, 16, 32, 64), (8, 32, 128, 256)), 25
+#: times that they are tried: two for all places, the others for those whose boundary was spoilt
+_SEARCHES = 6
+
+logger = logging.getLogger(__name__)
+
+
+class Reconnected(NamedTuple):
+    """What came of a reconnection."""
+
+    mesh: TetMesh
+    #: vertices inserted, before and after the rest
+    inserted: int
+    #: sums over all rounds
+    swaps: SwapCount
+    #: (h,) vertices held in place because the boundary would have crossed itself
+    held: IntArray
+
+
+def reconnected(
+    mesh: TetMesh,
+    surface: TriSurface,
+    *,
+    threshold: float = 0.3,
+    boundary: Boundary = "slide",
+    insert: bool = True,
+    cell_size: float | None = None,
+) -> Reconnected:
+    """Swap edges and faces around tetrahedra with q above `threshold`, insert vertices, and move the vertices there.
+
+    Parameters are those of `cortet.stages.reconnect.reconnect`; the mesh must be sound (`optimise.soundness`).
+    """
+    tree = forest(surface)
+
+    def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, list[SwapCount]]:
+        return _improved(start, tree, threshold, boundary, held)
+
+    above = max(threshold, _INSERT_ABOVE)
+    if insert:
+        start, inserted, swaps = _with_insertions(mesh, tree, above)
+    else:
+        # what is left to do where the boundary moves is little then, and can be undone place by place
+        inside = np.ones(len(mesh.points), np.bool_)
+        start, count = _swapped(mesh, tree, min(threshold, _FIRST_SWAPS), inside)
+        inserted, swaps = 0, [count]
+    followed = surface if boundary == "slide" else None
+    result, counts, held = without_crossing(start, optimise, followed, cell_size=cell_size)
+    if insert:
+        result, more, last = _mended_inside(result, tree, above)
+        result, found = searched(result, flaws_since(result, followed, cell_size), surface, above, boundary)
+        inserted, swaps = inserted + more + found, swaps + last
+    total = [sum(values) for values in zip(*counts, *swaps, strict=True)]
+    attempts, edges, faces, flips, peeled = map(int, total[:-1])
+    count = SwapCount(attempts, edges, faces, flips, peeled, float(total[-1]))
+    return Reconnected(result, inserted, count, held)
+
+
+def _with_insertions(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[TetMesh, int, list[SwapCount]]:
+    """Swap inside the mesh where that helps, insert vertices where it does not; also their number, and the swaps."""
+    mesh, swaps = _swapped(mesh, tree, threshold, np.ones(len(mesh.points), np.bool_))
+    mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
+    mesh, count = insert_vertices(mesh, mu2, _regions(mesh), float(mu2_of(threshold)))
+    return mesh, count, [swaps]
+
+
+def _mended_inside(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[TetMesh, int, list[SwapCount]]:
+    """Once more insert vertices and move those inside, while that helps: the boundary, which is sound, stays."""
+    inserted = 0
+    counts: list[SwapCount] = []
+    for _ in range(_LAST_ROUNDS):
+        mesh, count, swaps = _with_insertions(mesh, tree, threshold)
+        inserted, counts = inserted + count, counts + swaps
+        if not count:
+            break
+        aims = [Pass(threshold, power, _SWEEPS) for power in _FIRST_POWERS[1:]]
+        mesh, _ = move_vertices(mesh, tree, aims, boundary="fixed")
+    return mesh, inserted, counts
+
+
+def searched(
+    mesh: TetMesh, flaws_of: Callable[[TetMesh], Flaws], surface: TriSurface, threshold: float, boundary: Boundary
+) -> tuple[TetMesh, int]:
+    """Try harder in the places of the worst that are above `threshold` still; also the number of vertices inserted.
+
+    A vertex may make a place worse before it makes it better. Where the boundary may slide, its edges may be halved,
+    too; a place where that makes flaws is as it was before, and searched again with vertices held.
+    """
+    q = quality(mesh.points, mesh.cells)
+    worst = np.sort(q)[-_MOST_SOUGHT - 1 :]
+    threshold = max(threshold, float(worst[0])) if len(worst) > _MOST_SOUGHT else threshold
+    bad = q > threshold
+    if not bad.any():
+        return mesh, 0
+    logger.info("%d tetrahedra above q = %g: searching around them", np.count_nonzero(bad), threshold)
+    part = cut_out(mesh, bad)
+    best, held = part.mesh, np.zeros(0, np.int32)
+    again = np.ones(len(best.cells), np.bool_)
+    for number in range(1, _SEARCHES + 1):
+        stiffer = part._replace(rim=np.union1d(part.rim, numbers_in(part, held)).astype(np.int32))
+        tried = better_of_each(best, _best_tries(only(best, again), stiffer, surface, threshold, boundary))
+        result = put_back(mesh, part, tried)
+        flaws = flaws_of(result)
+        crossing = result.points[flaws.crossed.ravel()]
+        spoilt = places_at(tried, np.concatenate([crossing, mesh.points[flaws.left[:, 0]]]))
+        best = mixed(tried, best, spoilt)
+        held = np.union1d(held, np.concatenate([flaws.to_hold(held), nodes_near(part, crossing)])).astype(np.int32)
+        if number > 1 and not spoilt.any():
+            break
+        again = spoilt if number > 1 else again
+    else:  # the last try spoilt something, too
+        result = put_back(mesh, part, best)
+    return result, len(result.points) - len(mesh.points)
+
+
+def _best_tries(start: TetMesh, part: Part, surface: TriSurface, threshold: float, boundary: Boundary) -> TetMesh:
+    """What is best in each place of a `part`, or of what it was at the `start`, after a search with each series."""
+    best = start
+    for powers in _SEARCH_POWERS:
+        aims = [Pass(threshold, power, _SEARCH_SWEEPS) for power in powers]
+        best = better_of_each(best, _best_of_series(start, part, surface, aims, boundary))
+    return best
+
+
+def _best_of_series(start: TetMesh, part: Part, surface: TriSurface, aims: list[Pass], boundary: Boundary) -> TetMesh:
+    best = start
+    for gain, rounds in _GAINS:
+        trial = best
+        for _ in range(rounds):
+            trial = promising(trial, aims[0].threshold, _MOST_HOPE)
+            if not len(trial.cells):
+                break
+            trial = _tried(trial, part, surface, aims, gain, boundary)
+            best = better_of_each(best, trial)
+    return best
+
+
+def _tried(
+    mesh: TetMesh, part: Part, surface: TriSurface, aims: list[Pass], gain: float, boundary: Boundary
+) -> TetMesh:
+    """One round of swaps, insertions and moves in what has become of a `part`, whose rim stays."""
+    threshold = aims[0].threshold
+    tree = forest(surface)
+
+    def rigid() -> NDArray[np.bool_]:
+        vertices = np.full(len(mesh.points), boundary != "slide")
+        vertices[rim_of(part, mesh)] = True
+        return vertices
+
+    mesh, _ = _swapped(mesh, tree, threshold, rigid())
+    mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
+    halving = surface if boundary == "slide" else None
+    mesh, _ = insert_vertices(
+        mesh, mu2, _regions(mesh), float(mu2_of(threshold)), gain=gain, surface=halving, held=rigid()
+    )
+    return move_vertices(mesh, tree, aims, boundary=boundary, held=rim_of(part, mesh))[0]
+
+
+def _improved(
+    mesh: TetMesh, tree: SurfaceTree, threshold: float, boundary: Boundary, held: IntArray
+) -> tuple[TetMesh, list[SwapCount]]:
+    """Alternate between swaps and moves until no swap helps; also the swaps of each round."""
+    rigid = np.full(len(mesh.points), boundary == "fixed")
+    rigid[held] = True
+    counts = []
+    for number in range(1, _ROUNDS + 1):
+        mesh, count = _swapped(mesh, tree, min(threshold, _FIRST_SWAPS) if number == 1 else threshold, rigid)
+        counts.append(count)
+        made = count.edge_removals + count.face_removals + count.boundary_flips + count.peeled
+        logger.info("round %d: %d swaps of %d tried", number, made, count.attempts)
+        if number > 1 and made < _FEW * len(mesh.cells):
+            break
+        powers = _FIRST_POWERS if number == 1 else _FIRST_POWERS[-1:]
+        aims = [Pass(threshold, power, _SWEEPS) for power in powers]
+        mesh, _ = move_vertices(mesh, tree, aims, boundary=boundary, held=held)
+    last = [Pass(threshold=0, power=2, sweeps=_LAST_MEAN_SWEEPS, keep=KEPT)]
+    mesh, _ = move_vertices(mesh, tree, last, boundary=boundary, held=held)
+    return mesh, counts
+
+
+def _swapped(mesh: TetMesh, tree: SurfaceTree, threshold: float, rigid: NDArray[np.bool_]) -> tuple[TetMesh, SwapCount]:
+    """Swap edges and faces around tetrahedra above `threshold`, but not those of vertices that are `rigid`, (n,)."""
+    mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
+    if not (mu2 > mu2_of(threshold)).any():
+        return mesh, NO_SWAPS
+    work = swappable(mesh, mu2, _regions(mesh), rigid, place=interface_places(mesh, tree))
+    count = improve(work, tree, float(mu2_of(threshold)))
+    live = live_cells(work)
+    cell_data = {name: values[live.origin] for name, values in mesh.cell_data.items()}
+    made = replace(mesh, cells=live.cells, cell_data=cell_data)
+    neighbours.remember(made, live.neighbours)
+    return made, count
+
+
+def _regions(mesh: TetMesh) -> IntArray:
+    """One number per combination of the integer values of a tetrahedron."""
+    labels = [values.reshape(len(mesh.cells), -1) for values in mesh.cell_data.values() if values.dtype.kind in "iu"]
+    if not labels:
+        return np.zeros(len(mesh.cells), np.int32)
+    if len(labels) == 1 and labels[0].shape[1] == 1:
+        return np.unique(labels[0], return_inverse=True)[1].ravel().astype(np.int32)
+    return np.unique(np.hstack(labels), axis=0, return_inverse=True)[1].ravel().astype(np.int32)

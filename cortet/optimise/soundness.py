@@ -1,0 +1,26 @@
+"""What a mesh must be before anything optimises it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cortet.errors import StageError
+from cortet.geometry.filling import folded_faces
+from cortet.mesh import FloatArray, TetMesh
+
+
+def require_sound(mesh: TetMesh, q: FloatArray) -> None:
+    """Refuse a mesh with flat or inverted tetrahedra, from which nothing moves downhill, or one that overlaps itself.
+
+    Around the edges of a face with both its tetrahedra on one side, swaps go round in circles.
+    """
+    if not q.max() < 1:
+        raise StageError(
+            f"{np.count_nonzero(~(q < 1))} tetrahedra are flat or inverted before optimisation",
+            remedy="look at the report of the stage before",
+        )
+    if folded := folded_faces(mesh):
+        raise StageError(
+            f"tetrahedra overlap before optimisation: both those of {folded} faces are on one side of it",
+            remedy="look at the report of the stage before, or at the program that made the mesh",
+        )

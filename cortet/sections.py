@@ -1,0 +1,101 @@
+"""What stages and meshers declare of themselves: the base of their sections, the types of keys, what a job takes.
+
+Every job loads all these declarations to read the configuration, so this module and theirs are light.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, NonNegativeInt, PositiveInt
+
+from cortet.geometry.limits import CELL_SIZE_MM, SUBDIVISIONS
+
+__all__ = [
+    "AsList",
+    "Boundary",
+    "Cases",
+    "CellSize",
+    "Cost",
+    "Finite",
+    "Fraction",
+    "NonNegativeInt",
+    "Positive",
+    "PositiveInt",
+    "Section",
+    "Subdivisions",
+    "Threshold",
+]
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, (list, tuple)) else [value]
+
+
+def _whole_micrometres(value: float) -> float:
+    if not isfinite(value * 1000) or abs(value * 1000 - round(value * 1000)) > 1e-6:
+        raise ValueError("must be a multiple of 0.001 mm: files are named by it (res-600um)")
+    return round(value, 3)
+
+
+#: a single value stands for a list of one
+AsList = BeforeValidator(_as_list)
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Fraction = Annotated[float, Field(gt=0, le=1)]
+#: a quality q between a perfect and a flat tetrahedron
+Threshold = Annotated[float, Field(gt=0, lt=1)]
+#: mm
+CellSize = Annotated[Positive, AfterValidator(_whole_micrometres), Field(ge=CELL_SIZE_MM[0], le=CELL_SIZE_MM[1])]
+Subdivisions = Annotated[int, Field(ge=SUBDIVISIONS[0], le=SUBDIVISIONS[1])]
+#: what boundary vertices do when vertices move: stay, slide along the surface, or move like all others
+Boundary = Literal["fixed", "slide", "free"]
+#: the cases to which a column of the sheet says yes
+Column = Annotated[dict[Literal["column"], str], Field(min_length=1)]
+#: `all` cases of the sheet, so many of them, spread over the ages, those that are named, or those of a column
+Cases = Literal["all"] | NonNegativeInt | list[str] | Column
+
+
+class Section(BaseModel):
+    """A part of the configuration; unknown keys are errors, values never change after loading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+    #: keys that choose what is run, and are no arguments of the function that the section is about
+    choices: ClassVar[frozenset[str]] = frozenset({"enabled", "cases"})
+
+    def runs(self, *, aged: bool) -> bool:  # noqa: ARG002, one stage asks for it
+        """Whether the line has the stage of this section, for a case whose gestational age is known or not."""
+        return bool(getattr(self, "enabled", True))
+
+    def programs(self) -> dict[str, str]:
+        """Programs outside Python that the stage calls -> the key that does without."""
+        return {}
+
+    def knows_no_interfaces(self) -> str:
+        """The key, and its value, with which the stage cannot take inner surfaces; "" where it can."""
+        return ""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a job takes: each number for no tetrahedra, and more for every million of them."""
+
+    #: peak resident memory of the script, MB
+    megabytes: tuple[float, float]
+    #: CPU time of the script, s, the start of the interpreter included
+    seconds: tuple[float, float]
+
+    def memory_mb(self, tets: float) -> float:
+        """Peak resident memory, MB, for a number of tetrahedra."""
+        return _line(self.megabytes, tets)
+
+    def cpu_seconds(self, tets: float) -> float:
+        """CPU time, s, for a number of tetrahedra."""
+        return _line(self.seconds, tets)
+
+
+def _line(coefficients: tuple[float, float], tets: float) -> float:
+    return coefficients[0] + coefficients[1] * tets / 1e6

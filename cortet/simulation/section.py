@@ -1,0 +1,64 @@
+"""The section `fold` of the configuration: the only place of the defaults and limits of a folding simulation."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from cortet.sections import Cases, Finite, Positive, Section
+from cortet.simulation.growth import AGES
+
+
+class Fold(Section):
+    """Folding simulation of meshes: growth of the cortex until it buckles (the model of the BrainGrowth solver)."""
+
+    choices: ClassVar[frozenset[str]] = Section.choices | {"variants"}
+
+    cases: Cases | None = None
+    """Cases whose meshes are folded: all, a number of them spread over the ages, a list of their names, as file names
+    begin: sub-01_ses-02_hemi-L, or those to which a column of the sheet says yes: {column: simulated}. null: those of
+    the column fold, where the sheet has one. Each from its scan_age on, as half a brain where hemi is L or R. Point
+    data of the mesh named growth (0 to 1), thickness (mm), medial_wall and label are used; fields of the sheet become
+    them."""
+    variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {}
+    """Further runs of each of these cases, name: keys of this section that differ, e.g.
+    {thin: {thickness: 1.0}, stiff: {core_stiffness: 2.0}}."""
+    end: Annotated[float, Field(ge=AGES[0], le=AGES[1])] = 40.0
+    """Gestational age at which a run ends, weeks."""
+    growth_rate: Positive = 1.829
+    """Tangential growth of the cortex per unit of time (0 at 22 weeks, 1 at 44)."""
+    core_stiffness: Positive = 1.167
+    """Shear modulus of what does not grow, over that of the growing cortex."""
+    regions: dict[int, Annotated[list[Finite], Field(min_length=3, max_length=3)]] = {}
+    """Growth of single regions: value of the field label, then amplitude, rate and latency of a Gompertz law."""
+    thickness: Positive | None = None
+    """Thickness of the growing cortex at the start, mm; null: 0.042 of half the length of the brain at 22 weeks, 1.25
+    mm, and slightly more later. A run says which."""
+    time_step: Positive | None = None
+    """Largest dimensionless time step; null: from the smallest altitude of the tetrahedra, as the run goes on."""
+    reference: bool = False
+    """true: centre, mask, medial plane, start of growth and lag of the reference implementation, for comparison."""
+    record_interval: Positive = 0.1
+    """Weeks between two rows of the table of a run."""
+    frame_interval: Positive = 1.0
+    """Weeks between two frames (.vtu) of a run."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """What takes the steps of a run: cpu, or cuda for a GPU of NVIDIA (`pip install 'cortet[gpu]'`), where the workflow
+    lets one job at a time have one. A result is reproducible bit for bit on one device, not across devices."""
+
+    @model_validator(mode="after")
+    def _variants_are_valid(self) -> Fold:
+        own = self.model_dump(exclude={"variants", "cases"})
+        for name, changed in self.variants.items():
+            if not changed or {"variants", "cases"} & set(changed):
+                raise ValueError(f"variant {name}: name keys of fold that differ, other than cases and variants")
+            try:
+                Fold(**{**own, **changed})
+            except ValidationError as error:
+                first = error.errors()[0]
+                raise ValueError(f"variant {name}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        return self
+
+
+DEFAULT = Fold()

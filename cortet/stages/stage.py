@@ -1,0 +1,116 @@
+"""What a stage of the line is: everything that others need to know of it, declared once in its module."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Literal
+
+from cortet.sections import Cost, Section
+
+#: content of a certificate.json
+Certificate = Mapping[str, Any]
+#: the last word on the arguments of a step: its values, the whole configuration, and what is known of the mesh
+Settle = Callable[[dict[str, Any], Any, Mapping[str, Any]], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Step:
+    """A function with a section in the configuration: a stage, or what the workflow does before and after the line."""
+
+    #: module of the function below `cortet`, which declares its VERSION
+    module: str
+    #: name of its section in the configuration; None where it has no parameters
+    section: str | None
+    #: keys of the section that are its arguments; None: all but those that choose what is run
+    keys: frozenset[str] | None = None
+    #: arguments that differ from mesh to mesh, and stand in no section
+    facts: tuple[str, ...] = ()
+    #: arguments that other sections decide
+    settle: Settle | None = None
+
+    def arguments(self, config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:
+        """Plain keyword arguments of the function, from a configuration and what is known of the mesh."""
+        section: Section | None = getattr(config, self.section) if self.section else None
+        values: dict[str, Any] = {}
+        if section is not None:
+            included = None if self.keys is None else set(self.keys)
+            values = section.model_dump(mode="json", include=included, exclude=set(section.choices))
+        if self.settle:
+            values = self.settle(values, config, facts)
+        return {**values, **{name: facts[name] for name in self.facts}}
+
+
+def _nothing_said(_: Sequence[Certificate]) -> str:
+    return ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """One stage of the line: `cortet.stages.<name>.<name>(*takes, **arguments)` returns what it gives and a report."""
+
+    #: name of its module, its function, its rule and its section of the configuration
+    name: str
+    #: place in the line: stages run in ascending order
+    order: int
+    #: what it does, as pages say it
+    does: str
+    #: what names of files call its result: `desc-<label>` of a surface, `desc-<mesher><setting><label>` of a mesh
+    label: str
+    #: what its function takes before the keyword arguments
+    takes: tuple[Literal["surface", "sphere", "mesh"], ...]
+    gives: Literal["surface", "mesh"]
+    cost: Cost
+    #: its parameters: the only place of their defaults and limits; None where it shares a section of others
+    parameters: type[Section] | None
+    #: name of its section, where that is not its own name
+    section: str = ""
+    keys: Collection[str] | None = None
+    facts: tuple[str, ...] = ()
+    settle: Settle | None = None
+    #: what the methods paragraph of a paper says of it, from the certificates; "" where it did nothing
+    sentence: Callable[[Sequence[Certificate]], str] = _nothing_said
+    #: number in the paper's line, where it has one
+    number: str = ""
+    #: whether it has something to do only where there are inner surfaces
+    nested: bool = False
+    #: whether it has something to do only where the surface has a sphere
+    registered: bool = False
+    #: whether it takes every surface by itself, inner ones too
+    alone: bool = False
+    #: whether its function is told, by `inside=True`, that a surface is an inner one
+    told_inside: bool = False
+    #: whether the result is the same in every setting of the configuration, so that all of them share it
+    shared_by_settings: bool = False
+
+    @property
+    def step(self) -> Step:
+        """Where its arguments come from."""
+        keys = None if self.keys is None else frozenset(self.keys)
+        return Step(f"stages.{self.name}", self.section or self.name, keys, self.facts, self.settle)
+
+    @property
+    def function(self) -> Callable[..., tuple[Any, Any]]:
+        """The stage's function."""
+        function: Callable[..., tuple[Any, Any]] = getattr(import_module(f"cortet.stages.{self.name}"), self.name)
+        return function
+
+
+#: how the methods paragraph says what boundary nodes did
+BOUNDARY_WORDS = {
+    "fixed": "boundary nodes fixed",
+    "free": "boundary nodes free",
+    "slide": "boundary nodes sliding on the surface",
+}
+
+
+def parameters_of(stage: str, certificates: Sequence[Certificate]) -> list[Mapping[str, Any]]:
+    """The parameters of a stage in those certificates whose mesh went through it."""
+    return [content["parameters"][stage] for content in certificates if content["parameters"].get(stage)]
+
+
+def counted(count: int, noun: str) -> str:
+    """A number and its noun, in the plural where it is not one: ``3 meshes``."""
+    plural = f"{noun}es" if noun.endswith(("h", "ss")) else f"{noun}s"
+    return f"{count} {noun if count == 1 else plural}"
