@@ -1,8 +1,9 @@
 """What the pages say about parameters, commands, checks and messages, taken from the code at the moment they are built.
 
-Directives: `parameters SECTION` of the configuration, `commands` of the command line, `limits` of the certificate,
-`messages MODULE...` with their remedies. A page explains one message under `message TEXT` and one check under
-`check NAME`: a text or name that the code does not have, or a check that no page explains, is a warning of the build.
+Directives: `stages` of the line, `parameters SECTION` of the configuration, `commands` of the command line, `limits` of
+the certificate, `messages MODULE...` with their remedies. A page explains one message under `message TEXT` and one
+check under `check NAME`: a text or name that the code does not have, or a check that no page explains, is a warning of
+the build.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
 from cortet.cli import parser
-from cortet.config import SETTINGS, Config, Section
+from cortet.config import SETTINGS, Config
+from cortet.sections import Section
+from cortet.stages import STAGES, Stage
 
 PACKAGE = Path(__file__).resolve().parents[1] / "cortet"
 ERRORS = ("InputError", "StageError", "WorkflowError")
@@ -34,11 +37,12 @@ ERRORS = ("InputError", "StageError", "WorkflowError")
 SPEAKERS = {
     "cohort.ages": ("_in_words",),
     "cohort.sheet": ("_row_problems", "ageless_notice", "read_sheet", "scan"),
-    "config": ("_complaint", "_whole_micrometres"),
+    "config.files": ("_complaint",),
+    "sections": ("_whole_micrometres",),
     "formats.tsv": ("_miscounted",),
     "geometry.topology": ("problems",),
     "cohort.status": ("failure_reason",),
-    "stages.generate": ("_fault",),
+    "meshers.lattice": ("_fault",),
     "stages.smooth_surface": ("_candidate",),
     "measure.worst": ("_reason",),
     "solver_files.conventions": None,
@@ -59,6 +63,29 @@ class Message(NamedTuple):
     module: str
     text: str
     remedies: tuple[str, ...] = ()
+
+
+# --- stages ----------------------------------------------------------------------------------------------------------
+
+
+class Stages(SphinxDirective):
+    """The line of stages as a table, each with a link to its page."""
+
+    def run(self) -> list[nodes.Node]:
+        """Nodes of the table."""
+        rows = [
+            f"| [{stage.number} {stage.name}]({stage.name}.md) | {stage.does} | {_when(stage)} |"
+            for stage in STAGES.values()
+        ]
+        return self.parse_text_to_nodes("\n".join(["| stage | what it does | when |", "|---|---|---|", *rows]))
+
+
+def _when(stage: Stage) -> str:
+    if stage.nested:
+        return "there are inner surfaces"
+    if stage.registered:
+        return "the surface has a sphere"
+    return "always" if Config().section_of(stage).runs(aged=True) else f"`{stage.name}.enabled`"
 
 
 # --- parameters ------------------------------------------------------------------------------------------------------
@@ -406,6 +433,7 @@ def describe_below(_app: Sphinx, _what: str, _name: str, _object: Any, _options:
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
+    app.add_directive("stages", Stages)
     app.add_directive("parameters", Parameters)
     app.add_directive("commands", Commands)
     app.add_directive("limits", Limits)

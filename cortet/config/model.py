@@ -76,7 +76,8 @@ class Config(_WithTheLine):
     fold: Fold = Fold()
     experiments: Experiments = Experiments()
 
-    def _section(self, stage: Stage) -> Section:
+    def section_of(self, stage: Stage) -> Section:
+        """The section of a stage, which may be that of another one."""
         section: Section = getattr(self, stage.section or stage.name)
         return section
 
@@ -96,7 +97,7 @@ class Config(_WithTheLine):
         return [
             stage
             for stage in STAGES.values()
-            if self._section(stage).runs(aged=aged)
+            if self.section_of(stage).runs(aged=aged)
             and (nested or not stage.nested)
             and (registered or not stage.registered)
         ]
@@ -104,7 +105,7 @@ class Config(_WithTheLine):
     def require_programs(self) -> None:
         """Raise InputError naming a program that the line calls and that is not installed here."""
         for stage in self.line():
-            for program, instead in self._section(stage).programs().items():
+            for program, instead in self.section_of(stage).programs().items():
                 if shutil.which(program) is None:
                     raise InputError(
                         f"the program {program} is not installed", remedy=f"put it on the PATH, or set {instead}"
@@ -113,7 +114,7 @@ class Config(_WithTheLine):
     def require_nesting(self, nested: bool) -> None:
         """Raise InputError where inner surfaces meet a mesher or a stage that knows no interfaces."""
         for stage in self.line(nested=True) if nested else []:
-            if key := self._section(stage).knows_no_interfaces():
+            if key := self.section_of(stage).knows_no_interfaces():
                 raise InputError(
                     f"{key} knows no inner surfaces", remedy="use the setting `default` for cases that have some"
                 )

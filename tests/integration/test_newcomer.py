@@ -1,0 +1,127 @@
+"""A stage and a mesher are one new file each: a copy of the package with both runs them through the workflow."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import yaml
+
+from cortet.cohort.sheet import PHANTOM, Case, write_sheet
+from cortet.formats import vtu
+from tests.integration.study import CONFIG, ROOT
+
+STAGE = '''"""Mark how high above the lowest node each node lies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from cortet.mesh import TetMesh
+from cortet.sections import Cost, Positive, Section
+from cortet.stages.stage import Stage, parameters_of
+
+VERSION: int = 1
+
+
+class Mark(Section):
+    """Heights of nodes."""
+
+    enabled: bool = True
+    """false leaves the stage out."""
+    unit: Positive = 2.0
+    """Length that counts as 1, mm."""
+
+
+@dataclass(frozen=True)
+class MarkReport:
+    """What came of it."""
+
+    highest: float
+
+
+def mark(mesh: TetMesh, *, unit: float = Mark().unit) -> tuple[TetMesh, MarkReport]:
+    """The mesh with a field `height` (n,), in units of `unit` mm."""
+    height = (mesh.points[:, 2] - mesh.points[:, 2].min()) / unit
+    return replace(mesh, point_data={**mesh.point_data, "height": height}), MarkReport(float(height.max()))
+
+
+def _sentence(certificates):
+    return "Heights were marked." if parameters_of("mark", certificates) else ""
+
+
+STAGE = Stage(
+    name="mark",
+    order=95,
+    does="marks the height of each node",
+    label="Marked",
+    takes=("mesh",),
+    gives="mesh",
+    parameters=Mark,
+    cost=Cost((200, 100), (2, 1)),
+    sentence=_sentence,
+)
+'''
+MESHER = '''"""TetGen inside the triangles of the surface as they are."""
+
+from __future__ import annotations
+
+from cortet.mesh import TriSurface
+from cortet.meshers.mesher import Filled, Mesher, Settings
+
+
+def fill(surface: TriSurface, settings: Settings) -> Filled:
+    """Tetrahedra of at most the volume of a regular one with edges of the cell size."""
+    import tetgen
+
+    from cortet.meshers._filled import judged, well_ordered
+
+    volume = settings.cell_size**3 / (6 * 2**0.5)
+    points, cells, *_ = tetgen.TetGen(surface.points, surface.faces).tetrahedralize(switches=f"pq1.2/20YQa{volume:.3f}")
+    mesh, flat = well_ordered(points, cells)
+    return Filled(mesh, (judged(mesh, surface, flat=flat),), "tetgen")
+
+
+MESHERS = (Mesher(name="plain", order=90, printed="Plain", fill=fill),)
+'''
+
+
+def test_a_stage_and_a_mesher_are_one_file_each(tmp_path: Path) -> None:
+    project, study = tmp_path / "project", tmp_path / "study"
+    for name in ("cortet", "rules", "scripts", "envs", "profiles"):
+        shutil.copytree(ROOT / name, project / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "Snakefile", project)
+    (project / "cortet/stages/mark.py").write_text(STAGE)
+    (project / "cortet/meshers/plain.py").write_text(MESHER)
+    study.mkdir()
+    write_sheet([Case("a", None, "L", 26.0, PHANTOM)], study / "cohort.tsv")
+    config = {
+        **CONFIG,
+        "phantom": {"subdivisions": 4},
+        "generate": {"cell_size": 4.0, "meshers": ["plain"]},
+        "mark": {"unit": 5.0},
+        "certify": {"max_boundary_distance": 1.0},
+        "export": {"formats": [], "uncertified": True},
+    }
+    (study / "config.yaml").write_text(yaml.safe_dump(config))
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(project / "Snakefile"), "--cores", "2"]
+    command += ["derivatives/cortet/logs/CITATION.md"]  # of all certificates; no tables, figures and pages
+    environment = {**os.environ, "PYTHONPATH": str(project)}
+    done = subprocess.run(command, cwd=study, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+    made = study / "derivatives/cortet"
+    (path,) = made.rglob("*_desc-plainMarked_tetmesh.vtu")
+    marked = vtu.read(path)
+    heights = marked.points[:, 2] - marked.points[:, 2].min()
+    assert abs(marked.point_data["height"] * 5.0 - heights).max() < 1e-3
+    certificate = json.loads(next(made.rglob("*certificate.json")).read_text())
+    assert certificate["parameters"]["mark"] == {"unit": 5.0, "version": 1}
+    assert certificate["reports"]["mark"]["highest"] > 1
+    methods = (made / "logs/CITATION.md").read_text()
+    assert "Heights were marked." in methods and "the mesher plain (1 mesh)" in methods
+    assert {"mark", "generate"} <= {path.name for path in (made / "logs").iterdir()}
