@@ -13,7 +13,7 @@ from cubes import cube_mesh
 from shapes import horseshoe
 from wrong_meshes import sound, with_slit
 
-from cortet.errors import InputError, StageError
+from cortet.errors import InputError
 from cortet.geometry.banks import banks, gaps
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import Certificate, certify
@@ -149,7 +149,7 @@ def test_what_s1_found_wrong_cannot_be_hidden_by_later_stages(mesh: TetMesh, sur
 def test_numbers_that_are_none_are_an_error(mesh: TetMesh, surface: TriSurface) -> None:
     points = mesh.points.copy()
     points[3, 1] = np.nan
-    with pytest.raises(StageError, match="1 of 125 nodes have coordinates that are not finite"):
+    with pytest.raises(InputError, match="1 of 125 nodes of the mesh have coordinates that are not finite"):
         certify(TetMesh(points, mesh.cells), surface)
 
 
