@@ -12,7 +12,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from cortet import __version__
 from cortet.errors import CortetError, InputError
 from cortet.formats import FORMATS, format_of
 from cortet.formats.ownership import delete_made, guarded, may_write, record_of
+from cortet.geometry.limits import CELL_SIZE_MM, FOLD_AGES, PHANTOM_AGES, SCAN_AGES, SUBDIVISIONS, THICKNESS_MM
 
 if TYPE_CHECKING:
     from cortet.config import Config
@@ -80,6 +81,27 @@ class FolderOfFiles(type(Path())):  # type: ignore[misc]
     """A folder in which a command writes some files, each of them guarded by itself."""
 
 
+@dataclass(frozen=True)
+class Number:
+    """Type of an option: a number within limits, both included."""
+
+    low: float
+    high: float
+    whole: bool = False
+    #: `inf` is a value, too
+    endless: bool = False
+
+    def __call__(self, text: str) -> float:
+        """The number that a text stands for; the complaint names the text and the limits."""
+        with contextlib.suppress(ValueError):
+            value = int(text) if self.whole else float(text)
+            if self.low <= value <= self.high or (self.endless and text == "inf"):
+                return value
+        kind = "a whole number" if self.whole else "a number"
+        also = ", or inf" if self.endless else ""
+        raise argparse.ArgumentTypeError(f"{text!r} is not {kind} from {self.low:g} to {self.high:.10g}{also}")
+
+
 _WRITTEN = (OutputFile, OutputFolder, CheckedOutput, FolderOfFiles)
 
 
@@ -121,9 +143,17 @@ def parser() -> argparse.ArgumentParser:
 
     line = argparse.ArgumentParser(add_help=False, parents=[within])
     line.add_argument("surface", type=Path, metavar="SURFACE", help="closed surface, GIfTI, mm")
-    line.add_argument("--cell-size", type=float, metavar="MM", help="cell size h (default: 0.6, or what --config says)")
     line.add_argument(
-        "--ga", type=_weeks, metavar="WEEKS", help="gestational age, by which the setting published smooths the surface"
+        "--cell-size",
+        type=Number(*CELL_SIZE_MM),
+        metavar="MM",
+        help="cell size h (default: 0.6, or what --config says)",
+    )
+    line.add_argument(
+        "--ga",
+        type=Number(*SCAN_AGES),
+        metavar="WEEKS",
+        help="gestational age, by which the setting published smooths the surface",
     )
     line.add_argument(
         "--setting",
@@ -162,7 +192,9 @@ def parser() -> argparse.ArgumentParser:
 
     gate = commands.add_parser("gate", parents=[common], help="say of each surface whether it can be meshed")
     gate.add_argument("surfaces", type=Path, nargs="+", metavar="SURFACE")
-    gate.add_argument("--allow-genus", type=int, default=0, metavar="N", help="accept up to N handles")
+    gate.add_argument(
+        "--allow-genus", type=Number(0, 10_000, whole=True), default=0, metavar="N", help="accept up to N handles"
+    )
     gate.set_defaults(run=_gate)
 
     repair = commands.add_parser("repair", parents=[writes], help="repair a broken surface, within limits")
@@ -196,16 +228,16 @@ def parser() -> argparse.ArgumentParser:
     quality.set_defaults(run=_quality)
 
     limits = argparse.ArgumentParser(add_help=False)
-    limits.add_argument("--q-max", type=float, metavar="Q", help="limit of the worst q (default: 0.6)")
+    limits.add_argument("--q-max", type=Number(0, 1), metavar="Q", help="limit of the worst q (default: 0.6)")
     limits.add_argument(
         "--max-boundary-distance",
-        type=float,
+        type=Number(0, 1000, endless=True),
         metavar="MM",
         help="limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit)",
     )
     limits.add_argument(
         "--cell-size",
-        type=float,
+        type=Number(*CELL_SIZE_MM),
         metavar="MM",
         help="cell size h; the surface may be half of it from the boundary, and inner surfaces are moved away from it "
         "first, as for meshing (default: not known, no limit)",
@@ -255,7 +287,7 @@ def parser() -> argparse.ArgumentParser:
     )
     quadratic.add_argument(
         "--max-boundary-distance",
-        type=float,
+        type=Number(0, 1000, endless=True),
         default=1e-3,
         metavar="MM",
         help="limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit)",
@@ -269,7 +301,7 @@ def parser() -> argparse.ArgumentParser:
     job.add_argument("mesh", type=Path, metavar="MESH", help="with the sets that cortet exports")
     job.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
     job.add_argument("--solver", choices=["calculix", "febio", "fenics"], default="calculix", help="default: calculix")
-    job.add_argument("--growth", type=float, default=0.05, metavar="G", help="along the cortex (default: 0.05)")
+    job.add_argument("--growth", type=Number(0, 1), default=0.05, metavar="G", help="along the cortex (default: 0.05)")
     job.set_defaults(run=_job)
 
     picture = commands.add_parser("picture", parents=[writes], help="draw a mesh cut open, coloured by q")
@@ -280,21 +312,44 @@ def parser() -> argparse.ArgumentParser:
     fold = commands.add_parser("fold", parents=[writes], help="grow the cortex of a mesh until it folds")
     fold.add_argument("mesh", type=Path, metavar="MESH")
     fold.add_argument("-o", "--output", type=OutputFolder, required=True, metavar="DIR")
-    fold.add_argument("--ga", type=_weeks, required=True, metavar="WEEKS", help="gestational age of the mesh")
+    fold.add_argument(
+        "--ga", type=Number(*FOLD_AGES), required=True, metavar="WEEKS", help="gestational age of the mesh"
+    )
     fold.add_argument("--hemi", choices=["L", "R"], help="half a brain, beside its other half")
-    fold.add_argument("--end", type=float, metavar="WEEKS", help="gestational age at the end (default: 40)")
-    fold.add_argument("--time-step", type=float, metavar="DT", help="dimensionless (default: from smallest altitude)")
+    fold.add_argument(
+        "--end", type=Number(*FOLD_AGES), metavar="WEEKS", help="gestational age at the end (default: 40)"
+    )
+    fold.add_argument(
+        "--time-step", type=Number(0, 1), metavar="DT", help="dimensionless (default: from smallest altitude)"
+    )
     fold.add_argument("--device", choices=["cpu", "cuda"], help="what takes the steps: cuda is a GPU (default: cpu)")
     fold.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section fold says the rest")
-    fold.add_argument("--threads", type=_count, metavar="N", help="default: one per core; the result is the same")
+    fold.add_argument(
+        "--threads",
+        type=Number(1, 10_000, whole=True),
+        metavar="N",
+        help="default: one per core; the result is the same",
+    )
     fold.add_argument("--status", action=_FoldStatus, metavar="DIR", help="say how far the run in a folder is, and end")
     fold.set_defaults(run=_fold)
 
     phantom = commands.add_parser("phantom", parents=[writes], help="make a synthetic cortex of any gestational age")
-    phantom.add_argument("--ga", type=_weeks, required=True, metavar="WEEKS", help="gestational age")
+    phantom.add_argument("--ga", type=Number(*PHANTOM_AGES), required=True, metavar="WEEKS", help="gestational age")
     phantom.add_argument("--hemi", choices=["L", "R"], default="L")
-    phantom.add_argument("--subdivisions", type=int, default=5, metavar="N", help="of the icosahedron (default: 5)")
-    phantom.add_argument("--seed", type=int, default=0, metavar="N", help="of the individual variation (default: 0)")
+    phantom.add_argument(
+        "--subdivisions",
+        type=Number(*SUBDIVISIONS, whole=True),
+        default=5,
+        metavar="N",
+        help="of the icosahedron (default: 5)",
+    )
+    phantom.add_argument(
+        "--seed",
+        type=Number(0, 2**32 - 1, whole=True),
+        default=0,
+        metavar="N",
+        help="of the individual variation (default: 0)",
+    )
     phantom.add_argument("-o", "--output", type=OutputFile, required=True, metavar="GII")
     phantom.add_argument(
         "--pial",
@@ -304,7 +359,11 @@ def parser() -> argparse.ArgumentParser:
     )
     phantom.add_argument("--sphere", type=OutputFile, metavar="GII", help="also write the sphere that it was made of")
     phantom.add_argument(
-        "--thickness", type=float, default=1.5, metavar="MM", help="of the cortex between the two (default: 1.5)"
+        "--thickness",
+        type=Number(*THICKNESS_MM),
+        default=1.5,
+        metavar="MM",
+        help="of the cortex between the two (default: 1.5)",
     )
     phantom.set_defaults(run=_phantom)
 
@@ -330,10 +389,15 @@ def parser() -> argparse.ArgumentParser:
     ):
         run.add_argument(*words, dest=name, nargs="+", default=[], metavar="LABEL", help=f"only these {of}")
     run.add_argument("--hemi", choices=["L", "R"], help="only this hemisphere")
-    run.add_argument("--cell-size", type=float, metavar="MM", help="cell size h (default: 0.6, or what --config says)")
+    run.add_argument(
+        "--cell-size",
+        type=Number(*CELL_SIZE_MM),
+        metavar="MM",
+        help="cell size h (default: 0.6, or what --config says)",
+    )
     run.add_argument("--setting", choices=["default", "cgal", "published"], help="as of `cortet mesh`")
     run.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see config.yaml")
-    run.add_argument("--cores", type=int, metavar="N", help="default: all")
+    run.add_argument("--cores", type=Number(1, 10_000, whole=True), metavar="N", help="default: all")
     run.add_argument("--profile", metavar="NAME", help="profile of Snakemake: slurm, or a folder")
     run.add_argument("-n", "--dry-run", action="store_true", help="say what would be done")
     run.add_argument(
@@ -622,7 +686,7 @@ def _judged(mesh: TetMesh, surface: TriSurface, file: Path, args: argparse.Names
     from cortet.measure.certify import certify
 
     given = {"q_max": args.q_max, "max_boundary_distance": args.max_boundary_distance}
-    chosen = {key: None if value == math.inf and key != "q_max" else value for key, value in given.items()}
+    chosen = {key: None if value == math.inf else value for key, value in given.items()}
     section = {key: value for key, value in chosen.items() if given[key] is not None}
     limits = load({"certify": section}).arguments("certify", {"cell_size": args.cell_size})
     return certify(mesh, surface, **limits, case=_stem(file), source=args.surface, parameters={"certify": limits})
@@ -948,23 +1012,6 @@ def _sphere(args: argparse.Namespace) -> TriSurface | None:
     from cortet.formats.gifti import read_surface
 
     return read_surface(args.sphere) if args.sphere else None
-
-
-def _weeks(text: str) -> float:
-    """A gestational age; which ages a command takes, it says itself."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value > 0):
-        raise argparse.ArgumentTypeError(f"{text!r} is no age in weeks")
-    return value
-
-
-def _count(text: str) -> int:
-    if not (text.isdecimal() and int(text)):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 1 on")
-    return int(text)
 
 
 def _named_file(text: str) -> tuple[str, str]:

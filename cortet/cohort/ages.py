@@ -18,9 +18,8 @@ from pathlib import Path
 from cortet.errors import InputError
 from cortet.formats.tsv import read_uneven_tsv
 from cortet.formats.untrusted import content
+from cortet.geometry.limits import SCAN_AGES
 
-#: ages a surface can plausibly have, gestational weeks: below there is no cortical plate to mesh, above lies infancy
-SCAN_AGE_RANGE = (12.0, 60.0)
 #: weeks in a unit of time
 WEEKS = {"weeks": 1.0, "days": 1 / 7, "months": 365.25 / 12 / 7, "years": 365.25 / 7}
 #: column whose ages count from birth where nothing else is said
@@ -155,7 +154,7 @@ def _weeks(texts: Sequence[str], column: Column) -> float | None:
     if value is None or column.refused:
         return None
     weeks = round(value * WEEKS[column.unit], 2)
-    return weeks if SCAN_AGE_RANGE[0] <= weeks <= SCAN_AGE_RANGE[1] else None
+    return weeks if SCAN_AGES[0] <= weeks <= SCAN_AGES[1] else None
 
 
 def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
@@ -193,7 +192,7 @@ def _in_words(readings: Sequence[_Reading]) -> list[str]:
         if good:
             told.append(f"ages are from {which}: {_counted(good)}")
         if bad := [reading for reading in own if reading.weeks is None]:
-            low, high = SCAN_AGE_RANGE
+            low, high = SCAN_AGES
             told.append(
                 f"not read: {len(bad)} of {which}, as {bad[0].text} of {_named(bad[0].session)}: "
                 f"no age from {low:g} to {high:g} gestational weeks "

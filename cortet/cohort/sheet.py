@@ -22,11 +22,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort.ages import SCAN_AGE_RANGE, ages_at_scan, number
+from cortet.cohort.ages import ages_at_scan, number
 from cortet.config import Cases, Scan
 from cortet.errors import InputError
 from cortet.formats.placement import UNITS
 from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
+from cortet.geometry.limits import SCAN_AGES
 from cortet.mesh import OUTERMOST
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
@@ -377,7 +378,7 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
         yield f"column include: {row['include']!r} is no decision (use yes or no)"
     if row["include"].lower() in _NO and row["exclude_reason"] in _MISSING:
         yield f"column exclude_reason: {row['exclude_reason']!r} does not say why the row is excluded (give a reason)"
-    youngest, oldest = SCAN_AGE_RANGE
+    youngest, oldest = SCAN_AGES
     if row["scan_age"] in _MISSING:
         if row["surface"] == PHANTOM:
             yield (

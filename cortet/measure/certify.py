@@ -24,6 +24,7 @@ from cortet.geometry.banks import LEAST_BANK_GAP, Banks, banks
 from cortet.geometry.defects import defective_vertices
 from cortet.geometry.filling import flaws
 from cortet.geometry.intersection import self_intersections
+from cortet.geometry.limits import CELL_SIZE_MM, require_within
 from cortet.geometry.nesting import sheets
 from cortet.geometry.topology import (
     SurfaceTopology,
@@ -169,12 +170,12 @@ def certify(
     StageError
         there is no boundary, so nothing can be measured
     InputError
-        `source` cannot be read, a limit is no number above 0, a coordinate is not finite, or there are no elements
+        `source` cannot be read, a limit is no number above 0, the cell size is out of bounds (`limits.CELL_SIZE_MM`),
+        a coordinate is not finite, or there are no elements
     """
     for name, limit in {
         "q_max": q_max,
         "max_boundary_distance": max_boundary_distance,
-        "cell_size": cell_size,
         "max_surface_distance": max_surface_distance,
         "max_mean_surface_distance": max_mean_surface_distance,
         "max_area_change": max_area_change,
@@ -187,6 +188,8 @@ def certify(
     }.items():
         if limit is not None and not 0 < limit < np.inf:
             raise InputError(f"{name} = {limit:g} is no limit", remedy="give a number above 0")
+    if cell_size is not None:
+        require_within(cell_size, CELL_SIZE_MM, "the cell size in mm")
     require_measurable(mesh)
     for one in sheets(surface):
         require_measurable(one)

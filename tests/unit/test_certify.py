@@ -243,7 +243,7 @@ def test_a_broken_native_surface_is_no_obstacle(mesh: TetMesh, surface: TriSurfa
 
 @pytest.mark.parametrize("limit", [np.inf, np.nan, 0.0, -1.0])
 def test_a_limit_that_is_none_is_an_error_that_names_it(mesh: TetMesh, surface: TriSurface, limit: float) -> None:
-    for name in ("q_max", "cell_size", "max_boundary_distance"):
+    for name in ("q_max", "max_face_distance", "max_boundary_distance"):
         with pytest.raises(InputError, match=f"{name} = .* is no limit"):
             certify(mesh, surface, **{name: limit})
 
@@ -262,3 +262,9 @@ def test_a_remedy_fits_what_filled_the_surface(mesher: str | None, says: str, no
     assert says in remedy and not_says not in remedy
     other = judged("worst q", 0.7, "<", 0.6, remedy="move it")
     assert for_mesher(other, mesher).remedy == "move it"
+
+
+@pytest.mark.parametrize("size", [1e308, 0.0, -1.0, np.nan, np.inf])
+def test_a_cell_size_beyond_its_bounds_judges_nothing(mesh: TetMesh, surface: TriSurface, size: float) -> None:
+    with pytest.raises(InputError, match=r"the cell size in mm is .* \(use 0.05 to 20\)"):
+        certify(mesh, surface, cell_size=size)

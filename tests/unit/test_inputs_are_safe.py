@@ -254,15 +254,6 @@ def test_two_outputs_of_one_name_are_refused(meshed: Path, monkeypatch: pytest.M
     assert not (meshed / "y.vtu").exists()
 
 
-@pytest.mark.parametrize("option", ["--end=1e308", "--end=-1", "--end=nan", "--time-step=nan", "--time-step=-1"])
-def test_options_of_a_fold_have_the_bounds_of_the_configuration(
-    meshed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: str
-) -> None:
-    assert run(f"fold x.vtu --ga 30 {option} -o f", meshed, monkeypatch) == 1
-    assert f"fold.{option[2:].partition('=')[0].replace('-', '_')}" in capsys.readouterr().err
-    assert not (meshed / "f").exists()
-
-
 def test_a_mesh_of_another_surface_keeps_its_certificate(meshed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_surface(ball_surface(3, 15.0), meshed / "b.surf.gii")
     before = {path.name: path.read_bytes() for path in meshed.iterdir()}
