@@ -420,20 +420,21 @@ def _mesh(args: argparse.Namespace) -> int:
     from cortet.pipeline import mesh_surface
     from cortet.solver_files.export import export
     from cortet.solver_files.fields import field_sources
-    from cortet.solver_files.meshed import made_from, meshed_files, require_own_stem, write_meshed
+    from cortet.solver_files.meshed import certificate_path, made_from, meshed_files, require_own_stem, write_meshed
     from cortet.solver_files.sets import named_sets
     from cortet.solver_files.sidecar import sidecar_path
 
     # what cannot be written is refused before the work, and before anything of an earlier run is deleted
     solver = format_of(args.output).name
-    record = args.output.with_suffix(".certificate.json")
+    record = certificate_path(args.output)
     surfaces = meshed_files([OUTERMOST, *dict(args.inner)], args.output)
     for file in (record, sidecar_path(args.output), *surfaces.values()):
         may_write(file)
     given = {OUTERMOST: args.surface} | dict(args.inner)
-    if not args.force:
-        require_own_stem(args.output, given)
     config = _config(args)
+    size = config.generate.cell_size[0]
+    if not args.force:
+        require_own_stem(args.output, given, cell_size=size)
     surface = _surface(args, config)
     sphere = _sphere(args)
     progress = Progress(config, args.ga, nested=bool(surface.inner), registered=sphere is not None)
@@ -448,6 +449,8 @@ def _mesh(args: argparse.Namespace) -> int:
         case=_stem(args.output),
         progress=progress,
     )
+    if not args.force:
+        require_own_stem(args.output, given, cell_size=size, mesh_sha256=certificate.mesh_sha256)
     delete_made(record)  # what an earlier run left must not pass for this run's
     delete_made(sidecar_path(args.output))
     with _recorded(asdict(certificate), record) as place:

@@ -188,7 +188,7 @@ def record_of(paths: Iterable[Path]) -> dict[str, Any]:
 
 def files_of(record: Path) -> dict[str, str]:
     """Name -> SHA-256 of the files that a record lists; nothing where the file is no record of cortet."""
-    data = _read(record)
+    data = json_of(record)
     files = data.get("files") if data.items() >= _SIGNATURE.items() else None
     return {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else {}
 
@@ -207,9 +207,18 @@ def delete_made(record: Path) -> None:
         record.unlink()
 
 
+def json_of(file: Path) -> dict[str, Any]:
+    """Content of a JSON file; nothing where it is none."""
+    try:
+        data = json.loads(file.read_text("utf-8")) if file.stat().st_size < _LONGEST_RECORD else None
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
 def _manifest(folder: Path) -> dict[str, list[str]]:
     """Name -> hashes; nothing where there is no manifest, or a damaged one."""
-    files = _read(folder / MANIFEST).get("files")
+    files = json_of(folder / MANIFEST).get("files")
     if not isinstance(files, dict):
         return {}
     return {str(name): [str(one) for one in found] for name, found in files.items() if isinstance(found, list)}
@@ -229,15 +238,6 @@ def _list_in_manifest(path: Path, digest: str) -> None:
         temporary.replace(manifest)
     finally:
         os.close(folder)
-
-
-def _read(file: Path) -> dict[str, Any]:
-    """Content of a JSON file; nothing where it is none."""
-    try:
-        data = json.loads(file.read_text("utf-8")) if file.stat().st_size < _LONGEST_RECORD else None
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return data if isinstance(data, dict) else {}
 
 
 def _require_own_folder(folder: Path, sign: str, *, force: bool) -> None:

@@ -263,6 +263,32 @@ def test_a_mesh_of_another_surface_keeps_its_certificate(meshed: Path, monkeypat
     assert run("certify x.vtu", meshed, monkeypatch) == 0
 
 
+@pytest.mark.parametrize(
+    ("options", "settings", "words"),
+    [
+        ("--cell-size 4", "", "would take the certificate and the meshed surface of x.vtu, a mesh of cell size 5 mm"),
+        ("--cell-size 5", "generate: {seed: 3}", "of x.vtu, a mesh of other parameters (give another name"),
+    ],
+)
+def test_another_mesh_of_a_surface_keeps_its_certificate(
+    meshed: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    options: str,
+    settings: str,
+    words: str,
+) -> None:
+    (meshed / "other.yaml").write_text(settings or "{}")
+    before = {path.name: path.read_bytes() for path in meshed.iterdir()}
+    command = f"mesh a.surf.gii --config other.yaml {options}"
+    assert run(f"{command} -o x.msh", meshed, monkeypatch) == 1
+    assert words in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in meshed.iterdir()} == before
+    assert run(f"{command} -o x.vtu", meshed, monkeypatch) == 0, "its own companions it may replace"
+    assert run(f"{command} -o x.msh", meshed, monkeypatch) == 0, "the same mesh in another format shares them"
+    assert run("certify x.vtu", meshed, monkeypatch) == run("certify x.msh", meshed, monkeypatch) == 0
+
+
 def test_a_sidecar_that_names_no_meshed_surface_is_of_no_use(
     meshed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
