@@ -594,11 +594,12 @@ def _repair(args: argparse.Namespace) -> int:
     from cortet.solver_files.fields import with_fields
     from cortet.stages.repair import repair
 
+    record = args.output.with_name(f"{_stem(args.output)}.repair.json")
+    may_write(record)
     config = load(args.config or {})
     given = with_fields(read_surface(args.surface, finite=False), dict(args.field))
     given = placed(given, config.placement())
     made, report = repair(given, **config.arguments("repair", {"source": str(args.surface)}))
-    record = args.output.with_name(f"{_stem(args.output)}.repair.json")
     with _recorded(asdict(report), record) as place:
         write_surface(made, place(args.output))
         if args.picture:
@@ -627,11 +628,12 @@ def _resample(args: argparse.Namespace) -> int:
     from cortet.solver_files.fields import with_fields
     from cortet.stages.resample import resample
 
+    record = args.output.with_name(f"{_stem(args.output)}.resample.json")
+    may_write(record)
     config = load(args.config or {})
     native = placed(with_fields(read_surface(args.surface), dict(args.field)), config.placement())
     facts = {"sphere_file": str(args.sphere), "hemisphere": None}
     made, report = resample(native, read_surface(args.sphere), **config.arguments("resample", facts))
-    record = args.output.with_name(f"{_stem(args.output)}.resample.json")
     with _recorded(asdict(report), record) as place:
         write_surface(made, place(args.output))
     there, back = report.native_to_resampled_mm, report.resampled_to_native_mm

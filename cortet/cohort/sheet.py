@@ -396,6 +396,8 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
             yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
         if column.startswith(INNER_PREFIX) and not re.fullmatch("[A-Za-z][A-Za-z0-9]*", _region(column)):
             yield f"column {column}: {_region(column)!r} is no name of a region (use letters and digits only)"
+        if len(_region(column)) > LONGEST_LABEL:
+            yield f"column {column}: {len(_region(column))} characters are too many (use at most {LONGEST_LABEL})"
         if _region(column) in (OUTERMOST, *_STANDING) and value not in _MISSING:
             yield f"column {column}: {_region(column)!r} stands for another part of every mesh (use another name)"
         given = _region(column) and value not in _MISSING

@@ -104,7 +104,8 @@ def guarded(
 
 
 def may_write(path: Path) -> None:
-    """Raise InputError unless a file may be written, replaced or deleted; without a guard, everything may be."""
+    """Raise InputError unless a file may be written, replaced or deleted; without a guard, all with short names may."""
+    _require_short(path)
     guard = _guard.get()
     if guard is None:
         return
@@ -248,6 +249,15 @@ def _require_own_folder(folder: Path, sign: str, *, force: bool) -> None:
         raise InputError(
             "holds files that cortet did not make", file=folder, remedy="give an empty or a new folder, or add --force"
         )
+
+
+def _require_short(path: Path) -> None:
+    """Raise InputError for a name that is too long, or that of the temporary file beside it would be."""
+    folder = next((one for one in path.absolute().parents if one.is_dir()), Path("/"))
+    longest = os.pathconf(folder, "PC_NAME_MAX") - len(temporary_beside(path).name) + len(path.name)
+    if (size := len(os.fsencode(path.name))) > longest:
+        what = f"has a name of {size} bytes, and one of at most {longest} can be written"
+        raise InputError(what, file=path, remedy="give a shorter name")
 
 
 def _refuse_repeated(outputs: tuple[Path, ...]) -> None:

@@ -6,6 +6,7 @@ import argparse
 import hashlib
 import itertools
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -319,3 +320,25 @@ def test_a_job_is_not_written_into_the_output_of_a_workflow(meshed: Path, monkey
     (meshed / "out/job.inp").write_text("mine")
     assert run("job x.vtu -o out", meshed, monkeypatch) == 1
     assert (meshed / "out/job.inp").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("words", "suffix"),
+    [
+        ("mesh a.surf.gii --cell-size 5 -o", ".vtu"),
+        ("repair a.surf.gii -o", ".surf.gii"),
+        ("resample a.surf.gii --sphere a.surf.gii -o", ".surf.gii"),
+        ("convert x.vtu", ".inp"),
+        ("quadratic x.vtu -o", ".inp"),
+    ],
+)
+def test_names_that_are_too_long_for_companions_are_refused_before_the_work(
+    meshed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: str, suffix: str
+) -> None:
+    """The file itself would fit; what is written beside it has a longer name."""
+    before = sorted(path.name for path in meshed.iterdir())
+    room = os.pathconf(meshed, "PC_NAME_MAX") - len(f".{os.getpid()}-12345678.") - len(suffix)
+    assert run(f"{words} {'y' * room}{suffix}", meshed, monkeypatch) == 1
+    said = capsys.readouterr()
+    assert "can be written (give a shorter name)" in said.err and "seconds" not in said.out
+    assert sorted(path.name for path in meshed.iterdir()) == before

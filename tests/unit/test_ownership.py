@@ -215,3 +215,18 @@ def test_a_device_or_a_pipe_is_not_replaced_even_when_forced(tmp_path: Path) -> 
     with pytest.raises(InputError, match="a device or a pipe"), guarded([], files=[pipe], force=True):
         raise AssertionError("it was let through")
     assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize("letter", ["x", "\u00fc"])
+def test_a_name_beside_which_no_temporary_file_fits_is_refused(tmp_path: Path, letter: str) -> None:
+    """A file is written to a temporary name first, which is longer; a letter may have two bytes."""
+    longest = os.pathconf(tmp_path, "PC_NAME_MAX") - len(f".{os.getpid()}-12345678.")
+    fits = tmp_path / "new" / (letter * ((longest - 4) // len(letter.encode())) + ".vtu")
+    with guarded([], files=[fits]):
+        write(fits)
+    assert fits.read_text() == "new"
+    too_long = fits.with_name(letter + fits.name)
+    what = rf"has a name of \d+ bytes, and one of at most {longest} can be written"
+    with pytest.raises(InputError, match=what), guarded([], files=[too_long]):
+        raise AssertionError("it was let through")
+    assert list(fits.parent.glob(f"*{fits.suffix}")) == [fits]
