@@ -56,6 +56,8 @@ class Column:
     source: str
     #: why the column is not read; empty where it is
     refused: str = ""
+    #: whether a description alone names the unit
+    only_described: bool = False
 
 
 @dataclass(frozen=True)
@@ -164,9 +166,12 @@ def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
     written = said.get("units", "")
     units = [unit for unit, words in _UNITS.items() if re.search(rf"\b({words})\b", written, re.IGNORECASE)]
     unit = units[0] if units else None
+    described = _described_unit(f"{said.get('longname', '')} {said.get('description', '')}")
     born = name == FROM_BIRTH and not re.search(_GESTATION, about, re.IGNORECASE)
     if unit is None and born and not named:
         return Column(table, name, "years", "BIDS, where no sidecar has Units", "it counts from birth")
+    if unit is None and described:
+        return Column(table, name, described, "by its description", "it has no Units", only_described=True)
     if unit is None:
         return Column(table, name, "weeks", "no sidecar has its Units")
     source = f"its sidecar says Units: {written}"
@@ -176,6 +181,13 @@ def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
     return Column(table, name, unit, source, "it counts from birth" if counts_from_birth else "")
 
 
+def _described_unit(text: str) -> str | None:
+    """The unit other than weeks in which a description says that ages are; None where it names weeks, or none."""
+    words = {unit: rf"\b{unit}\b|\bin {unit[:-1]}\b" for unit in WEEKS}
+    named = [unit for unit, pattern in words.items() if re.search(pattern, text, re.IGNORECASE)]
+    return named[0] if named and "weeks" not in named else None
+
+
 def _in_words(readings: Sequence[_Reading]) -> list[str]:
     """What was read of which column, what was not read and why, and which sessions share an age."""
     told = []
@@ -183,6 +195,9 @@ def _in_words(readings: Sequence[_Reading]) -> list[str]:
         own = [reading for reading in readings if reading.column == column]
         good = [reading.session for reading in own if reading.weeks is not None]
         which = f"column {column.name} of {column.table}, in {column.unit} ({column.source})"
+        if column.only_described:
+            told.append(f"not read: {which}; a description is no unit (say Units: {column.unit} in the sidecar)")
+            continue
         if column.refused:
             told.append(
                 f"not read: {which}; {column.refused}, and a gestational age is needed. Where it is one: say "
