@@ -25,6 +25,7 @@ from typing import Any
 from cortet.cohort.ages import ages_at_scan, number
 from cortet.config import Cases, Scan
 from cortet.errors import InputError
+from cortet.formats.gifti import hemisphere_of
 from cortet.formats.placement import UNITS
 from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
 from cortet.geometry.limits import SCAN_AGES
@@ -112,6 +113,17 @@ class Case:
 def missing_surface(source: object, *, column: str) -> InputError:
     """The error of a surface of the sheet that is not there."""
     return InputError("no such file", file=source, remedy=f"mend the column {column} of the cohort sheet")
+
+
+def require_hemisphere(path: str | Path, hemi: str | None) -> None:
+    """Raise InputError where a surface or sphere of a row of one hemisphere says that it is of the other."""
+    named = hemisphere_of(path)
+    if hemi and named and named != hemi:
+        raise InputError(
+            f"is of hemisphere {named}, as its AnatomicalStructurePrimary says, but its row says {hemi}",
+            file=path,
+            remedy="mend the column hemi of the cohort sheet, or name the file of the other hemisphere",
+        )
 
 
 def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> list[Case]:
