@@ -69,10 +69,6 @@ class OutputFile(type(Path())):  # type: ignore[misc]
     """A file that a command writes; any other path among its arguments is an input."""
 
 
-class OutputFolder(type(Path())):  # type: ignore[misc]
-    """A folder that a command fills."""
-
-
 class CheckedOutput(type(Path())):  # type: ignore[misc]
     """A file or folder of a command that itself refuses what is not its own: a sheet, the folders of `cortet run`."""
 
@@ -102,7 +98,7 @@ class Number:
         raise argparse.ArgumentTypeError(f"{text!r} is not {kind} from {self.low:g} to {self.high:.10g}{also}")
 
 
-_WRITTEN = (OutputFile, OutputFolder, CheckedOutput, FolderOfFiles)
+_WRITTEN = (OutputFile, CheckedOutput, FolderOfFiles)
 
 
 def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None]:
@@ -112,7 +108,6 @@ def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None
     return guarded(
         [path for path in paths if isinstance(path, Path) and not isinstance(path, _WRITTEN)],
         files=[path for path in paths if isinstance(path, OutputFile)],
-        claimed=[path for path in paths if isinstance(path, OutputFolder)],
         shared=[path for path in paths if isinstance(path, FolderOfFiles)],
         folders=[path for path in paths if isinstance(path, CheckedOutput)],
         force=getattr(args, "force", False),
@@ -311,7 +306,7 @@ def parser() -> argparse.ArgumentParser:
 
     fold = commands.add_parser("fold", parents=[writes], help="grow the cortex of a mesh until it folds")
     fold.add_argument("mesh", type=Path, metavar="MESH")
-    fold.add_argument("-o", "--output", type=OutputFolder, required=True, metavar="DIR")
+    fold.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
     fold.add_argument(
         "--ga", type=Number(*FOLD_AGES), required=True, metavar="WEEKS", help="gestational age of the mesh"
     )
@@ -810,8 +805,8 @@ def _fold(args: argparse.Namespace) -> int:
     from numba import get_num_threads, set_num_threads
 
     from cortet.config import load, read
-    from cortet.report.fold_figures import draw
-    from cortet.simulation.fold import fold
+    from cortet.report.fold_figures import FILM, NUMBERS, PICTURE, draw
+    from cortet.simulation.fold import FILES, fold
     from cortet.simulation.progress import status
     from cortet.simulation.state import Settings
     from cortet.solver_files.sidecar import read_sidecar
@@ -823,6 +818,8 @@ def _fold(args: argparse.Namespace) -> int:
             file=args.mesh,
             remedy=f"use --hemi {known}",
         )
+    for name in (*FILES, NUMBERS, PICTURE, FILM):  # before the work
+        may_write(args.output / name)
     if args.threads:
         set_num_threads(min(args.threads, get_num_threads()))
     chosen = {"end": args.end, "time_step": args.time_step, "device": args.device}

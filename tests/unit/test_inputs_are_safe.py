@@ -342,3 +342,13 @@ def test_names_that_are_too_long_for_companions_are_refused_before_the_work(
     said = capsys.readouterr()
     assert "can be written (give a shorter name)" in said.err and "seconds" not in said.out
     assert sorted(path.name for path in meshed.iterdir()) == before
+
+
+@pytest.mark.parametrize("name", ["fold.tsv", "verdict.json", "folding.svg", "frames/frame_0001.vtu"])
+def test_a_file_of_a_fold_that_was_edited_is_kept(meshed: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    words = "fold x.vtu --ga 30 --end 30.001 -o f"
+    assert [run(words, meshed, monkeypatch) for _ in range(2)] == [0, 0], "what nobody has edited is made again"
+    (meshed / "f" / name).write_text("edited")
+    before = {path: path.read_bytes() for path in (meshed / "f").rglob("*") if path.is_file()}
+    assert run(words, meshed, monkeypatch) == 1
+    assert {path: path.read_bytes() for path in (meshed / "f").rglob("*") if path.is_file()} == before
