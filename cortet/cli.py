@@ -12,7 +12,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from cortet import __version__
 from cortet.errors import CortetError, InputError
 from cortet.formats import FORMATS, format_of
 from cortet.formats.ownership import delete_made, guarded, may_write, record_of
+from cortet.geometry.limits import CELL_SIZE_MM, FOLD_AGES, PHANTOM_AGES, SCAN_AGES, SUBDIVISIONS, THICKNESS_MM
 
 if TYPE_CHECKING:
     from cortet.config import Config
@@ -68,10 +69,6 @@ class OutputFile(type(Path())):  # type: ignore[misc]
     """A file that a command writes; any other path among its arguments is an input."""
 
 
-class OutputFolder(type(Path())):  # type: ignore[misc]
-    """A folder that a command fills."""
-
-
 class CheckedOutput(type(Path())):  # type: ignore[misc]
     """A file or folder of a command that itself refuses what is not its own: a sheet, the folders of `cortet run`."""
 
@@ -80,7 +77,28 @@ class FolderOfFiles(type(Path())):  # type: ignore[misc]
     """A folder in which a command writes some files, each of them guarded by itself."""
 
 
-_WRITTEN = (OutputFile, OutputFolder, CheckedOutput, FolderOfFiles)
+@dataclass(frozen=True)
+class Number:
+    """Type of an option: a number within limits, both included."""
+
+    low: float
+    high: float
+    whole: bool = False
+    #: `inf` is a value, too
+    endless: bool = False
+
+    def __call__(self, text: str) -> float:
+        """The number that a text stands for; the complaint names the text and the limits."""
+        with contextlib.suppress(ValueError):
+            value = int(text) if self.whole else float(text)
+            if self.low <= value <= self.high or (self.endless and text == "inf"):
+                return value
+        kind = "a whole number" if self.whole else "a number"
+        also = ", or inf" if self.endless else ""
+        raise argparse.ArgumentTypeError(f"{text!r} is not {kind} from {self.low:g} to {self.high:.10g}{also}")
+
+
+_WRITTEN = (OutputFile, CheckedOutput, FolderOfFiles)
 
 
 def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None]:
@@ -90,7 +108,6 @@ def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None
     return guarded(
         [path for path in paths if isinstance(path, Path) and not isinstance(path, _WRITTEN)],
         files=[path for path in paths if isinstance(path, OutputFile)],
-        claimed=[path for path in paths if isinstance(path, OutputFolder)],
         shared=[path for path in paths if isinstance(path, FolderOfFiles)],
         folders=[path for path in paths if isinstance(path, CheckedOutput)],
         force=getattr(args, "force", False),
@@ -121,9 +138,17 @@ def parser() -> argparse.ArgumentParser:
 
     line = argparse.ArgumentParser(add_help=False, parents=[within])
     line.add_argument("surface", type=Path, metavar="SURFACE", help="closed surface, GIfTI, mm")
-    line.add_argument("--cell-size", type=float, metavar="MM", help="cell size h (default: 0.6, or what --config says)")
     line.add_argument(
-        "--ga", type=_weeks, metavar="WEEKS", help="gestational age, by which the setting published smooths the surface"
+        "--cell-size",
+        type=Number(*CELL_SIZE_MM),
+        metavar="MM",
+        help="cell size h (default: 0.6, or what --config says)",
+    )
+    line.add_argument(
+        "--ga",
+        type=Number(*SCAN_AGES),
+        metavar="WEEKS",
+        help="gestational age, by which the setting published smooths the surface",
     )
     line.add_argument(
         "--setting",
@@ -162,7 +187,9 @@ def parser() -> argparse.ArgumentParser:
 
     gate = commands.add_parser("gate", parents=[common], help="say of each surface whether it can be meshed")
     gate.add_argument("surfaces", type=Path, nargs="+", metavar="SURFACE")
-    gate.add_argument("--allow-genus", type=int, default=0, metavar="N", help="accept up to N handles")
+    gate.add_argument(
+        "--allow-genus", type=Number(0, 10_000, whole=True), default=0, metavar="N", help="accept up to N handles"
+    )
     gate.set_defaults(run=_gate)
 
     repair = commands.add_parser("repair", parents=[writes], help="repair a broken surface, within limits")
@@ -196,16 +223,16 @@ def parser() -> argparse.ArgumentParser:
     quality.set_defaults(run=_quality)
 
     limits = argparse.ArgumentParser(add_help=False)
-    limits.add_argument("--q-max", type=float, metavar="Q", help="limit of the worst q (default: 0.6)")
+    limits.add_argument("--q-max", type=Number(0, 1), metavar="Q", help="limit of the worst q (default: 0.6)")
     limits.add_argument(
         "--max-boundary-distance",
-        type=float,
+        type=Number(0, 1000, endless=True),
         metavar="MM",
         help="limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit)",
     )
     limits.add_argument(
         "--cell-size",
-        type=float,
+        type=Number(*CELL_SIZE_MM),
         metavar="MM",
         help="cell size h; the surface may be half of it from the boundary, and inner surfaces are moved away from it "
         "first, as for meshing (default: not known, no limit)",
@@ -255,7 +282,7 @@ def parser() -> argparse.ArgumentParser:
     )
     quadratic.add_argument(
         "--max-boundary-distance",
-        type=float,
+        type=Number(0, 1000, endless=True),
         default=1e-3,
         metavar="MM",
         help="limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit)",
@@ -269,7 +296,7 @@ def parser() -> argparse.ArgumentParser:
     job.add_argument("mesh", type=Path, metavar="MESH", help="with the sets that cortet exports")
     job.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
     job.add_argument("--solver", choices=["calculix", "febio", "fenics"], default="calculix", help="default: calculix")
-    job.add_argument("--growth", type=float, default=0.05, metavar="G", help="along the cortex (default: 0.05)")
+    job.add_argument("--growth", type=Number(0, 1), default=0.05, metavar="G", help="along the cortex (default: 0.05)")
     job.set_defaults(run=_job)
 
     picture = commands.add_parser("picture", parents=[writes], help="draw a mesh cut open, coloured by q")
@@ -279,22 +306,45 @@ def parser() -> argparse.ArgumentParser:
 
     fold = commands.add_parser("fold", parents=[writes], help="grow the cortex of a mesh until it folds")
     fold.add_argument("mesh", type=Path, metavar="MESH")
-    fold.add_argument("-o", "--output", type=OutputFolder, required=True, metavar="DIR")
-    fold.add_argument("--ga", type=_weeks, required=True, metavar="WEEKS", help="gestational age of the mesh")
+    fold.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
+    fold.add_argument(
+        "--ga", type=Number(*FOLD_AGES), required=True, metavar="WEEKS", help="gestational age of the mesh"
+    )
     fold.add_argument("--hemi", choices=["L", "R"], help="half a brain, beside its other half")
-    fold.add_argument("--end", type=float, metavar="WEEKS", help="gestational age at the end (default: 40)")
-    fold.add_argument("--time-step", type=float, metavar="DT", help="dimensionless (default: from smallest altitude)")
+    fold.add_argument(
+        "--end", type=Number(*FOLD_AGES), metavar="WEEKS", help="gestational age at the end (default: 40)"
+    )
+    fold.add_argument(
+        "--time-step", type=Number(0, 1), metavar="DT", help="dimensionless (default: from smallest altitude)"
+    )
     fold.add_argument("--device", choices=["cpu", "cuda"], help="what takes the steps: cuda is a GPU (default: cpu)")
     fold.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section fold says the rest")
-    fold.add_argument("--threads", type=_count, metavar="N", help="default: one per core; the result is the same")
+    fold.add_argument(
+        "--threads",
+        type=Number(1, 10_000, whole=True),
+        metavar="N",
+        help="default: one per core; the result is the same",
+    )
     fold.add_argument("--status", action=_FoldStatus, metavar="DIR", help="say how far the run in a folder is, and end")
     fold.set_defaults(run=_fold)
 
     phantom = commands.add_parser("phantom", parents=[writes], help="make a synthetic cortex of any gestational age")
-    phantom.add_argument("--ga", type=_weeks, required=True, metavar="WEEKS", help="gestational age")
+    phantom.add_argument("--ga", type=Number(*PHANTOM_AGES), required=True, metavar="WEEKS", help="gestational age")
     phantom.add_argument("--hemi", choices=["L", "R"], default="L")
-    phantom.add_argument("--subdivisions", type=int, default=5, metavar="N", help="of the icosahedron (default: 5)")
-    phantom.add_argument("--seed", type=int, default=0, metavar="N", help="of the individual variation (default: 0)")
+    phantom.add_argument(
+        "--subdivisions",
+        type=Number(*SUBDIVISIONS, whole=True),
+        default=5,
+        metavar="N",
+        help="of the icosahedron (default: 5)",
+    )
+    phantom.add_argument(
+        "--seed",
+        type=Number(0, 2**32 - 1, whole=True),
+        default=0,
+        metavar="N",
+        help="of the individual variation (default: 0)",
+    )
     phantom.add_argument("-o", "--output", type=OutputFile, required=True, metavar="GII")
     phantom.add_argument(
         "--pial",
@@ -304,7 +354,11 @@ def parser() -> argparse.ArgumentParser:
     )
     phantom.add_argument("--sphere", type=OutputFile, metavar="GII", help="also write the sphere that it was made of")
     phantom.add_argument(
-        "--thickness", type=float, default=1.5, metavar="MM", help="of the cortex between the two (default: 1.5)"
+        "--thickness",
+        type=Number(*THICKNESS_MM),
+        default=1.5,
+        metavar="MM",
+        help="of the cortex between the two (default: 1.5)",
     )
     phantom.set_defaults(run=_phantom)
 
@@ -330,10 +384,15 @@ def parser() -> argparse.ArgumentParser:
     ):
         run.add_argument(*words, dest=name, nargs="+", default=[], metavar="LABEL", help=f"only these {of}")
     run.add_argument("--hemi", choices=["L", "R"], help="only this hemisphere")
-    run.add_argument("--cell-size", type=float, metavar="MM", help="cell size h (default: 0.6, or what --config says)")
+    run.add_argument(
+        "--cell-size",
+        type=Number(*CELL_SIZE_MM),
+        metavar="MM",
+        help="cell size h (default: 0.6, or what --config says)",
+    )
     run.add_argument("--setting", choices=["default", "cgal", "published"], help="as of `cortet mesh`")
     run.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see config.yaml")
-    run.add_argument("--cores", type=int, metavar="N", help="default: all")
+    run.add_argument("--cores", type=Number(1, 10_000, whole=True), metavar="N", help="default: all")
     run.add_argument("--profile", metavar="NAME", help="profile of Snakemake: slurm, or a folder")
     run.add_argument("-n", "--dry-run", action="store_true", help="say what would be done")
     run.add_argument(
@@ -356,20 +415,21 @@ def _mesh(args: argparse.Namespace) -> int:
     from cortet.pipeline import mesh_surface
     from cortet.solver_files.export import export
     from cortet.solver_files.fields import field_sources
-    from cortet.solver_files.meshed import made_from, meshed_files, require_own_stem, write_meshed
+    from cortet.solver_files.meshed import certificate_path, made_from, meshed_files, require_own_stem, write_meshed
     from cortet.solver_files.sets import named_sets
     from cortet.solver_files.sidecar import sidecar_path
 
     # what cannot be written is refused before the work, and before anything of an earlier run is deleted
     solver = format_of(args.output).name
-    record = args.output.with_suffix(".certificate.json")
+    record = certificate_path(args.output)
     surfaces = meshed_files([OUTERMOST, *dict(args.inner)], args.output)
     for file in (record, sidecar_path(args.output), *surfaces.values()):
         may_write(file)
     given = {OUTERMOST: args.surface} | dict(args.inner)
-    if not args.force:
-        require_own_stem(args.output, given)
     config = _config(args)
+    size = config.generate.cell_size[0]
+    if not args.force:
+        require_own_stem(args.output, given, cell_size=size)
     surface = _surface(args, config)
     sphere = _sphere(args)
     progress = Progress(config, args.ga, nested=bool(surface.inner), registered=sphere is not None)
@@ -384,6 +444,8 @@ def _mesh(args: argparse.Namespace) -> int:
         case=_stem(args.output),
         progress=progress,
     )
+    if not args.force:
+        require_own_stem(args.output, given, cell_size=size, mesh_sha256=certificate.mesh_sha256)
     delete_made(record)  # what an earlier run left must not pass for this run's
     delete_made(sidecar_path(args.output))
     with _recorded(asdict(certificate), record) as place:
@@ -527,11 +589,12 @@ def _repair(args: argparse.Namespace) -> int:
     from cortet.solver_files.fields import with_fields
     from cortet.stages.repair import repair
 
+    record = args.output.with_name(f"{_stem(args.output)}.repair.json")
+    may_write(record)
     config = load(args.config or {})
     given = with_fields(read_surface(args.surface, finite=False), dict(args.field))
     given = placed(given, config.placement())
     made, report = repair(given, **config.arguments("repair", {"source": str(args.surface)}))
-    record = args.output.with_name(f"{_stem(args.output)}.repair.json")
     with _recorded(asdict(report), record) as place:
         write_surface(made, place(args.output))
         if args.picture:
@@ -560,11 +623,12 @@ def _resample(args: argparse.Namespace) -> int:
     from cortet.solver_files.fields import with_fields
     from cortet.stages.resample import resample
 
+    record = args.output.with_name(f"{_stem(args.output)}.resample.json")
+    may_write(record)
     config = load(args.config or {})
     native = placed(with_fields(read_surface(args.surface), dict(args.field)), config.placement())
     facts = {"sphere_file": str(args.sphere), "hemisphere": None}
     made, report = resample(native, read_surface(args.sphere), **config.arguments("resample", facts))
-    record = args.output.with_name(f"{_stem(args.output)}.resample.json")
     with _recorded(asdict(report), record) as place:
         write_surface(made, place(args.output))
     there, back = report.native_to_resampled_mm, report.resampled_to_native_mm
@@ -622,7 +686,7 @@ def _judged(mesh: TetMesh, surface: TriSurface, file: Path, args: argparse.Names
     from cortet.measure.certify import certify
 
     given = {"q_max": args.q_max, "max_boundary_distance": args.max_boundary_distance}
-    chosen = {key: None if value == math.inf and key != "q_max" else value for key, value in given.items()}
+    chosen = {key: None if value == math.inf else value for key, value in given.items()}
     section = {key: value for key, value in chosen.items() if given[key] is not None}
     limits = load({"certify": section}).arguments("certify", {"cell_size": args.cell_size})
     return certify(mesh, surface, **limits, case=_stem(file), source=args.surface, parameters={"certify": limits})
@@ -741,8 +805,8 @@ def _fold(args: argparse.Namespace) -> int:
     from numba import get_num_threads, set_num_threads
 
     from cortet.config import load, read
-    from cortet.report.fold_figures import draw
-    from cortet.simulation.fold import fold
+    from cortet.report.fold_figures import FILM, NUMBERS, PICTURE, draw
+    from cortet.simulation.fold import FILES, fold
     from cortet.simulation.progress import status
     from cortet.simulation.state import Settings
     from cortet.solver_files.sidecar import read_sidecar
@@ -754,6 +818,8 @@ def _fold(args: argparse.Namespace) -> int:
             file=args.mesh,
             remedy=f"use --hemi {known}",
         )
+    for name in (*FILES, NUMBERS, PICTURE, FILM):  # before the work
+        may_write(args.output / name)
     if args.threads:
         set_num_threads(min(args.threads, get_num_threads()))
     chosen = {"end": args.end, "time_step": args.time_step, "device": args.device}
@@ -948,23 +1014,6 @@ def _sphere(args: argparse.Namespace) -> TriSurface | None:
     from cortet.formats.gifti import read_surface
 
     return read_surface(args.sphere) if args.sphere else None
-
-
-def _weeks(text: str) -> float:
-    """A gestational age; which ages a command takes, it says itself."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value > 0):
-        raise argparse.ArgumentTypeError(f"{text!r} is no age in weeks")
-    return value
-
-
-def _count(text: str) -> int:
-    if not (text.isdecimal() and int(text)):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 1 on")
-    return int(text)
 
 
 def _named_file(text: str) -> tuple[str, str]:

@@ -6,22 +6,54 @@ of an existing one are read-only. Quantities derived from the connectivity live 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.errors import InputError
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
 
 
-def _frozen(array: Any, dtype: type, columns: int, name: str) -> NDArray[Any]:
-    """A read-only, C-ordered (n, columns) array of `dtype`; an array that already is one is shared, not copied."""
-    result: NDArray[Any] = np.ascontiguousarray(array, dtype=dtype)
-    if result.ndim != 2 or result.shape[1] != columns:
-        raise ValueError(f"{name} must have shape (n, {columns}), got {result.shape}")
+def require_indices(indices: NDArray[Any], count: int, what: str, of: str) -> None:
+    """Raise InputError unless indices are whole numbers from 0 to below `count`: compiled kernels do not look.
+
+    Parameters
+    ----------
+    indices : (m,) or (m, k)
+    what, of : what a row of `indices` is called, and what it names
+    """
+    if not indices.size:
+        return
+    if indices.dtype.kind not in "iu":
+        raise InputError(
+            f"{what} 0 is {indices[0].tolist()!r}, of type {indices.dtype}, not integer", remedy="give whole numbers"
+        )
+    if indices.min() < 0 or indices.max() >= count:
+        first = int(np.flatnonzero(((indices < 0) | (indices >= count)).reshape(len(indices), -1).any(axis=1))[0])
+        raise InputError(
+            f"{what} {first} is {indices[first].tolist()}, but {of} run from 0 to {count - 1}",
+            remedy="count from 0, and give all of them",
+        )
+
+
+def _frozen(array: Any, dtype: type, columns: int, name: str, check: Callable[[NDArray[Any]], None]) -> NDArray[Any]:
+    """A read-only, C-ordered (n, columns) array of `dtype`; an array that already is one is shared, not copied.
+
+    `check` sees it before it is converted, which would wrap or cut off what does not fit.
+    """
+    try:
+        given = np.asarray(array)
+    except ValueError as error:
+        raise InputError(f"{name} are no array: {error}", remedy="give rows of the same length") from None
+    if given.ndim != 2 or given.shape[1] != columns:
+        raise InputError(f"{name} must have shape (n, {columns}), got {given.shape}", remedy="give one row for each")
+    check(given)
+    result: NDArray[Any] = np.ascontiguousarray(given, dtype=dtype)
     if result.flags.writeable:
         if result is array:
             result = result.copy()
@@ -29,13 +61,29 @@ def _frozen(array: Any, dtype: type, columns: int, name: str) -> NDArray[Any]:
     return result
 
 
+def _points(array: Any) -> FloatArray:
+    """Coordinates (n, 3), frozen."""
+
+    def check(given: NDArray[Any]) -> None:
+        if given.dtype.kind not in "fiu":
+            raise InputError(f"points are of type {given.dtype}", remedy="give real numbers")
+
+    return _frozen(array, np.float64, 3, "points", check)
+
+
+def _corners(array: Any, columns: int, name: str, count: int, what: str, of: str) -> IntArray:
+    """Indices (m, columns) of `count` points, frozen."""
+    return _frozen(array, np.int32, columns, name, lambda given: require_indices(given, count, what, of))
+
+
 def _fields(fields: Mapping[str, Any], count: int, of: str) -> dict[str, NDArray[Any]]:
-    """Fields with one value, or row of values, per node or cell, read-only; ValueError where one has another number."""
+    """Fields with one value, or row of values, per node or cell, read-only; InputError where one has another number."""
     result = {}
     for name, values in fields.items():
         array = np.asarray(values)
         if array.ndim == 0 or len(array) != count:
-            raise ValueError(f"field {name} has shape {array.shape}, but there are {count} {of}")
+            what = f"field {name} has shape {array.shape}, but there are {count} {of}"
+            raise InputError(what, remedy="give one value, or row of values, for each")
         if array.flags.writeable:
             array = array.copy()
             array.flags.writeable = False
@@ -66,7 +114,13 @@ FILLED = "filled"
 
 @dataclass(frozen=True, eq=False)
 class TriSurface:
-    """A triangulated surface; ValueError where an array has a wrong shape."""
+    """A triangulated surface.
+
+    Raises
+    ------
+    InputError
+        an array has another shape or type than stands here, or a triangle names a vertex that there is not
+    """
 
     #: (n, 3) float64, vertex coordinates in mm
     points: FloatArray
@@ -80,8 +134,9 @@ class TriSurface:
     inner: dict[str, TriSurface] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "points", _frozen(self.points, np.float64, 3, "points"))
-        object.__setattr__(self, "faces", _frozen(self.faces, np.int32, 3, "faces"))
+        object.__setattr__(self, "points", _points(self.points))
+        faces = _corners(self.faces, 3, "faces", len(self.points), "triangle", "vertices")
+        object.__setattr__(self, "faces", faces)
         object.__setattr__(self, "point_data", _fields(self.point_data, len(self.points), "vertices"))
 
 
@@ -104,9 +159,14 @@ class MeshSets:
 
 @dataclass(frozen=True, eq=False)
 class TetMesh:
-    """A tetrahedral mesh; ValueError where an array has a wrong shape.
+    """A tetrahedral mesh.
 
     Every one in memory has positive signed volumes, 0-based indices and no unused nodes.
+
+    Raises
+    ------
+    InputError
+        an array has another shape or type than stands here, or a tetrahedron or set names what there is not
     """
 
     #: (n, 3) float64, node coordinates in mm
@@ -121,7 +181,29 @@ class TetMesh:
     sets: MeshSets = MeshSets()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "points", _frozen(self.points, np.float64, 3, "points"))
-        object.__setattr__(self, "cells", _frozen(self.cells, np.int32, 4, "cells"))
+        object.__setattr__(self, "points", _points(self.points))
+        cells = _corners(self.cells, 4, "cells", len(self.points), "tetrahedron", "nodes")
+        object.__setattr__(self, "cells", cells)
         object.__setattr__(self, "point_data", _fields(self.point_data, len(self.points), "nodes"))
         object.__setattr__(self, "cell_data", _fields(self.cell_data, len(self.cells), "cells"))
+        for kind, count, of in (("nodes", len(self.points), "nodes"), ("faces", len(self.points), "nodes")):
+            for name, members in getattr(self.sets, kind).items():
+                require_indices(np.asarray(members), count, f"entry of set {name}", of)
+        for name, members in self.sets.cells.items():
+            require_indices(np.asarray(members), len(self.cells), f"entry of set {name}", "tetrahedra")
+
+
+def require_measurable(shape: TriSurface | TetMesh) -> None:
+    """Raise InputError where a surface or mesh has no elements, or a coordinate is not finite."""
+    if isinstance(shape, TetMesh):
+        what, corners, elements, count = "mesh", "nodes", "tetrahedra", len(shape.cells)
+    else:
+        what, corners, elements, count = "surface", "vertices", "triangles", len(shape.faces)
+    if not count:
+        raise InputError(f"the {what} has no {elements}", remedy=f"make the {what} again")
+    if len(bad := np.flatnonzero(~np.isfinite(shape.points).all(axis=1))):
+        raise InputError(
+            f"{len(bad)} of {len(shape.points)} {corners} of the {what} have coordinates that are not finite, "
+            f"the first is number {bad[0]}: {shape.points[bad[0]].tolist()}",
+            remedy=f"make the {what} again",
+        )

@@ -20,15 +20,13 @@ from scipy.spatial import cKDTree
 from cortet.errors import InputError
 from cortet.geometry import topology
 from cortet.geometry.icosphere import icosphere
-from cortet.geometry.limits import SUBDIVISIONS, require_within
+from cortet.geometry.limits import PHANTOM_AGES, SUBDIVISIONS, THICKNESS_MM, require_within
 from cortet.geometry.nesting import nested
 from cortet.mesh import FloatArray, IntArray, TriSurface, single_precision
 from cortet.stages.separate import separate
 
 VERSION: int = 1
 
-#: gestational ages, weeks
-AGES = (21.0, 38.0)
 #: weeks, volume (mL) and area (mm2) of real inner cortical surfaces of one hemisphere
 GROWTH = np.array(
     [
@@ -137,9 +135,7 @@ def phantom_with_sphere(
 
     Parameters and errors are those of `phantom`.
     """
-    if not AGES[0] <= gestational_age <= AGES[1]:
-        what = f"no phantom of {gestational_age:g} weeks"
-        raise InputError(what, remedy=f"gestational age must be {AGES[0]:g} to {AGES[1]:g} weeks")
+    require_within(gestational_age, PHANTOM_AGES, "the gestational age of a phantom in weeks")
     require_within(subdivisions, SUBDIVISIONS, "the number of subdivisions of the icosahedron")
     if seed < 0:
         raise InputError(f"seed {seed} is below 0", remedy="use 0 or more")
@@ -180,11 +176,9 @@ def inset(surface: TriSurface, thickness: float) -> TriSurface:
 
     Raises
     ------
-    InputError : the thickness is not positive, or too large for the shape
+    InputError : the thickness is out of bounds (`limits.THICKNESS_MM`), or too large for the shape
     """
-    if not thickness > 0:
-        what = f"a white surface cannot lie {thickness:g} mm below the pial one"
-        raise InputError(what, remedy="give a positive thickness")
+    require_within(thickness, THICKNESS_MM, "the thickness in mm")
     white = surface
     for reached in np.linspace(0, thickness, int(np.ceil(thickness / _INSET_STEP)) + 1)[1:]:
         moved, _ = separate(nested(surface, {"white": white}), cell_size=float(reached), min_gap=1.0)

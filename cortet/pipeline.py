@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from cortet.config import Config, load
 from cortet.formats.placement import placed
+from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
 from cortet.mesh import TetMesh, TriSurface
@@ -94,6 +95,8 @@ def run(
     """
     if config.enabled("smooth_surface") and config.smooth_surface.method == "published" and gestational_age is None:
         logger.warning("no gestational age is given, so the surface is not smoothed")
+    if gestational_age is not None:
+        require_within(gestational_age, SCAN_AGES, "the gestational age in weeks")
     config.require_programs()
     for notice in config.notices():
         logger.warning(notice)

@@ -77,6 +77,7 @@ for inner in (False, True):
             arguments=partial(PLAN.arguments, "resample"),
             source=PLAN.source,
             to_mm=PLAN.placement,
+            hemi=PLAN.hemisphere,
             version=version_of("stages.resample"),
             paths=PLAN.paths,
         script:
@@ -95,6 +96,7 @@ for inner in (False, True):
             **recorded("repair"),
             arguments=partial(PLAN.arguments, "repair"),
             to_mm=PLAN.placement_after_resampling,
+            hemi=PLAN.hemisphere,
             version=version_of("stages.repair"),
             paths=PLAN.paths,
         script:
@@ -113,6 +115,7 @@ for inner in (False, True):
             **recorded("gate"),
             arguments=partial(PLAN.arguments, "gate"),
             to_mm=None if CONFIG.enabled("repair") else PLAN.placement_after_resampling,
+            hemi=PLAN.hemisphere,
             version=version_of("stages.gate"),
             paths=PLAN.paths,
         script:

@@ -58,6 +58,13 @@ class Job:
         """Keyword arguments of the function that the script calls."""
         return dict(self.params.arguments)
 
+    @property
+    def to_mm(self) -> Any:
+        """Matrix from the coordinates of the case to mm, or None; InputError where the plan could not tell it."""
+        if isinstance(self.params.to_mm, str):
+            raise CortetError(self.params.to_mm)
+        return self.params.to_mm
+
     def require_unchanged_input(self) -> None:
         """Raise StageError where a file of the user that the job has read is not the one it was planned with."""
         from cortet.cohort.receipts import require_unchanged

@@ -13,7 +13,7 @@ from cortet.stages.resample import resample
 
 repairs = job.params.repair is not None
 surface = with_fields(gifti.read_surface(job.input.surface, finite=not repairs), job.params.files)
-surface = placed(surface, job.params.to_mm)
+surface = placed(surface, job.to_mm)
 if job.input.sphere:
     surface = resample(surface, gifti.read_surface(job.input.sphere), **job.params.resample)[0]
 if repairs:

@@ -6,7 +6,7 @@ from _job import start
 
 job = start(snakemake)
 
-from cortet.cohort.sheet import missing_surface
+from cortet.cohort.sheet import missing_surface, require_hemisphere
 from cortet.formats import gifti
 from cortet.formats.atomic import write_json
 from cortet.formats.placement import placed
@@ -14,7 +14,8 @@ from cortet.stages.repair import repair
 
 if not job.input:
     raise missing_surface(job.arguments["source"], column="inner" if job.wildcards.get("inner") else "surface")
-surface = placed(gifti.read_surface(job.input.surface, finite=False), job.params.to_mm)
+require_hemisphere(job.input.surface, job.params.hemi)
+surface = placed(gifti.read_surface(job.input.surface, finite=False), job.to_mm)
 surface, report = repair(surface, **job.arguments)
 gifti.write_surface(surface, job.output.surface)
 write_json(job.record(asdict(report)), job.output.report)

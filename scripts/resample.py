@@ -6,7 +6,7 @@ from _job import start
 
 job = start(snakemake)
 
-from cortet.cohort.sheet import missing_surface
+from cortet.cohort.sheet import missing_surface, require_hemisphere
 from cortet.formats import gifti
 from cortet.formats.atomic import write_json
 from cortet.formats.placement import placed
@@ -16,7 +16,9 @@ if not job.input.surface:
     raise missing_surface(job.params.source, column="inner" if job.wildcards.get("inner") else "surface")
 if not job.input.sphere:
     raise missing_surface(job.arguments["sphere_file"], column="sphere")
-surface = placed(gifti.read_surface(job.input.surface), job.params.to_mm)
+for file in (job.input.surface, job.input.sphere):
+    require_hemisphere(file, job.params.hemi)
+surface = placed(gifti.read_surface(job.input.surface), job.to_mm)
 surface, report = resample(surface, gifti.read_surface(job.input.sphere), **job.arguments)
 gifti.write_surface(surface, job.output.surface)
 write_json(job.record(asdict(report)), job.output.report)

@@ -18,9 +18,8 @@ from pathlib import Path
 from cortet.errors import InputError
 from cortet.formats.tsv import read_uneven_tsv
 from cortet.formats.untrusted import content
+from cortet.geometry.limits import SCAN_AGES
 
-#: ages a surface can plausibly have, gestational weeks: below there is no cortical plate to mesh, above lies infancy
-SCAN_AGE_RANGE = (12.0, 60.0)
 #: weeks in a unit of time
 WEEKS = {"weeks": 1.0, "days": 1 / 7, "months": 365.25 / 12 / 7, "years": 365.25 / 7}
 #: column whose ages count from birth where nothing else is said
@@ -57,6 +56,8 @@ class Column:
     source: str
     #: why the column is not read; empty where it is
     refused: str = ""
+    #: whether a description alone names the unit
+    only_described: bool = False
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,7 @@ def _weeks(texts: Sequence[str], column: Column) -> float | None:
     if value is None or column.refused:
         return None
     weeks = round(value * WEEKS[column.unit], 2)
-    return weeks if SCAN_AGE_RANGE[0] <= weeks <= SCAN_AGE_RANGE[1] else None
+    return weeks if SCAN_AGES[0] <= weeks <= SCAN_AGES[1] else None
 
 
 def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
@@ -165,9 +166,12 @@ def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
     written = said.get("units", "")
     units = [unit for unit, words in _UNITS.items() if re.search(rf"\b({words})\b", written, re.IGNORECASE)]
     unit = units[0] if units else None
+    described = _described_unit(f"{said.get('longname', '')} {said.get('description', '')}")
     born = name == FROM_BIRTH and not re.search(_GESTATION, about, re.IGNORECASE)
     if unit is None and born and not named:
         return Column(table, name, "years", "BIDS, where no sidecar has Units", "it counts from birth")
+    if unit is None and described:
+        return Column(table, name, described, "by its description", "it has no Units", only_described=True)
     if unit is None:
         return Column(table, name, "weeks", "no sidecar has its Units")
     source = f"its sidecar says Units: {written}"
@@ -177,6 +181,13 @@ def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
     return Column(table, name, unit, source, "it counts from birth" if counts_from_birth else "")
 
 
+def _described_unit(text: str) -> str | None:
+    """The unit other than weeks in which a description says that ages are; None where it names weeks, or none."""
+    words = {unit: rf"\b{unit}\b|\bin {unit[:-1]}\b" for unit in WEEKS}
+    named = [unit for unit, pattern in words.items() if re.search(pattern, text, re.IGNORECASE)]
+    return named[0] if named and "weeks" not in named else None
+
+
 def _in_words(readings: Sequence[_Reading]) -> list[str]:
     """What was read of which column, what was not read and why, and which sessions share an age."""
     told = []
@@ -184,6 +195,9 @@ def _in_words(readings: Sequence[_Reading]) -> list[str]:
         own = [reading for reading in readings if reading.column == column]
         good = [reading.session for reading in own if reading.weeks is not None]
         which = f"column {column.name} of {column.table}, in {column.unit} ({column.source})"
+        if column.only_described:
+            told.append(f"not read: {which}; a description is no unit (say Units: {column.unit} in the sidecar)")
+            continue
         if column.refused:
             told.append(
                 f"not read: {which}; {column.refused}, and a gestational age is needed. Where it is one: say "
@@ -193,7 +207,7 @@ def _in_words(readings: Sequence[_Reading]) -> list[str]:
         if good:
             told.append(f"ages are from {which}: {_counted(good)}")
         if bad := [reading for reading in own if reading.weeks is None]:
-            low, high = SCAN_AGE_RANGE
+            low, high = SCAN_AGES
             told.append(
                 f"not read: {len(bad)} of {which}, as {bad[0].text} of {_named(bad[0].session)}: "
                 f"no age from {low:g} to {high:g} gestational weeks "

@@ -18,6 +18,7 @@ from cortet.cohort.receipts import content
 from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
 from cortet.cohort.sheet import PHANTOM, Case, folded
 from cortet.config import Config
+from cortet.errors import InputError
 from cortet.mesh import OUTERMOST
 from cortet.meshers import BASELINES
 from cortet.stages import STAGES, Stage
@@ -27,6 +28,11 @@ Job = Mapping[str, str]
 #: a mesh of the line: name of its case, cell size in µm, mesher
 Mesh = tuple[str, int, str]
 
+#: of `Config.placement`; in words where it cannot be told
+Placement = tuple[tuple[float, ...], ...] | str | None
+
+#: stands in the name of a common sphere where the hemisphere of a case is not known: no file has it
+_NO_HEMISPHERE = "{hemi}"
 #: rules that take every mesh that is done
 OVER_ALL_CASES = (
     *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "cohort_page", "citation"),
@@ -128,12 +134,22 @@ class Plan:
         """Whether the line of a case begins with its resampling onto the common mesh."""
         return self.config.enabled("resample") and self.case(job).sphere is not None
 
-    def placement(self, job: Job) -> tuple[tuple[float, ...], ...] | None:
-        """Matrix that takes the coordinates of a case to mm; None where they are mm."""
-        case = self.case(job)
-        return None if case.is_phantom else self.config.placement(case.unit, case.affine)
+    def hemisphere(self, job: Job) -> str | None:
+        """The hemisphere of a case; None of a whole brain."""
+        return self.case(job).hemi
 
-    def placement_after_resampling(self, job: Job) -> tuple[tuple[float, ...], ...] | None:
+    def placement(self, job: Job) -> Placement:
+        """Matrix that takes the coordinates of a case to mm; None where they are mm.
+
+        In words why not, where its image cannot be read: the job complains (`_job.Job.to_mm`), so that others go on.
+        """
+        case = self.case(job)
+        try:
+            return None if case.is_phantom else self.config.placement(case.unit, case.affine)
+        except InputError as error:
+            return str(error)
+
+    def placement_after_resampling(self, job: Job) -> Placement:
         """As `placement`, for the stage that is the first one where a case has no sphere."""
         return None if self.is_resampled(job) else self.placement(job)
 
@@ -154,14 +170,20 @@ class Plan:
 
     def arguments(self, step: str, job: Job) -> dict[str, Any]:
         """Keyword arguments of a stage or another step: with its VERSION, they decide whether it runs again."""
-        values = self._config_of(step, job).arguments(step, self.facts(job))
+        values = self._config_of(step, job).arguments(step, self._facts_of(step, job))
         told = step in STAGES and STAGES[step].told_inside and "inner" in job.keys()  # noqa: SIM118
         return {**values, "inside": True} if told else values
 
     def recorded_line(self, job: Job) -> dict[str, Any]:
         """Arguments and versions of the stages of a setting and of the certificate, for the certificate."""
         steps = [*(stage.name for stage in self.line(job)), "certify"]
-        return {step: self._config_of(step, job).record(step, self.facts(job)) for step in steps}
+        return {step: self._config_of(step, job).record(step, self._facts_of(step, job)) for step in steps}
+
+    def _facts_of(self, step: str, job: Job) -> dict[str, Any]:
+        """As `facts`; with a word for the hemisphere that is not known, which decides where `resample` goes."""
+        facts = self.facts(job)
+        named = {"hemisphere": facts["hemisphere"] or _NO_HEMISPHERE} if step == "resample" else {}
+        return facts | named
 
     def _config_of(self, step: str, job: Job) -> Config:
         """Stages that all settings share work in that of the line."""
@@ -185,7 +207,7 @@ class Plan:
             own = f"inner_{job['inner']}" if "inner" in job.keys() else "surface"  # noqa: SIM118
             named = {own: named[own]}
         if self.is_resampled(job):
-            named |= {"sphere": case.sphere, "template": self.config.resample.template_of(case.hemi)}
+            named |= {"sphere": case.sphere, "template": self._template(case)}
         return {name: str(path) for name, path in named.items() if path not in (None, PHANTOM)}
 
     def field_paths(self, job: Job) -> dict[str, str]:
@@ -222,8 +244,12 @@ class Plan:
 
     def template(self, job: Job) -> str | list[str]:
         """The common sphere that a case is resampled to; nothing where that is the icosphere."""
-        template = self.config.resample.template_of(self.case(job).hemi) if self.is_resampled(job) else None
+        template = self._template(self.case(job)) if self.is_resampled(job) else None
         return [] if template is None else existing(template)
+
+    def _template(self, case: Case) -> str | None:
+        """The common sphere of a case; the job complains of one that depends on a hemisphere that is not known."""
+        return self.config.resample.template_of(case.hemi or _NO_HEMISPHERE)
 
     def inner_source(self, job: Job) -> str | list[str]:
         """One inner surface of a case as it is given."""

@@ -22,11 +22,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort.ages import SCAN_AGE_RANGE, ages_at_scan, number
+from cortet.cohort.ages import ages_at_scan, number
 from cortet.config import Scan
 from cortet.errors import InputError
 from cortet.formats.placement import UNITS
 from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
+from cortet.geometry.limits import SCAN_AGES
 from cortet.mesh import OUTERMOST
 from cortet.sections import Cases
 
@@ -112,6 +113,19 @@ class Case:
 def missing_surface(source: object, *, column: str) -> InputError:
     """The error of a surface of the sheet that is not there."""
     return InputError("no such file", file=source, remedy=f"mend the column {column} of the cohort sheet")
+
+
+def require_hemisphere(path: str | Path, hemi: str | None) -> None:
+    """Raise InputError where a surface or sphere of a row of one hemisphere says that it is of the other."""
+    from cortet.formats.gifti import hemisphere_of  # loads NiBabel, which planning does without
+
+    named = hemisphere_of(path)
+    if hemi and named and named != hemi:
+        raise InputError(
+            f"is of hemisphere {named}, as its AnatomicalStructurePrimary says, but its row says {hemi}",
+            file=path,
+            remedy="mend the column hemi of the cohort sheet, or name the file of the other hemisphere",
+        )
 
 
 def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> list[Case]:
@@ -378,7 +392,7 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
         yield f"column include: {row['include']!r} is no decision (use yes or no)"
     if row["include"].lower() in _NO and row["exclude_reason"] in _MISSING:
         yield f"column exclude_reason: {row['exclude_reason']!r} does not say why the row is excluded (give a reason)"
-    youngest, oldest = SCAN_AGE_RANGE
+    youngest, oldest = SCAN_AGES
     if row["scan_age"] in _MISSING:
         if row["surface"] == PHANTOM:
             yield (
@@ -396,6 +410,8 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
             yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
         if column.startswith(INNER_PREFIX) and not re.fullmatch("[A-Za-z][A-Za-z0-9]*", _region(column)):
             yield f"column {column}: {_region(column)!r} is no name of a region (use letters and digits only)"
+        if len(_region(column)) > LONGEST_LABEL:
+            yield f"column {column}: {len(_region(column))} characters are too many (use at most {LONGEST_LABEL})"
         if _region(column) in (OUTERMOST, *_STANDING) and value not in _MISSING:
             yield f"column {column}: {_region(column)!r} stands for another part of every mesh (use another name)"
         given = _region(column) and value not in _MISSING

@@ -19,7 +19,7 @@ from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import CORTICAL_SURFACE, surface_faces
 from cortet.formats.text import BadRowError, read_rows, write_rows
-from cortet.formats.untrusted import check_file, sound
+from cortet.formats.untrusted import check_file, in_range, sound
 from cortet.geometry.topology import boundary_nodes, compact
 from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
 
@@ -59,10 +59,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
 def read(path: str | Path) -> TetMesh:
     """Read a file that keeps the conventions above (`verify.braingrowth` checks them); unused nodes are left out."""
     tables = read_tables(path)
-    nodes = tables.tetrahedra[:, [1, 2, 4, 3]]
-    if len(nodes) == 0 or nodes.min() < 1 or nodes.max() > len(tables.points):
-        raise InputError(f"has no tetrahedra, or node indices outside 1..{len(tables.points)}", file=path)
-    points, cells, _ = compact(tables.points, (nodes - 1).astype(np.int32))
+    points, cells, _ = compact(tables.points, _cells(tables, path))
     return sound(path, points, cells)
 
 
@@ -101,10 +98,11 @@ def read_tables(path: str | Path) -> Tables:
 def as_read(path: Path) -> AsRead:
     """The file in its own coordinates, with the last two nodes of every tetrahedron swapped.
 
-    Raises InputError where the tables cannot be read.
+    Raises InputError where the tables cannot be read, or name nodes that there are not.
     """
     tables = read_tables(path)
-    faces, cells = _from_0(tables.triangles[:, 1:]), _from_0(tables.tetrahedra[:, [1, 2, 4, 3]])
+    faces = in_range(tables.triangles[:, 1:] - 1, len(tables.points), "node", path)
+    cells = _cells(tables, path)
     first_cell, first_face = len(tables.points) + 3, len(tables.points) + len(cells) + 4
     return AsRead(
         TetMesh(tables.points, cells, sets=MeshSets(faces={CORTICAL_SURFACE: faces} if len(faces) else {})),
@@ -114,6 +112,9 @@ def as_read(path: Path) -> AsRead:
     )
 
 
-def _from_0(numbers: NDArray[np.int64]) -> IntArray:
-    """Nodes counted from 0; any that are too large for an index stay too large, and so out of range."""
-    return np.clip(numbers, 0, np.iinfo(np.int32).max).astype(np.int32) - 1
+def _cells(tables: Tables, path: str | Path) -> IntArray:
+    """Nodes of the tetrahedra, from 0, the last two swapped; InputError where there are none, or none of such nodes."""
+    nodes = tables.tetrahedra[:, [1, 2, 4, 3]]
+    if len(nodes) == 0 or nodes.min() < 1 or nodes.max() > len(tables.points):
+        raise InputError(f"has no tetrahedra, or node indices outside 1..{len(tables.points)}", file=path)
+    return (nodes - 1).astype(np.int32)

@@ -37,6 +37,7 @@ from cortet.formats.untrusted import (
     check_file,
     content,
     inflated,
+    naming,
     numbers,
     refuse_declarations,
     safe_name,
@@ -108,14 +109,8 @@ def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
     if finite and len(bad):
         what = f"{len(bad)} vertices have coordinates that are not finite, the first is vertex {bad[0]}"
         raise InputError(f"{what}: {points.values[bad[0]].tolist()}", file=path, remedy=_EXPORT_AGAIN)
-    if not np.issubdtype(triangles.values.dtype, np.integer):
-        raise InputError(f"triangles of type {triangles.values.dtype}, not integer", file=path, remedy=_EXPORT_AGAIN)
-    count = len(points.values)
-    bad = np.flatnonzero(((triangles.values < 0) | (triangles.values >= count)).any(axis=1))
-    if len(bad):
-        what = f"triangle {bad[0]} is {triangles.values[bad[0]].tolist()}, but vertices run from 0 to {count - 1}"
-        raise InputError(what, file=path, remedy=_EXPORT_AGAIN)
-    return TriSurface(points.values, triangles.values, _fields(arrays, path, count), points.frame)
+    with naming(path):
+        return TriSurface(points.values, triangles.values, _fields(arrays, path, len(points.values)), points.frame)
 
 
 def hemisphere_of(path: str | Path) -> Literal["L", "R"] | None:

@@ -3,9 +3,8 @@
 `guarded` is the door. While a command runs within it, every function of cortet that replaces or deletes a file asks
 `may_write` first, and every reader tells `has_read`: a file that a command has read is its input, also one that no
 argument names, as a sidecar. What the command writes is listed with its SHA-256 in a hidden manifest of the folder. A
-file that the manifest does not list, or that somebody changed since, belongs to the user. A folder that cortet fills as
-a whole has a marker instead. The workflow has no guard: its rules name their outputs, and none of them is a file of the
-user.
+file that the manifest does not list, or that somebody changed since, belongs to the user. The workflow has no guard:
+its rules name their outputs, and none of them is a file of the user. Its working folder has a marker instead.
 """
 
 from __future__ import annotations
@@ -44,8 +43,7 @@ class _Guard:
     inputs: dict[tuple[int, int], Path]
     #: what the command is told to write
     files: tuple[Path, ...]
-    #: folders that the command fills, and others below which it may write
-    claimed: tuple[Path, ...]
+    #: below which it may write
     folders: tuple[Path, ...]
     #: the user has said that existing files may be replaced
     force: bool
@@ -54,7 +52,7 @@ class _Guard:
 
     def is_below_own_folder(self, place: Path) -> bool:
         """Whether a file lies in a folder of the command."""
-        return any(map(place.is_relative_to, (*self.claimed, *self.folders)))
+        return any(map(place.is_relative_to, self.folders))
 
 
 _guard: ContextVar[_Guard | None] = ContextVar("_guard", default=None)
@@ -65,7 +63,6 @@ def guarded(
     inputs: Iterable[Path],
     *,
     files: Iterable[Path] = (),
-    claimed: Iterable[Path] = (),
     shared: Iterable[Path] = (),
     folders: Iterable[Path] = (),
     force: bool = False,
@@ -76,7 +73,6 @@ def guarded(
     ----------
     inputs : files that the command only reads
     files : what it is told to write
-    claimed : folders that it is told to fill; the first file that it writes there makes a marker, too
     shared : folders in which it writes files one by one, each guarded by itself
     folders : others, below which it may write
     force : existing files may be replaced, but never an input
@@ -87,35 +83,27 @@ def guarded(
         an output is an input, also by another name, or exists and was not made by cortet; or two have one name
     """
     known = {identity: path for path in inputs if (identity := _identity(path))}
-    own, others = (tuple(folder.absolute() for folder in given) for given in (claimed, folders))
     outputs = tuple(files)
     _refuse_repeated(outputs)
-    token = _guard.set(_Guard(known, outputs, own, others, force))
+    token = _guard.set(_Guard(known, outputs, tuple(folder.absolute() for folder in folders), force))
     try:
         for path in outputs:
             may_write(path)
-        for folder in own:
-            _require_own_folder(folder, MARKER, force=force)
         for folder in shared:
-            _require_own_folder(folder, MANIFEST, force=force)
+            _require_own_folder(folder, force=force)
         yield
     finally:
         _guard.reset(token)
 
 
 def may_write(path: Path) -> None:
-    """Raise InputError unless a file may be written, replaced or deleted; without a guard, everything may be."""
+    """Raise InputError unless a file may be written, replaced or deleted; without a guard, all with short names may."""
+    _require_short(path)
     guard = _guard.get()
     if guard is None:
         return
     _refuse_input(path, guard)
     place = path.absolute()
-    for folder in guard.claimed:
-        if place.is_relative_to(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-            if not (folder / MARKER).is_file():
-                mark(folder)
-            return
     if path.is_dir() and not path.is_symlink():
         raise InputError("is a folder", file=path, remedy="give the name of a file")
     if path.exists() and not path.is_file():
@@ -181,6 +169,14 @@ def is_ours(path: Path) -> bool:
     return listed is not None and sha256(path) in listed
 
 
+def delete(*paths: Path) -> None:
+    """Delete files, those that there are, or none of them where one may not be; raises InputError as `may_write`."""
+    for path in paths:
+        may_write(path)
+    for path in paths:
+        path.unlink(missing_ok=True)
+
+
 def record_of(paths: Iterable[Path]) -> dict[str, Any]:
     """What makes a JSON file the record of the files that were made with it."""
     return {**_SIGNATURE, "files": {path.name: sha256(path) for path in paths}}
@@ -188,7 +184,7 @@ def record_of(paths: Iterable[Path]) -> dict[str, Any]:
 
 def files_of(record: Path) -> dict[str, str]:
     """Name -> SHA-256 of the files that a record lists; nothing where the file is no record of cortet."""
-    data = _read(record)
+    data = json_of(record)
     files = data.get("files") if data.items() >= _SIGNATURE.items() else None
     return {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else {}
 
@@ -200,16 +196,23 @@ def delete_made(record: Path) -> None:
         path = record.parent / name
         own = Path(name).name == name and os.path.isfile(path)  # noqa: PTH113, false of names that no file can have
         if own and not path.is_symlink() and sha256(path) == digest:
-            may_write(path)
-            path.unlink()
+            delete(path)
     if files:
-        may_write(record)
-        record.unlink()
+        delete(record)
+
+
+def json_of(file: Path) -> dict[str, Any]:
+    """Content of a JSON file; nothing where it is none."""
+    try:
+        data = json.loads(file.read_text("utf-8")) if file.stat().st_size < _LONGEST_RECORD else None
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return data if isinstance(data, dict) else {}
 
 
 def _manifest(folder: Path) -> dict[str, list[str]]:
     """Name -> hashes; nothing where there is no manifest, or a damaged one."""
-    files = _read(folder / MANIFEST).get("files")
+    files = json_of(folder / MANIFEST).get("files")
     if not isinstance(files, dict):
         return {}
     return {str(name): [str(one) for one in found] for name, found in files.items() if isinstance(found, list)}
@@ -231,23 +234,23 @@ def _list_in_manifest(path: Path, digest: str) -> None:
         os.close(folder)
 
 
-def _read(file: Path) -> dict[str, Any]:
-    """Content of a JSON file; nothing where it is none."""
-    try:
-        data = json.loads(file.read_text("utf-8")) if file.stat().st_size < _LONGEST_RECORD else None
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return data if isinstance(data, dict) else {}
-
-
-def _require_own_folder(folder: Path, sign: str, *, force: bool) -> None:
-    """Raise InputError for a folder with files, but without the one by which cortet knows its own."""
+def _require_own_folder(folder: Path, *, force: bool) -> None:
+    """Raise InputError for a folder with files, but without a manifest of what cortet wrote there."""
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError("is a file", file=folder, remedy="give the name of a folder")
-    if folder.is_dir() and not (folder / sign).is_file() and any(folder.iterdir()) and not force:
+    if folder.is_dir() and not (folder / MANIFEST).is_file() and any(folder.iterdir()) and not force:
         raise InputError(
             "holds files that cortet did not make", file=folder, remedy="give an empty or a new folder, or add --force"
         )
+
+
+def _require_short(path: Path) -> None:
+    """Raise InputError for a name that is too long, or that of the temporary file beside it would be."""
+    folder = next((one for one in path.absolute().parents if one.is_dir()), Path("/"))
+    longest = os.pathconf(folder, "PC_NAME_MAX") - len(temporary_beside(path).name) + len(path.name)
+    if (size := len(os.fsencode(path.name))) > longest:
+        what = f"has a name of {size} bytes, and one of at most {longest} can be written"
+        raise InputError(what, file=path, remedy="give a shorter name")
 
 
 def _refuse_repeated(outputs: tuple[Path, ...]) -> None:

@@ -12,7 +12,8 @@ import re
 import stat
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 from xml.etree import ElementTree
@@ -138,6 +139,17 @@ def safely_named(values: Mapping[str, _T] | Iterable[tuple[str, _T]]) -> dict[st
     return result
 
 
+@contextmanager
+def naming(path: str | Path) -> Iterator[None]:
+    """Let an InputError about arrays name the file that they were read from."""
+    try:
+        yield
+    except InputError as error:
+        if error.file is not None:
+            raise
+        raise InputError(error.what, file=path, remedy="export it again") from None
+
+
 def in_range(indices: NDArray[Any], count: int, what: str, path: str | Path) -> NDArray[np.int32]:
     """Indices as int32, having seen that they are from 0 to below `count`; InputError otherwise."""
     outside = (indices < 0) | (indices >= count)
@@ -196,14 +208,11 @@ def sound(
     if len(bad):
         what = f"{len(bad)} nodes have coordinates that are not finite, the first is {points[bad[0]].tolist()}"
         raise InputError(what, file=path, remedy="export the mesh again")
-    in_range(cells, len(points), "node", path)
     given = sets or MeshSets()
     within = MeshSets(
         {name: in_range(members, len(points), "node", path) for name, members in safely_named(given.nodes).items()},
         {name: in_range(members, len(points), "node", path) for name, members in safely_named(given.faces).items()},
         {name: in_range(members, len(cells), "element", path) for name, members in safely_named(given.cells).items()},
     )
-    try:
+    with naming(path):
         return TetMesh(points, cells, safely_named(point_data or {}), safely_named(cell_data or {}), within)
-    except ValueError as error:
-        raise InputError(str(error), file=path, remedy="export the mesh again") from error

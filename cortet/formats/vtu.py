@@ -27,7 +27,7 @@ from cortet.errors import InputError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import faces_of_sides, members, region_tags, sides
-from cortet.formats.untrusted import LARGEST, content, inflated, numbers, sound, xml_root
+from cortet.formats.untrusted import LARGEST, content, inflated, naming, numbers, sound, xml_root
 from cortet.mesh import IntArray, MeshSets, TetMesh
 
 #: bytes that are compressed at a time
@@ -109,8 +109,6 @@ def _piece(piece: ElementTree.Element, path: str | Path, file: _File) -> TetMesh
     if not np.array_equal(_values(arrays["offsets"], cells, file), 4 * np.arange(1, cells + 1)):
         raise ValueError("its offsets are not those of tetrahedra")
     corners = _values(arrays["connectivity"], 4 * cells, file)
-    if corners.min() < 0 or corners.max() >= nodes:
-        raise InputError(f"has node indices outside 0..{nodes - 1}", file=path)
     (points,) = piece.findall("Points/DataArray")
     point_data, cell_data = (
         {str(array.get("Name", "")): _values(array, count, file) for array in piece.iterfind(f"{place}/DataArray")}
@@ -118,7 +116,8 @@ def _piece(piece: ElementTree.Element, path: str | Path, file: _File) -> TetMesh
     )
     if sum(values.nbytes for fields in (point_data, cell_data) for values in fields.values()) > LARGEST:
         raise ValueError(f"its fields take more than the {LARGEST:,} bytes that are read")
-    return TetMesh(_values(points, nodes, file).reshape(-1, 3), corners.reshape(-1, 4), point_data, cell_data)
+    with naming(path):
+        return TetMesh(_values(points, nodes, file).reshape(-1, 3), corners.reshape(-1, 4), point_data, cell_data)
 
 
 def _joined(pieces: list[TetMesh], path: str | Path) -> TetMesh:

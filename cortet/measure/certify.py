@@ -24,6 +24,8 @@ from cortet.geometry.banks import Banks, banks
 from cortet.geometry.defects import defective_vertices
 from cortet.geometry.filling import flaws
 from cortet.geometry.intersection import self_intersections
+from cortet.geometry.limits import CELL_SIZE_MM, require_within
+from cortet.geometry.nesting import sheets
 from cortet.geometry.topology import (
     SurfaceTopology,
     boundary_faces,
@@ -63,7 +65,7 @@ from cortet.measure.regions import (
     sheets_of,
 )
 from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound, worst_elements
-from cortet.mesh import FloatArray, TetMesh, TriSurface
+from cortet.mesh import FloatArray, TetMesh, TriSurface, require_measurable
 
 VERSION: int = 5
 
@@ -167,14 +169,14 @@ def certify(
     Raises
     ------
     StageError
-        coordinates are not finite, or there is no boundary, so nothing can be measured
+        there is no boundary, so nothing can be measured
     InputError
-        `source` cannot be read, or a limit is no number above 0
+        `source` cannot be read, a limit is no number above 0, the cell size is out of bounds (`limits.CELL_SIZE_MM`),
+        a coordinate is not finite, or there are no elements
     """
     for name, limit in {
         "q_max": q_max,
         "max_boundary_distance": max_boundary_distance,
-        "cell_size": cell_size,
         "max_surface_distance": max_surface_distance,
         "max_mean_surface_distance": max_mean_surface_distance,
         "max_area_change": max_area_change,
@@ -187,8 +189,11 @@ def certify(
     }.items():
         if limit is not None and not 0 < limit < np.inf:
             raise InputError(f"{name} = {limit:g} is no limit", remedy="give a number above 0")
-    if bad := int((~np.isfinite(mesh.points)).any(axis=1).sum()):
-        raise StageError(f"{bad} of {len(mesh.points)} nodes have coordinates that are not finite")
+    if cell_size is not None:
+        require_within(cell_size, CELL_SIZE_MM, "the cell size in mm")
+    require_measurable(mesh)
+    for one in sheets(surface):
+        require_measurable(one)
     reports = dict(reports or {})
     found = flaws(mesh)
     if not len(boundary_faces(mesh)):

@@ -15,7 +15,7 @@ import numba
 import numpy as np
 
 from cortet.geometry.topology import TET_EDGES
-from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.mesh import FloatArray, IntArray, TetMesh, require_indices, require_measurable
 
 VERSION: int = 2
 
@@ -69,7 +69,8 @@ def oriented(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:
 
 
 def quality(points: FloatArray, cells: IntArray) -> FloatArray:
-    """q = 1 - sqrt(2) 6V / l_rms^3: (m,); 1 where V <= 0."""
+    """q = 1 - sqrt(2) 6V / l_rms^3: (m,); 1 where V <= 0. InputError where a node is none."""
+    require_indices(cells, len(points), "tetrahedron", "nodes")
     return _quality(np.ascontiguousarray(points, np.float64), np.ascontiguousarray(cells, np.int32))
 
 
@@ -118,7 +119,8 @@ class Measures(NamedTuple):
 
 
 def measures(points: FloatArray, cells: IntArray) -> Measures:
-    """All measures but q, in one pass over the elements."""
+    """All measures but q, in one pass over the elements. InputError where a node is none."""
+    require_indices(cells, len(points), "tetrahedron", "nodes")
     table = _measures(np.ascontiguousarray(points, np.float64), np.ascontiguousarray(cells, np.int32))
     return Measures(*table.T)
 
@@ -260,7 +262,8 @@ def histogram(q: FloatArray) -> IntArray:
 
 
 def summarise(mesh: TetMesh) -> QualitySummary:
-    """Measure every element of a mesh."""
+    """Measure every element of a mesh; InputError where it has none, or a coordinate is not finite."""
+    require_measurable(mesh)
     q, of = quality(mesh.points, mesh.cells), measures(mesh.points, mesh.cells)
     shortest = float(of.shortest_edge.min())
     return QualitySummary(

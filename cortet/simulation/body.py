@@ -77,6 +77,15 @@ class Body(NamedTuple):
     held: NDArray[np.bool_]
 
 
+def require_positive(volumes: FloatArray) -> None:
+    """Raise InputError where a signed volume (m,) of a mesh is not above 0: nothing else can be said of it."""
+    if not volumes.min() > 0:
+        worst, bad = int(np.argmin(volumes)), int((~(volumes > 0)).sum())
+        raise InputError(
+            f"tetrahedron {worst} is inverted or flat before anything grows, the worst of {bad}", remedy="mesh it again"
+        )
+
+
 def scale_of(mesh: TetMesh, hemisphere: str | None, *, reference: bool = False) -> Scale:
     """Unit of length and origin of a mesh in RAS coordinates: about half the length of the brain, and its centre.
 
@@ -122,9 +131,7 @@ def body_of(
     cells = mesh.cells
     edges = points[cells[:, 1:]] - points[cells[:, :1]]
     volumes = np.linalg.det(edges) / 6
-    if not volumes.min() > 0:
-        worst = int(np.argmin(volumes))
-        raise InputError(f"tetrahedron {worst} is inverted or flat before anything grows", remedy="mesh it again")
+    require_positive(volumes)
     depth, normals, _ = across_cortex(points, mesh)
     cortex = cortex_region(mesh, points)
     if cortex is not None:

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cortet.formats.atomic import write_json
+from cortet.formats.ownership import delete
 from cortet.formats.tsv import write_tsv
 from cortet.mesh import TetMesh
 from cortet.simulation import checkpoint
@@ -32,6 +33,8 @@ VERSION: int = 4
 #: files in the folder of a run; seconds have a table of their own, all else is the same in every run
 TABLE, SIDECAR, SECONDS, VERDICT, SERIES = "fold.tsv", "fold.json", "seconds.tsv", "verdict.json", "fold.pvd"
 CHECKPOINT = "checkpoint.npz"
+#: of a run in its folder, frames left out
+FILES = (TABLE, SIDECAR, SECONDS, VERDICT, SERIES, CHECKPOINT)
 
 _CHECKPOINT_SECONDS = 30.0
 
@@ -158,8 +161,7 @@ class Journal:
         last = checkpoint.load(self.checkpoint, self.fingerprint)
         if last is None:
             rest = (self.folder / name for name in (VERDICT, SERIES, CHECKPOINT))
-            for path in (*self.folder.glob("frames/frame_*.vtu"), *rest):
-                path.unlink(missing_ok=True)
+            delete(*sorted(self.folder.glob("frames/frame_*.vtu")), *rest)
             return moment
         logger.info("resumed at step %d, time %.3f", last.step, last.time)
         self.rows, self.frames, self.seconds = last.rows, last.frames, last.seconds

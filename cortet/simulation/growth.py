@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.geometry.limits import FOLD_AGES
 
 #: coefficients of GA^3, GA^2, GA and 1 in the time of the simulation (Wang et al. 2021): 0 at 22 weeks, 1 at 44
 _TIME = (6.926e-5, -0.00665, 0.250, -3.0189)
 
 
-#: gestational ages that a fold may begin and end at, weeks: the time below is a fit to 22 to 44 weeks, before 20 of
-#: which a brain is smooth, and before 15 growth is negative
-AGES = (20.0, 60.0)
+#: gestational ages that a fold may begin and end at, weeks
+AGES = FOLD_AGES
 
 #: one time, or many at once
 Times = TypeVar("Times", float, NDArray[np.float64])

@@ -10,7 +10,8 @@ from cortet.errors import InputError
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary, face_areas, face_normals
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import FloatArray, TetMesh
+from cortet.mesh import FloatArray, TetMesh, require_measurable
+from cortet.simulation.body import require_positive
 from cortet.simulation.growth import check_age
 from cortet.simulation.medial_wall import TOWARDS_MIDLINE
 from cortet.simulation.run import thickness_mm
@@ -49,8 +50,11 @@ def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
     Raises
     ------
     InputError
-        an age is none, the mesh is no brain in mm, or another of its sides is its medial one
+        an age is none, the mesh cannot be measured, has an inverted element or is no brain in mm, or another of its
+        sides is its medial one
     """
+    require_measurable(mesh)
+    require_positive(signed_volumes(mesh.points, mesh.cells))
     check_age(settings.gestational_age)
     if settings.reference:
         return []

@@ -11,6 +11,7 @@ from cortet.errors import InputError
 from cortet.geometry.filling import require_body
 from cortet.geometry.ordering import curve_order
 from cortet.geometry.topology import boundary_faces
+from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
 from cortet.simulation.body import (
     LABEL_FIELD,
@@ -20,6 +21,7 @@ from cortet.simulation.body import (
     body_of,
     growth_mask,
     largest_time_step,
+    require_positive,
     scale_of,
     smallest_altitude,
     stable_time_step,
@@ -63,6 +65,7 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
         raise InputError(
             f"nothing grows from {settings.gestational_age:g} to {settings.end:g} weeks", remedy="set a later end"
         )
+    require_positive(signed_volumes(mesh.points, mesh.cells))
     require_body(mesh)
     mesh, node, cell = _ordered(mesh)
     scale = scale_of(mesh, settings.hemisphere, reference=settings.reference)

@@ -34,8 +34,8 @@ def broken_conventions(file: AsRead, *, body: bool = True) -> list[str]:
     mesh = file.mesh
     if absurd := list(_coordinates(mesh.points)):
         return [*file.problems, *absurd]
-    if out_of_range := list(_out_of_range(mesh)):
-        return [*file.problems, *out_of_range]
+    if not len(mesh.cells):
+        return [*file.problems, "there are no tetrahedra"]
     if not len(boundary_faces(mesh)):
         return [*file.problems, "every face is in two tetrahedra or more: there is no boundary", *broken_body(mesh)]
     return [
@@ -55,8 +55,6 @@ def broken_surface(surface: TriSurface) -> list[str]:
         return absurd
     if len(surface.faces) == 0:
         return ["there are no triangles"]
-    if surface.faces.min() < 0 or surface.faces.max() >= len(surface.points):
-        return [f"triangles name nodes outside 1..{len(surface.points)}"]
     topology = surface_topology(surface.faces)
     genus = int(topology.genus) if topology.is_closed_manifold else 0
     problems = [f"the surface has {problem}" for problem in topology.problems(genus)]
@@ -69,21 +67,6 @@ def _coordinates(points: FloatArray) -> Iterator[str]:
     """Coordinates so large that areas and volumes overflow."""
     if (largest := float(np.abs(points).max(initial=0))) > _LARGEST_COORDINATE:
         yield f"a coordinate is {largest:g}, which is no length of a body"
-
-
-def _out_of_range(mesh: TetMesh) -> Iterator[str]:
-    """Indices of nodes and tetrahedra that there are none of; nothing else can be checked then."""
-    parts: list[tuple[str, list[IntArray], int, str]] = [
-        ("tetrahedra", [mesh.cells], len(mesh.points), "nodes"),
-        ("triangles", list(mesh.sets.faces.values()), len(mesh.points), "nodes"),
-        ("node sets", list(mesh.sets.nodes.values()), len(mesh.points), "nodes"),
-        ("element sets", list(mesh.sets.cells.values()), len(mesh.cells), "tetrahedra"),
-    ]
-    if len(mesh.cells) == 0:
-        yield "there are no tetrahedra"
-    for kind, arrays, count, named in parts:
-        if any(len(array) and (array.min() < 0 or array.max() >= count) for array in arrays):
-            yield f"{kind} name {named} outside 1..{count}"
 
 
 def _volumes(file: AsRead) -> Iterator[str]:

@@ -97,6 +97,7 @@ def _write_verified(
     body: bool = True,
 ) -> AsRead | TriSurface:
     """Write what is verified as written, and return it; `body` is false of an uncertified mesh, which may overlap."""
+    may_write(sidecar_path(path))
     with atomic_folder(path) as folder:
         write(content, folder / path.name, solver=solver, unit=unit, frame=frame)
         as_read = FORMATS[solver].as_read(folder / path.name)

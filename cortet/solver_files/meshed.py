@@ -14,6 +14,7 @@ from typing import Any
 from cortet.errors import InputError
 from cortet.formats.gifti import hemisphere_of, read_surface, write_surface
 from cortet.formats.hashing import sha256
+from cortet.formats.ownership import json_of
 from cortet.geometry.nesting import nested, region_names, sheets
 from cortet.mesh import OUTERMOST, TriSurface
 from cortet.solver_files.sidecar import read_sidecar, sidecar_path
@@ -40,28 +41,47 @@ def meshed_files(regions: Iterable[str], mesh: Path) -> dict[str, Path]:
     return {region: mesh.with_name(f"{stem}.meshed{of}.surf.gii") for region, of in named.items()}
 
 
-def require_own_stem(mesh: Path, given: Mapping[str, str | Path]) -> None:
-    """Raise InputError where a mesh of other surfaces has the stem of a mesh that is to be made.
+def certificate_path(mesh: Path) -> Path:
+    """The certificate beside a mesh; its name begins with the stem of the mesh's file."""
+    return mesh.with_name(f"{mesh.name.removesuffix(mesh.suffix)}.certificate.json")
+
+
+def require_own_stem(
+    mesh: Path, given: Mapping[str, str | Path], *, cell_size: float, mesh_sha256: str | None = None
+) -> None:
+    """Raise InputError where another mesh has the stem of a mesh that is to be made.
 
     Certificate and meshed surface have names that begin with the stem: those of the new mesh would take their place.
+    The same mesh in another format shares them.
 
     Parameters
     ----------
     mesh : file that is to be written
     given : region -> file of the surface that it is made from
+    cell_size : mm
+    mesh_sha256 : of `hashing.mesh_sha256`; None before the mesh is made
     """
     stem = mesh.name.removesuffix(mesh.suffix)
     beside = mesh.parent.iterdir() if mesh.parent.is_dir() else ()
     others = [file for file in beside if file.name.removesuffix(file.suffix) == stem and file.name != mesh.name]
     for other in others:
         if sidecar_path(other).is_file() and (record := read_sidecar(other).get("made_from")):
+            certificate = json_of(certificate_path(mesh))
+            size = certificate.get("parameters", {}).get("generate", {}).get("cell_size", cell_size)
             hashes = {region: one["sha256"] for region, one in record["given"].items()}
             if hashes != {region: sha256(file) for region, file in given.items()}:
-                raise InputError(
-                    f"would take the certificate and the meshed surface of {other.name}, a mesh of another surface",
-                    file=mesh,
-                    remedy="give another name, or delete the other mesh and its sidecar",
-                )
+                differs = "a mesh of another surface"
+            elif size != cell_size:
+                differs = f"a mesh of cell size {size:g} mm"
+            elif mesh_sha256 and certificate.get("mesh_sha256", mesh_sha256) != mesh_sha256:
+                differs = "a mesh of other parameters"
+            else:
+                continue
+            raise InputError(
+                f"would take the certificate and the meshed surface of {other.name}, {differs}",
+                file=mesh,
+                remedy="give another name, or delete the other mesh and its sidecar",
+            )
 
 
 def made_from(meshed: Mapping[str, Path], given: Mapping[str, str | Path], folder: Path) -> dict[str, Any]:

@@ -62,6 +62,34 @@ def test_the_unit_of_the_sidecar_counts(
     assert said.startswith(f"{'ages are from' if weeks else 'not read:'} column {column} of participants.tsv, in ")
 
 
+@pytest.mark.parametrize("named", [False, True])
+@pytest.mark.parametrize(
+    ("said", "unit"),
+    [
+        ({"Description": "postmenstrual age at scan in days"}, "days"),
+        ({"Description": "Gestational age (Days)"}, "days"),
+        ({"LongName": "age in months", "Description": "at scan"}, "months"),
+        ({"Description": "given in years"}, "years"),
+    ],
+)
+def test_a_unit_that_only_a_description_names_is_never_read_as_weeks(
+    tmp_path: Path, said: dict[str, str], unit: str, named: bool
+) -> None:
+    patterns = Scan(age_columns=["scan_age"]) if named else None
+    folder = dataset(tmp_path, "scan_age", {"a": "30", "b": "45"}, said)
+    found, told = ages(folder, patterns)
+    assert found == [None, None]
+    assert f"column scan_age of participants.tsv, in {unit} (by its description); a description is no unit" in told
+    assert f"(say Units: {unit} in the sidecar)" in told
+    (folder / "participants.json").write_text(json.dumps({"scan_age": {**said, "Units": "weeks"}}))
+    assert ages(folder, patterns)[0] == [30.0, 45.0]
+
+
+@pytest.mark.parametrize("text", ["weeks, not days", "age in weeks at the day of scan", "postmenstrual, to one day"])
+def test_a_description_of_weeks_may_speak_of_days(tmp_path: Path, text: str) -> None:
+    assert ages(dataset(tmp_path, "scan_age", {"a": "30"}, {"Description": text}))[0] == [30.0]
+
+
 def test_a_configuration_that_names_the_column_vouches_for_weeks(tmp_path: Path) -> None:
     folder = dataset(tmp_path, "age", {"a": "28"})
     assert ages(folder, Scan(age_columns=["age"]))[0] == [28.0]

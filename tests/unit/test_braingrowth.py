@@ -127,7 +127,7 @@ def count_nodes_from_zero(file):
         (list_a_face_twice, ["1 triangles are listed more than once"]),
         (give_every_tetrahedron_a_positive_volume, ["162 of 162 tetrahedra have no negative volume"]),
         (leave_out_the_tag, ["line 67: a tetrahedron line has 4 fields instead of 5"]),
-        (count_nodes_from_zero, ["tetrahedra name nodes outside 1..64"]),
+        (count_nodes_from_zero, ["node indices outside 1..64"]),
     ],
 )
 def test_each_broken_convention_is_named_and_no_other(written, breakage, words):

@@ -13,7 +13,7 @@ from cubes import cube_mesh
 from shapes import horseshoe
 from wrong_meshes import sound, with_slit
 
-from cortet.errors import InputError, StageError
+from cortet.errors import InputError
 from cortet.geometry.banks import banks, gaps
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import Certificate, certify
@@ -149,7 +149,7 @@ def test_what_s1_found_wrong_cannot_be_hidden_by_later_stages(mesh: TetMesh, sur
 def test_numbers_that_are_none_are_an_error(mesh: TetMesh, surface: TriSurface) -> None:
     points = mesh.points.copy()
     points[3, 1] = np.nan
-    with pytest.raises(StageError, match="1 of 125 nodes have coordinates that are not finite"):
+    with pytest.raises(InputError, match="1 of 125 nodes of the mesh have coordinates that are not finite"):
         certify(TetMesh(points, mesh.cells), surface)
 
 
@@ -244,7 +244,7 @@ def test_a_broken_native_surface_is_no_obstacle(mesh: TetMesh, surface: TriSurfa
 
 @pytest.mark.parametrize("limit", [np.inf, np.nan, 0.0, -1.0])
 def test_a_limit_that_is_none_is_an_error_that_names_it(mesh: TetMesh, surface: TriSurface, limit: float) -> None:
-    for name in ("q_max", "cell_size", "max_boundary_distance"):
+    for name in ("q_max", "max_face_distance", "max_boundary_distance"):
         with pytest.raises(InputError, match=f"{name} = .* is no limit"):
             certify(mesh, surface, **{name: limit})
 
@@ -263,3 +263,9 @@ def test_a_remedy_fits_what_filled_the_surface(mesher: str | None, says: str, no
     assert says in remedy and not_says not in remedy
     other = judged("worst q", 0.7, "<", 0.6, remedy="move it")
     assert for_mesher(other, mesher).remedy == "move it"
+
+
+@pytest.mark.parametrize("size", [1e308, 0.0, -1.0, np.nan, np.inf])
+def test_a_cell_size_beyond_its_bounds_judges_nothing(mesh: TetMesh, surface: TriSurface, size: float) -> None:
+    with pytest.raises(InputError, match=r"the cell size in mm is .* \(use 0.05 to 20\)"):
+        certify(mesh, surface, cell_size=size)

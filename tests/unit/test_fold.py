@@ -14,6 +14,7 @@ from typing import Any
 import meshio
 import numpy as np
 import pytest
+from cubes import cube_mesh
 from fold_reference import comparison
 from shapes import ball_mesh
 
@@ -368,6 +369,25 @@ def test_a_growth_that_rounding_has_taken_beyond_1_is_clipped(ball: TetMesh) -> 
 def test_an_inverted_mesh_is_refused(ball: TetMesh) -> None:
     with pytest.raises(InputError, match="inverted or flat before anything grows"):
         prepared(TetMesh(ball.points, ball.cells[:, [1, 0, 2, 3]]), Settings(22.0))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("hemisphere", [None, "L"])
+@pytest.mark.parametrize("fault", ["half of them", "one", "flat"])
+def test_an_inverted_mesh_is_judged_before_anything_is_computed(tmp_path: Path, fault: str, hemisphere: str) -> None:
+    """Half of all tetrahedra inverted have no volume together, by which a centroid would divide."""
+    mesh = cube_mesh(4, side=60.0)
+    cells, points, turned = mesh.cells.copy(), mesh.points.copy(), slice(None, None, 2)
+    if fault == "flat":
+        points[:, 2] = 0
+    else:
+        turned = turned if fault == "half of them" else slice(5, 6)
+        cells[turned] = cells[turned][:, [1, 0, 2, 3]]
+    wrong = TetMesh(points, cells)
+    named = "5 is inverted or flat before anything grows, the worst of 1 " if fault == "one" else "is inverted or flat"
+    for judged in (lambda: fold(wrong, tmp_path, Settings(22.0, hemisphere)), lambda: prepared(wrong, Settings(22.0))):
+        with pytest.raises(InputError, match=f"tetrahedron .*{named}"):
+            judged()
 
 
 @pytest.mark.skipif(not SPHERE5.exists(), reason="needs ../shared/data/tallinen")

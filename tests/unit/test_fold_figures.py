@@ -13,7 +13,7 @@ from shapes import ball_mesh
 from cortet.cli import main
 from cortet.errors import InputError
 from cortet.formats import vtu
-from cortet.formats.ownership import MARKER
+from cortet.formats.ownership import MANIFEST
 from cortet.report.fold_figures import numbers, series
 from cortet.simulation.measurements import Measurements
 from cortet.simulation.progress import per_percent, reached, status
@@ -33,7 +33,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_command_makes_everything(run: Path) -> None:
     assert {path.name for path in run.iterdir()} == {
         "fold.tsv", "fold.json", "fold.pvd", "frames", "seconds.tsv", "verdict.json",
-        "folding.svg", "folded.png", "folding.gif", MARKER,
+        "folding.svg", "folded.png", "folding.gif", MANIFEST,
     }  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import argparse
 import hashlib
 import itertools
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -254,15 +255,6 @@ def test_two_outputs_of_one_name_are_refused(meshed: Path, monkeypatch: pytest.M
     assert not (meshed / "y.vtu").exists()
 
 
-@pytest.mark.parametrize("option", ["--end=1e308", "--end=-1", "--end=nan", "--time-step=nan", "--time-step=-1"])
-def test_options_of_a_fold_have_the_bounds_of_the_configuration(
-    meshed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], option: str
-) -> None:
-    assert run(f"fold x.vtu --ga 30 {option} -o f", meshed, monkeypatch) == 1
-    assert f"fold.{option[2:].partition('=')[0].replace('-', '_')}" in capsys.readouterr().err
-    assert not (meshed / "f").exists()
-
-
 def test_a_mesh_of_another_surface_keeps_its_certificate(meshed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_surface(ball_surface(3, 15.0), meshed / "b.surf.gii")
     before = {path.name: path.read_bytes() for path in meshed.iterdir()}
@@ -270,6 +262,32 @@ def test_a_mesh_of_another_surface_keeps_its_certificate(meshed: Path, monkeypat
     assert {path.name: path.read_bytes() for path in meshed.iterdir()} == before
     assert run("mesh a.surf.gii --cell-size 5 -o x.mesh", meshed, monkeypatch) == 0
     assert run("certify x.vtu", meshed, monkeypatch) == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "settings", "words"),
+    [
+        ("--cell-size 4", "", "would take the certificate and the meshed surface of x.vtu, a mesh of cell size 5 mm"),
+        ("--cell-size 5", "generate: {seed: 3}", "of x.vtu, a mesh of other parameters (give another name"),
+    ],
+)
+def test_another_mesh_of_a_surface_keeps_its_certificate(
+    meshed: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    options: str,
+    settings: str,
+    words: str,
+) -> None:
+    (meshed / "other.yaml").write_text(settings or "{}")
+    before = {path.name: path.read_bytes() for path in meshed.iterdir()}
+    command = f"mesh a.surf.gii --config other.yaml {options}"
+    assert run(f"{command} -o x.msh", meshed, monkeypatch) == 1
+    assert words in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in meshed.iterdir()} == before
+    assert run(f"{command} -o x.vtu", meshed, monkeypatch) == 0, "its own companions it may replace"
+    assert run(f"{command} -o x.msh", meshed, monkeypatch) == 0, "the same mesh in another format shares them"
+    assert run("certify x.vtu", meshed, monkeypatch) == run("certify x.msh", meshed, monkeypatch) == 0
 
 
 def test_a_sidecar_that_names_no_meshed_surface_is_of_no_use(
@@ -302,3 +320,35 @@ def test_a_job_is_not_written_into_the_output_of_a_workflow(meshed: Path, monkey
     (meshed / "out/job.inp").write_text("mine")
     assert run("job x.vtu -o out", meshed, monkeypatch) == 1
     assert (meshed / "out/job.inp").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("words", "suffix"),
+    [
+        ("mesh a.surf.gii --cell-size 5 -o", ".vtu"),
+        ("repair a.surf.gii -o", ".surf.gii"),
+        ("resample a.surf.gii --sphere a.surf.gii -o", ".surf.gii"),
+        ("convert x.vtu", ".inp"),
+        ("quadratic x.vtu -o", ".inp"),
+    ],
+)
+def test_names_that_are_too_long_for_companions_are_refused_before_the_work(
+    meshed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: str, suffix: str
+) -> None:
+    """The file itself would fit; what is written beside it has a longer name."""
+    before = sorted(path.name for path in meshed.iterdir())
+    room = os.pathconf(meshed, "PC_NAME_MAX") - len(f".{os.getpid()}-12345678.") - len(suffix)
+    assert run(f"{words} {'y' * room}{suffix}", meshed, monkeypatch) == 1
+    said = capsys.readouterr()
+    assert "can be written (give a shorter name)" in said.err and "seconds" not in said.out
+    assert sorted(path.name for path in meshed.iterdir()) == before
+
+
+@pytest.mark.parametrize("name", ["fold.tsv", "verdict.json", "folding.svg", "frames/frame_0001.vtu"])
+def test_a_file_of_a_fold_that_was_edited_is_kept(meshed: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    words = "fold x.vtu --ga 30 --end 30.001 -o f"
+    assert [run(words, meshed, monkeypatch) for _ in range(2)] == [0, 0], "what nobody has edited is made again"
+    (meshed / "f" / name).write_text("edited")
+    before = {path: path.read_bytes() for path in (meshed / "f").rglob("*") if path.is_file()}
+    assert run(words, meshed, monkeypatch) == 1
+    assert {path: path.read_bytes() for path in (meshed / "f").rglob("*") if path.is_file()} == before

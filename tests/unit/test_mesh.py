@@ -1,21 +1,29 @@
-"""What a mesh and a surface promise: arrays of the right shape, which nobody changes."""
+"""What a mesh and a surface promise: read-only arrays of the right shape and type, and indices of what there is."""
+
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
-from cortet.mesh import TetMesh, TriSurface
+from cortet.errors import InputError
+from cortet.measure.certify import certify
+from cortet.measure.quality import measures, quality, summarise
+from cortet.mesh import MeshSets, TetMesh, TriSurface
+from cortet.simulation.fold import fold
+from cortet.simulation.state import Settings
 
 MESH, SURFACE = ball_mesh(1), ball_surface(1)
 
 
 @pytest.mark.parametrize("values", [np.zeros(3), np.zeros((3, 2)), np.float64(1)])
 def test_a_field_has_one_value_per_node_or_cell(values) -> None:
-    with pytest.raises(ValueError, match=r"field thickness has shape .*, but there are [0-9]+ nodes"):
+    with pytest.raises(InputError, match=r"field thickness has shape .*, but there are [0-9]+ nodes"):
         TetMesh(MESH.points, MESH.cells, {"thickness": values})
-    with pytest.raises(ValueError, match=r"[0-9]+ cells"):
+    with pytest.raises(InputError, match=r"[0-9]+ cells"):
         TetMesh(MESH.points, MESH.cells, {}, {"thickness": values})
-    with pytest.raises(ValueError, match=r"[0-9]+ vertices"):
+    with pytest.raises(InputError, match=r"[0-9]+ vertices"):
         TriSurface(SURFACE.points, SURFACE.faces, {"thickness": values})
 
 
@@ -26,3 +34,88 @@ def test_fields_are_read_only_and_those_of_the_caller_are_not() -> None:
         mesh.point_data["thickness"][0] = 1
     thickness[0] = 5
     assert mesh.point_data["thickness"][0] == 0
+
+
+LAST = len(MESH.points) - 1
+
+
+@pytest.mark.parametrize(
+    ("index", "shown"), [(-1, "-1"), (LAST + 1, f"{LAST + 1}"), (2**32, "4294967296"), (2**63, "9223372036854775808")]
+)
+def test_an_index_of_no_point_is_refused_with_element_and_range(index: int, shown: str) -> None:
+    kind = np.uint64 if index >= 2**63 else np.int64
+    cells, faces = MESH.cells.astype(kind), SURFACE.faces.astype(kind)
+    cells[7, 2], faces[5, 1] = index, index
+    with pytest.raises(InputError, match=rf"tetrahedron 7 is \[.*, {shown}, .*, but nodes run from 0 to {LAST} \("):
+        TetMesh(MESH.points, cells)
+    with pytest.raises(InputError, match=rf"triangle 5 is \[.*, {shown}, .*, but vertices run from 0 to"):
+        TriSurface(SURFACE.points, faces)
+    for measure in (quality, measures):
+        with pytest.raises(InputError, match="tetrahedron 7 is"):
+            measure(MESH.points, cells)
+
+
+@pytest.mark.parametrize(
+    ("cells", "words"),
+    [
+        (MESH.cells + 0.5, r"tetrahedron 0 is \[.*\.5\], of type float64, not integer \(give whole numbers\)"),
+        (MESH.cells.astype(float), "of type float64"),
+        (MESH.cells > 0, "of type bool"),
+        (MESH.cells.astype(str), "of type <U"),
+        (MESH.cells[:, :3], r"cells must have shape \(n, 4\), got \(\d+, 3\)"),
+        (MESH.cells[0], r"got \(4,\)"),
+        ([[0, 1, 2, 3], [0, 1]], "cells are no array"),
+    ],
+)
+def test_cells_that_are_no_rows_of_whole_numbers_are_refused(cells, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        TetMesh(MESH.points, cells)
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        (MESH.points + 1j, "points are of type complex128"),
+        (MESH.points.astype(str), "points are of type <U"),
+        (MESH.points[:, :2], r"points must have shape \(n, 3\)"),
+    ],
+)
+def test_points_that_are_no_real_numbers_are_refused(points, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        TetMesh(points, MESH.cells)
+
+
+@pytest.mark.parametrize(
+    ("kind", "members", "words"),
+    [
+        ("nodes", [LAST + 1], f"entry of set x 0 is {LAST + 1}, but nodes run from 0 to {LAST}"),
+        ("faces", [[0, 1, 2], [0, 1, -1]], r"entry of set x 1 is \[0, 1, -1\]"),
+        ("cells", [len(MESH.cells)], "but tetrahedra run from 0 to"),
+        ("cells", [0.5], "of type float64"),
+    ],
+)
+def test_a_set_names_what_there_is(kind: str, members, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        replace(MESH, sets=MeshSets(**{kind: {"x": np.array(members)}}))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_numbers_that_are_none_and_nothing_at_all_are_not_measured(bad: float, tmp_path: Path) -> None:
+    points, places = MESH.points.copy(), SURFACE.points.copy()
+    points[3, 1], places[4, 0] = bad, bad
+    wrong = TetMesh(points, MESH.cells)
+    empty = TetMesh(MESH.points, np.zeros((0, 4), np.int32))
+    for mesh, words in ((wrong, f"1 of {LAST + 1} nodes of the mesh .* number 3:"), (empty, "has no tetrahedra")):
+        for measured in (
+            lambda mesh=mesh: certify(mesh, SURFACE),
+            lambda mesh=mesh: summarise(mesh),
+            lambda mesh=mesh: fold(mesh, tmp_path, Settings(28.0)),
+        ):
+            with pytest.raises(InputError, match=words):
+                measured()
+    nothing = TriSurface(SURFACE.points, np.zeros((0, 3), np.int32))
+    for surface, words in ((TriSurface(places, SURFACE.faces), "1 of .* vertices"), (nothing, "has no triangles")):
+        with pytest.raises(InputError, match=words):
+            certify(MESH, surface)
+        with pytest.raises(InputError, match=words):
+            certify(MESH, replace(SURFACE, inner={"white": surface}))

@@ -13,12 +13,11 @@ from cortet.errors import InputError
 from cortet.formats.atomic import atomic_folder, atomic_path, write_json
 from cortet.formats.ownership import (
     MANIFEST,
-    MARKER,
+    delete,
     delete_made,
     guarded,
     has_read,
     is_ours,
-    may_write,
     record_of,
 )
 
@@ -158,24 +157,30 @@ def test_a_folder_is_filled_if_it_is_new_empty_or_cortets(tmp_path: Path) -> Non
     (full / "thesis").write_text("mine")
     file.touch()
     for _ in range(2):
-        with guarded([], claimed=[new]):
+        with guarded([], shared=[new]):
             write(new / "a")
             write(new / "b/c")
-    assert (new / MARKER).exists()
+    assert (new / MANIFEST).exists()
     for folder, says in ((full, "that cortet did not make"), (file, "is a file")):
-        with pytest.raises(InputError, match=says), guarded([], claimed=[folder]):
+        with pytest.raises(InputError, match=says), guarded([], shared=[folder]):
             raise AssertionError("it was let through")
     assert [path.name for path in full.iterdir()] == ["thesis"]
 
 
-def test_an_input_within_its_own_folder_stays(tmp_path: Path) -> None:
-    with guarded([], claimed=[tmp_path / "run"]):
-        write(tmp_path / "run/settings", "mine")
-    with (
-        guarded([tmp_path / "run/settings"], claimed=[tmp_path / "run"]),
-        pytest.raises(InputError, match="is an input"),
-    ):
-        may_write(tmp_path / "run/settings")
+def test_a_file_of_a_folder_that_was_edited_is_neither_replaced_nor_deleted(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    with guarded([], shared=[folder]):
+        write(folder / "table")
+        write(folder / "frame")
+    (folder / "table").write_text("edited")
+    with guarded([], shared=[folder]):
+        for harm, files in ((write, ["table"]), (delete, ["table"]), (delete, ["frame", "table"])):
+            with pytest.raises(InputError, match="/table: exists, and cortet did not make it as it is now"):
+                harm(*(folder / name for name in files))
+        assert (folder / "frame").exists(), "all of them or none"
+        delete(folder / "frame")
+        delete(folder / "frame")
+    assert [path.name for path in folder.iterdir() if path.name != MANIFEST] == ["table"]
 
 
 def test_a_record_of_others_is_no_record(tmp_path: Path) -> None:
@@ -215,3 +220,18 @@ def test_a_device_or_a_pipe_is_not_replaced_even_when_forced(tmp_path: Path) -> 
     with pytest.raises(InputError, match="a device or a pipe"), guarded([], files=[pipe], force=True):
         raise AssertionError("it was let through")
     assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize("letter", ["x", "\u00fc"])
+def test_a_name_beside_which_no_temporary_file_fits_is_refused(tmp_path: Path, letter: str) -> None:
+    """A file is written to a temporary name first, which is longer; a letter may have two bytes."""
+    longest = os.pathconf(tmp_path, "PC_NAME_MAX") - len(f".{os.getpid()}-12345678.")
+    fits = tmp_path / "new" / (letter * ((longest - 4) // len(letter.encode())) + ".vtu")
+    with guarded([], files=[fits]):
+        write(fits)
+    assert fits.read_text() == "new"
+    too_long = fits.with_name(letter + fits.name)
+    what = rf"has a name of \d+ bytes, and one of at most {longest} can be written"
+    with pytest.raises(InputError, match=what), guarded([], files=[too_long]):
+        raise AssertionError("it was let through")
+    assert list(fits.parent.glob(f"*{fits.suffix}")) == [fits]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -125,3 +127,28 @@ def test_a_job_asks_for_more_with_more_tetrahedra_and_after_it_was_killed(cell_s
     assert plan().megabytes("clean", asked, attempt=2) == 2 * plan().megabytes("clean", asked, attempt=1)
     assert plan().minutes("clean", asked) >= plan().minutes("clean", mesh_job(GOOD))
     assert plan().tets(job(GOOD)) == 0
+
+
+def test_what_one_case_lacks_is_for_its_job_to_say(tmp_path: Path) -> None:
+    """A plan is of all cases: it fails for none of them."""
+    image = replace(GOOD, participant="image", affine=tmp_path / "gone.nii.gz", sphere=Path("sphere.surf.gii"))
+    whole = replace(image, participant="whole", hemi=None, affine=None)
+    made = plan(GOOD, image, whole, resample={"template": str(tmp_path / "{hemi}.surf.gii")})
+    assert made.placement(job(GOOD)) is None
+    told = made.placement(job(image))
+    assert isinstance(told, str) and "gone.nii.gz: cannot be read as an image" in told
+    for case in (image, whole):
+        surface, mesh = job(case), mesh_job(case)
+        assert made.facts(surface)["source"] == made.facts(mesh)["source"] == "good.surf.gii"
+        assert made.recorded_line(mesh) and made.paths(mesh) and made.input_sha256(mesh) and made.sphere(surface) == []
+        assert made.template(surface) == []
+    assert made.arguments("resample", job(whole))["template"] == str(tmp_path / "{hemi}.surf.gii")
+    assert made.arguments("resample", job(image))["template"] == str(tmp_path / "L.surf.gii")
+
+
+def test_planning_loads_nothing_heavy() -> None:
+    """Every job plans, so each library here would cost each of them a quarter of a second and more."""
+    heavy = ("numba", "scipy", "nibabel", "pymeshlab", "gmsh", "meshio", "pandas", "matplotlib")
+    code = f"import sys, cortet.cohort.plan; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -371,7 +371,17 @@ def test_labels_that_become_names_of_files_are_letters_and_digits(column: str, v
 def test_the_longest_names_of_files_fit() -> None:
     label = "x" * LONGEST_LABEL
     name = f"sub-{label}_ses-{label}_hemi-L_res-10000um_desc-latticePublishedBoundarySmoothed_tetmesh.quality.json"
-    assert len(f".1234567-12345678.{name}") < 255
+    inner = f"sub-{label}_ses-{label}_hemi-L_res-10000um_inner-{label}_desc-separated_white.surf.gii"
+    assert max(len(f".1234567-12345678.{one}") for one in (name, inner)) < 255
+
+
+def test_a_region_has_a_name_that_fits(tmp_path: Path) -> None:
+    region = "x" * (LONGEST_LABEL + 1)
+    path = sheet(tmp_path, "surface", "phantom")
+    head, row = path.read_text().splitlines()
+    path.write_text(f"{head}\tinner_{region}\n{row}\ta.surf.gii\n")
+    with pytest.raises(InputError, match="characters are too many"):
+        read_sheet(path)
 
 
 def test_surfaces_may_lie_anywhere_and_are_only_read(tmp_path: Path) -> None:
