@@ -40,7 +40,8 @@ import numpy as np
 import trimesh
 import yaml
 
-from cortet.cohort.sheet import Case, read_sheet, scan, write_sheet
+from cortet.cohort.scan import scan
+from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.config import Config, load
 from cortet.errors import CortetError
 from cortet.formats import FORMATS

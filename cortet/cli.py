@@ -862,7 +862,8 @@ def _phantom(args: argparse.Namespace) -> int:
 
 
 def _scan(args: argparse.Namespace) -> int:
-    from cortet.cohort.sheet import add_to_sheet, ageless_notice, read_header, scan, write_sheet
+    from cortet.cohort.scan import scan
+    from cortet.cohort.sheet import add_to_sheet, ageless_notice, read_header, write_sheet
     from cortet.config import load
 
     exists = args.output.exists()

@@ -36,7 +36,8 @@ ERRORS = ("InputError", "StageError", "WorkflowError")
 #: functions whose strings are messages though they raise none
 SPEAKERS = {
     "cohort.ages": ("_in_words",),
-    "cohort.sheet": ("_row_problems", "ageless_notice", "read_sheet", "scan"),
+    "cohort.scan": ("scan",),
+    "cohort.sheet": ("_row_problems", "ageless_notice", "read_sheet"),
     "config.files": ("_complaint",),
     "sections": ("_whole_micrometres",),
     "formats.tsv": ("_miscounted",),
@@ -256,7 +257,7 @@ def checks() -> tuple[Any, ...]:
 
 #: parts of cortet as users know them, and their modules; what is not named here is listed last
 PARTS = {
-    "Cohort sheet": ("cohort.sheet",),
+    "Cohort sheet": ("cohort.sheet", "cohort.scan"),
     "Configuration": ("config",),
     "Surfaces and fields": ("formats.gifti", "solver_files.fields", "phantom"),
     "Resampling": ("stages.resample", "geometry.spheres", "report.cohort_maps"),

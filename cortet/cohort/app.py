@@ -19,7 +19,8 @@ import yaml
 import cortet
 from cortet.cohort.bids import is_own_output, require_own_output
 from cortet.cohort.lock import HELD_BY, hold
-from cortet.cohort.sheet import Case, scan, write_sheet
+from cortet.cohort.scan import scan
+from cortet.cohort.sheet import Case, write_sheet
 from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats import child

@@ -13,17 +13,15 @@ absolute and lead anywhere the user may read, and are never part of a command.
 
 from __future__ import annotations
 
-import glob
 import math
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort.ages import ages_at_scan, number
-from cortet.config import Scan
+from cortet.cohort.ages import number
 from cortet.errors import InputError
 from cortet.formats.placement import UNITS
 from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
@@ -49,13 +47,14 @@ LONGEST_LABEL = 40
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
+#: words for a hemisphere, in lower case -> as names of files say it
+HEMISPHERES = {"l": "L", "left": "L", "lh": "L", "r": "R", "right": "R", "rh": "R"}
 _MISSING = {"", "n/a"}
 #: names of cases that a message lists
 _MOST_NAMES = 5
 #: names of sets that every mesh for a solver has
 _STANDING = ("core", "tissue")
 _YES, _NO = {"yes", "true", "1"}, {"no", "false", "0"}
-_HEMI = {"l": "L", "left": "L", "lh": "L", "r": "R", "right": "R", "rh": "R"}
 
 
 @dataclass(frozen=True)
@@ -315,66 +314,6 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
     }
 
 
-def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], object] = lambda _: None) -> list[Case]:
-    """The hemispheres of a dHCP-like release, sorted by name.
-
-    A case whose age at scan is in no table has none. `say` is told where the ages come from, and what is not read.
-
-    Raises
-    ------
-    InputError : no surface matches, or a table cannot be read
-    """
-    patterns = patterns or Scan()
-    found: dict[tuple[str, str | None, str | None], Path] = {}
-    for pattern in patterns.surfaces:
-        for path, values in _matches(directory, pattern):
-            hemi = values.get("hemi")
-            if hemi is None or hemi.lower() in _HEMI:
-                key = (values["participant"], values.get("session"), hemi and _HEMI[hemi.lower()])
-                found.setdefault(key, path)
-    if not found:
-        raise InputError(
-            "no surfaces found",
-            file=directory,
-            remedy="check the folder, or set cohort.scan.surfaces; looked for " + ", ".join(patterns.surfaces),
-        )
-    sessions = list(dict.fromkeys((participant, session) for participant, session, _ in found))
-    tables = {key: _age_tables(directory, *key, patterns) for key in sessions}
-    named = "age_columns" in patterns.model_fields_set
-    ages, told = ages_at_scan(sessions, tables, patterns.age_columns, named=named)
-    for sentence in told:
-        say(sentence)
-    cases = []
-    for (participant, session, hemi), path in sorted(found.items(), key=lambda item: [part or "" for part in item[0]]):
-        surface, inner = _around(path) if patterns.pial else (path, {})
-        sphere = _sphere_of(path, patterns.spheres)
-        cases.append(
-            Case(participant, session, hemi, ages.get((participant, session)), surface, inner=inner, sphere=sphere)
-        )
-    return cases
-
-
-def _age_tables(directory: Path, participant: str, session: str | None, patterns: Scan) -> list[tuple[str, Path]]:
-    """Tables that may hold the age of a session, that which counts most first: what it is called, and where it is."""
-    labels = {"participant": participant, "session": session}
-    return [(name, directory / _formatted(name, labels)) for name in (patterns.sessions, patterns.participants)]
-
-
-def _sphere_of(path: Path, endings: Sequence[str]) -> Path | None:
-    """The sphere beside a surface, of the first of these ends of names that there is."""
-    begin = re.sub(r"[A-Za-z]+(\.surf\.gii)?$", "", path.name)
-    for ending in endings:
-        if found := sorted(path.parent.glob(glob.escape(begin) + ending)):
-            return found[0]
-    return None
-
-
-def _around(path: Path) -> tuple[Path, dict[str, Path]]:
-    """The pial surface beside a white one, and the white one as its inner surface; the white one alone without it."""
-    pial = path.with_name(re.sub(r"(wm|white)(\.surf\.gii)$", r"pial\2", path.name))
-    return (pial, {WHITE: path}) if pial != path and pial.is_file() else (path, {})
-
-
 def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
     """What is wrong with one row, each as `column NAME: VALUE ... (remedy)`."""
     for column, prefix in (("participant_id", "sub-"), ("session_id", "ses-")):
@@ -384,7 +323,7 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
             yield f"column {column}: {row[column]!r} is no BIDS label (use letters and digits only)"
         if len(label) > LONGEST_LABEL:
             yield f"column {column}: {len(label)} characters are too many (use at most {LONGEST_LABEL})"
-    if row["hemi"].lower() not in _HEMI and row["hemi"] not in _MISSING:
+    if row["hemi"].lower() not in HEMISPHERES and row["hemi"] not in _MISSING:
         yield f"column hemi: {row['hemi']!r} is no hemisphere (use L, R, or n/a for a whole brain)"
     if row["surface"] == PHANTOM and row["hemi"] in _MISSING:
         yield f"column hemi: {row['hemi']!r}, but a {PHANTOM} is one hemisphere (use L or R)"
@@ -458,14 +397,14 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
     """The case of a valid row."""
     own = {column: value for column, value in row.items() if column.startswith(FIELD_PREFIX)}
     inner = {column: value for column, value in row.items() if _region(column)}
-    fields = {name: _formatted(pattern, row) for name, pattern in field_patterns.items()}
+    fields = {name: filled_in(pattern, row) for name, pattern in field_patterns.items()}
     fields |= {column.removeprefix(FIELD_PREFIX): value for column, value in own.items()}
     session, hemi = row["session_id"].removeprefix("ses-"), row["hemi"]
     include = row["include"].lower() in _YES
     return Case(
         participant=row["participant_id"].removeprefix("sub-"),
         session=None if session in _MISSING else session,
-        hemi=None if hemi in _MISSING else _HEMI[hemi.lower()],
+        hemi=None if hemi in _MISSING else HEMISPHERES[hemi.lower()],
         scan_age=number(row["scan_age"]),
         surface=PHANTOM if row["surface"] == PHANTOM else _located(row["surface"], folder),
         include=include,
@@ -489,7 +428,7 @@ def _sphere(value: str, folder: Path) -> Path | str | None:
     return None if value in _MISSING else PHANTOM if value == PHANTOM else _located(value, folder)
 
 
-def _formatted(pattern: str, values: Mapping[str, Any]) -> str:
+def filled_in(pattern: str, values: Mapping[str, Any]) -> str:
     """A pattern with its placeholders filled in; nothing but `{name}` means anything there.
 
     Raises
@@ -517,21 +456,3 @@ def _relative(path: Path | str, folder: Path) -> str:
         return PHANTOM
     target, start = Path(path).resolve(), folder.resolve()
     return os.path.relpath(target, start) if target.is_relative_to(start.parent) else str(target)
-
-
-def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, str]]]:
-    """Files below `directory` that fit a pattern, with the values of its placeholders."""
-    if "{participant}" not in pattern or not pattern.strip() or Path(pattern).is_absolute() or "\0" in pattern:
-        raise InputError(
-            f"cohort.scan.surfaces: {pattern!r} finds nothing",
-            remedy="give a pattern below the folder with the placeholder {participant}",
-        )
-    parts = re.split(r"\{(participant|session|hemi)\}", pattern)
-    expression, seen = "", set[str]()
-    for text, name in zip(parts[::2], [*parts[1::2], ""], strict=True):
-        label = f"(?P={name})" if name in seen else f"(?P<{name}>[A-Za-z0-9]+)"
-        expression += re.escape(text) + (label if name else "")
-        seen.add(name)
-    for path in sorted(directory.glob("*".join(parts[::2]))):
-        if match := re.fullmatch(expression, path.relative_to(directory).as_posix()):
-            yield path, match.groupdict()

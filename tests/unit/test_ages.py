@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from cortet.cli import main
-from cortet.cohort.sheet import read_sheet, scan
+from cortet.cohort.scan import scan
+from cortet.cohort.sheet import read_sheet
 from cortet.config import Scan
 from cortet.errors import InputError
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from cortet.cohort.scan import scan
 from cortet.cohort.sheet import (
     COLUMNS,
     Case,
@@ -15,7 +16,6 @@ from cortet.cohort.sheet import (
     chosen,
     folded,
     read_sheet,
-    scan,
     write_sheet,
 )
 from cortet.config import Scan, load

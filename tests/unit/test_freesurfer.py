@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from shapes import ball_surface
 
-from cortet.cohort.sheet import scan
+from cortet.cohort.scan import scan
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 

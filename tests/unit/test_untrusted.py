@@ -26,7 +26,8 @@ from hypothesis import strategies as st
 from shapes import ball_surface
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
-from cortet.cohort.sheet import COLUMNS, LONGEST_LABEL, Case, read_sheet, scan, write_sheet
+from cortet.cohort.scan import scan
+from cortet.cohort.sheet import COLUMNS, LONGEST_LABEL, Case, read_sheet, write_sheet
 from cortet.config import Scan, load
 from cortet.errors import InputError
 from cortet.formats import FORMATS, fenics, text

@@ -1,0 +1,371 @@
+"""What each job of the workflow reads, with what parameters it runs, and what it takes.
+
+Methods take the wildcards of a job, by their names.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from cortet.cohort.layout import LABELS, SHARED, Layout, file_of, filled
+from cortet.cohort.receipts import content
+from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
+from cortet.cohort.sheet import PHANTOM, Case
+from cortet.config import Config
+from cortet.errors import InputError
+from cortet.mesh import OUTERMOST
+from cortet.meshers import BASELINES
+from cortet.stages import STAGES, Stage
+
+#: wildcards of a job
+Job = Mapping[str, str]
+#: a mesh of the line: name of its case, cell size in µm, mesher
+Mesh = tuple[str, int, str]
+
+#: of `Config.placement`; in words where it cannot be told
+Placement = tuple[tuple[float, ...], ...] | str | None
+
+#: stands in the name of a common sphere where the hemisphere of a case is not known: no file has it
+_NO_HEMISPHERE = "{hemi}"
+
+
+@dataclass(frozen=True)
+class Jobs:
+    """The jobs of a run: what each reads, with what parameters it runs, what it takes. `Plan` is the whole run."""
+
+    #: configuration of each setting by what it adds to names of files; that of the line adds nothing
+    settings: Mapping[str, Config]
+    #: rows of the sheet, excluded ones too
+    sheet: Sequence[Case]
+    #: mesh -> how it failed: `stage`, `state`, `reason`, `log`
+    failures: Mapping[Mesh, Mapping[str, Any]] = field(default_factory=dict)
+    #: file that the experiments measure -> why it is missing
+    missing: Mapping[str, str] = field(default_factory=dict)
+
+    # --- what is asked for ---------------------------------------------------------------------------------------
+
+    @property
+    def config(self) -> Config:
+        """Configuration of the line."""
+        return self.settings[""]
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Names of all files."""
+        return Layout(self.config.output.as_posix())
+
+    @cached_property
+    def cases(self) -> dict[str, Case]:
+        """The included cases by name."""
+        return {case.name: case for case in self.sheet if case.include}
+
+    @cached_property
+    def resolutions(self) -> list[int]:
+        """Cell sizes, µm."""
+        return [round(1000 * size) for size in self.config.generate.cell_size]
+
+    @cached_property
+    def compared_meshers(self) -> list[str]:
+        """Meshers of other projects, for comparison: where one fails, its report says so and the run goes on."""
+        meshers = self.config.experiments.ablation.meshers
+        return [mesher for mesher in meshers if mesher in BASELINES and mesher not in self.config.generate.meshers]
+
+    def each_case(self, pattern: str) -> dict[Mesh, str]:
+        """Files of a pattern for all included cases, cell sizes and meshers."""
+        return {
+            (case.name, res, mesher): file_of(pattern, case, res, mesher)
+            for case in self.cases.values()
+            for res in self.resolutions
+            for mesher in self.config.generate.meshers
+        }
+
+    def solver_files(self) -> list[str]:
+        """Files for solvers of all meshes with their certificates: one that was deleted is made again."""
+        patterns = [*self.layout.solver_files(self.config.export.formats), self.layout.certificate]
+        return [path for pattern in patterns for path in self.each_case(pattern).values()]
+
+    def measured_stages(self) -> list[str]:
+        """Labels of the stages whose meshes are measured."""
+        return [LABELS[stage] for stage in self.config.quality.stages if self.config.enabled(stage)]
+
+    def quality_records(self) -> list[str]:
+        """Quality records of all meshes."""
+        patterns = [self.layout.mesh(label, "quality.json") for label in self.measured_stages()]
+        return [path for pattern in patterns for path in self.each_case(pattern).values()]
+
+    def settings_on(self, mesher: str) -> list[str]:
+        """Settings, as files name them, that are run on the meshes of a mesher: those that have it, else all."""
+        own = [name for name, setting in self.settings.items() if mesher in setting.generate.meshers]
+        return own or list(self.settings)
+
+    # --- one case ------------------------------------------------------------------------------------------------
+
+    def case(self, job: Job) -> Case:
+        """The case that a job is about."""
+        return self.cases[job["case"]]
+
+    def setting(self, job: Job) -> Config:
+        """Configuration of the setting that a job works in."""
+        return self.settings[job.get("setting", "")]
+
+    def line(self, job: Job) -> list[Stage]:
+        """The stages of a case in the setting of a job."""
+        case = self.case(job)
+        return self.setting(job).line(
+            nested=bool(case.inner), registered=self.is_resampled(job), aged=case.scan_age is not None
+        )
+
+    def is_resampled(self, job: Job) -> bool:
+        """Whether the line of a case begins with its resampling onto the common mesh."""
+        return self.config.enabled("resample") and self.case(job).sphere is not None
+
+    def hemisphere(self, job: Job) -> str | None:
+        """The hemisphere of a case; None of a whole brain."""
+        return self.case(job).hemi
+
+    def placement(self, job: Job) -> Placement:
+        """Matrix that takes the coordinates of a case to mm; None where they are mm.
+
+        In words why not, where its image cannot be read: the job complains (`_job.Job.to_mm`), so that others go on.
+        """
+        case = self.case(job)
+        try:
+            return None if case.is_phantom else self.config.placement(case.unit, case.affine)
+        except InputError as error:
+            return str(error)
+
+    def placement_after_resampling(self, job: Job) -> Placement:
+        """As `placement`, for the stage that is the first one where a case has no sphere."""
+        return None if self.is_resampled(job) else self.placement(job)
+
+    def facts(self, job: Job) -> dict[str, Any]:
+        """What is known of the surface or mesh that a job is about, as `Config.arguments` wants it."""
+        case = self.case(job)
+        facts: dict[str, Any] = {
+            "source": self.source(job),
+            "gestational_age": case.scan_age,
+            "hemisphere": case.hemi,
+            "placement": self.placement(job),
+            "nested": bool(case.inner),
+            "sphere_file": str(case.sphere),
+        }
+        if "res" in job.keys():  # noqa: SIM118
+            facts |= {"cell_size": int(job["res"]) / 1000, "mesher": job.get("mesher")}
+        return facts
+
+    def arguments(self, step: str, job: Job) -> dict[str, Any]:
+        """Keyword arguments of a stage or another step: with its VERSION, they decide whether it runs again."""
+        values = self._config_of(step, job).arguments(step, self._facts_of(step, job))
+        told = step in STAGES and STAGES[step].told_inside and "inner" in job.keys()  # noqa: SIM118
+        return {**values, "inside": True} if told else values
+
+    def recorded_line(self, job: Job) -> dict[str, Any]:
+        """Arguments and versions of the stages of a setting and of the certificate, for the certificate."""
+        steps = [*(stage.name for stage in self.line(job)), "certify"]
+        return {step: self._config_of(step, job).record(step, self._facts_of(step, job)) for step in steps}
+
+    def _facts_of(self, step: str, job: Job) -> dict[str, Any]:
+        """As `facts`; with a word for the hemisphere that is not known, which decides where `resample` goes."""
+        facts = self.facts(job)
+        named = {"hemisphere": facts["hemisphere"] or _NO_HEMISPHERE} if step == "resample" else {}
+        return facts | named
+
+    def _config_of(self, step: str, job: Job) -> Config:
+        """Stages that all settings share work in that of the line."""
+        return self.config if LABELS.get(step) in SHARED else self.setting(job)
+
+    def source(self, job: Job) -> str:
+        """The user's file of the surface that a job is about."""
+        case = self.case(job)
+        return str(case.inner.get(job["inner"]) if "inner" in job.keys() else case.surface)  # noqa: SIM118, wildcards
+
+    # --- the user's files ----------------------------------------------------------------------------------------
+
+    def paths(self, job: Job) -> dict[str, str]:
+        """The user's files that a job's result is made from, by their columns in the sheet, fields left out.
+
+        A job on one surface has that surface's, one on a mesh has those of all surfaces of the case.
+        """
+        case = self.case(job)
+        named: dict[str, Any] = {"surface": case.surface} | {f"inner_{name}": path for name, path in case.inner.items()}
+        if "res" not in job.keys():  # noqa: SIM118
+            own = f"inner_{job['inner']}" if "inner" in job.keys() else "surface"  # noqa: SIM118
+            named = {own: named[own]}
+        if self.is_resampled(job):
+            named |= {"sphere": case.sphere, "template": self._template(case)}
+        return {name: str(path) for name, path in named.items() if path not in (None, PHANTOM)}
+
+    def field_paths(self, job: Job) -> dict[str, str]:
+        """The files of the fields of a case, by name."""
+        return {name: str(path) for name, path in self.case(job).fields.items()}
+
+    def all_paths(self, job: Job) -> dict[str, str]:
+        """All files of a case, by their columns in the sheet."""
+        return self.paths(job) | {f"field_{name}": path for name, path in self.field_paths(job).items()}
+
+    def given_surfaces(self, job: Job) -> dict[str, str]:
+        """The user's surfaces of a case by region; nothing of a phantom."""
+        case = self.case(job)
+        named = {OUTERMOST: case.surface, **case.inner}
+        return {region: str(path) for region, path in named.items() if path != PHANTOM}
+
+    def input_sha256(self, job: Job) -> dict[str, str | None]:
+        """Hashes of `paths`: with another content of a file, whatever its time, everything of the case runs again."""
+        return content(self.paths(job))
+
+    # --- what jobs read ------------------------------------------------------------------------------------------
+
+    def surface(self, job: Job) -> str | list[str]:
+        """The surface of a case as it is given."""
+        case = self.case(job)
+        return self.layout.surface("phantom") if case.is_phantom else existing(case.surface)
+
+    def sphere(self, job: Job) -> str | list[str]:
+        """The sphere of a case that is resampled; nothing of others, and where the file is missing."""
+        if not self.is_resampled(job):
+            return []
+        sphere = self.case(job).sphere
+        return self.layout.surface("phantom", "sphere.surf.gii") if sphere == PHANTOM else existing(sphere)
+
+    def template(self, job: Job) -> str | list[str]:
+        """The common sphere that a case is resampled to; nothing where that is the icosphere."""
+        template = self._template(self.case(job)) if self.is_resampled(job) else None
+        return [] if template is None else existing(template)
+
+    def _template(self, case: Case) -> str | None:
+        """The common sphere of a case; the job complains of one that depends on a hemisphere that is not known."""
+        return self.config.resample.template_of(case.hemi or _NO_HEMISPHERE)
+
+    def inner_source(self, job: Job) -> str | list[str]:
+        """One inner surface of a case as it is given."""
+        path = self.case(job).inner.get(job["inner"])
+        if path == PHANTOM:
+            return filled(self.layout.surface("phantom", inner=True), job)
+        return existing(path) if path else []
+
+    def first_surface(self, job: Job) -> str | list[str]:
+        """The surface with which the line begins, on the common mesh where it has a sphere; of the job's own region."""
+        inner = "inner" in job.keys()  # noqa: SIM118
+        if self.is_resampled(job):
+            return self.layout.surface(STAGES["resample"].label, inner=inner)
+        return self.inner_source(job) if inner else self.surface(job)
+
+    def existing_fields(self, job: Job) -> list[str]:
+        """The files of the fields of a case that are there; the job complains about the others."""
+        return [path for path in self.field_paths(job).values() if os.path.isfile(path)]  # noqa: PTH113, names too long
+
+    def fields(self, job: Job) -> str | list[str]:
+        """The file of the case's fields; nothing when it has none."""
+        return self.layout.surface("fields") if self.case(job).fields else []
+
+    def size_field(self, job: Job) -> str | list[str]:
+        """The same where S1 follows one of them; where it does not, other fields do not make it run again."""
+        return self.fields(job) if self.config.generate.size_field else []
+
+    def meshed_surface(self, job: Job) -> str:
+        """The surface that is meshed, and that every later stage measures against."""
+        return self.layout.surface(self._last_of_surface(job))
+
+    def inner_surfaces(self, job: Job) -> list[str]:
+        """The inner surfaces of a case as S1 meshes them."""
+        return self._inner(self.layout.separated, job)
+
+    def inner_before_separating(self, job: Job) -> list[str]:
+        """The inner surfaces of a case as they are before `separate`."""
+        return self._inner(self.layout.surface(self._last_of_surface(job), inner=True), job)
+
+    def _inner(self, pattern: str, job: Job) -> list[str]:
+        return [filled(pattern, job, inner=name) for name in self.case(job).inner]
+
+    def _last_of_surface(self, job: Job) -> str:
+        """Label of the last stage that changes the surface of a case, or each of its inner ones, by itself."""
+        line = self.config.line(aged=self.case(job).scan_age is not None)
+        return [stage.label for stage in line if stage.gives == "surface"][-1]
+
+    def mesh_before(self, stage: str) -> Callable[[Job], str]:
+        """An input function: the mesh of the last enabled stage before one. A bypassed stage does not occur."""
+
+        def file(job: Job) -> str:
+            order = list(LABELS)
+            meshes = [other.name for other in self.setting(job).line() if other.gives == "mesh"]
+            earlier = [name for name in meshes if order.index(name) < order.index(stage)]
+            return filled(self.layout.mesh(LABELS[earlier[-1]]), job)
+
+        return file
+
+    def reports(self, job: Job) -> dict[str, str]:
+        """What the stages of a setting reported, by stage."""
+
+        def report(stage: Stage) -> str:
+            if stage.nested:
+                return self.layout.surface(stage.label, "white.json", inner=True, res="{res}um")
+            if stage.gives == "surface":
+                return self.layout.surface(stage.label, "white.json")
+            return self.layout.mesh(stage.label, "tetmesh.json")
+
+        first = next(iter(self.case(job).inner), "")  # each report of `separate` is about all inner surfaces
+        return {stage.name: filled(report(stage), job, inner=first) for stage in self.line(job)}
+
+    def inner_reports(self, stage: str) -> Callable[[Job], list[str]]:
+        """An input function: what a stage reported of the inner surfaces; nothing where it has not run."""
+
+        def files(job: Job) -> list[str]:
+            pattern = self.layout.surface(STAGES[stage].label, "white.json", inner=True)
+            return self._inner(pattern, job) if STAGES[stage] in self.line(job) else []
+
+        return files
+
+    def space(self, job: Job) -> str:
+        """The surface in whose space all files of a case are."""
+        case = self.case(job)
+        return filled(self.layout.surface("phantom"), job) if case.is_phantom else str(case.surface)
+
+    def origin(self, label: str, job: Job) -> dict[str, Any]:
+        """Whose record a job writes; `label` is that of the stage that made the mesh or surface."""
+        if "mesher" in job.keys():  # noqa: SIM118
+            return self.origin_of_mesh(label, job["case"], int(job["res"]), job["mesher"], job.get("setting", ""))
+        inner = {"inner": job["inner"]} if "inner" in job.keys() else {}  # noqa: SIM118
+        return {"case": job["case"], "stage": label, **inner}
+
+    def origin_of_mesh(self, label: str, case: str, res: int, mesher: str, setting: str = "") -> dict[str, Any]:
+        """Whose record one of a mesh is."""
+        return {
+            "case": case,
+            "stage": label,
+            "cell_size_mm": res / 1000,
+            "mesher": mesher,
+            "setting": None if label in SHARED else self.settings[setting].setting,
+        }
+
+    # --- what jobs take ------------------------------------------------------------------------------------------
+
+    def tets(self, job: Job) -> float:
+        """Tetrahedra to expect: from the volume that the gate found, before it has run from the age; 0 on a surface."""
+        if "mesher" not in job.keys():  # noqa: SIM118
+            return 0
+        case = self.case(job)
+        try:
+            gated = filled(self.layout.surface(STAGES["gate"].label, "white.json"), job)
+            volume = json.loads(Path(gated).read_text(encoding="utf-8"))["volume_ml"]
+        except (OSError, ValueError):
+            volume = expected_volume_ml(case.scan_age, whole=case.hemi is None)
+        return expected_tets(volume, int(job["res"]) / 1000, job["mesher"])
+
+    def megabytes(self, rule: str, job: Job, attempt: int) -> int:
+        """Memory that a job asks for, MB: more after each time it was killed."""
+        return memory_to_ask_mb(cost(rule, job.get("mesher", "")).memory_mb(self.tets(job)), attempt)
+
+    def minutes(self, rule: str, job: Job) -> int:
+        """Time limit that a job asks for."""
+        return minutes_to_ask(cost(rule, job.get("mesher", "")).cpu_seconds(self.tets(job)))
+
+
+def existing(path: str | Path | None) -> str | list[str]:
+    """The file if it is there: a missing one is for the job to complain about, so that other cases go on."""
+    return str(path) if path and os.path.isfile(path) else []  # noqa: PTH113, false of names that are too long

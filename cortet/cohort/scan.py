@@ -1,0 +1,91 @@
+"""Read a data release: which hemispheres it holds, at what ages, as rows of a cohort sheet."""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from cortet.cohort.ages import ages_at_scan
+from cortet.cohort.sheet import HEMISPHERES, WHITE, Case, filled_in
+from cortet.config import Scan
+from cortet.errors import InputError
+
+
+def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], object] = lambda _: None) -> list[Case]:
+    """The hemispheres of a dHCP-like release, sorted by name.
+
+    A case whose age at scan is in no table has none. `say` is told where the ages come from, and what is not read.
+
+    Raises
+    ------
+    InputError : no surface matches, or a table cannot be read
+    """
+    patterns = patterns or Scan()
+    found: dict[tuple[str, str | None, str | None], Path] = {}
+    for pattern in patterns.surfaces:
+        for path, values in _matches(directory, pattern):
+            hemi = values.get("hemi")
+            if hemi is None or hemi.lower() in HEMISPHERES:
+                key = (values["participant"], values.get("session"), hemi and HEMISPHERES[hemi.lower()])
+                found.setdefault(key, path)
+    if not found:
+        raise InputError(
+            "no surfaces found",
+            file=directory,
+            remedy="check the folder, or set cohort.scan.surfaces; looked for " + ", ".join(patterns.surfaces),
+        )
+    sessions = list(dict.fromkeys((participant, session) for participant, session, _ in found))
+    tables = {key: _age_tables(directory, *key, patterns) for key in sessions}
+    named = "age_columns" in patterns.model_fields_set
+    ages, told = ages_at_scan(sessions, tables, patterns.age_columns, named=named)
+    for sentence in told:
+        say(sentence)
+    cases = []
+    for (participant, session, hemi), path in sorted(found.items(), key=lambda item: [part or "" for part in item[0]]):
+        surface, inner = _around(path) if patterns.pial else (path, {})
+        sphere = _sphere_of(path, patterns.spheres)
+        cases.append(
+            Case(participant, session, hemi, ages.get((participant, session)), surface, inner=inner, sphere=sphere)
+        )
+    return cases
+
+
+def _age_tables(directory: Path, participant: str, session: str | None, patterns: Scan) -> list[tuple[str, Path]]:
+    """Tables that may hold the age of a session, that which counts most first: what it is called, and where it is."""
+    labels = {"participant": participant, "session": session}
+    return [(name, directory / filled_in(name, labels)) for name in (patterns.sessions, patterns.participants)]
+
+
+def _sphere_of(path: Path, endings: Sequence[str]) -> Path | None:
+    """The sphere beside a surface, of the first of these ends of names that there is."""
+    begin = re.sub(r"[A-Za-z]+(\.surf\.gii)?$", "", path.name)
+    for ending in endings:
+        if found := sorted(path.parent.glob(glob.escape(begin) + ending)):
+            return found[0]
+    return None
+
+
+def _around(path: Path) -> tuple[Path, dict[str, Path]]:
+    """The pial surface beside a white one, and the white one as its inner surface; the white one alone without it."""
+    pial = path.with_name(re.sub(r"(wm|white)(\.surf\.gii)$", r"pial\2", path.name))
+    return (pial, {WHITE: path}) if pial != path and pial.is_file() else (path, {})
+
+
+def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, str]]]:
+    """Files below `directory` that fit a pattern, with the values of its placeholders."""
+    if "{participant}" not in pattern or not pattern.strip() or Path(pattern).is_absolute() or "\0" in pattern:
+        raise InputError(
+            f"cohort.scan.surfaces: {pattern!r} finds nothing",
+            remedy="give a pattern below the folder with the placeholder {participant}",
+        )
+    parts = re.split(r"\{(participant|session|hemi)\}", pattern)
+    expression, seen = "", set[str]()
+    for text, name in zip(parts[::2], [*parts[1::2], ""], strict=True):
+        label = f"(?P={name})" if name in seen else f"(?P<{name}>[A-Za-z0-9]+)"
+        expression += re.escape(text) + (label if name else "")
+        seen.add(name)
+    for path in sorted(directory.glob("*".join(parts[::2]))):
+        if match := re.fullmatch(expression, path.relative_to(directory).as_posix()):
+            yield path, match.groupdict()
