@@ -391,8 +391,9 @@ def test_a_phantom_pair_is_separate_and_one_too_folded_is_refused():
     depth, _, _ = depths(surface_tree(pial.points, pial.faces), pial, white.points)
     assert depth.min() > 0.5 and np.median(depth) == pytest.approx(1.5, abs=0.1)
     assert len(self_intersections(joined([pial, white]))) == 0
-    with pytest.raises(InputError, match="give a positive thickness"):
-        inset(pial, 0.0)
+    for thickness in (0.0, 1e308, np.nan):
+        with pytest.raises(InputError, match=r"the thickness in mm is .* \(use 0.1 to 10\)"):
+            inset(pial, thickness)
 
 
 def test_the_page_shows_regions_and_thin_places(pair, meshed, tmp_path):
