@@ -1,0 +1,65 @@
+"""The `cortet` command. Everything heavy is imported by the subcommand that needs it."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import logging
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cortet.cli.options import WRITTEN, CheckedOutput, FolderOfFiles, Number, OutputFile, parser
+from cortet.errors import CortetError, InputError
+from cortet.formats.ownership import guarded
+
+__all__ = ["Number", "main", "parser"]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; 0: done and well, 1: refused, not certified or failed, 2: wrong usage."""
+    args = parser().parse_args(arguments)
+    logging.basicConfig(format="%(levelname)s %(message)s", level=logging.INFO if args.verbose else logging.WARNING)
+    try:
+        _refuse_repeated(args)
+        with _guarded(args):
+            code = int(args.run(args))
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # whoever read our output, `head` perhaps, has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to flush at the end
+        return 141  # as of a program that SIGPIPE ends
+    except CortetError as error:
+        print(f"cortet: {error}", file=sys.stderr)
+        return 1
+    except OSError as error:  # no space left, no permission
+        print(f"cortet: {error.filename or 'a file'}: {error.strerror or error}", file=sys.stderr)
+        return 1
+    except MemoryError:
+        print("cortet: there is not enough memory for this (use a larger machine or cell size)", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("cortet: interrupted", file=sys.stderr)
+        return 130
+
+
+def _refuse_repeated(args: argparse.Namespace) -> None:
+    """Raise InputError where one name is given two files: of `--inner`, `--field`."""
+    for option in ("inner", "field"):
+        names = [name for name, _ in getattr(args, option, [])]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise InputError(f"--{option} names {twice} twice", remedy="give each a name of its own: NAME=FILE")
+
+
+def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None]:
+    """The guard of a command, from the types of its arguments."""
+    values = [one for value in vars(args).values() for one in (value if isinstance(value, list) else [value])]
+    paths = [Path(value[1]) if isinstance(value, tuple) else value for value in values]
+    return guarded(
+        [path for path in paths if isinstance(path, Path) and not isinstance(path, WRITTEN)],
+        files=[path for path in paths if isinstance(path, OutputFile)],
+        shared=[path for path in paths if isinstance(path, FolderOfFiles)],
+        folders=[path for path in paths if isinstance(path, CheckedOutput)],
+        force=getattr(args, "force", False),
+    )

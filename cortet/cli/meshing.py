@@ -1,0 +1,199 @@
+"""Commands that make a mesh: `mesh`, `stages`."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cortet.cli.given import config_of, draw, sphere_of, stem_of, surface_of
+from cortet.cli.meshes import print_verdict
+from cortet.formats import format_of
+from cortet.formats.ownership import delete_made, may_write, record_of
+
+if TYPE_CHECKING:
+    from cortet.config import Config
+    from cortet.mesh import TetMesh, TriSurface
+    from cortet.pipeline import Step
+
+
+def mesh_command(args: argparse.Namespace) -> int:
+    """Mesh a surface, judge the mesh and write it with its companions."""
+    from cortet.formats.placement import placed
+    from cortet.mesh import OUTERMOST
+    from cortet.pipeline import mesh_surface
+    from cortet.solver_files.export import export
+    from cortet.solver_files.fields import field_sources
+    from cortet.solver_files.meshed import certificate_path, made_from, meshed_files, require_own_stem, write_meshed
+    from cortet.solver_files.sets import named_sets
+    from cortet.solver_files.sidecar import sidecar_path
+
+    # what cannot be written is refused before the work, and before anything of an earlier run is deleted
+    solver = format_of(args.output).name
+    record = certificate_path(args.output)
+    surfaces = meshed_files([OUTERMOST, *dict(args.inner)], args.output)
+    for file in (record, sidecar_path(args.output), *surfaces.values()):
+        may_write(file)
+    given = {OUTERMOST: args.surface} | dict(args.inner)
+    config = config_of(args)
+    size = config.generate.cell_size[0]
+    if not args.force:
+        require_own_stem(args.output, given, cell_size=size)
+    surface = surface_of(args, config)
+    sphere = sphere_of(args)
+    progress = Progress(config, args.ga, nested=bool(surface.inner), registered=sphere is not None)
+    mesh, certificate, meshed = mesh_surface(
+        surface,
+        config,
+        gestational_age=args.ga,
+        source=args.surface,
+        inner_sources=dict(args.inner),
+        sphere=sphere,
+        sphere_source=args.sphere,
+        case=stem_of(args.output),
+        progress=progress,
+    )
+    if not args.force:
+        require_own_stem(args.output, given, cell_size=size, mesh_sha256=certificate.mesh_sha256)
+    delete_made(record)  # what an earlier run left must not pass for this run's
+    delete_made(sidecar_path(args.output))
+    with recorded(asdict(certificate), record) as place:
+        write_meshed(meshed, place(args.output))
+    if certificate.certified:
+        sources = field_sources(dict(args.field), config.export.field_units)
+        labels = {name: field.labels for name, field in sources.items()}
+        export(
+            named_sets(mesh, **config.export.sets, label_names=labels, inner=list(meshed.inner)),
+            args.output,
+            solver=solver,
+            certificate=asdict(certificate),
+            unit=config.export.carp_unit,
+            frame=surface.frame,
+            sources=sources,
+            interior=config.transfer.interior,
+            made_from=made_from(surfaces, given, args.output.parent),
+        )
+    elif args.force:
+        args.output.unlink(missing_ok=True)  # one of an earlier run would pass for this one
+    with recorded(asdict(certificate), record, surfaces.values()) as place:
+        _mesh_views(args, mesh, meshed, placed(surface, config.placement()), asdict(certificate), config, place)
+    print()
+    print_verdict(certificate)
+    print(f"{record}: every number beside its limit")
+    if certificate.certified:
+        print(f"{args.output}: written, with the surface that was meshed: {surfaces[OUTERMOST].name}")
+    else:
+        print(f"{args.output}: not written")
+    return 0 if certificate.certified else 1
+
+
+def _mesh_views(
+    args: argparse.Namespace,
+    mesh: TetMesh,
+    meshed: TriSurface,
+    given: TriSurface,
+    certificate: Mapping[str, Any],
+    config: Config,
+    place: Callable[[Path], Path],
+) -> None:
+    """The picture and the page of a mesh, where they are asked for; `place` says where they are written for now."""
+    if args.picture:
+        draw(mesh, args.picture, place)
+    if args.page:
+        from cortet.report.case_page import about, write_case_page
+
+        chosen = {"scan_age": args.ga, "cell_size": config.generate.cell_size[0], "mesher": config.generate.meshers[0]}
+        write_case_page(mesh, given, certificate, place(args.page), meshed=meshed, facts=about(chosen))
+        print(f"{args.page}: written")
+
+
+@contextlib.contextmanager
+def recorded(
+    content: Mapping[str, Any], record: Path, earlier: Iterable[Path] = ()
+) -> Iterator[Callable[[Path], Path]]:
+    """Write a report that lists the files made with it, so that another run may replace them, also after a kill.
+
+    Yields where to write a file for now: those beside the report get their names after the report has its own.
+
+    Parameters
+    ----------
+    earlier : further files beside the report that it lists
+    """
+    from cortet.formats.atomic import atomic_folder, write_json
+
+    with atomic_folder(record) as folder:
+        yield lambda file: folder / file.name if file.parent.absolute() == record.parent.absolute() else file
+        write_json({**content, **record_of([*earlier, *sorted(folder.iterdir())])}, folder / record.name)
+
+
+def stages_command(args: argparse.Namespace) -> int:
+    """Print what each stage of the line does to a surface."""
+    from cortet.formats.tsv import cell, write_tsv
+    from cortet.pipeline import run
+    from cortet.report.stage_table import STAGE_COLUMNS, measured_stages
+
+    config = config_of(args)
+    surface = surface_of(args, config)
+    rows = []
+    widths = [max(len(name) + 2, 12) for name in STAGE_COLUMNS]
+    print("".join(f"{name:>{width}}" for name, width in zip(STAGE_COLUMNS, widths, strict=True)))
+    line = run(
+        surface,
+        config,
+        gestational_age=args.ga,
+        source=args.surface,
+        inner_sources=dict(args.inner),
+        sphere=sphere_of(args),
+        sphere_source=args.sphere,
+    )
+    for row in measured_stages(line):
+        values = (cell(row[name]) for name in STAGE_COLUMNS)
+        print("".join(f"{value:>{width}}" for value, width in zip(values, widths, strict=True)), flush=True)
+        rows.append(row)
+    if args.output:
+        write_tsv(rows, list(STAGE_COLUMNS), args.output)
+    return 0
+
+
+class Progress:
+    """A table on the terminal that grows by a row for every stage, and names the one that is running."""
+
+    HEAD = ("stage", "seconds", "nodes", "tets", "mean q", "q_max", "q > 0.6")
+
+    def __init__(self, config: Config, gestational_age: float | None, *, nested: bool, registered: bool) -> None:
+        from cortet.pipeline import stages
+
+        self.live = sys.stdout.isatty()
+        self.waiting = stages(config, gestational_age=gestational_age, nested=nested, registered=registered)
+        print(self._row(self.HEAD))
+        self._announce()
+
+    def __call__(self, step: Step) -> None:
+        """Print the row of a stage that has run."""
+        row = self._row((step.stage, f"{step.seconds:.1f}", *self._numbers(step.result)))
+        print(f"\r{row}" if self.live else row, flush=True)
+        self.waiting.remove(step.stage)
+        self._announce()
+
+    def _announce(self) -> None:
+        if self.live:
+            print(f"{self.waiting[0] if self.waiting else 'certify'} ...".ljust(40), end="", flush=True)
+
+    @staticmethod
+    def _numbers(result: TriSurface | TetMesh) -> Iterable[str]:
+        from cortet.measure.quality import quality
+        from cortet.mesh import TetMesh
+
+        if not isinstance(result, TetMesh):
+            return str(len(result.points)), "", "", "", ""
+        q = quality(result.points, result.cells)
+        return str(len(result.points)), str(len(q)), f"{q.mean():.4f}", f"{q.max():.4f}", str(int((q > 0.6).sum()))
+
+    @staticmethod
+    def _row(cells: Iterable[str]) -> str:
+        name, *numbers = cells
+        return f"{name:<16}" + "".join(f"{number:>10}" for number in numbers)

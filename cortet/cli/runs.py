@@ -1,0 +1,120 @@
+"""Long runs: `fold`, `cohort scan`, `run`; and `doctor`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+from cortet.cli.given import read_mesh, settings_of
+from cortet.errors import InputError
+from cortet.formats.ownership import may_write
+
+if TYPE_CHECKING:
+    pass
+
+
+def fold_command(args: argparse.Namespace) -> int:
+    """Fold a mesh."""
+    from numba import get_num_threads, set_num_threads
+
+    from cortet.config import load, read
+    from cortet.report.fold_figures import FILM, NUMBERS, PICTURE, draw
+    from cortet.simulation.fold import FILES, fold
+    from cortet.simulation.progress import status
+    from cortet.simulation.state import Settings
+    from cortet.solver_files.sidecar import read_sidecar
+
+    known = read_sidecar(args.mesh).get("made_from", {}).get("hemisphere")
+    if args.hemi and known and args.hemi != known:
+        raise InputError(
+            f"was made from a surface of hemisphere {known}, as that says, not {args.hemi}",
+            file=args.mesh,
+            remedy=f"use --hemi {known}",
+        )
+    for name in (*FILES, NUMBERS, PICTURE, FILM):  # before the work
+        may_write(args.output / name)
+    if args.threads:
+        set_num_threads(min(args.threads, get_num_threads()))
+    chosen = {"end": args.end, "time_step": args.time_step, "device": args.device}
+    data: dict[str, Any] = {}
+    if args.config:
+        load(args.config)  # complaints name the file
+        data = read(args.config)
+    data["fold"] = {**(data.get("fold") or {}), **{key: value for key, value in chosen.items() if value is not None}}
+    values = load(data).arguments("fold", {"gestational_age": args.ga, "hemisphere": args.hemi})
+    live = sys.stdout.isatty()
+    verdict = fold(
+        read_mesh(args.mesh),
+        args.output,
+        Settings(**values),
+        lambda *progress: print(
+            f"\r{status(*progress)}" if live else status(*progress), end="" if live else "\n", flush=True
+        ),
+        print,
+    )
+    print(f"\n{verdict.reason}")
+    for path in draw(args.output, args.hemi):
+        print(f"{path}: drawn")
+    return 0 if verdict.outcome == "folded" else 1
+
+
+def scan_command(args: argparse.Namespace) -> int:
+    """Write the cohort sheet of a data release."""
+    from cortet.cohort.scan import scan
+    from cortet.cohort.sheet import add_to_sheet, ageless_notice, read_header, write_sheet
+    from cortet.config import load
+
+    exists = args.output.exists()
+    if exists and not (args.update or args.force):
+        raise InputError(
+            "exists already, and may have been edited",
+            file=args.output,
+            remedy="add --update to append new cases to it, --force to replace it, or give another name",
+        )
+    if exists:
+        read_header(args.output)  # no other table is replaced, whatever is forced
+    cases = scan(args.folder, load(args.config).cohort.scan if args.config else None, print)
+    if exists and args.update:
+        found, cases = len(cases), add_to_sheet(cases, args.output)
+        print(f"{args.output}: {found} surfaces, {len(cases)} of them new and added")
+    else:
+        write_sheet(cases, args.output)
+        print(f"{args.output}: {len(cases)} surfaces")
+    for notice in ageless_notice(cases):
+        print(f"  {notice}")
+    return 0
+
+
+def run_command(args: argparse.Namespace) -> int:
+    """Run the workflow over a data release."""
+    import time
+
+    from cortet.cohort import app
+    from cortet.cohort.sheet import ageless_notice
+
+    began = time.time()
+    settings, selection = settings_of(args), app.Selection(args.participants, args.sessions, args.hemi)
+    cases = app.find(args.bids_dir, selection, settings, print)
+    print(f"{len(cases)} surfaces of {args.bids_dir}", flush=True)
+    for notice in ageless_notice(cases):
+        print(f"  {notice}", flush=True)
+    with app.lock(args.bids_dir, args.output_dir):
+        work = args.work_dir or app.work_folder(args.output_dir)
+        app.prepare(cases, args.bids_dir, args.output_dir, work, settings)
+        code = app.snakemake(
+            work, args.level, cores=args.cores or os.cpu_count() or 1, profile=args.profile, dry_run=args.dry_run
+        )
+    for line in app.failures(args.output_dir, began):
+        print(line, file=sys.stderr)
+    if not code and not args.dry_run:
+        print(f"{args.output_dir}: done")
+    return int(code != 0)
+
+
+def doctor_command(_: argparse.Namespace) -> int:
+    """Check the installation."""
+    from cortet import doctor
+
+    return doctor.run()

@@ -1,0 +1,148 @@
+"""Commands on surfaces: `gate`, `repair`, `resample`, `phantom`."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cortet.cli.given import stem_of
+from cortet.cli.meshing import recorded
+from cortet.errors import CortetError
+from cortet.formats.ownership import may_write
+
+if TYPE_CHECKING:
+    from cortet.stages.gate import GateReport
+
+
+def gate_command(args: argparse.Namespace) -> int:
+    """Say whether a surface can be meshed."""
+    from cortet.formats.gifti import read_surface
+    from cortet.stages.gate import gate
+
+    refused = 0
+    for path in args.surfaces:
+        try:
+            _, report = gate(read_surface(path), source=str(path), allow_genus=args.allow_genus)
+        except CortetError as error:
+            refused += 1
+            print(f"refused   {error}{_repairable(path, args.allow_genus)}", flush=True)
+        else:
+            print(f"accepted  {path}: {_findings(report)}", flush=True)
+    return 1 if refused else 0
+
+
+def _repairable(path: Path, allow_genus: int) -> str:
+    """What `cortet mesh` and `cortet repair` would make of a surface that the gate refuses, for the end of a line."""
+    from cortet.config import load
+    from cortet.formats.gifti import read_surface
+    from cortet.stages.gate import gate
+    from cortet.stages.repair import repair
+
+    config = load({"gate": {"allow_genus": allow_genus}})
+    logging.disable(logging.WARNING)  # nothing is repaired yet
+    try:
+        mended, _ = repair(read_surface(path, finite=False), **config.arguments("repair", {"source": str(path)}))
+        gate(mended, source=str(path), allow_genus=allow_genus)
+    except CortetError:
+        return ""
+    finally:
+        logging.disable(logging.NOTSET)
+    return f"; repairable: `cortet mesh` repairs it, and so does `cortet repair {path}`"
+
+
+def repair_command(args: argparse.Namespace) -> int:
+    """Repair a surface and write it with its report."""
+    from cortet.config import load
+    from cortet.formats.gifti import read_surface, write_surface
+    from cortet.formats.placement import placed
+    from cortet.geometry.mending import measurable
+    from cortet.measure.lost import distances_to
+    from cortet.solver_files.fields import with_fields
+    from cortet.stages.repair import repair
+
+    record = args.output.with_name(f"{stem_of(args.output)}.repair.json")
+    may_write(record)
+    config = load(args.config or {})
+    given = with_fields(read_surface(args.surface, finite=False), dict(args.field))
+    given = placed(given, config.placement())
+    made, report = repair(given, **config.arguments("repair", {"source": str(args.surface)}))
+    with recorded(asdict(report), record) as place:
+        write_surface(made, place(args.output))
+        if args.picture:
+            from cortet.report.render import before_and_after
+
+            file = measurable(given)
+            before_and_after(file, made, distances_to(file, made)[len(made.points) :], place(args.picture))
+    for step in report.steps:
+        print(f"{step.count} {step.done}")
+    if not report.repaired:
+        print("nothing to repair")
+    else:
+        there, back = report.file_to_surface_mm, report.surface_to_file_mm
+        print(f"{there.max:.3f} mm from the file to the surface at most, {back.max:.3f} mm back")
+        print(f"volume {report.volume_ml:.2f} mL ({report.relative_volume_change:+.3%})")
+    if args.picture:
+        print(f"{args.picture}: drawn")
+    print(f"{args.output}: written, with {record.name}")
+    return 0
+
+
+def resample_command(args: argparse.Namespace) -> int:
+    """Put a surface onto the common mesh and write it with its report."""
+    from cortet.config import load
+    from cortet.formats.gifti import read_surface, write_surface
+    from cortet.formats.placement import placed
+    from cortet.solver_files.fields import with_fields
+    from cortet.stages.resample import resample
+
+    record = args.output.with_name(f"{stem_of(args.output)}.resample.json")
+    may_write(record)
+    config = load(args.config or {})
+    native = placed(with_fields(read_surface(args.surface), dict(args.field)), config.placement())
+    facts = {"sphere_file": str(args.sphere), "hemisphere": None}
+    made, report = resample(native, read_surface(args.sphere), **config.arguments("resample", facts))
+    with recorded(asdict(report), record) as place:
+        write_surface(made, place(args.output))
+    there, back = report.native_to_resampled_mm, report.resampled_to_native_mm
+    print(f"{report.vertices} vertices instead of {report.vertices_before}")
+    print(f"from the native surface {there.mean:.3f} mm on average, {there.max:.3f} mm at most; ", end="")
+    print(f"back {back.mean:.3f} mm and {back.max:.3f} mm")
+    if report.crossing_faces > report.crossing_faces_before:
+        print(f"{report.crossing_faces} triangles cross others, {report.crossing_faces_before} did before")
+    print(f"{args.output}: written, with {record.name}")
+    return 0
+
+
+def phantom_command(args: argparse.Namespace) -> int:
+    """Write a synthetic cortex."""
+    from cortet.formats.gifti import write_surface
+    from cortet.phantom import inset, phantom_with_sphere
+
+    surface, sphere = phantom_with_sphere(args.ga, hemisphere=args.hemi, subdivisions=args.subdivisions, seed=args.seed)
+    if args.sphere:
+        write_surface(sphere, args.sphere)
+    if args.pial:
+        write_surface(surface, args.pial)
+        print(f"{args.pial}: {len(surface.points)} vertices, {len(surface.faces)} faces")
+        surface = inset(surface, args.thickness)
+    write_surface(surface, args.output)
+    print(f"{args.output}: {len(surface.points)} vertices, {len(surface.faces)} faces")
+    return 0
+
+
+def _findings(report: GateReport) -> str:
+    """What the gate found and mended, in one line."""
+    mended = (
+        (report.unused_vertices_dropped, "unused vertices dropped"),
+        (report.faces_reoriented, "faces turned outward"),
+        (
+            report.crossing_faces_repaired,
+            f"crossing faces pulled apart, moving {report.repair_moved_vertices} vertices by up to "
+            f"{report.repair_max_displacement_mm:.3f} mm",
+        ),
+    )
+    size = f"{report.vertices} vertices, {report.volume_ml:.1f} mL, {report.area_mm2:.0f} mm2"
+    return "; ".join([size, *(f"{count} {what}" for count, what in mended if count)])
