@@ -22,7 +22,8 @@ from cortet.formats import vtu
 from cortet.formats.tsv import read_tsv
 from cortet.mesh import TetMesh
 from cortet.report import published
-from cortet.simulation.fold import TABLE, VERDICT, fold
+from cortet.simulation.fold import fold
+from cortet.simulation.journal import TABLE, VERDICT
 from cortet.simulation.state import Settings
 
 #: ages that judge the fit end here, weeks

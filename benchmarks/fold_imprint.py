@@ -28,7 +28,7 @@ from cortet.geometry.topology import boundary_surface
 from cortet.mesh import FloatArray, IntArray
 from cortet.meshers._lattice import CONSTANT
 from cortet.report.fold_figures import series
-from cortet.simulation.fold import SERIES, TABLE
+from cortet.simulation.journal import SERIES, TABLE
 
 _TURNS = 200
 #: shortest reciprocal vectors of a body-centred cubic lattice of constant 1, over 2 pi, one of each opposite pair

@@ -22,8 +22,9 @@ from cortet.formats import braingrowth
 from cortet.formats.tsv import read_tsv
 from cortet.mesh import TetMesh
 from cortet.report.fold_figures import draw
-from cortet.simulation.fold import TABLE, fold
+from cortet.simulation.fold import fold
 from cortet.simulation.growth import age_of
+from cortet.simulation.journal import TABLE
 from cortet.simulation.state import Settings
 
 #: of the reference: 0.05 sqrt(rho / K) times a mesh spacing of 0.01

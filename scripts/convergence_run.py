@@ -14,8 +14,8 @@ from cortet.formats.atomic import write_json
 from cortet.pipeline import mesh_surface
 from cortet.report.fold_figures import series
 from cortet.simulation.carried import carried
-from cortet.simulation.fold import SERIES, fold
-from cortet.simulation.progress import per_percent
+from cortet.simulation.fold import fold
+from cortet.simulation.journal import SERIES, per_percent
 from cortet.simulation.state import Settings
 from cortet.solver_files.fields import with_fields
 

@@ -9,7 +9,7 @@ job = start(snakemake)
 
 from cortet.formats import vtu
 from cortet.simulation.fold import fold
-from cortet.simulation.progress import per_percent
+from cortet.simulation.journal import per_percent
 from cortet.simulation.state import Settings
 
 verdict = fold(

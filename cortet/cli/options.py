@@ -72,7 +72,7 @@ class _FoldStatus(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, _: object, folder: object, *__: object) -> None:
         """Print it and end the program."""
-        from cortet.simulation.progress import reached
+        from cortet.simulation.journal import reached
 
         try:
             print(reached(Path(str(folder))))

@@ -21,8 +21,8 @@ def fold_command(args: argparse.Namespace) -> int:
 
     from cortet.config import load, read
     from cortet.report.fold_figures import FILM, NUMBERS, PICTURE, draw
-    from cortet.simulation.fold import FILES, fold
-    from cortet.simulation.progress import status
+    from cortet.simulation.fold import fold
+    from cortet.simulation.journal import FILES, status
     from cortet.simulation.state import Settings
     from cortet.solver_files.sidecar import read_sidecar
 

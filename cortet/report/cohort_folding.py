@@ -16,7 +16,7 @@ from cortet.formats.atomic import write_json
 from cortet.formats.tsv import read_tsv, write_tsv
 from cortet.report.figures import COLOURS, PAGE, STYLE, save
 from cortet.report.fold_figures import curves, real_points
-from cortet.simulation.fold import TABLE, VERDICT
+from cortet.simulation.journal import TABLE, VERDICT
 
 VERSION: int = 1
 

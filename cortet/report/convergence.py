@@ -31,8 +31,8 @@ from cortet.geometry.topology import face_areas
 from cortet.mesh import FloatArray
 from cortet.report.figures import BLUE, GREEN, PAGE, STYLE, VERMILION, save
 from cortet.report.table_files import PrintedColumn, Table, number, write
-from cortet.simulation.fold import TABLE
 from cortet.simulation.folds import depth_below_hull
+from cortet.simulation.journal import TABLE
 
 VERSION: int = 1
 

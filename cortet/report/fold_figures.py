@@ -26,7 +26,7 @@ from cortet.mesh import FloatArray, TetMesh, TriSurface
 from cortet.report import published
 from cortet.report.figures import BLUE, GREY, PAGE, STYLE, VERMILION, save
 from cortet.report.render import off_screen
-from cortet.simulation.fold import SERIES, TABLE
+from cortet.simulation.journal import SERIES, TABLE
 
 VERSION: int = 2
 

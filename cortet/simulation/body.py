@@ -5,6 +5,7 @@ Lengths are divided by `Scale.length`, so that the constants below, which come f
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +13,20 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
-from cortet.geometry.topology import TET_FACES, boundary_faces, boundary_nodes, face_areas, vertex_normals
+from cortet.formats.surface_sets import INTERFACE
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.topology import (
+    TET_FACES,
+    boundary,
+    boundary_faces,
+    boundary_nodes,
+    cut_components,
+    face_areas,
+    interfaces,
+    vertex_normals,
+)
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import FILLED, FloatArray, IntArray, TetMesh
-from cortet.simulation.cortex_region import cortex_region
-from cortet.simulation.fields import node_field
+from cortet.mesh import FILLED, REGION, FloatArray, IntArray, MeshSets, TetMesh, node_field
 
 #: cortical thickness at t = 0, and what it gains per unit of time
 THICKNESS, THICKENING = 0.042, 0.01
@@ -237,3 +247,57 @@ def largest_time_step(altitude: float, material: Material) -> float:
     """
     stiffness = material.bulk + 4 / 3 * max(material.mu_cortex, material.mu_core)
     return altitude * float(np.sqrt(material.density / stiffness))
+
+
+class CortexRegion(NamedTuple):
+    """The cortex of a body with n nodes and m tetrahedra; lengths in the unit of its points."""
+
+    #: (m,), which tetrahedra are cortex
+    cells: NDArray[np.bool_]
+    #: (n,), distance of the two surfaces at each node: to the nearest point of the one and of the other
+    thickness: FloatArray
+    #: (n, 3), unit vectors from the interface to the outer surface
+    direction: FloatArray
+
+
+def with_interface(mesh: TetMesh) -> TetMesh:
+    """The mesh with its interfaces as a set of faces, where regions are numbers of its tetrahedra."""
+    if REGION not in mesh.cell_data or mesh.sets.cells or interface_faces(mesh) is not None:
+        return mesh
+    found = interfaces(mesh)
+    if not len(found.faces):
+        return mesh
+    faces = {**mesh.sets.faces, f"region{INTERFACE}": found.faces}
+    return replace(mesh, sets=MeshSets(mesh.sets.nodes, faces, mesh.sets.cells))
+
+
+def interface_faces(mesh: TetMesh) -> IntArray | None:
+    """All faces between regions: (k, 3); None where no set names any."""
+    named = [faces for name, faces in mesh.sets.faces.items() if name.endswith(INTERFACE)]
+    return np.concatenate(named) if named else None
+
+
+def cortex_region(mesh: TetMesh, points: FloatArray) -> CortexRegion | None:
+    """The region next to the boundary of a mesh with interfaces; None for a mesh without.
+
+    Parameters
+    ----------
+    points : (n, 3), nodes of the mesh in the unit that lengths are wanted in
+    """
+    faces = interface_faces(mesh)
+    if faces is None:
+        return None
+    part = cut_components(mesh, faces)
+    outer = boundary(mesh)
+    cortex = np.isin(part, np.unique(part[outer.cells]))
+    facing = faces[_touches(mesh.cells[cortex], faces)]
+    out, inside = (closest_points(surface_tree(points, some), points) for some in (outer.faces, facing))
+    across = out.points - inside.points
+    thickness = np.linalg.norm(across, axis=1)
+    direction = across / np.maximum(thickness, np.finfo(float).tiny)[:, None]
+    return CortexRegion(cortex, out.distances + inside.distances, direction)
+
+
+def _touches(cells: IntArray, faces: IntArray) -> NDArray[np.bool_]:
+    """Whether all nodes of each face are nodes of some of these tetrahedra."""
+    return np.asarray(np.isin(faces, cells).all(axis=1))

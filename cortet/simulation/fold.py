@@ -15,13 +15,24 @@ from cortet.formats.atomic import write_json
 from cortet.formats.ownership import delete
 from cortet.formats.tsv import write_tsv
 from cortet.mesh import TetMesh
-from cortet.simulation import checkpoint
-from cortet.simulation.body import smallest_altitude
-from cortet.simulation.checkpoint import Checkpoint
+from cortet.simulation.body import smallest_altitude, with_interface
 from cortet.simulation.contact import listed_at
-from cortet.simulation.cortex_region import with_interface
-from cortet.simulation.frames import write_frame, write_series
 from cortet.simulation.growth import age_of, time_of
+from cortet.simulation.journal import (
+    CHECKPOINT,
+    SECONDS,
+    SERIES,
+    SIDECAR,
+    TABLE,
+    VERDICT,
+    Checkpoint,
+    Progress,
+    fingerprint,
+    load_checkpoint,
+    save_checkpoint,
+    write_frame,
+    write_series,
+)
 from cortet.simulation.kernels import Motion
 from cortet.simulation.measurements import COLUMNS, Measurements
 from cortet.simulation.plausible import check_cells, check_mesh
@@ -30,20 +41,12 @@ from cortet.simulation.state import Moment, Run, Settings
 
 VERSION: int = 4
 
-#: files in the folder of a run; seconds have a table of their own, all else is the same in every run
-TABLE, SIDECAR, SECONDS, VERDICT, SERIES = "fold.tsv", "fold.json", "seconds.tsv", "verdict.json", "fold.pvd"
-CHECKPOINT = "checkpoint.npz"
-#: of a run in its folder, frames left out
-FILES = (TABLE, SIDECAR, SECONDS, VERDICT, SERIES, CHECKPOINT)
-
 _CHECKPOINT_SECONDS = 30.0
 
 logger = logging.getLogger(__name__)
 
 #: called with a sentence
 Say = Callable[[str], None]
-#: called with every row of the table, the part of the steps that are done, and the seconds they took
-Progress = Callable[[Measurements, float, float], None]
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,7 @@ def fold(
     run = prepared(mesh, settings)
     for sentence in [*described(run), *(f"warning: {doubt}" for doubt in [*doubts, *check_cells(run)])]:
         say(sentence)
-    journal = Journal(folder, checkpoint.fingerprint(mesh, {**asdict(settings), "version": VERSION}))
+    journal = Journal(folder, fingerprint(mesh, {**asdict(settings), "version": VERSION}))
     moment = journal.resumed(run)
     stops = _stops(run, settings)
     for number, stop in enumerate(stops):
@@ -158,7 +161,7 @@ class Journal:
     def resumed(self, run: Run) -> Moment:
         """Where the last checkpoint was, or the beginning, with what another run left in the folder cleared away."""
         moment = beginning(run)
-        last = checkpoint.load(self.checkpoint, self.fingerprint)
+        last = load_checkpoint(self.checkpoint, self.fingerprint)
         if last is None:
             rest = (self.folder / name for name in (VERDICT, SERIES, CHECKPOINT))
             delete(*sorted(self.folder.glob("frames/frame_*.vtu")), *rest)
@@ -190,7 +193,7 @@ class Journal:
             rows=self.rows,
             frames=self.frames,
         )
-        checkpoint.save(now, self.checkpoint)
+        save_checkpoint(now, self.checkpoint)
         self.saved = time.monotonic()
 
     def add_row(self, measurements: Measurements, part: float) -> None:

@@ -12,7 +12,7 @@ from cortet.geometry.filling import require_body
 from cortet.geometry.ordering import curve_order
 from cortet.geometry.topology import boundary_faces
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
+from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh, node_field
 from cortet.simulation.body import (
     LABEL_FIELD,
     THICKENING,
@@ -28,7 +28,6 @@ from cortet.simulation.body import (
 )
 from cortet.simulation.contact import contact_of
 from cortet.simulation.device import device_name
-from cortet.simulation.fields import node_field
 from cortet.simulation.gpu import OnGpu
 from cortet.simulation.growth import Gompertz, Law, Linear, age_of, check_age, growth_since, time_of
 from cortet.simulation.kernels import INVERTED, LIST_OUTDATED, Motion, workspace

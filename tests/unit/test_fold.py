@@ -21,10 +21,9 @@ from shapes import ball_mesh
 from cortet.errors import InputError
 from cortet.formats import braingrowth
 from cortet.formats.gifti import read_surface
-from cortet.formats.surface_sets import FILLED
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import TetMesh
+from cortet.mesh import FILLED, TetMesh
 from cortet.simulation import fold as fold_module
 from cortet.simulation.body import THICKNESS, Material, growth_mask, scale_of
 from cortet.simulation.fold import Verdict, fold

@@ -15,8 +15,8 @@ from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.formats.ownership import MANIFEST
 from cortet.report.fold_figures import numbers, series
+from cortet.simulation.journal import per_percent, reached, status
 from cortet.simulation.measurements import Measurements
-from cortet.simulation.progress import per_percent, reached, status
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,6 @@ import pytest
 import trimesh
 
 from cortet.errors import InputError
-from cortet.formats.surface_sets import FILLED
 from cortet.geometry import rebuilding
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import joined
@@ -17,7 +16,7 @@ from cortet.geometry.rebuilding import rebuilt, skin
 from cortet.geometry.topology import enclosed_volume, surface_topology
 from cortet.geometry.winding import winding_numbers
 from cortet.measure.lost import distances_to
-from cortet.mesh import TriSurface
+from cortet.mesh import FILLED, TriSurface
 from cortet.stages.repair import repair
 from tests.unit.shapes import ball_surface
 

@@ -27,8 +27,7 @@ from cortet.optimise.backing_off import back_off
 from cortet.phantom import inset, phantom
 from cortet.pipeline import Meshed, mesh_surface
 from cortet.report.case_page import write_case_page
-from cortet.simulation.body import body_of, scale_of
-from cortet.simulation.cortex_region import with_interface
+from cortet.simulation.body import body_of, scale_of, with_interface
 from cortet.simulation.fold import fold
 from cortet.simulation.state import Settings
 from cortet.solver_files.export import export

@@ -1,0 +1,174 @@
+"""What a run writes into its folder as it goes on: frames, a checkpoint to go on from, and how far it has come."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.formats import vtu
+from cortet.formats.atomic import atomic_path
+from cortet.formats.surface_sets import MEDIAL_WALL
+from cortet.formats.tsv import read_tsv
+from cortet.mesh import FloatArray, TetMesh
+from cortet.simulation.measurements import COLUMNS, Measurements
+
+#: files in the folder of a run; seconds have a table of their own, all else is the same in every run
+TABLE, SIDECAR, SECONDS, VERDICT, SERIES = "fold.tsv", "fold.json", "seconds.tsv", "verdict.json", "fold.pvd"
+CHECKPOINT = "checkpoint.npz"
+#: of a run in its folder, frames left out
+FILES = (TABLE, SIDECAR, SECONDS, VERDICT, SERIES, CHECKPOINT)
+
+#: called with every row of the table, the part of the steps that are done, and the seconds they took
+Progress = Callable[[Measurements, float, float], None]
+
+_ARRAYS = ("x", "v", "listed")
+_WIDTH = 20
+
+
+# --- frames
+
+
+def write_frame(
+    mesh: TetMesh, points: FloatArray, j: FloatArray, growth: FloatArray, wall: NDArray[np.uint8], path: Path
+) -> None:
+    """Write a mesh at its present `points` (n, 3) mm.
+
+    With displacement per node and whether it is of the medial wall (n,), and J and growth per element (m,).
+    """
+    fields: dict[str, NDArray[Any]] = {"displacement": points - mesh.points, MEDIAL_WALL: wall}
+    moved = TetMesh(points, mesh.cells, fields, {"J": j, "growth": growth})
+    vtu.write(moved, path)
+
+
+def write_series(frames: Sequence[tuple[str, float]], path: Path) -> None:
+    """Write the `.pvd` over frames: file names relative to it, and the gestational age that stands for their time."""
+    lines = "".join(f'    <DataSet timestep="{age:.6g}" part="0" file={quoteattr(name)}/>\n' for name, age in frames)
+    with atomic_path(path) as temporary:
+        temporary.write_text(
+            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+            f"{lines}  </Collection>\n</VTKFile>\n",
+            encoding="utf-8",
+        )
+
+
+# --- checkpoint
+
+
+class Checkpoint(NamedTuple):
+    """A moment of a run, bit for bit; n nodes, s surface nodes."""
+
+    #: of the mesh and the parameters: only the same run may go on from here
+    fingerprint: str
+    step: int
+    #: (n, 3) each
+    x: FloatArray
+    v: FloatArray
+    #: (s, 3), where the contact list was made
+    listed: FloatArray
+    time: float
+    degenerate: int
+    contacts: int
+    #: since the start: energy dissipated, work of the contact, work of growth
+    energies: tuple[float, float, float]
+    #: of the steps so far, this and earlier processes together
+    seconds: float
+    #: rows of the tables so far, and the frames written
+    rows: list[dict[str, Any]]
+    frames: list[tuple[str, float]]
+
+
+def fingerprint(mesh: TetMesh, parameters: dict[str, Any]) -> str:
+    """SHA-256 of everything a run depends on."""
+    digest = hashlib.sha256(json.dumps(parameters, sort_keys=True, default=str).encode())
+    named: dict[str, NDArray[Any]] = {"points": mesh.points, "cells": mesh.cells}
+    named |= {f"point field {name}": values for name, values in mesh.point_data.items()}
+    named |= {f"cell field {name}": values for name, values in mesh.cell_data.items()}
+    named |= {
+        f"set of {kind}: {name}": members for kind, sets in vars(mesh.sets).items() for name, members in sets.items()
+    }
+    for name, array in sorted(named.items()):
+        # a name, a type and a shape: the same bytes under another name, or in other rows, are another mesh
+        digest.update(f"{name} {array.dtype} {array.shape}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def save_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
+    """Write a checkpoint; the one before stays until this one is complete."""
+    rest = {name: value for name, value in checkpoint._asdict().items() if name not in _ARRAYS}
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, rest=json.dumps(rest), **{name: getattr(checkpoint, name) for name in _ARRAYS})
+
+
+def load_checkpoint(path: Path, fingerprint: str) -> Checkpoint | None:
+    """The checkpoint of the run with this fingerprint; None where there is none, or another run's."""
+    try:
+        with np.load(path) as data:
+            rest = json.loads(str(data["rest"]))
+            if rest["fingerprint"] != fingerprint:
+                return None
+            rest["frames"] = [(name, age) for name, age in rest["frames"]]
+            return Checkpoint(**rest, **{name: data[name] for name in _ARRAYS})
+    except FileNotFoundError:
+        return None
+    except (OSError, KeyError, ValueError, TypeError, zipfile.BadZipFile):  # of an older version, or damaged
+        return None
+
+
+# --- progress
+
+
+def status(now: Measurements, part: float, seconds: float) -> str:
+    """A bar, time, age, worst element, folds and the time that is left, from the part of the steps that are done."""
+    done = round(_WIDTH * part)
+    left = seconds / part * (1 - part) if part > 0 else float("nan")
+    return (
+        f"[{'#' * done}{'.' * (_WIDTH - done)}] {part:4.0%}  t {now.time:.3f}  {now.gestational_age:.2f} weeks  "
+        f"min J {now.min_j:.3f}  gyrification {now.gyrification_index:.3f}  {_duration(left)} left"
+    )
+
+
+def per_percent(say: Callable[[str], None]) -> Progress:
+    """A progress callback for `fold` that speaks once per percent, and at the end."""
+    said = -1
+
+    def progress(now: Measurements, part: float, seconds: float) -> None:
+        nonlocal said
+        if int(100 * part) > said:
+            said = int(100 * part)
+            say(status(now, part, seconds))
+
+    return progress
+
+
+def reached(folder: Path) -> str:
+    """How far the run in a folder had come when it wrote its last row; it may be going on, killed, or done.
+
+    Raises
+    ------
+    InputError : no run has written anything there
+    """
+    if not (folder / TABLE).exists() or not (folder / SECONDS).exists():
+        raise InputError(
+            "no run has begun there", file=folder, remedy="name the folder that `cortet fold -o` writes to"
+        )
+    rows = read_tsv(folder / TABLE).apply(pd.to_numeric, errors="coerce").reindex(columns=list(COLUMNS))
+    clock = read_tsv(folder / SECONDS).apply(pd.to_numeric, errors="coerce").iloc[-1]
+    return status(Measurements(**rows.iloc[-1].to_dict()), float(clock["part"]), float(clock["seconds"]))
+
+
+def _duration(seconds: float) -> str:
+    if seconds != seconds:
+        return "?"
+    minutes = seconds / 60
+    return f"{seconds:.0f} s" if minutes < 1 else f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.1f} h"
