@@ -6,7 +6,7 @@ from _job import start
 
 job = start(snakemake)
 
-from cortet.report.ablation import write_stages
+from cortet.report.records import write_stages
 from cortet.report.table_files import write_view
 
 table, sidecar, view = map(Path, job.output)

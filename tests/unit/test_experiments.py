@@ -12,16 +12,8 @@ import pytest
 from cubes import cube_mesh
 
 from cortet.measure.quality import summarise
-from cortet.report.ablation import (
-    ABLATION,
-    ABLATION_COLUMNS,
-    STAGES_COLUMNS,
-    Origin,
-    ablation_table,
-    by_origin,
-    write_ablation,
-    write_stages,
-)
+from cortet.report.records import STAGES_COLUMNS, Origin, by_origin, write_stages
+from cortet.study.ablation import ABLATION, ABLATION_COLUMNS, ablation_table, write_ablation
 
 
 def record(mean: float, worst: float, above: int) -> dict[str, Any]:

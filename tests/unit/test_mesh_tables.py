@@ -14,8 +14,8 @@ import pytest
 from cubes import cube_mesh
 
 from cortet.measure.quality import summarise
-from cortet.report.ablation import Origin
-from cortet.report.mesh_tables import (
+from cortet.report.records import Origin
+from cortet.study.mesh_tables import (
     MEASURES_COLUMNS,
     RESOLUTION_COLUMNS,
     exponent,

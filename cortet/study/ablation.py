@@ -1,102 +1,25 @@
-"""The experiments of the CORTET paper (arXiv:2607.12157) on a cohort: its tables, from quality records.
+"""Table 1 of the paper: what each stage does to the quality, from the quality records of a cohort.
 
-A record is the JSON of `quality.QualitySummary` and says whose it is, under `origin`. A mesh that could not be made has
-no record, but counts in its row of the table, which says why.
+A mesh that could not be made has no record, but counts in its row of the table, which says why.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import asdict, replace
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from cortet.formats.atomic import write_json
-from cortet.formats.tsv import write_tsv
-from cortet.measure.quality import COUNTED_LIMITS
 from cortet.meshers import BASELINES, MESHERS
 from cortet.report import published
-from cortet.report.ablated import ABLATED
-from cortet.report.figures import Pooled, pooled_quality_figure, save
+from cortet.report.records import Origin, by_origin, read_record, reasons_by_origin
 from cortet.report.table_files import PrintedColumn, Table, mean_and_sd, median_and_range, number, write
 from cortet.stages import STAGES
+from cortet.study.ablated import ABLATED
 
 VERSION: int = 3
 
-
-@dataclass(frozen=True)
-class Origin:
-    """Which mesh a record is about."""
-
-    case: str
-    cell_size_mm: float
-    mesher: str
-    #: `default`, `cgal` or `published`; None before S3, where all settings share the mesh
-    setting: str | None
-    #: label of the stage, as in names of files, e.g. `Cleaned`
-    stage: str
-
-
-def by_origin(paths: Iterable[str | Path]) -> dict[Origin, dict[str, Any]]:
-    """Contents of the files of records, by whose they are, in the order given."""
-    records = [read_record(path) for path in paths]
-    return {Origin(**record["origin"]): record for record in records}
-
-
-def reasons_by_origin(missing: Iterable[Mapping[str, Any]]) -> dict[Origin, str]:
-    """Why records are missing, from the `origin` of each and the `reason`."""
-    return {Origin(**entry["origin"]): entry["reason"] for entry in missing}
-
-
-def read_record(path: str | Path) -> dict[str, Any]:
-    """Content of the file of a record."""
-    content: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
-    return content
-
-
-# --- every mesh, stage by stage ---------------------------------------------------------------------------------------
-
-#: columns of `cohort_stages.tsv`
-STAGES_COLUMNS: dict[str, dict[str, Any]] = {
-    "case": {"Description": "Case"},
-    "cell_size_mm": {"Description": "Cell size h", "Units": "mm"},
-    "mesher": {"Description": "Mesher of stage S1"},
-    "stage": {"Description": "Stage whose mesh was measured, as file names give it"},
-    "nodes": {"Description": "Number of nodes"},
-    "tets": {"Description": "Number of tetrahedra"},
-    "q_mean": {"Description": "Mean q"},
-    "q_max": {"Description": "Largest q"},
-    **{f"q_above_{limit}": {"Description": f"Number of tetrahedra with q > {limit}"} for limit in COUNTED_LIMITS},
-}
-
-
-def stages_table(records: Mapping[Origin, Mapping[str, Any]]) -> pd.DataFrame:
-    """One row per quality record, in the order given; columns `STAGES_COLUMNS`."""
-    rows = [
-        {
-            **asdict(origin),
-            "nodes": record["nodes"],
-            "tets": record["tets"],
-            "q_mean": record["q"]["mean"],
-            "q_max": record["q"]["max"],
-            **{f"q_above_{limit}": record["count_above"][str(limit)] for limit in COUNTED_LIMITS},
-        }
-        for origin, record in records.items()
-    ]
-    return pd.DataFrame(rows, columns=list(STAGES_COLUMNS))
-
-
-def write_stages(records: Iterable[str | Path], *, table: Path, sidecar: Path) -> None:
-    """Write `cohort_stages.tsv` and the JSON file that explains it, from the files of quality records."""
-    write_tsv(stages_table(by_origin(records)), list(STAGES_COLUMNS), table)
-    write_json(STAGES_COLUMNS, sidecar)
-
-
-# --- Table 1 ---------------------------------------------------------------------------------------------------------
 
 _PER_MESH = "per mesh, over the meshes of the row"
 
@@ -327,39 +250,3 @@ def write_ablation(
         {record["origin"]["reference"]: record for record in named},
     )
     write(ABLATION, table, *outputs)
-
-
-# --- pooled quality --------------------------------------------------------------------------------------------------
-
-
-def pooled(records: Mapping[Origin, Mapping[str, Any]], settings: Mapping[str, str]) -> list[Pooled]:
-    """Summed histograms by setting and stage.
-
-    Parameters
-    ----------
-    settings : setting -> its mesher, whose meshes of S1 it shares with other settings
-    """
-    result = []
-    for setting, mesher in settings.items():
-        members: dict[str, list[Mapping[str, Any]]] = {}
-        for origin in sorted(records, key=lambda origin: list(ABLATED).index(origin.stage)):
-            if origin.mesher == mesher and origin.setting in (None, setting):
-                members.setdefault(ABLATED[origin.stage][0], []).append(records[origin])
-        counts = {
-            stages: np.sum([record["histogram"] for record in group], axis=0) for stages, group in members.items()
-        }
-        result.append(Pooled(setting, max(map(len, members.values())), counts))
-    return result
-
-
-def draw_pooled(records: Iterable[str], outputs: Iterable[str], *, settings: Mapping[str, str], limit: float) -> None:
-    """Draw the pooled quality from the files of the records of one cell size.
-
-    Parameters
-    ----------
-    settings : setting -> its mesher, in the order of the rows
-    limit : of the worst q
-    """
-    content = by_origin(records)
-    (size,) = {origin.cell_size_mm for origin in content}
-    save(pooled_quality_figure(pooled(content, settings), cell_size=size, limit=limit), *outputs)

@@ -13,7 +13,7 @@ import pandas as pd
 
 from cortet.meshers import BASELINES, MESHERS
 from cortet.report import published
-from cortet.report.ablation import Origin, by_origin, reasons_by_origin
+from cortet.report.records import Origin, by_origin, reasons_by_origin
 from cortet.report.table_files import PrintedColumn, Table, number, write
 
 VERSION: int = 2
