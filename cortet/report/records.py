@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
-from cortet.formats.atomic import write_json
-from cortet.formats.tsv import write_tsv
+from cortet.formats.tables import Column, values
 from cortet.measure.quality import COUNTED_LIMITS
+from cortet.report.table_files import Table, write
 
 VERSION: int = 3
 
@@ -51,36 +49,25 @@ def read_record(path: str | Path) -> dict[str, Any]:
 
 
 #: columns of `cohort_stages.tsv`
-STAGES_COLUMNS: dict[str, dict[str, Any]] = {
-    "case": {"Description": "Case"},
-    "cell_size_mm": {"Description": "Cell size h", "Units": "mm"},
-    "mesher": {"Description": "Mesher of stage S1"},
-    "stage": {"Description": "Stage whose mesh was measured, as file names give it"},
-    "nodes": {"Description": "Number of nodes"},
-    "tets": {"Description": "Number of tetrahedra"},
-    "q_mean": {"Description": "Mean q"},
-    "q_max": {"Description": "Largest q"},
-    **{f"q_above_{limit}": {"Description": f"Number of tetrahedra with q > {limit}"} for limit in COUNTED_LIMITS},
-}
+STAGES = Table(
+    "Every mesh, stage by stage",
+    (
+        Column("case", "Case", place="origin.case"),
+        Column("cell_size_mm", "Cell size h", "mm", place="origin.cell_size_mm"),
+        Column("mesher", "Mesher of stage S1", place="origin.mesher"),
+        Column("stage", "Stage whose mesh was measured, as file names give it", place="origin.stage"),
+        Column("nodes", "Number of nodes"),
+        Column("tets", "Number of tetrahedra"),
+        Column("q_mean", "Mean q", place="q.mean"),
+        Column("q_max", "Largest q", place="q.max"),
+        *(
+            Column(f"q_above_{limit}", f"Number of tetrahedra with q > {limit}", place=f"count_above.{limit}")
+            for limit in COUNTED_LIMITS
+        ),
+    ),
+)
 
 
-def stages_table(records: Mapping[Origin, Mapping[str, Any]]) -> pd.DataFrame:
-    """One row per quality record, in the order given; columns `STAGES_COLUMNS`."""
-    rows = [
-        {
-            **asdict(origin),
-            "nodes": record["nodes"],
-            "tets": record["tets"],
-            "q_mean": record["q"]["mean"],
-            "q_max": record["q"]["max"],
-            **{f"q_above_{limit}": record["count_above"][str(limit)] for limit in COUNTED_LIMITS},
-        }
-        for origin, record in records.items()
-    ]
-    return pd.DataFrame(rows, columns=list(STAGES_COLUMNS))
-
-
-def write_stages(records: Iterable[str | Path], *, table: Path, sidecar: Path) -> None:
-    """Write `cohort_stages.tsv` and the JSON file that explains it, from the files of quality records."""
-    write_tsv(stages_table(by_origin(records)), list(STAGES_COLUMNS), table)
-    write_json(STAGES_COLUMNS, sidecar)
+def write_stages(records: Iterable[str | Path], outputs: Iterable[str | Path]) -> None:
+    """Write the table of every mesh, one row per file of a record, in the order given."""
+    write(STAGES, values(STAGES.columns, [read_record(path) for path in records]), *outputs)

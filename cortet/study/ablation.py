@@ -11,41 +11,15 @@ from typing import Any
 
 import pandas as pd
 
+from cortet.formats.tables import Column, Row, names
 from cortet.meshers import BASELINES, MESHERS
 from cortet.report import published
 from cortet.report.records import Origin, by_origin, read_record, reasons_by_origin
-from cortet.report.table_files import PrintedColumn, Table, mean_and_sd, median_and_range, number, write
+from cortet.report.table_files import Table, mean_and_sd, median_and_range, write
 from cortet.stages import STAGES
 from cortet.study.ablated import ABLATED
 
-VERSION: int = 3
-
-
-_PER_MESH = "per mesh, over the meshes of the row"
-
-ABLATION_COLUMNS: dict[str, dict[str, Any]] = {
-    "source": {"Description": "This cohort, a reference mesh, or the publication"},
-    "cell_size_mm": {"Description": "Cell size h; the TetGen baseline takes none", "Units": "mm"},
-    "mesher": {"Description": "Mesher of S1"},
-    "setting": {"Description": "Setting of S3 and later stages; n/a before them, where all settings share the mesh"},
-    "stages": {"Description": "Stages that have run"},
-    "configuration": {"Description": "The mesher, or the stage that was added last"},
-    "meshes": {"Description": "Number of meshes"},
-    "failed": {"Description": "Number of meshes that could not be made"},
-    "fallback": {"Description": "Number of meshes for which CGAL found no right topology, and S1 took its fallback"},
-    "wrong_topology": {"Description": "Number of meshes whose boundary has another topology than the surface after S1"},
-    "tets_total": {"Description": "Number of tetrahedra in all meshes"},
-    "q_mean_mean": {"Description": f"Mean q {_PER_MESH}: mean"},
-    "q_mean_sd": {"Description": f"Mean q {_PER_MESH}: sample standard deviation"},
-    "q_max_median": {"Description": f"Largest q {_PER_MESH}: median"},
-    "q_max_min": {"Description": f"Largest q {_PER_MESH}: minimum"},
-    "q_max_max": {"Description": f"Largest q {_PER_MESH}: maximum"},
-    "q_above_0.6_median": {"Description": f"Number of tetrahedra with q > 0.6 {_PER_MESH}: median"},
-    "q_above_0.6_min": {"Description": f"Number of tetrahedra with q > 0.6 {_PER_MESH}: minimum"},
-    "q_above_0.6_max": {"Description": f"Number of tetrahedra with q > 0.6 {_PER_MESH}: maximum"},
-    "q_above_0.6_total": {"Description": "Number of tetrahedra with q > 0.6 in all meshes"},
-    "remarks": {"Description": "Why meshes are missing, or where the row is from"},
-}
+VERSION: int = 4
 
 
 #: columns that hold whole numbers wherever they hold something
@@ -72,53 +46,80 @@ _SUMMARIES: dict[str, tuple[str, Any]] = {
 }
 
 
-def _meshes(row: Mapping[str, Any]) -> str:
+def _meshes(row: Row) -> str:
     return str(row["meshes"]) + (f" ({row['failed']} failed)" if row.get("failed") else "")
 
 
-def _told(row: Mapping[str, Any]) -> str:
+def _told(row: Row) -> str:
     """Remarks as printed."""
     fallback = f"{row['fallback']} by S1's fallback" if row.get("fallback") else ""
     return "; ".join(part for part in (row["remarks"], fallback) if part)
 
 
+def _of_median(row: Row, name: str, digits: int = 3) -> str:
+    return median_and_range(row[f"{name}_median"], row[f"{name}_min"], row[f"{name}_max"], digits)
+
+
+def _column(name: str, statistic: str, words: str, **more: Any) -> Column:
+    """A statistic of a number of the meshes of a row."""
+    return Column(f"{name}_{statistic}", f"{words}, over the meshes of the row", **more)
+
+
 ABLATION = Table(
     "Element quality after each stage",
-    ABLATION_COLUMNS,
     (
-        PrintedColumn(
-            "h (mm)", lambda row: "n/a" if row["cell_size_mm"] is None else f"{row['cell_size_mm']:g}", "Cell size"
+        Column("source", "This cohort, a reference mesh, or the publication"),
+        Column("cell_size_mm", "Cell size h; the TetGen baseline takes none", "mm", heading="h (mm)", form="g"),
+        Column("mesher", "Mesher of S1"),
+        Column(
+            "setting",
+            "Setting of S3 and later stages. default: boundary nodes stay on the surface; published: the boundary "
+            "moves freely, as in the paper; n/a before S3, where all settings share the mesh",
+            heading="Setting",
         ),
-        PrintedColumn("Configuration", lambda row: row["configuration"], "The mesher alone, or the stage added last"),
-        PrintedColumn(
-            "Setting",
-            lambda row: row["setting"] or "n/a",
-            "default: boundary nodes stay on the surface; published: the boundary moves freely, as in the paper. The "
-            "mesh of S1 is the same for both",
+        Column("stages", "Stages that have run", heading="Stages"),
+        Column("configuration", "The mesher alone, or the stage that was added last", heading="Configuration"),
+        Column("meshes", "Number of meshes; in print also of those that could not be made", heading="n", form=_meshes),
+        Column("failed", "Number of meshes that could not be made"),
+        Column("fallback", "Number of meshes for which CGAL found no right topology, and S1 took its fallback"),
+        Column("wrong_topology", "Number of meshes whose boundary has another topology than the surface after S1"),
+        Column("tets_total", "Number of tetrahedra in all meshes"),
+        _column(
+            "q_mean",
+            "mean",
+            "Mean over the elements of q, 0 for a regular tetrahedron and 1 for a degenerate one: mean, in print ± "
+            "sample standard deviation",
+            heading="mean q",
+            form=lambda row: mean_and_sd(row["q_mean_mean"], row["q_mean_sd"]),
         ),
-        PrintedColumn("Stages", lambda row: row["stages"] or "n/a", "Stages that have run"),
-        PrintedColumn("n", _meshes, "Number of meshes, and of those that could not be made"),
-        PrintedColumn(
-            "mean q",
-            lambda row: mean_and_sd(row["q_mean_mean"], row["q_mean_sd"]),
-            "Mean over the elements of q, 0 for a regular tetrahedron and 1 for a degenerate one: mean ± standard "
-            "deviation over the meshes",
-        ),
-        PrintedColumn(
+        _column("q_mean", "sd", "Mean q of a mesh: sample standard deviation"),
+        _column(
             "q_max",
-            lambda row: median_and_range(row["q_max_median"], row["q_max_min"], row["q_max_max"]),
-            "Largest q of a mesh: median [minimum-maximum] over the meshes",
+            "median",
+            "Largest q of a mesh: median, in print [minimum-maximum]",
+            heading="q_max",
+            form=lambda row: _of_median(row, "q_max"),
         ),
-        PrintedColumn(
-            "q > 0.6",
-            lambda row: median_and_range(row["q_above_0.6_median"], row["q_above_0.6_min"], row["q_above_0.6_max"], 0),
-            "Number of elements above the limit of a solver-ready mesh: median [minimum-maximum] over the meshes",
+        _column("q_max", "min", "Largest q of a mesh: minimum"),
+        _column("q_max", "max", "Largest q of a mesh: maximum"),
+        _column(
+            "q_above_0.6",
+            "median",
+            "Number of elements with q > 0.6, the limit of a solver-ready mesh: median, in print [minimum-maximum]",
+            heading="q > 0.6",
+            form=lambda row: _of_median(row, "q_above_0.6", 0),
         ),
-        PrintedColumn("total", lambda row: number(row["q_above_0.6_total"], 0), "The same, in all meshes together"),
-        PrintedColumn(
-            "Remarks", _told, "Why meshes are missing, how many S1 made by its fallback, or where the row is from"
+        _column("q_above_0.6", "min", "Number of elements with q > 0.6: minimum"),
+        _column("q_above_0.6", "max", "Number of elements with q > 0.6: maximum"),
+        Column("q_above_0.6_total", "Number of elements with q > 0.6 in all meshes", heading="total", form=".0f"),
+        Column(
+            "remarks",
+            "Why meshes are missing, or where the row is from; in print also how many S1 made by its fallback",
+            heading="Remarks",
+            form=_told,
         ),
     ),
+    first=("cell_size_mm", "configuration"),
     group=("source", "cell_size_mm", "mesher"),
 )
 
@@ -140,10 +141,10 @@ def ablation_table(
 
     Returns
     -------
-    table : columns `ABLATION_COLUMNS`; None, NaN or NA where there is no value
+    table : columns of `ABLATION`; None, NaN or NA where there is no value
     """
     parts = [_cohort_rows(_meshes_of(records, reports, missing)), _reference_rows(references), _published_rows()]
-    table = pd.concat([part.reindex(columns=list(ABLATION_COLUMNS)).astype(object) for part in parts])
+    table = pd.concat([part.reindex(columns=names(ABLATION.columns)).astype(object) for part in parts])
     return table.astype(dict.fromkeys(_COUNTS, "Int64")).reset_index(drop=True)
 
 

@@ -2,78 +2,65 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from cortet.formats.tables import Column, Row, names
 from cortet.meshers import BASELINES, MESHERS
 from cortet.report import published
 from cortet.report.records import Origin, by_origin, reasons_by_origin
-from cortet.report.table_files import PrintedColumn, Table, number, write
+from cortet.report.table_files import Table, number, write
 
-VERSION: int = 2
+VERSION: int = 3
 
 PUBLISHED = "arXiv:2607.12157"
 
-_MESH_COLUMNS: dict[str, dict[str, Any]] = {
-    "source": {"Description": "This cohort, or the publication"},
-    "case": {"Description": "Name of the case, or of the published subject"},
-    "scan_age": {"Description": "Gestational age at scan", "Units": "weeks"},
-    "mesher": {"Description": "Mesher of S1"},
-    "setting": {"Description": "Setting of S3 and later stages"},
-    "cell_size_mm": {"Description": "Cell size h", "Units": "mm"},
-}
-_REMARKS = {"remarks": {"Description": "Why the mesh is missing, or where the row is from"}}
-
-_PRINTED_MESH = (
-    PrintedColumn("Case", lambda row: row["case"], "Name of the case"),
-    PrintedColumn("GA (weeks)", lambda row: number(row["scan_age"], 1), "Gestational age at scan"),
-    PrintedColumn("Mesher", lambda row: (MESHERS | BASELINES)[row["mesher"]], "Mesher of S1"),
-    PrintedColumn("Setting", lambda row: row["setting"], "Setting of S3 and later stages; published: as in the paper"),
-    PrintedColumn("h (mm)", lambda row: f"{row['cell_size_mm']:g}", "Cell size"),
+#: whose a row is
+_MESH = (
+    Column("source", "This cohort, or the publication"),
+    Column("case", "Name of the case, or of the published subject", heading="Case"),
+    Column("scan_age", "Gestational age at scan", "weeks", heading="GA (weeks)", form=".1f"),
+    Column("mesher", "Mesher of S1", heading="Mesher", form=lambda row: (MESHERS | BASELINES)[row["mesher"]]),
+    Column("setting", "Setting of S3 and later stages; published: as in the paper", heading="Setting"),
+    Column("cell_size_mm", "Cell size h", "mm", heading="h (mm)", form="g"),
 )
-_PRINTED_REMARKS = PrintedColumn(
-    "Remarks", lambda row: row["remarks"] or "", "Why the mesh is missing, or where the row is from"
+_Q_MAX = Column("q_max", "Largest q; the limit of a solver-ready mesh is 0.6", heading="q_max", form=".3f")
+_REMARKS = Column(
+    "remarks",
+    "Why the mesh is missing, or where the row is from",
+    heading="Remarks",
+    form=lambda row: row["remarks"] or "",
 )
 
 
-def _thousands(value: float | None) -> str:
-    return "n/a" if value is None else f"{value / 1000:.1f}"
+def _thousands(name: str) -> Callable[[Row], str]:
+    return lambda row: number(None if row[name] is None else row[name] / 1000, 1)
 
 
 # --- Table 2 ---------------------------------------------------------------------------------------------------------
 
-RESOLUTION_COLUMNS: dict[str, dict[str, Any]] = {
-    **_MESH_COLUMNS,
-    "nodes": {"Description": "Number of nodes"},
-    "tets": {"Description": "Number of tetrahedra"},
-    "q_mean": {"Description": "Mean q"},
-    "q_max": {"Description": "Largest q"},
-    "exponent": {"Description": "Of h in the number of tetrahedra: slope of the logarithms, least squares over all h"},
-    **_REMARKS,
-}
-
 RESOLUTION = Table(
     "Element count and quality against the cell size",
-    RESOLUTION_COLUMNS,
     (
-        *_PRINTED_MESH,
-        PrintedColumn("nodes (1000)", lambda row: _thousands(row["nodes"]), "Number of nodes, thousands"),
-        PrintedColumn("elements (1000)", lambda row: _thousands(row["tets"]), "Number of tetrahedra, thousands"),
-        PrintedColumn(
-            "exponent", lambda row: number(row["exponent"], 2), "Of h in the number of tetrahedra, over all h"
+        *_MESH,
+        Column("nodes", "Number of nodes", heading="nodes (1000)", form=_thousands("nodes")),
+        Column("tets", "Number of tetrahedra", heading="elements (1000)", form=_thousands("tets")),
+        Column("q_mean", "Mean q, 0 for a regular tetrahedron, 1 for a flat one", heading="mean q", form=".3f"),
+        _Q_MAX,
+        Column(
+            "exponent",
+            "Of h in the number of tetrahedra: slope of the logarithms, least squares over all h",
+            heading="exponent",
+            form=".2f",
         ),
-        PrintedColumn(
-            "mean q", lambda row: number(row["q_mean"]), "Mean of q, 0 for a regular tetrahedron, 1 for a flat one"
-        ),
-        PrintedColumn("q_max", lambda row: number(row["q_max"]), "Largest q; the limit of a solver-ready mesh is 0.6"),
-        _PRINTED_REMARKS,
+        _REMARKS,
     ),
+    first=(*names(_MESH), "nodes", "tets", "exponent"),
     group=("case", "setting"),
 )
 
@@ -81,7 +68,7 @@ RESOLUTION = Table(
 def resolution_table(
     records: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float | None]
 ) -> pd.DataFrame:
-    """Table 2, by age, case, mesher, setting and cell size, then the published rows; columns `RESOLUTION_COLUMNS`.
+    """Table 2, by age, case, mesher, setting and cell size, then the published rows; columns of `RESOLUTION`.
 
     Parameters
     ----------
@@ -101,7 +88,7 @@ def resolution_table(
     ours = _by_age(values, missing, ages)
     theirs = published.resolution().rename(columns={"scan_age_weeks": "scan_age"})
     theirs = theirs.assign(source=PUBLISHED, mesher="cgal", setting="published", remarks=PUBLISHED)
-    table = pd.concat([part.reindex(columns=list(RESOLUTION_COLUMNS)) for part in (ours, theirs)], ignore_index=True)
+    table = pd.concat([part.reindex(columns=names(RESOLUTION.columns)) for part in (ours, theirs)], ignore_index=True)
     table = table.astype({"nodes": "Int64", "tets": "Int64"})
     meshes = table.groupby(["source", "case", "mesher", "setting"], dropna=False)[["cell_size_mm", "tets"]]
     for _, members in meshes:
@@ -123,35 +110,29 @@ _MEASURES = {
     "one_minus_radius_edge": ("1 - radius-edge", "1 - sqrt(6)/4 shortest edge / circumradius"),
 }
 
-MEASURES_COLUMNS: dict[str, dict[str, Any]] = {
-    **_MESH_COLUMNS,
-    "q_max": {"Description": "Largest q"},
-    **{f"{name}_max": {"Description": f"Largest {formula}"} for name, (_, formula) in _MEASURES.items()},
-    **_REMARKS,
-}
 
-
-def _largest(name: str, row: Mapping[str, Any]) -> str:
+def _largest(name: str) -> Callable[[Row], str]:
     """The largest value of a measure, or the range of it that was published."""
-    return row.get(f"{name}_range") or number(row[f"{name}_max"])
+    return lambda row: row.get(f"{name}_range") or number(row[f"{name}_max"])
 
 
 MEASURES = Table(
     "Worst element by four measures",
-    MEASURES_COLUMNS,
     (
-        *_PRINTED_MESH,
-        PrintedColumn("q_max", lambda row: number(row["q_max"]), "Largest q, the certified measure"),
+        *_MESH,
+        _Q_MAX,
         *(
-            PrintedColumn(
-                heading,
-                partial(_largest, name),
+            Column(
+                f"{name}_max",
                 f"Largest {formula}; 0 for a regular tetrahedron, 1 for a flat one",
+                heading=heading,
+                form=_largest(name),
             )
             for name, (heading, formula) in _MEASURES.items()
         ),
-        _PRINTED_REMARKS,
+        _REMARKS,
     ),
+    first=(),
     group=("source",),
 )
 
@@ -161,7 +142,7 @@ def measures_table(
 ) -> pd.DataFrame:
     """Worst elements by age, case, mesher and setting, then the published range; parameters as of `resolution_table`.
 
-    Beside `MEASURES_COLUMNS`, the published row has a column `..._range` per measure.
+    Beside the columns of `MEASURES`, the published row has a column `..._range` per measure.
     """
     values = {
         origin: {"q_max": record["q"]["max"], **{f"{name}_max": record[name]["max"] for name in _MEASURES}}
@@ -178,7 +159,7 @@ def measures_table(
         **{f"{name}_range": f"{row['min']:.3f}-{row['max']:.3f}" for name, row in ranges.iterrows()},
         "remarks": f"{PUBLISHED}: range over the subjects",
     }
-    ours = _by_age(values, missing, ages).reindex(columns=list(MEASURES_COLUMNS))
+    ours = _by_age(values, missing, ages).reindex(columns=names(MEASURES.columns))
     return pd.concat([ours, pd.DataFrame([theirs])], ignore_index=True)
 
 
@@ -222,5 +203,5 @@ def _by_age(
         for origin in dict.fromkeys([*values, *missing])
     ]
     order = ["scan_age", "case", "mesher", "setting", "cell_size_mm"]
-    frame = pd.DataFrame(rows, columns=list(dict.fromkeys([*_MESH_COLUMNS, *(name for row in rows for name in row)])))
+    frame = pd.DataFrame(rows, columns=list(dict.fromkeys([*names(_MESH), *(name for row in rows for name in row)])))
     return frame.sort_values(order, ignore_index=True, na_position="first")
