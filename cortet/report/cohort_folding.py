@@ -7,14 +7,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from cortet.formats.tables import Column, write_table
 from cortet.formats.tsv import read_tsv
-from cortet.report.figures import COLOURS, PAGE, STYLE, save
+from cortet.report.figures import COLOURS, PAGE, drawn, save
 from cortet.report.fold_figures import curves, real_points
 from cortet.simulation.fold import TABLE, VERDICT
 
@@ -115,8 +114,7 @@ def cohort_folding_figure(runs: Sequence[Mapping[str, Any]]) -> Figure:
     """Gyrification index and area / volume^(2/3) of every run against age, over real brains; variants are dashed."""
     cases = list(dict.fromkeys(run["case"] for run in runs))
     variants = list(dict.fromkeys(run["variant"] for run in runs))
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 2.8), layout="constrained")
+    with drawn(PAGE, 2.8) as figure:
         panels = {"gyrification_index": "gyrification index", "relative_area": "area / volume$^{2/3}$"}
         for axis, (column, label) in zip(figure.subplots(1, 2), panels.items(), strict=True):
             for run in runs:
@@ -126,8 +124,6 @@ def cohort_folding_figure(runs: Sequence[Mapping[str, Any]]) -> Figure:
                 real_points(axis, column, hemisphere)
         if runs:
             figure.axes[0].legend(loc="upper left")
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")
     return figure
 
 

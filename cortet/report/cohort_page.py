@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pandas as pd
 from matplotlib.image import imread
@@ -16,6 +17,9 @@ from cortet.formats.tsv import MISSING, cell, read_tsv
 from cortet.report import pages
 from cortet.report.cohort_folding import COLUMNS as FOLDS
 from cortet.report.cohort_tables import CASE_COLUMNS, QUALITY_COLUMNS
+from cortet.report.fold_figures import FILM, NUMBERS, PICTURE
+from cortet.report.pages import Panel, Part
+from cortet.report.pictures import SIDES
 
 Row = Mapping[str, str]
 
@@ -54,8 +58,22 @@ FIRST = (
 )
 
 
-#: what the table of folds shows after case and state
-_FOLD_COLUMNS = headed(FOLDS, ("case", "state"))[2:]
+_ORDER_IN_WORDS = (
+    "Failed cases come first, then those that are not certified, then the farthest outliers. A name leads to the page "
+    "of its mesh."
+)
+_AGE = {
+    "name": "Figure",
+    "alt": "Number of tetrahedra, mean q and worst q of every mesh against gestational age, the published cohort in "
+    "grey behind; the table has the numbers",
+}
+_CURVES = {
+    "name": "Figure of folding",
+    "alt": "Gyrification index and area over volume to the power of two thirds of every fold against gestational age, "
+    "real brains as points; the table has the numbers",
+}
+#: files of a fold beside its table -> what they show
+_PICTURES = {NUMBERS: "curves", PICTURE: "before and after", FILM: "film"}
 
 
 def write_cohort_page(
@@ -65,7 +83,7 @@ def write_cohort_page(
     *,
     meshes: Sequence[Mapping[str, Any]],
     figure: Path | None = None,
-    maps: Mapping[str, Path] | None = None,
+    maps: Mapping[Literal["L", "R"], Path] | None = None,
     folding: tuple[Path, Path] | None = None,
     folds: Sequence[Mapping[str, Any]] = (),
 ) -> None:
@@ -89,55 +107,91 @@ def write_cohort_page(
         explained |= json.loads(quality[1].read_text(encoding="utf-8"))
         rows = _with_columns(rows, read_tsv(quality[0]))
     rows = ordered(with_outliers(rows))
-    shown = [
-        column for column in headed(COLUMNS, FIRST) if column.name in rows and (rows[column.name] != MISSING).any()
-    ]
+    counts = _counts(rows)
+    panels = [Panel("cases", "Cases", _cases(rows, explained, list(counts)))]
+    if figure:
+        panels.append(Panel("age", "Against age", [("figure", {**_AGE, "svg": _figure(figure, "age")})]))
+    if maps:
+        panels.append(Panel("maps", "On the common mesh", [("maps", [_map_picture(*one) for one in maps.items()])]))
+    if folding:
+        drawn: Part = ("figure", {**_CURVES, "svg": _figure(folding[1], "folding")})
+        panels.append(Panel("folds", "Folding", [drawn, _folds(folding[0], folds)]))
+    files = [file.name for file in (status, *(quality or ()), *(folding or ())[:1])]
+    outliers = int((rows["outlying"] != "").sum())
     pages.write(
-        "cohort.html.j2",
         path,
+        "All cases",
+        panels,
+        top=[("counts", {"states": counts.items(), "outliers": outliers})],
+        end=[("tables", [(name, name) for name in files])],
+        wide=True,
         scripts=(pages.source("table.js"),),
-        title="All cases",
-        columns=[{"column": column, "text": _explanation(column, explained)} for column in shown],
-        rows=[_shown(row, shown) for row in rows.to_dict("records")],
-        counts=_counts(rows),
-        outliers=int((rows["outlying"] != "").sum()),
-        figure=pages.embedded(figure.read_text(encoding="utf-8"), "age") if figure else "",
-        maps=[_map_picture(hemi, file) for hemi, file in (maps or {}).items()],
-        folding=pages.embedded(folding[1].read_text(encoding="utf-8"), "folding") if folding else "",
-        folds=_folds(folding[0], folds) if folding else [],
-        fold_columns=_FOLD_COLUMNS,
-        files=[file.name for file in (status, *(quality or ()), *(folding or ())[:1])],
     )
 
 
-def _map_picture(hemi: str, file: Path) -> dict[str, Any]:
+def _cases(rows: pd.DataFrame, explained: Mapping[str, Any], states: Sequence[str]) -> list[Part]:
+    """The table of all cases with its filter, and what its columns mean."""
+    known = [name for name in rows if (rows[name] != MISSING).any()]
+    columns = [
+        replace(column, description=_explanation(explained[column.name]))
+        for column in headed(COLUMNS, FIRST)
+        if column.name in known
+    ]
+    table = pages.table(
+        f"All cases: {len(rows)} rows",
+        columns,
+        [_shown(row) for row in rows.to_dict("records")],
+        name="All cases",
+        cohort=True,
+        sortable=True,
+    )
+    return [
+        ("paragraph", _ORDER_IN_WORDS),
+        ("filter", states),
+        table,
+        ("meanings", {"texts": {column.heading: column.description for column in columns}}),
+    ]
+
+
+def _shown(row: Row) -> dict[str, Any]:
+    """A row with the cells of the case and its state, and what the filter asks for."""
+    told = [row[name] for name in ("stage", "reason") if row["reason"] != MISSING and row[name] != MISSING]
+    case = {"text": row["case"], "page": "" if row["page"] == MISSING else row["page"]}
+    state = {"text": row["state"], "why": ": ".join(told), "outlying": row["outlying"]}
+    attributes = {"data-state": row["state"], "data-outlying": "" if row["outlying"] else None}
+    return {**row, "case": ("case", case), "state": ("state", state), "attributes": attributes}
+
+
+def _figure(file: Path, name: str) -> str:
+    return pages.embedded(file.read_text(encoding="utf-8"), name)
+
+
+def _map_picture(hemi: Literal["L", "R"], file: Path) -> dict[str, Any]:
     height, width = imread(file).shape[:2]
-    side = {"L": "left", "R": "right"}[hemi]
-    text = f"Means over the {side} hemispheres, at the vertices that they share"
+    text = f"Means over the {SIDES[hemi]} hemispheres, at the vertices that they share"
     uri = pages.data_uri(file.read_bytes(), "image/png")
     return {"uri": uri, "width": width, "height": height, "caption": text, "alt": text}
 
 
-def _folds(table: Path, folds: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Rows of the table of folds as they are shown, with the folder of each run that has a result."""
+def _folds(table: Path, folds: Sequence[Mapping[str, Any]]) -> Part:
+    """The table of folds, with the pictures of each run that has a result."""
     keys = [*KEY, "variant"]
     folders = {tuple(cell(run[key]) for key in keys): run["folder"] for run in folds}
-    return [
-        {
-            "case": row["case"],
-            "state": row["state"],
-            "why": "" if row["state"] == "folded" else row["reason"],
-            "folder": "" if row["state"] == "failed" else folders[tuple(row[key] for key in keys)],
-            "cells": [_seen(column, row) for column in _FOLD_COLUMNS],
-        }
-        for row in read_tsv(table).to_dict("records")
-    ]
-
-
-def _seen(column: Column, row: Row) -> str:
-    """A cell of the page; empty where there is no value."""
-    text = column.text(row)
-    return "" if text == MISSING else text
+    rows = []
+    for row in read_tsv(table).to_dict("records"):
+        why = "" if row["state"] == "folded" else row["reason"]
+        folder = "" if row["state"] == "failed" else folders[tuple(row[key] for key in keys)]
+        rows.append(
+            {
+                **row,
+                "case": ("case", {"text": row["case"]}),
+                "state": ("state", {"text": row["state"], "why": why, "plain": True}),
+                "pictures": ("links", [(f"{folder}/{file}", name) for file, name in _PICTURES.items() if folder]),
+            }
+        )
+    columns = [replace(column, description="") for column in headed(FOLDS, ("case", "state"))]
+    caption = "All folds, those that failed or stopped first"
+    return pages.table(caption, [*columns, Column("pictures", heading="Pictures")], rows, name="All folds", cohort=True)
 
 
 def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:
@@ -195,20 +249,13 @@ def ordered(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.loc[rank.sort_values(list(rank.columns)).index]
 
 
-def _shown(row: Row, columns: Sequence[Column]) -> dict[str, Any]:
-    cells = [{"name": column.name, "text": _seen(column, row), "number": column.number(row)} for column in columns]
-    why = ": ".join(row[name] for name in ("stage", "reason") if row["reason"] != MISSING and row[name] != MISSING)
-    page = "" if row["page"] == MISSING else row["page"]
-    return {"page": page, "state": row["state"], "outlying": row["outlying"], "why": why, "cells": cells}
-
-
-def _counts(rows: pd.DataFrame) -> list[tuple[str, int]]:
+def _counts(rows: pd.DataFrame) -> dict[str, int]:
     """State -> number of rows, certified ones first."""
     counts = rows["state"].value_counts()
-    return [(state, int(counts[state])) for state in dict.fromkeys(("certified", *_ORDER)) if state in counts]
+    return {state: int(counts[state]) for state in dict.fromkeys(("certified", *_ORDER)) if state in counts}
 
 
-def _explanation(column: Column, explained: Mapping[str, Any]) -> str:
-    entry = explained[column.name]
-    text = entry.get("Description", "")
+def _explanation(entry: Mapping[str, Any]) -> str:
+    """What the sidecar says of a column, with the limit it is judged by."""
+    text: str = entry.get("Description", "")
     return f"{text}; limit {entry['Threshold']}" if "Threshold" in entry else text

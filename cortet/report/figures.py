@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +61,16 @@ _BESIDE = 4.0
 _PANELS = {"tets": "tetrahedra (thousands)", "q_mean": "mean q", "q_max": r"$q_\mathrm{max}$"}
 
 
+@contextmanager
+def drawn(width: float, height: float) -> Iterator[Figure]:
+    """A figure in the style of all, inches; laid out once, when it is complete: each further round would shift it."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure
+        figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+
+
 def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
     """Number of tetrahedra, mean q and worst q of every mesh against gestational age, the published cohort behind.
 
@@ -71,13 +82,12 @@ def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
     limit : of the worst q, drawn as a line; None draws none
     """
     rows, theirs = read_tsv(table), published.cohort()
-    drawn = ["cell_size_mm", "scan_age", *_PANELS]
-    rows[drawn] = rows[drawn].apply(pd.to_numeric, errors="coerce")  # an age may be n/a
+    numbers = ["cell_size_mm", "scan_age", *_PANELS]
+    rows[numbers] = rows[numbers].apply(pd.to_numeric, errors="coerce")  # an age may be n/a
     unknown = rows["scan_age"].isna()
     beside = float(np.nanmax([theirs["scan_age_weeks"].max(), rows["scan_age"].max()])) + _BESIDE
     rows["scan_age"] = rows["scan_age"].fillna(beside)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 2.6), layout="constrained")
+    with drawn(PAGE, 2.6) as figure:
         axes = figure.subplots(1, 3)
         for axis, (column, label) in zip(axes, _PANELS.items(), strict=True):
             unit = 1000 if column == "tets" else 1
@@ -97,8 +107,6 @@ def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
             )  # fmt: skip
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 4))
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # laid out once: every further round would shift it a little
     return figure
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -14,18 +13,12 @@ from pandas.io.formats.style import Styler
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tables import Column, Row, described, headed, write_table
 from cortet.formats.tsv import MISSING
+from cortet.report import pages
 
 VERSION: int = 3
 
 #: what LaTeX prints only in mathematical mode
 _MATHEMATICAL = {"<": "$<$", ">": "$>$", "±": r"$\pm$"}
-_HTML_STYLE = (
-    "body{font:14px sans-serif;margin:1.5em}"
-    "table{border-collapse:collapse;border-top:2px solid;border-bottom:2px solid}"
-    "th{border-bottom:1px solid;text-align:left}th,td{padding:.25em .8em;white-space:nowrap;vertical-align:top}"
-    "tr.rule td{border-top:1px solid}td:last-child{white-space:normal}p{max-width:60em}"
-    "dt{font-weight:bold;margin-top:.5em}"
-)
 
 
 @dataclass(frozen=True)
@@ -57,13 +50,15 @@ def write(table: Table, rows: pd.DataFrame | Iterable[Row], *paths: str | Path) 
     """
     frame = rows if isinstance(rows, pd.DataFrame) else pd.DataFrame(list(rows), dtype=object)
     texts, starts = printed(table, frame), starts_of_groups(frame, table.group)
-    forms = {".tex": _latex, ".md": _markdown, ".html": _html}
     for path in map(Path, paths):
         if path.suffix in (".tsv", ".json"):
             write_table(table.columns, frame, path)
+        elif path.suffix == ".html":
+            _write_html(table, texts, starts, path)
         else:
+            text = _latex(table, texts, starts) if path.suffix == ".tex" else _markdown(table, texts)
             with atomic_path(path) as temporary:
-                temporary.write_text(forms[path.suffix](table, texts, starts), encoding="utf-8")
+                temporary.write_text(text, encoding="utf-8")
 
 
 def printed(table: Table, rows: pd.DataFrame) -> pd.DataFrame:
@@ -83,8 +78,7 @@ def starts_of_groups(rows: pd.DataFrame, group: Sequence[str]) -> list[int]:
 
 def write_page(text: str, path: str | Path, *, title: str) -> None:
     """Write an HTML page of one paragraph."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(f"{_head(title)}\n<p>{html.escape(text)}</p>\n</html>\n", encoding="utf-8")
+    pages.write(path, title, [], end=[("paragraph", text)])
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -121,7 +115,7 @@ def _mathematical(text: str) -> str:
     return re.sub(r"(?<=\d)-(?=\d)", "--", text)
 
 
-def _markdown(table: Table, texts: pd.DataFrame, _: Sequence[int]) -> str:
+def _markdown(table: Table, texts: pd.DataFrame) -> str:
     escaped = texts.map(_no_bar).rename(columns=_no_bar)
     notes = [f"- **{column.heading}**: {column.description}" for column in table.printed]
     cells = escaped.to_markdown(index=False, tablefmt="github", disable_numparse=True)
@@ -133,19 +127,11 @@ def _no_bar(text: str) -> str:
     return text.replace("|", r"\|")
 
 
-def _html(table: Table, texts: pd.DataFrame, starts: Sequence[int]) -> str:
-    with pd.option_context("display.max_colwidth", None):  # else pandas would cut long texts
-        lines = texts.to_html(index=False, border=0, justify="left").splitlines()
-    rows = [number for number, line in enumerate(lines) if line.strip() == "<tr>"]  # that of the headings has a style
+def _write_html(table: Table, texts: pd.DataFrame, starts: Sequence[int], path: Path) -> None:
+    columns = [Column(name, heading=name) for name in texts]
+    rows = texts.to_dict("records")
     for start in starts:
-        lines[rows[start]] = "<tr class=rule>"
-    notes = [
-        f"<dt>{html.escape(column.heading)}</dt><dd>{html.escape(column.description)}</dd>" for column in table.printed
-    ]
-    return "\n".join([_head(table.title), *lines, "<dl>", *notes, "</dl>", "</html>", ""])
-
-
-def _head(title: str) -> str:
-    name = html.escape(title)
-    head = f"<!doctype html><html lang=en><meta charset=utf-8><title>{name}</title><style>{_HTML_STYLE}</style>"
-    return f"{head}\n<h3>{name}</h3>"
+        rows[start]["attributes"] = {"class": "rule"}
+    meanings = {column.heading: column.description for column in table.printed}
+    shown = pages.table("", columns, rows, name=table.title, missing=MISSING)
+    pages.write(path, table.title, [], end=[shown, ("story", {"texts": meanings})], wide=True)

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -30,7 +29,7 @@ from cortet.formats.tables import Column, Row, names
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import face_areas
 from cortet.mesh import FloatArray
-from cortet.report.figures import BLUE, GREEN, PAGE, STYLE, VERMILION, save
+from cortet.report.figures import BLUE, GREEN, PAGE, VERMILION, drawn, save
 from cortet.report.table_files import Table, mean_and_sd, write
 from cortet.simulation.fold import TABLE
 from cortet.simulation.folds import depth_below_hull
@@ -295,8 +294,7 @@ _MARKERS = {"lattice": (BLUE, "o"), "cgal": (VERMILION, "^")}
 def convergence_figure(runs: Sequence[Run], table: pd.DataFrame) -> Figure:
     """Every number of every run against h over thickness, with limits at 0, and the correlations of places of folds."""
     shown = [*(name for name in QUANTITIES if name != "area_mm2")]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 2.1), layout="constrained")
+    with drawn(PAGE, 2.1) as figure:
         *axes, places = figure.subplots(1, len(shown) + 1)
         for axis, column in zip(axes, shown, strict=True):
             name, unit = QUANTITIES[column]
@@ -306,8 +304,6 @@ def convergence_figure(runs: Sequence[Run], table: pd.DataFrame) -> Figure:
             axis.set_xlim(-0.03, 1.05 * max(run.cell_size_mm / run.thickness_mm for run in runs))
         axes[0].legend(loc="best")
         _draw_places(places, table)
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")
     return figure
 
 

@@ -6,13 +6,23 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cortet.report import published
-from cortet.report.figures import BLUE, GREEN, GREY, ORANGE, PAGE, PURPLE, STYLE, distribution, in_powers_of_ten, save
+from cortet.report.figures import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PAGE,
+    PURPLE,
+    distribution,
+    drawn,
+    in_powers_of_ten,
+    save,
+)
 from cortet.report.records import Origin, by_origin
 from cortet.study.ablated import ABLATED
 
@@ -46,8 +56,7 @@ def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: 
     limit : of the worst q, drawn as a line; None draws none
     """
     theirs = {stages: published.histogram(stages) for stages in _PUBLISHED_LINES}
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 2.3 * len(pooled) + 0.3), layout="constrained")
+    with drawn(PAGE, 2.3 * len(pooled) + 0.3) as figure:
         axes = figure.subplots(len(pooled), 2, squeeze=False, sharex="col")
         for (bulk, tail), row in zip(axes, pooled, strict=True):
             for stages, line in _PUBLISHED_LINES.items():
@@ -72,8 +81,6 @@ def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: 
         most = max(axes[:, 0], key=lambda axis: len(axis.get_legend_handles_labels()[1]))
         handles, labels = most.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=4)
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # laid out once: every further round would shift it a little
     return figure
 
 

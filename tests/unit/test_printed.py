@@ -49,12 +49,13 @@ def test_readers_find_every_column_explained(tmp_path: Path) -> None:
     written = texts(tmp_path)
     assert "- **q_max**: the <name>" in written[".md"]
     assert "<dt>q_max</dt><dd>the &lt;name&gt;</dd>" in written[".html"]
-    assert cells(written[".html"], "td") == ["a &amp; b", "1.2", "c &gt; d ± e 1-2 |", "n/a"]
+    assert cells(written[".html"], "th") == ["q_max", "v (mm)", "a &amp; b", "c &gt; d ± e 1-2 |"]
+    assert cells(written[".html"], "td") == ["1.2", "n/a"]
     assert r"c > d ± e 1-2 \|" in written[".md"]
 
 
 def test_html_has_a_rule_where_a_group_starts(tmp_path: Path) -> None:
-    assert re.findall(r"<tr(?: class=(\w+))?>", texts(tmp_path)[".html"]) == ["", "rule"]
+    assert re.findall(r'<tr(?: class="(\w+)")?>', texts(tmp_path)[".html"]) == ["", "", "rule"]
 
 
 def test_nothing_of_a_large_table_is_left_out(tmp_path: Path) -> None:
@@ -83,5 +84,5 @@ def test_without_headings_readers_see_what_the_tsv_has_and_what_its_sidecar_says
     columns = (Column("case", "Name"), Column("q", "Worst q", limit="< 0.6", heading="Worst", form=".1f"))
     write(Table("Quality", columns), [{"case": "sub-1", "q": 0.4444444444, "other": 1}], tmp_path / "t.html")
     page = (tmp_path / "t.html").read_text()
-    assert cells(page, "th") == ["case", "q"] and cells(page, "td") == ["sub-1", "0.444444"]
+    assert cells(page, "th") == ["case", "q", "sub-1"] and cells(page, "td") == ["0.444444"]
     assert "<dt>q</dt><dd>Worst q; threshold: &lt; 0.6</dd>" in page
