@@ -211,9 +211,11 @@ def _resampled(of: Judged) -> list[Part]:
 
 
 def _repaired(of: Judged) -> list[Part]:
-    surfaces = _changed(of.certificate, "repair", "repaired")
-    drawn = pictures.shown(lambda: pictures.of_repair(of.surface, of.meshed)) if "" in surfaces else []
-    return [("repaired", {"surfaces": surfaces}), *drawn] if surfaces else []
+    parts: list[Part] = []
+    for name, one in _changed(of.certificate, "repair", "repaired").items():
+        drawn = [] if name else pictures.shown(lambda: pictures.of_repair(of.surface, of.meshed))
+        parts += [("repaired", {"name": name, "one": one}), *drawn]
+    return parts
 
 
 def _changed(certificate: Certificate, stage: str, changed: str) -> dict[str, Mapping[str, Any]]:

@@ -66,7 +66,7 @@ def write(
     title: str,
     panels: Sequence[Panel],
     *,
-    heading: str = "",
+    heading: str | None = None,
     state: str = "",
     top: Sequence[Part] = (),
     end: Sequence[Part] = (),
