@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import cortet
 from cortet.formats.atomic import atomic_path
-from cortet.report import pages
+from cortet.report import DATA, pages
 
 VERSION: int = 3
 
@@ -22,7 +21,7 @@ REFERENCES = {
     found[1]: found[0].replace("VERSION", cortet.__version__)
     for found in re.finditer(
         r"@\w+\{(\w+),\n.*?\n\}\n",
-        (files("cortet.report") / "data" / "references.bib").read_text(encoding="utf-8"),
+        (DATA / "references.bib").read_text(encoding="utf-8"),
         flags=re.DOTALL,
     )
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cortet.formats.tables import Column, write_table
+from cortet.formats.tables import read_columns, write_table
 from cortet.formats.tsv import read_tsv
+from cortet.report import DATA
 from cortet.report.figures import COLOURS, PAGE, drawn, save
 from cortet.report.fold_figures import curves, real_points
 from cortet.simulation.fold import TABLE, VERDICT
@@ -25,48 +27,10 @@ STATES = {
     "inverted": "stopped at the first inverted element",
     "failed": "no result: the reason says why",
 }
-#: columns of `cohort_folding.tsv`; the page of the cohort shows those with a heading
-COLUMNS = (
-    Column("case", "Name of the case", heading="Case"),
-    Column("variant", "Name of the variant in fold.variants; n/a: the settings of fold", heading="Variant"),
-    Column("cell_size_mm", "Cell size h", "mm", heading="h (mm)", form="g"),
-    Column("mesher", "Mesher of S1", heading="Mesher"),
-    Column("state", "How the run ended", levels=STATES, heading="State"),
-    Column("start_weeks", "Gestational age at the start", "weeks", heading="From (weeks)", form=".1f"),
-    Column("end_weeks", "Gestational age at the last row", "weeks", heading="To (weeks)", form=".1f"),
-    Column(
-        "gyrification_index",
-        "Area of the surface over that of its convex hull, at the end",
-        heading="Gyrification index",
-        form=".3f",
-    ),
-    Column(
-        "fold_spacing_mm",
-        "Mean distance from gyrus to gyrus at the end",
-        "mm",
-        heading="Width of folds (mm)",
-        form=".1f",
-    ),
-    Column(
-        "sulcal_depth_mm",
-        "Mean distance of the cortex from the convex hull at the end",
-        "mm",
-        heading="Depth of sulci (mm)",
-        form=".2f",
-    ),
-    Column("area_mm2", "Area of the surface at the end", "mm2"),
-    Column("volume_mm3", "Volume at the end", "mm3"),
-    Column("thickness_mm", "Thickness of the growing cortex at the start", "mm"),
-    Column(
-        "min_j",
-        "Smallest determinant of the elastic deformation gradient in any step",
-        heading="Smallest J",
-        form=".3f",
-    ),
-    Column("q_max", "Largest q of the deformed tetrahedra in any row", heading="Worst q", form=".3f"),
-    Column("tets", "Number of tetrahedra"),
-    Column("steps", "Steps taken", heading="Steps", form=",.0f"),
-    Column("reason", "How the run ended, in words"),
+#: columns of `cohort_folding.tsv`, one per line of the file; the page of the cohort shows those with a heading
+COLUMNS = tuple(
+    replace(column, levels=STATES) if column.name == "state" else column
+    for column in read_columns(DATA / "cohort_folding_columns.tsv")
 )
 _LAST = ("gyrification_index", "fold_spacing_mm", "sulcal_depth_mm", "area_mm2", "volume_mm3")
 #: runs of which each has a name in the legend, and as many colours (Paul Tol's beyond those of other figures)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import pandas as pd
 
 from cortet.cohort.sheet import Case
 from cortet.formats.tables import Column, names, read_columns, values
+from cortet.report import DATA
 from cortet.report.table_files import Table, write
 
 VERSION: int = 6
@@ -29,8 +29,7 @@ CASE_COLUMNS = (
     Column("scan_age", "Gestational age at scan", "weeks", heading="Age (weeks)", form="g"),
 )
 #: what the certificate says of a mesh, a column per line of the file
-with as_file(files("cortet.report") / "data" / "cohort_quality_columns.tsv") as _path:
-    QUALITY_COLUMNS = read_columns(_path)
+QUALITY_COLUMNS = read_columns(DATA / "cohort_quality_columns.tsv")
 
 #: one row per cell size and mesher, in the format of Table 1 of the CORTET paper
 SUMMARY = Table(

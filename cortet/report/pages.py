@@ -15,7 +15,6 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterable, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeVar
 
@@ -154,7 +153,7 @@ def _cell(column: Column, row: Row, sortable: bool, missing: str) -> tuple[str |
 
 def source(name: str) -> str:
     """Text of a style sheet or script of `cortet/templates`."""
-    return (files("cortet.report") / "templates" / name).read_text(encoding="utf-8")
+    return Path(__file__).with_name("templates").joinpath(name).read_text(encoding="utf-8")
 
 
 def data_uri(content: bytes, media_type: Literal["image/webp", "image/png"]) -> str:

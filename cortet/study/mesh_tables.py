@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cortet.formats.tables import Column, Row, names
+from cortet.formats.tables import Column, Row, names, values
 from cortet.meshers import BASELINES, MESHERS
 from cortet.report import published
 from cortet.report.records import Origin, by_origin, reasons_by_origin
@@ -29,7 +29,9 @@ _MESH = (
     Column("setting", "Setting of S3 and later stages; published: as in the paper", heading="Setting"),
     Column("cell_size_mm", "Cell size h", "mm", heading="h (mm)", form="g"),
 )
-_Q_MAX = Column("q_max", "Largest q; the limit of a solver-ready mesh is 0.6", heading="q_max", form=".3f")
+_Q_MAX = Column(
+    "q_max", "Largest q; the limit of a solver-ready mesh is 0.6", heading="q_max", form=".3f", place="q.max"
+)
 _REMARKS = Column(
     "remarks",
     "Why the mesh is missing, or where the row is from",
@@ -48,9 +50,15 @@ RESOLUTION = Table(
     "Element count and quality against the cell size",
     (
         *_MESH,
-        Column("nodes", "Number of nodes", heading="nodes (1000)", form=_thousands("nodes")),
-        Column("tets", "Number of tetrahedra", heading="elements (1000)", form=_thousands("tets")),
-        Column("q_mean", "Mean q, 0 for a regular tetrahedron, 1 for a flat one", heading="mean q", form=".3f"),
+        Column("nodes", "Number of nodes", place="nodes", heading="nodes (1000)", form=_thousands("nodes")),
+        Column("tets", "Number of tetrahedra", place="tets", heading="elements (1000)", form=_thousands("tets")),
+        Column(
+            "q_mean",
+            "Mean q, 0 for a regular tetrahedron, 1 for a flat one",
+            place="q.mean",
+            heading="mean q",
+            form=".3f",
+        ),
         _Q_MAX,
         Column(
             "exponent",
@@ -76,19 +84,10 @@ def resolution_table(
     missing : reasons why records are missing
     ages : case -> weeks, None where it is not known
     """
-    values = {
-        origin: {
-            "nodes": record["nodes"],
-            "tets": record["tets"],
-            "q_mean": record["q"]["mean"],
-            "q_max": record["q"]["max"],
-        }
-        for origin, record in records.items()
-    }
-    ours = _by_age(values, missing, ages)
+    ours = _by_age(RESOLUTION, records, missing, ages)
     theirs = published.resolution().rename(columns={"scan_age_weeks": "scan_age"})
     theirs = theirs.assign(source=PUBLISHED, mesher="cgal", setting="published", remarks=PUBLISHED)
-    table = pd.concat([part.reindex(columns=names(RESOLUTION.columns)) for part in (ours, theirs)], ignore_index=True)
+    table = pd.concat([ours, theirs.reindex(columns=ours.columns)], ignore_index=True)
     table = table.astype({"nodes": "Int64", "tets": "Int64"})
     meshes = table.groupby(["source", "case", "mesher", "setting"], dropna=False)[["cell_size_mm", "tets"]]
     for _, members in meshes:
@@ -125,6 +124,7 @@ MEASURES = Table(
             Column(
                 f"{name}_max",
                 f"Largest {formula}; 0 for a regular tetrahedron, 1 for a flat one",
+                place=f"{name}.max",
                 heading=heading,
                 form=_largest(name),
             )
@@ -144,10 +144,6 @@ def measures_table(
 
     Beside the columns of `MEASURES`, the published row has a column `..._range` per measure.
     """
-    values = {
-        origin: {"q_max": record["q"]["max"], **{f"{name}_max": record[name]["max"] for name in _MEASURES}}
-        for origin, record in records.items()
-    }
     ranges = published.measures()
     theirs = {
         "source": PUBLISHED,
@@ -159,8 +155,7 @@ def measures_table(
         **{f"{name}_range": f"{row['min']:.3f}-{row['max']:.3f}" for name, row in ranges.iterrows()},
         "remarks": f"{PUBLISHED}: range over the subjects",
     }
-    ours = _by_age(values, missing, ages).reindex(columns=names(MEASURES.columns))
-    return pd.concat([ours, pd.DataFrame([theirs])], ignore_index=True)
+    return pd.concat([_by_age(MEASURES, records, missing, ages), pd.DataFrame([theirs])], ignore_index=True)
 
 
 # --- both ------------------------------------------------------------------------------------------------------------
@@ -189,19 +184,17 @@ def write_mesh_table(
 
 
 def _by_age(
-    values: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float | None]
+    table: Table,
+    records: Mapping[Origin, Mapping[str, Any]],
+    missing: Mapping[Origin, str],
+    ages: Mapping[str, float | None],
 ) -> pd.DataFrame:
     """One row per mesh, also of those that are missing, by age, case, mesher, setting and cell size."""
-    rows = [
-        {
-            **asdict(origin),
-            "source": "this cohort",
-            "scan_age": ages[origin.case],
-            **values.get(origin, {}),
-            "remarks": missing.get(origin),
-        }
-        for origin in dict.fromkeys([*values, *missing])
+    about = [
+        {**asdict(origin), "source": "this cohort", "scan_age": ages[origin.case], "remarks": missing.get(origin)}
+        for origin in dict.fromkeys([*records, *missing])
     ]
+    measured = values([column for column in table.columns if column.place], list(records.values()))
+    rows = pd.concat([pd.DataFrame(about, columns=[*names(_MESH), "remarks"]), measured], axis="columns")
     order = ["scan_age", "case", "mesher", "setting", "cell_size_mm"]
-    frame = pd.DataFrame(rows, columns=list(dict.fromkeys([*names(_MESH), *(name for row in rows for name in row)])))
-    return frame.sort_values(order, ignore_index=True, na_position="first")
+    return rows.sort_values(order, ignore_index=True, na_position="first").reindex(columns=names(table.columns))

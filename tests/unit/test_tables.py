@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import asdict, replace
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from cortet.formats.tables import names, read_columns, sidecar, write_table
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
-from cortet.report import cohort_page, cohort_tables
+from cortet.report import DATA, cohort_page, cohort_tables
 from cortet.report.cohort_tables import (
     QUALITY_COLUMNS,
     SUMMARY,
@@ -163,7 +162,7 @@ def test_a_certificate_of_an_unknown_case_is_an_error(records: list[dict[str, An
 
 def test_another_column_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "c.json").write_text(json.dumps(content := record(CASES[0])))
-    lines = (files("cortet.report") / "data" / "cohort_quality_columns.tsv").read_text()
+    lines = (DATA / "cohort_quality_columns.tsv").read_text()
     another = "longest_edge_mm\tmm\tquality.longest_edge_mm\tn/a\tLongest edge (mm)\t.3f\tLongest edge of the mesh\n"
     (tmp_path / "columns.tsv").write_text(lines + another)
     columns = read_columns(tmp_path / "columns.tsv")
