@@ -134,11 +134,7 @@ def mesh_quality_figures(meshes: Mapping[str, NDArray[np.integer[Any]]], *, limi
         bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")
         tail.set(xlim=(0, 0.9), ylim=(1e-3, 2e6), yscale="log", ylabel="elements above q (per million)")
         in_powers_of_ten(tail.yaxis)
-        tail.axvline(limit, color="black", linestyle="--", linewidth=0.8)
-        tail.annotate(
-            f"limit {limit:g}", (limit, 0.97), xycoords=tail.get_xaxis_transform(), xytext=(2, 0),
-            textcoords="offset points", va="top", fontsize=6,
-        )  # fmt: skip
+        mark_limit(tail, limit)
         for axis in (bulk, tail):
             axis.set_xlabel("q (0 regular, 1 flat)")
             axis.legend(loc="upper right" if axis is bulk else "lower left")
@@ -154,6 +150,15 @@ def in_powers_of_ten(axis: Axis) -> None:
     raised = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
     axis.set_major_formatter(lambda value, _: "10" + str(round(np.log10(value))).translate(raised))
     axis.set_minor_formatter(NullFormatter())
+
+
+def mark_limit(axis: Axes, limit: float) -> None:
+    """A line up at a limit, with its value."""
+    axis.axvline(limit, color="black", linestyle="--", linewidth=0.8)
+    axis.annotate(
+        f"limit {limit:g}", (limit, 0.97), xycoords=axis.get_xaxis_transform(), xytext=(2, 0),
+        textcoords="offset points", va="top", fontsize=6,
+    )  # fmt: skip
 
 
 def distribution(bulk: Axes, tail: Axes, counts: NDArray[np.integer[Any]], **style: Any) -> None:

@@ -5,18 +5,19 @@ A mesh that could not be made has no record, but counts in its row of the table,
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
 import pandas as pd
 
-from cortet.formats.tables import Column, Row, names
+from cortet.formats.tables import Row, names, read_columns
 from cortet.meshers import BASELINES, MESHERS
 from cortet.report import published
 from cortet.report.records import Origin, by_origin, read_record, reasons_by_origin
 from cortet.report.table_files import Table, mean_and_sd, median_and_range, write
 from cortet.stages import STAGES
+from cortet.study import DATA
 from cortet.study.ablated import ABLATED
 
 VERSION: int = 4
@@ -60,65 +61,20 @@ def _of_median(row: Row, name: str, digits: int = 3) -> str:
     return median_and_range(row[f"{name}_median"], row[f"{name}_min"], row[f"{name}_max"], digits)
 
 
-def _column(name: str, statistic: str, words: str, **more: Any) -> Column:
-    """A statistic of a number of the meshes of a row."""
-    return Column(f"{name}_{statistic}", f"{words}, over the meshes of the row", **more)
-
-
+#: columns that print what several have
+_FORMS: dict[str, Callable[[Row], str]] = {
+    "meshes": _meshes,
+    "q_mean_mean": lambda row: mean_and_sd(row["q_mean_mean"], row["q_mean_sd"]),
+    "q_max_median": lambda row: _of_median(row, "q_max"),
+    "q_above_0.6_median": lambda row: _of_median(row, "q_above_0.6", 0),
+    "remarks": _told,
+}
 ABLATION = Table(
     "Element quality after each stage",
-    (
-        Column("source", "This cohort, a reference mesh, or the publication"),
-        Column("cell_size_mm", "Cell size h; the TetGen baseline takes none", "mm", heading="h (mm)", form="g"),
-        Column("mesher", "Mesher of S1"),
-        Column(
-            "setting",
-            "Setting of S3 and later stages. default: boundary nodes stay on the surface; published: the boundary "
-            "moves freely, as in the paper; n/a before S3, where all settings share the mesh",
-            heading="Setting",
-        ),
-        Column("stages", "Stages that have run", heading="Stages"),
-        Column("configuration", "The mesher alone, or the stage that was added last", heading="Configuration"),
-        Column("meshes", "Number of meshes; in print also of those that could not be made", heading="n", form=_meshes),
-        Column("failed", "Number of meshes that could not be made"),
-        Column("fallback", "Number of meshes for which CGAL found no right topology, and S1 took its fallback"),
-        Column("wrong_topology", "Number of meshes whose boundary has another topology than the surface after S1"),
-        Column("tets_total", "Number of tetrahedra in all meshes"),
-        _column(
-            "q_mean",
-            "mean",
-            "Mean over the elements of q, 0 for a regular tetrahedron and 1 for a degenerate one: mean, in print ± "
-            "sample standard deviation",
-            heading="mean q",
-            form=lambda row: mean_and_sd(row["q_mean_mean"], row["q_mean_sd"]),
-        ),
-        _column("q_mean", "sd", "Mean q of a mesh: sample standard deviation"),
-        _column(
-            "q_max",
-            "median",
-            "Largest q of a mesh: median, in print [minimum-maximum]",
-            heading="q_max",
-            form=lambda row: _of_median(row, "q_max"),
-        ),
-        _column("q_max", "min", "Largest q of a mesh: minimum"),
-        _column("q_max", "max", "Largest q of a mesh: maximum"),
-        _column(
-            "q_above_0.6",
-            "median",
-            "Number of elements with q > 0.6, the limit of a solver-ready mesh: median, in print [minimum-maximum]",
-            heading="q > 0.6",
-            form=lambda row: _of_median(row, "q_above_0.6", 0),
-        ),
-        _column("q_above_0.6", "min", "Number of elements with q > 0.6: minimum"),
-        _column("q_above_0.6", "max", "Number of elements with q > 0.6: maximum"),
-        Column("q_above_0.6_total", "Number of elements with q > 0.6 in all meshes", heading="total", form=".0f"),
-        Column(
-            "remarks",
-            "Why meshes are missing, or where the row is from; in print also how many S1 made by its fallback",
-            heading="Remarks",
-            form=_told,
-        ),
-    ),
+    [
+        replace(column, form=_FORMS.get(column.name, column.form))
+        for column in read_columns(DATA / "table_ablation_columns.tsv")
+    ],
     first=("cell_size_mm", "configuration"),
     group=("source", "cell_size_mm", "mesher"),
 )

@@ -21,6 +21,7 @@ from cortet.report.figures import (
     distribution,
     drawn,
     in_powers_of_ten,
+    mark_limit,
     save,
 )
 from cortet.report.records import Origin, by_origin
@@ -71,11 +72,7 @@ def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: 
             tail.set(xlim=(0.2, 0.9), ylim=(1e-3, 1e6), yscale="log", ylabel="elements above q (per million)")
             in_powers_of_ten(tail.yaxis)
             if limit is not None:
-                tail.axvline(limit, color="black", linestyle="--", linewidth=0.8)
-                tail.annotate(
-                    f"limit {limit:g}", (limit, 0.97), xycoords=tail.get_xaxis_transform(), xytext=(2, 0),
-                    textcoords="offset points", va="top", fontsize=6,
-                )  # fmt: skip
+                mark_limit(tail, limit)
         for axis in axes[-1]:
             axis.set_xlabel("q (0 regular, 1 flat)")
         most = max(axes[:, 0], key=lambda axis: len(axis.get_legend_handles_labels()[1]))
