@@ -133,5 +133,5 @@ def _write_html(table: Table, texts: pd.DataFrame, starts: Sequence[int], path: 
     for start in starts:
         rows[start]["attributes"] = {"class": "rule"}
     meanings = {column.heading: column.description for column in table.printed}
-    shown = pages.table("", columns, rows, name=table.title, missing=MISSING)
+    shown = pages.table("", columns, rows, name=table.title, cohort=True, missing=MISSING)
     pages.write(path, table.title, [], end=[shown, ("story", {"texts": meanings})], wide=True)
