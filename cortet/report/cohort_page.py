@@ -137,13 +137,16 @@ def _cases(rows: pd.DataFrame, explained: Mapping[str, Any], states: Sequence[st
         for column in headed(COLUMNS, FIRST)
         if column.name in known
     ]
+    records = rows.to_dict("records")
+    filtered = [{"data-state": row["state"], "data-outlying": "" if row["outlying"] else None} for row in records]
     table = pages.table(
         f"All cases: {len(rows)} rows",
         columns,
-        [_shown(row) for row in rows.to_dict("records")],
+        [_shown(row) for row in records],
         name="All cases",
         cohort=True,
         sortable=True,
+        attributes=filtered,
     )
     return [
         ("paragraph", _ORDER_IN_WORDS),
@@ -154,12 +157,11 @@ def _cases(rows: pd.DataFrame, explained: Mapping[str, Any], states: Sequence[st
 
 
 def _shown(row: Row) -> dict[str, Any]:
-    """A row with the cells of the case and its state, and what the filter asks for."""
+    """A row with the cells of the case and its state."""
     told = [row[name] for name in ("stage", "reason") if row["reason"] != MISSING and row[name] != MISSING]
     case = {"text": row["case"], "page": "" if row["page"] == MISSING else row["page"]}
     state = {"text": row["state"], "why": ": ".join(told), "outlying": row["outlying"]}
-    attributes = {"data-state": row["state"], "data-outlying": "" if row["outlying"] else None}
-    return {**row, "case": ("case", case), "state": ("state", state), "attributes": attributes}
+    return {**row, "case": ("case", case), "state": ("state", state)}
 
 
 def _figure(file: Path, name: str) -> str:

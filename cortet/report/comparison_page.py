@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
 from cortet.report.case_page import ELEMENTS, Certificate, in_words, limit_of
 from cortet.report.figures import mesh_quality_figures, svg
-from cortet.report.pages import Panel
+from cortet.report.pages import Panel, Part
 from cortet.report.pictures import SIDES, captioned
 from cortet.report.render import cut_view, surface_view
 
@@ -35,20 +35,17 @@ def comparison_rows(certificates: Mapping[str, Certificate]) -> list[dict[str, A
     -------
     one row per number: `name`, `limit` (empty where there is none), and one `(value, passed)` per mesh in `values`
     """
-    of_elements = [
-        {
-            "name": name,
-            "limit": "",
-            "values": [(ELEMENTS[name].format_map(c["quality"]), True) for c in certificates.values()],
-        }
-        for name in _SHOWN
-    ]
-    checks = [[in_words(check) for check in c["checks"]] for c in certificates.values()]
-    judged = [
+    by_mesh = [[*_of_elements(c["quality"]), *map(in_words, c["checks"])] for c in certificates.values()]
+    return [
         {"name": row[0]["name"], "limit": row[0]["limit"], "values": [(one["value"], one["passed"]) for one in row]}
-        for row in zip(*checks, strict=True)
+        for row in zip(*by_mesh, strict=True)
     ]
-    return of_elements + judged
+
+
+def _of_elements(quality: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Numbers that have no limit, in the form of `in_words`."""
+    shown = {name: text.format_map(quality) for name, text in ELEMENTS.items() if name in _SHOWN}
+    return [{"name": name, "limit": "", "value": value, "passed": True} for name, value in shown.items()]
 
 
 def write_comparison_page(
@@ -81,15 +78,13 @@ def write_comparison_page(
     first = next(iter(certificates.values()))
     bulk, tail = mesh_quality_figures(counts, limit=limit_of(first, "worst q"))
     worst = ", ".join(f"{name} {c['quality']['q']['max']:.3f}" for name, c in certificates.items())
-    verdicts = {name: "certified" if c["certified"] else "uncertified" for name, c in certificates.items()}
-    rows: list[dict[str, Any]] = [
-        {"name": "Verdict", **{name: ("badge", verdict) for name, verdict in verdicts.items()}}
-    ]
-    for row in comparison_rows(certificates):
-        cells = zip(certificates, row.pop("values"), strict=True)
-        rows.append({**row, **{name: ("judged", {"text": value, "passed": passed}) for name, (value, passed) in cells}})
     columns = [Column("name", heading="Number"), Column("limit", heading="Limit")]
-    columns += [Column(name, heading=name, form=".4g") for name in certificates]
+    columns += [Column(f"mesh {n}", heading=name, form=".4g") for n, name in enumerate(certificates)]
+    verdicts = [("badge", "certified" if c["certified"] else "uncertified") for c in certificates.values()]
+    rows = [_row("Verdict", "", verdicts)]
+    for row in comparison_rows(certificates):
+        judged = [("judged", {"text": value, "passed": passed}) for value, passed in row["values"]]
+        rows.append(_row(row["name"], row["limit"], judged))
     caption = "Every number beside its limit; q is 0 for a regular tetrahedron and 1 for a flat one"
     lost = (
         "The surface, each face in the colour of its distance to the boundary of the mesh: white at 0, black at "
@@ -119,3 +114,7 @@ def write_comparison_page(
         top=[("facts", {"texts": {"Surface": source}})] if source else [],
         wide=True,
     )
+
+
+def _row(name: str, limit: str, cells: Sequence[Part]) -> dict[str, Any]:
+    return {"name": name, "limit": limit, **{f"mesh {n}": cell for n, cell in enumerate(cells)}}

@@ -12,6 +12,7 @@ from __future__ import annotations
 import base64
 import functools
 import hashlib
+import itertools
 import json
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -113,18 +114,19 @@ def table(
     cohort: bool = False,
     sortable: bool = False,
     missing: str = "",
+    attributes: Iterable[Row] = (),
 ) -> Part:
     """A table as a part of a page; its first column names the rows.
 
     Parameters
     ----------
     columns : those with a form hold numbers; the mouse on a heading shows the description
-    rows : value by name of the column: a text, a number, or the macro of a cell and what it shows; under `attributes`
-        those of the HTML element of the row
+    rows : value by name of the column: a text, a number, or the macro of a cell and what it shows
     name : what a reader without pictures is told; without one the caption
     cohort : it has many columns, and its first one stays in sight
     sortable : `table.js` sorts and filters it
     missing : what stands where there is no value
+    attributes : of the HTML element of each row
     """
     return "table", {
         "caption": caption,
@@ -136,7 +138,8 @@ def table(
             for column in columns
         ],
         "rows": [
-            ([_cell(column, row, sortable, missing) for column in columns], row.get("attributes", {})) for row in rows
+            ([_cell(column, row, sortable, missing) for column in columns], own)
+            for row, own in itertools.zip_longest(rows, attributes, fillvalue=dict[str, Any]())
         ],
     }
 

@@ -130,8 +130,7 @@ def _no_bar(text: str) -> str:
 def _write_html(table: Table, texts: pd.DataFrame, starts: Sequence[int], path: Path) -> None:
     columns = [Column(name, heading=name) for name in texts]
     rows = texts.to_dict("records")
-    for start in starts:
-        rows[start]["attributes"] = {"class": "rule"}
+    rules = [{"class": "rule"} if number in starts else {} for number in range(len(rows))]
     meanings = {column.heading: column.description for column in table.printed}
-    shown = pages.table("", columns, rows, name=table.title, cohort=True, missing=MISSING)
+    shown = pages.table("", columns, rows, name=table.title, cohort=True, missing=MISSING, attributes=rules)
     pages.write(path, table.title, [], end=[shown, ("story", {"texts": meanings})], wide=True)

@@ -86,3 +86,9 @@ def test_without_headings_readers_see_what_the_tsv_has_and_what_its_sidecar_says
     page = (tmp_path / "t.html").read_text()
     assert cells(page, "th") == ["case", "q", "sub-1"] and cells(page, "td") == ["0.444444"]
     assert "<dt>q</dt><dd>Worst q; threshold: &lt; 0.6</dd>" in page
+
+
+def test_a_column_may_have_any_name(tmp_path: Path) -> None:
+    columns = tuple(Column(name, "Carried") for name in ("case", "attributes", "class"))
+    write(Table("Sheet", columns), [{"case": "a", "attributes": "b", "class": "c"}], tmp_path / "t.html")
+    assert cells((tmp_path / "t.html").read_text(), "td") == ["b", "c"]
