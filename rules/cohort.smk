@@ -83,7 +83,7 @@ rule cohort_stages:
             labels={"result": "table: stages"},
         ),
     params:
-        version=[version_of("report.ablation"), version_of("report.table_files")],
+        version=[version_of("report.records"), version_of("report.table_files")],
     script:
         "../scripts/cohort_stages.py"
 

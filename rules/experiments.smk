@@ -80,7 +80,7 @@ rule table_ablation:
         multiext(f"{OUT}/cohort/table-ablation", ".tsv", ".json", ".tex", ".md"),
     params:
         missing=lambda _: missing_records(records_of_all(ablated([*OWN_MESHERS, *PLAN.compared_meshers]))),
-        version=[version_of("report.ablation"), version_of("report.table_files")],
+        version=[version_of("study.ablation"), version_of("report.table_files")],
     script:
         "../scripts/table_ablation.py"
 
@@ -101,7 +101,7 @@ rule table_resolution:
         table="resolution",
         missing=missing_records(RESOLUTION_RECORDS),
         ages=AGES,
-        version=[version_of("report.mesh_tables"), version_of("report.table_files")],
+        version=[version_of("study.mesh_tables"), version_of("report.table_files")],
     script:
         "../scripts/mesh_table.py"
 
@@ -122,7 +122,7 @@ rule table_measures:
         table="measures",
         missing=missing_records(MEASURES_RECORDS),
         ages=AGES,
-        version=[version_of("report.mesh_tables"), version_of("report.table_files")],
+        version=[version_of("study.mesh_tables"), version_of("report.table_files")],
     script:
         "../scripts/mesh_table.py"
 
@@ -144,7 +144,7 @@ rule figure_pooled_quality:
             "settings": {SETTINGS[name].setting: mesher for name, mesher in MESHER_OF.items()},
             "limit": CONFIG.certify.q_max,
         },
-        version=[version_of("report.figures"), version_of("report.ablation")],
+        version=[version_of("report.figures"), version_of("study.pooled_quality")],
         meshes=lambda wildcards: len(ABLATION_CASES[int(wildcards.res)]),
     script:
         "../scripts/pooled_quality_figure.py"
@@ -168,7 +168,7 @@ rule figure_series:
     params:
         brains=series(),
         h=RESOLUTIONS[0] / 1000,
-        version=[version_of("report.series"), version_of("report.render")],
+        version=[version_of("study.series"), version_of("report.render")],
     script:
         "../scripts/series_figure.py"
 

@@ -3,7 +3,7 @@
 import json
 
 from cortet.cohort.sheet import chosen, folded
-from cortet.report.ablated import ABLATED
+from cortet.study.ablated import ABLATED
 
 EXPERIMENTS = CONFIG.experiments
 # meshers whose failure is that of the case

@@ -77,7 +77,7 @@ rule convergence:
         multiext(f"{OUT}/cohort/figure-convergence", ".pdf", ".png"),
         f"{OUT}/cohort/convergence.txt",
     params:
-        version=[version_of("report.convergence"), version_of("report.table_files")],
+        version=[version_of("study.convergence"), version_of("report.table_files")],
     script:
         "../scripts/convergence.py"
 

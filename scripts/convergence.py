@@ -6,6 +6,6 @@ from _job import start
 
 job = start(snakemake)
 
-from cortet.report.convergence import write_convergence
+from cortet.study.convergence import write_convergence
 
 write_convergence([Path(path).parent for path in job.input if path.endswith("record.json")], job.output)

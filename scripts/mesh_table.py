@@ -4,6 +4,6 @@ from _job import start
 
 job = start(snakemake)
 
-from cortet.report.mesh_tables import write_mesh_table
+from cortet.study.mesh_tables import write_mesh_table
 
 write_mesh_table(job.params.table, job.input.records, job.params.missing, job.output, ages=job.params.ages)

@@ -4,6 +4,6 @@ from _job import start
 
 job = start(snakemake)
 
-from cortet.report.ablation import draw_pooled
+from cortet.study.pooled_quality import draw_pooled
 
 draw_pooled(job.input, job.output, **job.arguments)

@@ -4,6 +4,6 @@ from _job import start
 
 job = start(snakemake)
 
-from cortet.report.series import draw_series
+from cortet.study.series import draw_series
 
 draw_series(job.params.brains, job.output)

@@ -4,7 +4,7 @@ from _job import start
 
 job = start(snakemake)
 
-from cortet.report.ablation import write_ablation
+from cortet.study.ablation import write_ablation
 
 write_ablation(
     [*job.input.records, *job.input.baselines],

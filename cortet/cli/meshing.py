@@ -132,15 +132,15 @@ def recorded(
 
 def stages_command(args: argparse.Namespace) -> int:
     """Print what each stage of the line does to a surface."""
-    from cortet.formats.tsv import cell, write_tsv
+    from cortet.formats.tables import write_table
     from cortet.pipeline import run
     from cortet.report.stage_table import STAGE_COLUMNS, measured_stages
 
     config = config_of(args)
     surface = surface_of(args, config)
     rows = []
-    widths = [max(len(name) + 2, 12) for name in STAGE_COLUMNS]
-    print("".join(f"{name:>{width}}" for name, width in zip(STAGE_COLUMNS, widths, strict=True)))
+    widths = [max(len(column.name) + 2, 12) for column in STAGE_COLUMNS]
+    print("".join(f"{column.name:>{width}}" for column, width in zip(STAGE_COLUMNS, widths, strict=True)))
     line = run(
         surface,
         config,
@@ -151,11 +151,11 @@ def stages_command(args: argparse.Namespace) -> int:
         sphere_source=args.sphere,
     )
     for row in measured_stages(line):
-        values = (cell(row[name]) for name in STAGE_COLUMNS)
+        values = (column.text(row) for column in STAGE_COLUMNS)
         print("".join(f"{value:>{width}}" for value, width in zip(values, widths, strict=True)), flush=True)
         rows.append(row)
     if args.output:
-        write_tsv(rows, list(STAGE_COLUMNS), args.output)
+        write_table(STAGE_COLUMNS, rows, args.output)
     return 0
 
 

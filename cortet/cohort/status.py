@@ -9,30 +9,31 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cortet.formats.atomic import write_json
-from cortet.formats.tsv import write_tsv
+from cortet.formats.tables import Column
 
 VERSION: int = 1
 
-#: column -> its explanation, as in a BIDS sidecar
-COLUMNS: dict[str, dict[str, Any]] = {
-    "case": {"Description": "Name of the case; files begin with it"},
-    "cell_size_mm": {"Description": "Cell size h", "Units": "mm"},
-    "mesher": {"Description": "Mesher of stage S1"},
-    "stage": {"Description": "Last stage reached: the one that failed, or `certify`"},
-    "state": {
-        "Description": "What became of the case",
-        "Levels": {
+#: columns of `cohort_status.tsv`
+COLUMNS = (
+    Column("case", "Name of the case; files begin with it", heading="Case"),
+    Column("cell_size_mm", "Cell size h", "mm", heading="h (mm)", form="g"),
+    Column("mesher", "Mesher of stage S1", heading="Mesher"),
+    Column("stage", "Last stage reached: the one that failed, or `certify`"),
+    Column(
+        "state",
+        "What became of the case",
+        levels={
             "certified": "every number of its certificate is within its limit",
             "uncertified": "meshed, but not certified; exported only if the configuration says so",
             "failed": "a stage refused its input, or broke down",
             "unfinished": "the run ended before the case was done",
             "excluded": "the sheet excludes it",
         },
-    },
-    "reason": {"Description": "Why the state is not `certified`"},
-    "log": {"Description": "Log of the job that failed"},
-}
+        heading="State",
+    ),
+    Column("reason", "Why the state is not `certified`"),
+    Column("log", "Log of the job that failed"),
+)
 
 
 def failure_reason(log: Path, *, since: float) -> str:
@@ -104,9 +105,3 @@ def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
                 outcome |= {"stage": "certify", "state": "certified"}
         rows.append(outcome)
     return rows
-
-
-def write_status(meshes: Sequence[Mapping[str, Any]], *, table: Path, sidecar: Path) -> None:
-    """Write the table (TSV) of `status_rows` and the JSON file that explains its columns."""
-    write_tsv(status_rows(meshes), list(COLUMNS), table)
-    write_json(COLUMNS, sidecar)

@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -27,7 +26,7 @@ from cortet.geometry.interpolation import at_triangles
 from cortet.geometry.spheres import same_triangles
 from cortet.geometry.topology import boundary_surface
 from cortet.mesh import FloatArray, TetMesh, TriSurface
-from cortet.report.figures import PAGE, STYLE, save
+from cortet.report.figures import PAGE, drawn, save
 from cortet.report.render import surface_view
 from cortet.stages.transfer import with_thickness
 
@@ -96,8 +95,7 @@ def _mean(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
 def maps_figure(mean: TriSurface) -> Figure:
     """Each scalar map on the mean surface, from the left and the right of the head, with its own colours."""
     shown = {name: values for name, values in mean.point_data.items() if values.ndim == 1}
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 2.6 * len(shown)), layout="constrained")
+    with drawn(PAGE, 2.6 * len(shown)) as figure:
         axes = figure.subplots(len(shown), len(_SIDES), squeeze=False)
         for row, (name, values) in zip(axes, shown.items(), strict=True):
             low, high = np.percentile(values, [_TAIL, 100 - _TAIL])
@@ -111,8 +109,6 @@ def maps_figure(mean: TriSurface) -> Figure:
                 axis.set_title(f"from the {'left' if side == 'L' else 'right'}")
             bar = figure.colorbar(ScalarMappable(Normalize(low, high), "viridis"), ax=row, shrink=0.6, extend="both")
             bar.set_label(f"{name} (mm)" if name == DISTANCE else name)
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # laid out once: every further round would shift it a little
     return figure
 
 

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pandas as pd
 from matplotlib.image import imread
 
 from cortet.cohort.status import COLUMNS as STATUS
+from cortet.formats.tables import Column, headed, sidecar
 from cortet.formats.tsv import MISSING, cell, read_tsv
 from cortet.report import pages
+from cortet.report.cohort_folding import COLUMNS as FOLDS
+from cortet.report.cohort_tables import CASE_COLUMNS, QUALITY_COLUMNS
+from cortet.report.fold_figures import FILM, NUMBERS, PICTURE
+from cortet.report.pages import Panel, Part
+from cortet.report.pictures import SIDES
 
 Row = Mapping[str, str]
 
@@ -32,69 +38,42 @@ LEAST_SPREAD = {"q_max": 0.005, "q_mean": 0.002}
 _ORDER = ("failed", "unfinished", "uncertified", "certified", "excluded")
 
 
-@dataclass(frozen=True)
-class PageColumn:
-    """One column of the page's table."""
-
-    name: str
-    heading: str
-    #: how a number is written; none: the text as it is
-    form: str = ""
-    #: explanation, where the sidecar of the quality table has none
-    description: str = ""
-
-
 _SCORE = (
     "Larger of the absolute modified z-scores of worst q and mean q (Iglewicz and Hoaglin 1993) among the meshes of "
     f"one cell size and mesher, where there are at least {FEWEST}; above {OUTLIER} a mesh is called an outlier. "
     "A spread counts as at least: " + ", ".join(f"{JUDGED[name]} {least:g}" for name, least in LEAST_SPREAD.items())
 )
+#: what may be known of a mesh, and what the page shows first of it
 COLUMNS = (
-    PageColumn("case", "Case"),
-    PageColumn("state", "State"),
-    PageColumn("outlier", "Outlier score", ".1f", _SCORE),
-    PageColumn("q_max", "Worst q", ".4f"),
-    PageColumn("q_mean", "Mean q", ".4f"),
-    PageColumn("q_above_0.5", "q > 0.5", ",.0f"),
-    PageColumn("q_above_0.6", "q > 0.6", ",.0f"),
-    PageColumn("tets", "Tetrahedra", ",.0f"),
-    PageColumn("nodes", "Nodes", ",.0f"),
-    PageColumn("scan_age", "Age (weeks)", "g"),
-    PageColumn("hemi", "Hemisphere"),
-    PageColumn("cell_size_mm", "h (mm)", "g"),
-    PageColumn("mesher", "Mesher"),
-    PageColumn("nodes_to_surface_max_mm", "Nodes off the surface (mm)", ".2g"),
-    PageColumn("surface_to_boundary_max_mm", "Surface off the mesh (mm)", ".3f"),
-    PageColumn("euler_number", "Euler number", ".0f"),
-    PageColumn("crossing_faces", "Crossing faces", ",.0f"),
-    PageColumn("resample_native_to_resampled_mean_mm", "Off the native surface, mean (mm)", ".2g"),
-    PageColumn("resample_native_to_resampled_max_mm", "Off the native surface (mm)", ".2g"),
-    PageColumn("surface_state", "Input surface"),
-    PageColumn("repair_surface_to_file_max_mm", "Repaired surface off its file (mm)", ".2g"),
-    PageColumn("repair_relative_volume_change", "Volume change by repair", "+.2%"),
-    PageColumn("valence_bound", "Bound of worst q", ".3f"),
-    PageColumn("dihedral_min_deg", "Smallest dihedral (°)", ".1f"),
-    PageColumn("dihedral_max_deg", "Largest dihedral (°)", ".1f"),
-    PageColumn("volume_ml", "Volume (mL)", ".1f"),
-    PageColumn("relative_volume_change", "Volume change", "+.2%"),
-    PageColumn("relative_area_change", "Area change", "+.2%"),
-    PageColumn("roughness", "Roughness", ".3f"),
+    *STATUS,
+    *CASE_COLUMNS,
+    Column("outlier", _SCORE, heading="Outlier score", form=".1f"),
+    *QUALITY_COLUMNS,
+)
+FIRST = (
+    *("case", "state", "outlier", "q_max", "q_mean", "q_above_0.5", "q_above_0.6", "tets", "nodes"),
+    *("scan_age", "hemi", "cell_size_mm", "mesher", "nodes_to_surface_max_mm", "surface_to_boundary_max_mm"),
+    *("euler_number", "crossing_faces", "resample_native_to_resampled_mean_mm", "resample_native_to_resampled_max_mm"),
+    *("surface_state", "repair_surface_to_file_max_mm", "repair_relative_volume_change"),
 )
 
-#: columns of the table of folds, after case and state
-FOLD_COLUMNS = (
-    PageColumn("variant", "Variant"),
-    PageColumn("cell_size_mm", "h (mm)", "g"),
-    PageColumn("mesher", "Mesher"),
-    PageColumn("start_weeks", "From (weeks)", ".1f"),
-    PageColumn("end_weeks", "To (weeks)", ".1f"),
-    PageColumn("gyrification_index", "Gyrification index", ".3f"),
-    PageColumn("fold_spacing_mm", "Width of folds (mm)", ".1f"),
-    PageColumn("sulcal_depth_mm", "Depth of sulci (mm)", ".2f"),
-    PageColumn("min_j", "Smallest J", ".3f"),
-    PageColumn("q_max", "Worst q", ".3f"),
-    PageColumn("steps", "Steps", ",.0f"),
+
+_ORDER_IN_WORDS = (
+    "Failed cases come first, then those that are not certified, then the farthest outliers. A name leads to the page "
+    "of its mesh."
 )
+_AGE = {
+    "name": "Figure",
+    "alt": "Number of tetrahedra, mean q and worst q of every mesh against gestational age, the published cohort in "
+    "grey behind; the table has the numbers",
+}
+_CURVES = {
+    "name": "Figure of folding",
+    "alt": "Gyrification index and area over volume to the power of two thirds of every fold against gestational age, "
+    "real brains as points; the table has the numbers",
+}
+#: files of a fold beside its table -> what they show
+_PICTURES = {NUMBERS: "curves", PICTURE: "before and after", FILM: "film"}
 
 
 def write_cohort_page(
@@ -104,7 +83,7 @@ def write_cohort_page(
     *,
     meshes: Sequence[Mapping[str, Any]],
     figure: Path | None = None,
-    maps: Mapping[str, Path] | None = None,
+    maps: Mapping[Literal["L", "R"], Path] | None = None,
     folding: tuple[Path, Path] | None = None,
     folds: Sequence[Mapping[str, Any]] = (),
 ) -> None:
@@ -121,60 +100,100 @@ def write_cohort_page(
     folding : `cohort_folding.tsv` and its SVG file; None where nothing is folded
     folds : per run `case`, `variant`, `cell_size_mm`, `mesher` and `folder`, as seen from the page
     """
-    rows, explained = read_tsv(status), dict[str, Any](STATUS)
+    rows, explained = read_tsv(status), sidecar(COLUMNS)
     described = pd.DataFrame(list(meshes), columns=None if meshes else [*KEY, "page"], dtype=object)
     rows = _with_columns(rows, described.where(described.notna(), None).map(cell))
     if quality:
-        table, sidecar = quality
-        explained |= json.loads(sidecar.read_text(encoding="utf-8"))
-        rows = _with_columns(rows, read_tsv(table))
+        explained |= json.loads(quality[1].read_text(encoding="utf-8"))
+        rows = _with_columns(rows, read_tsv(quality[0]))
     rows = ordered(with_outliers(rows))
-    shown = [column for column in COLUMNS if column.name in rows and (rows[column.name] != MISSING).any()]
+    counts = _counts(rows)
+    panels = [Panel("cases", "Cases", _cases(rows, explained, list(counts)))]
+    if figure:
+        panels.append(Panel("age", "Against age", [("figure", {**_AGE, "svg": _figure(figure, "age")})]))
+    if maps:
+        panels.append(Panel("maps", "On the common mesh", [("maps", [_map_picture(*one) for one in maps.items()])]))
+    if folding:
+        drawn: Part = ("figure", {**_CURVES, "svg": _figure(folding[1], "folding")})
+        panels.append(Panel("folds", "Folding", [drawn, _folds(folding[0], folds)]))
+    files = [file.name for file in (status, *(quality or ()), *(folding or ())[:1])]
+    outliers = int((rows["outlying"] != "").sum())
     pages.write(
-        "cohort.html.j2",
         path,
+        "All cases",
+        panels,
+        top=[("counts", {"states": counts.items(), "outliers": outliers})],
+        end=[("tables", [(name, name) for name in files])],
+        wide=True,
         scripts=(pages.source("table.js"),),
-        title="All cases",
-        columns=[{"column": column, "text": _explanation(column, explained)} for column in shown],
-        rows=[_shown(row, shown) for row in rows.to_dict("records")],
-        counts=_counts(rows),
-        outliers=int((rows["outlying"] != "").sum()),
-        figure=pages.embedded(figure.read_text(encoding="utf-8"), "age") if figure else "",
-        maps=[_map_picture(hemi, file) for hemi, file in (maps or {}).items()],
-        folding=pages.embedded(folding[1].read_text(encoding="utf-8"), "folding") if folding else "",
-        folds=_folds(folding[0], folds) if folding else [],
-        fold_columns=FOLD_COLUMNS,
-        files=[file.name for file in (status, *(quality or ()), *(folding or ())[:1])],
     )
 
 
-def _map_picture(hemi: str, file: Path) -> dict[str, Any]:
+def _cases(rows: pd.DataFrame, explained: Mapping[str, Any], states: Sequence[str]) -> list[Part]:
+    """The table of all cases with its filter, and what its columns mean."""
+    known = [name for name in rows if (rows[name] != MISSING).any()]
+    columns = [
+        replace(column, description=_explanation(explained[column.name]))
+        for column in headed(COLUMNS, FIRST)
+        if column.name in known
+    ]
+    records = rows.to_dict("records")
+    filtered = [{"data-state": row["state"], "data-outlying": "" if row["outlying"] else None} for row in records]
+    table = pages.table(
+        f"All cases: {len(rows)} rows",
+        columns,
+        [_shown(row) for row in records],
+        name="All cases",
+        cohort=True,
+        sortable=True,
+        attributes=filtered,
+    )
+    return [
+        ("paragraph", _ORDER_IN_WORDS),
+        ("filter", states),
+        table,
+        ("meanings", {"texts": {column.heading: column.description for column in columns}}),
+    ]
+
+
+def _shown(row: Row) -> dict[str, Any]:
+    """A row with the cells of the case and its state."""
+    told = [row[name] for name in ("stage", "reason") if row["reason"] != MISSING and row[name] != MISSING]
+    case = {"text": row["case"], "page": "" if row["page"] == MISSING else row["page"]}
+    state = {"text": row["state"], "why": ": ".join(told), "outlying": row["outlying"]}
+    return {**row, "case": ("case", case), "state": ("state", state)}
+
+
+def _figure(file: Path, name: str) -> str:
+    return pages.embedded(file.read_text(encoding="utf-8"), name)
+
+
+def _map_picture(hemi: Literal["L", "R"], file: Path) -> dict[str, Any]:
     height, width = imread(file).shape[:2]
-    side = {"L": "left", "R": "right"}[hemi]
-    text = f"Means over the {side} hemispheres, at the vertices that they share"
+    text = f"Means over the {SIDES[hemi]} hemispheres, at the vertices that they share"
     uri = pages.data_uri(file.read_bytes(), "image/png")
     return {"uri": uri, "width": width, "height": height, "caption": text, "alt": text}
 
 
-def _folds(table: Path, folds: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Rows of the table of folds as they are shown, with the folder of each run that has a result."""
+def _folds(table: Path, folds: Sequence[Mapping[str, Any]]) -> Part:
+    """The table of folds, with the pictures of each run that has a result."""
     keys = [*KEY, "variant"]
     folders = {tuple(cell(run[key]) for key in keys): run["folder"] for run in folds}
-    return [
-        {
-            "case": row["case"],
-            "state": row["state"],
-            "why": "" if row["state"] == "folded" else row["reason"],
-            "folder": "" if row["state"] == "failed" else folders[tuple(row[key] for key in keys)],
-            "cells": [_formatted(row[column.name], column.form) for column in FOLD_COLUMNS],
-        }
-        for row in read_tsv(table).to_dict("records")
-    ]
-
-
-def _formatted(text: str, form: str) -> str:
-    number = _number(text) if form else None
-    return ("" if text == MISSING else text) if number is None else f"{number:{form}}"
+    rows = []
+    for row in read_tsv(table).to_dict("records"):
+        why = "" if row["state"] == "folded" else row["reason"]
+        folder = "" if row["state"] == "failed" else folders[tuple(row[key] for key in keys)]
+        rows.append(
+            {
+                **row,
+                "case": ("case", {"text": row["case"]}),
+                "state": ("state", {"text": row["state"], "why": why, "plain": True}),
+                "pictures": ("links", [(f"{folder}/{file}", name) for file, name in _PICTURES.items() if folder]),
+            }
+        )
+    columns = [replace(column, description="") for column in headed(FOLDS, ("case", "state"))]
+    caption = "All folds, those that failed or stopped first"
+    return pages.table(caption, [*columns, Column("pictures", heading="Pictures")], rows, name="All folds", cohort=True)
 
 
 def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:
@@ -232,37 +251,13 @@ def ordered(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.loc[rank.sort_values(list(rank.columns)).index]
 
 
-def _number(text: str | None) -> float | None:
-    try:
-        return float(text or "")
-    except ValueError:
-        return None
-
-
-def _shown(row: Row, columns: Sequence[PageColumn]) -> dict[str, Any]:
-    cells = []
-    for column in columns:
-        text = row.get(column.name, MISSING)
-        number = _number(text) if column.form else None
-        cells.append(
-            {
-                "name": column.name,
-                "text": "" if text == MISSING else text if number is None else f"{number:{column.form}}",
-                "number": number,
-            }
-        )
-    why = ": ".join(row[name] for name in ("stage", "reason") if row["reason"] != MISSING and row[name] != MISSING)
-    page = "" if row["page"] == MISSING else row["page"]
-    return {"page": page, "state": row["state"], "outlying": row["outlying"], "why": why, "cells": cells}
-
-
-def _counts(rows: pd.DataFrame) -> list[tuple[str, int]]:
+def _counts(rows: pd.DataFrame) -> dict[str, int]:
     """State -> number of rows, certified ones first."""
     counts = rows["state"].value_counts()
-    return [(state, int(counts[state])) for state in dict.fromkeys(("certified", *_ORDER)) if state in counts]
+    return {state: int(counts[state]) for state in dict.fromkeys(("certified", *_ORDER)) if state in counts}
 
 
-def _explanation(column: PageColumn, explained: Mapping[str, Any]) -> str:
-    entry = explained.get(column.name, {})
-    text = column.description or entry.get("Description", "")
+def _explanation(entry: Mapping[str, Any]) -> str:
+    """What the sidecar says of a column, with the limit it is judged by."""
+    text: str = entry.get("Description", "")
     return f"{text}; limit {entry['Threshold']}" if "Threshold" in entry else text

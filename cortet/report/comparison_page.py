@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cortet.formats.tables import Column
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.lost import distances_to
 from cortet.mesh import TetMesh, TriSurface
 from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
-from cortet.report.case_page import SIDES, Certificate, captioned, in_words, limit_of
+from cortet.report.case_page import ELEMENTS, Certificate, in_words, limit_of
 from cortet.report.figures import mesh_quality_figures, svg
+from cortet.report.pages import Panel, Part
+from cortet.report.pictures import SIDES, captioned
 from cortet.report.render import cut_view, surface_view
 
-#: what a comparison says beside the checks: name -> how it is read from the quality of a certificate
-_ELEMENTS: dict[str, Callable[[Mapping[str, Any]], str]] = {
-    "Nodes": lambda q: f"{q['nodes']:,}",
-    "Tetrahedra": lambda q: f"{q['tets']:,}",
-    "Mean q": lambda q: f"{q['q']['mean']:.4f}",
-    "Elements with q > 0.3": lambda q: f"{q['count_above']['0.3']:,}",
-    "Elements with q > 0.6": lambda q: f"{q['count_above']['0.6']:,}",
-    "Dihedral angles": lambda q: f"{q['dihedral_min_deg']:.1f}° to {q['dihedral_max_deg']:.1f}°",
-    "Edges": lambda q: f"{q['shortest_edge_mm']:.3f} to {q['longest_edge_mm']:.3f} mm",
-}
+#: what a comparison says beside the checks
+_SHOWN = ("Nodes", "Tetrahedra", "Mean q", "Elements with q > 0.3", "Elements with q > 0.6", "Dihedral angles", "Edges")
 
 
 def comparison_rows(certificates: Mapping[str, Certificate]) -> list[dict[str, Any]]:
@@ -40,16 +35,17 @@ def comparison_rows(certificates: Mapping[str, Certificate]) -> list[dict[str, A
     -------
     one row per number: `name`, `limit` (empty where there is none), and one `(value, passed)` per mesh in `values`
     """
-    of_elements = [
-        {"name": name, "limit": "", "values": [(read(c["quality"]), True) for c in certificates.values()]}
-        for name, read in _ELEMENTS.items()
-    ]
-    checks = [[in_words(check) for check in c["checks"]] for c in certificates.values()]
-    judged = [
+    by_mesh = [[*_of_elements(c["quality"]), *map(in_words, c["checks"])] for c in certificates.values()]
+    return [
         {"name": row[0]["name"], "limit": row[0]["limit"], "values": [(one["value"], one["passed"]) for one in row]}
-        for row in zip(*checks, strict=True)
+        for row in zip(*by_mesh, strict=True)
     ]
-    return of_elements + judged
+
+
+def _of_elements(quality: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Numbers that have no limit, in the form of `in_words`."""
+    shown = {name: text.format_map(quality) for name, text in ELEMENTS.items() if name in _SHOWN}
+    return [{"name": name, "limit": "", "value": value, "passed": True} for name, value in shown.items()]
 
 
 def write_comparison_page(
@@ -82,26 +78,43 @@ def write_comparison_page(
     first = next(iter(certificates.values()))
     bulk, tail = mesh_quality_figures(counts, limit=limit_of(first, "worst q"))
     worst = ", ".join(f"{name} {c['quality']['q']['max']:.3f}" for name, c in certificates.items())
-    pages.write(
-        "comparison.html.j2",
-        path,
-        title=f"{len(meshes)} meshes of one surface",
-        source=source,
-        columns=[{"name": name, "certified": c["certified"]} for name, c in certificates.items()],
-        rows=comparison_rows(certificates),
-        cuts=[captioned(cut_view(mesh), name) for name, mesh in meshes.items()],
-        surfaces=[
-            captioned(surface_view(surface, side=side, distances=far, darkest=darkest), f"{name}, from the {word}")
-            for name, far in distances.items()
-            for side, word in SIDES.items()
-        ],
-        darkest=f"{darkest:.2g}",
-        charts=[
-            {"svg": pages.embedded(svg(figure), key), "alt": f"{what}. Worst q: {worst}."}
-            for key, figure, what in (
-                ("bulk", bulk, "Distribution of q over the elements of each mesh"),
-                ("tail", tail, "Elements of each mesh above q, per million"),
-            )
-        ],
-        scale=colour_scale(),
+    columns = [Column("name", heading="Number"), Column("limit", heading="Limit")]
+    columns += [Column(f"mesh {n}", heading=name, form=".4g") for n, name in enumerate(certificates)]
+    verdicts = [("badge", "certified" if c["certified"] else "uncertified") for c in certificates.values()]
+    rows = [_row("Verdict", "", verdicts)]
+    for row in comparison_rows(certificates):
+        judged = [("judged", {"text": value, "passed": passed}) for value, passed in row["values"]]
+        rows.append(_row(row["name"], row["limit"], judged))
+    caption = "Every number beside its limit; q is 0 for a regular tetrahedron and 1 for a flat one"
+    lost = (
+        "The surface, each face in the colour of its distance to the boundary of the mesh: white at 0, black at "
+        f"{darkest:.2g} mm."
     )
+    charts = [
+        (pages.embedded(svg(bulk), "bulk"), f"Distribution of q over the elements of each mesh. Worst q: {worst}."),
+        (pages.embedded(svg(tail), "tail"), f"Elements of each mesh above q, per million. Worst q: {worst}."),
+    ]
+    cuts = [captioned(cut_view(mesh), name) for name, mesh in meshes.items()]
+    surfaces = [
+        captioned(surface_view(surface, side=side, distances=far, darkest=darkest), f"{name}, from the {word}")
+        for name, far in distances.items()
+        for side, word in SIDES.items()
+    ]
+    pages.write(
+        path,
+        f"{len(meshes)} meshes of one surface",
+        [
+            Panel(
+                "numbers", "Numbers side by side", [pages.table(caption, columns, rows, name="Numbers side by side")]
+            ),
+            Panel("quality", "Element quality", [("charts", charts)]),
+            Panel("cuts", "Meshes, cut open across the middle", [("pictures", cuts), ("scale", colour_scale())]),
+            Panel("lost", "What each leaves of the surface", [("paragraph", lost), ("pictures", surfaces)]),
+        ],
+        top=[("facts", {"texts": {"Surface": source}})] if source else [],
+        wide=True,
+    )
+
+
+def _row(name: str, limit: str, cells: Sequence[Part]) -> dict[str, Any]:
+    return {"name": name, "limit": limit, **{f"mesh {n}": cell for n, cell in enumerate(cells)}}

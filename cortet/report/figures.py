@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +61,16 @@ _BESIDE = 4.0
 _PANELS = {"tets": "tetrahedra (thousands)", "q_mean": "mean q", "q_max": r"$q_\mathrm{max}$"}
 
 
+@contextmanager
+def drawn(width: float, height: float) -> Iterator[Figure]:
+    """A figure in the style of all, inches; laid out once, when it is complete: each further round would shift it."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure
+        figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+
+
 def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
     """Number of tetrahedra, mean q and worst q of every mesh against gestational age, the published cohort behind.
 
@@ -72,13 +82,12 @@ def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
     limit : of the worst q, drawn as a line; None draws none
     """
     rows, theirs = read_tsv(table), published.cohort()
-    drawn = ["cell_size_mm", "scan_age", *_PANELS]
-    rows[drawn] = rows[drawn].apply(pd.to_numeric, errors="coerce")  # an age may be n/a
+    numbers = ["cell_size_mm", "scan_age", *_PANELS]
+    rows[numbers] = rows[numbers].apply(pd.to_numeric, errors="coerce")  # an age may be n/a
     unknown = rows["scan_age"].isna()
     beside = float(np.nanmax([theirs["scan_age_weeks"].max(), rows["scan_age"].max()])) + _BESIDE
     rows["scan_age"] = rows["scan_age"].fillna(beside)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 2.6), layout="constrained")
+    with drawn(PAGE, 2.6) as figure:
         axes = figure.subplots(1, 3)
         for axis, (column, label) in zip(axes, _PANELS.items(), strict=True):
             unit = 1000 if column == "tets" else 1
@@ -98,67 +107,6 @@ def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
             )  # fmt: skip
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 4))
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # laid out once: every further round would shift it a little
-    return figure
-
-
-#: stages that have run -> colour, and the line of the published distribution
-_COLOURS = {"S1-S2": ORANGE, "S1-S3": PURPLE, "S1-S4": BLUE, "S1-S4+": GREEN}
-_PUBLISHED_LINES = {"S1-S2": "-", "S1-S3": "--", "S1-S4": ":"}
-
-
-@dataclass(frozen=True)
-class Pooled:
-    """Distributions of q over the elements of many meshes, in one setting."""
-
-    setting: str
-    meshes: int
-    #: stages that have run -> elements (200,) per bin of q
-    counts: Mapping[str, NDArray[np.integer[Any]]]
-
-
-def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: float | None = None) -> Figure:
-    """Quality of all elements after each stage, one row per setting: distribution of q, and number of elements above q.
-
-    The published distributions (arXiv:2607.12157, Fig. 2) are thin grey lines behind. The tail is cumulative, so that
-    it can be read at the limit, also where there are few elements.
-
-    Parameters
-    ----------
-    pooled : summed histograms
-    cell_size : mm
-    limit : of the worst q, drawn as a line; None draws none
-    """
-    theirs = {stages: published.histogram(stages) for stages in _PUBLISHED_LINES}
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 2.3 * len(pooled) + 0.3), layout="constrained")
-        axes = figure.subplots(len(pooled), 2, squeeze=False, sharex="col")
-        for (bulk, tail), row in zip(axes, pooled, strict=True):
-            for stages, line in _PUBLISHED_LINES.items():
-                label = f"{stages}, published, h = {published.CELL_SIZE:g} mm"
-                _distribution(bulk, tail, theirs[stages], color=GREY, linestyle=line, linewidth=0.7, label=label)
-            for stages, counts in row.counts.items():
-                _distribution(bulk, tail, counts, color=_COLOURS[stages], linewidth=1.0, label=stages)
-            elements = max(int(counts.sum()) for counts in row.counts.values())
-            title = f"setting {row.setting}, h = {cell_size:g} mm: {row.meshes} meshes, {elements:,} elements"
-            bulk.set_title(title, loc="left")
-            bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")
-            tail.set(xlim=(0.2, 0.9), ylim=(1e-3, 1e6), yscale="log", ylabel="elements above q (per million)")
-            _in_powers_of_ten(tail.yaxis)
-            if limit is not None:
-                tail.axvline(limit, color="black", linestyle="--", linewidth=0.8)
-                tail.annotate(
-                    f"limit {limit:g}", (limit, 0.97), xycoords=tail.get_xaxis_transform(), xytext=(2, 0),
-                    textcoords="offset points", va="top", fontsize=6,
-                )  # fmt: skip
-        for axis in axes[-1]:
-            axis.set_xlabel("q (0 regular, 1 flat)")
-        most = max(axes[:, 0], key=lambda axis: len(axis.get_legend_handles_labels()[1]))
-        handles, labels = most.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=4)
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # laid out once: every further round would shift it a little
     return figure
 
 
@@ -179,18 +127,14 @@ def mesh_quality_figures(meshes: Mapping[str, NDArray[np.integer[Any]]], *, limi
         bulk, tail = (figure.subplots() for figure in figures)
         bulk.stairs(100 * theirs / theirs.sum(), np.linspace(0, 1, len(theirs) + 1), fill=True, color=GREY, alpha=0.35)
         label = f"published, h = {published.CELL_SIZE:g} mm"
-        _distribution(bulk, tail, theirs, color="#8C8C8C", linewidth=0.8, label=label)
+        distribution(bulk, tail, theirs, color="#8C8C8C", linewidth=0.8, label=label)
         for number, (name, counts) in enumerate(meshes.items()):
             colour, dashes = COLOURS[number % len(COLOURS)], LINES[number // len(COLOURS) % len(LINES)]
-            _distribution(bulk, tail, counts, color=colour, linestyle=dashes, linewidth=1.2, label=name)
+            distribution(bulk, tail, counts, color=colour, linestyle=dashes, linewidth=1.2, label=name)
         bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")
         tail.set(xlim=(0, 0.9), ylim=(1e-3, 2e6), yscale="log", ylabel="elements above q (per million)")
-        _in_powers_of_ten(tail.yaxis)
-        tail.axvline(limit, color="black", linestyle="--", linewidth=0.8)
-        tail.annotate(
-            f"limit {limit:g}", (limit, 0.97), xycoords=tail.get_xaxis_transform(), xytext=(2, 0),
-            textcoords="offset points", va="top", fontsize=6,
-        )  # fmt: skip
+        in_powers_of_ten(tail.yaxis)
+        mark_limit(tail, limit)
         for axis in (bulk, tail):
             axis.set_xlabel("q (0 regular, 1 flat)")
             axis.legend(loc="upper right" if axis is bulk else "lower left")
@@ -201,14 +145,23 @@ def mesh_quality_figures(meshes: Mapping[str, NDArray[np.integer[Any]]], *, limi
     return figures
 
 
-def _in_powers_of_ten(axis: Axis) -> None:
+def in_powers_of_ten(axis: Axis) -> None:
     """Label a logarithmic axis in plain letters: as formulas, which Matplotlib takes them for, they cost a second."""
     raised = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
     axis.set_major_formatter(lambda value, _: "10" + str(round(np.log10(value))).translate(raised))
     axis.set_minor_formatter(NullFormatter())
 
 
-def _distribution(bulk: Axes, tail: Axes, counts: NDArray[np.integer[Any]], **style: Any) -> None:
+def mark_limit(axis: Axes, limit: float) -> None:
+    """A line up at a limit, with its value."""
+    axis.axvline(limit, color="black", linestyle="--", linewidth=0.8)
+    axis.annotate(
+        f"limit {limit:g}", (limit, 0.97), xycoords=axis.get_xaxis_transform(), xytext=(2, 0),
+        textcoords="offset points", va="top", fontsize=6,
+    )  # fmt: skip
+
+
+def distribution(bulk: Axes, tail: Axes, counts: NDArray[np.integer[Any]], **style: Any) -> None:
     """One distribution of q, as shares of its bins and as the number of elements above each edge."""
     edges = np.linspace(0, 1, len(counts) + 1)
     bulk.stairs(100 * counts / counts.sum(), edges, **style)

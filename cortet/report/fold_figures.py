@@ -24,7 +24,7 @@ from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
 from cortet.mesh import FloatArray, TetMesh, TriSurface
 from cortet.report import published
-from cortet.report.figures import BLUE, GREY, PAGE, STYLE, VERMILION, save
+from cortet.report.figures import BLUE, GREY, PAGE, STYLE, VERMILION, drawn, save
 from cortet.report.render import off_screen
 from cortet.simulation.journal import SERIES, TABLE
 
@@ -89,8 +89,7 @@ def numbers(table: Path, hemisphere: str | None) -> Figure:
     The first two are drawn on those of real surfaces: of one hemisphere for half a brain, else of both.
     """
     rows = curves(table)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 2.2), layout="constrained")
+    with drawn(PAGE, 2.2) as figure:
         for axis, (column, label) in zip(figure.subplots(1, len(_PANELS)), _PANELS.items(), strict=True):
             axis.plot(rows["gestational_age"], rows[column], color=BLUE, label="this run")
             axis.set(xlabel="gestational age (weeks)", ylabel=label)
@@ -99,8 +98,6 @@ def numbers(table: Path, hemisphere: str | None) -> Figure:
             if column in ("gyrification_index", "relative_area"):
                 real_points(axis, column, hemisphere)
         figure.axes[0].legend(loc="upper left")
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")
     return figure
 
 
@@ -173,8 +170,7 @@ def _view(surface: TriSurface, focus: FloatArray, direction: FloatArray, up: Flo
 
 def before_and_after(images: list[list[Image]], ages: list[float]) -> Figure:
     """The surface before (upper row) and after, from several sides (columns), and what the colours mean."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 3.4), layout="constrained")
+    with drawn(PAGE, 3.4) as figure:
         axes = figure.subplots(len(ages), len(images))
         for column, side in zip(axes.T, images, strict=True):
             for axis, image in zip(column, side, strict=True):
@@ -186,8 +182,6 @@ def before_and_after(images: list[list[Image]], ages: list[float]) -> Figure:
         figure.colorbar(
             mpl.cm.ScalarMappable(norm, COLOURS), ax=axes, shrink=0.6, aspect=30, label="mean curvature (1/mm)"
         )
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")
     return figure
 
 

@@ -1,5 +1,8 @@
 """Pages for a browser: each is one file, reads the same without scripts, and asks the network for nothing.
 
+A page is a list of panels, a panel a list of parts, and a part the name of a macro of `templates/macros.html.j2` or
+`case.html.j2` with what it shows; `templates/page.html.j2` is the page around them.
+
 Every text is escaped (Jinja2), and the page's own policy allows no script but those it was written with, each named by
 its hash, and no request at all: names and messages on it come from files that anybody may have written.
 """
@@ -7,21 +10,25 @@ its hash, and no request at all: names and messages on it come from files that a
 from __future__ import annotations
 
 import base64
+import functools
 import hashlib
+import itertools
+import json
 import re
-from collections.abc import Sequence
-from importlib.resources import files
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import jinja2
 
 from cortet import __version__
 from cortet.formats.atomic import atomic_path
+from cortet.formats.tables import Column, Row
+from cortet.formats.tsv import MISSING
 from cortet.report.figures import BLUE
 
 #: of the pages of cases and of the cohort, and of their templates
-VERSION: int = 3
+VERSION: int = 4
 
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("cortet.report", "templates"),
@@ -30,21 +37,67 @@ _TEMPLATES = jinja2.Environment(
     trim_blocks=True,
     lstrip_blocks=True,
 )
+_TEMPLATES.filters["json"] = functools.partial(json.dumps, indent=2)
+#: a text of more characters gets room for several lines in a cell
+_LONG = 40
+
+#: a macro and its argument, or its arguments by name
+Part = tuple[str, Any]
+Subject = TypeVar("Subject")
 
 
-def write(template: str, path: str | Path, *, scripts: Sequence[str] = (), **content: Any) -> None:
+class Panel(NamedTuple):
+    """A section of a page."""
+
+    #: its place on the page, for links and the style sheet
+    name: str
+    title: str
+    parts: Sequence[Part]
+
+
+def panels(kinds: Iterable[tuple[str, str, Callable[[Subject], Sequence[Part]]]], subject: Subject) -> list[Panel]:
+    """The panels of a page of some subject, from name, title and function of each; one without parts is left out."""
+    made = (Panel(name, title, parts(subject)) for name, title, parts in kinds)
+    return [panel for panel in made if panel.parts]
+
+
+def write(
+    path: str | Path,
+    title: str,
+    panels: Sequence[Panel],
+    *,
+    heading: str | None = None,
+    state: str = "",
+    top: Sequence[Part] = (),
+    end: Sequence[Part] = (),
+    cohort: str = "",
+    wide: bool = False,
+    scripts: Sequence[str] = (),
+) -> None:
     """Write a page.
 
     Parameters
     ----------
-    template : name of a file of `cortet/templates`
+    title : of the window
+    heading : above the page; the title where there is none
+    state : of the case, beside the heading
+    top : between heading and panels
+    end : after the panels
+    cohort : address of the cohort page, as seen from this one
+    wide : it holds wide tables
     scripts : texts of the scripts that run on it, in this order
-    content : what the template shows
     """
-    page = _TEMPLATES.get_template(template).render(
-        content,
-        policy=_policy(scripts),
+    page = _TEMPLATES.get_template("page.html.j2").render(
+        title=title,
+        panels=panels,
+        heading=heading,
+        state=state,
+        top=top,
+        end=end,
+        cohort=cohort,
+        wide=wide,
         scripts=scripts,
+        policy=_policy(scripts),
         style=source("style.css"),
         version=__version__,
     )
@@ -52,9 +105,58 @@ def write(template: str, path: str | Path, *, scripts: Sequence[str] = (), **con
         temporary.write_text(page, encoding="utf-8", newline="\n")
 
 
+def table(
+    caption: str,
+    columns: Sequence[Column],
+    rows: Iterable[Row],
+    *,
+    name: str = "",
+    cohort: bool = False,
+    sortable: bool = False,
+    missing: str = "",
+    attributes: Iterable[Row] = (),
+) -> Part:
+    """A table as a part of a page; its first column names the rows.
+
+    Parameters
+    ----------
+    columns : those with a form hold numbers; the mouse on a heading shows the description
+    rows : value by name of the column: a text, a number, or the macro of a cell and what it shows
+    name : what a reader without pictures is told; without one the caption
+    cohort : it has many columns, and its first one stays in sight
+    sortable : `table.js` sorts and filters it
+    missing : what stands where there is no value
+    attributes : of the HTML element of each row
+    """
+    return "table", {
+        "caption": caption,
+        "name": name or caption,
+        "sortable": sortable,
+        "attributes": {"id": "table" if sortable else None, "class": "cohort" if cohort else None},
+        "headings": [
+            (column.heading, {"class": "n" if column.form else None, "title": column.description or None})
+            for column in columns
+        ],
+        "rows": [
+            ([_cell(column, row, sortable, missing) for column in columns], own)
+            for row, own in itertools.zip_longest(rows, attributes, fillvalue=dict[str, Any]())
+        ],
+    }
+
+
+def _cell(column: Column, row: Row, sortable: bool, missing: str) -> tuple[str | Part, dict[str, Any]]:
+    """What a cell shows, and the attributes of its HTML element."""
+    value = row.get(column.name)
+    if isinstance(value, tuple):
+        return value, {"class": "n" if column.form else value[0]}
+    text = column.text(row)
+    kind = "n" if column.form else "t" if len(text) > _LONG else None
+    return missing if text == MISSING else text, {"class": kind, "data-value": column.number(row) if sortable else None}
+
+
 def source(name: str) -> str:
     """Text of a style sheet or script of `cortet/templates`."""
-    return (files("cortet.report") / "templates" / name).read_text(encoding="utf-8")
+    return Path(__file__).with_name("templates").joinpath(name).read_text(encoding="utf-8")
 
 
 def data_uri(content: bytes, media_type: Literal["image/webp", "image/png"]) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from importlib.resources import as_file, files
-
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from cortet.formats.tsv import MISSING, read_tsv
 from cortet.measure.quality import HISTOGRAM_BIN_WIDTH
+from cortet.report import DATA
 
 #: cell size of the published meshes, mm
 CELL_SIZE = 0.6
@@ -53,8 +52,7 @@ def histogram(stages: str) -> NDArray[np.int64]:
 
 def _read(name: str) -> pd.DataFrame:
     """A table of the package, with numbers as numbers and NaN where the publication gives none."""
-    with as_file(files("cortet.report") / "data" / f"{name}.tsv") as path:
-        table = read_tsv(path).reset_index(drop=True)
+    table = read_tsv(DATA / f"{name}.tsv").reset_index(drop=True)
     table = table.mask(table == MISSING)
     numbers = table.columns.difference(_WORDS)
     table[numbers] = table[numbers].apply(pd.to_numeric)

@@ -85,8 +85,7 @@ def picture(
 
     Raises
     ------
-    StageError
-        the graphics library cannot draw here
+    StageError : the graphics library cannot draw here
     """
     k = _AXES[axis]
     shell = _cut(mesh, k, position)
@@ -106,8 +105,7 @@ def cut_view(mesh: TetMesh, *, regions: bool = False, size: tuple[int, int] = (1
 
     Raises
     ------
-    StageError
-        the graphics library cannot draw here
+    StageError : the graphics library cannot draw here
     """
     shell = _cut(mesh, _AXES["y"], 0.5)
     with off_screen(size) as plotter:
@@ -150,8 +148,7 @@ def surface_view(
 
     Raises
     ------
-    StageError
-        the graphics library cannot draw here
+    StageError : the graphics library cannot draw here
     """
     shape = pyvista.PolyData.from_regular_faces(surface.points, surface.faces)
     wrong = shape.extract_feature_edges(
@@ -183,8 +180,7 @@ def before_and_after(before: TriSurface, after: TriSurface, distances: FloatArra
 
     Raises
     ------
-    StageError
-        the graphics library cannot draw here
+    StageError : the graphics library cannot draw here
     """
     sides: tuple[Literal["L", "R"], ...] = ("L", "R")
     red = reddest(distances)
@@ -225,8 +221,7 @@ def off_screen(size: tuple[int, int]) -> Iterator[pyvista.Plotter]:
 
     Raises
     ------
-    StageError
-        the graphics library cannot draw here
+    StageError : the graphics library cannot draw here
     """
     try:
         with pyvista.vtk_verbosity("error"):  # without a display VTK first warns, then draws without one
@@ -254,8 +249,7 @@ def lateral_view(
 
     Raises
     ------
-    StageError
-        the graphics library cannot draw here
+    StageError : the graphics library cannot draw here
     """
     towards = -1.0 if side == "L" else 1.0
     middle = (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from cortet.formats.tables import Column, names
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.fidelity import summary
@@ -14,19 +15,19 @@ from cortet.measure.quality import quality
 from cortet.mesh import TetMesh
 from cortet.pipeline import Step
 
-#: name -> what it means
-STAGE_COLUMNS = {
-    "stage": "Stage that has run",
-    "nodes": "Number of nodes",
-    "tets": "Number of tetrahedra",
-    "q_mean": "Mean q",
-    "q_max": "Largest q",
-    "q_above_0.6": "Number of tetrahedra with q > 0.6",
-    "seconds": "Wall time of the stage, compilation of kernels included when they are not cached yet",
-    "peak_memory_mb": "Largest resident memory of the process while the stage ran, libraries included",
-    "distance_mean_mm": "Boundary nodes to the nearest point of the surface that was meshed, mean",
-    "distance_max_mm": "The same, maximum",
-}
+#: columns of `cortet stages`
+STAGE_COLUMNS = (
+    Column("stage", "Stage that has run"),
+    Column("nodes", "Number of nodes"),
+    Column("tets", "Number of tetrahedra"),
+    Column("q_mean", "Mean q"),
+    Column("q_max", "Largest q"),
+    Column("q_above_0.6", "Number of tetrahedra with q > 0.6"),
+    Column("seconds", "Wall time of the stage, compilation of kernels included when they are not cached yet"),
+    Column("peak_memory_mb", "Largest resident memory of the process while the stage ran, libraries included"),
+    Column("distance_mean_mm", "Boundary nodes to the nearest point of the surface that was meshed, mean"),
+    Column("distance_max_mm", "The same, maximum"),
+)
 
 _PROCESS = Path("/proc/self")
 
@@ -40,7 +41,7 @@ def measured_stages(steps: Iterable[Step]) -> Iterator[dict[str, Any]]:
         if step is None:
             return
         row = {"stage": step.stage, "seconds": round(step.seconds, 1), "peak_memory_mb": peak_memory_mb()}
-        yield dict.fromkeys(STAGE_COLUMNS) | row | _measures(step)
+        yield dict.fromkeys(names(STAGE_COLUMNS)) | row | _measures(step)
 
 
 def _measures(step: Step) -> dict[str, Any]:

@@ -2,44 +2,23 @@
 
 from __future__ import annotations
 
-import html
-import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from operator import itemgetter
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from pandas.io.formats.style import Styler
 
-from cortet.formats.atomic import atomic_path, write_json
-from cortet.formats.tsv import MISSING, read_tsv, write_tsv
+from cortet.formats.atomic import atomic_path
+from cortet.formats.tables import Column, Row, described, headed, write_table
+from cortet.formats.tsv import MISSING
+from cortet.report import pages
 
-VERSION: int = 2
-
-Row = Mapping[str, Any]
+VERSION: int = 3
 
 #: what LaTeX prints only in mathematical mode
 _MATHEMATICAL = {"<": "$<$", ">": "$>$", "±": r"$\pm$"}
-_HTML_STYLE = (
-    "body{font:14px sans-serif;margin:1.5em}"
-    "table{border-collapse:collapse;border-top:2px solid;border-bottom:2px solid}"
-    "th{border-bottom:1px solid;text-align:left}th,td{padding:.25em .8em;white-space:nowrap;vertical-align:top}"
-    "tr.rule td{border-top:1px solid}td:last-child{white-space:normal}p{max-width:60em}"
-    "dt{font-weight:bold;margin-top:.5em}"
-)
-
-
-@dataclass(frozen=True)
-class PrintedColumn:
-    """One column for readers, which may gather several columns of the TSV."""
-
-    heading: str
-    #: text of the cell of a row, in which None stands for a missing value
-    text: Callable[[Row], str]
-    description: str
 
 
 @dataclass(frozen=True)
@@ -47,38 +26,39 @@ class Table:
     """What a table is made of besides its rows."""
 
     title: str
-    #: column of the TSV -> its description and units, as in a BIDS sidecar
-    columns: Mapping[str, Mapping[str, Any]]
-    printed: Sequence[PrintedColumn]
-    #: columns of the TSV; readers see a line between two rows that differ in one of them
+    #: of the TSV
+    columns: Sequence[Column]
+    #: names of columns; of those with a heading, readers see these first. None: they see all columns as in the TSV
+    first: Sequence[str] | None = None
+    #: names of columns; readers see a line between two rows that differ in one of them
     group: Sequence[str] = ()
 
+    @property
+    def printed(self) -> list[Column]:
+        """The columns that readers see."""
+        if self.first is not None:
+            return headed(self.columns, self.first)
+        return [Column(one.name, described(one.entry), heading=one.name) for one in self.columns]
 
-def write(table: Table, rows: pd.DataFrame, *paths: str | Path) -> None:
+
+def write(table: Table, rows: pd.DataFrame | Iterable[Row], *paths: str | Path) -> None:
     """Write the table once per path, in the form of its suffix: tsv, json (the sidecar of the TSV), tex, md or html.
 
     Parameters
     ----------
-    rows : the columns of the TSV, and others that printed columns may use
+    rows : the columns of the TSV, and others that readers see a part of
     """
-    texts, starts = printed(table, rows), starts_of_groups(rows, table.group)
-    forms = {".tex": _latex, ".md": _markdown, ".html": _html}
+    frame = rows if isinstance(rows, pd.DataFrame) else pd.DataFrame(list(rows), dtype=object)
+    texts, starts = printed(table, frame), starts_of_groups(frame, table.group)
     for path in map(Path, paths):
-        if path.suffix == ".tsv":
-            write_tsv(rows, list(table.columns), path)
-        elif path.suffix == ".json":
-            write_json(table.columns, path)
+        if path.suffix in (".tsv", ".json"):
+            write_table(table.columns, frame, path)
+        elif path.suffix == ".html":
+            _write_html(table, texts, starts, path)
         else:
+            text = _latex(table, texts, starts) if path.suffix == ".tex" else _markdown(table, texts)
             with atomic_path(path) as temporary:
-                temporary.write_text(forms[path.suffix](table, texts, starts), encoding="utf-8")
-
-
-def write_view(table: str | Path, sidecar: str | Path, path: str | Path, *, title: str) -> None:
-    """Write an HTML page of a TSV, each column explained as its sidecar does."""
-    explained = json.loads(Path(sidecar).read_text(encoding="utf-8"))
-    rows = read_tsv(Path(table))
-    columns = [PrintedColumn(name, itemgetter(name), _explanation(explained[name])) for name in rows.columns]
-    write(Table(title, explained, columns), rows, path)
+                temporary.write_text(text, encoding="utf-8")
 
 
 def printed(table: Table, rows: pd.DataFrame) -> pd.DataFrame:
@@ -98,16 +78,7 @@ def starts_of_groups(rows: pd.DataFrame, group: Sequence[str]) -> list[int]:
 
 def write_page(text: str, path: str | Path, *, title: str) -> None:
     """Write an HTML page of one paragraph."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(f"{_head(title)}\n<p>{html.escape(text)}</p>\n</html>\n", encoding="utf-8")
-
-
-def _explanation(entry: Mapping[str, Any]) -> str:
-    """What a sidecar says of a column, in one line."""
-    parts = [str(entry["Description"])]
-    parts += [f"{key.lower()}: {entry[key]}" for key in ("Units", "Threshold") if key in entry]
-    parts += [f"{level}: {meaning}" for level, meaning in entry.get("Levels", {}).items()]
-    return "; ".join(parts)
+    pages.write(path, title, [], end=[("paragraph", text)])
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -144,7 +115,7 @@ def _mathematical(text: str) -> str:
     return re.sub(r"(?<=\d)-(?=\d)", "--", text)
 
 
-def _markdown(table: Table, texts: pd.DataFrame, _: Sequence[int]) -> str:
+def _markdown(table: Table, texts: pd.DataFrame) -> str:
     escaped = texts.map(_no_bar).rename(columns=_no_bar)
     notes = [f"- **{column.heading}**: {column.description}" for column in table.printed]
     cells = escaped.to_markdown(index=False, tablefmt="github", disable_numparse=True)
@@ -156,19 +127,10 @@ def _no_bar(text: str) -> str:
     return text.replace("|", r"\|")
 
 
-def _html(table: Table, texts: pd.DataFrame, starts: Sequence[int]) -> str:
-    with pd.option_context("display.max_colwidth", None):  # else pandas would cut long texts
-        lines = texts.to_html(index=False, border=0, justify="left").splitlines()
-    rows = [number for number, line in enumerate(lines) if line.strip() == "<tr>"]  # that of the headings has a style
-    for start in starts:
-        lines[rows[start]] = "<tr class=rule>"
-    notes = [
-        f"<dt>{html.escape(column.heading)}</dt><dd>{html.escape(column.description)}</dd>" for column in table.printed
-    ]
-    return "\n".join([_head(table.title), *lines, "<dl>", *notes, "</dl>", "</html>", ""])
-
-
-def _head(title: str) -> str:
-    name = html.escape(title)
-    head = f"<!doctype html><html lang=en><meta charset=utf-8><title>{name}</title><style>{_HTML_STYLE}</style>"
-    return f"{head}\n<h3>{name}</h3>"
+def _write_html(table: Table, texts: pd.DataFrame, starts: Sequence[int], path: Path) -> None:
+    columns = [Column(name, heading=name) for name in texts]
+    rows = texts.to_dict("records")
+    rules = [{"class": "rule"} if number in starts else {} for number in range(len(rows))]
+    meanings = {column.heading: column.description for column in table.printed}
+    shown = pages.table("", columns, rows, name=table.title, cohort=True, missing=MISSING, attributes=rules)
+    pages.write(path, table.title, [], end=[shown, ("story", {"texts": meanings})], wide=True)

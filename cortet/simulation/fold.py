@@ -13,6 +13,7 @@ import numpy as np
 
 from cortet.formats.atomic import write_json
 from cortet.formats.ownership import delete
+from cortet.formats.tables import write_table
 from cortet.formats.tsv import write_tsv
 from cortet.mesh import TetMesh
 from cortet.simulation.body import smallest_altitude, with_interface
@@ -199,11 +200,8 @@ class Journal:
     def add_row(self, measurements: Measurements, part: float) -> None:
         """Append to the tables; `part` of the time of the simulation is done."""
         self.rows.append({**asdict(measurements), "seconds": round(self.seconds, 2), "part": part})
-        write_tsv(self.rows, list(COLUMNS), self.folder / TABLE)
+        write_table(COLUMNS, self.rows, self.folder / TABLE, self.folder / SIDECAR)
         write_tsv(self.rows, ["step", "seconds", "part"], self.folder / SECONDS)
-        columns = COLUMNS.items()
-        sidecar = {name: {"Description": text} | ({"Units": unit} if unit else {}) for name, (text, unit) in columns}
-        write_json(sidecar, self.folder / SIDECAR)
 
     def add_frame(self, run: Run, moment: Moment, age: float) -> None:
         """Write a frame, in the numbering of the user's mesh."""

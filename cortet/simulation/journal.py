@@ -18,6 +18,7 @@ from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import MEDIAL_WALL
+from cortet.formats.tables import names
 from cortet.formats.tsv import read_tsv
 from cortet.mesh import FloatArray, TetMesh
 from cortet.simulation.measurements import COLUMNS, Measurements
@@ -162,7 +163,7 @@ def reached(folder: Path) -> str:
         raise InputError(
             "no run has begun there", file=folder, remedy="name the folder that `cortet fold -o` writes to"
         )
-    rows = read_tsv(folder / TABLE).apply(pd.to_numeric, errors="coerce").reindex(columns=list(COLUMNS))
+    rows = read_tsv(folder / TABLE).apply(pd.to_numeric, errors="coerce").reindex(columns=names(COLUMNS))
     clock = read_tsv(folder / SECONDS).apply(pd.to_numeric, errors="coerce").iloc[-1]
     return status(Measurements(**rows.iloc[-1].to_dict()), float(clock["part"]), float(clock["seconds"]))
 

@@ -9,41 +9,43 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from cortet.formats.tables import Column
 from cortet.geometry.topology import enclosed_volume, face_areas
 from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray
 from cortet.simulation.folds import fold_spacing, sulcal_depth
 
-#: name -> what it means and its unit, for the sidecar of the table
-COLUMNS = {
-    "step": ("Steps taken", ""),
-    "time": ("Time of the simulation", ""),
-    "gestational_age": ("Gestational age at that time", "weeks"),
-    "kinetic_energy": ("Kinetic energy, dimensionless", ""),
-    "elastic_energy": ("Elastic energy, dimensionless", ""),
-    "dissipated_energy": ("Energy that damping has taken since the start, dimensionless", ""),
-    "growth_work": ("Energy that growth has brought since the start, dimensionless", ""),
-    "contact_work": ("Work of the contact forces since the start, dimensionless", ""),
-    "energy_error": (
+#: columns of the table, in the order of `Measurements`
+COLUMNS = (
+    Column("step", "Steps taken"),
+    Column("time", "Time of the simulation"),
+    Column("gestational_age", "Gestational age at that time", "weeks"),
+    Column("kinetic_energy", "Kinetic energy, dimensionless"),
+    Column("elastic_energy", "Elastic energy, dimensionless"),
+    Column("dissipated_energy", "Energy that damping has taken since the start, dimensionless"),
+    Column("growth_work", "Energy that growth has brought since the start, dimensionless"),
+    Column("contact_work", "Work of the contact forces since the start, dimensionless"),
+    Column(
+        "energy_error",
         "Kinetic, elastic and dissipated energy less the work of growth and contact, relative to both works; n/a "
         "where an element has inverted",
-        "",
     ),
-    "min_j": ("Smallest determinant of the elastic deformation gradient in any step since the row before", ""),
-    "inverted": ("Number of tetrahedra where it is not positive", ""),
-    "degenerate": ("Times that a tetrahedron had a stretch below 0.1, all steps so far", ""),
-    "q_max": ("Largest q = 1 - sqrt(2) 6V / l_rms^3 of the deformed tetrahedra", ""),
-    "gyrification_index": ("Area of the surface over that of its convex hull", ""),
-    "fold_spacing_mm": (
+    Column("min_j", "Smallest determinant of the elastic deformation gradient in any step since the row before"),
+    Column("inverted", "Number of tetrahedra where it is not positive"),
+    Column("degenerate", "Times that a tetrahedron had a stretch below 0.1, all steps so far"),
+    Column("q_max", "Largest q = 1 - sqrt(2) 6V / l_rms^3 of the deformed tetrahedra"),
+    Column("gyrification_index", "Area of the surface over that of its convex hull"),
+    Column(
+        "fold_spacing_mm",
         "Mean distance from gyrus to gyrus: twice the area of the cortex over the length of the lines on it where mean "
         "curvature, smoothed over 1.5 mm, is zero; n/a where there are none",
         "mm",
     ),
-    "sulcal_depth_mm": ("Mean distance of the cortex from the convex hull", "mm"),
-    "area_mm2": ("Area of the surface", "mm2"),
-    "volume_mm3": ("Volume", "mm3"),
-    "contacts": ("Surface nodes in contact", ""),
-}
+    Column("sulcal_depth_mm", "Mean distance of the cortex from the convex hull", "mm"),
+    Column("area_mm2", "Area of the surface", "mm2"),
+    Column("volume_mm3", "Volume", "mm3"),
+    Column("contacts", "Surface nodes in contact"),
+)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from shapes import ball_mesh
 
 from cortet.config import load
 from cortet.errors import InputError
+from cortet.formats.tables import names
 from cortet.formats.tsv import read_tsv
 from cortet.report.cohort_folding import COLUMNS, cohort_folding_figure, write_cohort_folding
 from cortet.simulation.fold import fold
@@ -33,10 +34,10 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
 def test_every_run_is_a_row_and_what_went_wrong_comes_first(runs: list[dict[str, Any]], tmp_path: Path) -> None:
     failed = {**runs[0], "case": "sub-b_hemi-L", "reason": "fold: killed"}
     del failed["folder"]
-    names = ("folds.tsv", "folds.json", "folds.svg", "folds.png")
-    write_cohort_folding(runs, [failed], [tmp_path / name for name in names])
+    files = ("folds.tsv", "folds.json", "folds.svg", "folds.png")
+    write_cohort_folding(runs, [failed], [tmp_path / name for name in files])
     table = read_tsv(tmp_path / "folds.tsv")
-    assert list(table.columns) == list(COLUMNS) == list(json.loads((tmp_path / "folds.json").read_text()))
+    assert list(table.columns) == names(COLUMNS) == list(json.loads((tmp_path / "folds.json").read_text()))
     assert table["state"].tolist() == ["failed", "inverted", "folded"]
     assert table["case"].tolist() == ["sub-b_hemi-L", "sub-a_hemi-L", "sub-a_hemi-L"]
     assert table["reason"].iloc[0] == "fold: killed" and "inverted" in table["reason"].iloc[1]

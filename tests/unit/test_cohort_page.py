@@ -15,6 +15,7 @@ from matplotlib.image import imsave
 
 from cortet.cohort.status import COLUMNS
 from cortet.formats.atomic import write_json
+from cortet.formats.tables import names
 from cortet.formats.tsv import write_tsv
 from cortet.report.cohort_folding import COLUMNS as FOLDING
 from cortet.report.cohort_page import modified_z_scores, ordered, with_outliers, write_cohort_page
@@ -33,7 +34,7 @@ def other(case: str, state: str) -> dict[str, str]:
 
 def written(folder: Path, rows: list[dict[str, Any]], quality: list[dict[str, Any]] | None = None) -> str:
     """The page of a cohort of these rows of the status and of the quality table."""
-    write_tsv(rows, list(COLUMNS), folder / "status.tsv")
+    write_tsv(rows, names(COLUMNS), folder / "status.tsv")
     tables = None
     if quality:
         tables = folder / "quality.tsv", folder / "quality.json"
@@ -107,7 +108,7 @@ def test_every_case_leads_to_its_page(tmp_path: Path) -> None:
 
 def test_what_is_not_known_of_all_meshes_comes_from_the_quality_table(tmp_path: Path) -> None:
     rows = [{**MESH, "case": name, "stage": "certify"} for name in WORST]
-    write_tsv(rows, list(COLUMNS), tmp_path / "status.tsv")
+    write_tsv(rows, names(COLUMNS), tmp_path / "status.tsv")
     measures = [{**row, "hemi": "L", "q_max": 0.5} for row in rows]
     write_tsv(measures, ["case", "cell_size_mm", "mesher", "hemi", "q_mean", "q_max"], tmp_path / "quality.tsv")
     write_json({}, tmp_path / "quality.json")
@@ -147,9 +148,9 @@ def test_folds_are_shown_with_what_stopped_them_and_where_their_pictures_are(tmp
         {**mesh, "variant": "thin", "state": "failed", "reason": "fold: killed"},
         {**mesh, "variant": None, "state": "folded", "reason": "folded", "gyrification_index": 1.23456, "min_j": 0.5},
     ]
-    write_tsv(rows, list(FOLDING), tmp_path / "folds.tsv")
+    write_tsv(rows, names(FOLDING), tmp_path / "folds.tsv")
     (tmp_path / "folds.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"><text>curves</text></svg>')
-    write_tsv([other("a", "certified")], list(COLUMNS), tmp_path / "status.tsv")
+    write_tsv([other("a", "certified")], names(COLUMNS), tmp_path / "status.tsv")
     write_cohort_page(
         tmp_path / "status.tsv",
         None,
@@ -168,7 +169,7 @@ def test_folds_are_shown_with_what_stopped_them_and_where_their_pictures_are(tmp
 def test_maps_on_the_common_mesh_are_part_of_the_page(tmp_path: Path) -> None:
     picture = tmp_path / "maps.png"
     imsave(picture, np.zeros((4, 6, 3)))
-    write_tsv([other("a", "certified")], list(COLUMNS), tmp_path / "status.tsv")
+    write_tsv([other("a", "certified")], names(COLUMNS), tmp_path / "status.tsv")
     page = tmp_path / "index.html"
     write_cohort_page(tmp_path / "status.tsv", None, page, meshes=[], maps={"R": picture})
     (shown,) = re.findall(r'<img src="data:image/png;base64,(.*?)" width="6" height="4" alt="(.*?)">', page.read_text())

@@ -62,6 +62,14 @@ def test_files_of_the_same_name_are_told_apart_and_no_file_is_given_twice(
     assert "a mesh is given twice (name each file once)" in capsys.readouterr().err
 
 
+def test_a_mesh_may_be_called_as_a_column_of_the_page_is(files: list[str], tmp_path: Path) -> None:
+    twin = tmp_path / "limit.vtu"
+    twin.write_bytes(Path(files[0]).read_bytes())
+    page = tmp_path / "page.html"
+    assert main(["compare", files[0], str(twin), "--surface", files[2], "-o", str(page)]) == 0
+    assert page.read_text().count(">exactly 0</td>") >= 1 and '<th scope="col" class="n">limit</th>' in page.read_text()
+
+
 def test_a_surface_is_no_mesh(files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "page.html"
     assert main(["compare", files[0], files[2], "--surface", files[2], "-o", str(page)]) == 1

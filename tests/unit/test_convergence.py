@@ -13,7 +13,8 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.formats.gifti import write_surface
 from cortet.formats.tsv import read_tsv, write_tsv
-from cortet.report.convergence import (
+from cortet.simulation.carried import carried
+from cortet.study.convergence import (
     QUANTITIES,
     Run,
     convergence_table,
@@ -24,7 +25,6 @@ from cortet.report.convergence import (
     sentence,
     write_convergence,
 )
-from cortet.simulation.carried import carried
 
 SIZES = [1.6, 1.2, 0.9]
 

@@ -11,17 +11,10 @@ import pandas as pd
 import pytest
 from cubes import cube_mesh
 
+from cortet.formats.tables import names
 from cortet.measure.quality import summarise
-from cortet.report.ablation import (
-    ABLATION,
-    ABLATION_COLUMNS,
-    STAGES_COLUMNS,
-    Origin,
-    ablation_table,
-    by_origin,
-    write_ablation,
-    write_stages,
-)
+from cortet.report.records import STAGES, Origin, by_origin, write_stages
+from cortet.study.ablation import ABLATION, ablation_table, write_ablation
 
 
 def record(mean: float, worst: float, above: int) -> dict[str, Any]:
@@ -138,7 +131,7 @@ def test_it_is_written_from_files(tmp_path: Path) -> None:
     outputs = [str(tmp_path / f"table.{suffix}") for suffix in ("tsv", "json", "tex", "md", "html")]
     write_ablation([quality], [failed], missing, [reference], outputs)
     lines = (tmp_path / "table.tsv").read_text().splitlines()
-    assert lines[0].split("\t") == list(ABLATION_COLUMNS) == list(json.loads((tmp_path / "table.json").read_text()))
+    assert lines[0].split("\t") == names(ABLATION.columns) == list(json.loads((tmp_path / "table.json").read_text()))
     assert [line.split("\t")[5] for line in lines[1:4]] == ["CGAL only", "Netgen only", "ball"]
     assert lines[1].endswith('\tsub-b: gate: "open"')
 
@@ -148,9 +141,9 @@ def test_the_table_of_stages_has_a_row_per_record_in_the_order_given(tmp_path: P
         saved(tmp_path, at("1_hemi-L", stage), record(0.1, worst, 0))
         for stage, worst in [("Generated", 0.8), ("Cleaned", 0.45)]
     ]
-    write_stages(paths, table=tmp_path / "stages.tsv", sidecar=tmp_path / "stages.json")
+    write_stages(paths, [tmp_path / "stages.tsv", tmp_path / "stages.json"])
     header, *rows = [line.split("\t") for line in (tmp_path / "stages.tsv").read_text().splitlines()]
-    assert header == list(STAGES_COLUMNS) == list(json.loads((tmp_path / "stages.json").read_text()))
+    assert header == names(STAGES.columns) == list(json.loads((tmp_path / "stages.json").read_text()))
     told = [dict(zip(header, row, strict=True)) for row in rows]
     assert [(row["case"], row["stage"], row["q_max"]) for row in told] == [
         ("sub-1_hemi-L", "Generated", "0.8"),

@@ -9,7 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from cortet.report import published
-from cortet.report.figures import Pooled, cohort_figure, pooled_quality_figure, save
+from cortet.report.figures import cohort_figure, save
+from cortet.study.pooled_quality import Pooled, pooled_quality_figure
 
 HEADER = "case\themi\tscan_age\tcell_size_mm\ttets\tq_mean\tq_max\n"
 ROWS = (

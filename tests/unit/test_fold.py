@@ -21,6 +21,7 @@ from shapes import ball_mesh
 from cortet.errors import InputError
 from cortet.formats import braingrowth
 from cortet.formats.gifti import read_surface
+from cortet.formats.tables import names
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import FILLED, TetMesh
@@ -139,7 +140,7 @@ def test_the_time_step_follows_the_body(ball: TetMesh) -> None:
 def test_every_column_is_explained_and_none_holds_a_time_of_day(finished: tuple[Path, Verdict]) -> None:
     folder, _ = finished
     explained = json.loads((folder / "fold.json").read_text())
-    assert list(explained) == list(COLUMNS) == list(rows(folder)[0]) == list(Measurements.__dataclass_fields__)
+    assert list(explained) == names(COLUMNS) == list(rows(folder)[0]) == list(Measurements.__dataclass_fields__)
     assert (folder / "seconds.tsv").read_text().startswith("step\tseconds\tpart\n")
 
 

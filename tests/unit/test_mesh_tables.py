@@ -13,11 +13,11 @@ import pandas as pd
 import pytest
 from cubes import cube_mesh
 
+from cortet.formats.tables import names
 from cortet.measure.quality import summarise
-from cortet.report.ablation import Origin
-from cortet.report.mesh_tables import (
-    MEASURES_COLUMNS,
-    RESOLUTION_COLUMNS,
+from cortet.report.records import Origin
+from cortet.study.mesh_tables import (
+    TABLES,
     exponent,
     measures_table,
     resolution_table,
@@ -85,13 +85,15 @@ def test_measures_are_the_largest_of_each_record_and_the_published_range() -> No
     assert theirs["one_minus_radius_ratio_range"] == "0.422-0.497"
 
 
-@pytest.mark.parametrize(("table", "columns"), [("resolution", RESOLUTION_COLUMNS), ("measures", MEASURES_COLUMNS)])
-def test_they_are_written_in_every_form(table: str, columns: dict[str, Any], tmp_path: Path) -> None:
+@pytest.mark.parametrize("table", TABLES)
+def test_they_are_written_in_every_form(table: str, tmp_path: Path) -> None:
     path = tmp_path / "record.json"
     path.write_text(json.dumps({"origin": asdict(at("sub-a", 0.6, "published")), **record(2)}))
     outputs = [tmp_path / f"table.{suffix}" for suffix in ("tsv", "json", "tex", "md", "html")]
     write_mesh_table(table, [str(path)], [], outputs, ages=AGES)
     header, first, *_ = (tmp_path / "table.tsv").read_text().splitlines()
-    assert header.split("\t") == list(columns) == list(json.loads((tmp_path / "table.json").read_text()))
+    assert (
+        header.split("\t") == names(TABLES[table][0].columns) == list(json.loads((tmp_path / "table.json").read_text()))
+    )
     assert dict(zip(header.split("\t"), first.split("\t"), strict=True))["setting"] == "published"
     assert re.search(r"\| sub-a +\| 28\.0 +\| CGAL +\| published +\| 0\.6 +\|", (tmp_path / "table.md").read_text())

@@ -18,6 +18,7 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.cohort.status import COLUMNS
 from cortet.formats.atomic import write_json
+from cortet.formats.tables import names
 from cortet.formats.tsv import write_tsv
 from cortet.measure.certify import certify
 from cortet.report.case_page import write_case_page, write_failure_page
@@ -62,7 +63,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         {"case": name, **mesh_of, "hemi": "L", "scan_age": 20 + 2 * n, "q_mean": 0.129, "q_max": q}
         for n, (name, q) in enumerate(WORST.items())
     ]
-    write_tsv(rows, list(COLUMNS), folder / "status.tsv")
+    write_tsv(rows, names(COLUMNS), folder / "status.tsv")
     write_tsv(measured, list(measured[0]), folder / "quality.tsv")
     write_json({"q_max": {"Description": "Largest q", "Threshold": "< 0.6"}}, folder / "quality.json")
     pages = [{"case": row["case"], **mesh_of, "page": "case.html"} for row in rows]

@@ -17,6 +17,7 @@ from cortet.config import Config, load
 from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_surface
+from cortet.formats.tables import names
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.certify import Certificate
@@ -181,7 +182,7 @@ def test_the_stage_table_measures_every_stage(
     with table.open(newline="") as opened:
         rows = {row["stage"]: row for row in csv.DictReader(opened, delimiter="\t")}
     assert list(rows) == stages(load(FAST), gestational_age=None)
-    assert list(rows["clean"]) == list(STAGE_COLUMNS)
+    assert list(rows["clean"]) == names(STAGE_COLUMNS)
     assert rows["gate"]["tets"] == "n/a"
     assert float(rows["generate"]["q_max"]) > float(rows["reconnect"]["q_max"])
     assert int(rows["clean"]["q_above_0.6"]) == 0

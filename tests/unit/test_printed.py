@@ -8,15 +8,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from cortet.report.table_files import PrintedColumn, Table, mean_and_sd, median_and_range, number, write, write_view
+from cortet.formats.tables import Column
+from cortet.report.table_files import Table, mean_and_sd, median_and_range, write
 
 TABLE = Table(
     "Things & others",
-    {"name": {"Description": "Name"}, "value": {"Description": "Value", "Units": "mm"}},
-    (
-        PrintedColumn("q_max", lambda row: row["name"], "the <name>"),
-        PrintedColumn("v (mm)", lambda row: number(row["value"], 1), "the value"),
-    ),
+    (Column("name", "the <name>", heading="q_max"), Column("value", "the value", "mm", heading="v (mm)", form=".1f")),
+    first=(),
     group=("name",),
 )
 ROWS = pd.DataFrame([{"name": "a & b", "value": 1.25}, {"name": "c > d ± e 1-2 |", "value": None}])
@@ -51,12 +49,13 @@ def test_readers_find_every_column_explained(tmp_path: Path) -> None:
     written = texts(tmp_path)
     assert "- **q_max**: the <name>" in written[".md"]
     assert "<dt>q_max</dt><dd>the &lt;name&gt;</dd>" in written[".html"]
-    assert cells(written[".html"], "td") == ["a &amp; b", "1.2", "c &gt; d ± e 1-2 |", "n/a"]
+    assert cells(written[".html"], "th") == ["q_max", "v (mm)", "a &amp; b", "c &gt; d ± e 1-2 |"]
+    assert cells(written[".html"], "td") == ["1.2", "n/a"]
     assert r"c > d ± e 1-2 \|" in written[".md"]
 
 
 def test_html_has_a_rule_where_a_group_starts(tmp_path: Path) -> None:
-    assert re.findall(r"<tr(?: class=(\w+))?>", texts(tmp_path)[".html"]) == ["", "rule"]
+    assert re.findall(r'<tr(?: class="(\w+)")?>', texts(tmp_path)[".html"]) == ["", "", "rule"]
 
 
 def test_nothing_of_a_large_table_is_left_out(tmp_path: Path) -> None:
@@ -81,13 +80,15 @@ def test_numbers_are_given_as_the_paper_gives_them() -> None:
     assert median_and_range(None, None, None) == "n/a"
 
 
-def test_a_tsv_can_be_viewed_with_what_its_sidecar_says(tmp_path: Path) -> None:
-    table, sidecar = tmp_path / "t.tsv", tmp_path / "t.json"
-    table.write_text("case\tq\nsub-1\t0.4\n")
-    sidecar.write_text(
-        json.dumps({"case": {"Description": "Name"}, "q": {"Description": "Worst q", "Threshold": "< 0.6"}})
-    )
-    write_view(table, sidecar, tmp_path / "t.html", title="Quality")
+def test_without_headings_readers_see_what_the_tsv_has_and_what_its_sidecar_says(tmp_path: Path) -> None:
+    columns = (Column("case", "Name"), Column("q", "Worst q", limit="< 0.6", heading="Worst", form=".1f"))
+    write(Table("Quality", columns), [{"case": "sub-1", "q": 0.4444444444, "other": 1}], tmp_path / "t.html")
     page = (tmp_path / "t.html").read_text()
-    assert cells(page, "th") == ["case", "q"] and cells(page, "td") == ["sub-1", "0.4"]
+    assert cells(page, "th") == ["case", "q", "sub-1"] and cells(page, "td") == ["0.444444"]
     assert "<dt>q</dt><dd>Worst q; threshold: &lt; 0.6</dd>" in page
+
+
+def test_a_column_may_have_any_name(tmp_path: Path) -> None:
+    columns = tuple(Column(name, "Carried") for name in ("case", "attributes", "class"))
+    write(Table("Sheet", columns), [{"case": "a", "attributes": "b", "class": "c"}], tmp_path / "t.html")
+    assert cells((tmp_path / "t.html").read_text(), "td") == ["b", "c"]

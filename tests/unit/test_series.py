@@ -12,7 +12,7 @@ from shapes import ball_mesh
 from cortet.formats import vtu
 from cortet.mesh import TetMesh
 from cortet.report.render import lateral_view
-from cortet.report.series import draw_series, series_figure
+from cortet.study.series import draw_series, series_figure
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from cortet.cohort.status import COLUMNS, failure_reason, status_rows, was_killed, write_status
+from cortet.cohort.status import COLUMNS, failure_reason, status_rows, was_killed
+from cortet.formats.tables import names, write_table
 from cortet.formats.tsv import read_tsv
 
 
@@ -36,11 +37,11 @@ def test_a_failure_and_an_exclusion_are_rows_too(tmp_path: Path) -> None:
         },
         {"case": "sub-2", "state": "excluded", "reason": "motion"},
     ]
-    write_status(meshes, table=tmp_path / "status.tsv", sidecar=tmp_path / "status.json")
+    write_table(COLUMNS, status_rows(meshes), tmp_path / "status.tsv", tmp_path / "status.json")
     failed, excluded = read_tsv(tmp_path / "status.tsv").to_dict("records")
     assert (failed["stage"], failed["reason"], failed["log"]) == ("gate", 'two "bodies"', "a.log")
     assert (excluded["stage"], excluded["cell_size_mm"], excluded["reason"]) == ("n/a", "n/a", "motion")
-    assert json.loads((tmp_path / "status.json").read_text()).keys() == COLUMNS.keys()
+    assert list(json.loads((tmp_path / "status.json").read_text())) == names(COLUMNS)
 
 
 def test_the_reason_is_the_last_error_of_the_log(tmp_path: Path) -> None:

@@ -14,12 +14,16 @@ from cubes import cube_mesh
 from shapes import ball_surface
 
 from cortet.cohort.sheet import Case
+from cortet.cohort.status import COLUMNS as STATUS
+from cortet.formats.tables import names, read_columns, sidecar, write_table
+from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
+from cortet.report import DATA, cohort_page, cohort_tables
 from cortet.report.cohort_tables import (
     QUALITY_COLUMNS,
-    SUMMARY_COLUMNS,
-    quality_sidecar,
+    SUMMARY,
+    quality_columns,
     quality_table,
     summary_table,
     write_quality,
@@ -84,18 +88,18 @@ def test_verdicts_are_pass_and_fail_with_the_reasons(records: list[dict[str, Any
 
 
 def test_every_value_is_found_in_a_certificate(records: list[dict[str, Any]]) -> None:
-    values = quality_table(records, CASES).loc[1, [column.name for column in QUALITY_COLUMNS]]
+    values = quality_table(records, CASES).loc[1, names(QUALITY_COLUMNS)]
     assert list(values.index[values.isna()]) == []
 
 
 def test_the_sidecar_explains_every_column_and_gives_units_and_thresholds(tmp_path: Path) -> None:
     path = tmp_path / "c.json"
     path.write_text(json.dumps(record(CASES[0])))
-    table, sidecar = tmp_path / "cohort_quality.tsv", tmp_path / "cohort_quality.json"
-    write_quality([path], CASES, table=table, sidecar=sidecar)
+    table, beside = tmp_path / "cohort_quality.tsv", tmp_path / "cohort_quality.json"
+    write_quality([path], CASES, [table, beside])
     with table.open(newline="") as file:
         (row,) = csv.DictReader(file, delimiter="\t")
-    explained = json.loads(sidecar.read_text())
+    explained = json.loads(beside.read_text())
     assert list(explained) == list(row)
     assert all(entry["Description"] for entry in explained.values())
     assert explained["q_max"]["Threshold"] == "< 0.6"
@@ -122,7 +126,7 @@ def test_the_summary_has_the_format_of_the_published_table() -> None:
         for verdict, mean, worst, count in measures
     ]
     (summary,) = summary_table(pd.DataFrame(rows)).to_dict("records")
-    assert list(summary) == list(SUMMARY_COLUMNS)
+    assert list(summary) == names(SUMMARY.columns)
     assert summary["q_mean"] == "0.129 +- 0.001"
     assert summary["q_max"] == "0.508 [0.462-0.661]"
     assert summary["q_above_0.6"] == "0 [0-4]"
@@ -136,7 +140,7 @@ def test_cell_sizes_and_meshers_are_summarised_apart(records: list[dict[str, Any
 
 def test_a_limit_that_differs_from_mesh_to_mesh_is_given_as_a_range() -> None:
     sizes = [record(CASES[0], cell_size=size) for size in (0.6, 1.0)]
-    explained = quality_sidecar(sizes, ["surface_to_boundary_max_mm", "q_max"])
+    explained = sidecar(quality_columns(sizes, ["surface_to_boundary_max_mm", "q_max"]))
     assert explained["surface_to_boundary_max_mm"]["Threshold"] == "<= 0.3 to 0.5, by the mesh"
     assert explained["q_max"]["Threshold"] == "< 0.6"
 
@@ -146,11 +150,37 @@ def test_the_summary_is_written_with_its_sidecar(tmp_path: Path) -> None:
     for case in CASES:
         paths.append(tmp_path / f"{case.name}.json")
         paths[-1].write_text(json.dumps(record(case)))
-    table, sidecar = tmp_path / "s.tsv", tmp_path / "s.json"
-    write_summary(paths, CASES, table=table, sidecar=sidecar)
-    assert table.read_text().splitlines()[0].split("\t") == list(json.loads(sidecar.read_text()))
+    table, explained = tmp_path / "s.tsv", tmp_path / "s.json"
+    write_summary(paths, CASES, [table, explained])
+    assert table.read_text().splitlines()[0].split("\t") == list(json.loads(explained.read_text()))
 
 
 def test_a_certificate_of_an_unknown_case_is_an_error(records: list[dict[str, Any]]) -> None:
     with pytest.raises(KeyError, match="sub-01_ses-a_hemi-L"):
         quality_table(records, [replace(CASES[1])])
+
+
+def test_another_column_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "c.json").write_text(json.dumps(content := record(CASES[0])))
+    lines = (DATA / "cohort_quality_columns.tsv").read_text()
+    another = "longest_edge_mm\tmm\tquality.longest_edge_mm\tn/a\tLongest edge (mm)\t.3f\tLongest edge of the mesh\n"
+    (tmp_path / "columns.tsv").write_text(lines + another)
+    columns = read_columns(tmp_path / "columns.tsv")
+    monkeypatch.setattr(cohort_tables, "QUALITY_COLUMNS", columns)
+    monkeypatch.setattr(cohort_page, "COLUMNS", (*STATUS, *columns))
+
+    table, beside, view = (tmp_path / f"cohort_quality.{suffix}" for suffix in ("tsv", "json", "html"))
+    write_quality([tmp_path / "c.json"], CASES, [table, beside, view])
+    mesh = {"case": CASES[0].name, "cell_size_mm": 1.0, "mesher": "cgal", "state": "certified"}
+    write_table(STATUS, [mesh], tmp_path / "status.tsv")
+    cohort_page.write_cohort_page(tmp_path / "status.tsv", (table, beside), tmp_path / "page.html", meshes=[])
+
+    value = content["quality"]["longest_edge_mm"]
+    assert read_tsv(table)["longest_edge_mm"].astype(float).tolist() == [pytest.approx(value)]
+    assert json.loads(beside.read_text())["longest_edge_mm"] == {
+        "Description": "Longest edge of the mesh",
+        "Units": "mm",
+    }
+    assert "Longest edge of the mesh; units: mm" in view.read_text()
+    page = (tmp_path / "page.html").read_text()
+    assert ">Longest edge (mm)</th>" in page and f">{value:.3f}</td>" in page

@@ -13,12 +13,11 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -26,15 +25,16 @@ from matplotlib.figure import Figure
 
 from cortet.formats.atomic import atomic_path
 from cortet.formats.gifti import read_surface
+from cortet.formats.tables import Column, Row, names
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import face_areas
 from cortet.mesh import FloatArray
-from cortet.report.figures import BLUE, GREEN, PAGE, STYLE, VERMILION, save
-from cortet.report.table_files import PrintedColumn, Table, number, write
+from cortet.report.figures import BLUE, GREEN, PAGE, VERMILION, drawn, save
+from cortet.report.table_files import Table, mean_and_sd, write
 from cortet.simulation.folds import depth_below_hull
 from cortet.simulation.journal import TABLE
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: relative difference from the limit up to which a number counts as converged
 TOLERANCE = 0.05
@@ -54,66 +54,54 @@ PAIRS = {
     "sizes": "the same mesher, this cell size and the smallest",
 }
 
-_COLUMNS: dict[str, dict[str, Any]] = {
-    "case": {"Description": "Name of the case"},
-    "mesher": {"Description": "Mesher"},
-    "cell_size_mm": {"Description": "Cell size h; 0: the limit that the sizes tend to", "Units": "mm"},
-    "h_over_thickness": {"Description": "Cell size over the thickness of the cortex at the start"},
-    "runs": {"Description": "Realisations that folded to the end"},
-    "stopped": {"Description": "Realisations that stopped at an inverted element"},
-    "tets": {"Description": "Mean number of tetrahedra"},
-    **{
-        column: {"Description": f"Mean over the realisations of the {name} at the end"}
-        | ({"Units": unit} if unit else {})
-        for column, (name, unit) in QUANTITIES.items()
-    },
-    **{
-        f"{column}_error": {
-            "Description": f"Standard deviation of the {name} over the realisations; of a limit, its error"
-        }
-        for column, (name, _) in QUANTITIES.items()
-    },
-    **{
-        f"correlation_{pair}": {"Description": f"Mean correlation of gained depth between two runs: {what}"}
-        for pair, what in PAIRS.items()
-    },
-}
 
-
-def _with_error(column: str, digits: int) -> Any:
-    def text(row: Any) -> str:
-        error = row[f"{column}_error"]
-        return number(row[column], digits) + ("" if error is None else f" ± {error:.{digits}f}")
-
-    return text
-
-
-def _correlation(pair: str) -> Any:
-    return lambda row: number(row[f"correlation_{pair}"], 2)
+def _with_error(column: str, digits: int) -> Callable[[Row], str]:
+    return lambda row: mean_and_sd(row[column], row[f"{column}_error"], digits)
 
 
 CONVERGENCE = Table(
     "Folding against the cell size",
-    _COLUMNS,
     (
-        PrintedColumn("Case", lambda row: row["case"], "Name of the case"),
-        PrintedColumn("Mesher", lambda row: row["mesher"], "Mesher"),
-        PrintedColumn("h (mm)", lambda row: f"{row['cell_size_mm']:g}", "Cell size; 0: the limit that sizes tend to"),
-        PrintedColumn("h / thickness", lambda row: number(row["h_over_thickness"], 2), "Of the cortex at the start"),
-        PrintedColumn("runs", lambda row: number(row["runs"], 0), "Realisations that folded to the end"),
+        Column("case", "Name of the case", heading="Case"),
+        Column("mesher", "Mesher", heading="Mesher"),
+        Column("cell_size_mm", "Cell size h; 0: the limit that the sizes tend to", "mm", heading="h (mm)", form="g"),
+        Column(
+            "h_over_thickness",
+            "Cell size over the thickness of the cortex at the start",
+            heading="h / thickness",
+            form=".2f",
+        ),
+        Column("runs", "Realisations that folded to the end", heading="runs", form=".0f"),
+        Column("stopped", "Realisations that stopped at an inverted element"),
+        Column("tets", "Mean number of tetrahedra"),
         *(
-            PrintedColumn(
-                name + (f" ({unit})" if unit else ""),
-                _with_error(column, 0 if unit == "mm2" else 3 if not unit else 2),
-                f"Mean ± sd of the {name} over the realisations; of a limit, its error",
+            Column(
+                column,
+                f"Mean of the {name} at the end over the realisations, in print ± its error",
+                unit,
+                heading=name + (f" ({unit})" if unit else ""),
+                form=_with_error(column, 0 if unit == "mm2" else 3 if not unit else 2),
             )
             for column, (name, unit) in QUANTITIES.items()
         ),
         *(
-            PrintedColumn(f"r, {pair}", _correlation(pair), f"Correlation of gained depth between two runs: {what}")
+            Column(
+                f"{column}_error",
+                f"Error of the {name}: standard deviation over the realisations; of a limit, that of the extrapolation",
+            )
+            for column, (name, _) in QUANTITIES.items()
+        ),
+        *(
+            Column(
+                f"correlation_{pair}",
+                f"Mean correlation of gained depth between two runs: {what}",
+                heading=f"r, {pair}",
+                form=".2f",
+            )
             for pair, what in PAIRS.items()
         ),
     ),
+    first=(),
     group=("case", "mesher"),
 )
 
@@ -168,7 +156,7 @@ def convergence_table(runs: Sequence[Run]) -> pd.DataFrame:
         rows += groups
         if limits:
             rows.append({"case": case, "mesher": mesher, "cell_size_mm": 0.0, "h_over_thickness": 0.0, **limits})
-    return pd.DataFrame(rows, columns=list(_COLUMNS))
+    return pd.DataFrame(rows, columns=names(CONVERGENCE.columns))
 
 
 def _row(group: Sequence[Run], runs: Sequence[Run], smallest: float) -> dict[str, Any]:
@@ -306,8 +294,7 @@ _MARKERS = {"lattice": (BLUE, "o"), "cgal": (VERMILION, "^")}
 def convergence_figure(runs: Sequence[Run], table: pd.DataFrame) -> Figure:
     """Every number of every run against h over thickness, with limits at 0, and the correlations of places of folds."""
     shown = [*(name for name in QUANTITIES if name != "area_mm2")]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(PAGE, 2.1), layout="constrained")
+    with drawn(PAGE, 2.1) as figure:
         *axes, places = figure.subplots(1, len(shown) + 1)
         for axis, column in zip(axes, shown, strict=True):
             name, unit = QUANTITIES[column]
@@ -317,8 +304,6 @@ def convergence_figure(runs: Sequence[Run], table: pd.DataFrame) -> Figure:
             axis.set_xlim(-0.03, 1.05 * max(run.cell_size_mm / run.thickness_mm for run in runs))
         axes[0].legend(loc="best")
         _draw_places(places, table)
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")
     return figure
 
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from cortet.formats import vtu
 from cortet.mesh import TetMesh
-from cortet.report.figures import PAGE, STYLE, save
+from cortet.report.figures import PAGE, drawn, save
 from cortet.report.render import BEYOND, COLOURS, RANGE, lateral_view
 
 VERSION: int = 1
@@ -61,8 +61,7 @@ def series_figure(brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]]) 
         )
         axis.imshow(image, extent=(0, 2 * half_width, 0, 2 * half_height), interpolation="antialiased")
 
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=size, layout="constrained")
+    with drawn(*size) as figure:
         axes = figure.subplots(len(rows) + 1, len(brains), squeeze=False)
         for column, (age, meshes), (first, *_) in zip(axes.T, brains, hemispheres, strict=True):
             weeks = "age n/a" if age is None else f"{age:g} weeks"
@@ -77,8 +76,6 @@ def series_figure(brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]]) 
             axis.set_ylabel(name)
         _draw_scale(axes[-1, 0])
         _colour_bar(figure, axes)
-        figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # laid out once: every further round would shift it a little
     return figure
 
 

@@ -1,0 +1,108 @@
+"""One description of a column for everything that is made of it: the file, its sidecar, printed tables and pages.
+
+The file is a TSV (`cortet.formats.tsv`), the sidecar a JSON file that explains its columns, as in BIDS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cortet.formats.atomic import write_json
+from cortet.formats.tsv import MISSING, cell, read_tsv, write_tsv
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a table."""
+
+    #: its name in the file
+    name: str
+    description: str = ""
+    units: str = ""
+    #: value -> its meaning, of a column of few values
+    levels: Mapping[str, str] = field(default_factory=dict)
+    #: where a record has the value: keys, one inside the other, with dots between them; empty: under the name
+    place: str = ""
+    #: name of the check of the certificate that judges it, and the limit of that check in words
+    check: str = ""
+    limit: str = ""
+    #: what readers see above it; a column without one is in the file only
+    heading: str = ""
+    #: how readers see a value: a format of numbers (`.3f`), or a function of the row; empty: as in the file
+    form: str | Callable[[Row], str] = ""
+
+    def text(self, row: Row) -> str:
+        """What readers see of a row; `n/a` where it has no value."""
+        if callable(self.form):
+            return self.form(row)
+        number = self.number(row)
+        return cell(row.get(self.name)) if number is None else f"{number:{self.form}}"
+
+    def number(self, row: Row) -> float | None:
+        """The value of a row as a number; None where it has none, or the column holds words."""
+        try:
+            return float(row[self.name]) if self.form and row.get(self.name) is not None else None
+        except ValueError:
+            return None
+
+    @property
+    def entry(self) -> dict[str, Any]:
+        """What a sidecar says of it."""
+        said = {"Units": self.units, "Threshold": self.limit, "Levels": dict(self.levels)}
+        return {"Description": self.description} | {key: value for key, value in said.items() if value}
+
+
+def names(columns: Iterable[Column]) -> list[str]:
+    """Names of columns, in their order."""
+    return [column.name for column in columns]
+
+
+def sidecar(columns: Iterable[Column]) -> dict[str, dict[str, Any]]:
+    """What the JSON file beside a table says of its columns."""
+    return {column.name: column.entry for column in columns}
+
+
+def headed(columns: Iterable[Column], first: Sequence[str] = ()) -> list[Column]:
+    """The columns that readers see: those named in `first`, then the others, in their order.
+
+    Of columns of the same name the last one counts.
+    """
+    seen = {column.name: column for column in columns if column.heading}
+    return [seen[name] for name in dict.fromkeys([*(name for name in first if name in seen), *seen])]
+
+
+def described(entry: Mapping[str, Any], keys: Iterable[str] = ("Units", "Threshold")) -> str:
+    """What a sidecar says of a column, in one line."""
+    parts = [str(entry["Description"]), *(f"{key.lower()}: {entry[key]}" for key in keys if key in entry)]
+    return "; ".join([*parts, *(f"{level}: {meaning}" for level, meaning in entry.get("Levels", {}).items())])
+
+
+def read_columns(path: Path) -> tuple[Column, ...]:
+    """Columns from a table of them, one per line; its header names fields of `Column` that are texts."""
+    rows: list[dict[str, str]] = read_tsv(path).replace(MISSING, "").to_dict("records")
+    return tuple(Column(**row) for row in rows)  # type: ignore[arg-type]  # `levels` is no text, and not among them
+
+
+def values(columns: Sequence[Column], records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """One row per record: what it has at the places of the columns."""
+    import pandas as pd
+
+    found = pd.json_normalize(list(records)).reindex(columns=[column.place or column.name for column in columns])
+    return found.set_axis(names(columns), axis="columns")
+
+
+def write_table(columns: Sequence[Column], rows: pd.DataFrame | Iterable[Row], *paths: str | Path) -> None:
+    """Write some columns of a table once per path, by its suffix: the TSV, or the JSON file that explains it."""
+    for path in map(Path, paths):
+        if path.suffix == ".json":
+            write_json(sidecar(columns), path)
+        else:
+            write_tsv(rows, names(columns), path)

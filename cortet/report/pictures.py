@@ -1,0 +1,92 @@
+"""Pictures of surfaces and meshes with their captions, as parts of a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+from numpy.typing import NDArray
+
+from cortet.errors import StageError
+from cortet.geometry.nesting import region_names
+from cortet.geometry.topology import boundary_surface, sheet, surface_topology
+from cortet.measure.lost import distances_to
+from cortet.mesh import REGION, FloatArray, TetMesh, TriSurface
+from cortet.report import pages
+from cortet.report.boundary_view import colour_scale
+from cortet.report.render import COLOUR_NAMES, cut_view, reddest, surface_view, webp
+
+Picture = dict[str, Any]
+
+#: sides of the head that a surface is drawn from
+SIDES: dict[Literal["L", "R"], str] = {"L": "left", "R": "right"}
+
+
+def captioned(image: NDArray[Any], caption: str, more: str = "") -> Picture:
+    """A picture (rows, columns, 4) for a page, its caption also what a reader without pictures is told."""
+    height, width, _ = image.shape
+    text = f"{caption}, {more}" if more else caption
+    uri = pages.data_uri(webp(image), "image/webp")
+    return {"uri": uri, "width": width, "height": height, "caption": text, "alt": text}
+
+
+def shown(draw: Callable[[], list[Picture]], *, scaled: bool = False) -> list[pages.Part]:
+    """Pictures as parts of a page, with the scale of q where they are `scaled`; a note where they cannot be drawn."""
+    try:
+        return [("pictures", draw()), *([("scale", colour_scale())] if scaled else [])]
+    except StageError as error:
+        return [("note", f"Without pictures: {error}")]
+
+
+def of_input(surface: TriSurface) -> list[Picture]:
+    """The surface of the file from both sides."""
+    topology = surface_topology(surface.faces)
+    wrong = "open or branching edges in orange" if topology.open_edges + topology.nonmanifold_edges else ""
+    return [
+        captioned(surface_view(surface, side=side), f"Input surface from the {word}", wrong)
+        for side, word in SIDES.items()
+    ]
+
+
+def of_mesh(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
+    """The mesh cut open, its regions, and the surfaces that were meshed by their distance to it."""
+    cut = captioned(cut_view(mesh), "Mesh, cut open across the middle", "each tetrahedron in the colour of its q")
+    boundary, _ = boundary_surface(mesh)
+    return [cut, *_of_regions(mesh, meshed), *_by_distance(meshed, boundary, "Meshed surface", "the mesh")]
+
+
+def _of_regions(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
+    """The cut in the colours of the regions, and each inner surface by its distance to its interface."""
+    if not meshed.inner or REGION not in mesh.cell_data:
+        return []
+    names = region_names(meshed)
+    colours = ", ".join(f"{name} {COLOUR_NAMES[i % len(COLOUR_NAMES)]}" for i, name in enumerate(names))
+    return [
+        captioned(cut_view(mesh, regions=True), "Regions", colours),
+        *(
+            picture
+            for number, (name, inner) in enumerate(meshed.inner.items(), start=1)
+            for picture in _by_distance(inner, sheet(mesh, number)[0], f"Inner surface {name}", "the interface")
+        ),
+    ]
+
+
+def of_repair(file: TriSurface, repaired: TriSurface) -> list[Picture]:
+    """The surface that was meshed by its distance to that of the file."""
+    return _by_distance(repaired, file, "Meshed surface", "the file", red=True)
+
+
+def _by_distance(surface: TriSurface, to: TriSurface, what: str, other: str, *, red: bool = False) -> list[Picture]:
+    """A surface from both sides, each face in the colour of its distance to another surface."""
+    distances: FloatArray = distances_to(to, surface)[len(surface.points) :]
+    darkest = reddest(distances) if red else float(distances.max())
+    scale = f"by its distance to {other}, white at 0, {'red' if red else 'black'} at {darkest:.2g} mm"
+    colours = "Reds" if red else "Greys"
+    return [
+        captioned(
+            surface_view(surface, side=side, distances=distances, darkest=darkest, colours=colours),
+            f"{what}, {word}",
+            scale,
+        )
+        for side, word in SIDES.items()
+    ]

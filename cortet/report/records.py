@@ -1,0 +1,73 @@
+"""Quality records of a cohort: whose they are, and the table of every mesh, stage by stage.
+
+A record is the JSON of `quality.QualitySummary` and says whose it is, under `origin`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cortet.formats.tables import Column, values
+from cortet.measure.quality import COUNTED_LIMITS
+from cortet.report.table_files import Table, write
+
+VERSION: int = 3
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Which mesh a record is about."""
+
+    case: str
+    cell_size_mm: float
+    mesher: str
+    #: `default`, `cgal` or `published`; None before S3, where all settings share the mesh
+    setting: str | None
+    #: label of the stage, as in names of files, e.g. `Cleaned`
+    stage: str
+
+
+def by_origin(paths: Iterable[str | Path]) -> dict[Origin, dict[str, Any]]:
+    """Contents of the files of records, by whose they are, in the order given."""
+    records = [read_record(path) for path in paths]
+    return {Origin(**record["origin"]): record for record in records}
+
+
+def reasons_by_origin(missing: Iterable[Mapping[str, Any]]) -> dict[Origin, str]:
+    """Why records are missing, from the `origin` of each and the `reason`."""
+    return {Origin(**entry["origin"]): entry["reason"] for entry in missing}
+
+
+def read_record(path: str | Path) -> dict[str, Any]:
+    """Content of the file of a record."""
+    content: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
+    return content
+
+
+#: columns of `cohort_stages.tsv`
+STAGES = Table(
+    "Every mesh, stage by stage",
+    (
+        Column("case", "Case", place="origin.case"),
+        Column("cell_size_mm", "Cell size h", "mm", place="origin.cell_size_mm"),
+        Column("mesher", "Mesher of stage S1", place="origin.mesher"),
+        Column("stage", "Stage whose mesh was measured, as file names give it", place="origin.stage"),
+        Column("nodes", "Number of nodes"),
+        Column("tets", "Number of tetrahedra"),
+        Column("q_mean", "Mean q", place="q.mean"),
+        Column("q_max", "Largest q", place="q.max"),
+        *(
+            Column(f"q_above_{limit}", f"Number of tetrahedra with q > {limit}", place=f"count_above.{limit}")
+            for limit in COUNTED_LIMITS
+        ),
+    ),
+)
+
+
+def write_stages(records: Iterable[str | Path], outputs: Iterable[str | Path]) -> None:
+    """Write the table of every mesh, one row per file of a record, in the order given."""
+    write(STAGES, values(STAGES.columns, [read_record(path) for path in records]), *outputs)
