@@ -31,8 +31,8 @@ from cortet.geometry.topology import face_areas
 from cortet.mesh import FloatArray
 from cortet.report.figures import BLUE, GREEN, PAGE, VERMILION, drawn, save
 from cortet.report.table_files import Table, mean_and_sd, write
-from cortet.simulation.folds import depth_below_hull
 from cortet.simulation.journal import TABLE
+from cortet.simulation.measurements import depth_below_hull
 
 VERSION: int = 2
 

@@ -13,7 +13,7 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.formats.gifti import write_surface
 from cortet.formats.tsv import read_tsv, write_tsv
-from cortet.simulation.carried import carried
+from cortet.study.carried import carried
 from cortet.study.convergence import (
     QUANTITIES,
     Run,

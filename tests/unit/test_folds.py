@@ -7,7 +7,7 @@ import pytest
 from shapes import ball_surface
 
 from cortet.mesh import TriSurface
-from cortet.simulation.folds import fold_spacing, mean_curvature, sulcal_depth
+from cortet.simulation.measurements import fold_spacing, mean_curvature, sulcal_depth
 
 RADIUS = 30.0
 
