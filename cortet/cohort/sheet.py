@@ -109,24 +109,6 @@ class Case:
         return self.surface == PHANTOM
 
 
-def missing_surface(source: object, *, column: str) -> InputError:
-    """The error of a surface of the sheet that is not there."""
-    return InputError("no such file", file=source, remedy=f"mend the column {column} of the cohort sheet")
-
-
-def require_hemisphere(path: str | Path, hemi: str | None) -> None:
-    """Raise InputError where a surface or sphere of a row of one hemisphere says that it is of the other."""
-    from cortet.formats.gifti import hemisphere_of  # loads NiBabel, which planning does without
-
-    named = hemisphere_of(path)
-    if hemi and named and named != hemi:
-        raise InputError(
-            f"is of hemisphere {named}, as its AnatomicalStructurePrimary says, but its row says {hemi}",
-            file=path,
-            remedy="mend the column hemi of the cohort sheet, or name the file of the other hemisphere",
-        )
-
-
 def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> list[Case]:
     """The rows of a cohort sheet, excluded ones too.
 

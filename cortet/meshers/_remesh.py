@@ -14,8 +14,10 @@ from cortet.geometry.closest_point import SurfaceTree, surface_tree
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import compact, edges, face_areas
 from cortet.mesh import FloatArray, IntArray, TriSurface
+from cortet.meshers import _half_edges as half_edges
 from cortet.meshers import _triangles as triangles
-from cortet.meshers._triangles import FLAT, Limits, Work
+from cortet.meshers._half_edges import FLAT, Work
+from cortet.meshers._triangles import Limits
 
 #: rounds of splits, collapses, flips and smoothing; more change little
 ITERATIONS = 8
@@ -80,21 +82,21 @@ def remesh(surface: TriSurface, want: Wanted) -> Remeshed:
     """
     points, faces, kept = compact(surface.points, surface.faces)
     size, distance = want.size[kept].copy(), want.distance[kept]
-    triangles.limit_growth(faces, points, size, GROWTH)
+    half_edges.limit_growth(faces, points, size, GROWTH)
     tree = surface_tree(points, faces)
     tree_faces = faces[tree.faces]
     work = _begun(points, faces, tree, size, distance)
     longest, most = float(size.max()), float(distance.max())
     limits = Limits((FREE * most) ** 2, (MOST * most) ** 2)
-    scratch = triangles.scratch(len(work.samples))
+    scratch = half_edges.scratch(len(work.samples))
     for _ in range(ITERATIONS):
         triangles.relax(work, size, tree_faces, _EASE)
-        triangles.limit_growth(work.faces[: work.used[1]], work.points, work.size, GROWTH)
+        half_edges.limit_growth(work.faces[: work.used[1]], work.points, work.size, GROWTH)
         while (split := triangles.split_long(work, tree, scratch, limits)) < 0:
             work = _with_room(work)
         collapsed = triangles.collapse_short(work, tree, scratch, limits, SHORTEST * longest)
         work = _with_room(work)
-        triangles.limit_growth(work.faces[: work.used[1]], work.points, work.size, GROWTH)
+        half_edges.limit_growth(work.faces[: work.used[1]], work.points, work.size, GROWTH)
         flipped = triangles.flip(work, scratch, limits)
         moved = triangles.smooth(work, tree, scratch, limits)
         logger.debug("%d splits, %d collapses, %d flips, %d moves", split, collapsed, flipped, moved)
@@ -146,7 +148,7 @@ def _begun(points: FloatArray, faces: IntArray, tree: SurfaceTree, size: FloatAr
     """The given surface itself, every vertex and face centre attached to it."""
     n, m = len(points), len(faces)
     leaving, opposite = np.full(n, -1, np.int32), np.full(3 * m, -1, np.int32)
-    triangles.link(faces, opposite, leaving)
+    half_edges.link(faces, opposite, leaving)
     in_tree = np.empty(m, np.int32)
     in_tree[tree.faces] = np.arange(m, dtype=np.int32)
     of_vertex = leaving // 3
@@ -193,7 +195,7 @@ def _with_room(work: Work) -> Work:
     faces = number[work.faces[live_face]]
     n, m = len(live_vertex), len(live_face)
     leaving, opposite = np.full(n, -1, np.int32), np.full(3 * m, -1, np.int32)
-    triangles.link(faces, opposite, leaving)
+    half_edges.link(faces, opposite, leaving)
     return work._replace(
         points=_grown(work.points[live_vertex], n),
         place=_grown(work.place[live_vertex], n),

@@ -155,8 +155,8 @@ def _fault(walls: Sequence[TriSurface], every: Sequence[TriSurface]) -> str:
     """Why remeshed surfaces cannot be filled, or nothing; `every` holds the given ones."""
     from cortet.geometry.nesting import joined
     from cortet.geometry.topology import enclosed_volume
+    from cortet.meshers._half_edges import FLAT
     from cortet.meshers._remesh import shapes, unsound
-    from cortet.meshers._triangles import FLAT
 
     both = joined(walls)
     unusable = unsound(both)
