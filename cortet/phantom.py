@@ -3,7 +3,7 @@
 A sphere is made into a smooth hemisphere, and its vertices are pressed in along lines that lead to a core inside and do
 not meet before it; wherever each of them stops, the surface is closed, of genus 0, and does not cross itself. Primary
 sulci are curves of the sphere along which vertices go deeper. They appear in the order of Garel et al. (AJNR 2001;
-22:184), then deepen and narrow; from 26 weeks on secondary folds, individual to each seed, fill the places between. How
+22:184), then deepen and narrow; from 26 weeks on secondary folds, individual to each seed, fill the gaps between. How
 deep they are altogether follows from the area that a real cortex of that age has.
 """
 
@@ -131,7 +131,7 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
 def phantom_with_sphere(
     gestational_age: float, *, hemisphere: str = "L", subdivisions: int = 5, seed: int = 0
 ) -> tuple[TriSurface, TriSurface]:
-    """A phantom, and the unit sphere that it was made of: equal places there are equal places of every phantom.
+    """A phantom, and the unit sphere that it was made of: a point of the sphere is the same anatomy in every phantom.
 
     Parameters and errors are those of `phantom`.
     """

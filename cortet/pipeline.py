@@ -1,4 +1,4 @@
-"""The whole line for one surface, and those inside it, in memory: from resampling and repair to the certificate.
+"""The whole line in memory, for one surface and those inside it: from resampling and repair to the certificate.
 
 The workflow runs the same stages with the same arguments in the same order, one file at a time.
 """
@@ -29,9 +29,9 @@ class Step:
     """One stage that has run."""
 
     stage: str
-    #: what it made: the surface that is meshed, up to smoothing, or the mesh
+    #: its result: a surface, up to S1, or a mesh
     result: TriSurface | TetMesh
-    #: the surface that is meshed, as far as it is made
+    #: the surface that will be meshed, as far as the line has come
     surface: TriSurface
     #: its arguments and its version
     parameters: dict[str, Any]

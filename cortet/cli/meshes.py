@@ -50,7 +50,7 @@ def certify_command(args: argparse.Namespace) -> int:
 
 
 def _filled_surface(mesh: Path, args: argparse.Namespace) -> TriSurface:
-    """The surface that a mesh fills, with its inner ones: as they were meshed rather than as they were given."""
+    """The surface that a mesh fills, with its inner ones: as meshed where that was kept, else as given."""
     from cortet.solver_files.meshed import meshed_surface
 
     inner = {name: Path(file) for name, file in getattr(args, "inner", [])}

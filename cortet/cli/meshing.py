@@ -59,7 +59,7 @@ def mesh_command(args: argparse.Namespace) -> int:
     )
     if not args.force:
         require_own_stem(args.output, given, cell_size=size, mesh_sha256=certificate.mesh_sha256)
-    delete_made(record)  # what an earlier run left must not pass for this run's
+    delete_made(record)  # files of an earlier run must not pass for this run's
     delete_made(sidecar_path(args.output))
     with recorded(asdict(certificate), record) as place:
         write_meshed(meshed, place(args.output))
@@ -78,7 +78,7 @@ def mesh_command(args: argparse.Namespace) -> int:
             made_from=made_from(surfaces, given, args.output.parent),
         )
     elif args.force:
-        args.output.unlink(missing_ok=True)  # one of an earlier run would pass for this one
+        args.output.unlink(missing_ok=True)  # that of an earlier run would pass for this one's
     with recorded(asdict(certificate), record, surfaces.values()) as place:
         _mesh_views(args, mesh, meshed, placed(surface, config.placement()), asdict(certificate), config, place)
     print()
@@ -100,7 +100,7 @@ def _mesh_views(
     config: Config,
     place: Callable[[Path], Path],
 ) -> None:
-    """The picture and the page of a mesh, where they are asked for; `place` says where they are written for now."""
+    """The picture and the page of a mesh, where they are asked for; `place` gives the temporary file of each."""
     if args.picture:
         draw(mesh, args.picture, place)
     if args.page:
@@ -117,7 +117,7 @@ def recorded(
 ) -> Iterator[Callable[[Path], Path]]:
     """Write a report that lists the files made with it, so that another run may replace them, also after a kill.
 
-    Yields where to write a file for now: those beside the report get their names after the report has its own.
+    Yields a function that gives the temporary name of each file; they get their own names after the report has its.
 
     Parameters
     ----------

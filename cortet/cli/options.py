@@ -36,11 +36,11 @@ class OutputFile(type(Path())):  # type: ignore[misc]
 
 
 class CheckedOutput(type(Path())):  # type: ignore[misc]
-    """A file or folder of a command that itself refuses what is not its own: a sheet, the folders of `cortet run`."""
+    """A sheet, or a folder of `cortet run`: the command itself refuses one that is not its own."""
 
 
 class FolderOfFiles(type(Path())):  # type: ignore[misc]
-    """A folder in which a command writes some files, each of them guarded by itself."""
+    """A folder in which a command writes some files; each of them is guarded by itself."""
 
 
 WRITTEN = (OutputFile, CheckedOutput, FolderOfFiles)

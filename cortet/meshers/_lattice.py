@@ -30,21 +30,21 @@ GAP = 0.5
 _STEP = 2**0.5
 #: spacings this close, as a share of a step, count as equal
 _SAME_STEP = 0.05
-#: place of the lattice's origin in a cube: any will do that puts no node on a round coordinate
+#: offset of the lattice's origin in a cube: any will do that puts no node on a round coordinate
 _ORIGIN = np.array([0.123, 0.347, 0.211])
 
 
 def lattice_nodes(
     boundary: TriSurface, *, cell_size: float, core_ratio: float, core_depth: float, walls: TriSurface | None = None
 ) -> FloatArray:
-    """Nodes of the lattice in the inside of a closed surface, (n, 3) float64 mm.
+    """Nodes of the lattice inside a closed surface, (n, 3) float64 mm.
 
     Parameters
     ----------
     cell_size : mm
     core_ratio : how many times coarser the lattice is in the core
     core_depth : mm, depth below the boundary at which the core begins; of no effect when `core_ratio` is 1
-    walls : all triangles that nodes keep away from, where they are more than the boundary
+    walls : all triangles that nodes keep away from; None: those of the boundary
     """
     tree = tree_of(walls or boundary)
     nodes = _inside(boundary, CONSTANT * cell_size)
@@ -78,7 +78,7 @@ def graded_nodes(
     Parameters
     ----------
     size : (k,) mm, edge length at each vertex of the walls, graded by `GROWTH`
-    edge_length : mm, that of walls where the lattice is as usual
+    edge_length : mm, of the walls where the lattice has its usual spacing
     cell_size, core_ratio, core_depth, walls : as in `lattice_nodes`
     plateau : distance from a wall where the lattice begins to grow, over the edge length there
     """

@@ -51,14 +51,14 @@ def wanted(
     across: int = 1,
     longest: Sequence[FloatArray] | None = None,
 ) -> list[Wanted]:
-    """For each sheet, edges that follow the thickness of what is beside it, distances that follow that of all gaps.
+    """For each surface, edge lengths that follow the thickness of the layers beside it, and distances after the gaps.
 
     Parameters
     ----------
     surface : with its inner ones, whose triangles then all point outward
     edge_length, distance : mm, where everything is thick
     across : tetrahedra that fit between the outer surface and those inside it, at least
-    longest : for each sheet (n,) mm, edges are no longer than that at its vertices
+    longest : for each surface (n,) mm, the largest edge length at its vertices
     """
     every, around = sheets(surface), parents(surface)
     trees = [tree_of(region_boundary(surface, number)) for number in range(len(every))]
@@ -73,7 +73,7 @@ def wanted(
             gap = np.minimum(filled, thickness(tree_of(one), one.points, normals, most, inside=not outward))
             cortex = filled
         else:
-            # seen from the region around it, this sheet's triangles are turned
+            # seen from the region around it, the triangles of this surface are turned
             cortex = thickness(trees[parent], one.points, -normals, most, inside=True)
             filled = np.minimum(filled, cortex)
             gap = filled
@@ -88,9 +88,9 @@ def wanted(
 
 
 def remesh_apart(surface: TriSurface, want: Sequence[Wanted]) -> list[Remeshed]:
-    """Remesh all sheets, again, nearer to them and finer, around triangles that cross or are flat, until none are.
+    """Remesh all surfaces, and again, finer and nearer to them, around triangles that cross or are flat.
 
-    After a few rounds the last result is returned, in which some may remain.
+    After a few rounds the last result is returned, in which some such triangles may remain.
     """
     every, wants = sheets(surface), list(want)
     made = [remesh(one, its) for one, its in zip(every, wants, strict=True)]
@@ -117,12 +117,12 @@ def regions_of(points: FloatArray, cells: IntArray, walls: Sequence[TriSurface])
     ----------
     points, cells : of either orientation, with every triangle of the walls among their faces; the vertices of the walls
         come first, in their order
-    walls : the sheets; none touches another
+    walls : the surfaces; none touches another
 
     Raises
     ------
     StageError
-        the sheets do not divide the tetrahedra into one body each
+        the surfaces do not divide the tetrahedra into one body each
     """
     sheet_of_node = np.full(len(points), -1)
     count = sum(len(wall.points) for wall in walls)
@@ -140,7 +140,7 @@ def regions_of(points: FloatArray, cells: IntArray, walls: Sequence[TriSurface])
     is_facet = keys[place] == keys[len(facets) :]
     cell, corner, place = cell[is_facet], corner[is_facet], place[is_facet]
     part = _parts(behind, cell, corner)
-    # a body lies inside a sheet where its tetrahedra are below the triangles
+    # a body lies inside a surface where its tetrahedra are below the triangles
     corners = points[facets[place]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     below = np.einsum("kj,kj->k", normal, points[cells[cell]].mean(axis=1) - corners.mean(axis=1)) < 0

@@ -19,7 +19,7 @@ from cortet.meshers import _triangles as triangles
 from cortet.meshers._half_edges import FLAT, Work
 from cortet.meshers._triangles import Limits
 
-#: rounds of splits, collapses, flips and smoothing; more change little
+#: rounds of splits, collapses, flips and smoothing; more would change little
 ITERATIONS = 8
 #: target edge lengths grow by at most this share of the distance
 GROWTH = 0.3
@@ -34,7 +34,7 @@ SHORTEST = 0.35
 FREE, MOST = 0.1, 0.3
 #: largest distance over the width of the sulcus or blade, so that opposite sides do not meet
 SHARE_OF_GAP = 0.4
-#: where triangles cross, remeshing is tried so often in all, each time with edges and distances shorter by these
+#: where triangles cross, remeshing is repeated up to so often, each time with edges and distances shorter by these
 #: factors within this multiple of the target edge length
 ROUNDS, TIGHTER_SIZE, TIGHTER_DISTANCE, REACH = 6, 0.8, 0.6, 1.0
 #: factor by which targets may grow back in each round
@@ -106,7 +106,7 @@ def remesh(surface: TriSurface, want: Wanted) -> Remeshed:
 
 
 def unsound(surface: TriSurface) -> IntArray:
-    """Triangles that nothing can be filled in between: they meet others, or are flat; (k,) int32, ascending."""
+    """Triangles that cannot bound a mesh, since they cross others or are flat; (k,) int32, ascending."""
     return np.union1d(self_intersections(surface), np.flatnonzero(shapes(surface) < FLAT)).astype(np.int32)
 
 

@@ -36,24 +36,24 @@ from cortet.sections import Boundary
 #: q above which a vertex may be inserted
 _INSERT_ABOVE = 0.335
 _ROUNDS = 4
-#: swaps over tetrahedra below which a round is the last one
+#: a round with fewer swaps per tetrahedron than this is the last one
 _FEW = 2e-4
-#: the first round swaps above this q, which improves the mean, too
+#: the first round swaps above this q: lower than later ones, which improves the mean, too
 _FIRST_SWAPS = 0.18
-#: its vertices move far, later ones must not lose what was reached
+#: powers of the first round, in which vertices move far; later rounds must not lose what was reached
 _FIRST_POWERS = (8, 16, 32)
 #: rounds of insertions after everything else
 _LAST_ROUNDS = 4
 _SWEEPS, _LAST_MEAN_SWEEPS = 12, 4
-#: the search around what is left: by how much an insertion may make things worse at first, and for how many rounds
+#: the search around what is left, in series: by how much an insertion may make a pocket worse at first, and rounds
 _GAINS = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
-#: tetrahedra around which is searched, the worst ones: places that join would cost as much as the mesh
+#: the search looks at so many tetrahedra, the worst ones: with more, pockets join and cost as much as the mesh
 _MOST_SOUGHT = 40
-#: a place with more tetrahedra above that than so many is given up for this series of rounds
+#: a pocket with more bad tetrahedra than this is given up for the series
 _MOST_HOPE = 100
-#: neither series of powers is the better one everywhere: in a tight place 64 lets the others hold the worst one back
+#: two series of powers; neither wins everywhere: at 64, the good tetrahedra of a tight pocket hold the worst back
 _SEARCH_POWERS, _SEARCH_SWEEPS = ((8, 16, 32, 64), (8, 32, 128, 256)), 25
-#: times that they are tried: two for all places, the others for those whose boundary was spoilt
+#: tries: two for all pockets, the rest for those whose boundary a try spoilt
 _SEARCHES = 6
 
 logger = logging.getLogger(__name__)
@@ -93,7 +93,7 @@ def reconnected(
     if insert:
         start, inserted, swaps = _with_insertions(mesh, tree, above)
     else:
-        # what is left to do where the boundary moves is little then, and can be undone place by place
+        # this leaves little to do for the rounds that move the boundary, and what they do can be undone locally
         inside = np.ones(len(mesh.points), np.bool_)
         start, count = _swapped(mesh, tree, min(threshold, _FIRST_SWAPS), inside)
         inserted, swaps = 0, [count]
@@ -110,7 +110,7 @@ def reconnected(
 
 
 def _with_insertions(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[TetMesh, int, list[SwapCount]]:
-    """Swap inside the mesh where that helps, insert vertices where it does not; also their number, and the swaps."""
+    """Swap inside the mesh where that helps, else insert vertices; returns also their number, and the swaps."""
     mesh, swaps = _swapped(mesh, tree, threshold, np.ones(len(mesh.points), np.bool_))
     mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
     mesh, count = insert_vertices(mesh, mu2, _regions(mesh), float(mu2_of(threshold)))
@@ -118,7 +118,7 @@ def _with_insertions(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tupl
 
 
 def _mended_inside(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[TetMesh, int, list[SwapCount]]:
-    """Once more insert vertices and move those inside, while that helps: the boundary, which is sound, stays."""
+    """Insert vertices and move those inside once more, as long as that helps; the boundary is sound and stays."""
     inserted = 0
     counts: list[SwapCount] = []
     for _ in range(_LAST_ROUNDS):
@@ -134,10 +134,10 @@ def _mended_inside(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[
 def searched(
     mesh: TetMesh, flaws_of: Callable[[TetMesh], Flaws], surface: TriSurface, threshold: float, boundary: Boundary
 ) -> tuple[TetMesh, int]:
-    """Try harder in the places of the worst that are above `threshold` still; also the number of vertices inserted.
+    """Search on around the worst tetrahedra, in pockets cut out of the mesh; also the number of vertices inserted.
 
-    A vertex may make a place worse before it makes it better. Where the boundary may slide, its edges may be halved,
-    too; a place where that makes flaws is as it was before, and searched again with vertices held.
+    An insertion may make a pocket worse before it makes it better. Where the boundary may slide, its edges may be
+    halved, too. A pocket whose boundary that spoils goes back to what it was, and is tried again with vertices held.
     """
     q = quality(mesh.points, mesh.cells)
     worst = np.sort(q)[-_MOST_SOUGHT - 1 :]
@@ -161,13 +161,13 @@ def searched(
         if number > 1 and not spoilt.any():
             break
         again = spoilt if number > 1 else again
-    else:  # the last try spoilt something, too
+    else:  # the last try, too, spoilt a boundary
         result = put_back(mesh, part, best)
     return result, len(result.points) - len(mesh.points)
 
 
 def _best_tries(start: TetMesh, part: Part, surface: TriSurface, threshold: float, boundary: Boundary) -> TetMesh:
-    """What is best in each place of a `part`, or of what it was at the `start`, after a search with each series."""
+    """The best state of each pocket of a `part`: that at the `start`, or after the search with either series."""
     best = start
     for powers in _SEARCH_POWERS:
         aims = [Pass(threshold, power, _SEARCH_SWEEPS) for power in powers]
@@ -191,7 +191,7 @@ def _best_of_series(start: TetMesh, part: Part, surface: TriSurface, aims: list[
 def _tried(
     mesh: TetMesh, part: Part, surface: TriSurface, aims: list[Pass], gain: float, boundary: Boundary
 ) -> TetMesh:
-    """One round of swaps, insertions and moves in what has become of a `part`, whose rim stays."""
+    """One round of swaps, insertions and moves in a `part`, whose rim stays where it is."""
     threshold = aims[0].threshold
     tree = forest(surface)
 
@@ -212,7 +212,7 @@ def _tried(
 def _improved(
     mesh: TetMesh, tree: SurfaceTree, threshold: float, boundary: Boundary, held: IntArray
 ) -> tuple[TetMesh, list[SwapCount]]:
-    """Alternate between swaps and moves until no swap helps; also the swaps of each round."""
+    """Alternate between swaps and moves until no swap helps; returns also the swaps of each round."""
     rigid = np.full(len(mesh.points), boundary == "fixed")
     rigid[held] = True
     counts = []

@@ -10,9 +10,9 @@ from cortet.mesh import FloatArray, TetMesh
 
 
 def require_sound(mesh: TetMesh, q: FloatArray) -> None:
-    """Refuse a mesh with flat or inverted tetrahedra, from which nothing moves downhill, or one that overlaps itself.
+    """Refuse a mesh with flat or inverted tetrahedra, or one that overlaps itself.
 
-    Around the edges of a face with both its tetrahedra on one side, swaps go round in circles.
+    From a flat tetrahedron no move leads downhill; around a face with both its tetrahedra on one side, swaps never end.
     """
     if not q.max() < 1:
         raise StageError(

@@ -39,15 +39,15 @@ from cortet.optimise.cavities import (
     unit_normal,
 )
 
-#: times the whole list of bad tetrahedra is worked through
+#: passes over the whole list of bad tetrahedra
 _ROUNDS = 5
 #: the worst mu^2 of a cavity must fall by this factor
 _MIN_GAIN = 0.999
 #: a boundary move keeps new boundary faces within acos(this) of the ones they replace ...
 _MIN_FACE_COSINE = 0.5
 #: ... and the middle of the new boundary edge within this fraction of its length of the input surface; within the
-#: second one where an element has mu^2 above _BAD (q = 0.45), which nothing else may mend. Whether a crest that is cut
-#: leaves too much behind, the check of the whole boundary tells
+#: second one where an element has mu^2 above _BAD (q = 0.45), which nothing else may mend. The check of the whole
+#: boundary tells whether a crest that was cut leaves too much behind
 _MAX_SAG, _MAX_SAG_OF_BAD, _BAD = 0.2, 0.35, (1 - 0.45) ** -2
 
 
@@ -103,8 +103,8 @@ def swappable(
 ) -> Swappable:
     """Copy a mesh into arrays with room to grow, for that many `vertices` in all.
 
-    No boundary edge between, or to, `held` vertices (n,) is flipped, nor one of an interface; and of interfaces only
-    those between vertices with a `place` (n,).
+    Boundary edges of `held` vertices (n,) are not flipped. Edges of an interface are flipped only between vertices with
+    a `place` (n,), the triangle of the surface that they lie on.
     """
     count = len(mesh.cells)
     room = count + count // 4 + 1000

@@ -30,7 +30,7 @@ from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray, TetMesh
 from cortet.sections import Boundary
 
-#: elements up to this may get as bad as this when the mean improves, worse ones not worse; lower costs mean
+#: while the mean improves, no element may rise above this q, and worse ones may not get worse; a lower value costs mean
 KEPT = 0.34
 #: what a vertex may do
 FIXED, FREE, SLIDING = 0, 1, 2
@@ -38,9 +38,9 @@ FIXED, FREE, SLIDING = 0, 1, 2
 _BACKTRACKS, _SHRINK = 6, 0.4
 #: a move must lower E by this fraction, or it is not worth the visits to the neighbours that it causes
 _MIN_GAIN = 1e-5
-#: a sliding move keeps each boundary face within acos(this) of the surface under its vertex, or where it was
+#: a sliding move keeps each boundary face within acos(this) of the surface below its vertex, or no farther than before
 _MIN_FACE_COSINE = 0.3
-#: vertices in a run: many, to stay in one place of memory; few, to have many runs of one colour
+#: vertices in a run: many, so that their data stay in the cache; few, so that a colour has many runs
 _RUN = 512
 
 logger = logging.getLogger(__name__)

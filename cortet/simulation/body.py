@@ -88,7 +88,7 @@ class Body(NamedTuple):
 
 
 def require_positive(volumes: FloatArray) -> None:
-    """Raise InputError where a signed volume (m,) of a mesh is not above 0: nothing else can be said of it."""
+    """Raise InputError where a signed volume (m,) is not above 0: then nothing else about the mesh can be told."""
     if not volumes.min() > 0:
         worst, bad = int(np.argmin(volumes)), int((~(volumes > 0)).sum())
         raise InputError(
@@ -127,8 +127,8 @@ def body_of(
 ) -> Body:
     """The body of a mesh.
 
-    Where the mesh has interfaces (sets of faces `..._interface`), the cortex is what is outside of them, and grows
-    across the direction from them to the surface; else it is told by depth.
+    Where the mesh has interfaces (sets of faces `..._interface`), the cortex lies outside them, and grows perpendicular
+    to the direction from them to the surface. Elsewhere the depth tells what is cortex.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def body_of(
 
 
 def across_cortex(points: FloatArray, mesh: TetMesh) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Of every node: distance to the nearest surface node (n,), the unit normal there (n, 3), and which node it is."""
+    """For every node: distance to the nearest surface node (n,), the unit normal there (n, 3), and that node."""
     surface = boundary_nodes(mesh)
     distance, nearest = cKDTree(points[surface]).query(points)
     node = surface[nearest]
@@ -184,10 +184,10 @@ def across_cortex(points: FloatArray, mesh: TetMesh) -> tuple[FloatArray, FloatA
 def growth_mask(
     mesh: TetMesh, scale: Scale, wall: NDArray[np.bool_] | None = None, *, reference: bool = False
 ) -> FloatArray:
-    """How much of the growth each node takes part in: (n,) from 0 to 1.
+    """Share of the growth that each node takes part in: (n,) from 0 to 1.
 
-    The point data `growth` of the mesh where there are any. Else the surface of half a brain grows up to the rim of its
-    medial wall, with full strength from a cortical thickness on; that of a whole brain outside a ball around its
+    It is the point data `growth` of the mesh, where there are any. Else the surface of half a brain grows up to the rim
+    of its medial wall, with full strength from a cortical thickness on; that of a whole brain outside a ball around its
     centre, where the corpus callosum is. Caps on holes of the file (`filled`) do not grow either. A node below the
     surface does as its nearest surface node.
 

@@ -36,11 +36,11 @@ _UNCUT = 0.85
 
 
 class Wall(NamedTuple):
-    """What is taken for the medial wall."""
+    """The medial wall of a run, and how it was found."""
 
     #: (n,), whether a node of the mesh belongs to it
     nodes: NDArray[np.bool_]
-    #: of it, and its share of the whole surface
+    #: its area, and its share of the whole surface
     area_mm2: float
     share: float
     #: where it comes from, in words
@@ -86,7 +86,7 @@ def _wall(mesh: TetMesh, faces: IntArray, areas: FloatArray, chosen: NDArray[np.
 
 
 def _marked(mesh: TetMesh, faces: IntArray) -> NDArray[np.bool_] | None:
-    """Faces that the mesh itself says to be of the wall, (k,): all their nodes are."""
+    """Faces of the wall that the mesh itself names, (k,): those whose nodes all belong to it."""
     if (marks := node_field(mesh, MEDIAL_WALL)) is not None:
         nodes = marks != 0
     elif MEDIAL_WALL in mesh.sets.faces:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from cortet.mesh import FloatArray, IntArray
 from cortet.simulation.body import Body
 
-#: elements of a patch; the last one is filled up with copies of the last element, which nothing is taken from
+#: elements of a patch; the last patch is filled up with copies of the last element, whose results are not used
 SIZE = 512
 #: first rows of `Patches.constants`, and how many there are
 GRADIENTS, NORMAL, VOLUME, DEPTH, THICKNESS, MASK, ACROSS = 0, 9, 12, 13, 14, 15, 16

@@ -1,5 +1,7 @@
-"""What a fold takes for granted of its mesh: a brain in mm and RAS coordinates, of its age, with its midline where it
-is said to be, and with cells finer than its cortex. What certainly is not so is refused, what may not be is said.
+"""Is a mesh the brain that a fold takes it for?
+
+It should be in mm and RAS coordinates, of its age, with its midline where the hemisphere says, and with cells finer
+than its cortex. A mesh that certainly is not is refused; a doubt is said.
 """
 
 from __future__ import annotations
@@ -19,8 +21,8 @@ from cortet.simulation.state import Run, Settings
 
 #: longest side of a body that may be a brain in mm; mice have 8 mm, human adults 180
 EXTENT_MM = (5.0, 400.0)
-#: volume of a hemisphere at an age: weeks, and mL of the templates at hand; a body of so many times more or less of it
-#: is doubted
+#: volume of a hemisphere by age: weeks, and mL of the templates at hand; a body so many times larger or smaller is
+#: doubted
 _WEEKS, _ML = (20.0, 22.0, 25.0, 30.0, 33.0, 40.0), (18.0, 29.0, 39.0, 70.0, 87.0, 110.0)
 _TIMES = 3.0
 #: a side is flat where faces look at it up to an angle of this cosine and are within this depth of the outermost, in
@@ -31,12 +33,12 @@ _COSINE, _DEPTH = 0.7, 0.12
 _OTHER_SIDE, _OTHER_AXIS = 1.2, 1.5
 #: cell size over thickness, above which folds are as wide as the cells make them
 COARSEST = 0.6
-#: half a brain that reaches less far beyond x = 0, of its width, lies on the other side of it
+#: half a brain lies on one side of x = 0 where it reaches beyond it by less than this share of its width
 _REACH = 0.1
 #: smallest over largest extent below which a body has the shape of half a brain, 0.36 to 0.5; of rounder ones, nothing
 #: about their sides is certain
 _NARROW = 0.65
-#: another side that is less than this much flatter is as flat
+#: a side that is flatter by less than this is as flat
 _ALIKE = 1.05
 #: tetrahedra per cube of the cell size
 _TETS_PER_CUBE = 4.0
@@ -45,13 +47,13 @@ _SIDES = {(axis, sign): f"{'+' if sign > 0 else '-'}{'xyz'[axis]}" for axis in r
 
 
 def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
-    """What is to be doubted of a mesh, in sentences.
+    """Doubts about a mesh, in sentences.
 
     Raises
     ------
     InputError
-        an age is none, the mesh cannot be measured, has an inverted element or is no brain in mm, or another of its
-        sides is its medial one
+        the age is impossible; the mesh cannot be measured, has an inverted element or is no brain in mm; or its medial
+        side is another than the hemisphere says
     """
     require_measurable(mesh)
     require_positive(signed_volumes(mesh.points, mesh.cells))
@@ -62,7 +64,7 @@ def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
 
 
 def check_cells(run: Run) -> list[str]:
-    """Whether the cells next to the surface are as coarse as the cortex, in a sentence."""
+    """A doubt, in a sentence, where the cells next to the surface are as coarse as the cortex."""
     volumes = signed_volumes(run.mesh.points, run.mesh.cells)[np.unique(boundary(run.mesh).cells)]
     size, thickness = float(np.cbrt(_TETS_PER_CUBE * np.median(volumes))), thickness_mm(run)
     if size <= COARSEST * thickness:

@@ -53,9 +53,8 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
 
     Raises
     ------
-    InputError : a setting that is no number of its kind, nothing to grow, tetrahedra that fill no body, an inverted
-        element, a field with impossible values or one that is missing, a time step that is not stable, or a GPU that is
-        not there
+    InputError : a setting is no number of its kind; nothing grows; the tetrahedra fill no body, or one is inverted; a
+        field is missing or has impossible values; the time step is not stable; or there is no GPU
     """
     _check_numbers(settings)
     check_age(settings.gestational_age)
@@ -105,7 +104,7 @@ def _check_numbers(settings: Settings) -> None:
 
 
 def described(run: Run) -> list[str]:
-    """What a run takes for granted, in sentences."""
+    """The assumptions of a run, in sentences."""
     share = thickness_mm(run) / run.scale.length
     sentences = [
         f"the growing cortex is {thickness_mm(run):.2f} mm thick at the start: "
@@ -139,7 +138,7 @@ def _ordered(mesh: TetMesh) -> tuple[TetMesh, NDArray[np.int64], NDArray[np.int6
 def _laws(
     mesh: TetMesh, growth_rate: float, regions: Mapping[int, Sequence[float]]
 ) -> tuple[list[Law], IntArray | None]:
-    """The growth laws, and which of them holds at each node: the first one where no region says otherwise."""
+    """The growth laws, and which of them each node follows: the first, unless a region says otherwise."""
     if not regions:
         return [Linear(growth_rate)], None
     of_node = node_field(mesh, LABEL_FIELD)
@@ -196,7 +195,7 @@ def _stepper(run: Run, moment: Moment) -> Stepper:
 def time_step_of(run: Run, moment: Moment) -> float:
     """Time step for the body as it is: growth and folding flatten elements, and flat ones call for small steps.
 
-    One that the user has chosen holds until the limit of stability is lower.
+    A time step that the user has chosen holds until the limit of stability falls below it.
     """
     altitude = smallest_altitude(moment.state.x, run.mesh.cells)
     if run.time_step is not None:

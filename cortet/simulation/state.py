@@ -1,6 +1,6 @@
-"""What a run depends on, what stays the same during it, and where it is.
+"""The settings of a run, what stays the same during it, and its present state.
 
-Everything that takes its steps, on the CPU or on a GPU, knows these and not each other.
+The steppers of CPU and GPU both know these, and not each other.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Run(NamedTuple):
 
 
 class Stepper(Protocol):
-    """Steps of a moment; between `begin` and `finish` the moment itself may be behind."""
+    """Takes the steps of a run from a moment on; between `begin` and `finish` the moment itself may lag behind."""
 
     @property
     def state(self) -> Motion:
@@ -106,7 +106,7 @@ class Stepper(Protocol):
 
 @dataclass
 class Moment:
-    """Where a run is."""
+    """The present state of a run."""
 
     step: int
     time: float
