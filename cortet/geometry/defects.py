@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
-from cortet.geometry.topology import TRI_EDGES, face_areas, packed
+from cortet.geometry.topology import TRI_EDGES, face_areas, fans, packed
 from cortet.mesh import FloatArray, IntArray
 
 
@@ -32,13 +30,8 @@ def _of_bad_edges(faces: IntArray) -> NDArray[np.int64]:
 
 
 def _pinched(faces: IntArray) -> NDArray[np.int64]:
-    """A vertex v has one fan where its neighbours hang together by the sides opposite v of its faces."""
-    vertex = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 1, 2]]]).ravel().astype(np.int64)
-    neighbour = np.concatenate([faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]]).ravel()
-    pairs, place = np.unique(vertex * (int(faces.max(initial=0)) + 1) + neighbour, return_inverse=True)
-    first, second = np.split(place, 2)  # v seen with the next corner of a face, and with the one after
-    graph = coo_matrix((np.ones(len(first), np.int8), (first, second)), shape=(len(pairs), len(pairs)))
-    fan = connected_components(graph, directed=False)[1]
-    centre = np.zeros(fan.max(initial=-1) + 1, np.int64)
-    centre[fan[place]] = vertex
-    return np.flatnonzero(np.bincount(centre) > 1)
+    """Vertices whose faces form more than one fan; ascending."""
+    fan = fans(faces)
+    vertex = np.zeros(fan.max(initial=-1) + 1, np.int64)
+    vertex[fan] = faces.ravel()
+    return np.flatnonzero(np.bincount(vertex) > 1)

@@ -14,7 +14,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from cortet.geometry.topology import TRI_EDGES, compact, component_labels, face_areas, numbers, packed
+from cortet.geometry.topology import TRI_EDGES, compact, component_labels, face_areas, fans, numbers, packed
 from cortet.mesh import FloatArray, IntArray, TriSurface
 
 #: where a triangle comes from: the file, the cap of a hole of the file, or what took the place of removed ones
@@ -178,25 +178,6 @@ def split_fans(work: Triangles) -> tuple[Triangles, IntArray]:
         ),
         np.unique(split).astype(np.int32),
     )
-
-
-def fans(faces: IntArray) -> NDArray[np.int64]:
-    """Number of the fan that each corner of each face belongs to: (3 m,). Edges of two faces link corners."""
-    directed = faces[:, TRI_EDGES].reshape(-1, 2)
-    order = np.argsort(packed(directed), kind="stable")
-    key = packed(directed)[order]
-    starts = np.flatnonzero(np.r_[True, key[1:] != key[:-1]])
-    paired = starts[np.diff(np.r_[starts, len(order)]) == 2]
-    first, second = order[paired], order[paired + 1]
-    after_first, after_second = (side // 3 * 3 + (side % 3 + 1) % 3 for side in (first, second))
-    same = directed[first, 0] == directed[second, 0]
-    links = (
-        np.concatenate([first, after_first]),
-        np.concatenate([np.where(same, second, after_second), np.where(same, after_second, second)]),
-    )
-    corners = 3 * len(faces)
-    graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(corners, corners))
-    return connected_components(graph, directed=False)[1]
 
 
 def without_branches(work: Triangles) -> tuple[Triangles, FloatArray, IntArray]:

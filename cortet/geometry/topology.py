@@ -252,6 +252,34 @@ def surface_topology(faces: IntArray) -> SurfaceTopology:
     ----------
     faces : (m, 3) int32
     """
+    sides = _sides(faces)
+    fan = fans(faces, sides)
+    fan_vertex = np.zeros(fan.max(initial=-1) + 1, np.int64)
+    fan_vertex[fan] = faces.ravel()
+    of_vertex = np.bincount(fan_vertex)
+    return SurfaceTopology(
+        components=components(faces),
+        euler_number=int(np.count_nonzero(of_vertex) - len(sides.counts) + len(faces)),
+        open_edges=int((sides.counts == 1).sum()),
+        nonmanifold_edges=int((sides.counts > 2).sum()),
+        misoriented_edges=int(sides.same.sum()),
+        pinched_vertices=int((of_vertex > 1).sum()),
+    )
+
+
+class _Sides(NamedTuple):
+    """The sides of faces, 3 f + i for that from corner i of face f to corner i + 1, and the edges they make."""
+
+    #: (e,) faces at each edge
+    counts: NDArray[np.int64]
+    #: (k,) both sides of each edge of exactly two faces
+    first: NDArray[np.int64]
+    second: NDArray[np.int64]
+    #: (k,) whether they run the same way, so that the two faces disagree
+    same: NDArray[np.bool_]
+
+
+def _sides(faces: IntArray) -> _Sides:
     directed = faces[:, TRI_EDGES].reshape(-1, 2)
     order = np.argsort(packed(directed), kind="stable")
     ordered = directed[order]
@@ -259,31 +287,24 @@ def surface_topology(faces: IntArray) -> SurfaceTopology:
     counts = np.diff(np.r_[starts, len(order)])
     paired = starts[counts == 2]
     first, second = order[paired], order[paired + 1]
+    return _Sides(counts, first, second, directed[first, 0] == directed[second, 0])
 
-    # corner i of face f is 3 f + i, and edge i runs from corner i to corner i + 1: the two faces of an edge link
-    # their corners at both of its ends; the fans of a vertex are the connected components of its corners
-    def following(corner: NDArray[np.int64]) -> NDArray[np.int64]:
-        return corner // 3 * 3 + (corner % 3 + 1) % 3
 
-    same = directed[first, 0] == directed[second, 0]
+def fans(faces: IntArray, sides: _Sides | None = None) -> NDArray[np.int64]:
+    """Number of the fan that each corner of each face belongs to: (3 m,), corner i of face f at 3 f + i.
+
+    The two faces of an edge link their corners at both of its ends; the fans of a vertex are the connected components
+    of its corners. Edges of one face, or of more than two, link none.
+    """
+    first, second, same = (sides or _sides(faces))[1:]
+    after_first, after_second = (side // 3 * 3 + (side % 3 + 1) % 3 for side in (first, second))
     links = (
-        np.concatenate([first, following(first)]),
-        np.concatenate([np.where(same, second, following(second)), np.where(same, following(second), second)]),
+        np.concatenate([first, after_first]),
+        np.concatenate([np.where(same, second, after_second), np.where(same, after_second, second)]),
     )
     corners = 3 * len(faces)
     graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(corners, corners))
-    fan = connected_components(graph, directed=False)[1]
-    fan_vertex = np.zeros(fan.max(initial=-1) + 1, np.int64)
-    fan_vertex[fan] = faces.ravel()
-    fans = np.bincount(fan_vertex)
-    return SurfaceTopology(
-        components=components(faces),
-        euler_number=int(np.count_nonzero(fans) - len(starts) + len(faces)),
-        open_edges=int((counts == 1).sum()),
-        nonmanifold_edges=int((counts > 2).sum()),
-        misoriented_edges=int(same.sum()),
-        pinched_vertices=int((fans > 1).sum()),
-    )
+    return connected_components(graph, directed=False)[1]
 
 
 def cut_components(mesh: TetMesh, faces: IntArray) -> IntArray:
