@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import InputError, place_mm
 from cortet.geometry.counting import wrong_faces
 from cortet.geometry.defects import defective_vertices
 from cortet.geometry.remembering import once_per_object
@@ -54,8 +54,7 @@ class Flaw:
     @property
     def sentence(self) -> str:
         """Count, name and first place in plain words."""
-        x, y, z = self.places[0]
-        return f"{self.count} {self.name}, the first at ({x:.2f}, {y:.2f}, {z:.2f})"
+        return f"{self.count} {self.name}, the first at {place_mm(self.places[0])}"
 
 
 @once_per_object

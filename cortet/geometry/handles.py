@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
-from cortet.errors import InputError
+from cortet.errors import InputError, place_mm
 from cortet.geometry.holes import replaced, rim_length
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.mending import Triangles, as_surface, compacted, faces_at, within
@@ -54,11 +54,11 @@ def without_handles(work: Triangles, *, keep: int, max_loop: float, max_piece: f
         loops = short_loops(work.points, work.faces)
         lengths = [rim_length(work.points, loop) for loop in loops]
         middle = work.points[loops[0]].mean(axis=0)
-        x, y, z = middle.round(2).tolist()
+        where = place_mm(middle)
         if lengths[0] > max_loop:
             raise InputError(
                 f"{genus} handle{'s' if genus > 1 else ''}, the thinnest with a loop of {lengths[0]:.0f} mm around "
-                f"({x}, {y}, {z}) mm, where loops up to {max_loop:g} mm are cut or closed",
+                f"{where}, where loops up to {max_loop:g} mm are cut or closed",
                 remedy="correct the topology of the segmentation, or set repair.max_loop, or gate.allow_genus if the "
                 "handles are meant",
             )
@@ -67,7 +67,7 @@ def without_handles(work: Triangles, *, keep: int, max_loop: float, max_piece: f
         tried = [_cut(work, loop, max_piece, genus, crossing) for loop in short]
         possible = [made for made in tried if made is not None]
         if not possible:
-            raise InputError(f"a handle around ({x}, {y}, {z}) mm could not be cut or closed")
+            raise InputError(f"a handle around {where} could not be cut or closed")
         volume = enclosed_volume(work.points, work.faces)
         changes = [abs(enclosed_volume(made.points, made.faces) - volume) for made in possible]
         work = compacted(possible[int(np.argmin(changes))])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, diags, identity
 from scipy.sparse.linalg import splu
 
-from cortet.errors import InputError
+from cortet.errors import InputError, place_mm
 from cortet.geometry.mending import (
     REPLACED,
     Triangles,
@@ -86,8 +86,8 @@ def capped(work: Triangles, rim: IntArray, made: int) -> Triangles:
     if border is not None:
         processing.triangulate_and_refine_hole(polyhedron, border, faces, vertices)
     if not faces:
-        x, y, z = work.points[rim].mean(axis=0).round(2).tolist()
-        raise InputError(f"a hole of {len(rim)} edges around ({x}, {y}, {z}) mm cannot be filled")
+        where = place_mm(work.points[rim].mean(axis=0))
+        raise InputError(f"a hole of {len(rim)} edges around {where} cannot be filled")
     count = len(around.points)
     number = np.concatenate([kept, len(work.points) + np.arange(len(vertices), dtype=np.int32)])
     for place, vertex in enumerate(vertices):
@@ -124,8 +124,8 @@ def replaced(work: Triangles, vertices: IntArray, max_piece: float) -> Triangles
         raise InputError("nothing would be left of the surface")
     piece, area = pieces(rest)
     if len(area) > 1 and area[1] > max_piece * area.sum():
-        x, y, z = rest.points[rest.faces[piece == 1]].mean(axis=(0, 1)).round(2).tolist()
-        raise InputError(f"{area[1] / area.sum():.1%} of the area would come loose, around ({x}, {y}, {z}) mm")
+        where = place_mm(rest.points[rest.faces[piece == 1]].mean(axis=(0, 1)))
+        raise InputError(f"{area[1] / area.sum():.1%} of the area would come loose, around {where}")
     rest = chosen_faces(rest, piece == 0)
     for rim in rims(rest.faces):
         rest = capped(rest, rim, REPLACED)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError, StageError
+from cortet.errors import InputError, StageError, place_mm
 from cortet.geometry.banks import banks
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.filling import require_body
@@ -186,9 +186,8 @@ def _require_banks_apart(mesh: TetMesh, surface: TriSurface) -> None:
     """Raise InputError for a slit, whose middles would all be put onto the surface around it."""
     found = banks(boundary_surface(mesh)[0], surface)
     if found.least_share < LEAST_BANK_GAP:
-        x, y, z = found.place_mm
         raise InputError(
-            f"two banks of the boundary are {found.gap_mm:.3g} mm apart at ({x:.2f}, {y:.2f}, {z:.2f}) mm, where those "
+            f"two banks of the boundary are {found.gap_mm:.3g} mm apart at {place_mm(found.place_mm)}, where those "
             f"of the surface are {found.surface_gap_mm:.3g} mm apart or more",
             remedy="mesh it again with a smaller cell size",
         )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from cortet.errors import InputError
+from cortet.errors import InputError, place_mm
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.holes import replaced
 from cortet.geometry.intersection import self_intersections
@@ -64,9 +64,9 @@ def uncrossed(work: Triangles, *, max_displacement: float, max_piece: float) -> 
         rest = self_intersections(as_surface(work))
         number += 1
     if len(rest):
-        x, y, z = work.points[work.faces[rest[0]]].mean(axis=0).round(2).tolist()
+        where = place_mm(work.points[work.faces[rest[0]]].mean(axis=0))
         raise InputError(
-            f"{len(first)} triangles cross others; {len(rest)} still do after repair, the first at ({x}, {y}, {z}) mm"
+            f"{len(first)} triangles cross others; {len(rest)} still do after repair, the first at {where}"
         )
     displacement, place = _farthest(before, as_surface(work))
     return Uncrossed(work, centres, number > 0, displacement, place)

@@ -9,7 +9,7 @@ date and no time: the same mesh gets the same file.
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from cortet import __version__
-from cortet.errors import InputError, StageError
+from cortet.errors import InputError, StageError, place_mm
 from cortet.formats.hashing import mesh_sha256, sha256
 from cortet.geometry.banks import Banks, banks
 from cortet.geometry.defects import defective_vertices
@@ -253,7 +253,7 @@ def certify(
         **{flaw.name: _first(flaw.places) for flaw in found if flaw.count},
         "boundary faces that cross others": _first(centres),
         **dict.fromkeys(_PLACED_DEFECTS, _first(defects)),
-        BANKS: f"the gap is {gaps.gap_mm:.3g} mm at {_point(gaps.place_mm)} mm, "
+        BANKS: f"the gap is {gaps.gap_mm:.3g} mm at {place_mm(gaps.place_mm)}, "
         f"that of the surface {gaps.surface_gap_mm:.3g} mm",
         SURFACE_DISTANCE: _lost(lost),
         "topology problems after S1": reports.get("generate", {}).get("reason", ""),
@@ -326,7 +326,7 @@ def _lost(places: Sequence[LostPlace]) -> str:
         f"{counted['cut off']} where a blade or tip is cut off" if counted["cut off"] else "",
     ]
     count = f"{len(places)} place{'s' if len(places) > 1 else ''} beyond the limit"
-    worst = f"the worst, {places[0].kind}, at {_point(places[0].place_mm)} mm"
+    worst = f"the worst, {places[0].kind}, at {place_mm(places[0].place_mm)}"
     return f"{count}: {' and '.join(filter(None, parts))}, {worst}"
 
 
@@ -336,12 +336,8 @@ def _reason(check: Check, place: str) -> str:
 
 def _worst_place(worst: WorstElement, bad: int) -> str:
     count = f"{bad} element{'s' if bad > 1 else ''} at fault, the worst"
-    return f"{count} at {_point(worst.centre_mm)} mm: {worst.reason}"
+    return f"{count} at {place_mm(worst.centre_mm)}: {worst.reason}"
 
 
 def _first(places: FloatArray) -> str:
-    return "the first around " + ", ".join(map(_point, places[:3])) + " mm"
-
-
-def _point(coordinates: Iterable[float]) -> str:
-    return "({})".format(", ".join(f"{x:.2f}" for x in coordinates))
+    return "the first around " + ", ".join(map(place_mm, places[:3]))

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from cortet.errors import place_mm
 from cortet.formats.atomic import write_json
 from cortet.formats.ownership import delete
 from cortet.formats.tables import write_table
@@ -226,7 +227,7 @@ def _verdict(run: Run, moment: Moment, rows: list[dict[str, Any]]) -> Verdict:
         x, y, z = millimetres(run, moment)[run.mesh.cells[worst]].mean(axis=0).tolist()
         place = (x, y, z)
         reason = (
-            f"tetrahedron {element} at ({x:.2f}, {y:.2f}, {z:.2f}) mm inverted (J = {j[worst]:.3g}) "
+            f"tetrahedron {element} at {place_mm(place)} inverted (J = {j[worst]:.3g}) "
             f"in step {moment.step}, at {age:.2f} weeks"
         )
     else:
