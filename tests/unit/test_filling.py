@@ -91,7 +91,7 @@ def test_an_element_listed_the_wrong_way_round_overlaps_nothing() -> None:
 def test_parts_that_touch_are_named() -> None:
     assert any("boundary edges in more than two faces" in one for one in broken_body(touching_in_an_edge(CUBE.mesh)))
     assert broken_body(touching_in_a_node(CUBE.mesh)) == [
-        "1 pinched boundary vertices, the first at (12.00, 12.00, 12.00)"
+        "1 pinched boundary vertices, the first at (12.00, 12.00, 12.00) mm"
     ]
 
 
