@@ -14,7 +14,7 @@ from cortet.report.table_files import write_page
 from cortet.stages import STAGES
 from cortet.stages.stage import Certificate, counted
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: distribution -> how a paper names it
 _NAMES = {
