@@ -1,4 +1,4 @@
-"""Which way the triangles of a surface face."""
+"""Which way the triangles of a surface face; random directions."""
 
 from __future__ import annotations
 
@@ -31,3 +31,10 @@ def outward(points: FloatArray, faces: IntArray) -> IntArray:
     result = np.where(turned[:, None], faces[:, ::-1], faces)
     inside_out = enclosed_volume(points, result) < 0
     return np.ascontiguousarray(result[:, ::-1] if inside_out else result)
+
+
+def random_rotation(seed: int) -> FloatArray:
+    """A rotation (3, 3), any of them equally likely (Mezzadri, Notices of the AMS 54, 2007)."""
+    q, r = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    q *= np.sign(np.diag(r))
+    return q * np.linalg.det(q)

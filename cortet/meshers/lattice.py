@@ -53,7 +53,7 @@ def fill(surface: TriSurface, settings: Settings) -> Filled:
             topology = surface_topology(walls[0].faces)
             attempt = Attempt(None, edge, (), sum(len(wall.points) for wall in walls), 0, 0, topology, (problem,))
         else:
-            mesh, attempt = _filled(surface, made, edge, settings)
+            mesh, attempt = _meshed(surface, made, edge, settings)
         attempts.append(replace(attempt, refinement=_refinement(made)))
         log_attempt(f"lattice, edges of {edge:g} mm", attempt, time.perf_counter() - began)
         if not attempt.problems:
@@ -66,7 +66,7 @@ def fill(surface: TriSurface, settings: Settings) -> Filled:
     )
 
 
-def _filled(surface: TriSurface, made: Sequence[Remeshed], edge: float, settings: Settings) -> tuple[TetMesh, Attempt]:
+def _meshed(surface: TriSurface, made: Sequence[Remeshed], edge: float, settings: Settings) -> tuple[TetMesh, Attempt]:
     """Fill remeshed surfaces, whose edges are at most `edge` mm long, and compare the result with the given ones."""
     from cortet.geometry.nesting import joined
     from cortet.measure.quality import quality

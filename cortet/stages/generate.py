@@ -184,6 +184,8 @@ def generate(
     StageError
         the backend failed, is not installed, or returned nothing
     """
+    from cortet.geometry.orientation import random_rotation
+
     if mesher not in MESHERS:
         raise InputError(f"unknown mesher {mesher!r}", remedy=f"use {' or '.join(MESHERS)}")
     if not cell_size > 0 or not np.isfinite(cell_size):
@@ -212,7 +214,7 @@ def generate(
         elements_across=elements_across,
         time_limit=time_limit,
     )
-    turn = _rotation(settings.seed)
+    turn = random_rotation(settings.seed)
     if settings.seed:
         surface = _turned(surface, turn)
     filled = MESHERS[mesher].fill(surface, settings)
@@ -256,13 +258,6 @@ def _require_meshable(surface: TriSurface, mesher: Mesher, size_field: str | Non
         if asked and not getattr(mesher, able):
             others = " or ".join(name for name, other in MESHERS.items() if getattr(other, able))
             raise InputError(f"the mesher {mesher.name} knows no {what}", remedy=f"use the mesher {others}")
-
-
-def _rotation(seed: int) -> FloatArray:
-    """A rotation (3, 3), any of them equally likely (Mezzadri, Notices of the AMS 54, 2007)."""
-    q, r = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
-    q *= np.sign(np.diag(r))
-    return q * np.linalg.det(q)
 
 
 def _turned(surface: TriSurface, turn: FloatArray) -> TriSurface:

@@ -10,13 +10,14 @@ from shapes import ball_surface
 
 from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
+from cortet.geometry.orientation import random_rotation
 from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_topology
 from cortet.measure.quality import oriented, signed_volumes
 from cortet.mesh import TetMesh, TriSurface
 from cortet.meshers import _lattice as lattice
 from cortet.meshers._lattice import graded_nodes, lattice_nodes, tetrahedralised
 from cortet.meshers._nested import remesh_apart, wanted
-from cortet.stages.generate import _rotation, generate
+from cortet.stages.generate import generate
 
 
 def box(size: float) -> TriSurface:
@@ -119,5 +120,5 @@ def test_a_seed_turns_the_lattice_and_another_one_otherwise() -> None:
     assert along_axes(usual) > 10 * max(along_axes(turned), along_axes(other), 1e-3)
     assert len(turned.points) != len(other.points) or not np.allclose(turned.points, other.points)
     assert np.linalg.norm(turned.points, axis=1).max() == pytest.approx(5.0, rel=1e-3)  # where the surface is
-    assert _rotation(3) @ _rotation(3).T == pytest.approx(np.eye(3))
-    assert np.linalg.det(_rotation(3)) == pytest.approx(1)
+    assert random_rotation(3) @ random_rotation(3).T == pytest.approx(np.eye(3))
+    assert np.linalg.det(random_rotation(3)) == pytest.approx(1)
