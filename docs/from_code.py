@@ -244,10 +244,10 @@ _SIGNS = {"<": "below", "<=": "at most", "==": "exactly", ">=": "at least"}
 @cache
 def checks() -> tuple[Any, ...]:
     """The checks of a small mesh that has been through S1."""
-    from cortet.doctor import _icosahedron
+    from cortet.doctor import _star
     from cortet.measure.certify import certify
 
-    mesh, surface = _icosahedron()
+    mesh, surface = _star()
     limits = Config().arguments("certify", {"cell_size": 1.0})
     return certify(mesh, surface, native=surface, **limits, reports={"generate": {"topology_ok": True}}).checks
 

@@ -16,6 +16,7 @@ from collections import defaultdict
 
 from cortet.cohort.bids import require_own_output
 from cortet.cohort.lock import hold, is_held_by_parent
+from cortet.cohort.saved_jobs import debug_command, saved_path
 from cortet.cohort.status import failure_reason, was_killed
 
 STARTED = time.time()
@@ -130,6 +131,9 @@ onerror:
     failures, missing = failures_of_run(), missing_of_run()
     for (case, *_), failure in failures.items():
         logger.error(f"{case}: {failure['stage']}: {failure['reason']}")
+        if (log := failure.get("log")) and saved_path(Path(log)).exists():
+            runner = Path(workflow.basedir) / "scripts/_job.py"
+            logger.error(f"{case}: to run it again in a debugger: {debug_command(Path(log), runner)}")
     measured = any(PLAN.is_measured(mesh, failures) for mesh in PLAN.each_case(LAYOUT.certificate))
     possible = OVER_ALL_CASES if measured else ["cohort_status", "cohort_page"]
     targets = [path for job in workflow.dag.jobs if job.rule.name in possible for path in job.output]

@@ -6,9 +6,9 @@ on a cluster, or ended because it takes longer than `time_limit`, it leaves the 
 Snakemake that started it. Where a profile numbers attempts (resource `attempt`), only a job that was killed is tried
 again.
 
-A job can be run again in a debugger. `CORTET_SAVE_JOBS=FOLDER snakemake ...` saves each job that starts as
-`FOLDER/RULE.CASE.job`, and `python -m pdb scripts/_job.py FILE.job` runs it, in the folder of the workflow and with its
-messages on the terminal.
+A job lies beside its log, as a file `.job`, until it has succeeded. `python -m pdb scripts/_job.py FILE.job` runs one
+that failed or was killed again, with its messages on the terminal; its log and Snakemake's last messages name the
+command.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ import faulthandler
 import glob
 import logging
 import os
-import pickle
 import runpy
 import shutil
 import signal
@@ -29,6 +28,7 @@ import tempfile
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -38,6 +38,7 @@ from typing import Any
 _folder = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(_folder if (_folder / "cortet").is_dir() else _folder.parents[1]))
 
+from cortet.cohort import saved_jobs
 from cortet.errors import CortetError
 from cortet.formats import child
 
@@ -96,8 +97,6 @@ class Job:
 def start(snakemake: Any) -> Job:
     """Prepare the process for a job: log, limits, what happens when it fails. Call it before Numba is imported."""
     os.environ["NUMBA_NUM_THREADS"] = str(snakemake.threads)  # which is read once
-    if folder := os.environ.get("CORTET_SAVE_JOBS"):
-        _save(snakemake, Path(folder))
     if snakemake.log:
         _guard(snakemake)
     _delete_leftovers(snakemake.output)
@@ -116,27 +115,28 @@ def _guard(snakemake: Any) -> None:
     if attempt > 1:
         _end_useless_attempt(log, earlier)
     _log_to(log)
+    _save(snakemake, log)
     logger.info("%s of %s with %s", snakemake.rule, dict(snakemake.wildcards), dict(snakemake.params))
     if attempt:
         _remember(log, earlier)
     _limit_time()
     faulthandler.register(signal.SIGTERM, file=2, chain=True)
-    sys.excepthook = _log_failure
+    sys.excepthook = partial(_log_failure, log)
 
 
-def _save(snakemake: Any, folder: Path) -> None:
-    """Save a job for a debugger; `_run_saved` runs it."""
-    folder.mkdir(parents=True, exist_ok=True)
-    name = ".".join([snakemake.rule, *snakemake.wildcards]).replace("/", "_")
+def _save(snakemake: Any, log: Path) -> None:
+    """Save the job for a debugger: now, as it may be killed, until it has succeeded; not where the disk is full."""
     script = Path(sys.modules["__main__"].__file__ or "").name  # Snakemake runs a copy that says what it is a copy of
-    (folder / f"{name}.job").write_bytes(pickle.dumps((script, snakemake)))
+    with contextlib.suppress(OSError):
+        atexit.register(_forget, saved_jobs.save(script, snakemake, log))
 
 
 def _run_saved(path: Path) -> None:
-    """Run a saved job in this process, without a log, so that a debugger and its messages have the terminal."""
-    script, job = pickle.loads(path.read_bytes())
-    job.log = []
-    runpy.run_path(str(Path(__file__).with_name(script)), init_globals={"snakemake": job}, run_name="__main__")
+    """Run a saved job in this process, in the folder of its study."""
+    job, folder = saved_jobs.saved_job(path)
+    os.chdir(folder)
+    script = Path(__file__).resolve().with_name(job.script)
+    runpy.run_path(str(script), init_globals={"snakemake": job.for_debugger()}, run_name="__main__")
 
 
 def _leave_receipt(snakemake: Any) -> None:
@@ -194,9 +194,9 @@ def _remember(log: Path, earlier: Path) -> None:
     atexit.register(_forget, earlier)
 
 
-def _forget(earlier: Path) -> None:
+def _forget(path: Path) -> None:
     if not _has_failed():
-        earlier.unlink(missing_ok=True)
+        path.unlink(missing_ok=True)
 
 
 def _has_failed() -> bool:
@@ -204,7 +204,10 @@ def _has_failed() -> bool:
     return hasattr(sys, "last_value")
 
 
-def _log_failure(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+def _log_failure(log: Path, kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    # before the error, which is what a log ends with
+    if saved_jobs.saved_path(log).exists():
+        logger.info("to run it again in a debugger: %s", saved_jobs.debug_command(log, Path(__file__)))
     if isinstance(error, CortetError):
         logger.error("%s", error)
     else:

@@ -22,6 +22,9 @@ from tests.unit.shapes import ball_surface
 
 ROOT = Path(__file__).parents[2]
 
+#: a target: the table of states, for which every case is meshed, certified and exported; no pages, figures and records
+STATUS = "derivatives/cortet/cohort/cohort_status.tsv"
+
 #: a few hundred tetrahedra, which are coarse against an egg of 24 mm; of CGAL, where it takes part, no slow passes
 CONFIG: dict[str, Any] = {
     "cohort": {"sheet": "cohort.tsv"},
@@ -70,9 +73,9 @@ class Study:
         parts = [path.relative_to(self.logs).parts for path in logs]
         return {(part[0].removesuffix(".log"), part[1] if len(part) > 1 else "-") for part in parts}
 
-    def planned_jobs(self, project: Path = ROOT) -> set[tuple[str, str]]:
+    def planned_jobs(self, *targets: str, project: Path = ROOT) -> set[tuple[str, str]]:
         """(rule, case) of the jobs that the workflow of a checkout would run, as `jobs_of_run`."""
-        result = self.run("--dry-run", "--snakefile", str(project / "Snakefile"))
+        result = self.run("--dry-run", "--snakefile", str(project / "Snakefile"), *targets)
         assert result.returncode == 0, result.stdout + result.stderr
         jobs = re.findall(r"^(?:local)?rule (\w+):\n((?: +.*\n)*)", result.stdout, flags=re.MULTILINE)
         folders = [(rule, re.search(r"wildcards: folder=([^,\s]+)", block)) for rule, block in jobs if rule != "all"]

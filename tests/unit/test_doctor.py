@@ -1,4 +1,4 @@
-"""The doctor proves each dependency by using it, and names the remedy when one does not work."""
+"""The doctor lists each dependency, uses what is compiled, and names the remedy when something does not work."""
 
 import subprocess
 import sys
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cortet import doctor
-from cortet.doctor import Finding, Library, problems
+from cortet.doctor import Finding, Tool, problems
 
 
 def finding(state: str, name: str) -> Finding:
@@ -25,7 +25,7 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     return breaks
 
 
-def library(name: str) -> Library:
+def library(name: str) -> Tool:
     return next(library for library in doctor.LIBRARIES if library.name == name)
 
 
@@ -35,7 +35,13 @@ def test_every_library_works_here(name):
     if found.state == "missing" and name in doctor.MESHERS:
         pytest.skip(f"{name} could not be had here")
     assert found.state == "ok", found.detail
-    assert found.version and found.detail
+    assert found.version and (found.detail != "installed") == bool(library(name).proof)
+
+
+def test_what_is_compiled_or_linked_with_the_system_is_proved():
+    proved = {tool.name for tool in (*doctor.LIBRARIES, *doctor.OPTIONAL, *doctor.PROGRAMS) if tool.proof}
+    assert proved == {"numba", "pygalmesh", "cgal", "gmsh", "pymeshlab", "pyvista", "numba-cuda", "meshtool"}
+    assert {tool.name for tool in doctor.LIBRARIES if tool.system_packages} < proved
 
 
 def test_a_library_that_cannot_load_is_a_failure_with_its_reason_and_remedy(broken):
@@ -46,17 +52,18 @@ def test_a_library_that_cannot_load_is_a_failure_with_its_reason_and_remedy(brok
 
 
 def test_a_library_that_works_wrongly_is_a_failure(broken):
-    broken("meshio", "def read(*args, **kwargs): return None\nclass Mesh: ...")
-    assert doctor.examine(library("meshio")).state == "failed"
+    broken("pymeshlab", "class MeshSet: ...")
+    found = doctor.examine(library("pymeshlab"))
+    assert found.state == "failed" and "MeshSet" in found.detail
 
 
 def test_a_crash_is_a_finding_and_does_not_take_the_doctor_down(broken):
-    broken("nibabel", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
-    assert doctor.examine(library("nibabel")).detail == "crashed (SIGSEGV)"
+    broken("gmsh", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
+    assert doctor.examine(library("gmsh")).detail == "crashed (SIGSEGV)"
 
 
 def test_a_library_that_is_not_installed_is_missing():
-    found = doctor.examine(Library("no-such-distribution", "nothing", lambda: ""))
+    found = doctor.examine(Tool("no-such-distribution", "nothing"))
     assert found.state == "missing" and "make setup" in found.remedy
 
 
@@ -77,14 +84,20 @@ def test_a_mesher_that_is_installed_must_work_since_the_workflow_would_use_it():
 
 @pytest.mark.parametrize("works", [True, False])
 def test_the_command_says_it_all_and_its_exit_code_too(works, broken, monkeypatch, capsys):
-    monkeypatch.setattr(doctor, "LIBRARIES", (library("numpy"), library("nibabel")))
+    monkeypatch.setattr(doctor, "LIBRARIES", (library("numpy"), library("numba"), library("pymeshlab")))
     if not works:
-        broken("nibabel", "raise ImportError('no nibabel today')")
+        broken("pymeshlab", "raise ImportError('no pymeshlab today')")
     assert doctor.run() == (0 if works else 1)
     table = capsys.readouterr().out
-    assert "a regular tetrahedron has q = 0" in table
+    assert "the kernels compile" in table and "installed" in table
     assert ("Everything cortet needs works." in table) == works
-    assert ("no nibabel today" in table and "remedy: " in table) == (not works)
+    assert ("no pymeshlab today" in table and "remedy: " in table) == (not works)
+
+
+def test_a_program_without_a_proof_is_listed_with_its_place(tmp_path, monkeypatch):
+    (tmp_path / "ccx").touch(mode=0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert doctor.examine(next(tool for tool in doctor.PROGRAMS if tool.name == "ccx")).detail == str(tmp_path / "ccx")
 
 
 def test_nothing_heavy_is_needed_to_ask_the_doctor():

@@ -134,11 +134,11 @@ def test_random_bytes_are_no_meshtool_to_the_doctor(tmp_path, monkeypatch):
     binary.write_bytes(np.random.default_rng(0).bytes(4096))
     binary.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))
-    found = doctor.find(next(program for program in doctor.PROGRAMS if program.name == "meshtool"))
+    found = doctor.examine(next(program for program in doctor.PROGRAMS if program.name == "meshtool"))
     assert found.state == "failed" and doctor.problems([found])
 
 
 def test_a_working_meshtool_is_proved(install):
-    install("pts[-1] = '0 0 0'")  # the node inside the icosahedron goes to the centre
-    found = doctor.find(next(program for program in doctor.PROGRAMS if program.name == "meshtool"))
+    install("pts[-1] = '0 0 0'")  # the node inside goes to the centre
+    found = doctor.examine(next(program for program in doctor.PROGRAMS if program.name == "meshtool"))
     assert found.state == "ok" and "brings the worst q" in found.detail, found.detail
