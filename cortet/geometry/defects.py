@@ -1,4 +1,4 @@
-"""Where a triangulated surface is flat or not a manifold; `topology.surface_topology` counts, this finds the places."""
+"""Where a triangulated surface is flat or not a manifold; `topology.surface_topology` only counts such defects."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _pinched(faces: IntArray) -> NDArray[np.int64]:
     vertex = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 1, 2]]]).ravel().astype(np.int64)
     neighbour = np.concatenate([faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]]).ravel()
     pairs, place = np.unique(vertex * (int(faces.max(initial=0)) + 1) + neighbour, return_inverse=True)
-    first, second = np.split(place, 2)  # v seen with the next corner of a face, and with the one after
+    first, second = np.split(place, 2)  # v with the next corner of a face, and v with the corner after that
     graph = coo_matrix((np.ones(len(first), np.int8), (first, second)), shape=(len(pairs), len(pairs)))
     fan = connected_components(graph, directed=False)[1]
     centre = np.zeros(fan.max(initial=-1) + 1, np.int64)
