@@ -72,7 +72,7 @@ def _of_text(data: bytes, path: str | Path) -> TriSurface:
     except ValueError as error:
         raise InputError(f"is no readable STL: {error}", file=path, remedy="export it again") from error
     if len(corners) != 3 * len(_FACET.findall(data)) or not _END.search(data):
-        raise InputError("is no complete STL: a facet has not three corners, or its end is missing", file=path)
+        raise InputError("is no complete STL: a facet does not have three corners, or its end is missing", file=path)
     return merged(corners, path)
 
 
