@@ -1,7 +1,7 @@
-"""File formats of tetrahedral meshes and of their boundary, by name: one module each, none of which knows another.
+"""File formats of tetrahedral meshes and of their boundary, by name. Each is one module, and none knows another.
 
-This list is the only one: the configuration, the command line, export and verification read it. A module is loaded
-when its format is first used, so that naming formats costs nothing.
+The configuration, the command line, export and verification all read this list. A module is loaded when its format is
+first used, so that naming formats costs nothing.
 """
 
 from __future__ import annotations
@@ -21,30 +21,30 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Format:
-    """A format: its module has the functions `read`, `write` and, where its solver sees more than a mesh, `as_read`."""
+    """A format. Its module has the functions `read`, `write` and, if its solver sees more than a mesh, `as_read`."""
 
     name: str
-    #: with the dot, of the file it is known by
+    #: end of the file name by which the format is known, with the dot
     suffix: str
     #: module below `cortet.formats`
     module: str
-    #: what the names of its functions end in, where the module has several formats
+    #: ending of the names of its functions, if the module has several formats
     variant: str = ""
     #: whether reading and writing take a `unit` of the coordinates, mm or um, that the file does not state
     has_unit: bool = False
-    #: whether it holds the boundary alone, as a TriSurface
+    #: whether it holds only the boundary, as a TriSurface
     is_surface: bool = False
 
     def read(self, path: Path, **options: Any) -> Any:
-        """The TetMesh of a file, or the boundary as a TriSurface; raises InputError where it cannot be read."""
+        """The TetMesh of a file, or the boundary as a TriSurface; raises InputError if the file cannot be read."""
         return getattr(self._loaded, f"read{self.variant}")(path, **options)
 
     def write(self, content: TetMesh | TriSurface, path: Path, **options: Any) -> None:
-        """Write a TetMesh, or of a surface format a TriSurface."""
+        """Write a TetMesh, or a TriSurface if the format is that of a surface."""
         getattr(self._loaded, f"write{self.variant}")(content, path, **options)
 
     def as_read(self, path: Path) -> AsRead | TriSurface:
-        """The file as its solver reads it; raises InputError where that cannot be."""
+        """The file as its solver reads it; raises InputError if it cannot be read."""
         from cortet.formats.as_read import AsRead
 
         own = getattr(self._loaded, f"as_read{self.variant}", None)
@@ -77,12 +77,12 @@ FORMATS: dict[str, Format] = {
 
 
 def format_of(path: Path) -> Format:
-    """The format that the end of a file's name stands for.
+    """The format of a file, by the end of its name.
 
     Raises
     ------
     InputError
-        it stands for none
+        the name ends like that of no format
     """
     for form in FORMATS.values():
         if path.name.endswith(form.suffix):

@@ -5,8 +5,8 @@ side: S1 = 1-2-3, S2 = 1-4-2, S3 = 2-4-3, S4 = 3-4-1 (Abaqus Elements Guide, "Th
 There is no material and no step: a job includes the file (`*INCLUDE, INPUT=mesh.inp`) and adds both. Coordinates have
 12 significant digits, since CalculiX reads 20 characters of a number.
 
-Fields of nodes stand in a file of their own, `<name>_fields.inp`, as `*INITIAL CONDITIONS, TYPE=FIELD`, which Abaqus
-has and CalculiX has not; a field of k components takes k variables, and a comment before each names it.
+Fields of nodes are in a file of their own, `<name>_fields.inp`, as `*INITIAL CONDITIONS, TYPE=FIELD`. Abaqus reads it,
+CalculiX does not. A field of k components takes k variables, and a comment before each variable names it.
 """
 
 from __future__ import annotations
@@ -31,27 +31,27 @@ from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
 
 #: sets of everything
 ALL_NODES, ALL_ELEMENTS = "all_nodes", "all_elements"
-#: side by the corner opposite to it, and back
+#: number of the side opposite each corner; the same table leads back
 _SIDE = np.array([3, 4, 2, 1])
 _OPPOSITE = np.array([-1, 3, 2, 0, 1])
 _PER_LINE = 16
-#: names that Abaqus accepts (Analysis User's Guide, "Input syntax rules"); upper and lower case are the same to it
+#: names that Abaqus accepts (Analysis User's Guide, "Input syntax rules"); it does not tell upper from lower case
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,79}$")
 
-#: keywords that bring nodes or elements, or move them, in ways that are not read
+#: keywords that add or move nodes or elements in ways that are not read
 _ELSEWHERE = {
     "INCLUDE": "takes lines from another file",
     "SYSTEM": "changes the coordinate system",
     **dict.fromkeys(("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"), "makes nodes or elements of others"),
 }
-#: numbers that ranges of one block may stand for
+#: most numbers that the ranges of one block may stand for
 _MOST_GENERATED = 2**26
 _COMMENT = re.compile(rb"^\*\*[^\n]*", re.MULTILINE)
 _FIELD = re.compile(rb"^\*\* variable (\d+): (\S+), component (\d+) of (\d+), (\w+)$", re.MULTILINE)
 
 
 def write(mesh: TetMesh, path: str | Path) -> None:
-    """Write `path` and, when the mesh has fields, the file of its fields; each complete or not at all."""
+    """Write `path` and, if the mesh has fields, the file of its fields; each complete or not at all."""
     mesh = with_surface(mesh)
     require_ascii(mesh.point_data, path)
     write_elements(mesh, mesh.points, mesh.cells, mesh.sets.nodes, path)
@@ -111,7 +111,7 @@ def _write_fields(file: IO[str], fields: dict[str, NDArray[Any]]) -> None:
 
 
 def read(path: str | Path) -> TetMesh:
-    """Read a mesh of C3D4 elements with its sets, and its fields where their file is beside it.
+    """Read a mesh of C3D4 elements with its sets, and with its fields if their file is beside it.
 
     Tetrahedra come as they are in the file, positive or not; node and element numbers may be any.
 
@@ -177,7 +177,7 @@ def _line_of(row: int, data: bytes, line: int) -> int:
 
 
 class _Sets:
-    """Sets by name, as the blocks of a file add to them: a further block of a set adds its members to the set."""
+    """Sets by name. Each block of a file adds its members to the set that it names."""
 
     def __init__(self) -> None:
         self._parts: dict[str, list[NDArray[np.int64]]] = {}
@@ -195,7 +195,7 @@ class _Sets:
 
 
 def _refuse_unread(keyword: str, options: Mapping[str, str], data: bytes, line: int, path: str | Path) -> None:
-    """InputError where a block says more of the mesh than `read` understands: it would be another mesh."""
+    """Raise InputError if a block says more of the mesh than `read` understands: the result would be another mesh."""
     where, remedy = f"line {line}: *{keyword}", "export the mesh as plain *NODE, *ELEMENT, *NSET, *ELSET and *SURFACE"
     if keyword in _ELSEWHERE:
         raise InputError(f"{where}, which {_ELSEWHERE[keyword]}, is not read", file=path, remedy=remedy)
@@ -214,7 +214,7 @@ def _refuse_unread(keyword: str, options: Mapping[str, str], data: bytes, line: 
 
 
 def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:
-    """Keyword, options, data lines and line number of every keyword line; comments become blank lines.
+    """Keyword, options, data lines and line number of every block; comments become blank lines.
 
     Keywords are in capitals, and so are options and the values that Abaqus knows; names of sets keep their case.
     """
@@ -226,7 +226,7 @@ def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:
     for start, end in zip(starts, [*starts[1:], len(text)], strict=False):
         head, _, data = text[start:end].partition(b"\n")
         lines = 1
-        while head.rstrip().endswith(b","):  # the line goes on
+        while head.rstrip().endswith(b","):  # the keyword line continues
             more, _, data = data.partition(b"\n")
             head, lines = head + more, lines + 1
         keyword, *options = (word.strip() for word in head[1:].decode("ascii", "replace").split(","))
@@ -262,7 +262,7 @@ def _ranges(data: bytes) -> NDArray[np.int64]:
 
 
 def _read_fields(path: Path, number_of_node: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
-    """The fields of the file beside the mesh, none where it is missing."""
+    """The fields in the file beside the mesh; none if that file is missing."""
     if not path.exists():
         return {}
     names = {match[1]: match for match in _FIELD.finditer(content(path))}
@@ -287,7 +287,7 @@ def _read_fields(path: Path, number_of_node: NDArray[np.int64]) -> dict[str, NDA
 
 
 def as_read(path: Path) -> AsRead:
-    """The file as Abaqus and CalculiX see it; raises InputError where it cannot be read."""
+    """The file as Abaqus and CalculiX see it; raises InputError if it cannot be read."""
     mesh = read(path)
     return AsRead(mesh, [*_names(mesh)], directs_faces=False)
 

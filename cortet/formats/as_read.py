@@ -10,17 +10,17 @@ from cortet.mesh import TetMesh
 
 @dataclass(frozen=True)
 class AsRead:
-    """A solver file as its solver sees it: with positive volumes where it keeps the solver's convention of sign."""
+    """A solver file as its solver sees it. Volumes are positive if the file keeps the solver's convention of sign."""
 
     mesh: TetMesh
-    #: rules of this format alone that it breaks
+    #: rules of this format that the file breaks
     problems: list[str] = field(default_factory=list)
-    #: sign of volumes that the file must have, for the message
+    #: sign that volumes must have in the file, for the message
     sign: str = "positive"
     #: whether the format lists boundary faces
     lists_faces: bool = True
-    #: whether it lists their nodes, so that a face has a direction of its own
+    #: whether it lists the nodes of these faces, so that each face has a direction
     directs_faces: bool = True
-    #: in words, where tetrahedron or face i stands in the file
+    #: where tetrahedron or face i is in the file, in words
     cell: Callable[[int], str] = lambda index: f"is number {index + 1}"
     face: Callable[[int], str] = lambda index: f"is number {index + 1}"

@@ -16,7 +16,7 @@ from cortet.formats.ownership import about_to_write, may_write, temporary_beside
 def atomic_path(path: str | Path) -> Iterator[Path]:
     """A temporary name beside `path`, with its suffixes, that is renamed to `path` when the block ends without error.
 
-    The folder is made when it is missing; after an error the temporary file is deleted and `path` is as it was.
+    A missing folder is made. After an error the temporary file is deleted, and `path` is as it was.
 
     Raises
     ------
@@ -39,12 +39,12 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 def atomic_folder(path: str | Path) -> Iterator[Path]:
     """A temporary folder beside `path`, whose files move to the folder of `path` when the block ends without error.
 
-    It is for formats of several files that name each other: within it they have their final names.
+    Formats of several files that name each other need it: in this folder the files have their final names.
 
     Raises
     ------
     InputError
-        a command that is `guarded` may not write to one of them; then none is moved
+        a command that is `guarded` may not write to one of the files; then none is moved
     """
     path = Path(path)
     may_write(path)

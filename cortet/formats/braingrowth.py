@@ -25,7 +25,7 @@ from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
 
 
 class Tables(NamedTuple):
-    """The numbers of a file, just as they stand there."""
+    """The numbers of a file, without interpretation."""
 
     #: (n, 3) mm
     points: FloatArray
@@ -57,7 +57,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
 
 
 def read(path: str | Path) -> TetMesh:
-    """Read a file that keeps the conventions above (`verify.braingrowth` checks them); unused nodes are left out."""
+    """Read a file that keeps the conventions above (`verify.braingrowth` checks them); unused nodes are dropped."""
     tables = read_tables(path)
     points, cells, _ = compact(tables.points, _cells(tables, path))
     return sound(path, points, cells)
@@ -98,7 +98,7 @@ def read_tables(path: str | Path) -> Tables:
 def as_read(path: Path) -> AsRead:
     """The file in its own coordinates, with the last two nodes of every tetrahedron swapped.
 
-    Raises InputError where the tables cannot be read, or name nodes that there are not.
+    Raises InputError if the tables cannot be read, or name nodes that do not exist.
     """
     tables = read_tables(path)
     faces = in_range(tables.triangles[:, 1:] - 1, len(tables.points), "node", path)
@@ -113,7 +113,7 @@ def as_read(path: Path) -> AsRead:
 
 
 def _cells(tables: Tables, path: str | Path) -> IntArray:
-    """Nodes of the tetrahedra, from 0, the last two swapped; InputError where there are none, or none of such nodes."""
+    """Nodes of the tetrahedra, from 0, the last two swapped; InputError if there are none, or a node does not exist."""
     nodes = tables.tetrahedra[:, [1, 2, 4, 3]]
     if len(nodes) == 0 or nodes.min() < 1 or nodes.max() > len(tables.points):
         raise InputError(f"has no tetrahedra, or node indices outside 1..{len(tables.points)}", file=path)

@@ -1,10 +1,11 @@
 """CARP: `.pts` (nodes), `.elem` (tetrahedra with a region tag) and `.lon` (one fibre direction each), 0-based.
 
 openCARP expects micrometres, meshtool takes millimetres; the files do not say which. Text: openCARP user's manual,
-section "Mesh files" (https://opencarp.org/manual). A region tag is that of the mesh's regions (1 core, 2 cortex), else
-the cell field `region`, else 1; a fibre is the cell field `fibre`, else the x axis. Beside these stand, for each set of
-nodes `<name>.<set>.vtx`, for each set of faces `<name>.<set>.surf`, and for each field of nodes `<name>.<field>.dat`
-(scalars) or `.vec` (three components; a field of k others becomes k scalars `<field>_1` to `<field>_k`).
+section "Mesh files" (https://opencarp.org/manual). Region tags come from the mesh's regions (1 core, 2 cortex), else
+from the cell field `region`, else all are 1. Fibres come from the cell field `fibre`, else all are the x axis. Beside
+these files, each set of nodes has a file `<name>.<set>.vtx`, each set of faces `<name>.<set>.surf`, and each field of
+nodes `<name>.<field>.dat` (scalars) or `.vec` (three components). A field of another number k of components becomes k
+scalars `<field>_1` to `<field>_k`.
 
 Binary files (`.bpts`, `.belem`, `.blon`) have a text header of 1024 bytes and then float32 or int32 in little-endian
 order, as meshtool and openCARP write them; coordinates are rounded to 24 bits there.
@@ -33,7 +34,7 @@ Unit = Literal["mm", "um"]
 _PER_MM = {"mm": 1.0, "um": 1000.0}
 
 _HEADER_BYTES = 1024
-#: what follows the counts in a binary header: little-endian, and a number by which readers know their files
+#: end of a binary header, after the counts: little-endian, and a number by which readers recognise the file
 _ENDIANNESS_AND_CHECKSUM = "0 666"
 #: number of the element type tetrahedron in binary files
 _TETRAHEDRON = 0
@@ -44,7 +45,7 @@ def write(mesh: TetMesh, path: str | Path, *, unit: Unit = "um") -> None:
 
     Parameters
     ----------
-    unit : of the coordinates in the file; ``mm`` keeps every bit of the coordinates
+    unit : unit of the coordinates in the file; ``mm`` keeps every bit of them
     """
     with ExitStack() as files:
         pts, elem, lon = (_opened(files, _beside(path, suffix)) for suffix in (".pts", ".elem", ".lon"))
@@ -109,7 +110,7 @@ def _fibres(mesh: TetMesh) -> NDArray[Any]:
 def read(path: str | Path, *, unit: Unit = "um") -> TetMesh:
     """Read what `write` writes; tetrahedra come as they are in the file, positive or not.
 
-    The cell field `region` holds the tags; where these are 1 and 2 they also name the regions.
+    The cell field `region` holds the tags. If these are 1 and 2, they also name the regions.
 
     Raises
     ------
@@ -140,7 +141,7 @@ def read_binary(path: str | Path, *, unit: Unit = "um") -> TetMesh:
 def _mesh(
     path: str | Path, points: NDArray[Any], cells: NDArray[Any], regions: NDArray[Any], fibres: NDArray[Any]
 ) -> TetMesh:
-    """The mesh with the sets and fields that lie beside it."""
+    """The mesh with the sets and fields in the files beside it."""
     tags = {name: np.flatnonzero(regions == tag).astype(np.int32) for name, tag in REGION_TAGS.items()}
     named = len(cells) == sum(map(len, tags.values())) and len(tags["cortex"]) > 0
     node_sets = {name: _text(file, 1, np.int32, skip=1)[:, 0] for name, file in _siblings(path, ".vtx")}
@@ -161,12 +162,12 @@ def _mesh(
 
 
 def _beside(path: str | Path, suffix: str) -> Path:
-    """`path` with the suffix added: a name such as `hemi-L_res-0.6mm` may hold points of its own."""
+    """`path` with the suffix added: a name such as `hemi-L_res-0.6mm` may itself contain a dot."""
     return Path(str(path).removesuffix(".bpts").removesuffix(".pts") + suffix)
 
 
 def _siblings(path: str | Path, suffix: str) -> list[tuple[str, Path]]:
-    """Name and file of the sets or fields that lie beside a mesh."""
+    """Name and file of the sets or fields beside a mesh."""
     stem = _beside(path, ".")
     files = [file for file in stem.parent.glob(f"*{suffix}") if file.name.startswith(stem.name)]
     names = [(file.name.removeprefix(stem.name).removesuffix(suffix), file) for file in sorted(files)]
@@ -185,8 +186,8 @@ def _text(
 ) -> NDArray[Any]:
     """The lines of a text file, each beginning with `kind`.
 
-    Their number is in the first line, unless it is given as `rows`; `headed` says whether there is a first line, and
-    `skip` how many lines come between it and the table.
+    The first line holds their number, unless `rows` gives it. `headed` says whether there is such a line, and `skip`
+    how many lines come between it and the table.
     """
     text = content(path)
     if headed:
@@ -229,7 +230,7 @@ def _values(path: Path, dtype: str, columns: int) -> NDArray[Any]:
 
 
 def as_read(path: Path) -> AsRead:
-    """The file as openCARP sees it: surfaces are files beside it, which there need not be."""
+    """The file as openCARP sees it. Surfaces are files beside it, and may be missing."""
     return _as_read(read(path))
 
 

@@ -1,4 +1,4 @@
-"""Programs that run beside us. None of them outlives the process that started it, however that one ends."""
+"""Programs that this process starts. None of them outlives it, however it ends."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-#: of prctl(2)
+#: constant of prctl(2)
 _PR_SET_PDEATHSIG = 1
 _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
 
 
 def end_with_parent() -> None:
-    """Let the system kill this process when its parent ends (Linux); elsewhere nothing."""
+    """Let the system kill this process when its parent ends (Linux); other systems ignore it."""
     if _libc is not None:
         _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def run(command: Sequence[str], **options: Any) -> subprocess.CompletedProcess[str]:
-    """`subprocess.run` of a program that ends with us; its output is captured as text, its exit code not checked.
+    """Run a program that ends with this process; its output is captured as text, its exit code is not checked.
 
     Raises
     ------
-    subprocess.TimeoutExpired : it took longer than the option `timeout`, s, and was killed
+    subprocess.TimeoutExpired : the program took longer than the option `timeout`, s, and was killed
     """
     return subprocess.run(
         command,

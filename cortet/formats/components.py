@@ -1,4 +1,4 @@
-"""Fields of any number of components, for formats that hold only some numbers of them."""
+"""Fields of any number of components, for formats that allow only certain numbers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 def in_components(fields: Mapping[str, NDArray[Any]], allowed: Collection[int]) -> dict[str, NDArray[Any]]:
-    """The fields as (n, k) arrays of an allowed k; any other becomes k scalars `<name>_1` to `<name>_k`."""
+    """The fields as (n, k) arrays with an allowed k; any other field becomes k scalars `<name>_1` to `<name>_k`."""
     result: dict[str, NDArray[Any]] = {}
     for name, values in fields.items():
         columns = values.reshape(len(values), -1)

@@ -3,9 +3,9 @@
 Nodes and elements count from 1 in the order of the mesh; `tet4` elements have positive volume, `tri3` facets face
 outward. Every region is an `Elements` part with a `SolidDomain` and a material of its own. The materials are
 neo-Hookean with a shear modulus of 1 and a bulk modulus of 5, the ratio of the folding model (Tallinen et al. 2016):
-put yours in their place, and add `Control`, `Boundary`, `Loads` and `Output` to run it. Fields of nodes are `MeshData`;
-FEBio knows scalars and vectors of three components there, so a field of k other components becomes k scalars
-`<name>_1` to `<name>_k`.
+replace them by yours, and add `Control`, `Boundary`, `Loads` and `Output` to run the file. Fields of nodes are
+`MeshData`. FEBio allows scalars and vectors of three components there; a field of another number k of components
+becomes k scalars `<name>_1` to `<name>_k`.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.formats.untrusted import content, require_ascii, sound, xml_root
 from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
 
-#: set of all nodes, and part of a mesh without regions
+#: name of the set of all nodes, and of the only part of a mesh without regions
 ALL_NODES, TISSUE = "all_nodes", "tissue"
-#: of the placeholder materials: Young's modulus and Poisson's ratio of shear modulus 1 and bulk modulus 5
+#: Young's modulus and Poisson's ratio of the placeholder materials, for shear modulus 1 and bulk modulus 5
 _YOUNG, _POISSON = 2.8125, 0.40625
 
-#: sections of a file, in the order of the manual, and those it must have
+#: sections of a file, in the order of the manual, and the sections that it must have
 SECTIONS = (
     "Module",
     "Control",
@@ -58,7 +58,7 @@ SECTIONS = (
 )
 REQUIRED = ("Module", "Material", "Mesh", "MeshDomains")
 
-#: the long lists of a file, the element of a row and its number: they are read as tables, what is around them as XML
+#: long lists of a file, with the element of a row and its number: they are read as tables, the rest as XML
 _LISTS = {
     "Nodes": ("node", "id"),
     "Elements": ("elem", "id"),
@@ -98,8 +98,8 @@ def write_elements(
     node_sets : name -> nodes
     faces : name -> (f, 3), or (f, 6) whose midside nodes are in the order 1-2, 2-3, 3-1
     fields : name -> (n,) or (n, k) values of the nodes
-    sections : name -> what is in it, for a file that can be run; `Material` takes the place of the placeholders, other
-        names are those of `SECTIONS` that the mesh has no part in, and `MeshData` where there are no fields
+    sections : name -> content, for a file that can be run; `Material` replaces the placeholders. The other names are
+        those of `SECTIONS` that the mesh does not fill, and `MeshData` if there are no fields
     """
     require_ascii([*node_sets, *faces, *fields, *mesh.sets.cells], path)
     parts, more = _parts(mesh), sections or {}
@@ -141,7 +141,7 @@ def _placeholders(parts: Iterable[str]) -> str:
 
 
 def _write_sections(file: IO[str], sections: Mapping[str, str], *, before: str = "", after: str = "") -> None:
-    """Those sections that stand in a file before, or after, a certain one, in their order."""
+    """Write, in their order, the sections that come before, or after, a certain section."""
     place = SECTIONS.index(before or after)
     for name in SECTIONS[:place] if before else SECTIONS[place + 1 :]:
         if name in sections:
@@ -154,7 +154,7 @@ def _row(tag: str, nodes: int) -> str:
 
 
 def _parts(mesh: TetMesh) -> dict[str, IntArray]:
-    """Elements of each part: the regions, or all of them."""
+    """Elements of each part: of each region, or all elements if there are no regions."""
     regions = {name: mesh.sets.cells[name] for name in REGION_TAGS if name in mesh.sets.cells}
     return {name: cells for name, cells in regions.items() if len(cells)} or {
         TISSUE: np.arange(len(mesh.cells), dtype=np.int32)
@@ -182,8 +182,8 @@ def _write_fields(file: IO[str], fields: Mapping[str, NDArray[Any]], ids: NDArra
 def read(path: str | Path) -> TetMesh:
     """Read the mesh of a file: `tet4` parts, sets and fields of nodes, which are real numbers here.
 
-    Tetrahedra come as they are in the file, positive or not, in the order of their ids; the parts are sets of
-    tetrahedra, except the one that `write` makes of a mesh without regions.
+    Tetrahedra come as they are in the file, positive or not, in the order of their ids. Parts become sets of
+    tetrahedra, except the part that `write` makes for a mesh without regions.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def read(path: str | Path) -> TetMesh:
 
 
 def read_xml(path: str | Path) -> tuple[ElementTree.Element, list[bytes]]:
-    """The file without the content of its long lists, each of which holds its number in the list of contents instead.
+    """The XML of a file and the contents of its long lists; in the XML, the number of its content stands for each list.
 
     Raises
     ------
@@ -264,14 +264,14 @@ def read_xml(path: str | Path) -> tuple[ElementTree.Element, list[bytes]]:
 def _table(
     element: ElementTree.Element, tables: list[bytes], columns: int, dtype: Any, path: str | Path
 ) -> NDArray[Any]:
-    """Rows of a long list: the id and what it holds."""
+    """Rows of a long list: the id, then the values."""
     if not element.text:
         return np.empty((0, columns), dtype)
     if not re.fullmatch(r"\d{1,9}", element.text) or int(element.text) >= len(tables):
         raise InputError(f"<{element.tag} {element.get('name', '')}> is no list", file=path)
     given, (tag, number) = tables[int(element.text)], _LISTS[element.tag]
     rows = given.replace(f'<{tag} {number}="'.encode(), b"").replace(b'">', b",").replace(f"</{tag}>".encode(), b"\n")
-    if b"<" in rows:  # written otherwise than almost everybody does
+    if b"<" in rows:  # not written in the usual way
         rows = _ANY_AFTER.sub(b"\n", _ANY_BEFORE.sub(rb"\1,", given))
     try:
         return read_rows(rows, columns, dtype, delimiter=",")
@@ -289,7 +289,7 @@ def _nodes(
 
 
 def _sets(elements: Iterable[ElementTree.Element], path: str | Path) -> dict[str, NDArray[np.int64]]:
-    """Ids of each set; one that comes twice has the members of both."""
+    """Ids of each set; a set that comes twice has the members of both."""
     found: dict[str, NDArray[np.int64]] = {}
     for element in elements:
         name, numbers = str(element.get("name")), _numbers(element, path)
@@ -300,7 +300,7 @@ def _sets(elements: Iterable[ElementTree.Element], path: str | Path) -> dict[str
 def _surfaces(
     elements: Iterable[ElementTree.Element], tables: list[bytes], path: str | Path
 ) -> dict[str, NDArray[np.int64]]:
-    """Corners of the triangles of each surface; one that comes twice has the triangles of both."""
+    """Corners of the triangles of each surface; a surface that comes twice has the triangles of both."""
     found: dict[str, NDArray[np.int64]] = {}
     for element in elements:
         name, corners = str(element.get("name")), _table(element, tables, 4, np.int64, path)[:, 1:]
@@ -310,7 +310,7 @@ def _surfaces(
 
 def _numbers(element: ElementTree.Element, path: str | Path) -> NDArray[np.int64]:
     """Ids of a set, separated by commas."""
-    if len(element):  # as older versions of the format have it
+    if len(element):  # older versions of the format list elements here
         raise InputError(
             f"<{element.tag} {element.get('name')}> holds <{element[0].tag}>, not ids separated by commas",
             file=path,
@@ -335,7 +335,7 @@ def _field(data: ElementTree.Element, tables: list[bytes], path: str | Path) -> 
 
 
 def as_read(path: Path) -> AsRead:
-    """The file as FEBio sees it; raises InputError where it cannot be read."""
+    """The file as FEBio sees it; raises InputError if it cannot be read."""
     root, _ = read_xml(path)
     return AsRead(read(path), [*_sections(root), *_names(root), *_domains(root), *_data(root)])
 

@@ -91,7 +91,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
 
 
 def _grid_of(key: str) -> str:
-    """The grid whose HDF5 file holds a dataset."""
+    """Name of the grid whose HDF5 file holds a dataset."""
     return "facets" if key.startswith("facets/") else "mesh"
 
 
@@ -154,8 +154,8 @@ def read(path: str | Path) -> TetMesh:
     Raises
     ------
     InputError
-        a file is missing or cut off, an XDMF file has another grid or another shape than its data, or the two have
-        different nodes
+        a file is missing or truncated, an XDMF file has another grid or another shape than its data, or the two files
+        have different nodes
     """
     cells = _grid(Path(path), "mesh", "Tetrahedron")
     facets = _grid(facets_path(path), "facets", "Triangle")
@@ -254,14 +254,14 @@ def _values(element: ElementTree.Element, path: Path) -> NDArray[Any]:
 
 
 def _first(path: Path) -> str:
-    """Name of the file of the tetrahedra, without its suffix, to a file of facets."""
+    """Name, without suffix, of the file of the tetrahedra that belongs to a file of facets."""
     return path.name.removesuffix(".xdmf").removesuffix("_facets")
 
 
 def _dataset(data: h5py.File, key: str, source: Path) -> NDArray[Any]:
-    """The numbers of a dataset of this very file, having seen that they are in it.
+    """The numbers of a dataset, after a check that they are in this very file.
 
-    Links lead out of a file, and so does external storage; a dataset without storage takes its whole size all the same.
+    Links and external storage lead out of the file. A dataset without storage would take its whole size in memory.
     """
     if not isinstance(data.get(key, getlink=True), h5py.HardLink):
         raise KeyError(key)
@@ -283,20 +283,20 @@ def _faces_among(faces: IntArray, subset: IntArray) -> NDArray[np.bool_]:
 
 
 def _tags(grid: _Grid, name: str, path: Path | str) -> NDArray[Any]:
-    """The attribute that says what each cell of a grid is, which is taken out of it."""
+    """The attribute that says what each cell of a grid is; it is removed from the grid."""
     if name not in grid.cells_of:
         raise InputError(f"has no attribute {name} of its cells", file=path)
     return _of_each(grid.cells_of.pop(name), name, path)
 
 
 def _taken(attributes: dict[str, NDArray[Any]], prefix: str, path: Path | str) -> dict[str, NDArray[Any]]:
-    """The attributes whose name begins with `prefix`, by the rest of their name; they are taken out of `attributes`."""
+    """The attributes whose name begins with `prefix`, by the rest of their name; they are removed from `attributes`."""
     names = [name for name in attributes if name.startswith(prefix)]
     return {name.removeprefix(prefix): _of_each(attributes.pop(name), name, path) for name in names}
 
 
 def _of_each(values: NDArray[Any], name: str, path: Path | str) -> NDArray[Any]:
-    """The same, having seen that there is one number each."""
+    """The same values, after a check that there is one number per row."""
     if values.ndim != 1:
         raise InputError(f"attribute {name} has shape {values.shape}, not one number each", file=path)
     return values

@@ -1,4 +1,4 @@
-"""Files that are no GIfTI, known by their first bytes: what is read in its place, and what the others are called."""
+"""Files that are no GIfTI, recognised by their first bytes: which of them are read, and what the others are called."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from cortet.formats import freesurfer, obj, ply, stl
 from cortet.mesh import TriSurface
 
-#: bytes that are looked at, of which an OBJ file may have comments first
+#: bytes that are looked at; an OBJ file may begin with comments
 _HEAD = 1 << 16
 _OBJ = re.compile(rb"^v[ \t]+[-+.\d]", re.MULTILINE)
-#: how files begin that are not read, and what they are; where a remedy helps, it follows in brackets
+#: first bytes and kind of files that are not read; a remedy, if there is one, follows in brackets
 _NAMES: tuple[tuple[bytes, str], ...] = (
     (b"\xff\xff\xfd", "a FreeSurfer surface of quadrangles (convert it: mris_convert)"),
     (b"#!ascii", "a FreeSurfer surface in text (convert it: mris_convert)"),
@@ -39,7 +39,7 @@ _NAMES: tuple[tuple[bytes, str], ...] = (
 
 
 def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
-    """What reads a surface that is no GIfTI, as `read(path, finite=...)`; None where the file begins like none."""
+    """The reader of a surface that is no GIfTI, `read(path, finite=...)`; None if the first bytes are not known."""
     head, size = _beginning(path)
     if head.startswith(freesurfer.SURFACE):
         return freesurfer.read_surface
@@ -53,7 +53,7 @@ def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
 
 
 def fields_of(path: Path) -> dict[str, NDArray[Any]] | None:
-    """Per-vertex values of a file of FreeSurfer, by its name; None where the file is none."""
+    """Per-vertex values of a FreeSurfer file, by its name; None if the file is none."""
     head, size = _beginning(path)
     if head.startswith(freesurfer.VALUES):
         return freesurfer.read_values(path)
@@ -61,7 +61,7 @@ def fields_of(path: Path) -> dict[str, NDArray[Any]] | None:
 
 
 def label_names_of(path: Path) -> dict[int, str] | None:
-    """Key -> name of the labels of a file of FreeSurfer, which only an annotation has; None where the file is none."""
+    """Key -> name of the labels of a FreeSurfer file, which only an annotation has; None if the file is none."""
     head, size = _beginning(path)
     if head.startswith(freesurfer.VALUES):
         return {}
@@ -69,7 +69,7 @@ def label_names_of(path: Path) -> dict[int, str] | None:
 
 
 def name_of(path: Path) -> str:
-    """What a file is that is not read as a surface or a field; empty where its first bytes are not known."""
+    """What a file is that is read neither as a surface nor as a field; empty if its first bytes are not known."""
     head, size = _beginning(path)
     known = [name for begin, name in _NAMES if head.lstrip().startswith(begin) or head.startswith(begin)]
     if known:
@@ -82,7 +82,7 @@ def name_of(path: Path) -> str:
 
 
 def _always_finite(read: Callable[[Path], TriSurface]) -> Callable[..., TriSurface]:
-    """A reader that lets no coordinate in that is not finite, whether that is asked for or not."""
+    """A reader that always refuses coordinates that are not finite, whatever `finite` says."""
 
     def reader(path: Path, *, finite: bool = True) -> TriSurface:  # noqa: ARG001
         return read(path)
@@ -91,7 +91,7 @@ def _always_finite(read: Callable[[Path], TriSurface]) -> Callable[..., TriSurfa
 
 
 def _beginning(path: Path) -> tuple[bytes, int]:
-    """The first bytes of a file and its size; nothing of what is no regular file."""
+    """The first bytes of a file and its size; no bytes if it is not a regular file."""
     if not path.is_file():
         return b"", 0
     try:

@@ -1,6 +1,6 @@
 """FreeSurfer's files: surfaces (`lh.white`), values (`lh.thickness`) and annotations (`lh.aparc.annot`) of vertices.
 
-nibabel reads surfaces; values and annotations are read here, since it reserves the memory that a damaged one states.
+nibabel reads surfaces. Values and annotations are read here, since it reserves whatever memory a damaged file states.
 
 Coordinates are in the tool's own space ("surface RAS", mm); the translation to the scanner's, where the file has it,
 becomes the matrix of the coordinate frame (https://surfer.nmr.mgh.harvard.edu/fswiki/CoordinateSystems).
@@ -21,24 +21,24 @@ from cortet.errors import InputError
 from cortet.formats.untrusted import content, safe_name
 from cortet.mesh import CoordinateFrame, TriSurface
 
-#: the first bytes of a file of triangles, and of one of values
+#: first bytes of a file of triangles, and of a file of values
 SURFACE, VALUES = b"\xff\xff\xfe", b"\xff\xff\xff"
 _REMEDY = "run recon-all again, or export it as GIfTI (mris_convert)"
-#: of an annotation: key of vertices that belong to no label, and most labels and characters of a name
+#: annotations: key of vertices without a label, most labels, and most characters of a name
 _NONE, _MOST_LABELS, _LONGEST_NAME = -1, 100_000, 10_000
 
 
 class Annotation(NamedTuple):
-    """What an annotation says."""
+    """Content of an annotation."""
 
-    #: name of the file's field -> (n,) int32, which entry of the table each vertex has, -1 for none
+    #: name of the file's field -> (n,) int32, entry of the table for each vertex, -1 for no label
     field: dict[str, NDArray[np.int32]]
     #: entry -> name of the label
     names: dict[int, str]
 
 
 def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
-    """Read a triangulated surface; with `finite` false its coordinates need not be.
+    """Read a triangulated surface; if `finite` is false, its coordinates need not be finite.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
     """
     remedy = "run recon-all again, or export the surface as GIfTI (mris_convert)"
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a file without a footer is whole
+        warnings.simplefilter("ignore")  # a file without a footer is complete
         try:
             points, faces, footer = read_geometry(str(path), read_metadata=True)  # type: ignore[no-untyped-call]
         except (ValueError, IndexError, OverflowError, MemoryError, UnicodeDecodeError) as error:
@@ -60,7 +60,7 @@ def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
 
 
 def read_values(path: Path) -> dict[str, NDArray[Any]]:
-    """The values of a file such as `lh.thickness`, by the end of its name: (n,) float32.
+    """The values of a file such as `lh.thickness`, named by the end of its name: (n,) float32.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def read_values(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def is_annotation(head: bytes, size: int) -> bool:
-    """Whether a file of so many bytes that begins like this is an annotation, which counts its vertices from 0."""
+    """Whether a file of `size` bytes that begins with `head` is an annotation, which counts its vertices from 0."""
     count = int(np.frombuffer(head[:4].ljust(4, b"\0"), ">i4")[0])
     if not (count > 0 and 4 + 8 * count <= size):
         return False
@@ -94,7 +94,7 @@ def read_annotation(path: Path) -> Annotation:
 
     Raises
     ------
-    InputError : the file is truncated, has no table of labels, or one of an unknown version
+    InputError : the file is truncated, has no table of labels, or a table of an unknown version
     """
     data = content(path)
     try:
@@ -121,13 +121,13 @@ class _Words:
         self.data, self.place = data, start
 
     def number(self) -> int:
-        """The next number; struct.error where the file has ended."""
+        """The next number; struct.error if the file has ended."""
         (value,) = struct.unpack_from(">i", self.data, self.place)
         self.place += 4
         return int(value)
 
     def text(self) -> str:
-        """The next text, whose length stands before it."""
+        """The next text; its length precedes it."""
         length = self.number()
         if not 0 <= length <= _LONGEST_NAME or self.place + length > len(self.data):
             raise ValueError(f"a name of {length} characters")
@@ -163,13 +163,13 @@ def _table(words: _Words) -> tuple[dict[int, str], NDArray[np.int64]]:
 
 
 def _field_name(path: Path) -> str:
-    """What stands in a file's name behind the hemisphere: `thickness` of `lh.thickness`."""
+    """The part of a file's name after the hemisphere: `thickness` of `lh.thickness`."""
     words = path.name.removesuffix(".annot").split(".")
     return safe_name(".".join(words[1:] or words))
 
 
 def _frame(footer: dict[str, Any]) -> CoordinateFrame:
-    """The translation of a file's footer; none where it says that it is not valid."""
+    """The translation in a file's footer; none if the footer says that it is not valid."""
     if not str(footer.get("valid", "")).startswith("1"):
         return CoordinateFrame()
     matrix = np.eye(4)

@@ -1,7 +1,7 @@
 """GIfTI: surfaces and per-vertex fields (https://www.nitrc.org/projects/gifti, format 1.0).
 
-Files are read here rather than by nibabel, which (5.4) misreads column-major ASCII that is wrapped into lines of three,
-rejects ASCII lines of unequal length, and unpacks compressed data without a bound. Files are written by nibabel.
+nibabel writes files, but does not read them: version 5.4 misreads column-major ASCII that is wrapped into lines of
+three, rejects ASCII lines of unequal length, and unpacks compressed data without a bound.
 
 Coordinates are stored as float32, the only type that every GIfTI tool reads (resolution 4e-6 mm at 60 mm).
 `single_precision` rounds a surface to what a file holds: stages that move vertices return such surfaces, so that
@@ -47,7 +47,7 @@ from cortet.formats.untrusted import (
 from cortet.geometry.nesting import nested
 from cortet.mesh import CoordinateFrame, TriSurface
 
-#: the region in the name of a file of an inner surface
+#: name of the region in the file name of an inner surface
 _REGION = re.compile(r"_inner-([A-Za-z0-9]+)_")
 _INSTEAD = (
     "give GIfTI; a surface may also be one of FreeSurfer, STL, PLY or OBJ, and a field values or an annotation of "
@@ -60,13 +60,13 @@ _TYPES = {
 }
 #: deflate cannot shrink data more than this (https://zlib.net/zlib_tech.html), so no array claims more per stored byte
 _MAX_COMPRESSION = 1032
-#: of all arrays of a file; 40 million vertices with their triangles have less
+#: most bytes of all arrays of a file; 40 million vertices with their triangles have less
 _MAX_BYTES = 2**31
-#: of an array (GIfTI 1.0, section 5)
+#: most dimensions of an array (GIfTI 1.0, section 5)
 _MAX_DIMENSIONS = 6
-#: bytes that are looked at in one go
+#: bytes that are read at a time
 _PART = 1 << 16
-#: relative change of a length up to which a matrix is a rigid motion, and spaces that brains are normalised to
+#: relative change of lengths up to which a matrix is a rigid motion; spaces to which brains are normalised
 _RIGID, _TEMPLATES = 0.01, ("NIFTI_XFORM_TALAIRACH", "NIFTI_XFORM_MNI_152")
 _GEOMETRY = ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
 
@@ -85,14 +85,14 @@ class _Array(NamedTuple):
 def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
     """Read a triangulated surface; further per-vertex arrays in the file become its `point_data`.
 
-    A surface of FreeSurfer (`lh.white`), STL, PLY or OBJ is read as well, which its first bytes tell.
+    A surface of FreeSurfer (`lh.white`), STL, PLY or OBJ is read as well; its first bytes tell what it is.
     Any valid GIfTI will do: arrays in either order, row- or column-major, either endianness, ASCII, base64, compressed
     or in an external file, integer triangles of any type. Memory is bounded by what the file can hold, and by 2 GiB of
     values; names of fields that no file could be named by are changed (`untrusted.safe_name`).
 
     Parameters
     ----------
-    finite : false also lets coordinates in that are not finite, for the repair
+    finite : false also accepts coordinates that are not finite, for the repair
 
     Raises
     ------
@@ -114,7 +114,7 @@ def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
 
 
 def hemisphere_of(path: str | Path) -> Literal["L", "R"] | None:
-    """The hemisphere that a GIfTI file names in AnatomicalStructurePrimary; None where it names none.
+    """The hemisphere that a GIfTI file names in AnatomicalStructurePrimary; None if it names none.
 
     Raises
     ------
@@ -126,11 +126,11 @@ def hemisphere_of(path: str | Path) -> Literal["L", "R"] | None:
 
 
 def read_nested(path: str | Path, inner: Iterable[str | Path], fields: str | Path | None = None) -> TriSurface:
-    """Read a surface and its inner ones, whose files are named `..._inner-NAME_...` by the regions inside them.
+    """Read a surface and its inner surfaces; their files are named `..._inner-NAME_...` after the regions inside them.
 
     Parameters
     ----------
-    fields : another file of the same surface, whose fields take the place of those of `path`
+    fields : another file of the same surface, whose fields replace those of `path`
 
     Raises
     ------
@@ -156,7 +156,7 @@ def read_fields(path: str | Path) -> dict[str, NDArray[Any]]:
 
 
 def read_label_names(path: str | Path) -> dict[int, str]:
-    """Key -> name of the labels in the LabelTable of a file; empty where it has none.
+    """Key -> name of the labels in the LabelTable of a file; empty if it has none.
 
     Raises InputError like `read_surface`.
     """
@@ -276,7 +276,7 @@ def _read(path: Path) -> list[_Array]:
 
 
 def _array(element: ElementTree.Element, path: Path, most: int) -> _Array:
-    """Decode one <DataArray> of at most so many bytes, having checked that it holds what it declares."""
+    """Decode one <DataArray> of at most `most` bytes, after a check that it holds what it declares."""
     get = element.attrib.get
     intent = get("Intent", "NIFTI_INTENT_NONE")
     name = next((_text(md, "Value") for md in element.iter("MD") if _text(md, "Name") == "Name"), "") or _stem(path)
@@ -296,7 +296,7 @@ def _array(element: ElementTree.Element, path: Path, most: int) -> _Array:
 
 
 def _decode(element: ElementTree.Element, count: int, dtype: np.dtype[Any], folder: Path, most: int) -> NDArray[Any]:
-    """The `count` values of a <DataArray>, in the order they are stored in; ValueError when it holds fewer or more."""
+    """The `count` values of a <DataArray>, in their stored order; ValueError if it holds fewer or more."""
     text, encoding, expected = _text(element, "Data"), element.get("Encoding", ""), count * dtype.itemsize
     if expected > most:
         raise ValueError(f"declares {expected:,} bytes, more than the {most:,} that are read")
@@ -321,7 +321,7 @@ def _decode(element: ElementTree.Element, count: int, dtype: np.dtype[Any], fold
 
 
 def _external(element: ElementTree.Element, folder: Path, size: int) -> bytes:
-    """`size` bytes of the binary file that stands beside the GIfTI file."""
+    """`size` bytes of the binary file beside the GIfTI file."""
     name = element.get("ExternalFileName", "")
     if Path(name).name != name or not name:
         raise ValueError(f"external file `{name}` is not beside the file")
@@ -346,11 +346,11 @@ def _frame(element: ElementTree.Element) -> CoordinateFrame:
 
 
 def _check_frame(frame: CoordinateFrame, path: str | Path) -> None:
-    """InputError where the matrix of the coordinates says that they are not mm.
+    """Raise InputError if the matrix of the coordinates says that they are not mm.
 
     Coordinates stay as they are stored, in the space of the data; the matrix leads from there to another space (GIfTI
-    1.0, section 2.3.4). A rigid motion changes no length, and the way to a template changes those of a brain that is
-    stored in mm. Any other matrix says that what is stored has to be scaled or sheared to become mm.
+    1.0, section 2.3.4). A rigid motion changes no length. A matrix to a template does, but the stored brain is in mm.
+    Any other matrix says that the stored coordinates must be scaled or sheared to become mm.
     """
     linear = np.reshape(frame.matrix, (4, 4))[:3, :3]
     stretches = np.linalg.svd(linear, compute_uv=False)

@@ -1,7 +1,7 @@
-"""Gmsh reads a file in a process of its own: a damaged one can crash it, or have it take any memory and time.
+"""Gmsh reads a file in a process of its own: a damaged file can crash it, or make it take any memory and time.
 
-Run as a program by `cortet.formats.msh`, and free of other modules of cortet so that it starts at once. Arrays go into
-an .npz file, names of groups and fields beside them as JSON.
+`cortet.formats.msh` runs this module as a program. It imports no other module of cortet, so that it starts at once.
+Arrays go into an .npz file; names of groups and fields go beside them as JSON.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FIELDS = ("NodeData", "ElementData")
 
 @contextmanager
 def session() -> Iterator[None]:
-    """An empty Gmsh model that reads no arguments, configuration or signals, is silent and runs on one thread."""
+    """An empty, silent Gmsh model on one thread, which reads no arguments, configuration or signals."""
     gmsh.initialize(argv=[], readConfigFiles=False, run=False, interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
@@ -61,20 +61,20 @@ def arrays_of(path: str) -> dict[str, NDArray[Any]]:
 
 
 def limit(kind: int, most: int) -> None:
-    """Lower a limit of this process, as far as it is not lower already."""
+    """Lower a limit of this process, unless it is lower already."""
     _, hard = resource.getrlimit(kind)
     most = most if hard == resource.RLIM_INFINITY else min(most, hard)
     resource.setrlimit(kind, (most, most))
 
 
 def main(source: str, target: str, memory: str, seconds: str) -> None:
-    """Read one file into another; bytes of address space and seconds of processor time are limited."""
+    """Read one file and write the other, within so many bytes of address space and seconds of processor time."""
     limit(resource.RLIMIT_AS, int(memory))
     limit(resource.RLIMIT_CPU, int(seconds))
     limit(resource.RLIMIT_CORE, 0)
     try:
         arrays = arrays_of(source)
-    except Exception as error:  # what the Gmsh API raises
+    except Exception as error:  # the Gmsh API raises plain exceptions
         sys.exit(f"{error}")
     np.savez(target, allow_pickle=False, **arrays)
 

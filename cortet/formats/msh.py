@@ -1,11 +1,11 @@
 """Gmsh `.msh` 4.1, binary: a mesh with physical groups, written and read by Gmsh itself (https://gmsh.info/doc/texinfo).
 
 Nodes have the tags 1 to n in the order of the mesh, tetrahedra the tags 1 to m. Each set of faces or tetrahedra is a
-physical group of its name; where sets overlap, Gmsh wants an entity for every combination of them, which belongs to
-several groups. Sets of nodes are not written: those of a part of the surface are the nodes of its faces, and those of a
-label are where the field has its value. Fields are post-processing views in the same file (`$NodeData`,
-`$ElementData`) of 1, 3 or 9 components; a field of k others becomes k fields `<name>_1` to `<name>_k`. They are read as
-real numbers.
+physical group of its name. Where sets overlap, Gmsh wants an entity for every combination of sets, which belongs to
+several groups. Sets of nodes are not written: the nodes of a part of the surface follow from its faces, and the nodes
+of a label from the field. Fields are post-processing views in the same file (`$NodeData`, `$ElementData`) of 1, 3 or 9
+components. A field of another number k of components becomes k fields `<name>_1` to `<name>_k`. Fields are read as real
+numbers.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ __all__ = ["TISSUE", "check_version", "read", "session", "write"]
 
 #: group of all tetrahedra of a mesh without regions
 TISSUE = "tissue"
-#: what Gmsh may take: bytes of address space and seconds of processor time, and more for a larger file
+#: bytes of address space and seconds of processor time that Gmsh may take, and more for a larger file
 _MEMORY, _MEMORY_PER_BYTE = 2**32, 100
 _SECONDS, _BYTES_PER_SECOND = 30, 500_000
 
@@ -62,7 +62,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
 
 
 def _face_groups(mesh: TetMesh) -> dict[str, NDArray[np.bool_]]:
-    """Name -> which of the listed faces belong to it; parts of the surface by their place, others by their nodes."""
+    """Name -> which of the listed faces belong to it: parts of the surface by order, other sets by their nodes."""
     parts = [name for name in SURFACE_TAGS if name in mesh.sets.faces]
     faces = listed_faces(mesh)
     part = np.full(len(faces), -1)
@@ -95,7 +95,7 @@ def _add_entities(
     placed: NDArray[np.bool_],
     boundary: list[int],
 ) -> list[int]:
-    """One discrete entity for each combination of groups, with the nodes that are not `placed` yet; their tags."""
+    """Add a discrete entity for each combination of groups, with the nodes that none has yet (`placed`); their tags."""
     combination = np.zeros(len(elements), np.int64)
     for belongs in groups.values():
         combination = np.unique(2 * combination + belongs, return_inverse=True)[1]
@@ -136,7 +136,7 @@ def read(path: str | Path) -> TetMesh:
     Raises
     ------
     InputError
-        the file is missing, Gmsh cannot read it or breaks down over it, it holds no tetrahedra, or names nodes it lacks
+        the file is missing, Gmsh cannot read it or crashes, it holds no tetrahedra, or it names nodes that it lacks
     """
     check_version(path)
     arrays, names = _read_by_gmsh(path)
@@ -163,7 +163,7 @@ def read(path: str | Path) -> TetMesh:
 
 
 def check_version(path: str | Path) -> None:
-    """Raises InputError unless the file begins as one of version 4.1."""
+    """Raise InputError unless the file begins like a Gmsh file of version 4.1."""
     check_file(path)
     try:
         with Path(path).open("rb") as file:
@@ -205,7 +205,7 @@ def _elements(
 
 
 def _groups(kind: str, arrays: dict[str, NDArray[Any]], names: list[str]) -> dict[str, NDArray[np.int64]]:
-    """Tags, ascending, of the elements of each group; groups of one name are one."""
+    """Tags, ascending, of the elements of each group; groups of the same name are joined."""
     found: dict[str, NDArray[np.int64]] = {}
     for number, name in enumerate(names):
         found[name] = np.union1d(found.get(name, []), arrays[f"{kind}_group_{number}"]).astype(np.int64)

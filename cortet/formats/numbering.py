@@ -1,4 +1,4 @@
-"""Files name nodes and elements by numbers of their own; meshes in memory by their place."""
+"""From the numbers by which files name nodes and elements to the indices that meshes in memory use."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from cortet.mesh import IntArray
 
 
 def indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, path: str | Path) -> IntArray:
-    """Place in `known` of each number, in the shape of `numbers`.
+    """Index in `known` of each number, in the shape of `numbers`.
 
     Parameters
     ----------
-    known : (n,) the number of each node or element, in the order of the file
+    known : (n,), number of each node or element, in the order of the file
     kind : what is numbered, for the message
 
     Raises
@@ -26,7 +26,7 @@ def indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, pat
         a number is not known, or two in `known` are the same
     """
     count = len(known)
-    if count and known[0] == 1 and known[-1] == count and (np.diff(known) == 1).all():  # as almost every file has it
+    if count and known[0] == 1 and known[-1] == count and (np.diff(known) == 1).all():  # almost every file does this
         outside = (numbers < 1) | (numbers > count)
         place = numbers - 1
     elif not count:
@@ -45,7 +45,7 @@ def indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, pat
 
 
 def in_32_bits(values: NDArray[Any], what: str, path: str | Path | None = None) -> NDArray[np.int32]:
-    """Whole numbers as int32. Raises InputError where one is too large for that, which would become another number."""
+    """Whole numbers as int32. Raises InputError for a number that is too large: it would become another number."""
     outside = ~((values >= -(2**31)) & (values < 2**31))
     if outside.any():
         raise InputError(
@@ -57,7 +57,7 @@ def in_32_bits(values: NDArray[Any], what: str, path: str | Path | None = None) 
 
 
 def whole(values: NDArray[np.float64], kind: str, path: str | Path) -> NDArray[np.int64]:
-    """Whole numbers that were read as real ones. Raises InputError for any other, and for those of ten digits."""
+    """Whole numbers that were read as real ones. Raises InputError for fractions, and for numbers of ten digits."""
     bad = ~(np.abs(values) < 2**31) | (values != np.round(values))
     if bad.any():
         raise InputError(f"{values[bad][0]:g} is no number of a {kind}", file=path)

@@ -1,4 +1,4 @@
-"""Wavefront OBJ surfaces: the vertices and the triangles; normals, textures and materials are left out."""
+"""Wavefront OBJ surfaces: vertices and triangles are read; normals, textures and materials are ignored."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from cortet.mesh import TriSurface
 
 _VERTEX = re.compile(rb"^[ \t]*v[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.MULTILINE)
 _FACE = re.compile(rb"^[ \t]*f[ \t]+([^\r\n]*)", re.MULTILINE)
-#: bytes of a file
+#: most bytes of a file
 _LARGEST = 2**29
 _REMEDY = "export the surface again as GIfTI (.surf.gii)"
 
 
 def read(path: str | Path) -> TriSurface:
-    """Read a surface, mm; faces of more corners are divided into triangles that share the first corner.
+    """Read a surface, mm; a face of more than three corners is divided into triangles that share the first corner.
 
     Raises
     ------

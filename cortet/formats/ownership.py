@@ -1,10 +1,10 @@
-"""Whose a file is: a command never writes to its inputs, and replaces only files that cortet made.
+"""Which files cortet owns: a command never writes to its inputs, and replaces only files that cortet made.
 
-`guarded` is the door. While a command runs within it, every function of cortet that replaces or deletes a file asks
-`may_write` first, and every reader tells `has_read`: a file that a command has read is its input, also one that no
-argument names, as a sidecar. What the command writes is listed with its SHA-256 in a hidden manifest of the folder. A
-file that the manifest does not list, or that somebody changed since, belongs to the user. The workflow has no guard:
-its rules name their outputs, and none of them is a file of the user. Its working folder has a marker instead.
+A command runs within `guarded`. Every function of cortet that replaces or deletes a file then asks `may_write` first,
+and every reader calls `has_read`. Every file that a command has read is an input, even if no argument names it, such as
+a sidecar. A hidden manifest in the folder lists each file that the command writes, with its SHA-256. A file belongs to
+the user if the manifest does not list it, or if it changed since. The workflow has no guard: its rules name their
+outputs, and none of them is a file of the user. Its working folder has a marker instead.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from typing import Any
 from cortet.errors import InputError
 from cortet.formats.hashing import sha256
 
-#: file that says of its folder that cortet made it; a folder of this name, in the output of a workflow, does not
+#: file that marks its folder as made by cortet; a folder of this name, in the output of a workflow, marks nothing
 MARKER = ".cortet"
 #: file that lists what commands wrote to its folder: name -> the last SHA-256
 MANIFEST = ".cortet.json"
-#: hashes that a manifest keeps of a file: one that was replaced, or was about to be when the command was killed
+#: hashes that a manifest keeps per file: the present one, and the one it replaces, in case the command is killed
 _HASHES = 2
-#: key and value by which a record is known from the JSON files of others
+#: key and value that tell a record from other JSON files
 _SIGNATURE = {"made_by": "cortet"}
-#: bytes of a record or a manifest
+#: most bytes of a record or a manifest
 _LONGEST_RECORD = 100_000_000
 
 
@@ -39,11 +39,11 @@ _LONGEST_RECORD = 100_000_000
 class _Guard:
     """What a command may write to."""
 
-    #: device and inode of each input -> how it was named; those that are read on the way are added
+    #: device and inode of each input -> the path it was named by; files that are read later are added
     inputs: dict[tuple[int, int], Path]
-    #: what the command is told to write
+    #: files that the command is told to write
     files: tuple[Path, ...]
-    #: below which it may write
+    #: folders below which it may write
     folders: tuple[Path, ...]
     #: the user has said that existing files may be replaced
     force: bool
@@ -67,20 +67,20 @@ def guarded(
     folders: Iterable[Path] = (),
     force: bool = False,
 ) -> Iterator[None]:
-    """Run a command that reads some files and writes others; refuse it at once where it would harm the user's.
+    """Run a command that reads some files and writes others; refuse it at once if it would harm files of the user.
 
     Parameters
     ----------
     inputs : files that the command only reads
-    files : what it is told to write
-    shared : folders in which it writes files one by one, each guarded by itself
-    folders : others, below which it may write
+    files : files that it is told to write
+    shared : folders in which it writes single files, each guarded by itself
+    folders : other folders, below which it may write
     force : existing files may be replaced, but never an input
 
     Raises
     ------
     InputError
-        an output is an input, also by another name, or exists and was not made by cortet; or two have one name
+        an output is an input (even by another name), exists and was not made by cortet, or has the name of another
     """
     known = {identity: path for path in inputs if (identity := _identity(path))}
     outputs = tuple(files)
@@ -97,7 +97,7 @@ def guarded(
 
 
 def may_write(path: Path) -> None:
-    """Raise InputError unless a file may be written, replaced or deleted; without a guard, all with short names may."""
+    """Raise InputError unless a file may be written, replaced or deleted; without a guard, any short name may."""
     _require_short(path)
     guard = _guard.get()
     if guard is None:
@@ -118,7 +118,7 @@ def may_write(path: Path) -> None:
 
 
 def mark(folder: Path) -> None:
-    """Say of a folder that cortet made it."""
+    """Mark a folder as made by cortet."""
     if not (folder / MARKER).is_dir():
         (folder / MARKER).touch()
 
@@ -143,21 +143,21 @@ def has_read(path: Path) -> None:
 
 
 def about_to_write(temporary: Path, path: Path) -> None:
-    """Note that a file is about to get its name. The manifest lists it before, so that a kill does no harm."""
+    """Note that a file is about to get its name. The manifest lists it first, so that a kill does no harm."""
     guard = _guard.get()
     if guard is None:
         return
     place = path.absolute()
     guard.made.add(place)
     if identity := _identity(temporary):
-        guard.inputs.pop(identity, None)  # it was read back before it got its name
-    within_temporary = path.parent.name.startswith(_own_prefix())  # the files of a folder get their names together
+        guard.inputs.pop(identity, None)  # the command read the file back before it got its name
+    within_temporary = path.parent.name.startswith(_own_prefix())  # all files of that folder get their names together
     if not within_temporary and not guard.is_below_own_folder(place):
         _list_in_manifest(path, sha256(temporary))
 
 
 def temporary_beside(path: Path) -> Path:
-    """A name of no file beside one, with its suffixes, for what will be renamed to it."""
+    """An unused name beside `path`, with its suffixes, for a file that will be renamed to `path`."""
     return path.with_name(f"{_own_prefix()}{secrets.token_hex(4)}.{path.name}")
 
 
@@ -170,7 +170,7 @@ def is_ours(path: Path) -> bool:
 
 
 def delete(*paths: Path) -> None:
-    """Delete files, those that there are, or none of them where one may not be; raises InputError as `may_write`."""
+    """Delete the files that exist, or none if one may not be deleted; raises InputError as `may_write`."""
     for path in paths:
         may_write(path)
     for path in paths:
@@ -178,19 +178,19 @@ def delete(*paths: Path) -> None:
 
 
 def record_of(paths: Iterable[Path]) -> dict[str, Any]:
-    """What makes a JSON file the record of the files that were made with it."""
+    """The entries by which a JSON file records the files that were made with it."""
     return {**_SIGNATURE, "files": {path.name: sha256(path) for path in paths}}
 
 
 def files_of(record: Path) -> dict[str, str]:
-    """Name -> SHA-256 of the files that a record lists; nothing where the file is no record of cortet."""
+    """Name -> SHA-256 of the files that a record lists; empty if the file is no record of cortet."""
     data = json_of(record)
     files = data.get("files") if data.items() >= _SIGNATURE.items() else None
     return {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else {}
 
 
 def delete_made(record: Path) -> None:
-    """Delete the files that a record lists, where they are as it lists them, and the record itself."""
+    """Delete the files that a record lists, unless they changed since, and the record itself."""
     files = files_of(record)
     for name, digest in files.items():
         path = record.parent / name
@@ -202,7 +202,7 @@ def delete_made(record: Path) -> None:
 
 
 def json_of(file: Path) -> dict[str, Any]:
-    """Content of a JSON file; nothing where it is none."""
+    """Content of a JSON file; empty if it is none."""
     try:
         data = json.loads(file.read_text("utf-8")) if file.stat().st_size < _LONGEST_RECORD else None
     except (OSError, ValueError, RecursionError):
@@ -211,7 +211,7 @@ def json_of(file: Path) -> dict[str, Any]:
 
 
 def _manifest(folder: Path) -> dict[str, list[str]]:
-    """Name -> hashes; nothing where there is no manifest, or a damaged one."""
+    """Name -> hashes; empty if the manifest is missing or damaged."""
     files = json_of(folder / MANIFEST).get("files")
     if not isinstance(files, dict):
         return {}
@@ -235,7 +235,7 @@ def _list_in_manifest(path: Path, digest: str) -> None:
 
 
 def _require_own_folder(folder: Path, *, force: bool) -> None:
-    """Raise InputError for a folder with files, but without a manifest of what cortet wrote there."""
+    """Raise InputError for a folder that holds files but no manifest of cortet."""
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError("is a file", file=folder, remedy="give the name of a folder")
     if folder.is_dir() and not (folder / MANIFEST).is_file() and any(folder.iterdir()) and not force:
@@ -245,7 +245,7 @@ def _require_own_folder(folder: Path, *, force: bool) -> None:
 
 
 def _require_short(path: Path) -> None:
-    """Raise InputError for a name that is too long, or that of the temporary file beside it would be."""
+    """Raise InputError if the name, or the name of the temporary file beside it, would be too long."""
     folder = next((one for one in path.absolute().parents if one.is_dir()), Path("/"))
     longest = os.pathconf(folder, "PC_NAME_MAX") - len(temporary_beside(path).name) + len(path.name)
     if (size := len(os.fsencode(path.name))) > longest:
@@ -254,7 +254,7 @@ def _require_short(path: Path) -> None:
 
 
 def _refuse_repeated(outputs: tuple[Path, ...]) -> None:
-    """Raise InputError where two outputs have one name: the second would replace the first."""
+    """Raise InputError if two outputs have the same name: the second would replace the first."""
     places = [os.path.realpath(path) for path in outputs]
     for path, place in zip(outputs, places, strict=True):
         if places.count(place) > 1:
@@ -262,22 +262,22 @@ def _refuse_repeated(outputs: tuple[Path, ...]) -> None:
 
 
 def _refuse_input(path: Path, guard: _Guard) -> None:
-    """Raise InputError where a file is an input, also by another name."""
+    """Raise InputError if a file is an input, even by another name."""
     identity = _identity(path)
     given = guard.inputs.get(identity) if identity else None
-    if given is None or _identity(given) != identity:  # a file that is gone: another one has got its place on the disk
+    if given is None or _identity(given) != identity:  # the input is gone, and another file has its inode
         return
     also = "" if given == path else f", {given}"
     raise InputError(f"is an input of this command{also}", file=path, remedy="give the output another name")
 
 
 def _own_prefix() -> str:
-    """What temporary names of this process begin with."""
+    """Beginning of the temporary names of this process."""
     return f".{os.getpid()}-"
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """What a file is on its disk, whatever its name; None where there is none."""
+    """Device and inode of a file, which no other name changes; None if there is no file."""
     try:
         stat = path.stat()
     except (OSError, ValueError):

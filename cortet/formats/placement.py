@@ -1,4 +1,4 @@
-"""Coordinates that are not mm: in another unit, or in voxels of an image. What they are is named, never guessed."""
+"""Coordinates that are not mm: in another unit, or in voxels of an image. The user names the unit; nothing guesses."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from cortet.mesh import CoordinateFrame, TriSurface
 #: unit of coordinates -> mm
 UNITS = {"mm": 1.0, "m": 1000.0, "um": 0.001}
 
-#: of a matrix whose columns lie in one plane, over the product of their lengths
+#: a matrix flattens space if its determinant, over the product of its columns' lengths, is at most this
 _SINGULAR = 1e-6
 
 
 def matrix(unit: str, affine: Sequence[Sequence[float]] | str | Path | None) -> tuple[tuple[float, ...], ...] | None:
-    """Row-major 4 x 4 matrix from coordinates as they are stored to mm; None where they are mm.
+    """Row-major 4 x 4 matrix from stored coordinates to mm; None if they are mm already.
 
     Parameters
     ----------
-    unit : of the coordinates, after the affine where there is one; one of `UNITS`
+    unit : unit of the coordinates, after the affine if there is one; one of `UNITS`
     affine : 4 x 4, or an image (NIfTI, MGH) whose voxel indices the coordinates are
 
     Raises
     ------
     InputError
-        the unit is not known, the image cannot be read, or the affine is none
+        the unit is not known, the image cannot be read, or the affine is not valid
     """
     if unit not in UNITS:
         raise InputError(f"unit {unit!r} is not known", remedy=f"use one of {', '.join(UNITS)}")
@@ -52,9 +52,9 @@ def matrix(unit: str, affine: Sequence[Sequence[float]] | str | Path | None) -> 
 
 
 def placed(surface: TriSurface, to_mm: Sequence[Sequence[float]] | None) -> TriSurface:
-    """The surface, and those inside it, in mm: coordinates taken through a matrix of `matrix`.
+    """The surface and its inner surfaces in mm: a matrix of `matrix` maps their coordinates.
 
-    Triangles are turned where that mirrors space.
+    Triangles are turned if the matrix mirrors space.
     """
     if to_mm is None:
         return surface
@@ -65,12 +65,12 @@ def placed(surface: TriSurface, to_mm: Sequence[Sequence[float]] | None) -> TriS
         points=surface.points @ whole[:3, :3].T + whole[:3, 3],
         faces=surface.faces[:, ::-1] if mirrored else surface.faces,
         inner={name: placed(one, to_mm) for name, one in surface.inner.items()},
-        frame=CoordinateFrame(),  # what the file says of its coordinates does not hold for these
+        frame=CoordinateFrame(),  # the frame in the file does not hold for the new coordinates
     )
 
 
 def _of_image(path: str | Path) -> Any:
-    """Voxel-to-mm affine of the header of an image."""
+    """Voxel-to-mm affine in the header of an image."""
     import nibabel
 
     try:

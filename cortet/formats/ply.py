@@ -1,4 +1,4 @@
-"""PLY surfaces, text and binary (Turk 1994): the vertices and the triangles; other properties are left out."""
+"""PLY surfaces, text and binary (Turk 1994): vertices and triangles are read; other properties are ignored."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ _TYPES = {
     **dict.fromkeys(("double", "float64"), "f8"),
 }
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
-#: name of a list that is not that of the corners of faces
+#: name of any list but that of the corners of faces
 _LIST = "another list"
-#: bytes of a file, and of its header
+#: most bytes of a file, and of its header
 _LARGEST, _LONGEST_HEADER = 2**29, 1 << 16
 _REMEDY = "export the surface again as GIfTI (.surf.gii)"
 
@@ -87,7 +87,7 @@ def _described(header: str) -> tuple[str, list[_Element]]:
 
 
 def _of_bytes(body: bytes, elements: list[_Element], order: str) -> dict[str, dict[str, NDArray[Any]]]:
-    """The values of each element of a binary file; ValueError where they are not there, or no triangles."""
+    """The values of each element of a binary file; ValueError if values are missing, or faces are no triangles."""
     start, found = 0, {}
     for element in elements:
         kind = np.dtype(

@@ -1,6 +1,6 @@
 """STL, binary and text: the triangles of a surface, each with its normal and its corners, float32 (3D Systems, 1989).
 
-STL has no vertices, only corners: on reading, corners of the same coordinates become one vertex.
+STL has no vertices, only corners. On reading, corners of the same coordinates become one vertex.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from cortet.mesh import TriSurface
 _HEADER_BYTES = 80
 _TEXT = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 _FACET, _END = re.compile(rb"\bendfacet\b", re.IGNORECASE), re.compile(rb"\bendsolid\b", re.IGNORECASE)
-#: bytes of a file in text
+#: most bytes of a text file
 _LARGEST_TEXT = 2**29
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -39,7 +39,7 @@ def write(surface: TriSurface, path: str | Path) -> None:
 
 
 def begins(head: bytes, size: int) -> bool:
-    """Whether a file of so many bytes that begins like this is an STL file."""
+    """Whether a file of `size` bytes that begins with `head` is an STL file."""
     count = int(np.frombuffer(head[_HEADER_BYTES : _HEADER_BYTES + 4].ljust(4, b"\0"), "<u4")[0])
     binary = count > 0 and size == _HEADER_BYTES + 4 + count * _TRIANGLE.itemsize
     return binary or (head.lstrip()[:5].lower() == b"solid" and b"facet" in head.lower())
@@ -51,7 +51,7 @@ def read(path: str | Path) -> TriSurface:
     Raises
     ------
     InputError
-        the file is missing, its size is not what its number of triangles asks for, or a coordinate is not finite
+        the file is missing, its size does not fit its number of triangles, or a coordinate is not finite
     """
     data = content(path)
     if data[:_HEADER_BYTES].lstrip()[:5].lower() == b"solid" and _TEXT.search(data):
@@ -72,12 +72,12 @@ def _of_text(data: bytes, path: str | Path) -> TriSurface:
     except ValueError as error:
         raise InputError(f"is no readable STL: {error}", file=path, remedy="export it again") from error
     if len(corners) != 3 * len(_FACET.findall(data)) or not _END.search(data):
-        raise InputError("is no complete STL: a facet has not three corners, or its end is missing", file=path)
+        raise InputError("is no complete STL: a facet does not have three corners, or its end is missing", file=path)
     return merged(corners, path)
 
 
 def merged(corners: NDArray[Any], path: str | Path) -> TriSurface:
-    """The surface of triangles whose corners (3 m, 3) follow each other; equal ones become one vertex.
+    """The surface of triangles whose corners (3 m, 3) follow each other; equal corners become one vertex.
 
     Raises
     ------

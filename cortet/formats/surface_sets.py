@@ -15,15 +15,15 @@ from cortet.mesh import IntArray, MeshSets, TetMesh
 CORTICAL_SURFACE, MEDIAL_WALL = "cortical_surface", "medial_wall"
 #: the two parts of the tissue; every tetrahedron belongs to one of them
 CORTEX, CORE = "cortex", "core"
-#: end of the name of a set of faces between two regions, counter-clockwise seen from outside the inner one
+#: end of the name of a set of faces between two regions; they are counter-clockwise seen from outside the inner region
 INTERFACE = "_interface"
-#: tags where a format numbers parts instead of naming them
+#: tags for formats that number parts instead of naming them
 SURFACE_TAGS = {CORTICAL_SURFACE: 1, MEDIAL_WALL: 2}
 REGION_TAGS = {CORE: 1, CORTEX: 2}
 
 
 def with_surface(mesh: TetMesh) -> TetMesh:
-    """The mesh itself if its surface is named; otherwise with all boundary faces and nodes as `cortical_surface`."""
+    """The mesh itself if its surface is named; otherwise all boundary faces and nodes become `cortical_surface`."""
     if SURFACE_TAGS.keys() & mesh.sets.faces.keys():
         return mesh
     faces = boundary_faces(mesh)
@@ -42,7 +42,7 @@ def surface_faces(mesh: TetMesh) -> IntArray:
 
 
 def interface_sets(mesh: TetMesh) -> dict[str, IntArray]:
-    """The sets of faces that are between two regions, by what their names end with."""
+    """The sets of faces between two regions, recognised by the end of their names."""
     return {name: faces for name, faces in mesh.sets.faces.items() if name.endswith(INTERFACE)}
 
 
@@ -52,7 +52,7 @@ def listed_faces(mesh: TetMesh) -> IntArray:
 
 
 def region_tags(mesh: TetMesh) -> IntArray:
-    """`REGION_TAGS` of each tetrahedron: (m,) int32, 0 where it is in none of the named regions."""
+    """`REGION_TAGS` of each tetrahedron: (m,) int32, 0 for a tetrahedron in none of the named regions."""
     tags = np.zeros(len(mesh.cells), np.int32)
     for name, tag in REGION_TAGS.items():
         tags[mesh.sets.cells.get(name, [])] = tag
@@ -67,14 +67,14 @@ def members(count: int, indices: IntArray) -> NDArray[np.uint8]:
 
 
 def sides(mesh: TetMesh, faces: IntArray) -> tuple[IntArray, IntArray]:
-    """The tetrahedron that each face belongs to, and its corner that is opposite: (k,), (k,) int32.
+    """The tetrahedron that each face belongs to, and its corner opposite the face: (k,), (k,) int32.
 
-    Of the two tetrahedra of a face inside the mesh it is the one that sees it counter-clockwise from outside.
+    Of the two tetrahedra of a face inside the mesh, it is the one from whose outside the face is counter-clockwise.
 
     Raises
     ------
     InputError
-        a face is none of a tetrahedron that sees it so
+        a face belongs to no such tetrahedron
     """
     found = boundary(mesh)
     cells, missing = _owners(found.faces, found.cells, faces)
@@ -93,7 +93,7 @@ def sides(mesh: TetMesh, faces: IntArray) -> tuple[IntArray, IntArray]:
 def _owners(
     known: IntArray, owners: IntArray, asked: IntArray, *, directed: bool = False
 ) -> tuple[IntArray, NDArray[np.bool_]]:
-    """The owner of each face that is asked for among known ones, and which of them are not known."""
+    """The owner of each `asked` face, looked up among the `known` faces, and which of the asked faces are not known."""
     both = np.concatenate([known, asked])
     key = np.unique(both, axis=0, return_inverse=True)[1].ravel() if directed else packed(both)
     order = np.argsort(key[: len(known)], kind="stable")

@@ -1,4 +1,4 @@
-"""One description of a column for everything that is made of it: the file, its sidecar, printed tables and pages.
+"""One description of a column serves the file, its sidecar, printed tables and pages.
 
 The file is a TSV (`cortet.formats.tsv`), the sidecar a JSON file that explains its columns, as in BIDS.
 """
@@ -27,27 +27,27 @@ class Column:
     name: str
     description: str = ""
     units: str = ""
-    #: value -> its meaning, of a column of few values
+    #: value -> its meaning, for a column of few values
     levels: Mapping[str, str] = field(default_factory=dict)
-    #: where a record has the value: keys, one inside the other, with dots between them; empty: under the name
+    #: nested keys under which a record holds the value, joined by dots; empty: the name of the column
     place: str = ""
-    #: name of the check of the certificate that judges it, and the limit of that check in words
+    #: name of the certificate's check that judges it, and the limit of that check in words
     check: str = ""
     limit: str = ""
-    #: what readers see above it; a column without one is in the file only
+    #: what readers see above the column; a column without a heading is in the file only
     heading: str = ""
-    #: how readers see a value: a format of numbers (`.3f`), or a function of the row; empty: as in the file
+    #: how readers see a value: a number format (`.3f`), or a function of the row; empty: as in the file
     form: str | Callable[[Row], str] = ""
 
     def text(self, row: Row) -> str:
-        """What readers see of a row; `n/a` where it has no value."""
+        """What readers see of a row; `n/a` if it has no value."""
         if callable(self.form):
             return self.form(row)
         number = self.number(row)
         return cell(row.get(self.name)) if number is None else f"{number:{self.form}}"
 
     def number(self, row: Row) -> float | None:
-        """The value of a row as a number; None where it has none, or the column holds words."""
+        """The value of a row as a number; None if it has none, or if the column holds words."""
         try:
             return float(row[self.name]) if self.form and row.get(self.name) is not None else None
         except ValueError:
@@ -55,7 +55,7 @@ class Column:
 
     @property
     def entry(self) -> dict[str, Any]:
-        """What a sidecar says of it."""
+        """What a sidecar says of the column."""
         said = {"Units": self.units, "Threshold": self.limit, "Levels": dict(self.levels)}
         return {"Description": self.description} | {key: value for key, value in said.items() if value}
 
@@ -80,19 +80,19 @@ def headed(columns: Iterable[Column], first: Sequence[str] = ()) -> list[Column]
 
 
 def described(entry: Mapping[str, Any], keys: Iterable[str] = ("Units", "Threshold")) -> str:
-    """What a sidecar says of a column, in one line."""
+    """The entry of a sidecar in one line."""
     parts = [str(entry["Description"]), *(f"{key.lower()}: {entry[key]}" for key in keys if key in entry)]
     return "; ".join([*parts, *(f"{level}: {meaning}" for level, meaning in entry.get("Levels", {}).items())])
 
 
 def read_columns(path: Path) -> tuple[Column, ...]:
-    """Columns from a table of them, one per line; its header names fields of `Column` that are texts."""
+    """Columns from a table with one column per line; its header names fields of `Column` that are texts."""
     rows: list[dict[str, str]] = read_tsv(path).replace(MISSING, "").to_dict("records")
     return tuple(Column(**row) for row in rows)  # type: ignore[arg-type]  # `levels` is no text, and not among them
 
 
 def values(columns: Sequence[Column], records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """One row per record: what it has at the places of the columns."""
+    """One row per record, with its values under the keys of the columns."""
     import pandas as pd
 
     found = pd.json_normalize(list(records)).reindex(columns=[column.place or column.name for column in columns])

@@ -10,7 +10,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-#: rows formatted at a time, which bounds the memory taken
+#: rows formatted at a time, which bounds the memory
 _CHUNK = 100_000
 
 
@@ -26,7 +26,7 @@ def write_rows(file: IO[str], template: str, *columns: NDArray[Any]) -> None:
 
 
 def write_wrapped(file: IO[str], numbers: NDArray[np.integer], per_line: int) -> None:
-    """Write integers separated by commas, so many to a line."""
+    """Write integers separated by commas, `per_line` of them on a line."""
     before_last = max(len(numbers) - 1, 0) // per_line * per_line
     template = ", ".join(["%d"] * per_line) + "\n"
     write_rows(file, template, numbers[:before_last].reshape(-1, per_line))
@@ -37,7 +37,7 @@ class BadRowError(ValueError):
     """A line of a table cannot be read."""
 
     def __init__(self, row: int, what: str) -> None:
-        #: of the table, counted from 0
+        #: row of the table, counted from 0
         self.row = row
         super().__init__(what)
 
@@ -50,14 +50,14 @@ def read_rows(
     Raises
     ------
     BadRowError
-        a line holds another number of fields, or something that is no number of `dtype`; or lines are missing
+        a line has another number of fields, or a field that is no number of `dtype`; or lines are missing
     """
     if rows == 0 or (rows is None and isinstance(lines, bytes) and not lines.strip()):
         return np.empty((0, columns), dtype)
     source = io.BytesIO(lines) if isinstance(lines, bytes) else lines
     if rows is None:
         return _next_rows(source, columns, dtype, None, delimiter, 0)
-    # NumPy reserves memory for the number of rows that it is given before it reads one, and a file may state any number
+    # NumPy reserves memory for all rows before it reads one, and a file may state any number of rows
     parts: list[NDArray[Any]] = []
     done = 0
     while done < rows:
@@ -71,7 +71,7 @@ def read_rows(
 def _next_rows(
     source: IO[Any], columns: int, dtype: Any, most: int | None, delimiter: str | None, done: int
 ) -> NDArray[Any]:
-    """Read at most so many rows, or all; `done` were read before."""
+    """Read at most `most` rows, or all; `done` rows were read before."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # the caller reports a file without lines
@@ -84,7 +84,7 @@ def _next_rows(
 
 
 def _bad_row(message: str, done: int) -> BadRowError:
-    """What NumPy complains about, in our words."""
+    """A complaint of NumPy in our words."""
     if found := re.search(r"changed from (\d+) to (\d+) at row (\d+)", message):
         return BadRowError(done + int(found[3]) - 1, f"has {found[2]} fields instead of {found[1]}")
     if found := re.search(r"could not convert string ' *(.*)' to \w+ at row (\d+)", message):

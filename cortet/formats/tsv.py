@@ -1,7 +1,6 @@
-"""Tables of tab-separated values (TSV), as BIDS has them: a header line, and `n/a` where there is no value.
+"""Tables of tab-separated values (TSV), as in BIDS: a header line, and `n/a` for a missing value.
 
-Nothing is quoted: a quotation mark is a character like any other. A cell holds no tab and no line end; each is written
-as a blank.
+Nothing is quoted: a quotation mark is a character like any other. A tab or a line end in a cell is written as a blank.
 
 pandas is imported where a table is read or written, not above, so that stages start without it.
 """
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
 MISSING = "n/a"
 
-#: bytes and columns of a table, and problems that one message lists
+#: most bytes and columns of a table, and most problems that one message lists
 _LARGEST, _MOST_COLUMNS, _MOST_PROBLEMS = 100_000_000, 10_000, 100
 
 
@@ -47,7 +46,7 @@ def read_tsv(path: Path) -> pd.DataFrame:
 def read_uneven_tsv(path: Path) -> tuple[pd.DataFrame, dict[int, str]]:
     """As `read_tsv`, for tables that cortet has not written: rows with more or fewer values than the header are kept.
 
-    Values that lack at the end of such a row are empty, surplus ones are left out.
+    Missing values at the end of such a row are empty; surplus values are dropped.
 
     Returns
     -------
@@ -74,7 +73,7 @@ def read_uneven_tsv(path: Path) -> tuple[pd.DataFrame, dict[int, str]]:
         na_filter=False,
         quoting=csv.QUOTE_NONE,
         lineterminator="\n",
-        skip_blank_lines=False,  # of a table with one column; those of the file are gone
+        skip_blank_lines=False,  # a blank line is an empty cell of a single column; blank lines of the file are gone
     ).map(str.strip)
     frame = cells[1:].set_axis(cells.iloc[0].tolist(), axis="columns").set_axis(list(counts)[1:], axis="index")
     return frame, {number: _miscounted(count, width) for number, count in counts.items() if count != width}
@@ -106,7 +105,7 @@ def cell(value: Any) -> str:
 
 
 def refusal(found: Sequence[str], path: Path) -> InputError:
-    """One error that lists the problems of a table, at most so many that it can be read."""
+    """One error that lists the problems of a table, cut to a readable number."""
     more = [f"and {len(found) - _MOST_PROBLEMS} more"] if len(found) > _MOST_PROBLEMS else []
     told = "\n  ".join([*found[:_MOST_PROBLEMS], *more])
     return InputError(f"{len(found)} problem(s)\n  {told}", file=path)

@@ -1,9 +1,8 @@
 """Reading files of unknown origin: the memory they may take, and the checks before their content is used.
 
-A file has at most `LARGEST` bytes and so has what is unpacked from it; its size is looked at before it is read, that of
-packed data before they are unpacked. An XML file declares nothing of its own: entities and default attributes, which
-make a few bytes into many, can only stand in the part of a DOCTYPE that is refused here, and nothing outside the file
-is ever fetched.
+A file has at most `LARGEST` bytes, and so have the data unpacked from it. Both sizes are checked before anything is
+read or unpacked. An XML file may declare nothing: entities and default attributes turn a few bytes into many, and they
+can only stand in the part of a DOCTYPE that is refused here. Nothing outside the file is ever fetched.
 """
 
 from __future__ import annotations
@@ -26,24 +25,24 @@ from cortet.errors import InputError
 from cortet.formats.ownership import has_read
 from cortet.mesh import MeshSets, TetMesh, TriSurface
 
-#: bytes of a file, and of what is unpacked from it: a mesh of 50 million tetrahedra has less
+#: most bytes of a file, and of the data unpacked from it: a mesh of 50 million tetrahedra has less
 LARGEST = 2**32
-#: XML elements of a file; the long lists of the formats here do not consist of elements, or are read apart
+#: most XML elements of a file; the long lists of these formats hold no elements, or are read separately
 MOST_ELEMENTS = 5_000_000
 _LONGEST_NAME = 80
-#: what parsers raise for XML that is cut off, not well-formed, or in an encoding that is not known
+#: errors that parsers raise for XML that is truncated, not well-formed, or in an unknown encoding
 XML_ERRORS = (ElementTree.ParseError, LookupError, ValueError)
 
 _T = TypeVar("_T")
 
 
 def check_file(path: str | Path, largest: int = LARGEST) -> int:
-    """Size of a file in bytes, having seen that it is one: devices and pipes have no end. It is an input from now on.
+    """Size of a regular file in bytes; devices and pipes, which have no end, are refused. The file becomes an input.
 
     Raises
     ------
     InputError
-        it is missing or may not be read, is no regular file, has more than `largest` bytes, or is to be written to
+        it is missing or may not be read, is no regular file, has more than `largest` bytes, or is an output
     """
     try:
         found = Path(path).stat()
@@ -69,7 +68,7 @@ def content(path: str | Path, largest: int = LARGEST) -> bytes:
 
 
 def refuse_declarations(parts: Iterable[bytes], path: str | Path) -> None:
-    """InputError when the DOCTYPE of an XML text declares anything; whether it is XML at all is not looked at."""
+    """Raise InputError if the DOCTYPE of an XML text declares anything; the rest of the text is not checked."""
     parser = expat.ParserCreate()
 
     def doctype(_name: str, _system: str | None, _public: str | None, declares: bool) -> None:
@@ -105,7 +104,7 @@ def xml_root(text: bytes, path: str | Path) -> ElementTree.Element:
 
 
 def inflated(data: bytes, size: int) -> bytes:
-    """The `size` bytes that zlib or gzip data unpack to; ValueError or zlib.error when they do not."""
+    """The `size` bytes that zlib or gzip data unpack to; ValueError or zlib.error if the size is another."""
     unpacked = zlib.decompressobj(wbits=47).decompress(data, size + 1)
     if len(unpacked) != size:
         raise ValueError(f"declares {size:,} bytes, holds {'more' if len(unpacked) > size else f'{len(unpacked):,}'}")
@@ -113,7 +112,7 @@ def inflated(data: bytes, size: int) -> bytes:
 
 
 def numbers(text: str, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """The numbers of a text, separated by white space; ValueError where one is none of `dtype`."""
+    """The numbers of a text, separated by white space; ValueError if one is no number of `dtype`."""
     kind = int if np.issubdtype(dtype, np.integer) else float
     try:
         return np.fromiter(map(kind, text.split()), dtype)
@@ -127,7 +126,7 @@ def safe_name(text: str) -> str:
 
 
 def safely_named(values: Mapping[str, _T] | Iterable[tuple[str, _T]]) -> dict[str, _T]:
-    """The same by safe names; what comes later under a name that is taken gets a number."""
+    """The same values by safe names; if a name is taken, a later value gets a number behind it."""
     result: dict[str, _T] = {}
     times: Counter[str] = Counter()
     for text, value in values.items() if isinstance(values, Mapping) else values:
@@ -141,7 +140,7 @@ def safely_named(values: Mapping[str, _T] | Iterable[tuple[str, _T]]) -> dict[st
 
 @contextmanager
 def naming(path: str | Path) -> Iterator[None]:
-    """Let an InputError about arrays name the file that they were read from."""
+    """Add the file that arrays were read from to an InputError about these arrays."""
     try:
         yield
     except InputError as error:
@@ -151,7 +150,7 @@ def naming(path: str | Path) -> Iterator[None]:
 
 
 def in_range(indices: NDArray[Any], count: int, what: str, path: str | Path) -> NDArray[np.int32]:
-    """Indices as int32, having seen that they are from 0 to below `count`; InputError otherwise."""
+    """Indices as int32; InputError unless all are from 0 to below `count`."""
     outside = (indices < 0) | (indices >= count)
     if outside.any():
         raise InputError(f"{what} {indices[outside][0]} is not among the {count:,} there are", file=path)
@@ -196,13 +195,13 @@ def sound(
     cell_data: Mapping[str, NDArray[Any]] | None = None,
     sets: MeshSets | None = None,
 ) -> TetMesh:
-    """The mesh of what was read, arrays and sets as of `TetMesh`, with safe names.
+    """The mesh of arrays and sets that were read, shaped as in `TetMesh`, with safe names.
 
     Raises
     ------
     InputError
-        a coordinate is not finite; an array has another shape than `TetMesh` says, a field another length than there
-        are nodes or tetrahedra; a tetrahedron or set names a node or tetrahedron that there is not
+        a coordinate is not finite; an array has another shape than `TetMesh` says; a field has not one value per node
+        or tetrahedron; a tetrahedron or set names a node or tetrahedron that does not exist
     """
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):

@@ -2,10 +2,10 @@
 
 Binary, zlib-compressed, float64: every array comes back bit for bit, fields included, and ParaView opens the file at
 every stage. Sets of nodes and tetrahedra are arrays of 0 and 1, and `region` is 1 in the core and 2 in the cortex. A
-VTU file has no faces: a set of boundary faces is an array of the tetrahedra, whose bit k says that the face opposite to
-corner k belongs to it.
+VTU file has no faces. So a set of boundary faces is an array with one value per tetrahedron; its bit k says that the
+face opposite corner k belongs to the set.
 
-Files are written in VTK's own default form, raw data behind the XML. They are read in every form that VTK writes (text,
+Files are written in VTK's default form: raw data behind the XML. They are read in every form that VTK writes (text,
 base64 or raw, in place or appended, with zlib or not; https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html),
 and the size of every array is known from the numbers of nodes and tetrahedra before anything is unpacked.
 """
@@ -32,7 +32,7 @@ from cortet.mesh import IntArray, MeshSets, TetMesh
 
 #: bytes that are compressed at a time
 _BLOCK = 1 << 20
-#: what the names of arrays begin with that hold a set, as 0 and 1
+#: beginnings of the names of arrays that hold a set
 _NODE_SET, _FACE_SET, _CELL_SET = "node_set_", "face_set_", "cell_set_"
 
 _TYPES = {
@@ -40,19 +40,19 @@ _TYPES = {
     for name in ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Float32", "Float64")
 }
 _TETRAHEDRON = 10
-#: of other types, for the message
+#: names of other types, for the message
 _OTHERS = {3: "line", 5: "triangle", 9: "quad", 12: "hexahedron", 13: "wedge", 24: "quadratic tetra"}
 _RAW = re.compile(rb"<AppendedData\s[^<>]*encoding\s*=\s*[\"']raw[\"'][^<>]*>\s*_")
 _DAMAGED = (zlib.error, ValueError, KeyError, OverflowError)
 
 
 class _File(NamedTuple):
-    """What the arrays of a file have in common."""
+    """Properties that all arrays of a file share."""
 
     header: np.dtype[Any]
     byte_order: Literal["<", ">"]
     compressed: bool
-    #: appended data; as bytes when raw, else as base64
+    #: appended data: raw bytes, or base64
     appended: bytes
     raw: bool
 
@@ -139,7 +139,7 @@ def _joined(pieces: list[TetMesh], path: str | Path) -> TetMesh:
 
 
 def _values(array: ElementTree.Element, rows: int, file: _File) -> NDArray[Any]:
-    """The values of a <DataArray> of so many rows; ValueError when it holds fewer or more."""
+    """The values of a <DataArray> of `rows` rows; ValueError if it holds fewer or more."""
     stated = array.get("NumberOfComponents")
     shape = (rows, int(stated)) if stated else (rows,)
     dtype = _TYPES[array.get("type", "")]
@@ -178,7 +178,7 @@ def _decoded(data: bytes, size: int, dtype: np.dtype[Any], file: _File, *, raw: 
 
 
 def _unpacked(data: bytes, blocks: int, size: int, file: _File, raw: bool) -> bytes:
-    """What compressed blocks hold, whose header is (their number, size of a block and of the last, packed sizes)."""
+    """Content of compressed blocks; the header is (number of blocks, size of a block and of the last, packed sizes)."""
     if blocks > size:
         raise ValueError(f"{blocks:,} blocks for {size:,} bytes")
     width = (3 + blocks) * file.header.itemsize
@@ -197,12 +197,12 @@ def _unpacked(data: bytes, blocks: int, size: int, file: _File, raw: bool) -> by
 
 
 def _length(size: int, raw: bool) -> int:
-    """Length of so many bytes as they are stored."""
+    """Length of `size` bytes as they are stored."""
     return size if raw else (size + 2) // 3 * 4
 
 
 def _bytes(data: bytes, size: int, raw: bool) -> bytes:
-    """The first `size` bytes of what is stored raw or in base64; ValueError when there are fewer."""
+    """The first `size` bytes of data stored raw or in base64; ValueError if there are fewer."""
     stored = data[: _length(size, raw)]
     found = stored if raw else base64.b64decode(stored, validate=True)[:size]
     if len(found) != size:
@@ -250,7 +250,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
 
 
 def _stored(values: NDArray[Any]) -> bytes:
-    """An array as compressed blocks behind their header; levels above 1 take longer and save nothing here."""
+    """An array as compressed blocks behind their header; compression levels above 1 take longer and save nothing."""
     raw = np.ascontiguousarray(values, values.dtype.newbyteorder("<")).tobytes()
     blocks = [zlib.compress(raw[at : at + _BLOCK], 1) for at in range(0, len(raw), _BLOCK)]
     header = [len(blocks), _BLOCK, len(raw) % _BLOCK, *map(len, blocks)]
@@ -258,7 +258,7 @@ def _stored(values: NDArray[Any]) -> bytes:
 
 
 def _taken(fields: dict[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
-    """The arrays whose name begins with `prefix`, taken out of `fields`, by the rest of their names."""
+    """The arrays whose name begins with `prefix`, by the rest of their names; they are removed from `fields`."""
     names = [name for name in fields if name.startswith(prefix)]
     return {name.removeprefix(prefix): fields.pop(name) for name in names}
 
@@ -277,7 +277,7 @@ def _bits(mesh: TetMesh, faces: IntArray) -> NDArray[np.uint8]:
 
 
 def _faces(cells: IntArray, bits: NDArray[Any]) -> IntArray:
-    """The faces that bits of tetrahedra name: (k, 3), outward, in the order of their tetrahedra."""
+    """The faces that the bits of tetrahedra mark: (k, 3), outward, in the order of their tetrahedra."""
     if (
         bits.ndim != 1
         or not np.issubdtype(bits.dtype, np.integer)

@@ -1,9 +1,9 @@
-"""How near banks of the boundary of a mesh come to each other through the outside, beside those of its surface.
+"""How near banks of a mesh's boundary come to each other, measured outside the mesh, beside the banks of its surface.
 
-Nodes on the surface, and a boundary of the right topology, do not exclude a slit one element deep whose banks touch all
-but. So the gap in front of each boundary face is measured: the diameter of the largest ball outside that touches the
-boundary at the centre of the face (the shrinking ball of Ma, Bae and Choi, The Visual Computer 28, 2012). Where it is
-narrow, it is held against the gap of the surface at the nearest place.
+A slit one element deep can have banks that almost touch, although all its nodes lie on the surface and the topology is
+right. So the gap in front of each boundary face is measured: the diameter of the largest ball outside that touches the
+boundary at the centre of the face (the shrinking ball of Ma, Bae and Choi, The Visual Computer 28, 2012). A narrow gap
+is compared with the gap of the surface at the nearest point.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.topology import edges, face_normals
 from cortet.mesh import FloatArray, TriSurface
 
-#: balls shrink so often at most; each is smaller, and after a few they do not change any more
+#: rounds in which balls shrink, at most; after a few rounds they do not change any more
 _ROUNDS = 20
-#: a ball that is so much larger than its distance to the nearest place, relatively, reaches into the body
+#: a ball reaches into the body if its radius exceeds the distance to the nearest point by this share
 _TOUCHES = 1e-6
 
 
 @dataclass(frozen=True)
 class Banks:
-    """Where the gap between banks of the boundary is smallest beside that of the surface."""
+    """Where the gap between banks of the boundary is smallest, compared with the gap of the surface."""
 
-    #: of the boundary, over that of the surface at this place; gaps wider than `widest_mm` count as that
+    #: gap of the boundary over the gap of the surface at this location; a gap counts as `widest_mm` at most
     least_share: float
-    #: there, mm
+    #: gap of the boundary there, mm
     gap_mm: float
     surface_gap_mm: float
     place_mm: tuple[float, float, float]
@@ -37,7 +37,7 @@ class Banks:
 
 
 def banks(boundary: TriSurface, surface: TriSurface) -> Banks:
-    """Compare the gaps in front of the faces of a boundary with those of its surface at the nearest places."""
+    """Compare the gaps in front of the faces of a boundary with the gaps of its surface at the nearest points."""
     start, end = boundary.points[edges(boundary.faces)].transpose(1, 0, 2)
     widest = float(np.linalg.norm(start - end, axis=1).mean())
     centres = boundary.points[boundary.faces].mean(axis=1)
@@ -62,12 +62,12 @@ def banks(boundary: TriSurface, surface: TriSurface) -> Banks:
 
 
 def gaps(surface: TriSurface, places: FloatArray, normals: FloatArray, widest: float) -> FloatArray:
-    """Diameters of the largest balls outside a surface that touch it at some of its places: (k,) mm.
+    """Diameters of the largest balls outside a surface that touch it at given points of it: (k,) mm.
 
     Parameters
     ----------
     places : (k, 3) mm, on the surface
-    normals : (k, 3), unit, outward at these places
+    normals : (k, 3), unit, outward at these points
     widest : mm, diameter of the largest ball that is tried
     """
     tree = tree_of(surface)
@@ -80,7 +80,7 @@ def gaps(surface: TriSurface, places: FloatArray, normals: FloatArray, widest: f
         active, near = active[reaches], found.points[reaches]
         if not len(active):
             break
-        # the ball through the place and the nearest point, its centre on the normal
+        # the ball through the given point and the nearest one; its centre lies on the normal
         across = near - places[active]
         ahead = np.einsum("kc,kc->k", across, normals[active])
         smaller = np.einsum("kc,kc->k", across, across) / np.maximum(2 * ahead, np.finfo(float).tiny)
@@ -89,5 +89,5 @@ def gaps(surface: TriSurface, places: FloatArray, normals: FloatArray, widest: f
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    """Vectors (k, 3) over their lengths; those without length stay."""
+    """Vectors (k, 3) over their lengths; vectors of length 0 stay."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny)

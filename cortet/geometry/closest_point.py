@@ -63,8 +63,8 @@ def surface_tree(points: FloatArray, faces: IntArray) -> SurfaceTree:
 def forest(surface: TriSurface) -> SurfaceTree:
     """The trees of a surface and of its inner surfaces in one.
 
-    A search that begins from a triangle stays on that triangle's surface, any other one is on the first. The faces of
-    each inner surface are numbered after those of the ones before.
+    A search that begins from a triangle stays on the surface of that triangle; any other search is on the first
+    surface. The faces of each surface are numbered after those of the surfaces before it.
     """
     trees = [tree_of(one) for one in (surface, *surface.inner.values())]
     if len(trees) == 1:
@@ -111,7 +111,7 @@ def closer_than(tree: SurfaceTree, queries: FloatArray, distance: float) -> NDAr
 
 @numba.njit(cache=True)
 def _build(corners: NDArray[np.float64]):  # type: ignore[no-untyped-def]
-    """Split at the median centroid of the longest side until a leaf is small enough."""
+    """Split boxes at the median centroid along their longest side until each leaf is small enough."""
     m = len(corners)
     centroids = np.empty((m, 3))
     for k in range(3):
@@ -231,8 +231,8 @@ def triangle_normal(c):  # type: ignore[no-untyped-def]
 def closest_point(tree, x, y, z, hint):  # type: ignore[no-untyped-def]
     """Nearest point of the surface to (x, y, z).
 
-    `hint` is a triangle (in tree order) thought to be near, which bounds the search and says on which surface of a
-    forest to search, or -1.
+    `hint` is a triangle (in tree order) that is probably near, or -1. It bounds the search, and says on which surface
+    of a forest to search.
     Returns px, py, pz, triangle in tree order, and the three weights.
     """
     corners, boxes, child, size = tree.corners, tree.boxes, tree.child, tree.size

@@ -68,14 +68,14 @@ def _sorted(cells, faces, e, k):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def wrong_faces(points, cells, faces, behind):  # type: ignore[no-untyped-def]
-    """What is wrong with the face opposite each corner: (m, 4) int8, 0: nothing, 1: folded, 2: in more than two.
+    """What is wrong with the face opposite each corner: (m, 4) int8, 0: nothing, 1: folded, 2: in over two tetrahedra.
 
     A folded face has both its tetrahedra on one side; it is flagged in the first of them. Of a face in more than two
     tetrahedra, all but two flag it: the search of `behind_faces` pairs only the last two with each other.
 
     Parameters
     ----------
-    points : (n, 3), by which inverted tetrahedra are told from others
+    points : (n, 3), which tell inverted tetrahedra from others
     cells : (m, 4) int32
     faces : (4, 3), corners of the face opposite each corner, outward
     behind : of `behind_faces`

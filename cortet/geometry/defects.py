@@ -1,4 +1,4 @@
-"""Where a triangulated surface is flat or not a manifold; `topology.surface_topology` counts, this finds the places."""
+"""Where a triangulated surface is flat or not a manifold; `topology.surface_topology` only counts such defects."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Whether tetrahedra fill one body, and each place of it once.
+"""Whether tetrahedra fill one body, and every point of it exactly once.
 
-A sum of volumes that equals the volume inside the boundary does not say so: an element listed twice makes up for a
-void, and its faces, which then are in two tetrahedra, for the boundary of it. So faces, nodes and parts of the boundary
-are counted.
+It is not enough that the volumes add up to the volume inside the boundary. An element that is listed twice makes up for
+a void; its faces, which then are in two tetrahedra, make up for the boundary of the void. So faces, nodes and parts of
+the boundary are counted.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from cortet.geometry.topology import (
 from cortet.geometry.winding import winding_numbers
 from cortet.mesh import FloatArray, IntArray, TetMesh
 
-#: volume inside a part of the boundary, over that inside all of it, up to which the part is a slit without width
+#: a part of the boundary is a slit without width if its volume, over that inside the whole boundary, is at most this
 _NO_VOLUME = 1e-12
-#: how many places of a flaw are listed
+#: how many locations of a flaw are listed
 PLACES = 10
 
-#: winding number above which a place is in two bodies
+#: winding number above which a point is in two bodies
 _TWICE = 1.5
 
 _FOLDED, _OVERFULL = 1, 2
@@ -45,21 +45,21 @@ _VOIDS, _OVERLAPPING = "voids inside the mesh", "bodies that reach into another"
 class Flaw:
     """One way not to fill a body, and how often it occurs."""
 
-    #: what is counted, so that "3 tetrahedra listed twice" is said of it
+    #: what is counted, in the words that follow the count: "3 tetrahedra listed twice"
     name: str
     count: int
-    #: (k, 3) mm, the first few
+    #: (k, 3) mm, the first few locations
     places: FloatArray
 
     @property
     def sentence(self) -> str:
-        """Count, name and first place in plain words."""
+        """Count, name and first location in plain words."""
         return f"{self.count} {self.name}, the first at {place_mm(self.places[0])}"
 
 
 @once_per_object
 def flaws(mesh: TetMesh) -> tuple[Flaw, ...]:
-    """Every way not to fill a body, also those with the count 0; inverted tetrahedra count as if they were turned.
+    """Every kind of flaw, also those that do not occur; an inverted tetrahedron counts as if it were turned.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def flaws(mesh: TetMesh) -> tuple[Flaw, ...]:
 
 
 def broken_body(mesh: TetMesh) -> list[str]:
-    """What keeps tetrahedra from filling bodies that a solver can run on, in plain words; none where nothing does.
+    """What keeps tetrahedra from filling bodies that a solver can run on, in plain words; empty if nothing does.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def require_body(mesh: TetMesh, file: object = None) -> None:
 
     Parameters
     ----------
-    file : that the mesh was read from, named in the message
+    file : the file that the mesh was read from; the message names it
     """
     broken = broken_body(mesh)
     if unused := len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))):
@@ -134,10 +134,10 @@ def _repeated(cells: IntArray) -> NDArray[np.int64]:
 
 
 def _inside_others(mesh: TetMesh) -> tuple[Flaw, ...]:
-    """Parts of the boundary that are walls of voids, and bodies that reach into others; none where there is one part.
+    """Parts of the boundary that enclose voids, and bodies that reach into others; none if the boundary is one part.
 
-    The wall of a void faces inward; that of a closed slit encloses nothing. Where bodies overlap, the boundary winds
-    more than once around the place.
+    The boundary of a void faces inward; that of a closed slit encloses nothing. Where bodies overlap, the boundary
+    winds more than once around a point.
     """
     surface, _ = boundary_surface(mesh)
     number, part = np.unique(component_labels(surface.faces)[surface.faces[:, 0]], return_inverse=True)
@@ -162,7 +162,7 @@ def _nodes_at_one_place(points: FloatArray) -> Flaw:
 
 
 def _touching(mesh: TetMesh) -> Iterator[Flaw]:
-    """Edges and nodes in which parts of the boundary touch: hinges, whatever the elements are like."""
+    """Edges and nodes at which parts of the boundary touch: they are hinges, however good the elements are."""
     boundary, _ = boundary_surface(mesh)
     topology = surface_topology(boundary.faces)
     if topology.nonmanifold_edges or topology.pinched_vertices:

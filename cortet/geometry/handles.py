@@ -1,4 +1,4 @@
-"""Handles and tunnels of a closed surface: short loops around them, along which it is cut open."""
+"""Handles and tunnels of a closed surface: the surface is cut open along short loops around them."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from cortet.geometry.mending import Triangles, as_surface, compacted, faces_at, 
 from cortet.geometry.topology import TRI_EDGES, enclosed_volume, packed, surface_topology
 from cortet.mesh import FloatArray, IntArray
 
-#: a handle ends where the rim of what is cut away is so many times the loop, and at the latest after so many rings
+#: a handle ends where the rim of what is cut away is this many times the loop, or after this many rings at the latest
 _FLARE, _MOST_RINGS = 1.5, 200
-#: rings of triangles that are removed beyond a handle or a tunnel, one number after the other
+#: rings of triangles that are removed beyond a handle or a tunnel; the numbers are tried in turn
 _WIDER = (1, 0, 2, 4)
-#: loops around which shorter ones are looked for, vertices of each from which that is done, and rounds of it
+#: shorter loops are looked for around so many loops, from so many vertices of each, in so many rounds
 _TRIED, _ROOTS, _ROUNDS = 3, 8, 4
 
 
 class Cuts(NamedTuple):
-    """Triangles whose handles are gone."""
+    """Triangles without their handles."""
 
     work: Triangles
     #: (k, 3) mm, the middle of the shortest loop of each handle
@@ -35,13 +35,13 @@ class Cuts(NamedTuple):
 
 
 def without_handles(work: Triangles, *, keep: int, max_loop: float, max_piece: float) -> Cuts:
-    """Handles cut or tunnels closed, one after the other, where that moves least volume.
+    """The triangles after handles are cut or tunnels closed, one after the other; each change moves least volume.
 
     Parameters
     ----------
     work : one closed, oriented manifold
     keep : number of handles that may stay
-    max_loop : mm, longest loop along which is cut
+    max_loop : mm, length of the longest loop along which the surface may be cut
     max_piece : as of `holes.replaced`
 
     Raises
@@ -77,7 +77,10 @@ def without_handles(work: Triangles, *, keep: int, max_loop: float, max_piece: f
 
 
 def _cut(work: Triangles, loop: IntArray, max_piece: float, genus: int, crossing: int) -> Triangles | None:
-    """Cut along a loop and closed on both sides, one of `genus` handles less, no more triangles `crossing`; or None."""
+    """The triangles cut along a loop and closed on both sides; None if that is no sound surface.
+
+    A sound one has one handle less than `genus`, and no more crossing triangles than `crossing`.
+    """
     faces, copies = cut_open(work.faces, loop, len(work.points))
     opened = work._replace(
         points=np.concatenate([work.points, work.points[loop]]),
@@ -100,10 +103,10 @@ def _cut(work: Triangles, loop: IntArray, max_piece: float, genus: int, crossing
 def short_loops(points: FloatArray, faces: IntArray) -> list[IntArray]:
     """A loop around a handle or a tunnel that is nearly the shortest of all, and others through its vertices.
 
-    From a vertex the loops of a basis of the homology through it are found by a tree of shortest paths and a tree of
-    faces that does not cross it (Erickson and Whittlesey, Greedy optimal homotopy and homology generators, SODA 2005).
-    Around the shortest of them, shorter ones are looked for from vertices along them. The loops through the best one
-    lead the other way around its handle, or along it.
+    A tree of shortest paths from a vertex, and a tree of faces that does not cross it, give a basis of the homology:
+    loops through that vertex (Erickson and Whittlesey, Greedy optimal homotopy and homology generators, SODA 2005).
+    From vertices along the shortest of these loops, still shorter loops are looked for. The other loops through the
+    vertices of the best loop lead the other way around its handle, or along it.
 
     Parameters
     ----------
@@ -140,7 +143,7 @@ def _shortest_near(links: _Links, loop: IntArray) -> IntArray:
 
 
 class _Links:
-    """Edges of a closed surface, and which faces they join."""
+    """Edges of a closed surface, and the faces that they join."""
 
     def __init__(self, points: FloatArray, faces: IntArray) -> None:
         sides = faces[:, TRI_EDGES].reshape(-1, 2)
@@ -158,11 +161,11 @@ class _Links:
         ).tocsr()
 
     def length(self, loop: IntArray) -> float:
-        """Of a loop, mm."""
+        """Length of a loop, mm."""
         return rim_length(self.points, loop)
 
     def loops_through(self, root: int) -> list[IntArray]:
-        """A basis of loops, each the way from a root to an edge, along it, and back; the shortest first."""
+        """A basis of loops, the shortest first: each leads from the root to an edge, along the edge, and back."""
         distance, before = dijkstra(self.graph, indices=root, return_predecessors=True)
         start, end = self.ends.T
         in_tree = (before[start] == end) | (before[end] == start)
@@ -172,9 +175,9 @@ class _Links:
         return sorted(loops, key=self.length)
 
     def _not_in_cotree(self, edges: NDArray[np.int64], through: FloatArray) -> NDArray[np.int64]:
-        """Of some edges, those that are left over by a tree of all faces that joins them across the longest."""
+        """The given edges without those across which a tree joins all faces; the tree prefers the longest edges."""
         first, second = self.behind[edges].T
-        # ranks, all different, so that the tree is the same everywhere
+        # ranks that all differ, so that the tree is the same on every machine
         rank = np.empty(len(edges))
         rank[np.lexsort((edges, -through[edges]))] = np.arange(1, len(edges) + 1)
         low, high = np.minimum(first, second), np.maximum(first, second)
@@ -187,7 +190,7 @@ class _Links:
         return edges[~taken[rank.astype(np.int64)]]
 
     def _loop(self, edge: int, before: IntArray) -> IntArray:
-        """The vertices of the loop of an edge, without the way that both of its ends share."""
+        """The vertices of the loop of an edge, without the path that both of its ends share."""
         ways = []
         for vertex in self.ends[edge].tolist():
             way = [vertex]
@@ -202,11 +205,11 @@ class _Links:
 
 
 def cut_open(faces: IntArray, loop: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """Faces with a second copy of a loop's vertices on its left side, numbered from `count`; and these numbers.
+    """Faces cut open along a loop: copies of its vertices, numbered from `count`, are on its left; and these numbers.
 
     Parameters
     ----------
-    loop : vertices of a closed path of edges, none twice
+    loop : vertices of a closed path of edges, each of them once
     """
     ahead = set(zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True))
     on = np.zeros(count, np.bool_)
@@ -240,10 +243,10 @@ def cut_open(faces: IntArray, loop: IntArray, count: int) -> tuple[IntArray, Int
 
 
 def back_to_the_feet(points: FloatArray, faces: IntArray, sides: tuple[IntArray, IntArray]) -> IntArray:
-    """Vertices whose faces are removed on both sides of a cut, up to where what is left of a handle ends: ascending.
+    """Vertices, ascending, whose faces are removed on both sides of a cut: up to where the rest of a handle ends.
 
-    After a cut through a handle two stumps are left, after one around a tunnel two pits. Their walls have the girth of
-    the loop up to their feet, where it grows. Where the two sides meet before, as on a ring, only the loop goes.
+    A cut through a handle leaves two stumps, a cut around a tunnel leaves two pits. Their girth is that of the loop, up
+    to their feet, where it grows. Where the two sides meet before that, as on a ring, only the loop is removed.
 
     Parameters
     ----------
@@ -265,7 +268,7 @@ def back_to_the_feet(points: FloatArray, faces: IntArray, sides: tuple[IntArray,
 
 
 def _rim_of(points: FloatArray, faces: IntArray, gone: NDArray[np.bool_]) -> float:
-    """Length of the rim that is left, mm, where the faces at some vertices are removed; `gone` (n,)."""
+    """Length of the rim that is left, mm, once the faces at the vertices `gone` (n,) are removed."""
     touched = faces[faces_at(faces, gone)]
     sides = touched[:, TRI_EDGES].reshape(-1, 2)
     rim = sides[~gone[sides].any(axis=1)]

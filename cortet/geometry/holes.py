@@ -24,12 +24,12 @@ from cortet.geometry.mending import (
 from cortet.geometry.topology import TRI_EDGES, edges, enclosed_volume
 from cortet.mesh import FloatArray, IntArray
 
-#: rings of triangles around a hole that its cap goes over into smoothly
+#: rings of triangles around a hole that its cap joins smoothly
 _AROUND = 3
 
 
 def rims(faces: IntArray) -> list[IntArray]:
-    """Vertices of each hole in the direction in which the triangles of a cap run through them, the longest rim first.
+    """Vertices of the rim of each hole, in the order in which the triangles of a cap run; the longest rim comes first.
 
     Parameters
     ----------
@@ -55,16 +55,16 @@ def rim_length(points: FloatArray, rim: IntArray) -> float:
 
 
 def capped(work: Triangles, rim: IntArray, made: int) -> Triangles:
-    """The triangles with a smooth cap on one hole, of the size of those around it (CGAL).
+    """The triangles with one hole closed by a smooth cap, whose triangles are as large as those around it (CGAL).
 
-    Triangulated with the least area and refined by CGAL, then `faired` (Liepa, Filling holes in meshes, SGP 2003).
-    Given vertices stay where they are. CGAL's own fairing numbers its unknowns by addresses in memory, so its bits
-    differ from run to run.
+    CGAL triangulates the hole with the least area and refines it; then the cap is `faired` (Liepa, Filling holes in
+    meshes, SGP 2003). Given vertices stay where they are. CGAL's own fairing is not used: it numbers its unknowns by
+    addresses in memory, so its bits differ from run to run.
 
     Parameters
     ----------
     rim : one of `rims`
-    made : what the new faces are called in `Triangles.made`
+    made : the value of the new faces in `Triangles.made`
 
     Raises
     ------
@@ -106,11 +106,11 @@ def capped(work: Triangles, rim: IntArray, made: int) -> Triangles:
 
 
 def replaced(work: Triangles, vertices: IntArray, max_piece: float) -> Triangles:
-    """Without the faces at some vertices, the holes closed smoothly.
+    """The triangles without the faces at some vertices; the holes are closed smoothly.
 
     Parameters
     ----------
-    max_piece : share of the area up to which a piece that comes loose is dropped
+    max_piece : a piece that comes loose is dropped if its share of the area is at most this
 
     Raises
     ------
@@ -133,13 +133,13 @@ def replaced(work: Triangles, vertices: IntArray, max_piece: float) -> Triangles
 
 
 def faired(points: FloatArray, faces: IntArray, free: NDArray[np.int64]) -> FloatArray:
-    """Places of the `free` vertices (f,) at which the surface bends least and has no kink at their rim: (f, 3) mm.
+    """Positions of the `free` vertices (f,) at which the surface bends least, without a kink at their rim: (f, 3) mm.
 
-    The Laplacian of the Laplacian is zero there, with weights that are the inverse lengths of edges (Liepa 2003).
+    The Laplacian of the Laplacian is zero at these positions; its weights are the inverse edge lengths (Liepa 2003).
 
     Parameters
     ----------
-    points, faces : with at least two rings of given triangles around the free vertices
+    points, faces : at least two rings of given triangles surround the free vertices
     """
     if not len(free):
         return np.zeros((0, 3))
@@ -156,7 +156,7 @@ def faired(points: FloatArray, faces: IntArray, free: NDArray[np.int64]) -> Floa
 
 
 def _around(work: Triangles, rim: IntArray) -> tuple[Triangles, IntArray]:
-    """A few rings of triangles around a hole as a manifold of their own, and the vertex of `work` each of its is."""
+    """A few rings of triangles around a hole as a manifold of their own, and the number in `work` of each vertex."""
     marked = np.zeros(len(work.points), np.bool_)
     marked[rim] = True
     near = rings(work.faces, marked, _AROUND - 1)
@@ -167,7 +167,7 @@ def _around(work: Triangles, rim: IntArray) -> tuple[Triangles, IntArray]:
 
 
 def _polyhedron(work: Triangles) -> tuple[Any, list[Any]]:
-    """CGAL's half-edge structure, whose vertices have their numbers, and its half-edges."""
+    """CGAL's half-edge structure, whose vertices know their numbers, and its half-edges."""
     from CGAL import CGAL_Polygon_mesh_processing as processing
     from CGAL.CGAL_Kernel import Point_3
     from CGAL.CGAL_Polyhedron_3 import Polyhedron_3
@@ -206,7 +206,7 @@ def _place(vertex: Any) -> tuple[float, float, float]:
 
 
 def closed_volume(work: Triangles) -> float:
-    """Signed volume, mm3, inside triangles whose holes are closed by fans from the middles of their rims."""
+    """Signed volume, mm3, inside the triangles; fans from the middles of the rims close the holes."""
     points, faces = [work.points], [work.faces]
     count = len(work.points)
     for rim in rims(work.faces):

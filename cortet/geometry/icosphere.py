@@ -1,4 +1,4 @@
-"""The sphere of an icosahedron whose triangles were divided so often."""
+"""The icosphere: a sphere made by dividing the triangles of an icosahedron."""
 
 from __future__ import annotations
 

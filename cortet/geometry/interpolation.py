@@ -1,4 +1,4 @@
-"""Values between vertices: means of numbers, labels of the nearest."""
+"""Values between vertices: weighted means of numbers, the nearest vertex's label."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cortet.mesh import FloatArray, IntArray
 
 
 def is_label(values: NDArray[Any]) -> bool:
-    """Whether a field names things, and has no values between them: whether its numbers are integers."""
+    """Whether a field holds labels, between which there are no values: its numbers are integers."""
     return bool(np.issubdtype(values.dtype, np.integer))
 
 
@@ -25,7 +25,7 @@ def at_triangles(values: NDArray[Any], corners: IntArray, weights: FloatArray) -
 
     Returns
     -------
-    (k,) or (k, j); of a label that of the corner with the largest weight
+    (k,) or (k, j); a label is that of the corner with the largest weight
     """
     if is_label(values):
         labels: NDArray[Any] = values[corners[np.arange(len(corners)), weights.argmax(axis=1)]]

@@ -1,9 +1,9 @@
-"""Where Numba keeps compiled kernels: once per machine, user and source, not once per checkout.
+"""Where Numba keeps compiled kernels: one copy per machine, user and source, not one per checkout.
 
-Numba's own cache lies beside the source and notices an edit of the file that a kernel stands in, not of one that it
-calls or takes constants from. Here the key is the source of the kernel's module and of every module of cortet that it
-imports, directly or not; so a stale kernel cannot be used, and a fresh clone finds what another one has compiled.
-The processor and the versions of Python and Numba are in Numba's own index.
+Numba's own cache lies beside the source. It notices an edit of the kernel's file, but not an edit of a file from which
+the kernel takes functions or constants. Here the key is the source of the kernel's module and of every module of cortet
+that it imports, directly or not. So a stale kernel cannot be used, and a fresh clone finds what another clone has
+compiled. Numba's own index holds the processor and the versions of Python and Numba.
 
 `cortet/__init__.py` names this class in `NUMBA_CACHE_LOCATOR_CLASSES`, before Numba is imported.
 """
@@ -24,7 +24,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 class KernelCacheLocator(caching._SourceFileBackedLocatorMixin, caching._CacheLocator):
-    """Places the compiled kernels of this package; answers None for functions of others."""
+    """Tells Numba where the compiled kernels of this package are; None for functions of other packages."""
 
     def __init__(self, py_func: Callable[..., Any], py_file: str) -> None:
         self._py_file = py_file
@@ -33,7 +33,7 @@ class KernelCacheLocator(caching._SourceFileBackedLocatorMixin, caching._CacheLo
 
     @classmethod
     def from_function(cls, py_func: Callable[..., Any], py_file: str) -> KernelCacheLocator | None:
-        """The place of a kernel; None where it is not ours or cannot be written to."""
+        """The locator of a kernel; None if the kernel is not ours, or its folder cannot be written to."""
         if _PACKAGE not in Path(py_file).parents:
             return None
         found: KernelCacheLocator | None = super().from_function(py_func, py_file)  # type: ignore[no-untyped-call]
@@ -44,7 +44,7 @@ class KernelCacheLocator(caching._SourceFileBackedLocatorMixin, caching._CacheLo
         return str(cache_folder() / self._key)
 
     def get_source_stamp(self) -> str:
-        """What Numba compares before it uses compiled code."""
+        """The stamp that Numba compares before it uses compiled code."""
         return self._key
 
 
@@ -85,7 +85,7 @@ def _names(node: ast.stmt) -> Iterator[str]:
 
 
 def _file(name: str) -> Path | None:
-    """The file of a module of cortet; None for a package, a name in a module, or a module of others."""
+    """The file of a module of cortet; None for a package, a name in a module, or a module of another package."""
     package, *parts = name.split(".")
     path = _PACKAGE.joinpath(*parts).with_suffix(".py")
     return path if package == "cortet" and parts and path.is_file() else None

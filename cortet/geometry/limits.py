@@ -1,7 +1,7 @@
-"""Bounds of parameters beyond which they make no sense, or take all memory: for the command, the configuration and the
-functions alike.
+"""Bounds of parameters. Beyond them a value makes no sense or takes all memory. The command, the configuration and the
+functions share them.
 
-This module is light: the command and the configuration read it to name their bounds.
+This module imports nothing heavy: the command and the configuration read it to name their bounds.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ import math
 
 from cortet.errors import InputError
 
-#: cell size, mm: 0.05 makes a billion tetrahedra of a hemisphere, and none fits into a cell of more than 20
+#: cell size, mm: at 0.05 a hemisphere has a billion tetrahedra, and a cell of more than 20 is larger than a hemisphere
 CELL_SIZE_MM = (0.05, 20.0)
 #: subdivisions of an icosahedron, 10 * 4**n + 2 vertices: 2 has 162, 7 has 163,842
 SUBDIVISIONS = (2, 7)
-#: gap of a boundary over that of its surface, from which on it is no slit; that of good meshes is 0.16 and
-#: more on fine real surfaces, 0.07 on coarse ones
+#: gap of a boundary over the gap of its surface: below this it is a slit; good meshes have 0.16 and more on fine real
+#: surfaces, 0.07 on coarse ones
 LEAST_BANK_GAP = 0.03
-#: ages a surface can plausibly have, gestational weeks: below there is no cortical plate to mesh, above lies infancy
+#: plausible ages of a surface, gestational weeks: below there is no cortical plate to mesh, above lies infancy
 SCAN_AGES = (12.0, 60.0)
-#: gestational ages that a fold may begin and end at, weeks: its time is a fit to 22 to 44 weeks, before 20 of which a
-#: brain is smooth, and before 15 growth is negative
+#: gestational ages at which a fold may begin and end, weeks: its time scale is a fit to 22 to 44 weeks; before 20 a
+#: brain is smooth, and before 15 the fit gives negative growth
 FOLD_AGES = (20.0, 60.0)
-#: of a synthetic cortex: ages, weeks, and thickness, mm
+#: bounds of a synthetic cortex: age, weeks, and thickness, mm
 PHANTOM_AGES, THICKNESS_MM = (21.0, 38.0), (0.1, 10.0)
 
 

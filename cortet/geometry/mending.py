@@ -1,6 +1,6 @@
-"""Triangles that are not yet one closed manifold: the steps that make them one, by indices and equal places alone.
+"""Steps that turn triangles into one closed manifold, by their indices and coinciding vertices alone.
 
-Each step takes and returns `Triangles`, which remember for every vertex which one of the file it was, so that fields
+Each step takes and returns `Triangles`. They remember for every vertex which vertex of the file it was, so that fields
 can follow, and for every triangle whether it was in the file.
 """
 
@@ -17,9 +17,9 @@ from scipy.spatial import cKDTree
 from cortet.geometry.topology import TRI_EDGES, compact, component_labels, face_areas, fans, numbers, packed
 from cortet.mesh import FloatArray, IntArray, TriSurface
 
-#: where a triangle comes from: the file, the cap of a hole of the file, or what took the place of removed ones
+#: where a triangle comes from: the file, the cap of a hole of the file, or the replacement of removed triangles
 GIVEN, CAP, REPLACED = 0, 1, 2
-#: area of a triangle over the square of its longest side below which it is a line
+#: a triangle is a line if its area over the square of its longest side is below this
 _LINE = 1e-12
 
 
@@ -30,7 +30,7 @@ class Triangles(NamedTuple):
     points: FloatArray
     #: (m, 3) int32
     faces: IntArray
-    #: (n,) int32, the vertex of the file that each was, -1 for a new one
+    #: (n,) int32, the number that each vertex has in the file, -1 for a new vertex
     origin: IntArray
     #: (m,) int8, `GIVEN`, `CAP` or `REPLACED`
     made: NDArray[np.int8]
@@ -47,7 +47,7 @@ def chosen_faces(work: Triangles, kept: NDArray[np.bool_]) -> Triangles:
 
 
 def compacted(work: Triangles) -> Triangles:
-    """The same without unused vertices."""
+    """The same triangles without unused vertices."""
     points, faces, kept = compact(work.points, work.faces)
     return work._replace(points=points, faces=faces, origin=work.origin[kept])
 
@@ -76,7 +76,7 @@ def border_vertices(faces: IntArray) -> IntArray:
 
 
 def with_known_places(work: Triangles) -> tuple[Triangles, IntArray]:
-    """Without the faces of vertices whose coordinates are not finite; returns also these vertices."""
+    """The triangles without faces at vertices whose coordinates are not finite; returns also these vertices."""
     bad = ~finite(work.points)
     kept = chosen_faces(work, ~faces_at(work.faces, bad))
     points = np.where(bad[:, None], 0, work.points)
@@ -84,10 +84,10 @@ def with_known_places(work: Triangles) -> tuple[Triangles, IntArray]:
 
 
 def merged(work: Triangles, tolerance: float) -> tuple[Triangles, IntArray]:
-    """Vertices of open or branching edges made one where they are within `tolerance` mm of each other.
+    """The triangles after vertices of open or branching edges within `tolerance` mm of each other are merged.
 
-    Others may lie at one place rightly: where two banks touch, each keeps its own. The first vertex of each place
-    stays; returns also those that gave way.
+    Other vertices may rightly coincide: where two banks touch, each bank keeps its own. The first vertex at each
+    position stays; returns also the vertices that were merged into it.
     """
     rim = border_vertices(work.faces)
     pairs = cKDTree(work.points[rim]).query_pairs(tolerance, output_type="ndarray")
@@ -104,7 +104,7 @@ def merged(work: Triangles, tolerance: float) -> tuple[Triangles, IntArray]:
 
 
 def collapsed(work: Triangles, tolerance: float) -> tuple[Triangles, IntArray]:
-    """Edges not longer than `tolerance` mm made one vertex; returns also the vertices that gave way."""
+    """The triangles after edges up to `tolerance` mm long are collapsed; returns also the vertices that are gone."""
     sides = work.faces[:, TRI_EDGES].reshape(-1, 2)
     short = np.linalg.norm(work.points[sides[:, 0]] - work.points[sides[:, 1]], axis=1) <= tolerance
     pairs = sides[short & (sides[:, 0] != sides[:, 1])]
@@ -120,16 +120,17 @@ def collapsed(work: Triangles, tolerance: float) -> tuple[Triangles, IntArray]:
 
 
 def without_lines(work: Triangles) -> tuple[Triangles, IntArray]:
-    """Without faces that have a vertex twice; returns also their numbers."""
+    """The triangles without faces that have a vertex twice; returns also the numbers of these faces."""
     a, b, c = work.faces.T
     line = (a == b) | (b == c) | (c == a)
     return chosen_faces(work, ~line), np.flatnonzero(line).astype(np.int32)
 
 
 def without_duplicates(work: Triangles) -> tuple[Triangles, IntArray]:
-    """Of faces with the same three vertices at most one; returns also the numbers of those that are gone.
+    """The triangles with at most one face on the same three vertices; returns also the numbers of removed faces.
 
-    Two that face each other are a wall between two bodies, and both go; of more on one side the first stays.
+    Two faces that look in opposite directions part two bodies, and both go. If more faces look one way, the first of
+    them stays.
     """
     key = packed(work.faces)
     order = np.argsort(key, kind="stable")
@@ -140,7 +141,7 @@ def without_duplicates(work: Triangles) -> tuple[Triangles, IntArray]:
     first_of = order[starts][group]
     same_side = _follows(work.faces) == _follows(work.faces)[first_of]
     balance = np.bincount(group, np.where(same_side, 1, -1))
-    # of the side that has more, the first; of two sides that have as many, none
+    # the first face of the direction that has more; none if both have as many
     wanted = np.flatnonzero(np.where(balance[group] > 0, same_side, ~same_side) & (balance[group] != 0))
     stays = np.zeros(len(order), np.bool_)
     stays[wanted[np.unique(group[wanted], return_index=True)[1]]] = True
@@ -148,16 +149,16 @@ def without_duplicates(work: Triangles) -> tuple[Triangles, IntArray]:
 
 
 def _follows(faces: IntArray) -> NDArray[np.bool_]:
-    """Whether the middle one of a face's vertices comes after the smallest: its orientation, (m,)."""
+    """Orientation of each face, (m,): whether the vertex of middle number follows the vertex of smallest number."""
     smallest = faces.argmin(axis=1)
     rows = np.arange(len(faces))
     return faces[rows, (smallest + 1) % 3] < faces[rows, (smallest + 2) % 3]
 
 
 def split_fans(work: Triangles) -> tuple[Triangles, IntArray]:
-    """A vertex of its own for each fan of faces around a vertex; returns also the vertices that were split.
+    """The triangles after each fan of faces gets a vertex of its own; returns also the vertices that were split.
 
-    Faces hang together in a fan by edges of exactly two faces, so this also parts surfaces that touch along an edge.
+    Edges of exactly two faces hold a fan together, so this also parts surfaces that touch along an edge.
     """
     faces = work.faces
     fan = fans(faces)
@@ -181,10 +182,10 @@ def split_fans(work: Triangles) -> tuple[Triangles, IntArray]:
 
 
 def without_branches(work: Triangles) -> tuple[Triangles, FloatArray, IntArray]:
-    """No edge in more than two faces: surfaces that touch are parted, faces where that leaves a slit are removed.
+    """The triangles without edges in more than two faces. Surfaces that touch are parted; faces at a slit are removed.
 
-    Returns also the centres (k, 3) of the edges that were in more than two, and the vertices of removed faces by their
-    number in the file.
+    Returns also the centres (k, 3) of the edges that were in more than two faces, and the vertices of the removed faces
+    by their number in the file.
     """
     counts = edge_counts(work.faces)
     sides = work.faces[:, TRI_EDGES]
@@ -193,7 +194,7 @@ def without_branches(work: Triangles) -> tuple[Triangles, FloatArray, IntArray]:
     if not branching.any():
         return work, centres, np.zeros(0, np.int32)
     parted, _ = split_fans(work)
-    # what still branches, and slits: edges that were in more faces and now are in one
+    # edges that still branch, and edges of slits: they were in more faces and now are in one
     after = edge_counts(parted.faces)
     torn = (after > 2).any(axis=1) | ((after == 1) & (counts > 2)).any(axis=1)
     return chosen_faces(parted, ~torn), centres, np.unique(parted.origin[parted.faces[torn]])
@@ -209,7 +210,7 @@ def pieces(work: Triangles) -> tuple[IntArray, FloatArray]:
 
 
 def rings(faces: IntArray, marked: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
-    """Vertices (n,) marked, and those within so many edges of them."""
+    """Which vertices (n,) are `marked`, or within `count` edges of a marked vertex."""
     marked = marked.copy()
     for _ in range(count):
         marked[faces[faces_at(faces, marked)]] = True
@@ -217,7 +218,7 @@ def rings(faces: IntArray, marked: NDArray[np.bool_], count: int) -> NDArray[np.
 
 
 def measurable(surface: TriSurface) -> TriSurface:
-    """The triangles of a surface that have a place and an area, without fields; vertices keep their numbers.
+    """The triangles of a surface that have finite coordinates and an area, without fields; vertices keep their numbers.
 
     A vertex without finite coordinates is at 0, and in no triangle.
     """
@@ -229,7 +230,7 @@ def measurable(surface: TriSurface) -> TriSurface:
 
 
 def within(work: Triangles, vertices: IntArray, count: int) -> IntArray:
-    """Some vertices, and those within so many edges of them, ascending."""
+    """The given vertices and all within `count` edges of them, ascending."""
     marked = np.zeros(len(work.points), np.bool_)
     marked[vertices] = True
     return np.flatnonzero(rings(work.faces, marked, count)).astype(np.int32)

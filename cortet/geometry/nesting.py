@@ -1,7 +1,7 @@
 """Surfaces inside surfaces: which contains which, and the boundaries of the regions between them.
 
-A surface with inner ones stands for a list of sheets: number 0 is the outer surface, number i the i-th inner one, and
-region i is what is inside sheet i and outside of all sheets within it. Sheets that contain others come before them.
+A surface with inner surfaces stands for a list: number 0 is the outer surface, number i the i-th inner surface.
+Region i lies inside surface i and outside all surfaces within it. A surface comes before those that it contains.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ _ON_EDGE = 1e-9
 
 
 def nested(surface: TriSurface, inner: Mapping[str, TriSurface]) -> TriSurface:
-    """The surface with its inner ones, the one that encloses most first, so that none comes after one it contains."""
+    """The surface with its inner surfaces by enclosed volume, largest first, so that each precedes what it contains."""
     volumes = {name: abs(enclosed_volume(one.points, one.faces)) for name, one in inner.items()}
     return replace(surface, inner={name: inner[name] for name in sorted(inner, key=lambda name: -volumes[name])})
 
 
 def sheets(surface: TriSurface) -> list[TriSurface]:
-    """The surface, without its inner ones, and these; the same objects at each call."""
+    """The outer surface by itself, then the inner surfaces; each call returns the same objects."""
     return [_outer(surface) if surface.inner else surface, *surface.inner.values()]
 
 
@@ -44,9 +44,9 @@ def region_names(surface: TriSurface) -> list[str]:
 
 @once_per_object
 def parents(surface: TriSurface) -> list[int]:
-    """For each sheet, the smallest one around it; -1 for the outer one.
+    """The number of the smallest surface around each surface; -1 for the outer surface.
 
-    Most vertices decide: surfaces that touch or cross here and there have an order, too.
+    The majority of the vertices decides, so surfaces that touch or cross here and there have an order, too.
     """
     every = sheets(surface)
     around = [-1]
@@ -57,9 +57,9 @@ def parents(surface: TriSurface) -> list[int]:
 
 
 def region_boundary(surface: TriSurface, number: int) -> TriSurface:
-    """All triangles around one region, counter-clockwise seen from outside of it: its sheet, and those within turned.
+    """All triangles around a region, counter-clockwise seen from outside of it; those of surfaces within are turned.
 
-    The vertices are those of its sheet, then of the others in their order.
+    The vertices of the region's own surface come first, then those of the surfaces within, in their order.
     """
     every, around = sheets(surface), parents(surface)
     within = [every[child] for child, parent in enumerate(around) if parent == number]
@@ -68,7 +68,7 @@ def region_boundary(surface: TriSurface, number: int) -> TriSurface:
 
 
 def joined(surfaces: Sequence[TriSurface]) -> TriSurface:
-    """Several surfaces as one, vertices and triangles in their order; a single one as it is, others without fields."""
+    """Several surfaces as one surface without fields, vertices and triangles in order; a single surface as it is."""
     if len(surfaces) == 1:
         return surfaces[0]
     first = np.cumsum([0, *(len(one.points) for one in surfaces)])
@@ -81,13 +81,13 @@ def joined(surfaces: Sequence[TriSurface]) -> TriSurface:
 def depths(tree: SurfaceTree, surface: TriSurface, points: FloatArray) -> tuple[FloatArray, FloatArray, ClosestPoints]:
     """How deep points lie below a closed manifold whose triangles point outward, negative outside.
 
-    The pseudonormal of the face, edge or vertex that is nearest tells inside from outside, always where the surface
+    The pseudonormal of the nearest face, edge or vertex tells inside from outside. It is always right if the surface
     does not cross itself (Baerentzen and Aanaes, IEEE Transactions on Visualization and Computer Graphics 11, 2005).
 
     Returns
     -------
-    depth (k,) mm; the unit normal at the nearest point (k, 3), interpolated between those of the vertices; and the
-    nearest points
+    depth (k,) mm; the unit normal at the nearest point (k, 3), interpolated between the normals of the vertices; and
+    the nearest points
     """
     found = closest_points(tree, points)
     corners = _normals(surface).smooth[surface.faces[found.faces]]
@@ -119,7 +119,7 @@ def _normals(surface: TriSurface) -> _Normals:
 
 
 def _pseudonormals(surface: TriSurface, found: ClosestPoints) -> FloatArray:
-    """Normal of the face, sum of those of both faces of the edge, or those of the vertex weighted by angle: (k, 3)."""
+    """Normal of the face, sum of the normals of the edge's faces, or sum weighted by angle at a vertex: (k, 3)."""
     normals = _normals(surface)
     off = found.barycentric < _ON_EDGE
     result = normals.faces[found.faces]
@@ -140,7 +140,7 @@ def _across_edges(faces: IntArray) -> IntArray:
 
 
 def _angle_weighted(surface: TriSurface, normal: FloatArray) -> FloatArray:
-    """For each vertex the sum of the unit normals of its faces times their angles there: (n, 3)."""
+    """Sum, at each vertex, of the unit normals of its faces times their angles there: (n, 3)."""
     corners = surface.points[surface.faces]
     ahead, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     length = np.linalg.norm(ahead, axis=2) * np.linalg.norm(back, axis=2)

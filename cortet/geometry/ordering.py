@@ -1,7 +1,7 @@
 """Number nodes and tetrahedra so that neighbours in space are neighbours in memory.
 
-Meshers number nodes in the order in which they happened to insert them. Every later step walks from a node to the
-tetrahedra around it and to their nodes; along a space-filling curve these lie in the same cache lines.
+Meshers number nodes in the order of insertion. Every later step walks from a node to the tetrahedra around it and to
+their nodes. If all are numbered along a space-filling curve, these lie in the same cache lines.
 """
 
 from __future__ import annotations

@@ -13,9 +13,9 @@ from cortet.mesh import FloatArray, IntArray
 def outward(points: FloatArray, faces: IntArray) -> IntArray:
     """Turn triangles so that neighbours agree and the enclosed volume is positive; (m, 3) int32.
 
-    Every triangle stands for two nodes of a graph, as it is and turned; an edge of two triangles links the states that
-    run through it in opposite directions. A connected surface then makes two components, one the reverse of the other;
-    a surface that cannot be oriented makes only one, and keeps the edges where its triangles disagree.
+    Every triangle gives two nodes of a graph: as it is, and turned. An edge of two triangles links the states that run
+    through it in opposite directions. A connected surface then makes two components, one the reverse of the other. A
+    surface that cannot be oriented makes only one component, and keeps edges at which its triangles disagree.
     """
     directed = faces[:, TRI_EDGES].reshape(-1, 2)
     order = np.argsort(packed(directed), kind="stable")

@@ -1,8 +1,8 @@
 """Ten-node tetrahedra: midside nodes on the surface, where the elements stay valid.
 
 The Jacobian determinant of a ten-node tetrahedron is a cubic polynomial. Its 20 Bernstein coefficients bound it from
-both sides over the whole element (Johnen, Remacle, Geuzaine, J. Comput. Phys. 233, 2013), so a least coefficient above
-zero says more than positive values at nodes and quadrature points do.
+both sides over the whole element (Johnen, Remacle, Geuzaine, J. Comput. Phys. 233, 2013). So a least coefficient above
+zero proves more than positive values at nodes and quadrature points.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 EDGES = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]], np.int32)
 #: least Jacobian determinant allowed, as a fraction of that of the straight element
 LEAST_JACOBIAN = 0.2
-#: the four parts of a face by its corners and, from 3 on, the middles of `TRI_EDGES`
+#: the four triangles that make a face: 0 to 2 are its corners, 3 to 5 the middles of `TRI_EDGES`
 _PARTS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 
 
@@ -44,7 +44,8 @@ class QuadraticMesh:
     ends: IntArray
     #: (k,) whether the edge lies on the boundary or an interface
     on_surface: NDArray[np.bool_]
-    #: edges with their middle on the surface, and those left straight for an element, or for faces that crossed
+    #: edges with their middle on the surface; edges left straight for an element, and edges left straight for crossing
+    #: faces
     curved: int
     straightened_for_elements: int
     straightened_for_crossings: int
@@ -57,23 +58,23 @@ class QuadraticMesh:
 def quadratic(mesh: TetMesh, surface: TriSurface, *, max_boundary_distance: float | None = 1e-3) -> QuadraticMesh:
     """Give every edge of a mesh a node in its middle, and move those of the boundary and the interfaces to the surface.
 
-    An edge stays straight where an element around it would have a Jacobian determinant below `LEAST_JACOBIAN` of that
-    of its straight shape anywhere, or where the curved faces would cross.
+    An edge stays straight if the curved faces would cross, or if anywhere in an element around it the Jacobian
+    determinant would fall below `LEAST_JACOBIAN` of that of the straight element.
 
     Parameters
     ----------
     mesh : with positive volumes
-    surface : the surface that was meshed, on which its boundary lies, with the inner surfaces of its regions
+    surface : the surface that was meshed, on which the boundary lies, with the inner surfaces of the regions
     max_boundary_distance : mm, largest distance of a node of the boundary or an interface to its surface; None: any
 
     Returns
     -------
-    the corners keep their numbers
+    the ten-node mesh; the corners keep their numbers
 
     Raises
     ------
     InputError
-        tetrahedra have no positive volume or fill no body, nodes lie on another surface, or banks all but touch
+        tetrahedra have no positive volume or fill no body, nodes lie on another surface, or banks almost touch
     StageError
         an element of the result is not valid
     """
@@ -100,7 +101,7 @@ def quadratic(mesh: TetMesh, surface: TriSurface, *, max_boundary_distance: floa
     shape = _Shape(mesh, of_cells, straight, middle, (middle != straight).any(axis=1))
     of_walls = [(faces, number_of(faces[:, TRI_EDGES])) for faces, _ in walls]
     for_elements = for_crossings = 0
-    while True:  # an edge made straight changes its faces and its elements
+    while True:  # each edge that is made straight changes its faces and its elements
         for_elements += shape.straighten_elements()
         found = sum(shape.straighten_crossings(faces, of_faces) for faces, of_faces in of_walls)
         for_crossings += found
@@ -136,13 +137,13 @@ def jacobian_bounds(corners: FloatArray, middles: FloatArray) -> FloatArray:
     -------
     (m,), fractions of the size of the determinant of the straight element; 1 for a straight one, -1 for an inverted one
     """
-    # control points of the quadratic map: those of corners, and those of edges, which the middles are not
+    # control points of the quadratic map: at corners they are the nodes, at edges they are not
     control = np.empty((len(corners), 4, 4, 3))
     for corner in range(4):
         control[:, corner, corner] = corners[:, corner]
     for number, (i, j) in enumerate(EDGES):
         control[:, i, j] = control[:, j, i] = 2 * middles[:, number] - (corners[:, i] + corners[:, j]) / 2
-    # derivatives along the edges from corner 0 are linear: `slopes[:, a, b]` is that towards a + 1, at corner b
+    # derivatives along the edges from corner 0 are linear: `slopes[:, a, b]` is that towards corner a + 1, at corner b
     slopes = 2 * (control[:, 1:] - control[:, :1])
     least = np.full(len(corners), np.inf)
     for powers in combinations_with_replacement(range(4), 3):
@@ -157,7 +158,7 @@ def _determinant(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 
 def _require_sound(mesh: TetMesh) -> None:
-    """Raise InputError for flat or inverted tetrahedra, whose determinant is no measure, and for overlapping ones."""
+    """Raise InputError for flat or inverted tetrahedra, whose determinant says nothing, and for overlapping ones."""
     a, b, c, d = (mesh.points[mesh.cells[:, corner]] for corner in range(4))
     if wrong := np.count_nonzero(~(_determinant(b - a, c - a, d - a) > 0)):
         raise InputError(
@@ -183,7 +184,7 @@ def _require_on_surface(mesh: TetMesh, walls: list[tuple[IntArray, TriSurface]],
 
 
 def _require_banks_apart(mesh: TetMesh, surface: TriSurface) -> None:
-    """Raise InputError for a slit, whose middles would all be put onto the surface around it."""
+    """Raise InputError for a slit: the middles of both its banks would move onto the surface around it."""
     found = banks(boundary_surface(mesh)[0], surface)
     if found.least_share < LEAST_BANK_GAP:
         raise InputError(
@@ -194,25 +195,25 @@ def _require_banks_apart(mesh: TetMesh, surface: TriSurface) -> None:
 
 
 def _walls(mesh: TetMesh, surface: TriSurface) -> Iterator[tuple[IntArray, TriSurface]]:
-    """Faces of the boundary and of each interface, corners as in the mesh, and the surface that they lie on."""
+    """Faces of the boundary, then of each interface, by nodes of the mesh; and the surface on which they lie."""
     for number, target in enumerate((surface, *surface.inner.values())):
         wall, nodes = sheet(mesh, number)
         yield nodes[wall.faces], target
 
 
 class _Shape(NamedTuple):
-    """Where the middles of the edges are; the methods make edges straight and say how many."""
+    """Positions of the middles of the edges; each method makes edges straight and says how many."""
 
     mesh: TetMesh
     #: (m, 6) edges of the elements
     of_cells: IntArray
-    #: (k, 3) mm, the middles of the straight edges and those that they have, and (k,) which differ
+    #: (k, 3) mm, the middles of the straight edges and the present middles; (k,) whether they differ
     straight: FloatArray
     middle: FloatArray
     moved: NDArray[np.bool_]
 
     def straighten_elements(self) -> int:
-        """Edges of elements that are too much distorted."""
+        """Straighten the edges of elements that are distorted too much; returns how many."""
         count = 0
         suspects = np.flatnonzero(self.moved[self.of_cells].any(axis=1))
         while len(suspects):
@@ -224,7 +225,7 @@ class _Shape(NamedTuple):
         return count
 
     def straighten_crossings(self, faces: IntArray, of_faces: IntArray) -> int:
-        """Edges of faces (f, 3) of which a part, of the four that the middles make, crosses another one."""
+        """Straighten the edges of faces (f, 3) of which one of the four triangles crosses another; returns how many."""
         count = 0
         corners = np.concatenate([faces, of_faces + len(self.mesh.points)], axis=1)
         used, parts = np.unique(corners[:, _PARTS].reshape(-1, 3), return_inverse=True)
@@ -237,7 +238,7 @@ class _Shape(NamedTuple):
             count += len(changed)
 
     def _straighten(self, edges: IntArray) -> IntArray:
-        """Make edges straight; those that were not."""
+        """Make edges straight; returns those that were curved."""
         changed = np.unique(edges)
         changed = changed[self.moved[changed]]
         self.middle[changed], self.moved[changed] = self.straight[changed], False

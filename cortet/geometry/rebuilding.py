@@ -1,11 +1,12 @@
-"""A surface made anew on a grid, as a sphere: the skin of what triangles wind around, with its topology set right.
+"""A surface made anew on a grid: it encloses what triangles wind around, and has the topology of a sphere.
 
-The grid is cut into tetrahedra, six for each of its cubes, all along the same diagonal (Freudenthal). A set of its
-points keeps its topology when a point joins it whose neighbours inside the set hang together, and those outside, too:
-they then part the sphere of its 14 neighbours into two discs. So a set that grows from one point by such points alone,
-the deepest first, stays a ball; handles stay open where they are thinnest. Grown from outside, tunnels are closed where
-they are narrowest, and cavities filled. What changes fewer points is taken; of several pieces, the largest. The idea is
-that of topology-preserving fast marching (Bazin and Pham, Medical Image Analysis 11, 2007).
+The grid is cut into tetrahedra, six for each of its cubes, all along the same diagonal (Freudenthal). A point may join
+a set of grid points if its neighbours inside the set hang together, and its neighbours outside the set, too. They then
+part the sphere of its 14 neighbours into two discs, and the set keeps its topology. So a set that grows from one point
+by such points alone, the deepest first, stays a ball; handles are cut where they are thinnest. If the outside grows
+instead, tunnels are closed where they are narrowest, and cavities are filled. Of both ways, the one that changes fewer
+points is taken; of several pieces, the largest. The idea is that of topology-preserving fast marching (Bazin and Pham,
+Medical Image Analysis 11, 2007).
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ from cortet.geometry.topology import enclosed_volume
 from cortet.geometry.winding import winding_numbers
 from cortet.mesh import FloatArray, IntArray, TriSurface
 
-#: grid points at most
+#: most points that a grid may have
 MOST_POINTS = 60_000_000
-#: spacings around the triangles, and farthest from them that a distance counts
+#: in spacings: margin of the grid around the triangles, and the distance up to which distances are exact
 _MARGIN, _FARTHEST = 3, 2.0
-#: spacings that a point is put beyond the surface, whose side the topology changes
+#: distance to the surface, in spacings, of a point that changes sides for the topology's sake
 _CHANGED = 0.25
 #: the surface cuts an edge of the grid no closer to its ends, so that no triangle is flat
 _CLOSEST = 0.1
@@ -37,26 +38,26 @@ _CLOSEST = 0.1
 #: corners of a cube, x fastest, and its tetrahedra
 _CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)])
 _TETS = np.array([[0, a, a | b, 7] for a, b, _ in permutations((1, 2, 4))])
-#: what a point may be joined to along an edge of these tetrahedra, and which of them are joined to each other, as bits
+#: steps from a point to its neighbours along edges of these tetrahedra; bits say which neighbours are joined
 _STEPS = np.concatenate([_CORNERS[1:], -_CORNERS[1:]])
 _JOINED = np.array(
     [sum(1 << j for j, b in enumerate(_STEPS) if (b - a).tolist() in _STEPS.tolist()) for a in _STEPS], np.int64
 )
-#: by the number of corners inside, which come first: edges of a tetrahedron whose ends the surface parts, in turn
+#: edges of a tetrahedron that the surface cuts, in cyclic order, by the number of corners inside, which come first
 _CUT = {1: ((0, 1), (0, 2), (0, 3)), 2: ((0, 2), (0, 3), (1, 3), (1, 2)), 3: ((0, 3), (1, 3), (2, 3))}
 
 
 def rebuilt(surface: TriSurface, spacing: float) -> tuple[TriSurface, float]:
-    """A sphere around what triangles wind around more than half a time, and the volume of that.
+    """A sphere around all points that triangles wind around more than half a time, and the volume of these points.
 
     Parameters
     ----------
     surface : triangles that agree in their orientation nearly everywhere; they need not be closed
-    spacing : of the grid, mm
+    spacing : mm, spacing of the grid
 
     Returns
     -------
-    the surface; and what is inside before its topology is set right, mm3
+    the surface; and the volume inside before the topology is set right, mm3
 
     Raises
     ------
@@ -81,7 +82,7 @@ def rebuilt(surface: TriSurface, spacing: float) -> tuple[TriSurface, float]:
 
 
 def depths_on_grid(file: TriSurface, low: FloatArray, shape: NDArray[np.int64], spacing: float) -> FloatArray:
-    """Distance of grid points to triangles, mm, negative outside: (*shape); to the spacing farther away than two."""
+    """Distance of grid points to triangles, mm, negative outside: (*shape). Beyond two spacings it is rough."""
     tree, depth = tree_of(file), np.empty(shape)
     y, z = (low[axis] + spacing * np.arange(shape[axis]) for axis in (1, 2))
     plane = np.stack([np.zeros(shape[1:]), *np.meshgrid(y, z, indexing="ij")], axis=-1).reshape(-1, 3)
@@ -101,7 +102,7 @@ def depths_on_grid(file: TriSurface, low: FloatArray, shape: NDArray[np.int64], 
 
 
 def as_ball(depth: FloatArray, spacing: float) -> FloatArray:
-    """Depths (a, b, c) on a grid whose border is outside, such that what is inside is a ball."""
+    """Depths (a, b, c) after changes that make the inside a ball; the border of the grid must be outside."""
     inside = _largest(depth > 0)
     steps = np.array([np.ravel_multi_index(tuple(1 + step), depth.shape) for step in _STEPS])
     steps -= np.ravel_multi_index((1, 1, 1), depth.shape)
@@ -117,7 +118,7 @@ def as_ball(depth: FloatArray, spacing: float) -> FloatArray:
 
 
 def _largest(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The largest of the pieces that hang together."""
+    """The largest connected piece."""
     together = np.zeros((3, 3, 3), np.bool_)
     together[tuple((1 + _STEPS).T)] = True
     piece, count = label(inside, together)
@@ -126,7 +127,7 @@ def _largest(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 @numba.njit(cache=True)
 def _grown(start, value, border, steps, joined):  # type: ignore[no-untyped-def]
-    """Points of positive value that join a set one by one, the highest first, without changing its topology."""
+    """A set grown from one point: points of positive value join, the highest first, if its topology does not change."""
     inside, queued = start.copy(), start.copy()
     heap = [(0.0, 0)]
     heap.pop()
@@ -147,7 +148,7 @@ def _grown(start, value, border, steps, joined):  # type: ignore[no-untyped-def]
                 around |= 1 << k
         everything = (1 << len(steps)) - 1
         if not (_hangs_together(around, joined) and _hangs_together(everything & ~around, joined)):
-            continue  # it is tried again when a neighbour has joined
+            continue  # the point is tried again once a neighbour has joined
         inside[v] = True
         for step in steps:
             n = v + step
@@ -159,7 +160,7 @@ def _grown(start, value, border, steps, joined):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _hangs_together(members, joined):  # type: ignore[no-untyped-def]
-    """Whether some of the neighbours of a point, as bits, are joined to each other, and there are some."""
+    """Whether the given neighbours of a point, as bits, are at least one and hang together."""
     reached = members & -members
     while True:
         more = reached
@@ -172,7 +173,7 @@ def _hangs_together(members, joined):  # type: ignore[no-untyped-def]
 
 
 def skin(depth: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Where linear interpolation of depths (a, b, c) in the tetrahedra of a grid is 0: points, in spacings, and faces.
+    """The zero level of depths (a, b, c), linear in the tetrahedra of a grid: points, in spacings, and faces.
 
     Faces are outward. Marching tetrahedra: Doi and Koide, IEICE Transactions E74, 1991.
     """

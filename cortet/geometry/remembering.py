@@ -1,4 +1,4 @@
-"""Results that are found once for each object they follow from, and kept as long as it lives."""
+"""Results that are computed once for each object, and kept as long as the object lives."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 def once_per_object(function: Callable[[S], T]) -> Callable[[S], T]:
-    """Remember the result of a function for each (immutable) object it is called with."""
+    """Remember the result of a function for each (immutable) object that it is called with."""
     results: weakref.WeakKeyDictionary[S, T] = weakref.WeakKeyDictionary()
 
     @wraps(function)

@@ -1,4 +1,4 @@
-"""Steps that set a broken surface right, in the order that changes least; the stage `repair` runs them."""
+"""Steps that repair a broken surface, in the order that changes least; the stage `repair` runs them."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from cortet.geometry.topology import enclosed_volume, neighbour_means, surface_t
 from cortet.geometry.uncrossing import uncrossed
 from cortet.mesh import FILLED, FloatArray, IntArray, TriSurface, single_precision
 
-#: how many places of one kind are listed, and how far from each other they are, mm
+#: how many locations of one kind are listed, and how far from each other they are, mm
 PLACES, APART_MM = 10, 5.0
-#: vertices of open edges are one within this share of the longest side: rounding of single precision
+#: vertices of open edges coincide within this share of the longest side, the rounding of single precision
 _ROUNDING = 1e-6
-#: a vertex so many times the mean edge around it away from the middle of its neighbours is a spike
+#: a vertex is a spike if it is farther from the middle of its neighbours than this many mean edges around it
 _SPIKE = 5.0
-#: share of the way to the middle of their neighbours that the parts of a split vertex are moved, so that they part
+#: the parts of a split vertex move this share of the way to the middle of their neighbours, so that they part
 _PARTED = 0.1
 
 
@@ -37,18 +37,18 @@ _PARTED = 0.1
 class RepairStep:
     """One kind of flaw, and what was done to it."""
 
-    #: in words
+    #: what was done, in words
     done: str
-    #: how many, and of what
+    #: how many things it was done to
     count: int
     of: str
-    #: where, the first few that are apart
+    #: the first few locations that are apart from each other
     places_mm: tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What may be done; beyond it a surface is refused."""
+    """How far a repair may go; a surface that needs more is refused."""
 
     max_displacement: float
     max_volume_change: float
@@ -75,7 +75,7 @@ def has_flaw(surface: TriSurface, allow_genus: int) -> bool:
 
 
 def _spikes(points: FloatArray, faces: IntArray) -> IntArray:
-    """Vertices far from the middle of their neighbours, compared with the edges between these."""
+    """Vertices that are far from the middle of their neighbours, compared with the edges between these."""
     away = np.linalg.norm(points - neighbour_means(points, faces), axis=1)
     corners = points[faces]
     opposite = np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1), axis=2)
@@ -85,22 +85,22 @@ def _spikes(points: FloatArray, faces: IntArray) -> IntArray:
 
 
 class BrokenSurface:
-    """A surface that is being repaired, with what has been done to it so far."""
+    """A surface under repair, with what has been done to it so far."""
 
     def __init__(self, surface: TriSurface, limits: Limits) -> None:
         self.given, self.limits = surface, limits
         points = surface.points.astype(np.float32).astype(np.float64)
         self.work = mending.triangles(points, surface.faces)
-        #: (n,) of the file: vertices whose faces this repair removed; a hole there is ours
+        #: (n,), vertices of the file whose faces this repair removed; a hole there is ours
         self.touched = np.zeros(len(points), np.bool_)
         self.steps: list[RepairStep] = []
-        #: mm, of crossing triangles
+        #: mm, how far crossing triangles were moved
         self.displacement = 0.0
         #: mm3, with the holes of the file filled
         self.volume_before = 0.0
 
     def set_right(self) -> None:
-        """All steps, in their order."""
+        """Run all steps in their order."""
         local = (
             self._branches,
             self._small_pieces,
@@ -182,13 +182,13 @@ class BrokenSurface:
         self._part(count)
 
     def _part(self, count: int) -> None:
-        """Move the parts of split vertices, which are numbered from `count`, a little towards their own triangles."""
+        """Move the parts of split vertices a little towards their own triangles; they are numbered from `count`."""
         copies = np.arange(count, len(self.work.points))
         parted = np.flatnonzero(np.isin(self.work.origin, self.work.origin[copies]))
         if len(parted):
             points = self.work.points.copy()
             points[parted] += _PARTED * (neighbour_means(points, self.work.faces)[parted] - points[parted])
-            points[~np.isfinite(points)] = 0  # of vertices that no triangle uses any more
+            points[~np.isfinite(points)] = 0  # vertices that no triangle uses any more
             self.work = self.work._replace(points=points)
 
     def _small_pieces(self) -> None:
@@ -231,7 +231,7 @@ class BrokenSurface:
                     f"where up to {self.limits.max_hole:g} mm are filled",
                     remedy="close the surface there, or set repair.max_hole",
                 )
-        # where faces were removed above, the file had no hole
+        # the file had no hole where the steps above removed faces
         ours = [bool(self.touched[self.work.origin[rim]].any()) for rim in found]
         cut, of_file = ([rim for rim, own in zip(found, ours, strict=True) if own == which] for which in (True, False))
         if of_file:
@@ -243,7 +243,7 @@ class BrokenSurface:
         self.volume_before = enclosed_volume(self.work.points, self.work.faces)
 
     def _misshapen(self) -> None:
-        """Flat triangles and spikes are cut out, and the holes closed smoothly."""
+        """Cut out flat triangles and spikes, and close the holes smoothly."""
         work = self.work = mending.compacted(self.work)
         if len(spikes := _spikes(work.points, work.faces)):
             self._note("spikes cut off", len(spikes), "vertices", work.points[spikes])
@@ -282,7 +282,7 @@ class BrokenSurface:
             )
 
     def _fields(self, made: TriSurface) -> dict[str, NDArray[Any]]:
-        """Values of the file at its vertices, at new ones those of the nearest point of the file."""
+        """The file's values at its vertices; at a new vertex, the value at the nearest point of the file."""
         fields: dict[str, NDArray[Any]] = {}
         new = np.flatnonzero(self.work.origin < 0)
         if self.given.point_data and len(new):
@@ -301,7 +301,7 @@ class BrokenSurface:
         return fields
 
     def _neighbours(self, vertices: IntArray) -> IntArray:
-        """Vertices with known places in the faces of some vertices."""
+        """Vertices with finite coordinates in the faces at some vertices."""
         near = self.work.faces[np.isin(self.work.faces, vertices).any(axis=1)]
         return np.setdiff1d(near, np.flatnonzero(~mending.finite(self.work.points)))
 
@@ -319,12 +319,12 @@ class BrokenSurface:
 
 
 def in_mm(places: FloatArray) -> str:
-    """Places (k, 3) or (3,), mm, as messages name them."""
+    """Locations (k, 3) or (3,), mm, as messages name them."""
     return " and ".join(place_mm(place) for place in np.atleast_2d(places).tolist())
 
 
 def _apart(places: FloatArray) -> FloatArray:
-    """The first few of some places (k, 3), each farther than `APART_MM` from those before it."""
+    """The first few of the locations (k, 3), each farther than `APART_MM` from those before it."""
     listed: list[FloatArray] = []
     while len(places) and len(listed) < PLACES:
         listed.append(places[0])

@@ -1,4 +1,4 @@
-"""Move a surface inward until it keeps a distance from the surface around it, smoothly and no farther than it takes."""
+"""Move a surface inward, smoothly and no farther than needed, until it keeps a distance from the surface around it."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from cortet.geometry.topology import edges, neighbour_means, vertex_normals
 from cortet.geometry.uncrossing import moved_apart
 from cortet.mesh import FloatArray, IntArray, TriSurface, single_precision
 
-#: share of the thickness of a blade that the gap takes at most, on each of its sides
+#: largest share of the thickness of a blade that the gap may take on each of its sides
 SHARE_OF_BLADE = 0.25
-#: how far a point may stay from the gap, as a share of it; steps towards it
+#: by how much a point may miss the gap, as a share of the gap; most steps towards it
 TOLERANCE, _STEPS = 0.02, 40
-#: share of each step that is the mean of the steps of the neighbours, and how often that mean is taken
+#: share of each step that comes from the mean of the neighbours' steps, and how often that mean is taken
 _SMOOTH, _SMOOTHINGS = 0.3, 2
-#: rounds of smoothing where triangles cross after that; share of the gap that vertices there are pushed in each
+#: rounds of smoothing where triangles still cross; share of the gap by which each round pushes vertices there
 _ROUNDS, _NUDGE = 15, 0.2
 
 
 def gaps_to_keep(container: TriSurface, tree: SurfaceTree, gap: float) -> FloatArray:
-    """Distance (n,), mm, to keep from each vertex of a container: `gap`, and less in blades too thin for that."""
+    """Distance (n,), mm, to keep from each vertex of a container: `gap`, or less in blades that are too thin for it."""
     normals = vertex_normals(container.points, container.faces)
     blades = thickness(tree, container.points, normals, 4 * gap / SHARE_OF_BLADE, inside=True)
     return np.minimum(gap, SHARE_OF_BLADE * blades)
@@ -34,14 +34,14 @@ def gaps_to_keep(container: TriSurface, tree: SurfaceTree, gap: float) -> FloatA
 def kept_apart(
     surface: TriSurface, container: TriSurface, tree: SurfaceTree, gaps: FloatArray, gap: float
 ) -> tuple[TriSurface, IntArray]:
-    """The surface, moved inward along the container's normals; and the triangles that still cross, (k,).
+    """The surface after it is moved inward along the container's normals, and the triangles that still cross, (k,).
 
     Parameters
     ----------
     surface : mm; its coordinates come back as float32 values
     container, tree : the surface around it, and its tree
     gaps : (n,) mm, `gaps_to_keep` of the container
-    gap : mm, the largest of them
+    gap : mm, the largest of the `gaps`
     """
     pushed = single_precision(replace(surface, points=_pushed(surface, container, tree, gaps)))
     moved, remaining = _smoothed_apart(pushed, container, tree, gap)
@@ -61,7 +61,7 @@ def _pushed(surface: TriSurface, container: TriSurface, tree: SurfaceTree, gaps:
         short = np.where(wanted - depth > TOLERANCE * wanted, wanted - depth, 0)
         if not short.any():
             break
-        if step == 0:  # the others never come near
+        if step == 0:  # samples that are far away now never come near
             active = active[depth < 3 * gaps.max()]
             short, normal = (values[depth < 3 * gaps.max()] for values in (short, normal))
         step_of = _largest(corners[active], short, -normal, len(points))
@@ -72,7 +72,7 @@ def _pushed(surface: TriSurface, container: TriSurface, tree: SurfaceTree, gaps:
 def _samples(surface: TriSurface, *, spacing: float) -> tuple[IntArray, FloatArray]:
     """Vertices, then points in the faces: the corners (k, 3) of a triangle and their weights (k, 3).
 
-    A face is sampled at its centre, or where edges are more than twice the spacing (mm) long, on a grid of that.
+    A face is sampled at its centre; if an edge is longer than twice the spacing (mm), on a grid of that spacing.
     """
     number = np.arange(len(surface.points), dtype=np.int32)
     corners, weights = [np.column_stack([number] * 3)], [np.tile([1.0, 0, 0], (len(number), 1))]
@@ -90,13 +90,13 @@ def _samples(surface: TriSurface, *, spacing: float) -> tuple[IntArray, FloatArr
 def _smoothed_apart(
     surface: TriSurface, container: TriSurface, tree: SurfaceTree, gap: float
 ) -> tuple[TriSurface, IntArray]:
-    """Smooth and push inward the vertices of triangles that still cross others, and of ever more around them."""
+    """Smooth and push inward the vertices of triangles that still cross others, with ever more vertices around them."""
 
     def smoothed(surface: TriSurface, chosen: NDArray[np.bool_], _: int) -> FloatArray:
         depth, normal, _found = depths(tree, container, surface.points[chosen])
         points = surface.points.copy()
         middle = (points[chosen] + neighbour_means(points, surface.faces)[chosen]) / 2
-        # only where the other surface is near: a surface may also cross itself deep inside
+        # pushed only where the other surface is near: a surface may also cross itself deep inside
         points[chosen] = middle - np.where(depth < 2 * gap, _NUDGE * gap, 0)[:, None] * normal
         return points
 
@@ -104,10 +104,10 @@ def _smoothed_apart(
 
 
 def taken_back(pushed: TriSurface, given: TriSurface, container: TriSurface) -> tuple[TriSurface, IntArray]:
-    """Let the vertices of triangles that cross others, and ever more around them, go back to where they were given.
+    """Move the vertices of triangles that cross others, with ever more around them, back to their given positions.
 
-    Where an inner surface is too thin to give way on both sides, the gap becomes smaller than asked for. Returns also
-    the triangles that cross in the end.
+    Where an inner surface is too thin to give way on both sides, the gap stays smaller than asked for. Returns also
+    the triangles that still cross.
     """
 
     def halfway_back(surface: TriSurface, chosen: NDArray[np.bool_], _: int) -> FloatArray:
@@ -117,7 +117,7 @@ def taken_back(pushed: TriSurface, given: TriSurface, container: TriSurface) -> 
 
 
 def _largest(corners: IntArray, lengths: FloatArray, directions: FloatArray, count: int) -> FloatArray:
-    """For each vertex, the longest of the steps that the samples it belongs to ask for: (count, 3)."""
+    """The longest step that the samples of each vertex ask for: (count, 3)."""
     rows, vertex = np.repeat(np.arange(len(corners)), 3), corners.ravel()
     rows, vertex = rows[lengths[rows] > 0], vertex[lengths[rows] > 0]
     order = np.lexsort((rows, -lengths[rows], vertex))
@@ -129,7 +129,7 @@ def _largest(corners: IntArray, lengths: FloatArray, directions: FloatArray, cou
 
 
 def _smoothed(links: IntArray, steps: FloatArray) -> FloatArray:
-    """Steps (n, 3) that are partly the mean of those around, so that what is moved goes over into what is not."""
+    """Steps (n, 3) mixed with the mean of the steps around, so that moved and unmoved parts join smoothly."""
     asked = (steps != 0).any(axis=1)
     smooth = steps
     for _ in range(_SMOOTHINGS):

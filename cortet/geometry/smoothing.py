@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cortet.mesh import FloatArray, TriSurface
 
-#: angle (degrees) of the surface-preserving Laplacian, as published; it does nothing more above about 20
+#: angle (degrees) of the surface-preserving Laplacian, as published; above about 20 it makes no difference
 _ANGLE = 60.0
 
 
@@ -27,7 +27,7 @@ def surface_preserving(surface: TriSurface, *, iterations: int) -> FloatArray:
 
 
 def laplacian(surface: TriSurface, chosen: NDArray[np.bool_]) -> FloatArray:
-    """Vertices (n, 3), mm, after one Laplacian step of those that are chosen, (n,)."""
+    """Vertices (n, 3), mm, after one Laplacian step of the `chosen` ones, (n,)."""
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(surface.points, surface.faces, v_scalar_array=chosen.astype(float)))
     meshes.compute_selection_by_condition_per_vertex(condselect="(q > 0.5)")

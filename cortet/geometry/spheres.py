@@ -1,4 +1,4 @@
-"""From the vertices of one sphere to those of another: the weights by which positions, fields and labels are carried.
+"""Weights that carry positions, fields and labels from the vertices of one sphere to those of another.
 
 The rules are those of Connectome Workbench (SurfaceResamplingHelper; https://www.humanconnectome.org/software/workbench-command):
 `BARYCENTRIC` for positions, `ADAP_BARY_AREA` for what is measured on the surface.
@@ -16,9 +16,9 @@ from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import enclosed_volume, face_areas, surface_topology
 from cortet.mesh import FloatArray, TriSurface
 
-#: mm, to which spheres are scaled, as Workbench does it
+#: mm, the radius to which spheres are scaled, as in Workbench
 RADIUS = 100.0
-#: a sphere's vertices are so far from its centre, relative to the farthest, and it encloses so much of a ball
+#: least distance of a sphere's vertex to its centre, over the largest; bounds of its volume, over that of a ball
 _ROUND, _FULL = 0.9, (0.5, 1.01)
 
 #: (new vertices, old vertices), rows of sum 1
@@ -32,7 +32,7 @@ def of_one_radius(sphere: TriSurface) -> TriSurface:
 
 
 def flaws(sphere: TriSurface) -> list[str]:
-    """Why a surface is no sphere around the origin, in words; nothing for one that is."""
+    """Why a surface is no sphere around the origin, in words; empty for a sphere."""
     found = surface_topology(sphere.faces).problems()
     length = np.linalg.norm(sphere.points, axis=1)
     if not length.min() > _ROUND * length.max():
@@ -45,7 +45,7 @@ def flaws(sphere: TriSurface) -> list[str]:
 
 
 def same_triangles(one: TriSurface, other: TriSurface) -> bool:
-    """Whether vertices of one number are the same in both surfaces: they have the same triangles, whichever way up."""
+    """Whether two surfaces number their vertices alike: they have the same triangles, in either orientation."""
     same_size = len(one.points) == len(other.points) and one.faces.shape == other.faces.shape
     return same_size and bool((np.sort(one.faces, axis=1) == np.sort(other.faces, axis=1)).all())
 
@@ -61,10 +61,10 @@ def barycentric(old: TriSurface, new: TriSurface) -> Weights:
 
 
 def area_corrected(old: TriSurface, new: TriSurface, old_areas: FloatArray, new_areas: FloatArray) -> Weights:
-    """Weights that use every vertex of `old`, in proportion to its area.
+    """Weights by which every vertex of `old` counts in proportion to its area.
 
-    A vertex of `new` gathers from its triangle of `old`, unless vertices of `old` that lie in triangles around it would
-    be left out: then it gathers from these.
+    A vertex of `new` gathers from the triangle of `old` in which it lies. If that would leave out vertices of `old` in
+    the triangles around it, it gathers from these vertices instead.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def vertex_areas(surface: TriSurface) -> FloatArray:
 
 
 def carried(weights: Weights, values: NDArray[Any]) -> NDArray[Any]:
-    """A field at the new vertices: the weighted mean, of an integer one (labels) the value with the largest weight.
+    """A field at the new vertices: the weighted mean; for an integer field (labels), the value of largest weight.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def carried(weights: Weights, values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _of_largest_weight(weights: Weights, labels: NDArray[Any]) -> NDArray[Any]:
-    """The label (n,) that has most weight at each new vertex; of several the smallest."""
+    """The label (n,) of largest weight at each new vertex; among equals, the smallest label."""
     keys, number = np.unique(labels, return_inverse=True)
     chosen = sparse.csr_matrix((np.ones(len(labels)), (np.arange(len(labels)), number)), shape=(len(labels), len(keys)))
     most: NDArray[Any] = keys[np.asarray((weights @ chosen).argmax(axis=1)).ravel()]

@@ -1,4 +1,4 @@
-"""How thick a body is below each point of its surface, and how wide the gap above it: what edges have to follow."""
+"""How thick a body is below each point of its surface, and how wide the gap above: edges must be shorter than both."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from cortet.geometry.closest_point import SurfaceTree, closest_point, triangle_n
 from cortet.mesh import FloatArray
 
 _MOST_STEPS = 30
-#: a ball that shrinks by less than this share of its radius has arrived
+#: a ball that shrinks by less than this share of its radius has converged
 _SETTLED = 0.01
-#: cosine of the angle between the normals of a ball's two points of contact, above which the second is not on an
-#: opposite side but on the same one, bent or rough
+#: if the normals at a ball's two points of contact have a cosine above this, the second point is not on an opposite
+#: side, but on the same side, which is bent or rough there
 _SAME_SIDE = 0.5
 
 
 def thickness(tree: SurfaceTree, points: FloatArray, normals: FloatArray, most: float, *, inside: bool) -> FloatArray:
-    """Diameter of the largest ball inside, or outside, that touches a closed surface at each of some points on it.
+    """Diameter of the largest ball, inside or outside, that touches a closed surface at each given point of it.
 
     Parameters
     ----------
     tree : of the surface
     points, normals : (n, 3) mm, on the surface; (n, 3) unit normals of the faces there, taken to point outward
     most : mm, the diameter at which the search begins
-    inside : the thickness of blades; else the width of sulci
+    inside : True measures the thickness of blades, False the width of sulci
 
     Returns
     -------
-    (n,) mm, `most` where the ball meets no other side
+    (n,) mm; `most` where the ball meets no other side
 
     References
     ----------

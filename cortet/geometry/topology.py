@@ -1,7 +1,7 @@
 """Connectivity: boundary faces, incidence, Euler number and manifold checks.
 
-Everything here depends on indices only, except the few functions that take `points`. Results that belong to one
-mesh (its boundary faces, say) are computed on first use and kept as long as the mesh lives.
+Only the few functions that take `points` depend on more than indices. Results that belong to one mesh (its boundary
+faces, say) are computed on first use and kept as long as the mesh lives.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 
 class OncePerCells(Generic[T]):
-    """Remembers a result for each (read-only) array of tetrahedra; meshes that differ in their points only share it."""
+    """Remembers a result for each (read-only) array of tetrahedra; meshes that differ only in their points share it."""
 
     def __init__(self, function: Callable[[TetMesh], T]) -> None:
         """`function` must look at nothing but the tetrahedra of a mesh."""
@@ -41,13 +41,13 @@ class OncePerCells(Generic[T]):
         update_wrapper(self, function)
 
     def __call__(self, mesh: TetMesh) -> T:
-        """Find the result of `function`, or return what is known of it."""
+        """The result of `function`, computed at the first call."""
         if id(mesh.cells) not in self._results:
             self.remember(mesh, self._function(mesh))
         return self._results[id(mesh.cells)]
 
     def remember(self, mesh: TetMesh, result: T) -> None:
-        """Take over the result for these tetrahedra from one who knows it."""
+        """Store a result that the caller already knows."""
         key = id(mesh.cells)
         self._results[key] = result
         weakref.finalize(mesh.cells, self._results.pop, key, None).atexit = False
@@ -74,8 +74,8 @@ class BoundaryFaces(NamedTuple):
 
 
 class Interfaces(NamedTuple):
-    """Faces between tetrahedra of two regions. Surfaces that contain others come before them, so the higher number of
-    the two is that of the surface the face stands for.
+    """Faces between tetrahedra of two regions. A surface comes before those that it contains, so a face stands for the
+    surface with the higher number of the two.
     """
 
     #: (k, 3) int32, counter-clockwise seen from outside the region with the higher number
@@ -100,12 +100,12 @@ class SurfaceTopology:
     nonmanifold_edges: int
     #: edges whose two faces run through them in the same direction
     misoriented_edges: int
-    #: vertices whose faces form more than one fan, which leaves every edge manifold
+    #: vertices whose faces form more than one fan, although every edge is manifold
     pinched_vertices: int
 
     @property
     def is_closed_manifold(self) -> bool:
-        """One consistently oriented surface without border, where every vertex has one fan of faces."""
+        """Whether it is one consistently oriented surface without border, with one fan of faces at every vertex."""
         return self.components == 1 and not (
             self.open_edges or self.nonmanifold_edges or self.misoriented_edges or self.pinched_vertices
         )
@@ -116,7 +116,7 @@ class SurfaceTopology:
         return (2 - self.euler_number) / 2
 
     def problems(self, genus: int = 0) -> list[str]:
-        """In plain words, what keeps this from being one closed, oriented manifold of the given genus."""
+        """What keeps this from being one closed, oriented manifold of the given genus, in plain words."""
         found = []
         if self.components != 1:
             found.append(f"{self.components} components instead of one")
@@ -172,7 +172,7 @@ def boundary_nodes(mesh: TetMesh) -> IntArray:
 
 @once_per_object
 def boundary_surface(mesh: TetMesh) -> tuple[TriSurface, IntArray]:
-    """The boundary as a surface of its own, the same one at each call, and the mesh node of each of its vertices."""
+    """The boundary as a surface, and the mesh node of each of its vertices; each call returns the same objects."""
     nodes = boundary_nodes(mesh)
     faces = numbers(nodes, len(mesh.points))[boundary_faces(mesh)]
     return TriSurface(mesh.points[nodes], faces), nodes
@@ -186,7 +186,7 @@ def used_vertices(simplices: IntArray, vertex_count: int) -> IntArray:
 
 
 def numbers(chosen: NDArray[np.integer], count: int) -> IntArray:
-    """The place of each of `count` indices among the `chosen` (k,): (count,) int32, -1 for one that is not chosen."""
+    """Position of each of `count` indices in `chosen` (k,): (count,) int32, -1 for an index that is not chosen."""
     place = np.full(count, -1, np.int32)
     place[chosen] = np.arange(len(chosen), dtype=np.int32)
     return place
@@ -194,7 +194,7 @@ def numbers(chosen: NDArray[np.integer], count: int) -> IntArray:
 
 @once_per_object
 def interfaces(mesh: TetMesh) -> Interfaces:
-    """Faces between tetrahedra of two regions; none where the mesh has no regions."""
+    """Faces between tetrahedra of two regions; none if the mesh has no regions."""
     region = mesh.cell_data.get(REGION)
     if region is None:
         none = np.zeros(0, np.int32)
@@ -238,7 +238,7 @@ def components(simplices: IntArray) -> int:
 
 
 def component_labels(simplices: IntArray) -> IntArray:
-    """Component of every vertex index up to the largest used one: (n,) int32; an unused vertex is one of its own."""
+    """Component of every vertex up to the largest used index: (n,) int32; an unused vertex is one of its own."""
     count = int(simplices.max(initial=-1)) + 1
     first, last = np.repeat(simplices[:, 0], simplices.shape[1] - 1), simplices[:, 1:].ravel()
     graph = coo_matrix((np.ones(len(first), np.int8), (first, last)), shape=(count, count))
@@ -246,7 +246,7 @@ def component_labels(simplices: IntArray) -> IntArray:
 
 
 def surface_topology(faces: IntArray) -> SurfaceTopology:
-    """Components, Euler number and every kind of non-manifold place of a triangulated surface.
+    """Components, Euler number and every kind of non-manifold defect of a triangulated surface.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def fans(faces: IntArray, sides: _Sides | None = None) -> NDArray[np.int64]:
 
 
 def cut_components(mesh: TetMesh, faces: IntArray) -> IntArray:
-    """Number of the connected body of each tetrahedron, were the mesh cut open along some faces (k, 3): (m,)."""
+    """Component of each tetrahedron, (m,), once the mesh is cut open along the faces (k, 3)."""
     cells, behind = mesh.cells, neighbours(mesh).copy()
     cell = np.flatnonzero(np.isin(cells, faces).sum(axis=1) >= 3)
     near = cells[cell][:, TET_FACES].reshape(-1, 3)

@@ -1,7 +1,7 @@
-"""Which triangles of a surface meet elsewhere than in a shared vertex or edge: the compiled part of `intersection`.
+"""Which triangles of a surface meet outside a shared vertex or edge: the compiled part of `intersection`.
 
-Points of intersection are computed and then located in the triangle, rather than inferred from the signs of five
-determinants: in a flat region all five are rounding noise, and neighbours that merely share a vertex seem to cross.
+Points of intersection are computed and then located in the triangle. The usual test, by the signs of five determinants,
+fails in flat areas: all five are rounding noise there, and neighbours that merely share a vertex seem to cross.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numba
 import numpy as np
 
 _STACK_SIZE = 64
-#: triangles that one thread looks at one after the other
+#: triangles per block; a thread takes whole blocks
 _BLOCK = 64
 #: sine of the angle below which a vertex is in the plane of a triangle: well above rounding, well below any shape
 _FLAT = 1e-12
@@ -69,10 +69,10 @@ def _overlap(box, low, high):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _meet(one, other, a, b):  # type: ignore[no-untyped-def]
-    """Whether triangles of vertices `one` and `other`, coordinates `a` and `b`, meet beyond what they share.
+    """Whether two triangles, of vertices `one` and `other` and coordinates `a` and `b`, meet beyond what they share.
 
-    If two triangles meet, an edge of one meets the other; if they share a vertex, an edge opposite to it does. Those
-    that share an edge overlap when one is folded flat onto the other.
+    If two triangles meet, an edge of one meets the other; if they share a vertex, an edge opposite to it does. If they
+    share an edge, they overlap when one is folded flat onto the other.
     """
     shared = 0
     corner_a = corner_b = 0  # the shared vertex, or the one opposite to the shared edge
@@ -129,7 +129,7 @@ def _edge_meets(a, start, end, t):  # type: ignore[no-untyped-def]
     first, last = 0.0, 1.0
     if p_height != q_height:
         first = last = p_height / (p_height - q_height)
-    # the part of the edge on the inner side of each side of the triangle: p + s d for s in [first, last]
+    # the part of the edge that is on the inner side of all sides of the triangle: p + s d for s in [first, last]
     for k in range(3):
         if k == 0:
             ax, ay, az, sx, sy, sz = 0.0, 0.0, 0.0, ux, uy, uz

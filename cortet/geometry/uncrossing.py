@@ -1,4 +1,4 @@
-"""Triangles that pass through each other, moved apart or replaced."""
+"""Move apart or replace triangles that pass through each other."""
 
 from __future__ import annotations
 
@@ -21,36 +21,36 @@ from cortet.mesh import FloatArray, IntArray, TriSurface, single_precision
 
 #: rounds of smoothing around crossing triangles, and of replacing them
 _SMOOTHINGS, _REPLACINGS = 12, 8
-#: share of the way to the middle of their neighbours that vertices go in the first half of the rounds of smoothing
+#: in the first half of the rounds of smoothing, vertices go this share of the way to the middle of their neighbours
 _GENTLY = 0.3
 
 
 class Uncrossed(NamedTuple):
-    """Triangles none of which crosses another."""
+    """Triangles of which none crosses another."""
 
     work: Triangles
-    #: (k, 3) mm, centres of those that did
+    #: (k, 3) mm, centres of the triangles that crossed before
     centres: FloatArray
-    #: whether some had to be replaced
+    #: whether triangles had to be replaced
     replaced: bool
-    #: mm, farthest that the surface before is from the one after, or the one after from the one before; and where
+    #: mm, largest distance between the surface before and the surface after, of both directions; and its location
     displacement: float
     place: FloatArray
 
 
 def uncrossed(work: Triangles, *, max_displacement: float, max_piece: float) -> Uncrossed:
-    """Smoothed apart where that moves little, else cut out and closed smoothly.
+    """Smooth crossing triangles apart where that moves them little; else cut them out and close the holes smoothly.
 
     Parameters
     ----------
     work : one closed, oriented manifold
-    max_displacement : mm, farthest that a vertex may be moved by smoothing
+    max_displacement : mm, largest distance that smoothing may move a vertex
     max_piece : as of `holes.replaced`
 
     Raises
     ------
     InputError
-        some still cross others afterwards
+        triangles still cross others afterwards
     """
     before = as_surface(work)
     first = self_intersections(before)
@@ -85,13 +85,13 @@ def moved_apart(
     ----------
     surface : mm; its vertices and triangles keep their numbers, so fields stay valid
     moved : new positions of all vertices (n, 3), given the surface, the vertices chosen (n,) and the round's number
-    rounds : at most so many
-    beside : another surface, which stays; its triangles count as obstacles
+    rounds : most rounds
+    beside : another surface, which does not move; its triangles are obstacles
 
     Returns
     -------
-    The surface, with coordinates rounded to float32 if it moved, and the triangles that still cross, (k,), those of
-    `beside` numbered after the surface's own
+    The surface, whose coordinates are rounded to float32 if it moved; and the triangles that still cross, (k,). The
+    triangles of `beside` are numbered after those of the surface
     """
     for number in range(rounds + 1):
         crossing = self_intersections(surface if beside is None else joined([surface, beside]))
@@ -106,9 +106,9 @@ def moved_apart(
 
 
 def _smoothed_apart(work: Triangles, crossing: IntArray, limit: float) -> Triangles:
-    """Vertices of crossing triangles, and of ever more around them, moved towards the middle of their neighbours.
+    """Move vertices of crossing triangles, and ever more around them, towards the middle of their neighbours.
 
-    Where that takes more than the limit, mm, or is not enough, the surface stays as it was.
+    Where that needs more than the limit, mm, or does not help, the surface stays as it was.
     """
     used, faces = _near(work, crossing, limit)
     fixed = np.isin(np.arange(len(used)), border_vertices(faces))
@@ -123,7 +123,7 @@ def _smoothed_apart(work: Triangles, crossing: IntArray, limit: float) -> Triang
     points = moved_apart(TriSurface(given, faces), towards_neighbours, rounds=_SMOOTHINGS)[0].points
     away = np.linalg.norm(points - given, axis=1)
     wrong = (away > limit) | np.isin(np.arange(len(points)), faces[self_intersections(TriSurface(points, faces))])
-    # the whole place goes back, not a part of it
+    # the whole component goes back, not a part of it
     place = np.full(len(points), -1)
     label = component_labels(faces[faces_at(faces, away > 0)])
     place[: len(label)] = label
@@ -133,7 +133,7 @@ def _smoothed_apart(work: Triangles, crossing: IntArray, limit: float) -> Triang
 
 
 def _near(work: Triangles, crossing: IntArray, limit: float) -> tuple[IntArray, IntArray]:
-    """Vertices (k,) and faces, in their numbers, that come near crossing faces while these are moved apart."""
+    """Vertices (k,) within reach of crossing faces while these move apart; and their faces, numbered by these."""
     corners = work.points[work.faces[crossing]]
     edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max()
     reach = 3 * limit + 3 * float(edge)
@@ -143,7 +143,7 @@ def _near(work: Triangles, crossing: IntArray, limit: float) -> tuple[IntArray, 
 
 
 def _farthest(before: TriSurface, after: TriSurface) -> tuple[float, FloatArray]:
-    """Largest distance of the vertices of each of two surfaces to the other, mm, and that vertex."""
+    """Largest distance of a vertex of either surface to the other surface, mm, and that vertex."""
     there = closest_points(tree_of(after), before.points).distances
     back = closest_points(tree_of(before), after.points).distances
     if there.max() > back.max():

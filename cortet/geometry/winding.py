@@ -1,4 +1,4 @@
-"""How many times triangles wind around a point, also where they are not closed.
+"""How many times triangles wind around a point, even if they are not closed.
 
 The generalised winding number is the sum of the solid angles of all triangles over 4 pi (Jacobson et al., ACM
 Transactions on Graphics 32, 2013); holes, crossings and doubled triangles change it little. Far boxes of triangles
@@ -14,10 +14,10 @@ from cortet.geometry.closest_point import SurfaceTree, tree_of
 from cortet.geometry.remembering import once_per_object
 from cortet.mesh import FloatArray, TriSurface
 
-#: a box of triangles is one dipole from so many times its radius on (Barill et al. take 2)
+#: a box of triangles counts as one dipole beyond this many times its radius (Barill et al. take 2)
 _FAR = 2.0
 _STACK_SIZE = 64
-#: points that one thread looks at one after the other
+#: points per block; a thread takes whole blocks
 _BLOCK = 256
 
 
@@ -37,7 +37,7 @@ def _dipoles_of(surface: TriSurface) -> FloatArray:
 
 @numba.njit(cache=True)
 def _dipoles(tree):  # type: ignore[no-untyped-def]
-    """For each box the sum of the area vectors of its triangles, their centre weighted by area, and its radius."""
+    """Of each box, the sum of its triangles' area vectors, their centre weighted by area, and the radius."""
     corners, boxes, child, size = tree.corners, tree.boxes, tree.child, tree.size
     found = np.zeros((len(boxes), 8))
     for box in range(len(boxes) - 1, -1, -1):  # children come after their parents
@@ -81,7 +81,7 @@ def _winding_numbers(tree, dipoles, points):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _winding_number(tree, dipoles, x, y, z):  # type: ignore[no-untyped-def]
-    """Solid angles of near triangles, and those of the dipoles of far boxes, over 4 pi."""
+    """Solid angles of near triangles and of the dipoles of far boxes, over 4 pi."""
     stack = np.empty(_STACK_SIZE, np.int64)
     stack[0], top, total = 0, 1, 0.0
     while top:
@@ -103,7 +103,10 @@ def _winding_number(tree, dipoles, x, y, z):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _solid_angle(c, x, y, z):  # type: ignore[no-untyped-def]
-    """Of a triangle (9 coordinates) seen from a point (Van Oosterom and Strackee, IEEE Trans. Biomed. Eng., 1983)."""
+    """Solid angle of a triangle (9 coordinates) at a point.
+
+    Source: Van Oosterom and Strackee, IEEE Trans. Biomed. Eng., 1983.
+    """
     ax, ay, az = c[0] - x, c[1] - y, c[2] - z
     bx, by, bz = c[3] - x, c[4] - y, c[5] - z
     gx, gy, gz = c[6] - x, c[7] - y, c[8] - z

@@ -1,9 +1,9 @@
-"""The certificate of a mesh: a verdict, every number beside the limit it is judged by, and where and why it fails.
+"""The certificate of a mesh: a verdict, every number beside its limit, and where and why the mesh fails.
 
-A mesh can have q_max < 0.6 with two banks of a sulcus fused, and can be a perfect ball far from its surface. So the
-verdict covers elements, volumes, the topology of the boundary, its crossings, and its distance to the surface in both
-directions: a sulcus that was filled leaves every node on the surface, and changes no topology. The certificate holds no
-date and no time: the same mesh gets the same file.
+A mesh can have q_max < 0.6 and still fuse two banks of a sulcus, or be a perfect ball far from its surface. So the
+verdict covers elements, volumes, the topology of the boundary, its crossings, and its distance to the surface. The
+distance is measured in both directions: a filled sulcus leaves every node on the surface and changes no topology.
+The certificate holds no date and no time, so the same mesh gets the same file.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ VERSION: int = 5
 
 #: relative difference allowed between the sum of volumes and the volume inside the boundary
 VOLUME_TOLERANCE = 1e-9
-#: how many places of one kind are listed
+#: how many locations of one kind are listed
 PLACES = 10
 #: distributions whose versions can change a mesh or its numbers
 LIBRARIES = ("numpy", "scipy", "numba", "nibabel", "meshio", "pymeshlab", "pygalmesh", "cgal", "tetgen", "gmsh")
@@ -84,33 +84,33 @@ class Certificate:
     #: name of the case, e.g. sub-01_ses-02_hemi-L
     case: str
     certified: bool
-    #: why not, in plain words, with place and remedy; empty when certified
+    #: why the mesh is not certified, in plain words, with location and remedy; empty when it is
     reasons: tuple[str, ...]
     checks: tuple[Check, ...]
     #: worst first
     worst_elements: tuple[WorstElement, ...]
     valence_bound: ValenceBound
-    #: parts of the surface that the boundary does not follow within the limit, the first few
+    #: the first few parts of the surface from which the boundary is farther than the limit
     lost_places: tuple[LostPlace, ...]
-    #: boundary vertices where it is open, pinched or fused, the first few
+    #: the first few boundary vertices at which the boundary is open, pinched or fused
     defects_mm: tuple[tuple[float, ...], ...]
-    #: centres of faces of the boundary or of an interface that cross others, the first few
+    #: centres of the first few faces of the boundary or of an interface that cross others
     crossings_mm: tuple[tuple[float, ...], ...]
     quality: QualitySummary
     fidelity: Fidelity
     banks: Banks
-    #: None where the surface as it was read is not given, or has no place that is finite
+    #: None if the native surface is not given, or has no triangle with finite coordinates
     native: Native | None
-    #: of the boundary
+    #: topology of the boundary
     topology: SurfaceTopology
-    #: the regions of a mesh with inner surfaces, and what is between them; empty for one of a single region
+    #: the regions of a mesh with inner surfaces; empty for a mesh of a single region
     regions: tuple[RegionRecord, ...]
     interfaces: tuple[InterfaceRecord, ...]
     #: `file` and `sha256` of the input surface
     input: dict[str, str]
-    #: of nodes and tetrahedra: the mesh that this certificate is about
+    #: hash of the nodes and tetrahedra, which identifies the mesh
     mesh_sha256: str
-    #: whether it, or one of its inner surfaces, was repaired; `reports.repair` says what was done, and how far it went
+    #: whether the surface or an inner surface was repaired; `reports.repair` says what was done, and how far it went
     input_repaired: bool
     #: stage -> its parameters
     parameters: dict[str, Any]
@@ -147,32 +147,33 @@ def certify(
     Parameters
     ----------
     mesh : the mesh to be exported
-    surface : the closed surface it was made from; the boundary must have its Euler number, and each interface that of
+    surface : the closed surface that was meshed; the boundary must have its Euler number, and each interface that of
         its inner surface
-    q_max : limit that the worst q must stay below
+    q_max : the worst q must stay below this limit
     max_boundary_distance : mm, largest distance of a boundary node to `surface`
-    cell_size : mm; None where it is not known, and the limits that are fractions of it do not hold
-    max_surface_distance, max_mean_surface_distance : fractions of `cell_size`, distance of points of `surface` to the
-        boundary, largest and mean
+    cell_size : mm; if None, the limits that are fractions of it are not judged
+    max_surface_distance, max_mean_surface_distance : fractions of `cell_size`, largest and mean distance of points of
+        `surface` to the boundary
     max_area_change, max_volume_change : relative change of area and of volume against `surface`, of either sign
     max_face_distance : fraction of `cell_size`, distance of the centres of boundary faces to `surface`
-    min_bank_gap : smallest gap between banks of the boundary, a fraction of that of `surface` at this place
-    native : the surface as it was read, mm, before it was smoothed; it may be broken. None: it is not compared with
-    max_native_distance, max_mean_native_distance : fractions of `cell_size`, distance between the boundary and
-        `native`, the larger of both directions; of a surface that was repaired, `repair` has the limits
-    max_native_area_change : relative change of the area against `native`, likewise
+    min_bank_gap : smallest gap between banks of the boundary, a fraction of the gap of `surface` at the same location
+    native : mm, the surface as it was read, before smoothing; it may be broken. None: the mesh is not compared with it
+    max_native_distance, max_mean_native_distance : fractions of `cell_size`, largest and mean distance between the
+        boundary and `native`, the larger of both directions. They do not apply to a repaired surface: `repair` has
+        limits of its own
+    max_native_area_change : relative change of the area against `native`; it does not apply to a repaired surface
     Any limit may be None: the number is reported, not judged.
     case : name of the case
-    source : file of the input surface, to be identified by its hash
-    parameters, reports : stage -> what it ran with and what it reported; S1's findings about topology are judged too
+    source : file of the input surface, which is identified by its hash
+    parameters, reports : stage -> what it ran with and what it reported; what S1 reports of topology is judged too
 
     Raises
     ------
     StageError
-        there is no boundary, so nothing can be measured
+        the mesh has no boundary, so nothing can be measured
     InputError
-        `source` cannot be read, a limit is no number above 0, the cell size is out of bounds (`limits.CELL_SIZE_MM`),
-        a coordinate is not finite, or there are no elements
+        `source` cannot be read, a limit is not above 0, the cell size is out of bounds (`limits.CELL_SIZE_MM`),
+        a coordinate is not finite, or the mesh has no elements
     """
     for name, limit in {
         "q_max": q_max,
@@ -233,7 +234,7 @@ def certify(
         *bank_checks(gaps, share=min_bank_gap),
         *boundary_checks(faithful, nodes=max_boundary_distance, centres=times(max_face_distance, cell_size)),
         *loss_checks(faithful, largest=largest, mean=mean, area=max_area_change, volume=max_volume_change),
-        # what a repair may change has limits of its own
+        # `repair` has limits of its own
         *native_checks(
             before,
             largest=None if repaired else times(max_native_distance, cell_size),
@@ -285,11 +286,11 @@ def certify(
 
 
 def versions(reports: Mapping[str, Any]) -> dict[str, str]:
-    """Versions of cortet, Python and the installed libraries that can change a mesh or its numbers.
+    """Versions of cortet, of Python, and of the installed libraries that can change a mesh or its numbers.
 
     Parameters
     ----------
-    reports : stage -> what it reported; a program that S4 called is named there
+    reports : stage -> what it reported, which names the program that S4 called
     """
     found = {"cortet": __version__, "python": platform.python_version()}
     for name in LIBRARIES:
@@ -303,12 +304,12 @@ def versions(reports: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _repaired(report: Mapping[str, Any]) -> bool:
-    """Whether the report of `repair` is of a surface that was repaired, or holds one of an inner surface that was."""
+    """Whether the surface or an inner surface was repaired, by the report of `repair`."""
     within = report.get("inner", {}).values()
     return any(bool(one.get("repaired")) for one in (report, *within))
 
 
-#: checks whose failures have a place
+#: checks whose failures have a location
 _PLACED_DEFECTS = (
     "boundary edges in one face only",
     "boundary edges in more than two faces",
@@ -317,7 +318,7 @@ _PLACED_DEFECTS = (
 
 
 def _lost(places: Sequence[LostPlace]) -> str:
-    """Where the surface is not followed, in words; nothing where it is."""
+    """Where the boundary does not follow the surface, in words; empty where it does."""
     if not places:
         return ""
     counted = {kind: sum(place.kind == kind for place in places) for kind in ("filled", "cut off")}

@@ -1,4 +1,4 @@
-"""What a certificate judges: each number beside its limit, in the order in which they are listed."""
+"""What a certificate judges: each number beside its limit, in the order of the certificate."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Check:
     comparison: Comparison | None
     limit: float | None
     passed: bool
-    #: what to change when it does not pass
+    #: what to change when the check fails
     remedy: str
 
     @property
@@ -60,7 +60,7 @@ class Check:
 def judged(
     name: str, value: float, comparison: Comparison | None, limit: float | None, *, unit: str = "", remedy: str = ""
 ) -> Check:
-    """A check of a number; one without a limit passes, and states no comparison."""
+    """The check of a number; without a limit it passes and states no comparison."""
     if limit is None:
         comparison = None
     passed = comparison is None or limit is None or _COMPARE[comparison](value, limit)
@@ -68,11 +68,11 @@ def judged(
 
 
 def for_mesher(check: Check, mesher: str | None) -> Check:
-    """A check whose remedy fits what filled the surface; None: a mesh that cortet did not make."""
+    """The check with a remedy that fits the mesher; None means that cortet did not make the mesh."""
     if mesher == "lattice":
         fitting = dict.fromkeys((LOSS_REMEDY, TOPOLOGY_REMEDY), "use a smaller cell size")
     elif mesher is None:
-        remedy = "use a smaller cell size; or the mesh was made from another surface than this one: name that"
+        remedy = "use a smaller cell size; if the mesh was made from another surface, name that surface"
         fitting = dict.fromkeys((LOSS_REMEDY, TOPOLOGY_REMEDY), remedy)
     else:
         return check
@@ -80,14 +80,14 @@ def for_mesher(check: Check, mesher: str | None) -> Check:
 
 
 def bank_checks(found: Banks, *, share: float | None) -> Iterator[Check]:
-    """How near banks of the boundary come to each other through the outside."""
+    """How near the banks of the boundary come to each other, measured outside the mesh."""
     yield judged(BANKS, found.least_share, ">=", share, remedy=LOSS_REMEDY)
 
 
 def native_checks(
     found: Native | None, *, largest: float | None, mean: float | None, area: float | None
 ) -> Iterator[Check]:
-    """How far all steps together, smoothing above all, have led away from the surface as it was read."""
+    """How far the boundary is from the native surface; smoothing contributes most."""
     if found is None:
         return
     there, back = found.boundary_to_native_mm, found.native_to_boundary_mm
@@ -100,13 +100,13 @@ def native_checks(
 
 
 def relative_difference(one: float, other: float) -> float:
-    """Of two volumes, by the larger of them; 0 where both are."""
+    """Difference of two volumes over the larger of them; 0 if both are 0."""
     largest = max(abs(one), abs(other))
     return abs(one - other) / largest if largest else 0.0
 
 
 def times(fraction: float | None, length: float | None) -> float | None:
-    """A fraction of a length; None where one of them is not given."""
+    """A fraction of a length; None if either is None."""
     return None if fraction is None or length is None else fraction * length
 
 
@@ -125,7 +125,7 @@ def topology_checks(boundary: SurfaceTopology, euler_number: int) -> Iterator[Ch
 
 
 def region_checks(regions: Sequence[RegionRecord], *, volume: float | None) -> Iterator[Check]:
-    """Whether each region is there, and how much its volume changed."""
+    """Whether each region has tetrahedra, and how much its volume changed."""
     for one in regions:
         yield judged(f"tetrahedra of region {one.name}", one.tetrahedra, ">=", 1)
         yield judged(
@@ -145,7 +145,7 @@ def interface_checks(
     mean: float | None,
     area: float | None,
 ) -> Iterator[Check]:
-    """What is judged of the boundary, of each interface; limits of distances in mm."""
+    """What is judged of the boundary, judged of each interface; limits of distances in mm."""
     for one in interfaces:
         genus = (2 - one.surface_euler_number) // 2
         problems = one.topology.problems(genus)
@@ -172,13 +172,13 @@ def interface_checks(
 
 
 def meshing_checks(report: Mapping[str, Any] | None) -> Iterator[Check]:
-    """What S1 found wrong with the topology; a later stage can hide it, not undo it."""
+    """What S1 reported of the topology; a later stage can hide such a problem, not undo it."""
     if report is not None:
         yield judged("topology problems after S1", int(not report["topology_ok"]), "==", 0, remedy=TOPOLOGY_REMEDY)
 
 
 def boundary_checks(found: Fidelity, *, nodes: float | None, centres: float | None) -> Iterator[Check]:
-    """How far the boundary leaves the surface, mm."""
+    """How far the boundary is from the surface, mm."""
     yield judged(
         "distance of a boundary node to the surface, at most",
         found.nodes_to_surface_mm.max,

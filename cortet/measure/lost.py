@@ -1,7 +1,8 @@
-"""Where a mesh leaves its surface behind: sulci that it fills, blades and tips that it cuts off.
+"""Where a mesh does not follow its surface: sulci that it fills, blades and tips that it cuts off.
 
-Nodes on the surface and a boundary of the right topology do not exclude either. So the distance is measured from the
-surface, at its vertices and the centres of its faces, and what is too far from the boundary is gathered into places.
+A mesh can do both while every boundary node lies on the surface and the topology is right. So the distance is measured
+from the surface, at its vertices and the centres of its faces. Samples that are too far from the boundary and hang
+together make one lost part.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ from cortet.mesh import FloatArray, TriSurface
 class LostPlace:
     """A part of the surface that the boundary of the mesh does not follow."""
 
-    #: its farthest point
+    #: the point of this part that is farthest from the boundary
     place_mm: tuple[float, float, float]
-    #: from there to the boundary
+    #: distance from that point to the boundary
     distance_mm: float
-    #: `filled`: it lies inside the mesh, as the bottom of a sulcus; `cut off`: outside, as the crest of a blade
+    #: `filled`: that point lies inside the mesh, as the bottom of a sulcus; `cut off`: outside, as the crest of a blade
     kind: Literal["filled", "cut off"]
-    #: vertices of the surface that belong to it
+    #: number of vertices of the surface in this part
     vertices: int
 
 
@@ -39,7 +40,7 @@ def surface_samples(surface: TriSurface) -> FloatArray:
 
 
 def distances_to(boundary: TriSurface, surface: TriSurface) -> FloatArray:
-    """From `surface_samples` of a surface to the boundary of a mesh: (n + m,) mm."""
+    """Distances from `surface_samples` of a surface to the boundary of a mesh: (n + m,) mm."""
     return closest_points(tree_of(boundary), surface_samples(surface)).distances
 
 
@@ -71,7 +72,7 @@ def lost_places(boundary: TriSurface, surface: TriSurface, *, limit: float) -> l
 
 
 def _parts(surface: TriSurface, beyond: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """A number for each sample, the same for those beyond the limit that hang together by edges or faces: (n + m,)."""
+    """Component of each sample, (n + m,): samples beyond the limit hang together by edges or faces."""
     count = len(surface.points)
     corners = surface.faces.ravel()
     centres = np.repeat(np.arange(count, len(beyond)), 3)

@@ -1,4 +1,4 @@
-"""A mesh beside the surface as it was read: before it was smoothed, resampled or repaired."""
+"""A mesh beside its native surface: as it was read, before it was smoothed, resampled or repaired."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cortet.mesh import TetMesh, TriSurface
 
 @dataclass(frozen=True)
 class Native:
-    """The boundary of a mesh beside its surface as it was read."""
+    """The boundary of a mesh beside its native surface."""
 
     #: boundary nodes and centres of boundary faces to the nearest point of the native surface
     boundary_to_native_mm: Distances
@@ -26,11 +26,11 @@ class Native:
 
 
 def native_record(mesh: TetMesh, native: TriSurface) -> Native | None:
-    """Compare the boundary of a mesh with the native surface; None where that has no triangle with known places.
+    """Compare the boundary of a mesh with the native surface; None if no triangle of it has finite coordinates.
 
     Parameters
     ----------
-    native : mm; may be open or branch, cross itself, or have places that are not finite, which do not count
+    native : mm; it may be open, branch or cross itself; vertices without finite coordinates do not count
     """
     native = measurable(native)
     area = float(face_areas(native.points, native.faces).sum())

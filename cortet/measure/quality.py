@@ -1,4 +1,4 @@
-"""Quality of tetrahedra: 0 for the regular one, 1 for a degenerate one.
+"""Quality of tetrahedra: 0 for the regular tetrahedron, 1 for a degenerate one.
 
 The certified measure is q = 1 - sqrt(2) 6V / l_rms^3 (`tet_qmetric_volume` of meshtool; V signed volume, l_rms the root
 mean square of the six edge lengths). All functions take `points` (n, 3) float64 in mm and `cells` (m, 4) int32.
@@ -19,19 +19,19 @@ from cortet.mesh import FloatArray, IntArray, TetMesh, require_indices, require_
 
 VERSION: int = 2
 
-#: counted limits of q; the last is the one a solver-ready mesh stays below
+#: elements above each of these q are counted; a solver-ready mesh stays below the last
 COUNTED_LIMITS = (0.3, 0.4, 0.5, 0.6)
 HISTOGRAM_BIN_WIDTH = 0.005
 #: (K + 4/3 mu) of the folding simulation in units of mu, with bulk modulus K = 5 (BrainGrowth), and its density
 _P_WAVE_MODULUS, _DENSITY = 5 + 4 / 3, 0.01
 
 
-#: tetrahedra measured at a time: their temporary arrays then stay in the processor's cache, whatever the mesh
+#: tetrahedra measured at a time, so that their temporary arrays stay in the processor's cache
 _BLOCK = 1 << 14
 
 
 def _in_blocks(measure: Callable[[FloatArray, IntArray], FloatArray]) -> Callable[[FloatArray, IntArray], FloatArray]:
-    """The same measure of each tetrahedron, taken of a block of them at a time."""
+    """The same measure, taken block by block."""
 
     @wraps(measure)
     def in_blocks(points: FloatArray, cells: IntArray) -> FloatArray:
@@ -62,14 +62,14 @@ def signed_volumes(points: FloatArray, cells: IntArray) -> FloatArray:
 
 
 def oriented(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:
-    """Tetrahedra reordered to positive volume, without the exactly flat ones, whose number is returned too."""
+    """Tetrahedra reordered to positive volume. Exactly flat ones are dropped; returns also their number."""
     volumes = signed_volumes(points, cells)
     cells = np.where((volumes < 0)[:, None], cells[:, [0, 1, 3, 2]], cells)
     return cells[volumes != 0], int((volumes == 0).sum())
 
 
 def quality(points: FloatArray, cells: IntArray) -> FloatArray:
-    """q = 1 - sqrt(2) 6V / l_rms^3: (m,); 1 where V <= 0. InputError where a node is none."""
+    """q = 1 - sqrt(2) 6V / l_rms^3: (m,); 1 where V <= 0. InputError if an index is not that of a node."""
     require_indices(cells, len(points), "tetrahedron", "nodes")
     return _quality(np.ascontiguousarray(points, np.float64), np.ascontiguousarray(cells, np.int32))
 
@@ -103,7 +103,7 @@ def circumradii(points: FloatArray, cells: IntArray) -> FloatArray:
 
 
 class Measures(NamedTuple):
-    """What is measured of every element beside q, each (m,)."""
+    """What is measured of every element besides q, each (m,)."""
 
     #: signed, mm3
     volume: FloatArray
@@ -119,7 +119,7 @@ class Measures(NamedTuple):
 
 
 def measures(points: FloatArray, cells: IntArray) -> Measures:
-    """All measures but q, in one pass over the elements. InputError where a node is none."""
+    """All measures but q, in one pass over the elements. InputError if an index is not that of a node."""
     require_indices(cells, len(points), "tetrahedron", "nodes")
     table = _measures(np.ascontiguousarray(points, np.float64), np.ascontiguousarray(cells, np.int32))
     return Measures(*table.T)
@@ -133,7 +133,7 @@ def _measures(points, cells):  # type: ignore[no-untyped-def]
         ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
         vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
         wx, wy, wz = d[0] - a[0], d[1] - a[1], d[2] - a[2]
-        # twice the area of each face, outward; that opposite to `a` closes the sum
+        # outward normals of twice the face areas; the one opposite `a` makes their sum 0
         normal = np.empty((4, 3))
         normal[1] = wy * vz - wz * vy, wz * vx - wx * vz, wx * vy - wy * vx
         normal[2] = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
@@ -199,8 +199,9 @@ def dihedral_angles(points: FloatArray, cells: IntArray) -> FloatArray:
 def opening_bound(angle: float) -> float:
     """Smallest possible q of a tetrahedron with a dihedral angle of `angle` degrees; 1 from 180 degrees on.
 
-    It has 1 - q <= sqrt(2) sin(angle) / (1 + sin(angle / 2)^2). Of n tetrahedra around an interior edge one has a
-    dihedral angle of at most 360 / n degrees, and one of at least that, so this is also a bound of the worst of them.
+    Such a tetrahedron has 1 - q <= sqrt(2) sin(angle) / (1 + sin(angle / 2)^2). Of n tetrahedra around an interior
+    edge, one has a dihedral angle of at most 360 / n degrees and one of at least that. So this also bounds the worst
+    of them.
     """
     if angle >= 180:
         return 1.0
@@ -220,7 +221,7 @@ class Distribution:
 
 @dataclass(frozen=True)
 class QualitySummary:
-    """Everything reported about the element quality of one mesh; plain numbers, ready for JSON."""
+    """All that is reported of the element quality of one mesh, in plain numbers that JSON can hold."""
 
     nodes: int
     tets: int
@@ -249,7 +250,7 @@ def distribution(values: FloatArray) -> Distribution:
 
 
 def histogram(q: FloatArray) -> IntArray:
-    """Elements per bin of width 0.005 over [0, 1]: (200,) int32, to be summed over meshes.
+    """Elements per bin of width 0.005 over [0, 1]: (200,) int32; histograms of several meshes can be added.
 
     Raises
     ------
@@ -262,7 +263,7 @@ def histogram(q: FloatArray) -> IntArray:
 
 
 def summarise(mesh: TetMesh) -> QualitySummary:
-    """Measure every element of a mesh; InputError where it has none, or a coordinate is not finite."""
+    """Measure every element of a mesh; InputError if it has no elements, or a coordinate is not finite."""
     require_measurable(mesh)
     q, of = quality(mesh.points, mesh.cells), measures(mesh.points, mesh.cells)
     shortest = float(of.shortest_edge.min())

@@ -1,7 +1,7 @@
-"""What a certificate says of each region of a mesh, and of each interface between two.
+"""What a certificate says of each region of a mesh, and of each interface.
 
-The interface of a region must be what its boundary must be: one closed manifold with the topology of the surface it
-stands for, every vertex on that surface, no part of the surface left behind, no face that crosses another.
+An interface must meet what the boundary must meet: it is one closed manifold with the topology of its inner surface,
+every vertex lies on that surface, the interface follows all of that surface, and no face crosses another.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from cortet.measure.lost import distances_to
 from cortet.measure.quality import quality, signed_volumes
 from cortet.mesh import REGION, TetMesh, TriSurface
 
-#: thin places that are listed, and how far apart they are, mm
+#: how many thin spots are listed, and how far apart they are, mm
 _THIN_PLACES, _APART_MM = 5, 5.0
 
 
 @dataclass(frozen=True)
 class Across:
-    """How many edges lead through a region: from each node of its outer side the fewest to its inner sides."""
+    """How many edges lead through a region: the fewest from each node of its outer side to its inner sides."""
 
     least: int
     p5: float
@@ -47,11 +47,11 @@ class RegionRecord:
     """One region of a mesh beside the surfaces that bound it."""
 
     name: str
-    #: value of the cell data
+    #: value of the cell data `region`
     number: int
     tetrahedra: int
     volume_ml: float
-    #: between the surfaces
+    #: volume between the surfaces that bound the region
     surfaces_volume_ml: float
     relative_volume_change: float
     q_mean: float
@@ -70,9 +70,9 @@ class ThinPlace:
 
 @dataclass(frozen=True)
 class InterfaceRecord:
-    """The faces between a region and the one around it, beside the surface they stand for."""
+    """The faces between a region and the region around it, beside the inner surface they stand for."""
 
-    #: of the region inside
+    #: name of the region inside
     name: str
     around: str
     faces: int
@@ -84,7 +84,7 @@ class InterfaceRecord:
     nodes_to_surface_mm: Distances
     surface_to_interface_mm: Distances
     relative_area_change: float
-    #: where the region around is thinnest, some way from each other
+    #: the thinnest spots of the region around, some way from each other
     thinnest: tuple[ThinPlace, ...]
 
 
@@ -116,7 +116,7 @@ def region_records(mesh: TetMesh, surface: TriSurface) -> tuple[RegionRecord, ..
 
 
 def interface_records(mesh: TetMesh, surface: TriSurface) -> tuple[InterfaceRecord, ...]:
-    """One record for each inner surface; distances are the size of that where the mesh has no such interface."""
+    """One record for each inner surface. Without its interface in the mesh, distances are the size of the surface."""
     region = _region(mesh)
     found, names, around = interfaces(mesh), region_names(surface), parents(surface)
     records = []
@@ -161,7 +161,7 @@ def _thinnest(inner: TriSurface, outer: TriSurface) -> tuple[ThinPlace, ...]:
 
 
 def sheets_of(mesh: TetMesh) -> TriSurface:
-    """Boundary and interfaces of a mesh in one, the boundary first: none of these faces may cross another."""
+    """The boundary and then the interfaces of a mesh as one surface: none of these faces may cross another."""
     numbers = np.unique(interfaces(mesh).region).tolist()
     return joined([boundary_surface(mesh)[0], *(sheet(mesh, number)[0] for number in numbers)])
 
@@ -179,7 +179,7 @@ def _across(mesh: TetMesh, number: int, within: list[int]) -> Across | None:
         return None
     steps = dijkstra(graph.tocsr(), directed=False, indices=inner, unweighted=True, min_only=True)[outer]
     steps = steps[np.isfinite(steps)]
-    if not len(steps):  # no way leads across: the numbers of the regions are wrong
+    if not len(steps):  # no edges lead across: the numbers of the regions are wrong
         return None
     return Across(int(steps.min()), float(np.percentile(steps, 5)), float(np.median(steps)))
 

@@ -1,9 +1,9 @@
 """The worst elements of a mesh: where they are, why they are bad, and what would help.
 
 Connectivity alone can keep an element bad. The dihedral angles of the n tetrahedra around an edge add up to 360 degrees
-inside the mesh, and to the opening angle of the boundary at a boundary edge; one of them is no smaller and one no
-larger than the n-th part, and an element with that angle has at least the q of `quality.opening_bound`, wherever its
-vertices go.
+inside the mesh, and to the opening angle of the boundary at a boundary edge. So one angle is no smaller, and one no
+larger, than the n-th part of the sum. An element with such an angle has at least the q of `quality.opening_bound`,
+wherever its vertices go.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ _FINER = "use a smaller cell size, or smooth the surface more"
 class Fans(NamedTuple):
     """The tetrahedra around each of e edges."""
 
-    #: (m, 6) int64, edge at each place of `topology.TET_EDGES` of each tetrahedron
+    #: (m, 6) int64, index of each edge of each tetrahedron, in the order of `topology.TET_EDGES`
     of_cell: NDArray[np.int64]
     #: (e,) int64, number of tetrahedra around it
     valence: NDArray[np.int64]
     #: (e,) bool, whether the edge lies on the boundary
     on_boundary: NDArray[np.bool_]
-    #: (e,) float64 degrees, 360 inside, the interior angle of the boundary at a boundary edge
+    #: (e,) float64 degrees: 360 inside the mesh, the interior angle of the boundary at a boundary edge
     opening: FloatArray
 
 
@@ -47,7 +47,7 @@ class ValenceBound:
     #: the larger of the two below
     q: float
     interior_q: float
-    #: at the present opening angles of the boundary
+    #: bound by boundary edges, at the present opening angles of the boundary
     boundary_q: float
     #: interior edges in three tetrahedra (q >= 0.300) or fewer
     interior_edges_of_valence_3: int
@@ -65,7 +65,7 @@ class WorstElement:
     centre_mm: tuple[float, float, float]
     #: how many of its four nodes lie on the boundary
     boundary_nodes: int
-    #: least q its edges allow
+    #: least q that the edges of the element allow
     bound: float
     reason: str
     remedy: str
@@ -73,7 +73,7 @@ class WorstElement:
 
 def fans(mesh: TetMesh) -> Fans:
     """Valence and opening angle of every edge."""
-    # packed together, since keys of two calls do not compare
+    # packed in one call: keys of two calls cannot be compared
     pairs = np.concatenate([mesh.cells[:, TET_EDGES].reshape(-1, 2), edges(boundary_faces(mesh))])
     edge = np.unique(packed(pairs), return_inverse=True)[1]
     of_cell, outer = edge[: 6 * len(mesh.cells)].reshape(-1, 6), edge[6 * len(mesh.cells) :]
@@ -111,7 +111,7 @@ def worst_elements(
 ) -> tuple[WorstElement, ...]:
     """The `count` elements of largest q, worst first, each with the reason.
 
-    `stages` are the names of those the mesh has been through, so that none of them is recommended.
+    `stages` names the stages that the mesh has been through; none of them is recommended.
     """
     q = quality(mesh.points, mesh.cells)
     normals = vertex_normals(mesh.points, boundary_faces(mesh))
@@ -147,7 +147,7 @@ def _largest(values: FloatArray, count: int) -> NDArray[np.int64]:
 def _reason(
     mesh: TetMesh, around: Fans, element: int, q: float, normals: FloatArray, on_boundary: NDArray[np.bool_]
 ) -> tuple[str, float, Literal["fan", "banks", "nothing"]]:
-    """Why an element is bad, the least q its edges allow, and what holds it."""
+    """Why an element is bad, the least q that its edges allow, and what keeps it bad."""
     nodes, fan = mesh.cells[element], around.of_cell[element]
     bounds = [opening_bound(around.opening[edge] / around.valence[edge]) for edge in fan]
     edge, bound = fan[int(np.argmax(bounds))], max(bounds)

@@ -1,9 +1,9 @@
-"""A job for CalculiX: the cortex of a mesh grows, slowly, and everything else gives way.
+"""A job for CalculiX: the cortex of a mesh grows slowly, and the rest gives way.
 
-Growth is orthotropic thermal expansion: a cortical element expands along the cortex and not across it, in axes of its
-own, while the temperature rises from 0 to 1. The material is linearly elastic at large rotations, with the moduli of
-the folding model, so the job follows `cortet fold` as long as strains are small: some per cent of growth. It is solved
-by an implicit method with another treatment of volume, and thereby checks the explicit one.
+Growth is orthotropic thermal expansion. While the temperature rises from 0 to 1, each cortical element expands along
+the cortex, not across it, in axes of its own. The material is linearly elastic at large rotations, with the moduli of
+the folding model. So the job follows `cortet fold` as long as strains are small: some per cent of growth. Its implicit
+solver, which treats volume in another way, is a check of the explicit one.
 
 References: CalculiX CrunchiX manual, *DISTRIBUTION, *ORIENTATION, *EXPANSION; Tallinen et al., Nature Physics 12, 2016.
 """
@@ -30,9 +30,9 @@ def write_job(mesh: TetMesh, folder: Path, *, growth: float, material: Material 
     Parameters
     ----------
     mesh : mm, with the sets `cortex` and `core`; the nodes of a set `medial_wall` stay in their sagittal plane
-    folder : made where it is not; its files `mesh.inp`, `job.inp` and `README.txt` are replaced
+    folder : made if it is missing; its files `mesh.inp`, `job.inp` and `README.txt` are replaced
     growth : relative growth along the cortex at the end, above 0 and small: 0.05 is 5 %
-    material : shear and bulk moduli, in units of the cortex's shear modulus; None: those of the folding model
+    material : shear and bulk moduli, in units of the cortex's shear modulus; None takes those of the folding model
 
     Raises
     ------
@@ -76,7 +76,7 @@ def _elastic(name: str, shear: float, bulk: float) -> str:
 
 
 def _supports(mesh: TetMesh) -> str:
-    """Lines of *BOUNDARY; a single node is named by its number, one or more neighbouring axes by the first and last."""
+    """Lines of *BOUNDARY: a single node has its number, a run of neighbouring axes its first and last."""
     lines = []
     for support in supports(mesh):
         name = support.name if support.name in mesh.sets.nodes else str(1 + int(support.nodes[0]))

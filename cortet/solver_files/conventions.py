@@ -1,4 +1,4 @@
-"""The conventions that every solver file keeps, checked on what the file says.
+"""Checks of the conventions that every solver file must keep.
 
 They are the five of the CORTET paper's discussion (arXiv:2607.12157): the sign of volumes, the order of a tetrahedron's
 nodes, surface nodes first, boundary faces complete and outward, fields that belong to these nodes.
@@ -20,16 +20,16 @@ from cortet.geometry.topology import TET_FACES, boundary_faces, enclosed_volume,
 from cortet.measure.quality import signed_volumes
 from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 
-#: in any unit; the volume of a larger body is no number that a sidecar can hold
+#: largest coordinate, in any unit: a sidecar cannot hold the volume of a larger body
 _LARGEST_COORDINATE = 1e15
 
 
 def broken_conventions(file: AsRead, *, body: bool = True) -> list[str]:
-    """Name every convention that a file breaks; an empty list means a solver may run on it.
+    """Name every convention that a file breaks; if the list is empty, a solver may run on the file.
 
     Parameters
     ----------
-    body : whether to look also for what keeps the tetrahedra from filling a body
+    body : whether to check also that the tetrahedra fill a body
     """
     mesh = file.mesh
     if absurd := list(_coordinates(mesh.points)):
@@ -81,9 +81,9 @@ def _volumes(file: AsRead) -> Iterator[str]:
 
 
 def _surface(file: AsRead) -> Iterator[str]:
-    """Surface nodes first; boundary faces all there, once, and outward."""
+    """Surface nodes come first; each boundary face is listed once and outward."""
     mesh = file.mesh
-    # outward is a matter of coordinates, whichever way round a tetrahedron is listed
+    # coordinates decide what is outward, not the order in which a tetrahedron lists its nodes
     negative = signed_volumes(mesh.points, mesh.cells) < 0
     positive = TetMesh(mesh.points, np.where(negative[:, None], mesh.cells[:, [0, 1, 3, 2]], mesh.cells))
     boundary = boundary_faces(positive)
@@ -113,7 +113,7 @@ def _surface(file: AsRead) -> Iterator[str]:
 
 
 def _other_faces(mesh: TetMesh, true: NDArray[np.int64], boundary: IntArray) -> Iterator[str]:
-    """Faces of sets that are no part of the division of the boundary."""
+    """Faces of the sets that do not divide the boundary."""
     for name, faces in mesh.sets.faces.items():
         if name.endswith(INTERFACE) and len(faces):
             if misplaced := _not_between_regions(mesh, faces):
@@ -144,7 +144,7 @@ def _not_between_regions(mesh: TetMesh, faces: IntArray) -> int:
 
 
 def _sets(mesh: TetMesh) -> Iterator[str]:
-    """The node set of a part of the surface is the nodes of its faces; regions share the tetrahedra among them."""
+    """The node set of a part of the surface holds the nodes of its faces; each tetrahedron is in one region."""
     for name in SURFACE_TAGS:
         if name in mesh.sets.nodes and name in mesh.sets.faces:
             nodes = np.unique(mesh.sets.faces[name])
@@ -161,7 +161,7 @@ def _fields(fields: dict[str, NDArray[Any]], count: int, kind: str) -> Iterator[
     """Every field has one finite value for each node or tetrahedron."""
     for name, values in fields.items():
         if len(values) != count:
-            yield f"field {name} has {len(values)} values for {count} {kind}: it is of another mesh"
+            yield f"field {name} has {len(values)} values for {count} {kind}: it belongs to another mesh"
         elif bad := np.count_nonzero(~np.isfinite(values)):
             yield f"field {name} has {bad} values that are not finite"
 

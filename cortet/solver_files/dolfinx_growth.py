@@ -23,24 +23,24 @@ from dolfinx.io import XDMFFile
 from mpi4py import MPI
 
 HERE = Path(__file__).resolve().parent
-#: largest change of a displacement, mm, at which a step of growth is solved; and most Newton steps
+#: a step of growth is solved once no displacement changes by more than this, mm; and most Newton steps
 SOLVED, MOST = 1e-8, 25
 
 
 def space(mesh: Any, family: str, degree: int) -> Any:
-    """Function space of vectors, as the version of dolfinx at hand makes it."""
+    """Function space of vectors, in the way of the installed version of dolfinx."""
     if hasattr(fem, "functionspace"):
         return fem.functionspace(mesh, (family, degree, (3,)))
     return fem.VectorFunctionSpace(mesh, (family, degree))
 
 
 def at(point: list[float]) -> Any:
-    """A marker of the node at this place."""
+    """A marker of the node at this position."""
     return lambda x: np.linalg.norm(x - np.array(point)[:, None], axis=0) < 1e-6
 
 
 def held(job: dict[str, Any], functions: Any, facets: Any) -> list[Any]:
-    """Boundary conditions: some coordinates of single nodes, or of those of tagged facets, stay."""
+    """Boundary conditions that fix coordinates of single nodes, or of the nodes of tagged facets."""
     found = []
     for support in job["supports"]:
         for axis in support["axes"]:
@@ -57,7 +57,7 @@ def held(job: dict[str, Any], functions: Any, facets: Any) -> list[Any]:
 
 
 def main() -> None:
-    """Solve it in steps of growth, each by Newton's method."""
+    """Solve the job in steps of growth, each by Newton's method."""
     job = json.loads((HERE / "job.json").read_text())
     with XDMFFile(MPI.COMM_WORLD, str(HERE / "mesh.xdmf"), "r") as file:
         mesh = file.read_mesh(name="mesh")
@@ -66,7 +66,7 @@ def main() -> None:
     with XDMFFile(MPI.COMM_WORLD, str(HERE / "mesh_facets.xdmf"), "r") as file:
         facets = file.read_meshtags(mesh, name="facets")
 
-    # what is constant in each element
+    # quantities that are constant in each element
     directions = space(mesh, "DG", 0)
     normal = fem.Function(directions)
     mine = np.asarray(mesh.topology.original_cell_index)
@@ -77,7 +77,7 @@ def main() -> None:
     u, test, change = fem.Function(functions), ufl.TestFunction(functions), ufl.TrialFunction(functions)
     growth = fem.Constant(mesh, 0.0)
     identity = ufl.Identity(3)
-    # unit vectors in the cortex, nothing in the core: across the cortex nothing grows
+    # unit vectors in the cortex, 0 in the core: nothing grows across the cortex
     stretch = 1 + growth * ufl.inner(normal, normal)
     grown = stretch * identity + (1 - stretch) * ufl.outer(normal, normal)
     elastic = (identity + ufl.grad(u)) * ufl.inv(grown)

@@ -1,4 +1,4 @@
-"""Write a mesh for a solver: only a certified one, and only when the written file keeps the solver's conventions."""
+"""Write a mesh for a solver, if it is certified and the written file keeps the solver's conventions."""
 
 from __future__ import annotations
 
@@ -47,15 +47,15 @@ def export(
 
     Parameters
     ----------
-    mesh : as `stages.solver_ready` leaves it, with its sets (`sets.named_sets`)
+    mesh : from `stages.solver_ready`, with its sets (`sets.named_sets`)
     solver : a key of `formats.FORMATS`
     certificate : content of the mesh's certificate.json
-    uncertified : write it even when it is not certified
-    unit : of the coordinates, for the formats that leave it open: ``mm`` or ``um``
+    uncertified : write the mesh even if it is not certified
+    unit : unit of the coordinates, ``mm`` or ``um``, for formats that do not state it
     frame : coordinate system of the surface the mesh was made from
     sources : field -> where it came from
     interior : how interior nodes got their values
-    made_from : which surfaces were meshed, of `meshed.made_from`
+    made_from : which surfaces were meshed, from `meshed.made_from`
 
     Raises
     ------
@@ -69,7 +69,7 @@ def export(
         raise StageError(
             "not certified, so not exported: " + "; ".join(certificate["reasons"]),
             file=path,
-            remedy="export.uncertified: true writes it all the same",
+            remedy="set export.uncertified: true to write it anyway",
         )
     _write_verified(
         mesh,
@@ -96,7 +96,10 @@ def _write_verified(
     made_from: Mapping[str, Any] | None = None,
     body: bool = True,
 ) -> AsRead | TriSurface:
-    """Write what is verified as written, and return it; `body` is false of an uncertified mesh, which may overlap."""
+    """Write and verify a file; returns what was read back. `body` is false for an uncertified mesh, which may overlap.
+
+    Raises StageError if the file breaks a convention of the solver.
+    """
     may_write(sidecar_path(path))
     with atomic_folder(path) as folder:
         write(content, folder / path.name, solver=solver, unit=unit, frame=frame)
@@ -123,7 +126,7 @@ def _write_verified(
 def write(
     content: TetMesh | TriSurface, path: Path, *, solver: str, unit: str = "um", frame: CoordinateFrame | None = None
 ) -> None:
-    """Write a mesh, or its boundary, in one format, without looking at what is written."""
+    """Write a mesh, or its boundary, in one format, without verifying the file."""
     form = FORMATS[solver]
     if form.is_surface:
         surface = content if isinstance(content, TriSurface) else _boundary(content)
@@ -139,18 +142,18 @@ def _boundary(mesh: TetMesh) -> TriSurface:
 
 
 def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = "um") -> list[str]:
-    """Write a mesh file in the format that the name of another stands for, verified as written.
+    """Convert a mesh file to the format that the name of `target` stands for, and verify the written file.
 
-    Nodes are renumbered when those of the surface do not come first; a mesh without sets gets the default ones. Units,
-    coordinate system and sources of fields are taken from the sidecar of `source` where there is one.
+    Nodes are renumbered if those of the surface do not come first; a mesh without sets gets the default sets. If
+    `source` has a sidecar, units, coordinate system and sources of fields come from there.
 
     Parameters
     ----------
-    unit, source_unit : of the coordinates, for formats that do not state it; a sidecar of `source` has precedence
+    unit, source_unit : unit of the coordinates, for formats that do not state it; a sidecar of `source` has precedence
 
     Returns
     -------
-    in words, what was changed on the way
+    what was changed on the way, in words
 
     Raises
     ------
@@ -199,10 +202,10 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
 
 
 def _with_face_sets(mesh: TetMesh) -> tuple[TetMesh, str]:
-    """The mesh with sets of faces, which its file does not hold; and in words how they were made.
+    """The mesh with sets of faces, which its file does not hold; and how they were made, in words.
 
-    Its own sets of nodes and tetrahedra stay. A face belongs to a set when all its nodes do; one between the cortical
-    surface and the medial wall, whose nodes belong to both, to the latter.
+    Its own sets of nodes and tetrahedra stay. A face belongs to a set if all its nodes do. If they belong to both the
+    cortical surface and the medial wall, the face belongs to the medial wall.
     """
     own = mesh.sets
     if not own.nodes and not own.cells:

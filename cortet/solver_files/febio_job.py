@@ -2,7 +2,8 @@
 
 The material `kinematic growth` splits the deformation gradient into an elastic part and growth, F = Fe Fg. Its `area
 growth` stretches by the square root of the multiplier in both directions across the first material axis, and not along
-it; so this axis is across the cortex in each element (`mat_axis`), and the multiplier rises from 1 to (1 + growth)^2.
+it. So this axis points across the cortex in each element (`mat_axis`), and the multiplier rises from 1 to
+(1 + growth)^2.
 
 Source: FEBio 4, FEGrowthTensor.cpp and FEKinematicGrowth.cpp (https://github.com/febiosoftware/FEBio), User Manual,
 "Kinematic Growth". FEBio itself is in no package index, and no test runs it.
@@ -75,7 +76,7 @@ def write_job(mesh: TetMesh, folder: Path, *, growth: float, material: Material 
 
 
 def _materials(mesh: TetMesh, material: Material) -> str:
-    """The cortex grows; the core, where there is one, does not."""
+    """Materials of the cortex, which grows, and of the core, if there is one, which does not."""
     grows = (
         f'<elastic type="neo-Hookean">{_elastic(material.mu_cortex, material.bulk)}</elastic>\n'
         '<growth type="area growth"><multiplier lc="1">1</multiplier></growth>\n'
@@ -93,7 +94,7 @@ def _elastic(shear: float, bulk: float) -> str:
 
 
 def _axes(normals: FloatArray) -> str:
-    """Material axes of the growing elements: the first is across the cortex."""
+    """Material axes of the growing elements; the first points across the cortex."""
     rows = io.StringIO()
     row = '<elem lid="%d"><a>%.9g,%.9g,%.9g</a><d>%.9g,%.9g,%.9g</d></elem>\n'
     write_rows(rows, row, np.arange(1, len(normals) + 1), normals, along(normals)[0])

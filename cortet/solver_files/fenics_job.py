@@ -14,9 +14,9 @@ from cortet.simulation.body import Material
 from cortet.solver_files.growing_cortex import growing, supports
 
 MESH, JOB, README = "mesh.xdmf", "job.py", "README.txt"
-#: the program of the job, which is copied
+#: the program of the job; it is copied into the folder
 PROGRAM = Path(__file__).with_name("dolfinx_growth.py")
-#: growth in one step of the solution, at most
+#: most growth in one step of the solution
 STEP = 0.02
 
 

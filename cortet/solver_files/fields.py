@@ -1,4 +1,4 @@
-"""Per-vertex fields that lie beside a surface in files of their own, and where each came from."""
+"""Per-vertex fields in files of their own beside a surface, and the source of each."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class FieldSource:
 
     file: str
     sha256: str
-    #: of its values, as the configuration states them
+    #: units of the values, as the configuration states them
     units: str
     kind: Literal["label", "scalar"]
-    #: key -> name of a label, as the file states them
+    #: key -> name of a label, as the file states it
     labels: dict[int, str]
 
 
@@ -35,13 +35,13 @@ def with_fields(surface: TriSurface, files: Mapping[str, str | Path]) -> TriSurf
 
     Parameters
     ----------
-    files : name of the field -> file; of a file with several arrays each becomes a field `<name>_<array's name>`
+    files : name of the field -> file; each array of a file with several becomes a field `<name>_<array's name>`
 
     Raises
     ------
     InputError
-        a file cannot be read, holds no array, a value that is not finite, or another number of values than the surface
-        has vertices
+        a file cannot be read or holds no array, a value is not finite, or the number of values is not that of the
+        vertices
     """
     fields = dict(surface.point_data)
     for name, file in files.items():
@@ -64,11 +64,11 @@ def with_fields(surface: TriSurface, files: Mapping[str, str | Path]) -> TriSurf
 
 
 def field_sources(files: Mapping[str, str | Path], units: Mapping[str, str] | None = None) -> dict[str, FieldSource]:
-    """Where each field that `with_fields` makes of these files came from.
+    """The source of each field that `with_fields` makes from these files.
 
     Parameters
     ----------
-    units : field, or name of a file in `files`, -> units of its values; `unknown` for one that is not named
+    units : field, or name of a file in `files`, -> units of its values; a field that is not named gets `unknown`
 
     Raises
     ------
@@ -90,7 +90,7 @@ def field_sources(files: Mapping[str, str | Path], units: Mapping[str, str] | No
 
 
 def _named(name: str, file: str | Path) -> Iterator[tuple[str, NDArray[Any]]]:
-    """The fields of one file by the names they get, which hold no space or sign that a solver stumbles over."""
+    """The fields of one file, by names without spaces and signs that a solver may not read."""
     arrays = read_fields(file)
     if not arrays:
         raise InputError("holds no per-vertex array", file=file, remedy="give a .shape, .func or .label GIfTI file")

@@ -1,4 +1,4 @@
-"""What the jobs of all solvers share in which the cortex of a mesh grows along itself: directions, moduli, supports."""
+"""Directions, moduli and supports, for the jobs of all solvers in which the cortex of a mesh grows along itself."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Support(NamedTuple):
     name: str
     #: (k,) int32
     nodes: IntArray
-    #: which of x, y and z: numbers from 0
+    #: the coordinates that stay: 0 for x, 1 for y, 2 for z
     axes: tuple[int, ...]
 
 
@@ -29,7 +29,7 @@ def growing(mesh: TetMesh, growth: float, *, most: float) -> tuple[IntArray, Flo
     Parameters
     ----------
     growth : relative growth along the cortex
-    most : that the solver's material holds for
+    most : largest growth for which the solver's material holds
 
     Raises
     ------
@@ -45,7 +45,7 @@ def growing(mesh: TetMesh, growth: float, *, most: float) -> tuple[IntArray, Flo
 
 
 def along(normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors across each of (k, 3) unit normals, and across each other."""
+    """Two unit vectors for each of (k, 3) unit normals, perpendicular to it and to each other."""
     start = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]])
     first = np.cross(normals, start)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -58,10 +58,10 @@ def young_and_poisson(shear: float, bulk: float) -> tuple[float, float]:
 
 
 def supports(mesh: TetMesh) -> list[Support]:
-    """What keeps the body in place without pressing it.
+    """Supports that hold the body without pressing it.
 
-    Six displacements of three nodes: one in the middle, one ahead of it and one above it. With a medial wall, whose
-    nodes keep their x, the three are on it, and three displacements are left.
+    They fix six displacements of three nodes: one in the middle, one ahead of it and one above it. With a medial wall,
+    whose nodes keep their x, the three nodes are on the wall, and only three more displacements are fixed.
     """
     wall: IntArray = mesh.sets.nodes.get(MEDIAL_WALL, np.zeros(0, np.int32))
     among = wall if len(wall) else np.setdiff1d(np.arange(len(mesh.points), dtype=np.int32), boundary_nodes(mesh))

@@ -1,7 +1,7 @@
-"""The surface that was meshed lies beside the mesh, and the sidecar of the mesh names it.
+"""The surface that was meshed: its file is beside the mesh, and the sidecar of the mesh names it.
 
-It is not the surface that the user gave, which repair, smoothing and separation may have changed. A mesh can be judged
-against the surface that it fills only.
+It differs from the surface that the user gave if repair, smoothing or separation changed that one. A mesh can only be
+judged against the surface that it fills.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from cortet.solver_files.sidecar import read_sidecar, sidecar_path
 
 
 def write_meshed(surface: TriSurface, mesh: Path) -> dict[str, Path]:
-    """Write the surface that was meshed beside the mesh, and its inner ones; the files by region.
+    """Write the surface that was meshed, and its inner surfaces, beside the mesh; returns the files by region.
 
     Parameters
     ----------
@@ -49,9 +49,9 @@ def certificate_path(mesh: Path) -> Path:
 def require_own_stem(
     mesh: Path, given: Mapping[str, str | Path], *, cell_size: float, mesh_sha256: str | None = None
 ) -> None:
-    """Raise InputError where another mesh has the stem of a mesh that is to be made.
+    """Raise InputError if another mesh has the same stem as the mesh to be made.
 
-    Certificate and meshed surface have names that begin with the stem: those of the new mesh would take their place.
+    The names of certificate and meshed surface begin with the stem, so the new mesh would replace those of the other.
     The same mesh in another format shares them.
 
     Parameters
@@ -91,7 +91,7 @@ def made_from(meshed: Mapping[str, Path], given: Mapping[str, str | Path], folde
     ----------
     meshed : region -> file of the surface that was meshed
     given : region -> file of the surface that the user gave
-    folder : of the sidecar; names of files are relative to it
+    folder : folder of the sidecar; names of files are relative to it
     """
     hemisphere = hemisphere_of(given[OUTERMOST]) if OUTERMOST in given else None
     surfaces = {
@@ -105,7 +105,7 @@ def made_from(meshed: Mapping[str, Path], given: Mapping[str, str | Path], folde
 
 
 def moved(record: Mapping[str, Any] | None, source: Path, target: Path) -> dict[str, Any] | None:
-    """`made_from` as a sidecar in another folder says it."""
+    """The entry of `made_from` for a sidecar in another folder."""
     if not record:
         return None
     surfaces = {
@@ -119,10 +119,10 @@ def moved(record: Mapping[str, Any] | None, source: Path, target: Path) -> dict[
 
 
 def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) -> tuple[TriSurface, Path]:
-    """The surface that a mesh is to be judged against, with its inner ones, and its file.
+    """The surface against which a mesh is judged, with its inner surfaces; and its file.
 
-    It is the surface that was meshed, where the sidecar of the mesh names it and the surfaces that are given here are
-    those that were given then, or none are. Else it is what is given here.
+    It is the surface that was meshed if the sidecar of the mesh names it, and if the surfaces given here are those
+    given then, or none are given. Else it is the surface given here.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) ->
     Raises
     ------
     InputError
-        no surface is given and no sidecar names one, or the surface that was meshed is missing or was changed
+        no surface is given and no sidecar names one, or the surface that was meshed is missing or has changed
     """
     record = read_sidecar(mesh).get("made_from")
     named = ({OUTERMOST: given} if given else {}) | dict(inner)
@@ -144,7 +144,7 @@ def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) ->
         for region, file in files.items():
             if not file.is_file() or sha256(file) != record["meshed"][region]["sha256"]:
                 raise InputError(
-                    f"is not there as the sidecar of {mesh.name} records it: the surface that was meshed",
+                    f"the surface that was meshed is missing, or not as the sidecar of {mesh.name} records it",
                     file=file,
                     remedy="put it back, or mesh the surface again",
                 )

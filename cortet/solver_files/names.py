@@ -1,4 +1,4 @@
-"""What becomes of the names of fields and sets on the way to another format: written in plain letters, or left out."""
+"""Names of fields and sets on the way to another format: some are written in plain letters, some are left out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _T = TypeVar("_T")
 
 
 def in_ascii(mesh: TetMesh) -> tuple[TetMesh, list[str]]:
-    """The mesh with names of ASCII characters, and in words which names that changed: `dïcke` becomes `dicke`."""
+    """The mesh with names in ASCII, and the changed names in words: `dïcke` becomes `dicke`."""
     sets = MeshSets(*(_plain(named) for named in (mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells)))
     made = replace(mesh, point_data=_plain(mesh.point_data), cell_data=_plain(mesh.cell_data), sets=sets)
     changes = [
@@ -30,9 +30,9 @@ def in_ascii(mesh: TetMesh) -> tuple[TetMesh, list[str]]:
 
 
 def left_out(mesh: TetMesh, back: TetMesh) -> list[str]:
-    """In words, which fields and sets of a mesh are not in what is read back of its file.
+    """Which fields and sets of a mesh are missing when its file is read back, in words.
 
-    A field of several components may have become one field for each, named `<field>_1` and so on.
+    A field of several components may have become one field per component, named `<field>_1` and so on.
     """
     whats = ("fields of the nodes", "fields of the tetrahedra", "sets of nodes", "sets of faces", "sets of tetrahedra")
     told = []

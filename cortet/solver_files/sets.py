@@ -1,8 +1,8 @@
 """Named sets of a mesh on its way to a solver: the parts of its surface, cortex and core, one set per label.
 
-The boundary is divided into `cortical_surface` and `medial_wall`, the tetrahedra into `cortex` and `core`. A face
-belongs to the label that two of its nodes carry, and where all three differ to that of its first node; a set of nodes
-holds those of the surface alone.
+The boundary is divided into `cortical_surface` and `medial_wall`, the tetrahedra into `cortex` and `core`. A face gets
+the label of two of its nodes, or that of its first node if all three differ. A set of nodes holds only nodes of the
+surface.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, interfaces
 from cortet.mesh import REGION, IntArray, MeshSets, TetMesh
 
-#: some solvers take no longer names
+#: some solvers refuse longer names
 _LONGEST_NAME = 80
 
 
@@ -33,23 +33,23 @@ def named_sets(
     label_names: Mapping[str, Mapping[int, str]] | None = None,
     inner: Sequence[str] = (),
 ) -> TetMesh:
-    """The mesh with its sets; those it had before are replaced.
+    """The mesh with its sets, which replace those that it had.
 
     Parameters
     ----------
     mesh : its labels are the integer fields of its nodes
     cortex_depth : mm; a tetrahedron whose centroid is nearer to the cortical surface than this is cortex
-    cortex_thickness : field of nodes, mm, that takes the place of `cortex_depth`: its value at the nearest point of the
+    cortex_thickness : field of nodes, mm, used instead of `cortex_depth`: its value at the nearest point of the
         cortical surface counts
     medial_wall : label field -> keys that mark the medial wall
-    label_names : label field -> key -> name, where there are names
-    inner : names of the regions of the mesh from 1 on, where it has any: then region 0 is the cortex, whatever its
-        depth, the others are the core, each of several is a set too, and so are the faces between two regions
+    label_names : label field -> key -> name, if there are names
+    inner : names of the regions of the mesh from 1 on, if it has any. Then region 0 is the cortex, whatever its depth,
+        and the others are the core. If these are several, each is a set, too; so are the faces between two regions
 
     Raises
     ------
     InputError
-        the mesh lacks a field that is named, or it is of the wrong kind; or nothing is left of the cortical surface
+        the mesh lacks a named field, the field is of the wrong kind, or nothing is left of the cortical surface
     """
     faces = boundary_faces(mesh)
     labels = {name: values for name, values in mesh.point_data.items() if _is_label(values)}
@@ -72,7 +72,7 @@ def named_sets(
         cortex = number == 0
         _add_interfaces(sets, mesh, inner)
     regions = {CORE: np.flatnonzero(~cortex).astype(np.int32), CORTEX: np.flatnonzero(cortex).astype(np.int32)}
-    if number is not None:  # sets take the place of the numbers
+    if number is not None:  # sets replace the numbers
         mesh = replace(mesh, cell_data={name: values for name, values in mesh.cell_data.items() if name != REGION})
         if len(inner) > 1:
             for i, name in enumerate(inner, start=1):
@@ -83,7 +83,7 @@ def named_sets(
 
 
 def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
-    """The mesh with the numbers of its regions as cell data, for which files have the sets of `named_sets`.
+    """The mesh with the numbers of its regions as cell data; files hold them as the sets of `named_sets`.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
     InputError
         the mesh has no such sets
     """
-    if REGION in mesh.cell_data and not mesh.sets.cells:  # beside sets it would be a tag of the format
+    if REGION in mesh.cell_data and not mesh.sets.cells:  # with sets it would be a tag of the format
         return mesh
     region = np.full(len(mesh.cells), -1, np.int32)
     names = [CORTEX, *([CORE] if len(inner) == 1 else map(set_name, inner))]
@@ -111,7 +111,7 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
 
 
 def _add_interfaces(sets: MeshSets, mesh: TetMesh, inner: Sequence[str]) -> None:
-    """One set of nodes and one of faces for the outside of each region but the first, seen from outside it."""
+    """Add a set of nodes and a set of faces for the outside of each region but the first, seen from outside it."""
     found = interfaces(mesh)
     for number in np.unique(found.region).tolist():
         name = set_name(f"{inner[number - 1]}{INTERFACE}", [*sets.nodes, *sets.faces])
@@ -120,17 +120,17 @@ def _add_interfaces(sets: MeshSets, mesh: TetMesh, inner: Sequence[str]) -> None
 
 
 def face_labels(values: NDArray[np.integer], faces: IntArray) -> NDArray[np.integer]:
-    """Label of each face: (k,), that of two of its nodes, of its first node where all three differ."""
+    """Label of each face, (k,): that of two of its nodes, or of its first node if all three differ."""
     first, second, third = (values[faces[:, corner]] for corner in range(3))
     return np.where(second == third, second, first)
 
 
 def set_name(text: str, taken: Collection[str] = ()) -> str:
-    """A name that every solver takes, made of any text: letters, digits, - and _, beginning with a letter.
+    """A name that every solver accepts, made from any text: letters, digits, - and _, a letter first.
 
     Parameters
     ----------
-    taken : names it must differ from in more than upper and lower case, which some solvers do not tell apart
+    taken : names from which it must differ in more than upper and lower case, which some solvers do not tell apart
     """
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_")
     if not name[:1].isalpha():
@@ -165,7 +165,8 @@ def _is_cortex(mesh: TetMesh, faces: IntArray, depth: float, thickness: str | No
     values = mesh.point_data.get(thickness)
     if values is None or values.ndim != 1 or _is_label(values):
         raise InputError(
-            f"the mesh has no scalar field {thickness} to tell the cortex by", remedy=_known(mesh.point_data)
+            f"the mesh has no scalar field {thickness}, which gives the depth of the cortex",
+            remedy=_known(mesh.point_data),
         )
     there = np.einsum("kc,kc->k", nearest.barycentric, values[faces[nearest.faces]])
     return nearest.distances < there

@@ -1,8 +1,8 @@
-"""The JSON file beside an exported mesh: what is in it, where it came from, and by which sums it is known.
+"""The JSON file beside an exported mesh: what the mesh holds, where it came from, and the hashes that identify it.
 
-`<file>.json` names units, coordinate system, sets and, for each field, its source. It also holds the SHA-256 of the
-nodes and of the values of each field as they are read back, so that fields of another mesh, or of an earlier state of
-this one, are found.
+`<file>.json` names units, coordinate system, sets and the source of each field. It also holds the SHA-256 of the nodes
+and of the values of each field, as they are read back. So fields of another mesh, or of an earlier state of this mesh,
+are detected.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from cortet.measure.quality import signed_volumes
 from cortet.mesh import CoordinateFrame, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
 
-#: bytes of a sidecar
+#: most bytes of a sidecar
 _LONGEST_FILE = 10_000_000
 
 
@@ -50,13 +50,13 @@ def sidecar(
 
     Parameters
     ----------
-    as_read : the mesh as it is read back from the file
-    files : of the export
-    unit : of the coordinates in the file
+    as_read : the mesh, read back from the file
+    files : files of the export
+    unit : unit of the coordinates in the file
     frame : coordinate system of the surface the mesh was made from
     sources : name of a field -> where it came from
-    interior : how interior nodes got their values; None where that is not known
-    made_from : of `meshed.made_from`
+    interior : how interior nodes got their values; None if that is not known
+    made_from : from `meshed.made_from`
     """
     record: dict[str, Any] = {
         "format": solver,
@@ -89,7 +89,7 @@ def sidecar(
 
 
 class _Field(BaseModel):
-    """What is read of the record of a field."""
+    """The part of a field's record that is read."""
 
     source: str
     source_sha256: str
@@ -111,7 +111,7 @@ class _Surface(BaseModel):
 
 
 class _MadeFrom(BaseModel):
-    """What is read of the origin of a mesh."""
+    """The part of a mesh's origin that is read."""
 
     given: dict[str, _Surface]
     meshed: dict[str, _Surface]
@@ -119,7 +119,7 @@ class _MadeFrom(BaseModel):
 
 
 class _Record(BaseModel):
-    """What is read of a sidecar, of whatever origin."""
+    """The part of a sidecar, of whatever origin, that is read."""
 
     fields_: dict[str, _Field] = Field(alias="fields")
     nodes_sha256: str
@@ -131,12 +131,12 @@ class _Record(BaseModel):
 
 
 def read_sidecar(path: Path) -> dict[str, Any]:
-    """Content of the sidecar of a mesh file; empty where there is none.
+    """Content of the sidecar of a mesh file; empty if there is none.
 
     Raises
     ------
     InputError
-        what is there is no sidecar
+        the file of that name is no sidecar
     """
     file = sidecar_path(path)
     if not file.exists():
@@ -155,7 +155,7 @@ def read_sidecar(path: Path) -> dict[str, Any]:
 
 
 def stale(path: Path, as_read: TetMesh | TriSurface) -> Iterator[str]:
-    """What in a file is not as its sidecar records it; nothing where there is no sidecar."""
+    """Differences between a file and its sidecar, in words; none if there is no sidecar."""
     record = read_sidecar(path)
     if not record:
         return
@@ -183,7 +183,7 @@ def stale(path: Path, as_read: TetMesh | TriSurface) -> Iterator[str]:
 
 
 def _field(name: str, values: NDArray[Any], sources: Mapping[str, FieldSource], interior: str | None) -> dict[str, Any]:
-    """Record of one field; a component `<name>_2` has the source of `<name>`."""
+    """Record of a field; a component `<name>_2` has the source of `<name>`."""
     source = sources.get(name) or sources.get(name.rpartition("_")[0])
     return {
         "components": int(values[0].size) if len(values) else 1,

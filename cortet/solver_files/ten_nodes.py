@@ -1,7 +1,7 @@
 """Files of ten-node tetrahedra for Abaqus and CalculiX, FEBio, Gmsh, ParaView and FEniCS.
 
-The corners keep the numbers that they have in the files of the straight mesh; the midside nodes follow. VTU, XDMF and
-Gmsh files are written by meshio, which knows each one's order of the midside nodes; Abaqus and FEBio take that of
+The corners keep the numbers that they have in the files of the straight mesh; the midside nodes follow. meshio writes
+VTU, XDMF and Gmsh files, and knows the order of midside nodes in each; Abaqus and FEBio take the order of
 `geometry.quadratic.EDGES` (Abaqus Elements Guide, "Three-dimensional solid element library"; FEBio User Manual,
 "Elements").
 """
@@ -34,7 +34,7 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> None:
     ----------
     mesh : the straight mesh, its named sets and fields
     curved : `geometry.quadratic.quadratic` of it
-    path : its suffix says for which program
+    path : its suffix chooses the program
 
     Raises
     ------
@@ -60,14 +60,14 @@ def record(curved: QuadraticMesh) -> dict[str, Any]:
 
 
 def with_middles(curved: QuadraticMesh, values: NDArray[Any]) -> NDArray[Any]:
-    """A field of corners (n, ...) on all nodes: real numbers are averaged, a label is that of the first end."""
+    """A field of corners (n, ...) on all nodes: numbers are averaged, a label is that of the edge's first end."""
     first, second = (values[curved.ends[:, end]] for end in (0, 1))
     middle = first if np.issubdtype(values.dtype, np.integer) else (first + second) / 2
     return np.concatenate([values, middle])
 
 
 def _node_sets(mesh: TetMesh, curved: QuadraticMesh) -> dict[str, IntArray]:
-    """Named sets with their midside nodes: those between two nodes of the set, along the surface for sets of it."""
+    """Named sets with the midside nodes between two nodes of the set; for sets of the surface, along the surface."""
     corners, found = len(mesh.points), {}
     outside = boundary_nodes(mesh)
     for name, nodes in mesh.sets.nodes.items():
@@ -103,7 +103,7 @@ def _write_febio(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Pat
 
 
 def _by_meshio(file_format: str) -> Callable[[TetMesh, QuadraticMesh, MeshSets, Path], None]:
-    """Writer of a format that meshio knows: fields, regions as tags, and the faces of the surface as six-node ones."""
+    """Writer of a format that meshio knows: fields, regions as tags, and faces of the surface with six nodes."""
 
     def write(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
         cells: list[tuple[str, IntArray]] = [("tetra10", curved.cells)]
@@ -129,7 +129,7 @@ def _by_meshio(file_format: str) -> Callable[[TetMesh, QuadraticMesh, MeshSets, 
     return write
 
 
-#: of files that are plain ASCII
+#: suffixes of files that are plain ASCII
 _PLAIN = (".inp", ".feb")
 _WRITERS: Mapping[str, Callable[[TetMesh, QuadraticMesh, MeshSets, Path], None]] = {
     ".inp": _write_abaqus,
@@ -141,7 +141,10 @@ _WRITERS: Mapping[str, Callable[[TetMesh, QuadraticMesh, MeshSets, Path], None]]
 
 
 def _check(curved: QuadraticMesh, path: Path) -> None:
-    """Read a file back, by meshio where it reads the format."""
+    """Read a file back and compare it with the mesh; meshio reads the formats that it knows.
+
+    Raises StageError if the file does not hold the mesh.
+    """
     if path.suffix == ".feb":
         return
     found = meshio.read(path)

@@ -1,4 +1,4 @@
-"""Check a written solver file against the conventions of its solver, from the bytes on disk and nothing else."""
+"""Check a written solver file against the conventions of its solver, only by its bytes on disk."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from cortet.solver_files.sidecar import stale
 
 
 def verify(path: str | Path, solver: str) -> list[str]:
-    """Name every convention of a solver that the file breaks; an empty list means it may be run.
+    """Name every convention of a solver that the file breaks; if the list is empty, the solver may run on it.
 
-    Where the file has a sidecar, fields that are not as it records them count too.
+    If the file has a sidecar, fields that differ from it count, too.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def verify(path: str | Path, solver: str) -> list[str]:
 
 
 def problems(file: AsRead | TriSurface, *, body: bool = True) -> list[str]:
-    """Name every convention that what was read breaks.
+    """Name every convention that a file which was read breaks.
 
     Parameters
     ----------
