@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from tests.integration.study import Study, surface
+import numpy as np
+
+from cortet.formats.gifti import write_fields
+from tests.integration.study import STATUS, Study, surface
 
 
 def named_right(path: Path) -> None:
@@ -19,10 +22,17 @@ def named_right(path: Path) -> None:
 def test_a_fault_of_one_row_fails_its_case_alone(tmp_path: Path) -> None:
     study = Study(tmp_path)
     image = replace(study.case("image"), affine=tmp_path / "gone.nii.gz")
-    for number, case in enumerate((study.case("good"), study.case("other"), image)):
+    inner = replace(study.case("inner"), inner={"white": tmp_path / "none.surf.gii"})
+    sphere = replace(study.case("sphere"), sphere=tmp_path / "sphere.surf.gii")
+    field = replace(study.case("field"), fields={"thickness": tmp_path / "gone.shape.gii"})
+    thick = tmp_path / "surfaces/good_thickness.shape.gii"
+    good = replace(study.case("good"), fields={"thickness": thick})
+    for number, case in enumerate((good, study.case("other"), image, inner, sphere, field)):
         study.add_case(case, surface(number))
+    write_fields({"thickness": np.ones(len(surface(0).points))}, thick)
     named_right(tmp_path / "surfaces/other.surf.gii")
-    ran = study.jobs_of_run("--keep-going", "cohort", succeeds=False)
+    study.config["resample"] = {"subdivisions": 3}
+    ran = study.jobs_of_run("--keep-going", STATUS, succeeds=False)
     assert ("export", "sub-good") in ran
     assert {rule for rule, case in ran if case in ("sub-other", "sub-image")} <= {"repair", "case_page"}
     status = study.status()
@@ -31,3 +41,11 @@ def test_a_fault_of_one_row_fails_its_case_alone(tmp_path: Path) -> None:
     assert "other.surf.gii: is of hemisphere R, as its AnatomicalStructurePrimary says, but its row says L" in reason
     assert "mend the column hemi" in reason
     assert "gone.nii.gz: cannot be read as an image" in status["sub-image_hemi-L"]["reason"]
+    for name, stage, words in (
+        ("inner", "repair_inner", ["none.surf.gii: no such file"]),
+        ("sphere", "resample", ["sphere.surf.gii: no such file", "column sphere of the cohort sheet"]),
+        ("field", "fields", ["gone.shape.gii"]),
+    ):
+        row = status[f"sub-{name}_hemi-L"]
+        assert (row["state"], row["stage"]) == ("failed", stage)
+        assert all(word in row["reason"] for word in words), row["reason"]

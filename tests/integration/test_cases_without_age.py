@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cortet.formats.gifti import write_surface
-from tests.integration.study import Study, surface
+from tests.integration.study import STATUS, Study, surface
 
 
 def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path: Path) -> None:
@@ -24,7 +24,9 @@ def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path: Path) -> No
     assert {case for rule, case in study.planned_jobs() if rule == "fold"} == {"sub-a"}
 
     study.config["fold"] = {}
-    jobs = study.jobs_of_run("cohort", "methods")
+    jobs = study.jobs_of_run(
+        STATUS, *(f"derivatives/cortet/cohort/{name}" for name in ("cohort_quality.tsv", "methods.md"))
+    )
     assert "1 without an age" in study.said and "sub-b_hemi-L" in study.said
     assert {case for rule, case in jobs if rule in ("smooth_surface", "smooth_surface_inner")} == {"sub-a"}
     assert {row["state"] for row in study.status().values()} == {"certified"}

@@ -28,7 +28,7 @@ def test_all_cases_are_folded_under_every_variant(study: Study) -> None:
     assert float(rows["sub-a_hemi-L", "n/a"]["thickness_mm"]) == 3.0
     page = (study.outputs / "cohort/index.html").read_text()
     assert page.count("before and after") == 6 and "FoldedThin/folding.gif" in page
-    assert study.jobs_of_run() == set()
+    assert study.planned_jobs() == set()
 
 
 def test_a_fold_asks_for_a_gpu_where_it_shall_have_one(study: Study) -> None:

@@ -6,7 +6,7 @@
     wait    the same moment, until the file `go` is in the folder
     hang    the same moment, for good, inside C code that keeps the interpreter
     fill    the disk of the outputs is filled when the job opens its first output for writing
-    late    the outputs of the job are not to be seen for 3 s after its end, as over a network
+    late    the outputs of the job are not to be seen for 1 s after its end, as over a network
 
 What was done leaves a file `<done>-<rule>-<first output>` in the folder, which says whether the last output was there.
 """
@@ -67,7 +67,7 @@ def _hide(outputs: list[Path]) -> None:
     for output in outputs:
         hidden = Path(PLAN["folder"]) / output.name
         shutil.move(output, hidden)
-        subprocess.Popen(["sh", "-c", 'sleep 3; mv "$0" "$1"', hidden, output], start_new_session=True)
+        subprocess.Popen(["sh", "-c", 'sleep 1; mv "$0" "$1"', hidden, output], start_new_session=True)
 
 
 if PLAN:
