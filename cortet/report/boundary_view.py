@@ -108,7 +108,7 @@ def _simplified(surface: TriSurface, faces: int) -> TriSurface:
 
 
 def _carried(points: FloatArray, values: FloatArray, targets: FloatArray) -> FloatArray:
-    """Values at targets: the largest value of the points that are nearest to a target, else the nearest point's."""
+    """Values at targets: the largest of the points whose nearest target it is; if none, that of the nearest point."""
     carried = values[cKDTree(points).query(targets)[1]]
     np.maximum.at(carried, cKDTree(targets).query(points)[1], values)
     return carried

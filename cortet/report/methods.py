@@ -35,8 +35,8 @@ def methods_text(certificates: Sequence[Certificate], sheet: Iterable[Case], fai
 
     Parameters
     ----------
-    certificates : contents of the certificates of the line's meshes, at least one. They share parameters and versions,
-        except for cell sizes, meshers, and smoothing, which surfaces of unknown age lack
+    certificates : contents of the certificates of the line's meshes, at least one. The first gives all parameters and
+        versions, except for cell sizes, meshers, and smoothing, which surfaces of unknown age lack
     sheet : all cases, excluded ones too
     failures : case -> why it has no certificate
     """
