@@ -1,1 +1,1 @@
-"""Many surfaces: the sheet, what became of each case, one run at a time, what jobs take, the folder's description."""
+"""Many surfaces: the cohort sheet, a run's plan, status and lock, the cost of jobs, the folder's description."""

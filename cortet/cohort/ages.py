@@ -1,9 +1,9 @@
-"""Ages at scan from the tables of a dataset: which column of which table, in which unit, and what is not read.
+"""Ages at scan from the tables of a dataset: which column is read, in which unit, and which columns are not read.
 
-A gestational age is what cortet needs. A column that is called so is read in weeks, or in the unit that the table's
-sidecar says (`Units`, as in BIDS). The column `age` of BIDS is in years from birth where no sidecar says otherwise, and
-the age of a child of two must not become a fetus of two weeks: it is read where its unit is weeks, or where the
-configuration names the column.
+cortet needs gestational ages. A column of that name is read in weeks, or in the unit that the table's sidecar states
+(`Units`, as in BIDS). The column `age` of BIDS is in years from birth, unless a sidecar says otherwise. A child of two
+years must not become a fetus of two weeks, so this column is read only if its unit is weeks, or if the configuration
+names it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from cortet.geometry.limits import SCAN_AGES
 
 #: weeks in a unit of time
 WEEKS = {"weeks": 1.0, "days": 1 / 7, "months": 365.25 / 12 / 7, "years": 365.25 / 7}
-#: column whose ages count from birth where nothing else is said
+#: column whose ages count from birth unless a sidecar says otherwise
 FROM_BIRTH = "age"
 #: a session of a participant: their labels
 Session = tuple[str, str | None]
@@ -33,9 +33,9 @@ _UNITS = {
     "months": r"months?|mo|mos|mths?",
     "years": r"years?|yrs?|y",
 }
-#: words by which a sidecar says that a column counts from birth, or from before
+#: words in a sidecar for ages from birth, and for ages from conception or the last period
 _BIRTH, _GESTATION = r"\b(birth|born|postnatal|chronological)", r"gestation|menstrual|concept|\bPMA\b|\bGA\b"
-#: what tables hold where a value is not known
+#: cells that mean an unknown value
 _MISSING = frozenset({"", "n/a", "na", "nan", "none", "null"})
 _LARGEST_SIDECAR = 10_000_000
 
@@ -47,14 +47,14 @@ _RowsByParticipant = dict[str, list[dict[str, str]]]
 class Column:
     """How a column of a table is read."""
 
-    #: file name of the table, as the configuration has it, and the column
+    #: file name of the table, as in the configuration, and name of the column
     table: str
     name: str
-    #: of `WEEKS`
+    #: key of `WEEKS`
     unit: str
-    #: who says so
+    #: what states this unit
     source: str
-    #: why the column is not read; empty where it is
+    #: why the column is not read; empty if it is read
     refused: str = ""
     #: whether a description alone names the unit
     only_described: bool = False
@@ -67,7 +67,7 @@ class _Reading:
     session: Session
     column: Column
     text: str
-    #: None where the column is not read, or the value is no gestational age, or rows contradict each other
+    #: None if the column is not read, the value is no gestational age, or rows contradict each other
     weeks: float | None
     #: whether the row is about all sessions of the participant
     shared: bool
@@ -89,14 +89,14 @@ def ages_at_scan(
     *,
     named: bool = False,
 ) -> tuple[dict[Session, float], list[str]]:
-    """Gestational ages, weeks, of the sessions that have one; in words, where they come from and what is not read.
+    """Gestational ages, weeks, of the sessions that have one; and remarks on their sources and on what is not read.
 
     Parameters
     ----------
     sessions : participant and session, their labels
-    tables : of each session, what a table is called and where it is, the one that counts most first
-    columns : that may hold the age; of each table the first one that is there
-    named : whether the configuration names the columns, which vouches for weeks
+    tables : name and file of the tables of each session; the first tables count most
+    columns : columns that may hold the age; each table uses the first of them that it has
+    named : whether the configuration names the columns; their unit is then taken to be weeks
 
     Raises
     ------
@@ -128,7 +128,7 @@ def _reading(
     *,
     named: bool,
 ) -> _Reading | None:
-    """What a table says of the age of a session; None where it says nothing."""
+    """What a table says of the age of a session; None if it says nothing."""
     participant, label = session
     keys = {"participant_id": participant, "session_id": label}
     known = [
@@ -137,7 +137,7 @@ def _reading(
         if all(_label(row[key]) == value for key, value in keys.items() if value and key in row)
     ]
     if label is None and len({row.get("session_id") for row in known}) > 1:
-        return None  # the surface does not say of which session it is
+        return None  # the name of the surface does not say which session it is from
     given = [(name, row) for row in known if (name := next((one for one in columns if one in row), None))]
     given = [(name, row) for name, row in given if row[name].strip().lower() not in _MISSING]
     if not given:
@@ -150,7 +150,7 @@ def _reading(
 
 
 def _weeks(texts: Sequence[str], column: Column) -> float | None:
-    """The one gestational age that the rows of a session give; None where there is none, or more than one."""
+    """The one gestational age that the rows of a session give; None if they give none, or several."""
     values = {number(text) for text in texts}
     value = values.pop() if len(values) == 1 else None
     if value is None or column.refused:
@@ -160,7 +160,7 @@ def _weeks(texts: Sequence[str], column: Column) -> float | None:
 
 
 def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
-    """How a column is read, by what its sidecar says of it."""
+    """How a column is read, according to its sidecar."""
     said = {key.lower(): str(value) for key, value in entry.items()} if isinstance(entry, Mapping) else {}
     about = " ".join(said.get(key, "") for key in ("longname", "description", "units"))
     written = said.get("units", "")
@@ -182,14 +182,14 @@ def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
 
 
 def _described_unit(text: str) -> str | None:
-    """The unit other than weeks in which a description says that ages are; None where it names weeks, or none."""
+    """The unit of ages that a description names; None if it names weeks or no unit."""
     words = {unit: rf"\b{unit}\b|\bin {unit[:-1]}\b" for unit in WEEKS}
     named = [unit for unit, pattern in words.items() if re.search(pattern, text, re.IGNORECASE)]
     return named[0] if named and "weeks" not in named else None
 
 
 def _in_words(readings: Sequence[_Reading]) -> list[str]:
-    """What was read of which column, what was not read and why, and which sessions share an age."""
+    """Which columns were read, what was not read and why, and which sessions share an age, in words."""
     told = []
     for column in dict.fromkeys(reading.column for reading in readings):
         own = [reading for reading in readings if reading.column == column]
@@ -220,7 +220,7 @@ def _in_words(readings: Sequence[_Reading]) -> list[str]:
             shared.setdefault((participant, reading.weeks), []).append(f"ses-{label}")
     return told + [
         f"sub-{participant}: {', '.join(labels)} share the one age of their participant, {weeks:g} weeks "
-        "(a sessions table gives each its own)"
+        "(a sessions table can give each session its own age)"
         for (participant, weeks), labels in shared.items()
         if len(labels) > 1
     ]
@@ -236,11 +236,11 @@ def _named(session: Session) -> str:
 
 
 def _sidecar(path: Path, table: str) -> Mapping[str, object]:
-    """What the JSON file beside a table says of its columns; for sessions tables, also one at the root of the dataset.
+    """Content of the JSON file beside a table; for sessions tables, also of the one at the root of the dataset.
 
     Raises
     ------
-    InputError : it is no JSON of keys and values
+    InputError : the file is no JSON of keys and values
     """
     beside = path.with_suffix(".json")
     root = Path(*path.parts[: len(path.parts) - len(Path(table).parts)])
@@ -259,7 +259,7 @@ def _sidecar(path: Path, table: str) -> Mapping[str, object]:
 
 
 def _rows_by_participant(path: Path) -> _RowsByParticipant:
-    """Rows of a table by the participant's label, which is empty where the table has no such column."""
+    """Rows of a table by the participant's label, which is empty if the table has no such column."""
     table, _ = read_uneven_tsv(path)
     found: _RowsByParticipant = {}
     for row in table.to_dict("records"):

@@ -28,9 +28,9 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.ownership import MARKER, mark
 from cortet.formats.tsv import read_tsv
 
-#: level of the analysis, as BIDS Apps call it, and the rule that makes it
+#: level of analysis in a BIDS App -> target rule
 LEVELS = {"participant": "participants", "group": "cohort"}
-#: where outputs go, and where Snakemake keeps its own files below it
+#: folder of Snakemake's own files, below the output folder
 _WORK = "work"
 
 
@@ -98,12 +98,12 @@ def lock(dataset: Path, output: Path) -> IO[str]:
 def find(
     dataset: Path, selection: Selection, settings: Mapping[str, Any], say: Callable[[str], object] = lambda _: None
 ) -> list[Case]:
-    """The cases of a dataset that are selected, those of unknown age among them.
+    """The selected cases of a dataset, including those of unknown age.
 
     Parameters
     ----------
-    settings : sections of the configuration, as of its file
-    say : is told where the ages come from
+    settings : sections of the configuration, as in its file
+    say : called with remarks on where the ages come from
 
     Raises
     ------
@@ -117,12 +117,12 @@ def find(
 
 
 def prepare(cases: Sequence[Case], dataset: Path, output: Path, work: Path, settings: Mapping[str, Any]) -> None:
-    """Write the cohort sheet and the configuration of a run, whose lock is held.
+    """Write the cohort sheet and the configuration of a run; the caller holds its lock.
 
     Raises
     ------
     InputError
-        the settings are wrong, or the working folder has a sheet or a configuration of others
+        the settings are wrong, or the working folder has a sheet or a configuration that cortet did not write
     """
     sheet, file = work / "cohort.tsv", work / "config.yaml"
     cohort = dict(settings.get("cohort") or {})
@@ -139,7 +139,7 @@ def prepare(cases: Sequence[Case], dataset: Path, output: Path, work: Path, sett
 
 
 def _claim(work: Path, output: Path, files: Sequence[Path]) -> None:
-    """Mark the working folder as cortet's; InputError where files that are to be written there are others'."""
+    """Mark the working folder as cortet's; InputError if it would replace files that cortet did not write."""
     if not (work / MARKER).is_file():
         there = [file for file in files if os.path.lexists(file)]
         if there and not (work == work_folder(output) and is_own_output(output)):
@@ -150,16 +150,16 @@ def _claim(work: Path, output: Path, files: Sequence[Path]) -> None:
 
 
 def snakemake(work: Path, level: str, *, cores: int, profile: str | None = None, dry_run: bool = False) -> int:
-    """Run the workflow in its working folder to its end; the exit code of Snakemake. This process holds the lock.
+    """Run the workflow in its working folder and return Snakemake's exit code. This process holds the lock.
 
     Parameters
     ----------
-    level : of `LEVELS`
-    profile : a profile of Snakemake, or the name of one that comes with the workflow, as `slurm`
+    level : key of `LEVELS`
+    profile : a profile of Snakemake, or the name of one that comes with the workflow, such as `slurm`
     """
     folder = workflow()
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(folder / "Snakefile"), "--cores", str(cores)]
-    # the output folder has a lock of its own, which a killed run does not leave behind
+    # the output folder has a lock of its own, which ends with a killed run
     command += ["--directory", str(work), "--nolock"]
     if profile:
         own = folder / "profiles" / profile
@@ -172,7 +172,7 @@ def snakemake(work: Path, level: str, *, cores: int, profile: str | None = None,
 
 
 def failures(output: Path, since: float) -> list[str]:
-    """A line for each case that a run left without a certificate, from the status table that was written since then."""
+    """A line for each case without a certificate, from the status table, if it was written after `since`."""
     table = output / "cohort" / "cohort_status.tsv"
     if not table.is_file() or table.stat().st_mtime < since:
         return []
@@ -182,7 +182,7 @@ def failures(output: Path, since: float) -> list[str]:
 
 
 def work_folder(output: Path) -> Path:
-    """Where a run keeps its sheet, its configuration and Snakemake's own files, unless it is told otherwise."""
+    """The default folder of a run's sheet, its configuration and Snakemake's own files."""
     return output / _WORK
 
 

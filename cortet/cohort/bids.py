@@ -22,7 +22,7 @@ from cortet.stages import MESH_STAGES, STAGES
 BIDS_VERSION = "1.11.0"
 PAPER = "https://doi.org/10.48550/arXiv.2607.12157"
 DESCRIPTION = "dataset_description.json"
-#: what the specification has no names for: tetrahedral meshes and what is known of them, tables over all cases
+#: files for which the specification has no names: tetrahedral meshes and their records, tables over all cases
 IGNORED = (
     "*_tetmesh.*",
     "*_quality.json",
@@ -37,7 +37,7 @@ IGNORED = (
     "benchmarks",
     "work",
 )
-#: what a sidecar says of its file besides the report of the stage: whose it is, of which input, and two keys of BIDS
+#: keys of a sidecar besides the report of the stage: origin of the file, hash of its input, and two keys of BIDS
 ABOUT = ("origin", "input_sha256", "Sources", "SpatialReference")
 #: `desc` of surfaces that are no result of a stage
 _SURFACES = {
@@ -48,7 +48,7 @@ _SURFACES = {
 
 @dataclass(frozen=True)
 class Places:
-    """What BIDS URIs of a run begin with."""
+    """Roots of the BIDS URIs of a run."""
 
     #: folder of everything that is made: `bids::`
     output: Path
@@ -64,8 +64,8 @@ class Places:
     def dataset(self, file: Path) -> tuple[str, Path]:
         """Name and root of the dataset that a file belongs to.
 
-        One that lies below neither of the two belongs to the nearest folder above it that describes itself as a
-        dataset, else to its own. The name is that of the folder and, since others may be called the same, its place.
+        A file below neither of the two belongs to the nearest folder above it that describes itself as a dataset, else
+        to its own folder. The name is that of the folder with a hash of its path, since folders may share a name.
         """
         for name, place in (("", self.output), ("raw", self.raw)):
             if file.is_relative_to(root := _absolute(place)):
@@ -75,7 +75,7 @@ class Places:
         return f"{word}{hashlib.sha256(os.fsencode(folder)).hexdigest()[:4]}", folder
 
     def links(self, files: Iterable[str | Path]) -> dict[str, str]:
-        """Names of the datasets that files come from, and where these are, seen from the output folder."""
+        """Names of the datasets that files come from -> their paths relative to the output folder."""
         roots = dict(sorted(self.dataset(_absolute(file)) for file in files))
         output = _absolute(self.output)
         return {name: Path(os.path.relpath(root, output)).as_posix() for name, root in roots.items() if name}
@@ -87,7 +87,7 @@ def provenance(sources: Iterable[str | Path], reference: str | Path | None, plac
     Parameters
     ----------
     sources : files that the file was made from
-    reference : surface in whose space it is
+    reference : surface in whose space the file is
     """
     uris = dict.fromkeys(map(places.uri, sources))
     return {"Sources": list(uris)} | ({} if reference is None else {"SpatialReference": places.uri(reference)})
@@ -98,7 +98,7 @@ def write_dataset_description(description: Path, ignore: Path, links: Mapping[st
 
     Parameters
     ----------
-    links : of `Places.links`: relative to the folder of the description, so that all may be moved together
+    links : from `Places.links`, relative to the folder of the description, so that all can be moved together
     """
     named = {name: quote(place) for name, place in links.items()}
     sources = [{"URL": named[name], **_citable(description.parent / place)} for name, place in links.items()]
@@ -118,12 +118,12 @@ def write_dataset_description(description: Path, ignore: Path, links: Mapping[st
 
 
 def require_own_output(output: Path, dataset: Path | None) -> None:
-    """Raise InputError where results would be written over files of others.
+    """Raise InputError if results would be written over files that cortet did not write.
 
     Parameters
     ----------
     output : folder of everything that is made
-    dataset : root of the dataset that is meshed; None where none is known
+    dataset : root of the dataset that is meshed; None if it is not known
     """
     remedy = "name an empty or a new folder, e.g. DATASET/derivatives/cortet"
     if dataset is not None and dataset.resolve().is_relative_to(output.resolve()):
@@ -148,12 +148,12 @@ def is_own_output(output: Path) -> bool:
 
 
 def _absolute(file: str | Path) -> Path:
-    """The file from the root; links stay, as a dataset may consist of them."""
+    """The absolute path of a file; links stay, as a dataset may consist of links."""
     return Path(os.path.normpath(Path(file).absolute()))
 
 
 def _citable(root: Path) -> dict[str, str]:
-    """DOI of a dataset, where its description has one."""
+    """DOI of a dataset, if its description has one."""
     try:
         doi = json.loads((root / DESCRIPTION).read_text(encoding="utf-8")).get("DatasetDOI")
     except (OSError, ValueError, AttributeError):
@@ -162,11 +162,11 @@ def _citable(root: Path) -> dict[str, str]:
 
 
 def descriptions(settings: Mapping[str, Config]) -> dict[str, str]:
-    """What each value of `desc` in the names of files means, for all that a configuration can make.
+    """Meaning of each value of `desc` in file names, for all files that a configuration can make.
 
     Parameters
     ----------
-    settings : configuration of each setting, by what it adds to names; that of the line adds nothing
+    settings : configuration of each setting, by its addition to file names; the line's own adds nothing
     """
     found = dict(_SURFACES)
     found |= {stage.label: _sentence(stage.does) for stage in STAGES.values() if stage.gives == "surface"}

@@ -1,4 +1,4 @@
-"""What each job of the workflow reads, with what parameters it runs, and what it takes.
+"""Inputs, parameters, memory and time of each job of the workflow.
 
 Methods take the wildcards of a job, by their names.
 """
@@ -28,18 +28,18 @@ Job = Mapping[str, str]
 #: a mesh of the line: name of its case, cell size in µm, mesher
 Mesh = tuple[str, int, str]
 
-#: of `Config.placement`; in words where it cannot be told
+#: matrix of `Config.placement`, or a message why it is not known
 Placement = tuple[tuple[float, ...], ...] | str | None
 
-#: stands in the name of a common sphere where the hemisphere of a case is not known: no file has it
+#: stands in the name of a common sphere if the hemisphere of a case is not known: no file has this name
 _NO_HEMISPHERE = "{hemi}"
 
 
 @dataclass(frozen=True)
 class Jobs:
-    """The jobs of a run: what each reads, with what parameters it runs, what it takes. `Plan` is the whole run."""
+    """The jobs of a run: their inputs, parameters, memory and time. `Plan` is the whole run."""
 
-    #: configuration of each setting by what it adds to names of files; that of the line adds nothing
+    #: configuration of each setting, by its addition to file names; the line's own adds nothing
     settings: Mapping[str, Config]
     #: rows of the sheet, excluded ones too
     sheet: Sequence[Case]
@@ -72,7 +72,7 @@ class Jobs:
 
     @cached_property
     def compared_meshers(self) -> list[str]:
-        """Meshers of other projects, for comparison: where one fails, its report says so and the run goes on."""
+        """Meshers of other projects, for comparison. If one fails, its report says so and the run continues."""
         meshers = self.config.experiments.ablation.meshers
         return [mesher for mesher in meshers if mesher in BASELINES and mesher not in self.config.generate.meshers]
 
@@ -86,7 +86,7 @@ class Jobs:
         }
 
     def solver_files(self) -> list[str]:
-        """Files for solvers of all meshes with their certificates: one that was deleted is made again."""
+        """Files for solvers and certificates of all meshes; a deleted file is made again."""
         patterns = [*self.layout.solver_files(self.config.export.formats), self.layout.certificate]
         return [path for pattern in patterns for path in self.each_case(pattern).values()]
 
@@ -100,7 +100,7 @@ class Jobs:
         return [path for pattern in patterns for path in self.each_case(pattern).values()]
 
     def settings_on(self, mesher: str) -> list[str]:
-        """Settings, as files name them, that are run on the meshes of a mesher: those that have it, else all."""
+        """Settings, by their names in files, that run on the meshes of a mesher: those that name it, else all."""
         own = [name for name, setting in self.settings.items() if mesher in setting.generate.meshers]
         return own or list(self.settings)
 
@@ -126,13 +126,13 @@ class Jobs:
         return self.config.enabled("resample") and self.case(job).sphere is not None
 
     def hemisphere(self, job: Job) -> str | None:
-        """The hemisphere of a case; None of a whole brain."""
+        """The hemisphere of a case; None for a whole brain."""
         return self.case(job).hemi
 
     def placement(self, job: Job) -> Placement:
-        """Matrix that takes the coordinates of a case to mm; None where they are mm.
+        """Matrix that takes the coordinates of a case to mm; None if they are mm.
 
-        In words why not, where its image cannot be read: the job complains (`_job.Job.to_mm`), so that others go on.
+        If the image of the case cannot be read, it is a message, which the job reports (`_job.Job.to_mm`).
         """
         case = self.case(job)
         try:
@@ -141,11 +141,11 @@ class Jobs:
             return str(error)
 
     def placement_after_resampling(self, job: Job) -> Placement:
-        """As `placement`, for the stage that is the first one where a case has no sphere."""
+        """As `placement`, for the stage that comes first if a case has no sphere."""
         return None if self.is_resampled(job) else self.placement(job)
 
     def facts(self, job: Job) -> dict[str, Any]:
-        """What is known of the surface or mesh that a job is about, as `Config.arguments` wants it."""
+        """What is known of the surface or mesh of a job, in the form for `Config.arguments`."""
         case = self.case(job)
         facts: dict[str, Any] = {
             "source": self.source(job),
@@ -160,7 +160,7 @@ class Jobs:
         return facts
 
     def arguments(self, step: str, job: Job) -> dict[str, Any]:
-        """Keyword arguments of a stage or another step: with its VERSION, they decide whether it runs again."""
+        """Keyword arguments of a stage or another step; with its VERSION they decide whether it runs again."""
         values = self._config_of(step, job).arguments(step, self._facts_of(step, job))
         told = step in STAGES and STAGES[step].told_inside and "inner" in job.keys()  # noqa: SIM118
         return {**values, "inside": True} if told else values
@@ -171,13 +171,13 @@ class Jobs:
         return {step: self._config_of(step, job).record(step, self._facts_of(step, job)) for step in steps}
 
     def _facts_of(self, step: str, job: Job) -> dict[str, Any]:
-        """As `facts`; with a word for the hemisphere that is not known, which decides where `resample` goes."""
+        """As `facts`, with a word for an unknown hemisphere, which decides where `resample` goes."""
         facts = self.facts(job)
         named = {"hemisphere": facts["hemisphere"] or _NO_HEMISPHERE} if step == "resample" else {}
         return facts | named
 
     def _config_of(self, step: str, job: Job) -> Config:
-        """Stages that all settings share work in that of the line."""
+        """The configuration for a step; steps that all settings share use that of the line."""
         return self.config if LABELS.get(step) in SHARED else self.setting(job)
 
     def source(self, job: Job) -> str:
@@ -188,9 +188,9 @@ class Jobs:
     # --- the user's files ----------------------------------------------------------------------------------------
 
     def paths(self, job: Job) -> dict[str, str]:
-        """The user's files that a job's result is made from, by their columns in the sheet, fields left out.
+        """The user's files from which a job makes its result, by their columns in the sheet, without fields.
 
-        A job on one surface has that surface's, one on a mesh has those of all surfaces of the case.
+        A job on one surface has the files of that surface, a job on a mesh those of all surfaces of the case.
         """
         case = self.case(job)
         named: dict[str, Any] = {"surface": case.surface} | {f"inner_{name}": path for name, path in case.inner.items()}
@@ -210,13 +210,13 @@ class Jobs:
         return self.paths(job) | {f"field_{name}": path for name, path in self.field_paths(job).items()}
 
     def given_surfaces(self, job: Job) -> dict[str, str]:
-        """The user's surfaces of a case by region; nothing of a phantom."""
+        """The user's surfaces of a case by region; empty for a phantom."""
         case = self.case(job)
         named = {OUTERMOST: case.surface, **case.inner}
         return {region: str(path) for region, path in named.items() if path != PHANTOM}
 
     def input_sha256(self, job: Job) -> dict[str, str | None]:
-        """Hashes of `paths`: with another content of a file, whatever its time, everything of the case runs again."""
+        """Hashes of `paths`. Editing a file reruns its whole case; touching it reruns nothing."""
         return content(self.paths(job))
 
     # --- what jobs read ------------------------------------------------------------------------------------------
@@ -227,19 +227,19 @@ class Jobs:
         return self.layout.surface("phantom") if case.is_phantom else existing(case.surface)
 
     def sphere(self, job: Job) -> str | list[str]:
-        """The sphere of a case that is resampled; nothing of others, and where the file is missing."""
+        """The sphere of a case that is resampled; empty for other cases, and if the file is missing."""
         if not self.is_resampled(job):
             return []
         sphere = self.case(job).sphere
         return self.layout.surface("phantom", "sphere.surf.gii") if sphere == PHANTOM else existing(sphere)
 
     def template(self, job: Job) -> str | list[str]:
-        """The common sphere that a case is resampled to; nothing where that is the icosphere."""
+        """The common sphere that a case is resampled to; empty if that is the icosphere."""
         template = self._template(self.case(job)) if self.is_resampled(job) else None
         return [] if template is None else existing(template)
 
     def _template(self, case: Case) -> str | None:
-        """The common sphere of a case; the job complains of one that depends on a hemisphere that is not known."""
+        """The common sphere of a case; if it depends on an unknown hemisphere, the job reports that."""
         return self.config.resample.template_of(case.hemi or _NO_HEMISPHERE)
 
     def inner_source(self, job: Job) -> str | list[str]:
@@ -250,22 +250,22 @@ class Jobs:
         return existing(path) if path else []
 
     def first_surface(self, job: Job) -> str | list[str]:
-        """The surface with which the line begins, on the common mesh where it has a sphere; of the job's own region."""
+        """The first surface of the line, for the region of the job; on the common mesh if the case has a sphere."""
         inner = "inner" in job.keys()  # noqa: SIM118
         if self.is_resampled(job):
             return self.layout.surface(STAGES["resample"].label, inner=inner)
         return self.inner_source(job) if inner else self.surface(job)
 
     def existing_fields(self, job: Job) -> list[str]:
-        """The files of the fields of a case that are there; the job complains about the others."""
+        """The files of a case's fields that exist; the job reports the others."""
         return [path for path in self.field_paths(job).values() if os.path.isfile(path)]  # noqa: PTH113, names too long
 
     def fields(self, job: Job) -> str | list[str]:
-        """The file of the case's fields; nothing when it has none."""
+        """The file of the case's fields; empty if it has none."""
         return self.layout.surface("fields") if self.case(job).fields else []
 
     def size_field(self, job: Job) -> str | list[str]:
-        """The same where S1 follows one of them; where it does not, other fields do not make it run again."""
+        """As `fields`, if S1 follows a field. If it does not, changed fields must not make it run again."""
         return self.fields(job) if self.config.generate.size_field else []
 
     def meshed_surface(self, job: Job) -> str:
@@ -289,7 +289,7 @@ class Jobs:
         return [stage.label for stage in line if stage.gives == "surface"][-1]
 
     def mesh_before(self, stage: str) -> Callable[[Job], str]:
-        """An input function: the mesh of the last enabled stage before one. A bypassed stage does not occur."""
+        """An input function: the mesh of the last enabled stage before `stage`. A bypassed stage does not occur."""
 
         def file(job: Job) -> str:
             order = list(LABELS)
@@ -300,7 +300,7 @@ class Jobs:
         return file
 
     def reports(self, job: Job) -> dict[str, str]:
-        """What the stages of a setting reported, by stage."""
+        """Files of the reports of a setting's stages, by stage."""
 
         def report(stage: Stage) -> str:
             if stage.nested:
@@ -313,7 +313,7 @@ class Jobs:
         return {stage.name: filled(report(stage), job, inner=first) for stage in self.line(job)}
 
     def inner_reports(self, stage: str) -> Callable[[Job], list[str]]:
-        """An input function: what a stage reported of the inner surfaces; nothing where it has not run."""
+        """An input function: a stage's reports on the inner surfaces; empty if it does not run."""
 
         def files(job: Job) -> list[str]:
             pattern = self.layout.surface(STAGES[stage].label, "white.json", inner=True)
@@ -327,14 +327,14 @@ class Jobs:
         return filled(self.layout.surface("phantom"), job) if case.is_phantom else str(case.surface)
 
     def origin(self, label: str, job: Job) -> dict[str, Any]:
-        """Whose record a job writes; `label` is that of the stage that made the mesh or surface."""
+        """Origin of the record that a job writes; `label` is that of the stage that made the mesh or surface."""
         if "mesher" in job.keys():  # noqa: SIM118
             return self.origin_of_mesh(label, job["case"], int(job["res"]), job["mesher"], job.get("setting", ""))
         inner = {"inner": job["inner"]} if "inner" in job.keys() else {}  # noqa: SIM118
         return {"case": job["case"], "stage": label, **inner}
 
     def origin_of_mesh(self, label: str, case: str, res: int, mesher: str, setting: str = "") -> dict[str, Any]:
-        """Whose record one of a mesh is."""
+        """Origin of a record of a mesh."""
         return {
             "case": case,
             "stage": label,
@@ -346,7 +346,7 @@ class Jobs:
     # --- what jobs take ------------------------------------------------------------------------------------------
 
     def tets(self, job: Job) -> float:
-        """Tetrahedra to expect: from the volume that the gate found, before it has run from the age; 0 on a surface."""
+        """Expected tetrahedra: from the volume that the gate measured, else from the age; 0 for a job on a surface."""
         if "mesher" not in job.keys():  # noqa: SIM118
             return 0
         case = self.case(job)
@@ -367,7 +367,7 @@ class Jobs:
 
 
 def existing(path: str | Path | None) -> str | list[str]:
-    """The file if it is there: a missing one is for the job to complain about, so that other cases go on."""
+    """The file if it exists: the job reports a missing file, so that other cases continue."""
     return str(path) if path and os.path.isfile(path) else []  # noqa: PTH113, false of names that are too long
 
 

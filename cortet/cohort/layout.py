@@ -16,7 +16,7 @@ from cortet.cohort.sheet import Case
 from cortet.formats import FORMATS, Format
 from cortet.stages import MESH_STAGES, STAGES
 
-#: what names of meshes call the result of each stage
+#: stage -> label of its result in the names of meshes
 LABELS = {name: stage.label for name, stage in MESH_STAGES.items()}
 #: labels of stages whose mesh is the same in every setting
 SHARED = {stage.label for stage in MESH_STAGES.values() if stage.shared_by_settings}
@@ -30,7 +30,7 @@ def exported_suffix(form: Format) -> str:
 #: end of the name of an exported file -> its format
 EXPORTED = {exported_suffix(form): name for name, form in FORMATS.items()}
 
-#: what each wildcard matches, those that depend on the configuration left out
+#: what each wildcard matches, except for wildcards that depend on the configuration
 WILDCARDS = {
     "folder": r"sub-[A-Za-z0-9]+(/ses-[A-Za-z0-9]+)?",
     "case": r"sub-[A-Za-z0-9]+(_ses-[A-Za-z0-9]+)?(_hemi-[LR])?",
@@ -53,7 +53,7 @@ class Layout:
         return f"{self.output}/{{folder}}/{datatype}/{name}"
 
     def surface(self, desc: str, suffix: str = "white.surf.gii", *, inner: bool = False, **entities: str) -> str:
-        """Pattern of a file of a surface; of an inner one its name tells the region inside it."""
+        """Pattern of a file of a surface; the name of an inner surface's file tells the region inside it."""
         region = {"inner": "{inner}"} if inner else {}
         return self.bids(suffix, "anat", **entities, **region, desc=desc)
 
@@ -106,7 +106,7 @@ class Layout:
         Parameters
         ----------
         rule : name of the rule
-        wildcards : those in the names of its outputs
+        wildcards : wildcards in the names of its outputs
         """
         found = set(wildcards)
         name = "{folder}/{case}" if "case" in found else ""

@@ -1,6 +1,6 @@
-"""One run at a time writes to an output folder, wherever and on whatever machine it was started.
+"""Only one run at a time writes to an output folder, whatever folder or machine it was started in.
 
-Snakemake's own lock lies in the folder it was started in, and does not know of a run of another checkout.
+Snakemake's own lock is in the folder where it was started, so it does not know of a run of another checkout.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ NAME = ".cortet.lock"
 #: environment variable of a run whose parent holds the lock: the id of the parent
 HELD_BY = "CORTET_LOCK_HELD_BY"
 
-#: what file systems answer that know no locks
+#: errors of file systems without locks
 _WITHOUT_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
 
 logger = logging.getLogger(__name__)
 
 
 def hold(folder: Path) -> IO[str]:
-    """Lock a folder, which is made if it is missing, until the file that is returned is closed or the process ends.
+    """Lock a folder until the returned file is closed or the process ends; a missing folder is made.
 
-    It is a POSIX record lock: the system takes it back however the process ends, so there is never one to remove by
-    hand, and NFS asks its server for it. The file stays; it says who has the lock. Children do not inherit the lock.
+    It is a POSIX record lock. The system releases it however the process ends, so nobody ever removes one by hand; on
+    NFS the server keeps it. The file stays; it says who has the lock. Children do not inherit the lock.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def _lock(file: IO[str], folder: Path) -> None:
         fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         if error.errno in _WITHOUT_LOCKS:
-            logger.warning("%s: its file system has no locks; see to it that only one run writes there", folder)
+            logger.warning("%s: its file system has no locks; make sure that only one run writes there", folder)
             return
         if error.errno not in (errno.EACCES, errno.EAGAIN):
             raise
@@ -67,5 +67,5 @@ def _lock(file: IO[str], folder: Path) -> None:
         owner = file.read() or "another process"
         file.close()
         raise InputError(
-            f"another run writes to it: {owner}", file=folder, remedy="wait for its end, or set output"
+            f"another run writes to it: {owner}", file=folder, remedy="wait until it ends, or set output"
         ) from None

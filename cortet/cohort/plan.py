@@ -1,4 +1,4 @@
-"""What a run of the workflow does: which files each job reads, with what parameters it runs, what is asked for.
+"""What a run of the workflow does: the inputs and parameters of each job, and the files that are requested.
 
 The rules ask a `Plan` and hold no logic of their own.
 """
@@ -17,20 +17,20 @@ from cortet.cohort.sheet import folded
 
 __all__ = ["AFTER_CERTIFICATE", "OVER_ALL_CASES", "Plan", "existing"]
 
-#: rules that take every mesh that is done
+#: rules that read all finished meshes
 OVER_ALL_CASES = (
     *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "cohort_page", "citation"),
     "cohort_maps",
     *("cohort_folding", "convergence"),
     *("table_ablation", "table_resolution", "table_measures", "figure_pooled_quality", "figure_series", "methods"),
 )
-#: rules after the certificate: where they fail, the mesh is measured all the same
+#: rules after the certificate: the mesh is measured even if they fail
 AFTER_CERTIFICATE = ("export", "case_page", "case_maps", "fold", "fold_figures", "convergence_run")
 
 
 @dataclass(frozen=True)
 class Plan(Jobs):
-    """A whole run: its jobs, what is folded, what failed, and what is over all cases."""
+    """A whole run: its jobs, its folds, its failures, and the files over all cases."""
 
     # --- folding -------------------------------------------------------------------------------------------------
 
@@ -41,7 +41,7 @@ class Plan(Jobs):
         Raises
         ------
         InputError
-            a name that no case has, a column that the sheet has not, or a case without an age
+            no case has a given name, the sheet lacks a given column, or a case has no age
         """
         return {case.name for case in folded(list(self.cases.values()), self.config.fold.cases)}
 
@@ -63,12 +63,12 @@ class Plan(Jobs):
         }
 
     def fold_files(self) -> list[str]:
-        """What is drawn of the requested folds."""
+        """Pictures of the requested folds."""
         names = ("folding.svg", "folded.png", "folding.gif")
         return [str(Path(verdict).with_name(name)) for verdict in self.fold_runs() for name in names]
 
     def variant(self, job: Job) -> dict[str, Any]:
-        """What differs in a variant from the other folds of its case."""
+        """Parameters by which a variant differs from the other folds of its case."""
         return self.config.fold.variants.get(job.get("variant", "").lower(), {})
 
     def gpus(self, job: Job) -> int:
@@ -78,7 +78,7 @@ class Plan(Jobs):
     # --- what failed, and what is over all cases -----------------------------------------------------------------
 
     def is_measured(self, mesh: Mesh, failures: Mapping[Mesh, Mapping[str, Any]] | None = None) -> bool:
-        """Whether a mesh got as far as its certificate: it did not fail, or only in what comes after."""
+        """Whether a mesh has its certificate: it did not fail, or only after the certificate."""
         known = self.failures if failures is None else failures
         return mesh not in known or known[mesh]["stage"] in AFTER_CERTIFICATE
 
@@ -87,11 +87,11 @@ class Plan(Jobs):
         return {mesh[0]: failure["reason"] for mesh, failure in self.failures.items() if not self.is_measured(mesh)}
 
     def measured_certificates(self) -> list[str]:
-        """Certificates of all meshes that got as far."""
+        """Certificates of all meshes that have one."""
         return [path for mesh, path in self.each_case(self.layout.certificate).items() if self.is_measured(mesh)]
 
     def stage_records(self) -> list[str]:
-        """Quality records of the meshes that got as far as their certificate, stage by stage."""
+        """Quality records, stage by stage, of the meshes that have a certificate."""
         records = [self.each_case(self.layout.mesh(label, "quality.json")) for label in self.measured_stages()]
         meshes = filter(self.is_measured, self.each_case(self.layout.certificate))
         return [record[mesh] for mesh in meshes for record in records]
@@ -104,27 +104,27 @@ class Plan(Jobs):
         ]
 
     def mapped(self, hemi: str) -> list[str]:
-        """Cases of a hemisphere that are put onto the common mesh."""
+        """Cases of a hemisphere that are resampled onto the common mesh."""
         resamples = self.config.enabled("resample")
         return [name for name, case in self.cases.items() if case.hemi == hemi and resamples and case.sphere]
 
     def maps(self, hemi: str) -> dict[str, str]:
-        """Maps of the cases of a hemisphere that are done, at the first cell size and by the first mesher, by case."""
+        """Maps of the finished cases of a hemisphere, by case, for the first cell size and the first mesher."""
         files = self.each_case(self.layout.mesh("Solver", "maps.surf.gii"))
         meshes = [(name, self.resolutions[0], self.config.generate.meshers[0]) for name in self.mapped(hemi)]
         return {mesh[0]: files[mesh] for mesh in meshes if self.is_measured(mesh)}
 
     def mapped_hemispheres(self) -> list[str]:
-        """Hemispheres of which there are maps."""
+        """Hemispheres that have maps."""
         return [hemi for hemi in "LR" if self.maps(hemi)]
 
     def failure(self, job: Job) -> Mapping[str, Any] | None:
-        """What kept the mesh of a page from its certificate; nothing when it has one."""
+        """The failure that kept the mesh of a page from its certificate; None if it has one."""
         mesh = (job["case"], int(job["res"]), job["mesher"])
         return None if job.get("setting") or self.is_measured(mesh) else self.failures[mesh]
 
     def shown_on_page(self, job: Job) -> dict[str, Any]:
-        """Inputs of the page of a mesh: of one that failed, the input surface if it is there."""
+        """Inputs of the page of a mesh; for a mesh that failed, the input surface if it exists."""
         if self.failure(job):
             case = self.case(job)
             phantom = filled(self.layout.surface("phantom"), job)
@@ -137,7 +137,7 @@ class Plan(Jobs):
         }
 
     def about(self, job: Job) -> dict[str, Any]:
-        """What the page of a mesh says of it first."""
+        """The facts at the top of the page of a mesh."""
         case = self.case(job)
         return {
             "scan_age": case.scan_age,
@@ -161,7 +161,7 @@ class Plan(Jobs):
         ]
 
     def status(self) -> list[dict[str, Any]]:
-        """Parameter of the status table: excluded rows, failures, and where the certificates of the others are."""
+        """Parameter of the status table: excluded rows, failures, and the certificates of the other meshes."""
         meshes = [
             {
                 "case": name,

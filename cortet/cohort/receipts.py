@@ -1,8 +1,8 @@
-"""A receipt records with what parameters a job made its files.
+"""A receipt records the parameters with which a job made its files.
 
-Snakemake remembers parameters in the folder where it was started. It knows nothing of an output folder that was moved,
-or that another folder's run wrote to, and it takes a file with an older time for an older file. Receipts lie in the
-output folder, and parameters include the SHA-256 of the user's files. So a result is used again only if it was made
+Snakemake remembers parameters in the folder where it was started. It does not know of an output folder that was moved,
+or that a run from another folder wrote to, and it takes a file with an older time for an older file. Receipts lie in
+the output folder, and parameters include the SHA-256 of the user's files. So a result is used again only if it was made
 from the same content, with the same parameters, by the same versions of the code.
 """
 
@@ -21,7 +21,7 @@ from cortet.formats.hashing import sha256
 
 #: folder of the receipts in the output folder
 FOLDER = ".cortet"
-#: parameters that say where a file lies. The file's content decides whether a job runs again, not its place.
+#: parameters that say where a file is; whether a job runs again depends on the file's content, not on its path
 _LOCATIONS = frozenset({"source", "sphere_file", "space", "paths", "files", "given", "cohort", "log"})
 
 
@@ -31,7 +31,7 @@ def receipt_path(output: Path, log: Path) -> Path:
 
 
 def fingerprint(parameters: Mapping[str, Any]) -> str:
-    """SHA-256 of the parameters of a job, those that say where files lie left out."""
+    """SHA-256 of the parameters of a job, except for paths of files."""
     return hashlib.sha256(json.dumps(_essential(parameters), sort_keys=True, default=str).encode()).hexdigest()
 
 
@@ -41,7 +41,7 @@ def write_receipt(path: Path, parameters: Mapping[str, Any]) -> None:
 
 
 def is_current(path: Path, parameters: Mapping[str, Any]) -> bool:
-    """Whether a receipt says that its job was done with these parameters; false where there is none."""
+    """Whether a receipt says that its job was done with these parameters; false if there is no receipt."""
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -50,20 +50,20 @@ def is_current(path: Path, parameters: Mapping[str, Any]) -> bool:
 
 
 def content(paths: Mapping[str, str | Path]) -> dict[str, str | None]:
-    """SHA-256 of each file; None of one that cannot be read, of which the job that needs it will complain.
+    """SHA-256 of each file; None if a file cannot be read, which the job that needs it will report.
 
-    A file is read once per process, unless its size, its times or its place on the disk have changed since.
+    A file is read once per process, unless its size, times or inode have changed since.
     """
     return {name: _hash(Path(path)) for name, path in paths.items()}
 
 
 def require_unchanged(paths: Mapping[str, str | Path], planned: Mapping[str, str | None]) -> None:
-    """Raise StageError where a file is no longer the one that the run was planned with.
+    """Raise StageError if a file has changed since the run was planned.
 
     Parameters
     ----------
     paths : files that a job has read, by name
-    planned : of `content`, when the run was planned
+    planned : result of `content` when the run was planned
     """
     for name, path in paths.items():
         if planned.get(name) != _hash(Path(path)):
@@ -71,18 +71,18 @@ def require_unchanged(paths: Mapping[str, str | Path], planned: Mapping[str, str
 
 
 def require_same_input(file: str | Path, report: Mapping[str, Any], wanted: Mapping[str, str | None]) -> None:
-    """Raise StageError where a stage worked from other files than a mesh is certified for.
+    """Raise StageError if a stage used other files than those for which a mesh is certified.
 
     Parameters
     ----------
-    file : of the stage's report
-    report : what it holds
+    file : file of the stage's report
+    report : content of that file
     wanted : `content` of the files of the case; a report on one of its surfaces names that surface's only
     """
     found = report.get("input_sha256")
     if found is None or not found.items() <= wanted.items():
         raise StageError(
-            "is about another version of the input than the one that is there now",
+            "is about another version of the input than the present one",
             file=file,
             remedy="start the run again",
         )

@@ -1,9 +1,9 @@
-"""What a job takes: memory, time and disk from the number of tetrahedra, and that from the volume of the surface.
+"""Memory, time and disk of a job from the number of tetrahedra, which follows from the volume of the surface.
 
-Each cost is a straight line that lies above all measurements: of the default line on 31 real surfaces at 0.6 mm (260
-thousand to 5.4 million tetrahedra), of the others on 13 at cell sizes of 1, 0.8 and 0.6 mm (80 thousand to 1.5
-million). `benchmarks/resources.py` compares it with the benchmark files of any run. Time is CPU time, which depends
-least on what else the machine does.
+Each cost is a straight line that lies above all measurements: for the default line on 31 real surfaces at 0.6 mm (260
+thousand to 5.4 million tetrahedra), for the others on 13 at cell sizes of 1, 0.8 and 0.6 mm (80 thousand to 1.5
+million). `benchmarks/resources.py` compares it with the benchmark files of any run. Time is CPU time, since it depends
+least on other work of the machine.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from cortet.meshers import MESHERS
 from cortet.sections import Cost
 from cortet.stages import STAGES
 
-#: resident memory of Snakemake itself, MB, which in a cluster's job runs twice beside the script
+#: resident memory of Snakemake itself, MB; in a cluster's job it runs twice beside the script
 SNAKEMAKE_MB = 600
-#: safety factors over what was measured at most: a job that exceeds its memory or time is killed
+#: safety factors over the largest measurements: a job that exceeds its memory or time is killed
 MEMORY_MARGIN, TIME_MARGIN = 1.25, 4.0
-#: minutes a job may wait for its file system and its interpreter
+#: minutes that a job may wait for its file system and its interpreter
 START_MINUTES = 5
 
 
-#: rule -> its cost; those on surfaces do not depend on tetrahedra. Stages and meshers declare their own
+#: rule -> its cost; rules on surfaces do not depend on tetrahedra. Stages and meshers declare their own costs
 COSTS = {stage.name: stage.cost for stage in STAGES.values()} | {
     "phantom": Cost((400, 0), (4, 0)),
     "phantom_sphere": Cost((400, 0), (4, 0)),
@@ -37,7 +37,7 @@ COSTS = {stage.name: stage.cost for stage in STAGES.values()} | {
     "fold_figures": Cost((500, 800), (60, 120)),
 }
 
-#: most that one hemisphere of a human of any age encloses, mL
+#: largest volume of one human hemisphere at any age, mL
 LARGEST_HEMISPHERE_ML = 700.0
 
 #: bytes per tetrahedron of the files of one mesh: for ParaView, BrainGrowth and the browser; and what only later stages
@@ -46,10 +46,10 @@ FINAL_BYTES, INTERMEDIATE_BYTES = 9.0 + 37.0 + 1.5, 4 * 9.0 + 48.0
 
 
 def expected_volume_ml(gestational_age: float | None, *, whole: bool = False) -> float:
-    """Most that a hemisphere (or both, `whole`) may enclose at an age, weeks: for before its surface is read.
+    """Largest volume of a hemisphere (or of both, `whole`) at an age, weeks; used until its surface is read.
 
-    A line above the templates at hand: 29 mL at 22 weeks, 39 at 25, 70 at 30, 87 at 33, 94 at 40. Where the age is not
-    known, that of an adult.
+    It is a line above the available templates: 29 mL at 22 weeks, 39 at 25, 70 at 30, 87 at 33, 94 at 40. If the age is
+    not known, it is the volume of an adult.
     """
     most = LARGEST_HEMISPHERE_ML if gestational_age is None else max(30 + 5.5 * (gestational_age - 22), 20)
     return (2 if whole else 1) * most
@@ -68,29 +68,29 @@ def expected_tets(volume_ml: float, cell_size: float, mesher: str) -> float:
 
 
 def cost(rule: str, mesher: str | None = None) -> Cost:
-    """Cost of a rule, which for S1 depends on the mesher; one on an inner surface takes as much as one on the outer.
+    """Cost of a rule; that of S1 depends on the mesher. An inner surface costs as much as an outer one.
 
     Raises
     ------
     InputError
-        nothing is known of the rule
+        the cost of the rule is not known
     """
     own = MESHERS[mesher].cost if mesher and rule == "generate" else None
     found = own or COSTS.get(rule) or COSTS.get(rule.removesuffix("_inner"))
     if found is None:
         raise InputError(
-            f"nothing is known of what rule `{rule}` takes", remedy="add it to COSTS in cortet/cohort/resources.py"
+            f"the cost of rule `{rule}` is not known", remedy="add it to COSTS in cortet/cohort/resources.py"
         )
     return found
 
 
 def memory_to_ask_mb(measured: float, attempt: int = 1) -> int:
-    """Memory a job asks for, MB: twice as much with every attempt.
+    """Memory that a job asks for, MB; each attempt doubles it.
 
     Parameters
     ----------
     measured : peak resident memory of its script, MB
-    attempt : 1 unless it was killed before
+    attempt : 1 unless the job was killed before
     """
     return round((SNAKEMAKE_MB + MEMORY_MARGIN * measured) * 2 ** (attempt - 1))
 

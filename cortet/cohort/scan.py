@@ -1,4 +1,4 @@
-"""Read a data release: which hemispheres it holds, at what ages, as rows of a cohort sheet."""
+"""Read the hemispheres of a data release, with their ages, as rows of a cohort sheet."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cortet.errors import InputError
 def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], object] = lambda _: None) -> list[Case]:
     """The hemispheres of a dHCP-like release, sorted by name.
 
-    A case whose age at scan is in no table has none. `say` is told where the ages come from, and what is not read.
+    A case whose age is in no table has none. `say` is called with remarks on where ages come from and what is not read.
 
     Raises
     ------
@@ -53,13 +53,13 @@ def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], obj
 
 
 def _age_tables(directory: Path, participant: str, session: str | None, patterns: Scan) -> list[tuple[str, Path]]:
-    """Tables that may hold the age of a session, that which counts most first: what it is called, and where it is."""
+    """Name and file of the tables that may hold the age of a session; the first tables count most."""
     labels = {"participant": participant, "session": session}
     return [(name, directory / filled_in(name, labels)) for name in (patterns.sessions, patterns.participants)]
 
 
 def _sphere_of(path: Path, endings: Sequence[str]) -> Path | None:
-    """The sphere beside a surface, of the first of these ends of names that there is."""
+    """The sphere beside a surface: the first that exists, by these ends of names."""
     begin = re.sub(r"[A-Za-z]+(\.surf\.gii)?$", "", path.name)
     for ending in endings:
         if found := sorted(path.parent.glob(glob.escape(begin) + ending)):
@@ -68,7 +68,7 @@ def _sphere_of(path: Path, endings: Sequence[str]) -> Path | None:
 
 
 def _around(path: Path) -> tuple[Path, dict[str, Path]]:
-    """The pial surface beside a white one, and the white one as its inner surface; the white one alone without it."""
+    """The pial surface beside a white surface, with the white one as inner surface; else the white surface alone."""
     pial = path.with_name(re.sub(r"(wm|white)(\.surf\.gii)$", r"pial\2", path.name))
     return (pial, {WHITE: path}) if pial != path and pial.is_file() else (path, {})
 

@@ -6,9 +6,9 @@ A sheet is a table of tab-separated values, one hemisphere (or whole brain) per 
 
 Missing values are `n/a`, as in BIDS. Labels stay strings: participant `007` is not 7.
 
-Names of files that are written are made of `participant_id`, `session_id` and `hemi` alone, which are therefore ASCII
-letters and digits and nothing else. `surface` and `field_...` name files that are only read: they may be relative or
-absolute and lead anywhere the user may read, and are never part of a command.
+Names of written files consist only of `participant_id`, `session_id` and `hemi`, which are therefore ASCII letters and
+digits. `surface` and `field_...` name files that are only read. They may be relative or absolute, may lead anywhere the
+user can read, and are never part of a command.
 """
 
 from __future__ import annotations
@@ -30,27 +30,27 @@ from cortet.mesh import OUTERMOST
 from cortet.sections import Cases
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
-#: value of column `surface` that stands for a synthetic cortex of the row's age and hemisphere, of column `inner` for a
-#: white surface within it, and of column `sphere` for its sphere
+#: value that stands, in column `surface`, for a synthetic cortex of the row's age and hemisphere, in column `inner` for
+#: the white surface within it, and in column `sphere` for its sphere
 PHANTOM = "phantom"
 FIELD_PREFIX = "field_"
 #: columns of inner surfaces: `inner` names that of the region `white`, `inner_NAME` that of the region NAME
 INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
 #: column of the sphere through which a surface is resampled
 SPHERE = "sphere"
-#: columns of coordinates that are not mm, as `gate.unit` and `gate.affine`
+#: columns for coordinates that are not mm, with the meaning of `gate.unit` and `gate.affine`
 UNIT, AFFINE = "unit", "affine"
-#: column that says which cases are folded, where the configuration does not
+#: column that says which cases are folded, unless the configuration does
 FOLD = "fold"
-#: characters of a label: names of files are made of two of them and more, and have at most 255
+#: most characters of a label: a file name holds two labels and more, and has at most 255 characters
 LONGEST_LABEL = 40
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
-#: words for a hemisphere, in lower case -> as names of files say it
+#: words for a hemisphere, in lower case -> letter in file names
 HEMISPHERES = {"l": "L", "left": "L", "lh": "L", "r": "R", "right": "R", "rh": "R"}
 _MISSING = {"", "n/a"}
-#: names of cases that a message lists
+#: most names of cases that a message lists
 _MOST_NAMES = 5
 #: names of sets that every mesh for a solver has
 _STANDING = ("core", "tissue")
@@ -67,18 +67,18 @@ class Case:
     session: str | None
     #: L, R, or None for a whole brain
     hemi: str | None
-    #: gestational age at scan, weeks; None where it is not known: such a case is neither smoothed nor folded
+    #: gestational age at scan, weeks; None if it is not known: the case is then neither smoothed by age nor folded
     scan_age: float | None
     #: GIfTI file, or `PHANTOM`
     surface: Path | str
     include: bool = True
-    #: why the row is excluded; empty when it is not
+    #: why the row is excluded; empty if it is not
     exclude_reason: str = ""
     #: per-vertex fields, name -> GIfTI file
     fields: dict[str, Path] = field(default_factory=dict)
-    #: surfaces inside `surface`, name of the region within -> GIfTI file, or `PHANTOM` for that of the region `white`
+    #: surfaces inside `surface`: name of the region within -> GIfTI file, or `PHANTOM` for the region `white`
     inner: Mapping[str, Path | str] = field(default_factory=dict)
-    #: sphere of `surface`, or `PHANTOM`; None where it has none
+    #: sphere of `surface`, or `PHANTOM`; None if there is none
     sphere: Path | str | None = None
     #: unit of the coordinates, and an image with the voxel-to-mm affine; None: as the configuration says
     unit: str | None = None
@@ -99,7 +99,7 @@ class Case:
 
     @property
     def files(self) -> list[Path]:
-        """All files that the row names, but for the affine's."""
+        """All files that the row names, except for the image of the affine."""
         named = [self.surface, self.sphere, *self.inner.values(), *self.fields.values()]
         return [file for file in named if isinstance(file, Path)]
 
@@ -115,11 +115,11 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
     Parameters
     ----------
     path : the sheet; relative file names in it are relative to its folder
-    field_patterns : file patterns of per-vertex fields of every case, placeholders are the sheet's columns
+    field_patterns : file patterns of per-vertex fields of every case; placeholders are columns of the sheet
 
     Raises
     ------
-    InputError : naming the problems of the sheet, each with its line, column, value and remedy
+    InputError : lists the problems of the sheet, each with its line, column, value and remedy
     """
     table, miscounted = read_uneven_tsv(path)
     _check_header(list(table.columns), path)
@@ -173,12 +173,12 @@ def _check_header(header: Sequence[str], path: Path) -> None:
 
 
 def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:
-    """Some of the cases: all, those that are named, so many of them, spread evenly over the order of their ages, or
-    those to which a column says yes.
+    """Some of the cases: all, those that are named, a number of them spread evenly over the order of ages, or those for
+    which a column says yes.
 
     Raises
     ------
-    InputError : a name that no case has, a column that the sheet has not, or one that says neither yes nor no
+    InputError : no case has a given name, the sheet lacks a given column, or a cell is neither yes nor no
     """
     if which == "all":
         return list(cases)
@@ -198,7 +198,7 @@ def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:
 
 
 def _says_yes(case: Case, column: str) -> bool:
-    """Whether a column of the sheet says yes to a case."""
+    """Whether a column of the sheet says yes for a case."""
     if column not in case.extra:
         raise InputError(
             f"the sheet has no column {column} that says yes or no",
@@ -211,9 +211,9 @@ def _says_yes(case: Case, column: str) -> bool:
 
 
 def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
-    """The cases that are folded: those that the configuration says, or else the column `fold` where there is one.
+    """The cases that are folded: the configuration chooses them, or else the column `fold` if there is one.
 
-    A fold starts at an age: of all cases, or of a number of them, those without one take no part.
+    A fold starts at an age, so cases without an age are skipped unless they are asked for by name or column.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def aged(cases: Sequence[Case]) -> list[Case]:
 
 
 def ageless_notice(cases: Sequence[Case]) -> list[str]:
-    """What becomes of the cases whose age is not known, in words; nothing where all have one."""
+    """What becomes of the cases of unknown age, in words; empty if all ages are known."""
     names = [case.name for case in cases if case.scan_age is None]
     shown = ", ".join([*names[:_MOST_NAMES], *(["..."] if len(names) > _MOST_NAMES else [])])
     told = f"{len(names)} without an age (column scan_age), not smoothed by age and not folded: {shown}"
@@ -248,7 +248,7 @@ def ageless_notice(cases: Sequence[Case]) -> list[str]:
 def write_sheet(cases: Sequence[Case], path: Path) -> None:
     """Write cases as a cohort sheet, complete or not at all.
 
-    File names become relative to its folder where they lie below its parent.
+    A file below the parent of the sheet's folder gets a name relative to that folder.
     """
     rows = [_row(case, path.parent) for case in cases]
     fields = (FIELD_PREFIX + name for case in cases for name in case.fields)
@@ -259,9 +259,9 @@ def write_sheet(cases: Sequence[Case], path: Path) -> None:
 
 
 def add_to_sheet(cases: Sequence[Case], path: Path) -> list[Case]:
-    """Append cases to an existing cohort sheet, whose rows stay as they are; returns those that were new.
+    """Append cases to an existing cohort sheet, whose rows stay as they are; returns the new cases.
 
-    A case is new when the sheet has none of its name. Columns of the sheet that a new case knows nothing of get `n/a`.
+    A case is new if the sheet has none of its name. It gets `n/a` in columns that it has no value for.
 
     Raises
     ------
@@ -278,7 +278,7 @@ def add_to_sheet(cases: Sequence[Case], path: Path) -> list[Case]:
 
 
 def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
-    """The row of a case in a sheet that lies in `folder`; None where there is no value."""
+    """The row of a case in a sheet in `folder`; None for a missing value."""
     return {
         "participant_id": f"sub-{case.participant}",
         "session_id": f"ses-{case.session}" if case.session is not None else None,
@@ -359,7 +359,7 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
 
 
 def _region(column: str) -> str:
-    """The region whose surface a column names; nothing for other columns."""
+    """The region whose surface a column names; empty for other columns."""
     return WHITE if column == INNER else column.removeprefix(INNER_PREFIX) if column.startswith(INNER_PREFIX) else ""
 
 
@@ -368,7 +368,7 @@ def _inner_column(region: str) -> str:
 
 
 def _is_file_name(text: str) -> bool:
-    """Whether the workflow can have a file of this name for an input."""
+    """Whether a file of this name can be an input of the workflow."""
     if re.search(r"[{}*?]", text) or _CONTROL.search(text):
         return False
     name = os.fsencode(text)
@@ -411,11 +411,11 @@ def _sphere(value: str, folder: Path) -> Path | str | None:
 
 
 def filled_in(pattern: str, values: Mapping[str, Any]) -> str:
-    """A pattern with its placeholders filled in; nothing but `{name}` means anything there.
+    """A pattern with its placeholders `{name}` filled in; nothing else in it has a meaning.
 
     Raises
     ------
-    InputError : a placeholder is not among the values, or what comes out is no file name
+    InputError : a placeholder is not among the values, or the result is no file name
     """
     unknown = [name for name in re.findall(r"\{([^{}]*)\}", pattern) if name not in values]
     filled = re.sub(r"\{([^{}]*)\}", lambda match: str(values.get(match[1])), pattern)

@@ -1,4 +1,4 @@
-"""What became of every case of a cohort: one row per mesh that was asked for, and per excluded row of the sheet."""
+"""What became of every case of a cohort: one row per requested mesh, and one per excluded row of the sheet."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def failure_reason(log: Path, *, since: float) -> str:
 def was_killed(log: Path) -> bool:
     """Whether the job that wrote a log was killed, or failed because memory was short; more memory may then help.
 
-    A job that failed for another reason left an error in its log; one that was stopped at its time limit left the place
-    where it was.
+    A job that failed for another reason left an error in its log; a job that was stopped at its time limit left the
+    line where it was.
     """
     lines = _lines(log) if log.exists() else []
     error = _last_error(lines)

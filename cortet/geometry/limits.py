@@ -10,7 +10,7 @@ import math
 
 from cortet.errors import InputError
 
-#: cell size, mm: at 0.05 a hemisphere has a billion tetrahedra, and a cell of more than 20 is larger than a hemisphere
+#: cell size, mm: at 0.05 a hemisphere has a billion tetrahedra; above 20 cells are too large for any hemisphere
 CELL_SIZE_MM = (0.05, 20.0)
 #: subdivisions of an icosahedron, 10 * 4**n + 2 vertices: 2 has 162, 7 has 163,842
 SUBDIVISIONS = (2, 7)

@@ -1,4 +1,4 @@
-"""How thick a body is below each point of its surface, and how wide the gap above: edges must be shorter than both."""
+"""How thick a body is below each point of its surface, and how wide the gap above: edges have to follow both."""
 
 from __future__ import annotations
 

@@ -124,11 +124,11 @@ def _smoothed_apart(work: Triangles, crossing: IntArray, limit: float) -> Triang
     away = np.linalg.norm(points - given, axis=1)
     wrong = (away > limit) | np.isin(np.arange(len(points)), faces[self_intersections(TriSurface(points, faces))])
     # the whole component goes back, not a part of it
-    place = np.full(len(points), -1)
+    component = np.full(len(points), -1)
     label = component_labels(faces[faces_at(faces, away > 0)])
-    place[: len(label)] = label
+    component[: len(label)] = label
     result = work.points.copy()
-    result[used] = np.where(np.isin(place, place[wrong])[:, None], given, points)
+    result[used] = np.where(np.isin(component, component[wrong])[:, None], given, points)
     return work._replace(points=result)
 
 

@@ -22,7 +22,7 @@ from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, TetMesh, TriSurface
 from cortet.report.render import BEYOND, COLOURS, RANGE
 
-#: faces in a page; a finer boundary is simplified. 60,000 are 0.7 MB
+#: most faces in a page; a finer boundary is simplified. 60,000 faces are 0.7 MB
 MAX_FACES = 60_000
 #: colours between which the page interpolates
 _STOPS = 25
@@ -36,8 +36,8 @@ def boundary_view(
     Parameters
     ----------
     mesh : coordinates in mm, x to the right, y to the front, z up
-    worst_elements : `q` and `centre_mm` of those to mark
-    max_faces : a boundary of more is simplified, and keeps the worst q wherever it was
+    worst_elements : `q` and `centre_mm` of the elements to mark
+    max_faces : a boundary of more faces is simplified, and keeps the worst q where it was
 
     Returns
     -------
@@ -68,19 +68,19 @@ def boundary_view(
 
 
 def colour_scale() -> dict[str, Any]:
-    """RGB, 0 to 255: `colours` of q over `render.RANGE`, evenly spaced, and the one of what is `beyond`."""
+    """RGB, 0 to 255: `colours` of q, evenly spaced over `render.RANGE`, and the colour of worse elements, `beyond`."""
     stops = mpl.colormaps[COLOURS](np.linspace(0, 1, _STOPS))
     return {"colours": [_rgb(colour) for colour in stops], "beyond": _rgb(BEYOND)}
 
 
 def three_js() -> str:
-    """three.js (r140, MIT licence) with its trackball controls, which trimesh carries in the page of its viewer.
+    """three.js (r140, MIT licence) with its trackball controls, from the page of trimesh's viewer.
 
     Raises
     ------
     StageError : the installed trimesh has another viewer
     """
-    # found without being imported, which takes longer than the rest of a page's view
+    # located without an import, which would take longer than the rest of the view
     found_at = find_spec("trimesh")
     assert found_at is not None and found_at.origin is not None  # cortet needs it
     begin, end = "<script>", "THREE.TrackballControls=TrackballControls;})();"
@@ -108,7 +108,7 @@ def _simplified(surface: TriSurface, faces: int) -> TriSurface:
 
 
 def _carried(points: FloatArray, values: FloatArray, targets: FloatArray) -> FloatArray:
-    """Values at other points: the largest of those to which a target is the nearest, else the nearest value."""
+    """Values at targets: the largest of the points whose nearest target it is; if none, that of the nearest point."""
     carried = values[cKDTree(points).query(targets)[1]]
     np.maximum.at(carried, cKDTree(targets).query(points)[1], values)
     return carried

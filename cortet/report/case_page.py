@@ -35,11 +35,11 @@ DOES = {
 _KILLED = "give the job more memory or time, and run again"
 _READ_LOG = "read the log; it holds every line the job printed"
 _NOT_FINITE = "The coordinates of the surface are not finite, so it cannot be drawn."
-#: of `ELEMENTS`, what stands at the top
+#: entries of `ELEMENTS` at the top of the page
 _SIZE = ("Nodes", "Tetrahedra")
 _COMPARED = {"<": "below", "<=": "at most", "==": "exactly", ">=": "at least"}
 
-#: numbers of the elements of a mesh -> how they are written, from the `quality` of its certificate
+#: name of a number of the elements -> its form, filled from the `quality` of the certificate
 ELEMENTS = {
     "Nodes": "{nodes:,}",
     "Tetrahedra": "{tets:,}",
@@ -55,7 +55,7 @@ ELEMENTS = {
 
 
 class Judged(NamedTuple):
-    """What the page of a mesh is about: parameters of `write_case_page`."""
+    """Content of the page of a mesh: parameters of `write_case_page`."""
 
     mesh: TetMesh
     surface: TriSurface
@@ -80,11 +80,11 @@ def write_case_page(
     Parameters
     ----------
     mesh : the mesh that was judged
-    surface : the input surface in mm, drawn beside it; its coordinates need not be finite
-    certificate : content of its certificate.json
-    meshed : the surface that was meshed, which is drawn in the colour of its distance to the boundary
-    facts : what else is known of the case, name and value
-    cohort : address of the cohort page, as seen from this one
+    surface : the input surface in mm, drawn beside the mesh; its coordinates need not be finite
+    certificate : content of the mesh's certificate.json
+    meshed : the surface that was meshed, drawn in the colour of its distance to the boundary
+    facts : other facts of the case, name and value
+    cohort : address of the cohort page, as seen from this page
     files : name and title of files beside the page
     """
     q = certificate["quality"]
@@ -114,9 +114,9 @@ def write_failure_page(
 
     Parameters
     ----------
-    name : of the case
+    name : name of the case
     failure : `stage` that failed, `state`, `reason`, and `log` if there is one
-    surface : the input surface; None where it cannot be read, and `trouble` says why
+    surface : the input surface; None if it cannot be read, and `trouble` says why
     facts, cohort : as of `write_case_page`
     """
     reason, remedy = split_remedy(failure["reason"])
@@ -142,7 +142,7 @@ def write_failure_page(
 
 
 def split_remedy(reason: str) -> tuple[str, str]:
-    """What happened and what to do about it, which `cortet.errors` puts in brackets at the end of a message."""
+    """The problem and the remedy of a message; `cortet.errors` puts the remedy in brackets at its end."""
     text, depth = reason.rstrip(), 0
     for place in range(len(text) - 1, -1, -1) if text.endswith(")") else ():
         depth += (text[place] == ")") - (text[place] == "(")
@@ -152,7 +152,7 @@ def split_remedy(reason: str) -> tuple[str, str]:
 
 
 def about(case: Mapping[str, Any]) -> Facts:
-    """Facts of a case for its page; what is not known is left out.
+    """Facts of a case for its page; unknown facts are left out.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def about(case: Mapping[str, Any]) -> Facts:
 
 
 def in_words(check: Mapping[str, Any]) -> dict[str, Any]:
-    """One check of a certificate, its `name`, `value` and `limit` as text with units."""
+    """A check of a certificate with its `name`, `value` and `limit` as text with units."""
     unit = f" {check['unit']}" if check["unit"] else ""
     limit = f"{_COMPARED[check['comparison']]} {check['limit']:g}{unit}" if check["comparison"] else "no limit"
     name = re.sub(r"^[a-z](?=[a-z])", lambda letter: letter[0].upper(), check["name"])  # unless it begins with a symbol
@@ -182,7 +182,7 @@ def limit_of(certificate: Certificate, name: str) -> float:
 
 
 def _input_surface(surface: TriSurface) -> list[Part]:
-    """Counts of the surface of a case that failed, and how it looks."""
+    """Counts and pictures of the surface of a case that failed."""
     topology, finite = surface_topology(surface.faces), measurable(surface)
     counted = {
         "Vertices": len(surface.points),
@@ -219,7 +219,7 @@ def _repaired(of: Judged) -> list[Part]:
 
 
 def _changed(certificate: Certificate, stage: str, changed: str) -> dict[str, Mapping[str, Any]]:
-    """Reports of the surfaces that a stage changed, the outer one without a name, then inner ones."""
+    """Reports of the surfaces that a stage changed: the outer surface without a name, then inner surfaces."""
     report = certificate["reports"].get(stage, {})
     return {name: one for name, one in {"": report, **report.get("inner", {})}.items() if one.get(changed)}
 
@@ -243,7 +243,7 @@ def _quality(of: Judged) -> list[Part]:
 
 
 def _published() -> dict[str, tuple[str, str]]:
-    """What the paper gives of `ELEMENTS`, and of which meshes that is."""
+    """Numbers of the paper for `ELEMENTS`, and the meshes that they are about."""
     cohort, measures = published.cohort(), published.measures()
     of_all = f"median [range] of {len(cohort)} meshes"
     final = published.ablation().set_index(["mesher", "stages"]).loc[("cgal", "S1-S4")]
@@ -262,7 +262,7 @@ def _spread(values: pd.Series[float]) -> str:
     return f"{values.median():.3f} [{values.min():.3f} to {values.max():.3f}]"
 
 
-#: the page of a mesh: place, title and parts of each panel; one without parts is left out
+#: the page of a mesh: anchor, title and parts of each panel; a panel without parts is left out
 PANELS: tuple[tuple[str, str, Callable[[Judged], list[Part]]], ...] = (
     (
         "reasons",

@@ -16,7 +16,7 @@ from cortet.report import DATA, pages
 
 VERSION: int = 3
 
-#: key -> BibTeX entry, in the order of the list; of programs by the names that certificates give their versions
+#: key -> BibTeX entry, in the order of the list; the key of a program is its name in the versions of a certificate
 REFERENCES = {
     found[1]: found[0].replace("VERSION", cortet.__version__)
     for found in re.finditer(
@@ -25,13 +25,13 @@ REFERENCES = {
         flags=re.DOTALL,
     )
 }
-#: programs by what S1 calls them
+#: name of a mesher in S1 -> key of its program
 _MESHERS = {"pygalmesh": "cgal", "lattice": "tetgen"}
 #: stage -> the program that does its work
 _PROGRAMS = {"relocate": "gmsh", "smooth_surface": "pymeshlab", "resample": "workbench"}
 #: libraries of every stage
 _LIBRARIES = ("numpy", "scipy", "numba")
-#: what LaTeX does not print as it stands
+#: characters that LaTeX does not print as they are
 _LATEX = {
     "\\": r"\textbackslash{}",
     **{sign: f"\\{sign}" for sign in "&%$#_{}"},
@@ -46,7 +46,7 @@ _LATEX = {
 
 
 def cited(certificates: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Keys of what a run used, by the reports of its stages: an installed program is not a program that was used."""
+    """Keys of the programs that a run used, by the reports of its stages: not every installed program was used."""
     reports = [content["reports"] for content in certificates]
     backends = {report["generate"].get("backend", "") for report in reports if "generate" in report}
     used = {"cortet", "cortetsoftware", *_LIBRARIES, *(_MESHERS.get(name, name) for name in backends)}
@@ -65,7 +65,7 @@ def write_citation(
     Parameters
     ----------
     methods : the paragraph
-    certificates : contents of the certificates that it is about
+    certificates : contents of the certificates that the paragraph is about
     """
     keys, paragraph = cited(certificates), methods.strip()
     closing = "The method and the software are described in"

@@ -1,4 +1,4 @@
-"""All folds of a cohort: a table with a row per run, also of those that stopped, and their curves over real brains."""
+"""All folds of a cohort: a table with a row per run, including stopped runs, and their curves over real brains."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ COLUMNS = tuple(
     for column in read_columns(DATA / "cohort_folding_columns.tsv")
 )
 _LAST = ("gyrification_index", "fold_spacing_mm", "sulcal_depth_mm", "area_mm2", "volume_mm3")
-#: runs of which each has a name in the legend, and as many colours (Paul Tol's beyond those of other figures)
+#: most runs with names in the legend, and a colour for each (Paul Tol's, besides those of other figures)
 _NAMED = 10
 _COLOURS = (*COLOURS, "#56B4E9", "#44AA99", "#882255", "#8A6D3B", "#6B6B6B")
 
@@ -46,7 +46,7 @@ def write_cohort_folding(
     Parameters
     ----------
     runs : per run `case`, `variant`, `cell_size_mm`, `mesher`, `hemisphere` and its `folder`
-    missing : the same of those that failed, with the `reason` in place of the folder
+    missing : the same for runs that failed, with the `reason` instead of the folder
     """
     rows = [*map(_row, runs), *({**run, "state": "failed"} for run in missing)]
     pictures = [path for path in map(Path, outputs) if path.suffix not in (".tsv", ".json")]

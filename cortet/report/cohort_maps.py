@@ -1,7 +1,7 @@
-"""Means over a cohort on the mesh that its surfaces share: of the surface, of fields, of the distance to the mesh.
+"""Means of surface, fields and distance to the mesh over a cohort, on the mesh that its surfaces share.
 
-A case that was resampled has a value at each vertex of the common mesh; vertices of one number are the same place of
-the cortex in every case, so that means over cases mean something.
+A case that was resampled has a value at each vertex of the common mesh. Vertices of the same number are the same
+location of the cortex in every case, so that means over cases mean something.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ VERSION: int = 1
 
 #: the map of the distance of the surface that was meshed to the boundary of the mesh, mm
 DISTANCE = "distance_to_boundary"
-#: what the colours of a picture leave out at either end, percent of the vertices
+#: percent of the vertices that the range of colours leaves out at either end
 _TAIL = 1.0
 _SIDES: tuple[Literal["L", "R"], ...] = ("L", "R")
 
@@ -46,9 +46,9 @@ def case_map(resampled: TriSurface, meshed: TriSurface, mesh: TetMesh) -> TriSur
 
     Parameters
     ----------
-    resampled : as it came onto the common mesh
-    meshed : with its inner surfaces and fields; the distance to a corresponding inner one is a field `thickness`
-    mesh : made of it
+    resampled : the surface as it was resampled onto the common mesh
+    meshed : with its inner surfaces and fields; the distance to a corresponding inner surface is a field `thickness`
+    mesh : the mesh of `meshed`
     """
     fields, points = with_thickness(meshed).point_data, meshed.points
     if not same_triangles(meshed, resampled):
@@ -61,11 +61,11 @@ def case_map(resampled: TriSurface, meshed: TriSurface, mesh: TetMesh) -> TriSur
 
 
 def mean_map(cases: Sequence[TriSurface]) -> tuple[TriSurface, dict[str, int]]:
-    """The mean surface with the means of all fields, and of how many cases each is; of labels the most frequent.
+    """The mean surface with the means of all fields (the most frequent label), and the number of cases in each mean.
 
     Parameters
     ----------
-    cases : of `case_map`, all on one mesh; a field may be missing in some of them
+    cases : from `case_map`, all on one mesh; a field may be missing in some of them
 
     Raises
     ------
@@ -83,7 +83,7 @@ def mean_map(cases: Sequence[TriSurface]) -> tuple[TriSurface, dict[str, int]]:
 
 
 def _mean(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """The mean over cases, (n,) or (n, k); of labels the most frequent one, of several the smallest."""
+    """The mean over cases, (n,) or (n, k); for labels the most frequent, and among equals the smallest."""
     if not all(np.issubdtype(one.dtype, np.integer) for one in values):
         return np.asarray(np.mean(np.stack(values), axis=0, dtype=np.float64))
     stacked = np.stack(values)
@@ -120,7 +120,7 @@ def _of_faces(surface: TriSurface, values: NDArray[Any]) -> FloatArray:
 def write_maps(
     cases: Sequence[tuple[str, str]], surface: str | Path, maps: str | Path, sidecar: str | Path, *pictures: str | Path
 ) -> None:
-    """Write the mean surface, its maps, which cases they are of, and a picture.
+    """Write the mean surface, its maps, a sidecar that names the cases, and pictures.
 
     Parameters
     ----------

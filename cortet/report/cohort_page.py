@@ -1,4 +1,4 @@
-"""The page of a cohort: a table of all cases with what is known of each, failures and outliers first."""
+"""The page of a cohort: a table of all cases and their numbers, failures and outliers first."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ Row = Mapping[str, str]
 
 #: columns that tell meshes apart
 KEY = ["case", "cell_size_mm", "mesher"]
-#: a modified z-score beyond which a value is called an outlier, and the fewest values that are judged
+#: modified z-score beyond which a value is an outlier, and the fewest values that are judged
 #: (Iglewicz and Hoaglin, How to detect and handle outliers, ASQC Quality Press, 1993, who give 3.5)
 OUTLIER, FEWEST = 3.5, 5
-#: column -> how it is called where it makes a mesh an outlier
+#: column -> its name in the reason why a mesh is an outlier
 JUDGED = {"q_max": "worst q", "q_mean": "mean q"}
-#: least spread that a number is taken to have. Worst q of one surface that is meshed in other directions spreads by
-#: 0.0005, mean q by 0.002 (a phantom of 26 weeks, h = 2.5 mm): meshes that are more alike differ by chance, and a worst
-#: q that is 3.5 x 0.005 higher than others is of no consequence for a limit of 0.6
+#: a smaller spread counts as this. If one surface is meshed in other directions, worst q spreads by 0.0005 and mean q
+#: by 0.002 (a phantom of 26 weeks, h = 2.5 mm). Meshes that are more alike differ by chance, and a worst q that is
+#: 3.5 x 0.005 higher than others does not matter for a limit of 0.6
 LEAST_SPREAD = {"q_max": 0.005, "q_mean": 0.002}
 #: states in the order of the rows; certified meshes come by their outlier score
 _ORDER = ("failed", "unfinished", "uncertified", "certified", "excluded")
@@ -43,7 +43,7 @@ _SCORE = (
     f"one cell size and mesher, where there are at least {FEWEST}; above {OUTLIER} a mesh is called an outlier. "
     "A spread counts as at least: " + ", ".join(f"{JUDGED[name]} {least:g}" for name, least in LEAST_SPREAD.items())
 )
-#: what may be known of a mesh, and what the page shows first of it
+#: columns that a mesh may have, and the columns that the page shows first
 COLUMNS = (
     *STATUS,
     *CASE_COLUMNS,
@@ -92,12 +92,12 @@ def write_cohort_page(
     Parameters
     ----------
     status : `cohort_status.tsv`
-    quality : `cohort_quality.tsv` and its sidecar; None where no mesh was measured
-    meshes : per mesh `case`, `cell_size_mm`, `mesher` and `page`, the address of its page as seen from this one; with
-        `scan_age` and `hemi`, which are then shown of meshes that were not measured, too
+    quality : `cohort_quality.tsv` and its sidecar; None if no mesh was measured
+    meshes : per mesh `case`, `cell_size_mm`, `mesher` and `page`, the address of its page as seen from this page; also
+        `scan_age` and `hemi`, so that meshes that were not measured show them, too
     figure : SVG file of the cohort against age
     maps : hemisphere, L or R -> PNG file of its maps on the common mesh
-    folding : `cohort_folding.tsv` and its SVG file; None where nothing is folded
+    folding : `cohort_folding.tsv` and its SVG file; None if nothing is folded
     folds : per run `case`, `variant`, `cell_size_mm`, `mesher` and `folder`, as seen from the page
     """
     rows, explained = read_tsv(status), sidecar(COLUMNS)
@@ -130,7 +130,7 @@ def write_cohort_page(
 
 
 def _cases(rows: pd.DataFrame, explained: Mapping[str, Any], states: Sequence[str]) -> list[Part]:
-    """The table of all cases with its filter, and what its columns mean."""
+    """The table of all cases with its filter, and the meaning of its columns."""
     known = [name for name in rows if (rows[name] != MISSING).any()]
     columns = [
         replace(column, description=_explanation(explained[column.name]))
@@ -197,7 +197,7 @@ def _folds(table: Path, folds: Sequence[Mapping[str, Any]]) -> Part:
 
 
 def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:
-    """Rows with the columns of another table of the same meshes that they lack; `n/a` where it has no such mesh."""
+    """Rows with the columns that only the other table of the same meshes has; `n/a` if it has no such mesh."""
     new = more.columns.difference(rows.columns, sort=False)
     return rows.merge(more[[*KEY, *new]], how="left", on=KEY).fillna(MISSING)
 
@@ -205,12 +205,13 @@ def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:
 def modified_z_scores(values: pd.Series[float], least: float = 0.0) -> pd.Series[float]:
     """Distance of each value to the median, in robust standard deviations (Iglewicz and Hoaglin 1993).
 
-    0.6745 (x - median) / MAD with the median absolute deviation MAD; where more than half of the values are equal, the
-    mean absolute deviation, times 1.2533, takes its place. All are 0 where the values are equal.
+    The score is 0.6745 (x - median) / MAD, with the median absolute deviation MAD. If more than half of the values are
+    equal, the mean absolute deviation, times 1.2533, replaces the standard deviation MAD / 0.6745. If all values are
+    equal, all scores are 0.
 
     Parameters
     ----------
-    least : standard deviation that is taken at least
+    least : smallest standard deviation; a smaller one counts as this
     """
     distances = values - values.median()
     scale = max(distances.abs().median() / 0.6745 or 1.2533 * distances.abs().mean(), least)
@@ -220,7 +221,7 @@ def modified_z_scores(values: pd.Series[float], least: float = 0.0) -> pd.Series
 def with_outliers(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows with `outlier`, the largest absolute score of a mesh, and `outlying`, what makes it an outlier, if anything.
 
-    Meshes are compared with those of their cell size and mesher, where there are at least `FEWEST`.
+    Meshes are compared with those of the same cell size and mesher, if these are at least `FEWEST`.
 
     Parameters
     ----------
@@ -258,6 +259,6 @@ def _counts(rows: pd.DataFrame) -> dict[str, int]:
 
 
 def _explanation(entry: Mapping[str, Any]) -> str:
-    """What the sidecar says of a column, with the limit it is judged by."""
+    """The sidecar's description of a column, with the limit that judges it."""
     text: str = entry.get("Description", "")
     return f"{text}; limit {entry['Threshold']}" if "Threshold" in entry else text

@@ -20,7 +20,7 @@ VERSION: int = 6
 Certificate = Mapping[str, Any]
 
 
-#: what the sheet says of a case; its further columns follow
+#: columns of a case from the cohort sheet; its further columns follow
 CASE_COLUMNS = (
     Column("case", "Name of the case; its files begin with it", heading="Case"),
     Column("participant_id", "Participant"),
@@ -28,7 +28,7 @@ CASE_COLUMNS = (
     Column("hemi", "Hemisphere; n/a for a whole brain", levels={"L": "left", "R": "right"}, heading="Hemisphere"),
     Column("scan_age", "Gestational age at scan", "weeks", heading="Age (weeks)", form="g"),
 )
-#: what the certificate says of a mesh, a column per line of the file
+#: columns of a mesh from its certificate, one per line of the file
 QUALITY_COLUMNS = read_columns(DATA / "cohort_quality_columns.tsv")
 
 #: one row per cell size and mesher, in the format of Table 1 of the CORTET paper
@@ -48,11 +48,11 @@ SUMMARY = Table(
 
 
 def quality_table(certificates: Sequence[Certificate], cases: Iterable[Case]) -> pd.DataFrame:
-    """One row per certificate, in their order: what the sheet says of the case, then what was measured.
+    """One row per certificate, in their order: the case as in the cohort sheet, then the measured numbers.
 
     Raises
     ------
-    KeyError : a certificate of a case that is not among `cases`
+    KeyError : the case of a certificate is not among `cases`
     """
     sheet = {case.name: case for case in cases}
     rows = pd.DataFrame([_of_case(sheet[content["case"]]) for content in certificates])
@@ -61,7 +61,7 @@ def quality_table(certificates: Sequence[Certificate], cases: Iterable[Case]) ->
 
 
 def quality_columns(certificates: Sequence[Certificate], present: Iterable[str]) -> list[Column]:
-    """The columns of those names, each with the limit that the certificates judge it by."""
+    """The columns of the names `present`, each with the limit by which certificates judge it."""
     known = {column.name: column for column in (*CASE_COLUMNS, *QUALITY_COLUMNS)}
     found = [known.get(name, Column(name, "Carried from the cohort sheet")) for name in present]
     return [replace(column, limit=_limit(certificates, column.check)) for column in found]
@@ -90,7 +90,7 @@ def _with_verdict(content: Certificate) -> dict[str, Any]:
 
 
 def _limit(certificates: Sequence[Certificate], name: str) -> str:
-    """The limit of a check in words; two where it differs from mesh to mesh, as limits by the cell size do."""
+    """The limit of a check in words; its range if it differs between meshes, as limits by cell size do."""
     judged = [check for content in certificates for check in content["checks"] if check["name"] == name]
     limits = sorted({check["limit"] for check in judged if check["comparison"]})
     if not limits:

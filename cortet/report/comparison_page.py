@@ -20,7 +20,7 @@ from cortet.report.pages import Panel, Part
 from cortet.report.pictures import SIDES, captioned
 from cortet.report.render import cut_view, surface_view
 
-#: what a comparison says beside the checks
+#: numbers that a comparison shows besides the checks
 _SHOWN = ("Nodes", "Tetrahedra", "Mean q", "Elements with q > 0.3", "Elements with q > 0.6", "Dihedral angles", "Edges")
 
 
@@ -33,7 +33,7 @@ def comparison_rows(certificates: Mapping[str, Certificate]) -> list[dict[str, A
 
     Returns
     -------
-    one row per number: `name`, `limit` (empty where there is none), and one `(value, passed)` per mesh in `values`
+    one row per number: `name`, `limit` (empty if there is none), and one `(value, passed)` per mesh in `values`
     """
     by_mesh = [[*_of_elements(c["quality"]), *map(in_words, c["checks"])] for c in certificates.values()]
     return [
@@ -61,8 +61,8 @@ def write_comparison_page(
     Parameters
     ----------
     meshes : name -> the mesh, mm
-    certificates : of each, by the same names and made with the same limits
-    surface : the surface they all should fill
+    certificates : name -> certificate of each mesh, all with the same limits
+    surface : the surface that all meshes should fill
     path : HTML file
     source : name of the surface's file
 

@@ -1,4 +1,4 @@
-"""Figures for print: one style for all of them, and files that are the same every time they are made."""
+"""Figures for print: one style for all, and the same bytes every time they are made."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from cortet.report import published
 
 VERSION: int = 1
 
-#: width of one column of a two-column journal, and of both, inches
+#: width of one column and of both columns of a two-column journal, inches
 COLUMN, PAGE = 3.5, 7.2
 #: colours that colour-blind readers tell apart (Okabe and Ito), and the grey of published data behind ours
 COLOURS = BLUE, VERMILION, GREEN, ORANGE, PURPLE = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7"
-#: of what follows once all colours are taken
+#: styles of lines; the next style begins once all colours are used
 LINES = ("-", "--", ":")
 GREY = "#B8B8B8"
 #: hemisphere -> colour and marker
@@ -55,7 +55,7 @@ STYLE = {
     "svg.hashsalt": "cortet",  # ids do not change from run to run
 }
 
-#: how far right of the oldest mesh those of unknown age stand, weeks
+#: distance of meshes of unknown age to the right of the oldest mesh, weeks
 _BESIDE = 4.0
 #: column of the quality table -> label of its panel
 _PANELS = {"tets": "tetrahedra (thousands)", "q_mean": "mean q", "q_max": r"$q_\mathrm{max}$"}
@@ -63,7 +63,7 @@ _PANELS = {"tets": "tetrahedra (thousands)", "q_mean": "mean q", "q_max": r"$q_\
 
 @contextmanager
 def drawn(width: float, height: float) -> Iterator[Figure]:
-    """A figure in the style of all, inches; laid out once, when it is complete: each further round would shift it."""
+    """A figure in the common style, inches. It is laid out once, when complete: a second layout would shift it."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure
@@ -146,14 +146,14 @@ def mesh_quality_figures(meshes: Mapping[str, NDArray[np.integer[Any]]], *, limi
 
 
 def in_powers_of_ten(axis: Axis) -> None:
-    """Label a logarithmic axis in plain letters: as formulas, which Matplotlib takes them for, they cost a second."""
+    """Label a logarithmic axis in plain letters: Matplotlib's own labels are formulas, which take a second."""
     raised = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
     axis.set_major_formatter(lambda value, _: "10" + str(round(np.log10(value))).translate(raised))
     axis.set_minor_formatter(NullFormatter())
 
 
 def mark_limit(axis: Axes, limit: float) -> None:
-    """A line up at a limit, with its value."""
+    """Draw a vertical line at a limit, with its value."""
     axis.axvline(limit, color="black", linestyle="--", linewidth=0.8)
     axis.annotate(
         f"limit {limit:g}", (limit, 0.97), xycoords=axis.get_xaxis_transform(), xytext=(2, 0),
@@ -162,7 +162,7 @@ def mark_limit(axis: Axes, limit: float) -> None:
 
 
 def distribution(bulk: Axes, tail: Axes, counts: NDArray[np.integer[Any]], **style: Any) -> None:
-    """One distribution of q, as shares of its bins and as the number of elements above each edge."""
+    """Draw a distribution of q: the share of each bin, and the number of elements above each edge."""
     edges = np.linspace(0, 1, len(counts) + 1)
     bulk.stairs(100 * counts / counts.sum(), edges, **style)
     above = np.cumsum(counts[::-1])[::-1] * 1e6 / counts.sum()
@@ -170,7 +170,7 @@ def distribution(bulk: Axes, tail: Axes, counts: NDArray[np.integer[Any]], **sty
 
 
 def svg(figure: Figure) -> str:
-    """A figure as the text of an SVG file, without date in it."""
+    """A figure as the text of an SVG file without a date."""
     file = io.StringIO()
     with mpl.rc_context(STYLE):
         figure.savefig(file, format="svg", metadata={"Date": None})
@@ -178,7 +178,7 @@ def svg(figure: Figure) -> str:
 
 
 def save(figure: Figure, *paths: str | Path) -> None:
-    """Write a figure once per path, in the format of its suffix (pdf, svg, png), without date or version in it."""
+    """Write a figure to each path, in the format of the suffix (pdf, svg, png), without date or version."""
     for path in map(Path, paths):
         kind = path.suffix.removeprefix(".")
         metadata = {"pdf": {"CreationDate": None, "Producer": None, "Creator": None}, "svg": {"Date": None}}
@@ -187,7 +187,7 @@ def save(figure: Figure, *paths: str | Path) -> None:
 
 
 def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame, column: str, unit: float) -> None:
-    """One column of two tables against age: the published meshes in grey, ours by hemisphere and cell size."""
+    """Draw a column of two tables against age: published meshes in grey, ours by hemisphere and cell size."""
     axis.scatter(
         theirs["scan_age_weeks"],
         theirs[column] / unit,

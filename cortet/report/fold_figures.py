@@ -33,37 +33,37 @@ VERSION: int = 2
 #: files that `draw` adds to the folder of a run
 NUMBERS, PICTURE, FILM = "folding.svg", "folded.png", "folding.gif"
 
-#: mean curvature is coloured between minus and plus this, 1 / mm: gyri one way, sulci the other
+#: colours span mean curvatures between minus and plus this, 1 / mm: gyri at one end, sulci at the other
 CURVATURE = 0.3
 COLOURS = "RdBu_r"
 #: pixels of one view, and frames per second of the film
 _VIEW, _RATE = (800, 640), 5
-#: what is drawn against age, and the label of its panel
+#: column that is drawn against age -> label of its panel
 _PANELS = {
     "gyrification_index": "gyrification index",
     "relative_area": "area / volume$^{2/3}$",
     "min_j": "smallest J",
     "q_max": r"$q_\mathrm{max}$",
 }
-#: where a left half or a whole brain is seen from -> its direction and the upward one, in RAS coordinates
+#: side from which a left half or a whole brain is seen -> its direction and the upward direction, in RAS coordinates
 _SIDE, _MIDDLE, _ABOVE = "side", "middle", "above"
 _VIEWS = {
     _SIDE: (np.array([-1.0, 0, 0]), np.array([0, 0, 1.0])),
     _MIDDLE: (np.array([1.0, 0, 0]), np.array([0, 0, 1.0])),
     _ABOVE: (np.array([0, 0, 1.0]), np.array([1.0, 0, 0])),
 }
-#: of the medial wall
+#: colour of the medial wall
 _WALL_COLOUR = "#6b6b6b"
 
 Image = NDArray[np.uint8]
 
 
 def draw(folder: Path, hemisphere: str | None) -> list[Path]:
-    """Draw everything there is to see of the run in a folder; returns the files made.
+    """Draw all pictures of the run in a folder; returns their files.
 
     Parameters
     ----------
-    hemisphere : "L" or "R" is filmed from its lateral side; a whole brain (None) as a left one
+    hemisphere : "L" or "R" is filmed from its lateral side; a whole brain (None) from the left
     """
     save(numbers(folder / TABLE, hemisphere), folder / NUMBERS)
     frames = series(folder / SERIES)
@@ -86,7 +86,7 @@ def series(path: Path) -> list[tuple[Path, float]]:
 def numbers(table: Path, hemisphere: str | None) -> Figure:
     """Gyrification index, area over volume^(2/3), smallest J and worst q against gestational age.
 
-    The first two are drawn on those of real surfaces: of one hemisphere for half a brain, else of both.
+    Real surfaces are drawn behind the first two: of one hemisphere for half a brain, else of both.
     """
     rows = curves(table)
     with drawn(PAGE, 2.2) as figure:
@@ -108,7 +108,7 @@ def curves(table: Path) -> pd.DataFrame:
 
 
 def real_points(axis: Axes, column: str, hemisphere: str | None) -> None:
-    """Inner surfaces of real brains: fetal ones in dark, those of newborns, whose index jumps at birth, in grey."""
+    """Draw inner surfaces of real brains: fetuses dark, newborns, whose index jumps at birth, in grey."""
     brains = published.real_brains()
     brains["relative_area"] = brains["area_cm2"] / brains["volume_ml"] ** (2 / 3)
     brains = brains[(brains["surface_type"] == "white") & ((brains["hemi"] == "both") == (hemisphere is None))]
@@ -119,7 +119,7 @@ def real_points(axis: Axes, column: str, hemisphere: str | None) -> None:
 
 
 def views(frames: list[Path], hemisphere: str | None, side: str = _SIDE) -> Iterator[Image]:
-    """The surface of each frame from a side, coloured by mean curvature, all at the scale of the last one."""
+    """The surface of each frame from a side, coloured by mean curvature, all at the scale of the last frame."""
     direction, up = _VIEWS[side]
     if hemisphere == "R":
         direction, up = direction * [-1, 1, 1], up * [-1, 1, 1]
@@ -133,7 +133,7 @@ def views(frames: list[Path], hemisphere: str | None, side: str = _SIDE) -> Iter
 
 
 def _surface(mesh: TetMesh) -> TriSurface:
-    """The boundary, with the field of the medial wall where the mesh has it."""
+    """The boundary, with the field of the medial wall if the mesh has it."""
     surface, nodes = boundary_surface(mesh)
     fields = {name: mesh.point_data[name][nodes] for name in (MEDIAL_WALL,) if name in mesh.point_data}
     return replace(surface, point_data=fields)
@@ -169,7 +169,7 @@ def _view(surface: TriSurface, focus: FloatArray, direction: FloatArray, up: Flo
 
 
 def before_and_after(images: list[list[Image]], ages: list[float]) -> Figure:
-    """The surface before (upper row) and after, from several sides (columns), and what the colours mean."""
+    """The surface before (upper row) and after, from several sides (columns), with the scale of colours."""
     with drawn(PAGE, 3.4) as figure:
         axes = figure.subplots(len(ages), len(images))
         for column, side in zip(axes.T, images, strict=True):
@@ -186,7 +186,7 @@ def before_and_after(images: list[list[Image]], ages: list[float]) -> Figure:
 
 
 def film(images: Iterator[Image], ages: list[float], path: Path) -> None:
-    """Write an animated GIF, one image per gestational age, the last one held for a second."""
+    """Write an animated GIF, one image per gestational age; the last image stays for a second."""
     with mpl.rc_context({**STYLE, "font.size": 12}), atomic_path(path) as temporary:
         figure = Figure(figsize=(_VIEW[0] / 100, _VIEW[1] / 100), dpi=100)
         axis = figure.add_axes((0, 0, 1, 1))

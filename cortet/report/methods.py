@@ -35,8 +35,8 @@ def methods_text(certificates: Sequence[Certificate], sheet: Iterable[Case], fai
 
     Parameters
     ----------
-    certificates : contents of the certificates of the line's meshes, at least one; their parameters and versions are
-        those of the first, save the cell sizes and meshers, and smoothing, which surfaces of unknown age lack
+    certificates : contents of the certificates of the line's meshes, at least one. The first gives all parameters and
+        versions, except for cell sizes, meshers, and smoothing, which surfaces of unknown age lack
     sheet : all cases, excluded ones too
     failures : case -> why it has no certificate
     """
@@ -84,7 +84,7 @@ def _cohort(cases: Sequence[Case]) -> list[str]:
 
 
 def _ages(ages: Sequence[float], of: int) -> str:
-    """The range of the ages that are known, weeks, of so many surfaces."""
+    """The range of known ages, weeks, of `of` surfaces."""
     if not ages:
         return "age at scan not known"
     weeks = f"{min(ages):g}" if min(ages) == max(ages) else f"{min(ages):g}-{max(ages):g}"
@@ -104,7 +104,7 @@ def _exclusions(cases: Iterable[Case], failures: Mapping[str, str]) -> list[str]
 
 
 def _for_readers(reason: str) -> str:
-    """A reason without folders of this machine, and without the words of an exception that nobody foresaw."""
+    """A reason without folders of this machine, and without the words of an unexpected exception."""
     if re.match(r"[A-Za-z_.]*(Error|Exception|Exit)\b", reason):
         return "an unexpected error; see cohort_status.tsv"
     return re.sub(r"(?:~|\.{1,2})?(?:/[^\s/:;,()]+)*/([^\s/:;,()]+)", r"\1", reason)

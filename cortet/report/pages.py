@@ -1,10 +1,10 @@
 """Pages for a browser: each is one file, reads the same without scripts, and asks the network for nothing.
 
-A page is a list of panels, a panel a list of parts, and a part the name of a macro of `templates/macros.html.j2` or
-`case.html.j2` with what it shows; `templates/page.html.j2` is the page around them.
+A page is a list of panels, and a panel a list of parts. A part is the name of a macro of `templates/macros.html.j2` or
+`case.html.j2`, with the macro's arguments; `templates/page.html.j2` is the page around them.
 
-Every text is escaped (Jinja2), and the page's own policy allows no script but those it was written with, each named by
-its hash, and no request at all: names and messages on it come from files that anybody may have written.
+Anybody may have written the files from which names and messages come. So every text is escaped (Jinja2), and the page's
+policy allows no request, and no script but its own, each by its hash.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from cortet.formats.tables import Column, Row
 from cortet.formats.tsv import MISSING
 from cortet.report.figures import BLUE
 
-#: of the pages of cases and of the cohort, and of their templates
+#: version of the pages of cases and of the cohort, and of their templates
 VERSION: int = 4
 
 _TEMPLATES = jinja2.Environment(
@@ -49,14 +49,14 @@ Subject = TypeVar("Subject")
 class Panel(NamedTuple):
     """A section of a page."""
 
-    #: its place on the page, for links and the style sheet
+    #: its anchor on the page, for links and the style sheet
     name: str
     title: str
     parts: Sequence[Part]
 
 
 def panels(kinds: Iterable[tuple[str, str, Callable[[Subject], Sequence[Part]]]], subject: Subject) -> list[Panel]:
-    """The panels of a page of some subject, from name, title and function of each; one without parts is left out."""
+    """The panels of a page about `subject`, from name, title and function; a panel without parts is left out."""
     made = (Panel(name, title, parts(subject)) for name, title, parts in kinds)
     return [panel for panel in made if panel.parts]
 
@@ -78,14 +78,14 @@ def write(
 
     Parameters
     ----------
-    title : of the window
-    heading : above the page; the title where there is none
-    state : of the case, beside the heading
-    top : between heading and panels
-    end : after the panels
-    cohort : address of the cohort page, as seen from this one
-    wide : it holds wide tables
-    scripts : texts of the scripts that run on it, in this order
+    title : title of the window
+    heading : heading of the page; None: the title
+    state : state of the case, beside the heading
+    top : parts between heading and panels
+    end : parts after the panels
+    cohort : address of the cohort page, as seen from this page
+    wide : whether the page holds wide tables
+    scripts : texts of the scripts of the page, in the order in which they run
     """
     page = _TEMPLATES.get_template("page.html.j2").render(
         title=title,
@@ -120,13 +120,13 @@ def table(
 
     Parameters
     ----------
-    columns : those with a form hold numbers; the mouse on a heading shows the description
+    columns : columns with a form hold numbers; a heading shows its description under the mouse
     rows : value by name of the column: a text, a number, or the macro of a cell and what it shows
-    name : what a reader without pictures is told; without one the caption
-    cohort : it has many columns, and its first one stays in sight
+    name : name for screen readers; empty: the caption
+    cohort : the table has many columns, and its first column stays in sight
     sortable : `table.js` sorts and filters it
-    missing : what stands where there is no value
-    attributes : of the HTML element of each row
+    missing : text for a missing value
+    attributes : attributes of the HTML element of each row
     """
     return "table", {
         "caption": caption,
@@ -145,7 +145,7 @@ def table(
 
 
 def _cell(column: Column, row: Row, sortable: bool, missing: str) -> tuple[str | Part, dict[str, Any]]:
-    """What a cell shows, and the attributes of its HTML element."""
+    """Content of a cell, and the attributes of its HTML element."""
     value = row.get(column.name)
     if isinstance(value, tuple):
         return value, {"class": "n" if column.form else value[0]}
@@ -160,12 +160,12 @@ def source(name: str) -> str:
 
 
 def data_uri(content: bytes, media_type: Literal["image/webp", "image/png"]) -> str:
-    """A file as an address that holds it."""
+    """A `data:` address that holds the content of a file."""
     return f"data:{media_type};base64,{base64.b64encode(content).decode()}"
 
 
 def embedded(svg: str, name: str) -> str:
-    """A figure of ours as part of a page, on its ground and with its black and blue.
+    """A figure as part of a page, with the page's background, black and blue.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def embedded(svg: str, name: str) -> str:
 
 
 def _policy(scripts: Sequence[str]) -> str:
-    """What a browser may do on the page (Content Security Policy, level 2): run these scripts, show what it holds."""
+    """Content Security Policy (level 2) of a page: a browser may run these scripts and show the page's own content."""
     hashes = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in scripts]
     allowed = " ".join(f"'sha256-{value}'" for value in hashes) or "'none'"
     rules = ["default-src 'none'", "img-src data:", "style-src 'unsafe-inline'", f"script-src {allowed}"]

@@ -23,7 +23,7 @@ SIDES: dict[Literal["L", "R"], str] = {"L": "left", "R": "right"}
 
 
 def captioned(image: NDArray[Any], caption: str, more: str = "") -> Picture:
-    """A picture (rows, columns, 4) for a page, its caption also what a reader without pictures is told."""
+    """A picture (rows, columns, 4) for a page; its caption is also the text for screen readers."""
     height, width, _ = image.shape
     text = f"{caption}, {more}" if more else caption
     uri = pages.data_uri(webp(image), "image/webp")
@@ -31,7 +31,7 @@ def captioned(image: NDArray[Any], caption: str, more: str = "") -> Picture:
 
 
 def shown(draw: Callable[[], list[Picture]], *, scaled: bool = False) -> list[pages.Part]:
-    """Pictures as parts of a page, with the scale of q where they are `scaled`; a note where they cannot be drawn."""
+    """Pictures as parts of a page, with the scale of q if they are `scaled`; a note if they cannot be drawn."""
     try:
         return [("pictures", draw()), *([("scale", colour_scale())] if scaled else [])]
     except StageError as error:
@@ -49,14 +49,14 @@ def of_input(surface: TriSurface) -> list[Picture]:
 
 
 def of_mesh(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
-    """The mesh cut open, its regions, and the surfaces that were meshed by their distance to it."""
+    """The mesh cut open, its regions, and the surfaces that were meshed in the colours of their distance to it."""
     cut = captioned(cut_view(mesh), "Mesh, cut open across the middle", "each tetrahedron in the colour of its q")
     boundary, _ = boundary_surface(mesh)
     return [cut, *_of_regions(mesh, meshed), *_by_distance(meshed, boundary, "Meshed surface", "the mesh")]
 
 
 def _of_regions(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
-    """The cut in the colours of the regions, and each inner surface by its distance to its interface."""
+    """The cut in the colours of the regions, and each inner surface in the colours of its distance to its interface."""
     if not meshed.inner or REGION not in mesh.cell_data:
         return []
     names = region_names(meshed)
@@ -72,7 +72,7 @@ def _of_regions(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
 
 
 def of_repair(file: TriSurface, repaired: TriSurface) -> list[Picture]:
-    """The surface that was meshed by its distance to that of the file."""
+    """The repaired surface, in the colours of its distance to the surface of the file."""
     return _by_distance(repaired, file, "Meshed surface", "the file", red=True)
 
 

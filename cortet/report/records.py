@@ -1,6 +1,6 @@
-"""Quality records of a cohort: whose they are, and the table of every mesh, stage by stage.
+"""Quality records of a cohort: the mesh of each record, and the table of every mesh, stage by stage.
 
-A record is the JSON of `quality.QualitySummary` and says whose it is, under `origin`.
+A record is the JSON of `quality.QualitySummary`; its key `origin` names the mesh.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Origin:
 
 
 def by_origin(paths: Iterable[str | Path]) -> dict[Origin, dict[str, Any]]:
-    """Contents of the files of records, by whose they are, in the order given."""
+    """Contents of the files of records by their origins, in the order given."""
     records = [read_record(path) for path in paths]
     return {Origin(**record["origin"]): record for record in records}
 

@@ -21,7 +21,7 @@ from cortet.mesh import REGION, FloatArray, TetMesh, TriSurface
 
 VERSION: int = 2
 
-#: colour-blind safe, and as dark as it is bad
+#: colours that colour-blind readers tell apart; worse elements are darker
 COLOURS = "viridis_r"
 #: q from 0 to the limit of a solver-ready mesh; worse elements get the colour beyond it
 RANGE, BEYOND = (0.0, 0.6), "#D55E00"
@@ -39,12 +39,12 @@ SCALE = {
     "color": "black",
 }
 
-#: white around the mesh, and the part of the width that the scale leaves to it
+#: margin around the mesh, and the share of the width beside the scale
 MARGIN, ROOM = 1.05, 0.7
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 
-#: colours can be read off, and the shape is still seen
+#: light that keeps colours readable and still shows the shape
 _FLAT_LIGHT = {"ambient": 0.5, "diffuse": 0.5, "show_scalar_bar": False}
 
 _CUT_LOOK = {
@@ -60,7 +60,7 @@ _CUT_LOOK = {
 }
 
 
-#: of the regions by number, and what they are called in words; told apart by the colour-blind, too
+#: colours of the regions by number, and their names; colour-blind readers tell them apart
 REGION_COLOURS = ("#E69F00", "#56B4E9", "#009E73", "#CC79A7", "#F0E442")
 COLOUR_NAMES = ("orange", "blue", "green", "pink", "yellow")
 _REGION_LOOK = {"show_edges": True, "edge_color": "#303030", "line_width": 0.6, "ambient": 0.5, "diffuse": 0.5}
@@ -74,13 +74,13 @@ def picture(
     position: float = 0.5,
     size: tuple[int, int] = (1600, 1200),
 ) -> None:
-    """Draw a mesh cut open, every tetrahedron whole and coloured by its q, seen from the cut.
+    """Draw a mesh cut open, seen from the cut; every tetrahedron is whole and coloured by its q.
 
     Parameters
     ----------
     path : PNG file
-    axis : the cut is across it; in RAS coordinates y runs from the back to the front of the head
-    position : of the cut along `axis`, as a fraction of the mesh's extent
+    axis : axis across which the mesh is cut; in RAS coordinates y runs from the back to the front of the head
+    position : position of the cut along `axis`, a fraction of the mesh's extent
     size : pixels, width and height
 
     Raises
@@ -130,17 +130,17 @@ def surface_view(
     darkest: float | None = None,
     colours: str = "Greys",
 ) -> NDArray[np.uint8]:
-    """A surface from the left or the right of the head, edges where it is open or branches drawn over it.
+    """A surface from the left or the right of the head; open and branching edges are drawn over it.
 
     Parameters
     ----------
     surface : RAS coordinates, x to the right; it need not be closed
-    side : where it is seen from
+    side : side from which it is seen
     size : pixels, width and height
-    distances : (m,) of its faces, mm; they are coloured from white at `lowest` to black at `darkest`
+    distances : (m,) mm, one per face; faces are coloured from white at `lowest` to black at `darkest`
     lowest : mm
     darkest : mm; None: the largest distance
-    colours : of distances, as matplotlib names them
+    colours : colour map of the distances, as matplotlib names it
 
     Returns
     -------
@@ -171,11 +171,11 @@ def surface_view(
 
 
 def before_and_after(before: TriSurface, after: TriSurface, distances: FloatArray, path: str | Path) -> None:
-    """Draw a surface from the left and the right of the head, and below it what became of it.
+    """Draw a surface from the left and the right of the head, and below it the changed surface.
 
     Parameters
     ----------
-    distances : (m,) of the faces of `after`, mm; they are coloured from white at 0 to red at the largest
+    distances : (m,) mm, one per face of `after`; faces are coloured from white at 0 to red at the largest
     path : PNG file
 
     Raises
@@ -195,12 +195,12 @@ def before_and_after(before: TriSurface, after: TriSurface, distances: FloatArra
 
 
 def reddest(distances: FloatArray) -> float:
-    """The distance of the darkest colour, mm: the largest, or one below which there is only rounding."""
+    """The distance of the darkest colour, mm: the largest, but no less than what rounding can make."""
     return max(float(distances.max()), 0.01)
 
 
 def _on_white(image: NDArray[np.uint8], size: tuple[int, ...]) -> NDArray[np.uint8]:
-    """A picture that was cut out, in the middle of a white one of `size` (rows, columns)."""
+    """A cut-out picture in the middle of a white picture of `size` (rows, columns)."""
     full = np.full((*size, 3), 255, np.uint8)
     opaque = image[:, :, 3:] / 255
     top, left = (size[0] - image.shape[0]) // 2, (size[1] - image.shape[1]) // 2
@@ -242,8 +242,8 @@ def lateral_view(
     Parameters
     ----------
     mesh : RAS coordinates, x to the right and y to the front of the head
-    side : where it is seen from
-    cut : leave out the half towards the viewer and colour elements by q; else the grey surface
+    side : side from which it is seen
+    cut : leave out the half towards the viewer and colour elements by q; else draw the grey surface
     half_width, half_height : mm from the middle of the mesh to the edges of the picture
     width : pixels
 
@@ -274,7 +274,7 @@ def _look_from(
 
 
 def _cut_out(plotter: pyvista.Plotter) -> NDArray[np.uint8]:
-    """What was drawn, without its ground and the empty rows and columns around it."""
+    """The drawing, without its background and without the empty rows and columns around it."""
     image: NDArray[np.uint8] = plotter.screenshot(None, transparent_background=True, return_img=True)
     drawn = image[:, :, 3] > 0
     rows, columns = np.flatnonzero(drawn.any(axis=1)), np.flatnonzero(drawn.any(axis=0))

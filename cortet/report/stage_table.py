@@ -1,4 +1,4 @@
-"""What each stage does to one mesh, what it costs: the table behind the comparison with the published chain."""
+"""Effect and cost of each stage for one mesh: the table behind the comparison with the published chain."""
 
 from __future__ import annotations
 

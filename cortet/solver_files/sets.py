@@ -165,7 +165,7 @@ def _is_cortex(mesh: TetMesh, faces: IntArray, depth: float, thickness: str | No
     values = mesh.point_data.get(thickness)
     if values is None or values.ndim != 1 or _is_label(values):
         raise InputError(
-            f"the mesh has no scalar field {thickness}, which gives the depth of the cortex",
+            f"the mesh has no scalar field {thickness} for the depth of the cortex",
             remedy=_known(mesh.point_data),
         )
     there = np.einsum("kc,kc->k", nearest.barycentric, values[faces[nearest.faces]])

@@ -1,8 +1,8 @@
-"""The stages of the ablation, for those who want nothing else of it: rules are read at every start of Snakemake."""
+"""The stages of the ablation, in a light module: Snakemake reads it with the rules at every start."""
 
 from cortet.stages import STAGES
 
-#: labels of the stages whose effect is measured -> stages that have run, what the last of them adds
+#: label of a stage whose effect is measured -> stages that have run, what the last of them adds
 ABLATED = {
     STAGES["generate"].label: ("S1-S2", "only"),
     STAGES["relocate"].label: ("S1-S3", "+ Gmsh (S3)"),

@@ -1,6 +1,6 @@
 """Table 1 of the paper: what each stage does to the quality, from the quality records of a cohort.
 
-A mesh that could not be made has no record, but counts in its row of the table, which says why.
+A mesh that could not be made has no record. It still counts in its row of the table, which says why it is missing.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from cortet.study.ablated import ABLATED
 VERSION: int = 4
 
 
-#: columns that hold whole numbers wherever they hold something
+#: columns whose values, if any, are whole numbers
 _COUNTS = (
     *("meshes", "failed", "fallback", "wrong_topology", "tets_total"),
     *("q_above_0.6_min", "q_above_0.6_max", "q_above_0.6_total"),
 )
-#: what tells the rows of this cohort apart
+#: columns that tell the rows of this cohort apart
 _GROUP = ["cell_size_mm", "mesher", "setting", "stage"]
-#: what is taken of the quality record of a mesh
+#: numbers that are taken from the quality record of a mesh
 _QUALITY = ["tets", "q_mean", "q_max", "q_above_0.6"]
 #: column -> column of the meshes and how it is summarised over them
 _SUMMARIES: dict[str, tuple[str, Any]] = {
@@ -61,7 +61,7 @@ def _of_median(row: Row, name: str, digits: int = 3) -> str:
     return median_and_range(row[f"{name}_median"], row[f"{name}_min"], row[f"{name}_max"], digits)
 
 
-#: columns that print what several have
+#: columns that print the values of several columns
 _FORMS: dict[str, Callable[[Row], str]] = {
     "meshes": _meshes,
     "q_mean_mean": lambda row: mean_and_sd(row["q_mean_mean"], row["q_mean_sd"]),
@@ -91,13 +91,13 @@ def ablation_table(
     Parameters
     ----------
     records : quality records
-    reports : reports of S1, or `{"failure": reason}` where a mesher failed
+    reports : reports of S1, or `{"failure": reason}` if a mesher failed
     missing : reasons why records are missing
     references : name -> quality record of a reference mesh
 
     Returns
     -------
-    table : columns of `ABLATION`; None, NaN or NA where there is no value
+    table : columns of `ABLATION`; None, NaN or NA for a missing value
     """
     parts = [_cohort_rows(_meshes_of(records, reports, missing)), _reference_rows(references), _published_rows()]
     table = pd.concat([part.reindex(columns=names(ABLATION.columns)).astype(object) for part in parts])
@@ -109,7 +109,7 @@ def _meshes_of(
     reports: Mapping[Origin, Mapping[str, Any]],
     missing: Mapping[Origin, str],
 ) -> pd.DataFrame:
-    """One row per mesh after each stage: whose it is, its quality, how S1 went, and why it is missing if it is."""
+    """One row per mesh after each stage: its origin, its quality, the report of S1, and why it is missing, if so."""
     failed = {origin: report["failure"] for origin, report in reports.items() if "failure" in report}
     rows = []
     for origin in dict.fromkeys([*records, *missing, *failed]):
@@ -159,7 +159,7 @@ def _configuration(mesher: str, stage: str) -> str:
 
 
 def _remarks(meshes: pd.DataFrame) -> str:
-    """Why meshes are missing: each reason with the cases it is that of, by the first of them."""
+    """Why meshes are missing: each reason with its cases, in the order of their first case."""
     missing = meshes.dropna(subset="reason").sort_values("case")
     cases = missing.groupby("reason", sort=False)["case"].agg(", ".join)
     return "; ".join(f"{names}: {reason}" for reason, names in cases.items())

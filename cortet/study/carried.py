@@ -1,4 +1,4 @@
-"""The surface that a mesh was made from, carried along as the mesh folds: so that folds on different meshes compare."""
+"""Carry the surface that was meshed along as the mesh folds, so that folds on different meshes can be compared."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from cortet.mesh import FloatArray, TetMesh
 
 
 def carried(points: FloatArray, mesh: TetMesh, moved: FloatArray) -> FloatArray:
-    """Where the vertices of a surface are when the nodes of a mesh have moved: (k, 3) mm.
+    """Positions of the vertices of a surface after the nodes of a mesh have moved: (k, 3) mm.
 
-    A vertex goes with the place of the boundary that was nearest to it, and keeps its offset from it, which is less
-    than a cell.
+    A vertex moves with the point of the boundary that was nearest to it, and keeps its offset from that point, which is
+    less than a cell.
 
     Parameters
     ----------
     points : (k, 3) vertices of the surface, mm
-    mesh : before it moved
-    moved : (n, 3) its nodes, mm
+    mesh : the mesh before it moved
+    moved : (n, 3) mm, its nodes after that
     """
     faces = boundary_faces(mesh)
     found = closest_points(surface_tree(mesh.points, faces), points)

@@ -1,12 +1,12 @@
 """Folding against the cell size: a table, a figure, and a sentence that says which cell size is small enough.
 
-Every run is a realisation of a mesh: a direction in which it is made. What differs between realisations of
-one cell size is chance; what is left between cell sizes is the cell size. Where the mean over the realisations goes
-evenly towards a limit, by more than chance, this limit is extrapolated (Richardson 1911; Roache, J. Fluids Eng. 116,
-1994) and the error is a quarter more than the way that is left, as Roache advises.
+Every run is a realisation of a mesh: a direction in which it is made. Differences between realisations of one cell size
+are chance; the remaining differences between cell sizes are due to the cell size. If the mean over the realisations
+tends evenly to a limit, by more than chance, this limit is extrapolated (Richardson 1911; Roache, J. Fluids Eng. 116,
+1994). Its error is a quarter more than the remaining distance to it, as Roache advises.
 
-Where folds are is compared on the surface that all meshes were made from: the depth below its convex hull that each of
-its vertices has gained, and the correlation of these depths between two runs, weighted by area.
+Locations of folds are compared on the surface from which all meshes were made. Each of its vertices gains depth below
+the convex hull; these depths are correlated between two runs, weighted by area.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ VERSION: int = 2
 
 #: relative difference from the limit up to which a number counts as converged
 TOLERANCE = 0.05
-#: orders of convergence that are believed; others come from chance or from cells that are far too large
+#: plausible orders of convergence; others come from chance or from cells that are far too large
 ORDERS = (0.5, 4.0)
 #: numbers of a run that are compared -> its column in the table of the fold, heading, unit
 QUANTITIES = {
@@ -47,7 +47,7 @@ QUANTITIES = {
     "fold_spacing_mm": ("width of folds", "mm"),
     "sulcal_depth_mm": ("depth of sulci", "mm"),
 }
-#: pairs of runs whose places of folds are compared -> what differs
+#: pairs of runs whose locations of folds are compared -> what differs
 PAIRS = {
     "realisations": "the same mesher and cell size, another direction",
     "meshers": "the same cell size, another mesher",
@@ -125,7 +125,7 @@ class Run:
 
 
 def read_run(folder: Path) -> Run:
-    """What is compared of a run in a folder."""
+    """The numbers of a run that are compared, from its folder."""
     record = json.loads((folder / "record.json").read_text(encoding="utf-8"))
     last = read_tsv(folder / TABLE).apply(pd.to_numeric, errors="coerce").iloc[-1]
     start, folded = read_surface(folder / "start.surf.gii"), read_surface(folder / "folded.surf.gii")
@@ -142,7 +142,7 @@ def read_run(folder: Path) -> Run:
 
 
 def convergence_table(runs: Sequence[Run]) -> pd.DataFrame:
-    """A row per case, mesher and cell size, the largest first, and one for the limit where there is one."""
+    """A row per case, mesher and cell size, the largest first, and a row for the limit if there is one."""
     rows = []
     for case, mesher in dict.fromkeys((run.case, run.mesher) for run in runs):
         own = [run for run in runs if (run.case, run.mesher) == (case, mesher)]
@@ -196,7 +196,7 @@ def _mean(values: Sequence[float] | FloatArray) -> float | None:
 
 
 def _chance(deviations: Sequence[float | None]) -> float:
-    """Standard deviation over the realisations, pooled over the cell sizes; 0 where there is one of each only."""
+    """Standard deviation over the realisations, pooled over the cell sizes; 0 if each has only one realisation."""
     known = [deviation**2 for deviation in deviations if deviation is not None]
     return float(np.sqrt(np.mean(known))) if known else 0.0
 
@@ -209,7 +209,7 @@ def correlation(a: Run, b: Run) -> float:
 
 @dataclass(frozen=True)
 class Limit:
-    """What a number tends to for h = 0."""
+    """The value to which a number tends for h = 0."""
 
     value: float
     error: float
@@ -217,11 +217,11 @@ class Limit:
 
 
 def limit(sizes: Sequence[float], values: Sequence[float | None], chance: float) -> Limit | None:
-    """The limit of values at falling cell sizes, from the last three; None where they do not go evenly towards one.
+    """The limit of values at falling cell sizes, from the last three; None if they do not tend evenly to a limit.
 
     Parameters
     ----------
-    chance : standard deviation of a value over the realisations: a step that is not larger says nothing
+    chance : standard deviation of a value over the realisations; a step that is not larger says nothing
     """
     if len(sizes) < 3 or any(value is None for value in values[-3:]):
         return None
@@ -240,9 +240,9 @@ def limit(sizes: Sequence[float], values: Sequence[float | None], chance: float)
 
 
 def large_enough(sizes: Sequence[float], values: Sequence[float | None], at_limit: float | None) -> float | None:
-    """The largest cell size from which on a number is within `TOLERANCE` of its limit, or of that at the smallest size.
+    """The largest cell size from which on a number is within `TOLERANCE` of its limit, or of its value at the smallest.
 
-    Without a limit the smallest size itself only counts together with the one before it.
+    Without a limit, the smallest size itself only counts together with the size before it.
     """
     if any(value is None for value in values):
         return None
@@ -257,7 +257,7 @@ def large_enough(sizes: Sequence[float], values: Sequence[float | None], at_limi
 
 
 def sentence(table: pd.DataFrame) -> str:
-    """Which cell size is small enough, and where folds are, from the rows of `convergence_table`."""
+    """Which cell size is small enough, and how locations of folds agree, from the rows of `convergence_table`."""
     found: list[tuple[str, float | None]] = []
     for _, rows in table.groupby(["case", "mesher"], sort=False):
         measured, limits = rows[rows["cell_size_mm"] > 0], rows[rows["cell_size_mm"] == 0]
@@ -285,14 +285,14 @@ def sentence(table: pd.DataFrame) -> str:
         )
         if finest[column].notna().any()
     ]
-    return first + (f" Places of folds at the smallest size correlate by {' and '.join(places)}." if places else "")
+    return first + (f" Locations of folds at the smallest size correlate by {' and '.join(places)}." if places else "")
 
 
 _MARKERS = {"lattice": (BLUE, "o"), "cgal": (VERMILION, "^")}
 
 
 def convergence_figure(runs: Sequence[Run], table: pd.DataFrame) -> Figure:
-    """Every number of every run against h over thickness, with limits at 0, and the correlations of places of folds."""
+    """Every number of every run against h over thickness, with limits at 0, and correlations of fold locations."""
     shown = [*(name for name in QUANTITIES if name != "area_mm2")]
     with drawn(PAGE, 2.1) as figure:
         *axes, places = figure.subplots(1, len(shown) + 1)

@@ -20,7 +20,7 @@ VERSION: int = 3
 
 PUBLISHED = "arXiv:2607.12157"
 
-#: whose a row is
+#: columns that name the mesh of a row
 _MESH = (
     Column("source", "This cohort, or the publication"),
     Column("case", "Name of the case, or of the published subject", heading="Case"),
@@ -96,7 +96,7 @@ def resolution_table(
 
 
 def exponent(meshes: pd.DataFrame) -> float:
-    """Of `cell_size_mm` in `tets`, by least squares of the logarithms; NaN for fewer than two sizes."""
+    """Exponent of `cell_size_mm` in `tets`, by least squares of the logarithms; NaN for fewer than two sizes."""
     x, y = np.log(meshes["cell_size_mm"].to_numpy(float)), np.log(meshes["tets"].to_numpy(float))
     return float(np.polyfit(x, y, 1)[0]) if len(np.unique(x)) > 1 else np.nan
 
@@ -111,7 +111,7 @@ _MEASURES = {
 
 
 def _largest(name: str) -> Callable[[Row], str]:
-    """The largest value of a measure, or the range of it that was published."""
+    """Form of the largest value of a measure, or of its published range."""
     return lambda row: row.get(f"{name}_range") or number(row[f"{name}_max"])
 
 
@@ -142,7 +142,7 @@ def measures_table(
 ) -> pd.DataFrame:
     """Worst elements by age, case, mesher and setting, then the published range; parameters as of `resolution_table`.
 
-    Beside the columns of `MEASURES`, the published row has a column `..._range` per measure.
+    Besides the columns of `MEASURES`, the published row has a column `..._range` per measure.
     """
     ranges = published.measures()
     theirs = {
@@ -189,7 +189,7 @@ def _by_age(
     missing: Mapping[Origin, str],
     ages: Mapping[str, float | None],
 ) -> pd.DataFrame:
-    """One row per mesh, also of those that are missing, by age, case, mesher, setting and cell size."""
+    """One row per mesh, including missing meshes, by age, case, mesher, setting and cell size."""
     about = [
         {**asdict(origin), "source": "this cohort", "scan_age": ages[origin.case], "remarks": missing.get(origin)}
         for origin in dict.fromkeys([*records, *missing])

@@ -48,7 +48,7 @@ def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: 
     """Quality of all elements after each stage, one row per setting: distribution of q, and number of elements above q.
 
     The published distributions (arXiv:2607.12157, Fig. 2) are thin grey lines behind. The tail is cumulative, so that
-    it can be read at the limit, also where there are few elements.
+    it can be read at the limit even if few elements are there.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def pooled(records: Mapping[Origin, Mapping[str, Any]], settings: Mapping[str, s
 
     Parameters
     ----------
-    settings : setting -> its mesher, whose meshes of S1 it shares with other settings
+    settings : setting -> its mesher; settings of one mesher share the meshes of S1
     """
     result = []
     for setting, mesher in settings.items():

@@ -20,7 +20,7 @@ from cortet.report.render import BEYOND, COLOURS, RANGE, lateral_view
 
 VERSION: int = 1
 
-#: what a brain may be drawn from, in the order of the rows: hemisphere -> its name, and the side it is seen from
+#: hemisphere -> its name, and the side from which it is seen, in the order of the rows
 _HEMISPHERES: dict[str, tuple[str, Literal["L", "R"]]] = {
     "L": ("left", "L"),
     "R": ("right", "R"),
@@ -28,18 +28,18 @@ _HEMISPHERES: dict[str, tuple[str, Literal["L", "R"]]] = {
 }
 #: white around the largest mesh, length of the scale bar in mm, and resolution of the pictures
 _MARGIN, _BAR, _DPI = 1.04, 20.0, 400
-#: columns a page is divided into at least
+#: least number of columns of a page
 _FEWEST = 3
 
 
 def series_figure(brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]]) -> Figure:
     """Meshes by age: each hemisphere seen from its side, and the first one of each brain cut, with q in colour.
 
-    Hemispheres have rows of their own where a brain has more than one.
+    If a brain has more than one hemisphere, each has a row of its own.
 
     Parameters
     ----------
-    brains : age in weeks, None where it is not known, and the meshes of a brain by hemisphere (`L`, `R`, or `n/a` for
+    brains : age in weeks, None if it is not known, and the meshes of a brain by hemisphere (`L`, `R`, or `n/a` for
         all of it)
     """
     hemispheres = [[hemi for hemi in _HEMISPHERES if hemi in meshes] for _, meshes in brains]
@@ -80,7 +80,7 @@ def series_figure(brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]]) 
 
 
 def draw_series(brains: Sequence[Mapping[str, Any]], outputs: Sequence[str | Path]) -> None:
-    """Draw the series from mesh files: per brain its `age` in weeks and its `meshes` by hemisphere."""
+    """Draw the series from mesh files: each brain has its `age` in weeks and its `meshes` by hemisphere."""
     loaded = [(brain["age"], {hemi: vtu.read(path) for hemi, path in brain["meshes"].items()}) for brain in brains]
     save(series_figure(loaded), *outputs)
 
