@@ -16,7 +16,7 @@ from cortet.cohort.receipts import content
 from cortet.cohort.sheet import ageless_notice, read_sheet
 from cortet.config import load, read, version_of
 from cortet.errors import CortetError
-from cortet.meshers import MESHERS
+from cortet.meshers import OWN
 from cortet.stages import STAGES
 
 # what rules/failures.smk hands over: (case, res, mesher) of the meshes that failed, and how; reasons why files that the

@@ -15,7 +15,7 @@ rule generate:
         report=LAYOUT.mesh("Generated", "tetmesh.json"),
         quality=LAYOUT.mesh("Generated", "quality.json"),
     wildcard_constraints:
-        mesher="|".join({*CONFIG.generate.meshers, *MESHERS}),
+        mesher="|".join({*CONFIG.generate.meshers, *OWN}),
     params:
         **recorded("generate"),
         arguments=partial(PLAN.arguments, "generate"),

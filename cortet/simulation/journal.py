@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
@@ -159,6 +158,8 @@ def reached(folder: Path) -> str:
     ------
     InputError : no run has written anything there
     """
+    import pandas as pd
+
     if not (folder / TABLE).exists() or not (folder / SECONDS).exists():
         raise InputError(
             "no run has begun there", file=folder, remedy="name the folder that `cortet fold -o` writes to"
