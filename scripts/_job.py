@@ -126,7 +126,9 @@ def _guard(snakemake: Any) -> None:
 
 def _save(snakemake: Any, log: Path) -> None:
     """Save the job for a debugger: now, as it may be killed, until it has succeeded; not where the disk is full."""
-    script = Path(sys.modules["__main__"].__file__ or "").name  # Snakemake runs a copy that says what it is a copy of
+    script = Path(
+        getattr(sys.modules["__main__"], "__file__", None) or ""
+    ).name  # Snakemake runs a copy that says what it is a copy of
     with contextlib.suppress(OSError):
         atexit.register(_forget, saved_jobs.save(script, snakemake, log))
 
