@@ -23,8 +23,10 @@ from cortet.stages.stage import Certificate, Stage, counted
 
 if TYPE_CHECKING:
     MesherName = str
-else:  # the names of all meshers
+    Fallback = str
+else:  # the names of all meshers, and of those that always keep the topology
     MesherName = Literal[tuple(MESHERS)]
+    Fallback = Literal[tuple(name for name, mesher in OWN.items() if not mesher.may_change_topology)]
 
 VERSION: int = 8
 
@@ -60,7 +62,7 @@ class Generate(Section):
     """Sliver exudation, last."""
     seed: NonNegativeInt = 0
     """Seed of CGAL's random numbers, and of the direction in which the surface is meshed (0: as it stands)."""
-    fallback: Literal[tuple(OWN)] | None = "lattice"  # type: ignore[valid-type]
+    fallback: Fallback | None = "lattice"
     """Mesher to take where no facet distance gives the right topology; null: none."""
     edge_length: Annotated[list[Positive], AsList, Field(min_length=1)] = [
         1.25,
@@ -186,8 +188,8 @@ def generate(
     """
     from cortet.geometry.orientation import random_rotation
 
-    if mesher not in MESHERS:
-        raise InputError(f"unknown mesher {mesher!r}", remedy=f"use {' or '.join(MESHERS)}")
+    if unknown := {mesher, fallback} - {None, *MESHERS}:
+        raise InputError(f"unknown mesher {unknown.pop()!r}", remedy=f"use {' or '.join(MESHERS)}")
     if not cell_size > 0 or not np.isfinite(cell_size):
         raise InputError(f"cell size {cell_size} mm is not a positive length")
     require_within(cell_size, CELL_SIZE_MM, "the cell size in mm")
