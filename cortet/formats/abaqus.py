@@ -45,7 +45,7 @@ _ELSEWHERE = {
     **dict.fromkeys(("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"), "makes nodes or elements of others"),
 }
 #: most numbers that the ranges of one block may stand for
-_MOST_GENERATED = 2**26
+_MOST_GENERATED = 2**24
 _COMMENT = re.compile(rb"^\*\*[^\n]*", re.MULTILINE)
 _FIELD = re.compile(rb"^\*\* variable (\d+): (\S+), component (\d+) of (\d+), (\w+)$", re.MULTILINE)
 
