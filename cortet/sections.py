@@ -5,8 +5,12 @@ Every job loads all these declarations to read the configuration, so this module
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from importlib import import_module
 from math import isfinite
+from pkgutil import iter_modules
+from types import ModuleType
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, NonNegativeInt, PositiveInt
@@ -27,6 +31,7 @@ __all__ = [
     "Section",
     "Subdivisions",
     "Threshold",
+    "public_modules",
 ]
 
 
@@ -99,3 +104,8 @@ class Cost:
 
 def _line(coefficients: tuple[float, float], tets: float) -> float:
     return coefficients[0] + coefficients[1] * tets / 1e6
+
+
+def public_modules(package: str, path: Iterable[str]) -> list[ModuleType]:
+    """The modules in the folders `path` of a package, but for those whose names begin with `_`; by name."""
+    return [import_module(f"{package}.{found.name}") for found in iter_modules(path) if found.name[0] != "_"]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.interpolation import is_label
 from cortet.geometry.topology import enclosed_volume, face_areas, surface_topology
 from cortet.mesh import FloatArray, TriSurface
 
@@ -96,7 +97,7 @@ def carried(weights: Weights, values: NDArray[Any]) -> NDArray[Any]:
     ----------
     values : (n,) or (n, k) at the old vertices
     """
-    if not np.issubdtype(values.dtype, np.integer):
+    if not is_label(values):
         mean: NDArray[Any] = weights @ values.astype(np.float64)
         return mean
     columns = values.reshape(len(values), -1).T

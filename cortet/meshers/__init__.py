@@ -6,18 +6,15 @@ meshers, and load with them. A new mesher is a new file in this folder (CONTRIBU
 
 from __future__ import annotations
 
-from importlib import import_module
-from pkgutil import iter_modules
-
 from cortet.meshers.mesher import Mesher
+from cortet.sections import public_modules
 
 __all__ = ["BASELINES", "MESHERS", "OWN", "Mesher"]
 
 
 def _found() -> dict[str, Mesher]:
     """The meshers that all modules in this folder declare, by name, in their order."""
-    modules = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__) if module.name[0] != "_"]
-    meshers = [mesher for module in modules for mesher in getattr(module, "MESHERS", ())]
+    meshers = [mesher for module in public_modules(__name__, __path__) for mesher in getattr(module, "MESHERS", ())]
     return {mesher.name: mesher for mesher in sorted(meshers, key=lambda mesher: (mesher.order, mesher.name))}
 
 

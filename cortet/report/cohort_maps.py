@@ -22,7 +22,7 @@ from cortet.errors import InputError
 from cortet.formats.atomic import write_json
 from cortet.formats.gifti import read_surface, write_fields, write_surface
 from cortet.geometry.closest_point import closest_points, tree_of
-from cortet.geometry.interpolation import at_triangles
+from cortet.geometry.interpolation import at_triangles, is_label
 from cortet.geometry.spheres import same_triangles
 from cortet.geometry.topology import boundary_surface
 from cortet.mesh import FloatArray, TetMesh, TriSurface
@@ -84,7 +84,7 @@ def mean_map(cases: Sequence[TriSurface]) -> tuple[TriSurface, dict[str, int]]:
 
 def _mean(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
     """The mean over cases, (n,) or (n, k); for labels the most frequent, and among equals the smallest."""
-    if not all(np.issubdtype(one.dtype, np.integer) for one in values):
+    if not all(map(is_label, values)):
         return np.asarray(np.mean(np.stack(values), axis=0, dtype=np.float64))
     stacked = np.stack(values)
     keys = np.unique(stacked)

@@ -8,9 +8,7 @@ it; modules whose names begin with `_` are parts of a stage, and load with it. A
 
 from __future__ import annotations
 
-from importlib import import_module
-from pkgutil import iter_modules
-
+from cortet.sections import public_modules
 from cortet.stages.stage import Stage
 
 __all__ = ["MESH_STAGES", "STAGES", "Stage"]
@@ -18,7 +16,7 @@ __all__ = ["MESH_STAGES", "STAGES", "Stage"]
 
 def _found() -> dict[str, Stage]:
     """The stages of all modules in this folder, by name, in the order in which they run."""
-    modules = (import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__) if module.name[0] != "_")
+    modules = public_modules(__name__, __path__)
     stages = sorted((module.STAGE for module in modules if hasattr(module, "STAGE")), key=lambda stage: stage.order)
     orders = [stage.order for stage in stages]
     if len(set(orders)) < len(orders):
