@@ -35,7 +35,9 @@ from cortet.simulation.body import Material, body_of, scale_of, smallest_altitud
 from cortet.simulation.contact import contact_of
 from cortet.simulation.device import device_name
 from cortet.simulation.gpu import OnGpu
+from cortet.simulation.growth import Course
 from cortet.simulation.kernels import DONE, Motion, Work, workspace
+from cortet.simulation.models import course
 from cortet.simulation.patches import ROWS, VOLUME
 from cortet.simulation.state import Moment
 from cortet.simulation.stepper import OnCpu
@@ -99,16 +101,16 @@ def run(mesh: TetMesh, steps: int, *, on_gpu: bool) -> tuple[float, float, float
     state, work = Motion(x, np.zeros_like(x)), workspace(body)
     contact = contact_of(x, boundary_faces(mesh), bulk=material.bulk)
     dt = stable_time_step(smallest_altitude(x, mesh.cells), material)
-    growth = np.full((steps, 1), _GROWTH)
+    growth = course(np.full((steps, 1), _GROWTH))
     what: Any = SimpleNamespace(body=body, material=material)
     stepper = (OnGpu if on_gpu else OnCpu)(what, Moment(0, 0.0, state, work, contact))
     stepper.begin()
-    if on_gpu and stepper.advance(growth[:1], np.zeros(1), dt) != (1, DONE):
+    if on_gpu and stepper.advance(growth.since(steps - 1), dt) != (1, DONE):
         raise RuntimeError("the first step was not taken")
     wall, cpu = time.perf_counter(), time.process_time()
     for first in range(0, steps, 100):
-        batch = growth[first : first + 100]
-        if (ended := stepper.advance(batch, np.zeros(len(batch)), dt)) != (len(batch), DONE):
+        batch = Course(*(values[first : first + 100] for values in growth))
+        if (ended := stepper.advance(batch, dt)) != (len(batch.thickening), DONE):
             raise RuntimeError(f"the steps ended with {ended}")
     seconds = time.perf_counter() - wall, time.process_time() - cpu
     return *seconds, bytes_per_element(mesh, work, on_gpu=on_gpu)

@@ -81,7 +81,9 @@ def main() -> None:
     best = (np.inf, 0.0, 0.0)
     for rate, stiffness in product(options.rates, options.stiffness):
         folder = options.output / f"rate{rate:g}_core{stiffness:g}"
-        settings = Settings(options.ga, options.hemi, end=LAST, growth_rate=rate, core_stiffness=stiffness)
+        settings = Settings(
+            options.ga, options.hemi, end=LAST, model="braingrowth", growth_rate=rate, core_stiffness=stiffness
+        )
         run = folded(mesh, folder, settings)
         ours, theirs = misfits(run, fetal), misfits(run, newborn)
         both = float(np.hypot(*ours) / np.sqrt(2))

@@ -61,6 +61,7 @@ def comparison(mesh: TetMesh, end: float, folder: Path) -> list[Row]:
         age_of(0.0),
         end=age_of(end),
         time_step=TIME_STEP,
+        model="braingrowth",
         reference=True,
         # rows equally far apart in age are not so in time: enough of them to interpolate between
         record_interval=0.05,

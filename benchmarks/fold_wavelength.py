@@ -25,6 +25,7 @@ from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, 
 from cortet.simulation.contact import contact_of, listed_at
 from cortet.simulation.growth import Linear
 from cortet.simulation.kernels import DONE, LIST_OUTDATED, Motion, advance, workspace
+from cortet.simulation.models import course
 from cortet.stages.reconnect import reconnect
 
 #: relative variation of the radius at which the wavelength is measured
@@ -91,10 +92,10 @@ def fold_ball(mesh: TetMesh, thickness: float, stiffness: float) -> Folds:
     step = 0
     while rate * step * dt < _LARGEST_GROWTH:
         times = (step + np.arange(20)) * dt
-        done, how = advance(body, material, state, work, contact, Linear(rate)(times)[:, None], np.zeros(20), dt)
+        done, how = advance(body, material, state, work, contact, course(Linear(rate)(times)[:, None]), dt)
         step += done
         if how == LIST_OUTDATED:
-            contact = listed_at(contact, state.x)
+            contact = listed_at(contact, state.x, 1.0)
         elif how != DONE:
             raise RuntimeError(f"an element inverted at a growth of {rate * step * dt:.3f}")
         stretch = np.linalg.norm(state.x[surface], axis=1) / np.linalg.norm(mesh.points[surface], axis=1)

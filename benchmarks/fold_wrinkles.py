@@ -34,6 +34,7 @@ from cortet.mesh import FloatArray, IntArray, TetMesh
 from cortet.simulation.body import Body, Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
 from cortet.simulation.kernels import DONE, Motion, advance, workspace
+from cortet.simulation.models import course
 
 #: time step, in units of the one that a run would take: nothing is compressed much here
 TIME_STEP = 3.0
@@ -128,7 +129,7 @@ def growing(strip: Strip, start: FloatArray, material: Material, rate: float) ->
     dt = TIME_STEP * stable_time_step(smallest_altitude(strip.points, body.cells), material)
     for step in count():
         growth = rate * step * dt
-        if advance(body, material, state, work, contact, np.array([[growth]]), np.zeros(1), dt) != (1, DONE):
+        if advance(body, material, state, work, contact, course([[growth]]), dt) != (1, DONE):
             raise RuntimeError(f"an element inverted at a growth of {growth:.3f}")
         for axis, nodes in enumerate(strip.held):
             state.x[nodes, axis] = start[nodes, axis]

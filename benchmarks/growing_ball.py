@@ -29,6 +29,7 @@ from cortet.mesh import FloatArray, TetMesh, TriSurface
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
 from cortet.simulation.kernels import DONE, Motion, advance, workspace
+from cortet.simulation.models import course
 from cortet.solver_files import fenics_job
 from cortet.solver_files.calculix import write_job
 from cortet.solver_files.sets import named_sets
@@ -103,8 +104,8 @@ def by_cortet(mesh: TetMesh, growth: float) -> FloatArray:
     contact = contact_of(points, boundary_faces(mesh), bulk=material.bulk)._replace(radius=np.inf)
     dt = 3 * stable_time_step(smallest_altitude(points, mesh.cells), material)
     while True:
-        alphas = np.full((_STEPS, 1), growth)
-        if advance(body, material, state, work, contact, alphas, np.zeros(_STEPS), dt) != (_STEPS, DONE):
+        steps = course(np.full((_STEPS, 1), growth))
+        if advance(body, material, state, work, contact, steps, dt) != (_STEPS, DONE):
             raise RuntimeError("an element inverted")
         if np.abs(state.v).max() < _REST:
             return OUTER * (state.x - points)

@@ -77,8 +77,10 @@ class Body(NamedTuple):
     normals: FloatArray
     #: (m,), distance to the surface; where the cortex is a region: 0 inside it, beyond all growth outside
     depth: FloatArray
-    #: (m,), 1 where the cortex grows, 0 where it does not
+    #: (m,), 1 where there is cortex next to the surface, 0 where there is none: nothing else is as stiff as cortex
     mask: FloatArray
+    #: (m,), how much of the tangential growth of its law the cortex takes part in
+    amount: FloatArray
     #: (m,), thickness of the cortex at the start
     thickness: FloatArray
     #: (m,) int32, which growth law holds
@@ -122,6 +124,7 @@ def body_of(
     *,
     thickness: float = THICKNESS,
     mask: FloatArray | None = None,
+    amount: FloatArray | None = None,
     labels: IntArray | None = None,
     held: NDArray[np.bool_] | None = None,
 ) -> Body:
@@ -133,7 +136,8 @@ def body_of(
     Parameters
     ----------
     thickness : of the cortex at the start, dimensionless; the point data `thickness` (mm) of the mesh replace it
-    mask : (n,) 0 to 1, how much of the growth each node takes part in; None: all of it
+    mask : (n,) 0 to 1, whether there is cortex next to the surface; None: there is, everywhere
+    amount : (n,), how much of the tangential growth each node takes part in; None: all of it
     labels : (n,) int32, growth law of each node; an element has that of its node nearest the surface
     held : (n,), nodes that stay in their sagittal plane; None: no node
     """
@@ -167,6 +171,7 @@ def body_of(
         normals=np.divide(total, length, out=np.zeros_like(total), where=length > 0),
         depth=cell_depth,
         mask=np.ones(len(cells)) if mask is None else mask[cells].mean(axis=1),
+        amount=np.ones(len(cells)) if amount is None else amount[cells].mean(axis=1),
         thickness=cell_thickness,
         label=np.take_along_axis(node_label[cells], nearest_corner, axis=1)[:, 0].astype(np.int32),
         held=np.zeros(len(points), bool) if held is None else held,
@@ -196,6 +201,18 @@ def growth_mask(
     wall : (n,), nodes of the medial wall; None: a whole brain
     reference : each node grows as its own place says, outside an ellipsoid (Wang et al. 2021)
     """
+    if (values := amount_of_growth(mesh)) is not None:
+        return values
+    if reference:
+        x = (mesh.points - scale.origin) / scale.length
+        inner, outer = _ELLIPSOID_RADII
+        radius = np.linalg.norm((x - _ELLIPSOID_CENTRE) * _ELLIPSOID_AXES, axis=1)
+        return np.clip((radius - inner) / (outer - inner), 0, 1)
+    return default_mask(mesh, scale, wall)
+
+
+def amount_of_growth(mesh: TetMesh) -> FloatArray | None:
+    """The point data `growth` of a mesh, (n,) from 0 to 1; None where it has none."""
     if (values := node_field(mesh, MASK_FIELD)) is not None:
         if not (values.min() >= -_ROUNDING and values.max() <= 1 + _ROUNDING):
             raise InputError(
@@ -203,11 +220,12 @@ def growth_mask(
                 remedy="divide it by its largest value",
             )
         return np.clip(values, 0, 1)
+    return None
+
+
+def default_mask(mesh: TetMesh, scale: Scale, wall: NDArray[np.bool_] | None = None) -> FloatArray:
+    """Whether there is cortex next to the surface, by the medial wall and caps alone: (n,) from 0 to 1."""
     x = (mesh.points - scale.origin) / scale.length
-    if reference:
-        inner, outer = _ELLIPSOID_RADII
-        radius = np.linalg.norm((x - _ELLIPSOID_CENTRE) * _ELLIPSOID_AXES, axis=1)
-        return np.clip((radius - inner) / (outer - inner), 0, 1)
     nearest = across_cortex(mesh.points, mesh)[2]
     surface = boundary_nodes(mesh)
     caps = node_field(mesh, FILLED)

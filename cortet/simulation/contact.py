@@ -1,4 +1,4 @@
-"""Contact of the surface with itself, and of half a brain with the medial plane.
+"""Contact of the surface with itself, of half a brain with the medial plane, and of crowns with an envelope.
 
 A surface node that comes closer than `reach` to a triangle facing it is pushed away along the shortest line, in
 proportion to what is missing; a node that is already behind the triangle is pushed back to its front. Which triangles a
@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from cortet.geometry.closest_point import on_triangle, triangle_normal
 from cortet.geometry.topology import edges, face_normals, vertex_normals
@@ -26,6 +27,10 @@ from cortet.mesh import FloatArray, IntArray
 REACH, RADIUS = 0.2, 0.6
 #: force at distance 0, per squared mean edge, in units of the bulk modulus
 PENALTY = 10.0
+#: the same of the envelope at a depth of one reach beyond it
+SOFT = 0.3
+#: distances that are computed at a time
+_BLOCK = 10**7
 
 
 class Contact(NamedTuple):
@@ -53,6 +58,14 @@ class Contact(NamedTuple):
     #: distance of the plane from x = 0, away from the body, and force per depth behind it
     gap: float
     stiffness: float
+    #: (p, 4), outward unit normal n and offset o of each plane of the envelope at the start: within, n x + o < 0; and
+    #: force per depth beyond it
+    planes: FloatArray
+    softness: float
+    #: (s,), the plane that each surface node is nearest to, or -1 where there is no envelope, and the size of the
+    #: envelope when they were found
+    plane: IntArray
+    envelope: float
     #: per surface node: triangle in contact or -1, its weights (s, 3), force on the node (s, 3)
     touched: IntArray
     weights: FloatArray
@@ -60,7 +73,14 @@ class Contact(NamedTuple):
 
 
 def contact_of(
-    x: FloatArray, faces: IntArray, *, bulk: float, side: float = 0.0, gap: float = 0.0, plane: float = PENALTY
+    x: FloatArray,
+    faces: IntArray,
+    *,
+    bulk: float,
+    side: float = 0.0,
+    gap: float = 0.0,
+    plane: float = PENALTY,
+    planes: FloatArray | None = None,
 ) -> Contact:
     """The contact of a body in its reference state, with its first list.
 
@@ -72,6 +92,7 @@ def contact_of(
     side : +1 or -1 for half a brain that must stay on that side of the medial plane
     gap : distance of that plane from x = 0, away from the body
     plane : force at a depth of one reach behind the plane, per squared mean edge, in units of the bulk modulus
+    planes : (p, 4) of the envelope, see `Contact.planes`; None: there is none
     """
     nodes = np.unique(faces).astype(np.int32)
     pairs = edges(faces)
@@ -93,15 +114,34 @@ def contact_of(
         side=float(side),
         gap=float(gap),
         stiffness=plane * bulk * mean_edge / REACH,
+        planes=np.zeros((0, 4)) if planes is None else planes,
+        softness=SOFT * bulk * mean_edge / REACH,
+        plane=np.full(s, -1, np.int32),
+        envelope=1.0,
         touched=np.full(s, -1, np.int32),
         weights=np.zeros((s, 3)),
         force=np.zeros((s, 3)),
     )
-    return listed_at(empty, x)
+    return listed_at(empty, x, 1.0)
 
 
-def listed_at(contact: Contact, x: FloatArray) -> Contact:
-    """The same contact with the list for positions x (n, 3)."""
+def envelope_of(x: FloatArray) -> FloatArray:
+    """Planes of the convex hull of points x (n, 3): (p, 4), see `Contact.planes`."""
+    # it has one for each triangle, and flat parts have many: the order makes them those of one machine and another
+    return np.unique(ConvexHull(x).equations, axis=0)
+
+
+def _nearest_planes(planes: FloatArray, x: FloatArray, envelope: float) -> IntArray:
+    """The plane of an envelope of some size that each point x (s, 3) is farthest beyond, or nearest to: (s,)."""
+    if not len(planes):
+        return np.full(len(x), -1, np.int32)
+    blocks = np.array_split(x, -(-len(x) * len(planes) // _BLOCK))
+    found = [(block @ planes[:, :3].T + envelope * planes[:, 3]).argmax(axis=1) for block in blocks]
+    return np.concatenate(found).astype(np.int32)
+
+
+def listed_at(contact: Contact, x: FloatArray, envelope: float) -> Contact:
+    """The same contact with the list for positions x (n, 3) and a size of the envelope."""
     faces = contact.faces
     corners = x[faces]
     centroids = corners.mean(axis=1)
@@ -121,7 +161,10 @@ def listed_at(contact: Contact, x: FloatArray) -> Contact:
     np.cumsum(_search(contact, x, normals, node_normals, grid, offsets, np.zeros(0, np.int32)), out=offsets[1:])
     candidates = np.empty(offsets[-1], np.int32)
     _search(contact, x, normals, node_normals, grid, offsets, candidates)
-    return contact._replace(offsets=offsets, candidates=candidates, listed=x[contact.nodes])
+    plane = _nearest_planes(contact.planes, x[contact.nodes], envelope)
+    return contact._replace(
+        offsets=offsets, candidates=candidates, listed=x[contact.nodes], plane=plane, envelope=envelope
+    )
 
 
 @numba.njit(cache=True)
@@ -231,7 +274,7 @@ def touch(contact, x, i):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def contact_forces(contact, x, external):  # type: ignore[no-untyped-def]
+def contact_forces(contact, x, external, envelope):  # type: ignore[no-untyped-def]
     """Set the contact forces of all surface nodes in `external` (n, 3); returns the number of nodes in contact."""
     for node in contact.nodes:
         external[node] = 0
@@ -247,6 +290,11 @@ def contact_forces(contact, x, external):  # type: ignore[no-untyped-def]
                     external[contact.faces[face, j], k] -= contact.weights[i, j] * contact.force[i, k]
     if contact.side != 0:
         count += _against_plane(contact, x, external)
+    if len(contact.planes) > 0:
+        for i in range(len(contact.nodes)):
+            push = envelope_force(contact, x, i, envelope)
+            for k in range(3):
+                external[contact.nodes[i], k] += push[k]
     return count
 
 
@@ -267,3 +315,13 @@ def plane_force(contact, x):  # type: ignore[no-untyped-def]
     """Force along x of the medial plane on a node with that coordinate."""
     depth = -contact.side * x - contact.gap
     return contact.side * contact.stiffness * depth if depth > 0 else 0.0
+
+
+@numba.njit(cache=True)
+def envelope_force(contact, x, i, envelope):  # type: ignore[no-untyped-def]
+    """Force of an envelope of some size on surface node i, by the plane that was nearest when contacts were listed."""
+    node, plane = contact.nodes[i], contact.plane[i]
+    a, b, c = contact.planes[plane, 0], contact.planes[plane, 1], contact.planes[plane, 2]
+    beyond = a * x[node, 0] + b * x[node, 1] + c * x[node, 2] + envelope * contact.planes[plane, 3]
+    push = -contact.softness * max(beyond, 0.0)
+    return push * a, push * b, push * c

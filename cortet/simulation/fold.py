@@ -174,7 +174,7 @@ class Journal:
         at_listing[moment.contact.nodes] = last.listed
         moment.work.counts[:] = last.degenerate, last.contacts
         moment.work.energy[:] = last.energies[:2]
-        contact = listed_at(moment.contact, at_listing)
+        contact = listed_at(moment.contact, at_listing, last.envelope)
         return Moment(last.step, last.time, Motion(last.x, last.v), moment.work, contact, last.energies[2])
 
     def save(self, moment: Moment) -> None:
@@ -188,6 +188,7 @@ class Journal:
             x=moment.state.x,
             v=moment.state.v,
             listed=moment.contact.listed,
+            envelope=moment.contact.envelope,
             degenerate=int(moment.work.counts[0]),
             contacts=int(moment.work.counts[1]),
             energies=(float(moment.work.energy[0]), float(moment.work.energy[1]), moment.growth_work),

@@ -20,6 +20,7 @@ from cortet.mesh import FloatArray, IntArray
 from cortet.simulation.body import Body, Material
 from cortet.simulation.contact import Contact, listed_at
 from cortet.simulation.device import ON_CPU, is_simulated
+from cortet.simulation.growth import Course
 from cortet.simulation.kernels import Motion
 from cortet.simulation.patches import SIZE, Patches
 from cortet.simulation.state import Moment, Run
@@ -77,7 +78,7 @@ class OnGpu:
             _overwrite(self._before, self.state)
         return self._before
 
-    def advance(self, alphas: FloatArray, thickening: FloatArray, dt: float) -> tuple[int, int]:
+    def advance(self, course: Course, dt: float) -> tuple[int, int]:
         """`kernels.advance` for this moment."""
         with self._told():
             self._tallies.flags.copy_to_device(np.zeros(3, np.int32))
@@ -89,8 +90,9 @@ class OnGpu:
                 self.state,
                 self._contact,
                 self._lists,
-                _sent(alphas),
-                _sent(thickening),
+                _sent(course.growth),
+                _sent(course.thickening),
+                _sent(course.envelope),
                 float(dt),
                 self._elements,
                 self._scratch,
@@ -99,18 +101,21 @@ class OnGpu:
             flags = _fetched(self._tallies.flags)
         return int(flags[self._gpu.TAKEN]), int(flags[self._gpu.HOW])
 
-    def list_contacts(self) -> None:
-        """Make the list of contacts anew, on the host."""
+    def list_contacts(self, envelope: float) -> None:
+        """Make the list of contacts anew for a size of the envelope, on the host."""
         with self._told():
-            contact = listed_at(self._moment.contact, _fetched(self.state.x))
+            contact = listed_at(self._moment.contact, _fetched(self.state.x), envelope)
             first, touching = _touching(contact)
             self._contact = self._contact._replace(
-                offsets=_sent(contact.offsets), candidates=_sent(contact.candidates), listed=_sent(contact.listed)
+                offsets=_sent(contact.offsets),
+                candidates=_sent(contact.candidates),
+                listed=_sent(contact.listed),
+                plane=_sent(contact.plane),
             )
             self._lists = self._lists._replace(first=_sent(first), touching=_sent(touching))
         self._moment.contact = contact
 
-    def energies(self, state: Motion, alphas: FloatArray, thickening: float) -> tuple[float, float]:
+    def energies(self, state: Motion, growth: FloatArray, thickening: float) -> tuple[float, float]:
         """Kinetic and elastic energy of a state on the device."""
         tallies = self._energy_tallies
         with self._told():
@@ -120,7 +125,7 @@ class OnGpu:
                 self._material,
                 state,
                 self._lists,
-                _sent(alphas),
+                _sent(growth),
                 float(thickening),
                 self._elements,
                 self._scratch,

@@ -31,7 +31,7 @@ from cortet.simulation import contact as contacts
 from cortet.simulation import kernels, law
 from cortet.simulation.device import is_simulated
 from cortet.simulation.kernels import DONE, INVERTED, LIST_OUTDATED
-from cortet.simulation.patches import ACROSS, DEPTH, MASK, SIZE, THICKNESS, VOLUME
+from cortet.simulation.patches import AMOUNT, DEPTH, ISOTROPIC, MASK, SIZE, THICKNESS, VOLUME
 
 #: threads of a block, a power of two; nodes whose energies are added up at a time
 THREADS = 128
@@ -112,6 +112,7 @@ def on_device(function: Dispatcher) -> Any:
 _combined, _vector = on_device(law.combined), on_device(law.vector)
 _dot, _cross, _deformation = on_device(law.dot), on_device(law.cross), on_device(law.deformation)
 _growth_share, _grown_volume = on_device(law.growth_share), on_device(law.grown_volume)
+_own_growth = on_device(law.own_growth)
 _volume_between, _stress = on_device(law.volume_between), on_device(law.stress)
 _shear_modulus, _forces_on_corners = on_device(law.shear_modulus), on_device(law.forces_on_corners)
 _may_be_degenerate, _phi = on_device(law.may_be_degenerate), on_device(law.phi)
@@ -120,7 +121,7 @@ _own_gradients, _put_forces = on_device(kernels.own_gradients), on_device(kernel
 _least = on_device(kernels.least)
 _ratios, _move = on_device(kernels.ratios), on_device(kernels.move)
 _has_moved_too_far, _touch = on_device(contacts.has_moved_too_far), on_device(contacts.touch)
-_plane_force = on_device(contacts.plane_force)
+_plane_force, _envelope_force = on_device(contacts.plane_force), on_device(contacts.envelope_force)
 
 
 # --- an element ------------------------------------------------------------------------------------------------------
@@ -144,39 +145,41 @@ def _edges(patches, patch, e, x):  # type: ignore[no-untyped-def]
 
 
 @cuda.jit(device=True)
-def _growth(patches, patch, e, alphas, thickening):  # type: ignore[no-untyped-def]
-    """Share, growth and grown volume of an element of a patch."""
+def _growth(patches, patch, e, growth, thickening):  # type: ignore[no-untyped-def]
+    """Share of the cortex, growth along and across it, and grown volume of an element of a patch."""
     constants = patches.constants[patch]
     thickness = constants[THICKNESS * SIZE + e] + thickening
     share = _growth_share(constants[DEPTH * SIZE + e], thickness, constants[MASK * SIZE + e])
-    alpha = share * alphas[patches.label[patch, e]]
-    return share, alpha, _grown_volume(constants[VOLUME * SIZE + e], alpha, constants[ACROSS * SIZE + e])
+    along, across, core = _vector(growth, patches.label[patch, e])
+    alpha, beta = _own_growth(share, constants[AMOUNT * SIZE + e], along, across, core)
+    grown = _grown_volume(constants[VOLUME * SIZE + e], alpha, beta, constants[ISOTROPIC * SIZE + e])
+    return share, alpha, beta, grown
 
 
 @cuda.jit(device=True)
-def _stretched(patches, patch, e, x, ratio, material, alphas, thickening):  # type: ignore[no-untyped-def]
+def _stretched(patches, patch, e, x, ratio, material, growth, thickening):  # type: ignore[no-untyped-def]
     """Rows of F of an element, its grown gradients, and its moduli for `law.stress`."""
     nodes, u, v, w = _edges(patches, patch, e, x)
-    share, alpha, grown = _growth(patches, patch, e, alphas, thickening)
-    gradients = _own_gradients(patches.constants[patch], e, alpha)
+    share, alpha, beta, grown = _growth(patches, patch, e, growth, thickening)
+    gradients = _own_gradients(patches.constants[patch], e, alpha, beta)
     mean = (ratio[nodes[0]] + ratio[nodes[1]] + ratio[nodes[2]] + ratio[nodes[3]]) / 4
     moduli = grown * _shear_modulus(material, share), grown * material.bulk * (mean - 1)
     return _deformation(u, v, w, gradients[0], gradients[1], gradients[2]), gradients, moduli
 
 
 @cuda.jit(device=True)
-def _put_element(shared, patches, patch, e, x, ratio, material, alphas, thickening):  # type: ignore[no-untyped-def]
+def _put_element(shared, patches, patch, e, x, ratio, material, growth, thickening):  # type: ignore[no-untyped-def]
     """Forces of an element as if it were not degenerate; returns its J, and whether it may be."""
-    f, gradients, moduli = _stretched(patches, patch, e, x, ratio, material, alphas, thickening)
+    f, gradients, moduli = _stretched(patches, patch, e, x, ratio, material, growth, thickening)
     p0, p1, p2, j, trace = _stress(f[0], f[1], f[2], moduli[0], moduli[1])
     _put_forces(shared, e, _forces_on_corners(p0, p1, p2, gradients[0], gradients[1], gradients[2]))
     return j, _may_be_degenerate(j, trace)
 
 
 @cuda.jit(device=True)
-def _put_degenerate(shared, patches, patch, e, x, ratio, material, alphas, thickening):  # type: ignore[no-untyped-def]
+def _put_degenerate(shared, patches, patch, e, x, ratio, material, growth, thickening):  # type: ignore[no-untyped-def]
     """Forces of an element that may be in the degenerate branch; returns whether it is."""
-    f, gradients, moduli = _stretched(patches, patch, e, x, ratio, material, alphas, thickening)
+    f, gradients, moduli = _stretched(patches, patch, e, x, ratio, material, growth, thickening)
     left, stretch, right = _stretches(f[0], f[1], f[2])
     if not stretch[2] < law.SMALLEST_STRETCH:
         return False
@@ -189,11 +192,11 @@ def _put_degenerate(shared, patches, patch, e, x, ratio, material, alphas, thick
 
 
 @cuda.jit(device=True)
-def _deviatoric_energy(patches, patch, e, x, material, alphas, thickening):  # type: ignore[no-untyped-def]
+def _deviatoric_energy(patches, patch, e, x, material, growth, thickening):  # type: ignore[no-untyped-def]
     """mu / 2 (J^(-2/3) tr B - 3) times the grown volume of an element."""
     _, u, v, w = _edges(patches, patch, e, x)
-    share, alpha, grown = _growth(patches, patch, e, alphas, thickening)
-    a, b, c = _own_gradients(patches.constants[patch], e, alpha)
+    share, alpha, beta, grown = _growth(patches, patch, e, growth, thickening)
+    a, b, c = _own_gradients(patches.constants[patch], e, alpha, beta)
     f0, f1, f2 = _deformation(u, v, w, a, b, c)
     j, trace = _dot(f0, _cross(f1, f2)), _dot(f0, f0) + _dot(f1, f1) + _dot(f2, f2)
     if _may_be_degenerate(j, trace):
@@ -239,14 +242,14 @@ _total, _smallest = _reduction(_sum), _reduction(_least)
 
 
 @cuda.jit(device=True)
-def _add_volumes(shared, patches, lists, x, alphas, thickening, elements, slot_volumes):  # type: ignore[no-untyped-def]
+def _add_volumes(shared, patches, lists, x, growth, thickening, elements, slot_volumes):  # type: ignore[no-untyped-def]
     """What the current and grown volumes of the elements of a patch add to its own nodes."""
     for patch in range(cuda.blockIdx.x, len(patches.corners), cuda.gridDim.x):
         cuda.syncthreads()  # until all have used what the patch before has left
         for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
             _, u, v, w = _edges(patches, patch, e, x)
             shared[e] = _volume_between(u, v, w)
-            shared[SIZE + e] = _growth(patches, patch, e, alphas, thickening)[2]
+            shared[SIZE + e] = _growth(patches, patch, e, growth, thickening)[3]
         cuda.syncthreads()
         for slot in range(patches.offsets[patch] + cuda.threadIdx.x, patches.offsets[patch + 1], THREADS):
             current, grown = 0.0, 0.0
@@ -274,17 +277,17 @@ def _look(contact, x, flags):  # type: ignore[no-untyped-def]
 
 
 @cuda.jit(device=True)
-def _add_forces(shared, patches, lists, x, material, alphas, thickening, elements, scratch, tallies):  # type: ignore[no-untyped-def]
+def _add_forces(shared, patches, lists, x, material, growth, thickening, elements, scratch, tallies):  # type: ignore[no-untyped-def]
     """Forces of a patch on its own nodes, its smallest J, and how many of its elements are degenerate."""
     for patch in range(cuda.blockIdx.x, len(patches.corners), cuda.gridDim.x):
         cuda.syncthreads()
         least, flat, degenerate = np.inf, False, 0.0
         for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
-            j, doubtful = _put_element(shared, patches, patch, e, x, scratch.ratio, material, alphas, thickening)
+            j, doubtful = _put_element(shared, patches, patch, e, x, scratch.ratio, material, growth, thickening)
             least, flat = _least(least, j), flat or doubtful
         if flat:  # rarely: apart, for it takes many registers, and with fewer of them a device runs more blocks
             for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
-                if _put_degenerate(shared, patches, patch, e, x, scratch.ratio, material, alphas, thickening):
+                if _put_degenerate(shared, patches, patch, e, x, scratch.ratio, material, growth, thickening):
                     degenerate += 1.0
         cuda.syncthreads()
         for slot in range(patches.offsets[patch] + cuda.threadIdx.x, patches.offsets[patch + 1], THREADS):
@@ -356,8 +359,8 @@ def _judge(shared, tallies):  # type: ignore[no-untyped-def]
 
 
 @cuda.jit(device=True)
-def _contact_force(contact, lists, x, place):  # type: ignore[no-untyped-def]
-    """Force of all contacts on a surface node: its own, what touches the triangles around it, the medial plane."""
+def _contact_force(contact, lists, x, place, envelope):  # type: ignore[no-untyped-def]
+    """Force of all contacts on a surface node: its own, those of the triangles around it, medial plane, envelope."""
     fx, fy, fz = 0.0, 0.0, 0.0
     if contact.touched[place] >= 0:
         fx, fy, fz = contact.force[place, 0], contact.force[place, 1], contact.force[place, 2]
@@ -372,17 +375,20 @@ def _contact_force(contact, lists, x, place):  # type: ignore[no-untyped-def]
                 fz -= weight * contact.force[other, 2]
     if contact.side != 0:
         fx += _plane_force(contact, x[contact.nodes[place], 0])
+    if contact.plane[place] >= 0:
+        push = _envelope_force(contact, x, place, envelope)
+        fx, fy, fz = fx + push[0], fy + push[1], fz + push[2]
     return fx, fy, fz
 
 
 @cuda.jit(device=True)
-def _move_all(shared, patches, lists, held, material, state, contact, dt, scratch, block_energy):  # type: ignore[no-untyped-def]
+def _move_all(shared, patches, lists, held, material, state, contact, envelope, dt, scratch, block_energy):  # type: ignore[no-untyped-def]
     """Step every node; add what was dissipated and the work of the contact, block by block."""
     for block in range(cuda.blockIdx.x, len(block_energy), cuda.gridDim.x):
         i, dissipated, pushed = block * THREADS + cuda.threadIdx.x, 0.0, 0.0
         if i < len(held):
             if lists.place[i] >= 0:
-                fx, fy, fz = _contact_force(contact, lists, state.x, lists.place[i])
+                fx, fy, fz = _contact_force(contact, lists, state.x, lists.place[i], envelope)
                 scratch.external[i, 0] = fx
                 scratch.external[i, 1] = fy
                 scratch.external[i, 2] = fz
@@ -408,15 +414,17 @@ def _move_all(shared, patches, lists, held, material, state, contact, dt, scratc
 
 
 @cuda.jit(**_LIMITS)
-def advance(patches, held, material, state, contact, lists, alphas, thickening, dt, elements, scratch, tallies):  # type: ignore[no-untyped-def]
-    """`kernels.advance` on the device: as many steps as `alphas` has rows, unless one of them cannot be taken.
+def advance(  # type: ignore[no-untyped-def]
+    patches, held, material, state, contact, lists, growth, thickening, envelope, dt, elements, scratch, tallies
+):
+    """`kernels.advance` on the device: as many steps as `growth` has rows, unless one of them cannot be taken.
 
     `tallies.flags` must be 0 before and say afterwards how many were taken and why no more.
     """
     grid, shared = cuda.cg.this_grid(), cuda.shared.array(_SHARED, numba.float64)
     x = state.x
-    for step in range(len(alphas)):
-        now, thicker = alphas[step], thickening[step]
+    for step in range(len(growth)):
+        now, thicker = growth[step], thickening[step]
         _add_volumes(shared, patches, lists, x, now, thicker, elements, scratch.slot_volumes)
         grid.sync()
         _find_ratios(patches, scratch)
@@ -430,25 +438,26 @@ def advance(patches, held, material, state, contact, lists, alphas, thickening, 
         grid.sync()
         if tallies.flags[HOW] != DONE:
             break
-        _move_all(shared, patches, lists, held, material, state, contact, dt, scratch, tallies.block_energy)
+        size = envelope[step]
+        _move_all(shared, patches, lists, held, material, state, contact, size, dt, scratch, tallies.block_energy)
         grid.sync()
 
 
 @cuda.jit(**_LIMITS)
-def energies(patches, material, state, lists, alphas, thickening, elements, scratch, tallies):  # type: ignore[no-untyped-def]
+def energies(patches, material, state, lists, growth, thickening, elements, scratch, tallies):  # type: ignore[no-untyped-def]
     """Elastic energy of the elements of each patch, without that of the nodal volumes; and of each block of nodes.
 
     These are sums of V |v|^2 and V (J - 1)^2 with the grown volume V and the ratio J of each node.
     """
     grid, shared = cuda.cg.this_grid(), cuda.shared.array(_SHARED, numba.float64)
-    _add_volumes(shared, patches, lists, state.x, alphas, thickening, elements, scratch.slot_volumes)
+    _add_volumes(shared, patches, lists, state.x, growth, thickening, elements, scratch.slot_volumes)
     grid.sync()
     _find_ratios(patches, scratch)
     grid.sync()
     for patch in range(cuda.blockIdx.x, len(tallies.patch_least), cuda.gridDim.x):
         energy = 0.0
         for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
-            energy += _deviatoric_energy(patches, patch, e, state.x, material, alphas, thickening)
+            energy += _deviatoric_energy(patches, patch, e, state.x, material, growth, thickening)
         energy = _total(shared, energy)
         if cuda.threadIdx.x == 0:
             tallies.patch_least[patch] = energy

@@ -75,6 +75,8 @@ class Checkpoint(NamedTuple):
     v: FloatArray
     #: (s, 3), where the contact list was made
     listed: FloatArray
+    #: size of the envelope there
+    envelope: float
     time: float
     degenerate: int
     contacts: int

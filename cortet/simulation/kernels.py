@@ -25,6 +25,9 @@ from cortet.mesh import FloatArray
 from cortet.simulation.body import Body, Material
 from cortet.simulation.contact import contact_forces, moved_too_far
 from cortet.simulation.law import (
+    ACROSS,
+    ALONG,
+    CORE,
     SMALLEST_STRETCH,
     combined,
     cross,
@@ -38,6 +41,7 @@ from cortet.simulation.law import (
     growth_share,
     inlined,
     may_be_degenerate,
+    own_growth,
     phi,
     shear_modulus,
     stress,
@@ -46,9 +50,10 @@ from cortet.simulation.law import (
     volume_between,
 )
 from cortet.simulation.patches import (
-    ACROSS,
+    AMOUNT,
     DEPTH,
     GRADIENTS,
+    ISOTROPIC,
     MASK,
     NORMAL,
     SIZE,
@@ -63,9 +68,9 @@ DONE, INVERTED, LIST_OUTDATED = 0, 1, 2
 #: nodes of a block
 _BLOCK = 256
 #: rows of a patch's own memory, few, so that the cache holds them: edges from corner 0, in whose place forces on the
-#: corners 1, 2 and 3 come; growth between 0 and 1, its alpha, grown volume; current volume, in whose place J comes; and
-#: the mean ratio of the nodal volumes, in whose place tr B comes
-_EDGES, _SHARE, _ALPHA, _GROWN, _CURRENT, _MEAN, _OWN_ROWS = 0, 9, 10, 11, 12, 13, 14
+#: corners 1, 2 and 3 come; share of the cortex, growth along and across it, grown volume; current volume, in whose
+#: place J comes; and the mean ratio of the nodal volumes, where growth of the core is before and tr B comes after
+_EDGES, _SHARE, _ALPHA, _BETA, _GROWN, _CURRENT, _MEAN, _OWN_ROWS = 0, 9, 10, 11, 12, 13, 14, 15
 _J, _TRACE = _CURRENT, _MEAN
 
 
@@ -157,34 +162,39 @@ def _own_edges(rows, corners, x):  # type: ignore[no-untyped-def]
 
 
 @fast
-def _own_growth(rows, constants, label, alphas, thickening):  # type: ignore[no-untyped-def]
+def _own_growth(rows, constants, label, growth, thickening):  # type: ignore[no-untyped-def]
     """Growth, grown and current volume of each element of a patch."""
     for e in range(SIZE):
-        rows[_ALPHA * SIZE + e] = alphas[label[e]]
+        rows[_ALPHA * SIZE + e] = growth[label[e], ALONG]
+        rows[_BETA * SIZE + e] = growth[label[e], ACROSS]
+        rows[_MEAN * SIZE + e] = growth[label[e], CORE]
     for e in range(SIZE):
         thickness = constants[THICKNESS * SIZE + e] + thickening
         share = growth_share(constants[DEPTH * SIZE + e], thickness, constants[MASK * SIZE + e])
-        alpha = share * rows[_ALPHA * SIZE + e]
+        along, across, core = rows[_ALPHA * SIZE + e], rows[_BETA * SIZE + e], rows[_MEAN * SIZE + e]
+        alpha, beta = own_growth(share, constants[AMOUNT * SIZE + e], along, across, core)
         rows[_SHARE * SIZE + e] = share
         rows[_ALPHA * SIZE + e] = alpha
-        rows[_GROWN * SIZE + e] = grown_volume(constants[VOLUME * SIZE + e], alpha, constants[ACROSS * SIZE + e])
+        rows[_BETA * SIZE + e] = beta
+        volume, isotropic = constants[VOLUME * SIZE + e], constants[ISOTROPIC * SIZE + e]
+        rows[_GROWN * SIZE + e] = grown_volume(volume, alpha, beta, isotropic)
         rows[_CURRENT * SIZE + e] = volume_between(
             _at(rows, _EDGES, e), _at(rows, _EDGES + 3, e), _at(rows, _EDGES + 6, e)
         )
 
 
 @inlined
-def own_gradients(constants, e, alpha):  # type: ignore[no-untyped-def]
+def own_gradients(constants, e, alpha, beta):  # type: ignore[no-untyped-def]
     """Grown gradients of element e of a patch."""
     a, b, c = _at(constants, GRADIENTS, e), _at(constants, GRADIENTS + 3, e), _at(constants, GRADIENTS + 6, e)
-    return grown_gradients(a, b, c, _at(constants, NORMAL, e), constants[ACROSS * SIZE + e], alpha)
+    return grown_gradients(a, b, c, _at(constants, NORMAL, e), constants[ISOTROPIC * SIZE + e], alpha, beta)
 
 
 @fast
 def _own_stress(rows, constants, material):  # type: ignore[no-untyped-def]
     """Forces on the corners 1, 2 and 3 of each element of a patch in place of its edges, as if none were degenerate."""
     for e in range(SIZE):
-        a, b, c = own_gradients(constants, e, rows[_ALPHA * SIZE + e])
+        a, b, c = own_gradients(constants, e, rows[_ALPHA * SIZE + e], rows[_BETA * SIZE + e])
         f0, f1, f2 = deformation(_at(rows, _EDGES, e), _at(rows, _EDGES + 3, e), _at(rows, _EDGES + 6, e), a, b, c)
         grown, mu = rows[_GROWN * SIZE + e], shear_modulus(material, rows[_SHARE * SIZE + e])
         pressure = grown * material.bulk * (rows[_MEAN * SIZE + e] - 1)
@@ -209,7 +219,7 @@ def _open_degenerate(rows, constants, material, e, x, corners):  # type: ignore[
     u = combined(1.0, vector(x, corners[SIZE + e]), -1.0, origin)
     v = combined(1.0, vector(x, corners[2 * SIZE + e]), -1.0, origin)
     w = combined(1.0, vector(x, corners[3 * SIZE + e]), -1.0, origin)
-    a, b, c = own_gradients(constants, e, rows[_ALPHA * SIZE + e])
+    a, b, c = own_gradients(constants, e, rows[_ALPHA * SIZE + e], rows[_BETA * SIZE + e])
     f0, f1, f2 = deformation(u, v, w, a, b, c)
     left, stretch, right = stretches(f0, f1, f2)
     if not stretch[2] < SMALLEST_STRETCH:
@@ -237,13 +247,13 @@ def _fetch(patches, patch, x, own):  # type: ignore[no-untyped-def]
 
 
 @fast
-def _volumes(patch, patches, x, alphas, thickening, elements, slot_volumes, rows, own):  # type: ignore[no-untyped-def]
+def _volumes(patch, patches, x, growth, thickening, elements, slot_volumes, rows, own):  # type: ignore[no-untyped-def]
     """What the current and grown volumes of the elements of a patch add to its own nodes."""
     patches = Patches(*patches)
     corners, slot = patches.corners[patch], patches.offsets[patch]
     _fetch(patches, patch, x, own)
     _own_edges(rows, corners, own)
-    _own_growth(rows, patches.constants[patch], patches.label[patch], alphas, thickening)
+    _own_growth(rows, patches.constants[patch], patches.label[patch], growth, thickening)
     for e in range(min(SIZE, elements - patch * SIZE)):
         current, grown = rows[_CURRENT * SIZE + e], rows[_GROWN * SIZE + e]
         for k in range(4):
@@ -255,14 +265,14 @@ def _volumes(patch, patches, x, alphas, thickening, elements, slot_volumes, rows
 
 
 @numba.njit(cache=True)
-def _record(work, x, alphas, thickening):  # type: ignore[no-untyped-def]
+def _record(work, x, growth, thickening):  # type: ignore[no-untyped-def]
     """Growth, current and grown volume of each element, for those who measure: no step needs them."""
     patches, rows, own = work.patches, work.own_rows[0], work.own_nodes[0]
     for patch in range(len(patches.corners)):
         first = patch * SIZE
         _fetch(patches, patch, x, own)
         _own_edges(rows, patches.corners[patch], own)
-        _own_growth(rows, patches.constants[patch], patches.label[patch], alphas, thickening)
+        _own_growth(rows, patches.constants[patch], patches.label[patch], growth, thickening)
         for e in range(min(SIZE, len(work.share) - first)):
             work.share[first + e] = rows[_SHARE * SIZE + e]
             work.current[first + e] = rows[_CURRENT * SIZE + e]
@@ -284,7 +294,7 @@ def ratios(first, last, patches, slot_volumes, node_grown, ratio):  # type: igno
 
 
 @fast
-def _forces(patch, patches, material, x, alphas, thickening, elements, ratio, slot_forces, rows, own):  # type: ignore[no-untyped-def]
+def _forces(patch, patches, material, x, growth, thickening, elements, ratio, slot_forces, rows, own):  # type: ignore[no-untyped-def]
     """Forces of a patch on its own nodes; returns its smallest J, NaN if there is one, and how many are degenerate."""
     patches, material = Patches(*patches), Material(*material)
     corners, constants = patches.corners[patch], patches.constants[patch]
@@ -294,7 +304,7 @@ def _forces(patch, patches, material, x, alphas, thickening, elements, ratio, sl
     for i in range(nodes):
         own[i, 3] = ratio[patches.nodes[slot + i]]
     _own_edges(rows, corners, own)
-    _own_growth(rows, constants, patches.label[patch], alphas, thickening)
+    _own_growth(rows, constants, patches.label[patch], growth, thickening)
     for e in range(SIZE):
         rows[_MEAN * SIZE + e] = _mean_ratio(own, corners, e)
     _own_stress(rows, constants, material)
@@ -377,19 +387,19 @@ def move(first, last, patches, held, material, state, slot_forces, external, nod
 
 @numba.njit(parallel=True, cache=True)
 def _elastic_forces(  # type: ignore[no-untyped-def]
-    patches, material, x, alphas, thickening, elements, node_grown, ratio, slots, own, block_min, degenerate
+    patches, material, x, growth, thickening, elements, node_grown, ratio, slots, own, block_min, degenerate
 ):
     (slot_volumes, slot_forces), (rows, nodes) = slots, own
     for patch in numba.prange(len(block_min)):
         t = numba.get_thread_id()  # type: ignore[attr-defined]
-        _volumes(patch, patches, x, alphas, thickening, elements, slot_volumes, rows[t], nodes[t])
+        _volumes(patch, patches, x, growth, thickening, elements, slot_volumes, rows[t], nodes[t])
     for block in numba.prange((len(ratio) + _BLOCK - 1) // _BLOCK):
         first, last = block * _BLOCK, min(len(ratio), (block + 1) * _BLOCK)
         ratios(first, last, patches, slot_volumes, node_grown, ratio)
     for patch in numba.prange(len(block_min)):
         t = numba.get_thread_id()  # type: ignore[attr-defined]
         block_min[patch], degenerate[patch] = _forces(
-            patch, patches, material, x, alphas, thickening, elements, ratio, slot_forces, rows[t], nodes[t]
+            patch, patches, material, x, growth, thickening, elements, ratio, slot_forces, rows[t], nodes[t]
         )
 
 
@@ -403,13 +413,13 @@ def _move_all(patches, held, material, state, slot_forces, external, node_grown,
 
 
 @numba.njit(cache=True)
-def _all_forces(material, x, work, alphas, thickening):  # type: ignore[no-untyped-def]
+def _all_forces(material, x, work, growth, thickening):  # type: ignore[no-untyped-def]
     """Compute `work.slot_forces` and the nodal volumes for positions x; returns the smallest J, NaN if there is one."""
     _elastic_forces(
         tuple(work.patches),
         tuple(material),
         x,
-        alphas,
+        growth,
         thickening,
         len(work.share),
         work.node_grown,
@@ -422,44 +432,56 @@ def _all_forces(material, x, work, alphas, thickening):  # type: ignore[no-untyp
     return work.block_min.min()
 
 
+@fast
+def grown_volume_of(body, growth):  # type: ignore[no-untyped-def]
+    """Volume of a body without stress, for some growth of each label (labels, 3)."""
+    total = 0.0
+    for e in range(len(body.volumes)):
+        share = growth_share(body.depth[e], body.thickness[e], body.mask[e])
+        along, across, core = vector(growth, body.label[e])
+        alpha, beta = own_growth(share, body.amount[e], along, across, core)
+        n = vector(body.normals, e)
+        total += grown_volume(body.volumes[e], alpha, beta, 1 - dot(n, n))
+    return total
+
+
 @numba.njit(cache=True)
-def elastic_forces(material, x, work, alphas, thickening):  # type: ignore[no-untyped-def]
+def elastic_forces(material, x, work, growth, thickening):  # type: ignore[no-untyped-def]
     """Compute forces, growth and volumes in `work` for positions x; returns the smallest J, NaN if there is one.
 
     Parameters
     ----------
-    alphas : growth of each label
+    growth : (labels, 3), growth of each label: ALONG, ACROSS and CORE
     thickening : what the cortex has gained in thickness
     """
-    _record(work, x, alphas, thickening)
-    return _all_forces(material, x, work, alphas, thickening)
+    _record(work, x, growth, thickening)
+    return _all_forces(material, x, work, growth, thickening)
 
 
 @numba.njit(cache=True)
-def advance(body, material, state, work, contact, alphas, thickening, dt):  # type: ignore[no-untyped-def]
-    """As many steps as `alphas` has rows, unless an element inverts or the contact list is outdated.
+def advance(body, material, state, work, contact, course, dt):  # type: ignore[no-untyped-def]
+    """As many steps as a course has, unless an element inverts or the contact list is outdated.
 
     Parameters
     ----------
-    body, material, state, work, contact : `Body`, `Material`, `Motion`, `Work`, `Contact`
-    alphas : (steps, labels), growth of each label at each step
-    thickening : (steps,), what the cortex has gained in thickness
+    body, material, state, work, contact, course : `Body`, `Material`, `Motion`, `Work`, `Contact`, `Course`
     dt : time step
 
     Returns
     -------
     steps taken, and DONE, INVERTED (`state` is the one with an inverted element) or LIST_OUTDATED
     """
-    for step in range(len(alphas)):
+    steps = len(course.thickening)
+    for step in range(steps):
         if moved_too_far(contact, state.x):
             return step, LIST_OUTDATED
-        smallest = _all_forces(material, state.x, work, alphas[step], thickening[step])
+        smallest = _all_forces(material, state.x, work, course.growth[step], course.thickening[step])
         if smallest < work.min_j[0]:
             work.min_j[0] = smallest
         if not smallest > 0:
             return step, INVERTED
         work.counts[0] += work.block_degenerate.sum()
-        work.counts[1] = contact_forces(contact, state.x, work.external)
+        work.counts[1] = contact_forces(contact, state.x, work.external, course.envelope[step])
         _move_all(
             tuple(work.patches),
             body.held,
@@ -473,7 +495,7 @@ def advance(body, material, state, work, contact, alphas, thickening, dt):  # ty
         )
         for block in range(len(work.block_energy)):  # in order: the sum has the same bits for any number of threads
             work.energy[:] += work.block_energy[block]
-    return len(alphas), DONE
+    return steps, DONE
 
 
 def nodal_forces(work: Work) -> FloatArray:
@@ -494,14 +516,14 @@ def kinetic_energy(material: Material, v: FloatArray, work: Work) -> float:
     return material.density / 2 * float((work.node_grown[:, None] * v**2).sum())
 
 
-def elastic_energy(body: Body, material: Material, x: FloatArray, work: Work, alphas: FloatArray) -> float:
+def elastic_energy(body: Body, material: Material, x: FloatArray, work: Work, growth: FloatArray) -> float:
     """Elastic energy of positions x (n, 3), for which `elastic_forces` must have run last."""
     volumetric = material.bulk / 2 * (work.node_grown * (work.ratio - 1) ** 2).sum()
-    return float(_deviatoric_energy(body, material, x, work, alphas).sum() + volumetric)
+    return float(_deviatoric_energy(body, material, x, work, growth).sum() + volumetric)
 
 
 @fast
-def _deviatoric_energy(body, material, x, work, alphas):  # type: ignore[no-untyped-def]
+def _deviatoric_energy(body, material, x, work, growth):  # type: ignore[no-untyped-def]
     """mu / 2 (J^(-2/3) tr B - 3) times the grown volume of each element: (m,)."""
     energy = np.empty(len(body.cells))
     for e in range(len(energy)):
@@ -513,9 +535,11 @@ def _deviatoric_energy(body, material, x, work, alphas):  # type: ignore[no-unty
             body.cells,
         )
         u, v = combined(1.0, vector(x, cells[e, 1]), -1.0, origin), combined(1.0, vector(x, cells[e, 2]), -1.0, origin)
-        w, alpha = combined(1.0, vector(x, cells[e, 3]), -1.0, origin), share * alphas[body.label[e]]
+        w = combined(1.0, vector(x, cells[e, 3]), -1.0, origin)
+        along, across, core = vector(growth, body.label[e])
+        alpha, beta = own_growth(share, body.amount[e], along, across, core)
         a, b, c = vector(gradients, 0), vector(gradients, 1), vector(gradients, 2)
-        f0, f1, f2 = deformation(u, v, w, *grown_gradients(a, b, c, n, 1 - dot(n, n), alpha))
+        f0, f1, f2 = deformation(u, v, w, *grown_gradients(a, b, c, n, 1 - dot(n, n), alpha, beta))
         j, trace = dot(f0, cross(f1, f2)), dot(f0, f0) + dot(f1, f1) + dot(f2, f2)
         factor = j ** (-2 / 3)
         if may_be_degenerate(j, trace):

@@ -22,6 +22,9 @@ import math
 import numba
 import numpy as np
 
+#: columns of growth, by label: of the cortex along the surface and across it, and of the core in all directions
+ALONG, ACROSS, CORE = 0, 1, 2
+
 #: stretch below which the law is continued by a polynomial
 SMALLEST_STRETCH = 0.1
 
@@ -67,9 +70,23 @@ def growth_share(depth, thickness, mask):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def grown_volume(volume, alpha, across):  # type: ignore[no-untyped-def]
-    """Volume after growth by alpha along the surface, and across it where `across` is 1."""
-    return volume * (1 + alpha) * (1 + alpha) * (1 + alpha * across)
+def own_growth(share, amount, along, across, core):  # type: ignore[no-untyped-def]
+    """Growth of an element along the surface and across it.
+
+    Parameters
+    ----------
+    share : how much of it is cortex, from 0 to 1
+    amount : how much of the tangential growth of its cortex it takes part in
+    along, across, core : growth of the cortex, tangential and radial, and of the core, in all directions
+    """
+    inside = (1 - share) * core
+    return share * amount * along + inside, share * across + inside
+
+
+@inlined
+def grown_volume(volume, alpha, beta, isotropic):  # type: ignore[no-untyped-def]
+    """Volume after growth by alpha along the surface and by beta across it, or by alpha in all directions."""
+    return volume * (1 + alpha) * (1 + alpha) * (1 + (beta + (alpha - beta) * isotropic))
 
 
 @inlined
@@ -79,13 +96,13 @@ def volume_between(u, v, w):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def grown_gradients(a, b, c, n, across, alpha):  # type: ignore[no-untyped-def]
-    """Gradients of the shape functions after growth Fg = I + (I - n n^T) alpha: A_r^-1 Fg^-1.
+def grown_gradients(a, b, c, n, isotropic, alpha, beta):  # type: ignore[no-untyped-def]
+    """Gradients of the shape functions after growth Fg = (1 + alpha) (I - n n^T) + (1 + beta) n n^T: A_r^-1 Fg^-1.
 
-    `across` is 1 - n n: 0, or 1 where an element grows in all directions.
+    `isotropic` is 1 - n n: 0, or 1 where an element has no direction n and grows by alpha in all of them.
     """
     s = 1 / (1 + alpha)
-    t = s * alpha / (1 + alpha * across)
+    t = s * (alpha - beta) / (1 + (beta + (alpha - beta) * isotropic))
     return combined(s, a, t * dot(a, n), n), combined(s, b, t * dot(b, n), n), combined(s, c, t * dot(c, n), n)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,13 @@ from scipy.spatial import ConvexHull
 
 from cortet.formats.tables import Column
 from cortet.geometry.topology import edges, enclosed_volume, face_areas, face_normals, vertex_normals
-from cortet.measure.quality import quality
 from cortet.mesh import FloatArray, IntArray
 
 #: length over which curvature is smoothed, mm: less than any fold, more than the steps of a mesh
 _SMOOTHING = 1.5
+
+#: distances that are computed at a time
+_BLOCK = 10**7
 
 #: columns of the table, in the order of `Measurements`
 COLUMNS = (
@@ -46,6 +48,15 @@ COLUMNS = (
     Column("sulcal_depth_mm", "Mean distance of the cortex from the convex hull", "mm"),
     Column("area_mm2", "Area of the surface", "mm2"),
     Column("volume_mm3", "Volume", "mm3"),
+    Column("hull_volume_mm3", "Volume of the convex hull", "mm3"),
+    Column("extent_lr_mm", "Extent from left to right", "mm"),
+    Column("extent_ap_mm", "Extent from back to front", "mm"),
+    Column("extent_is_mm", "Extent from bottom to top", "mm"),
+    Column("cortex_share", "Volume of the cortex over the whole volume"),
+    Column("cortical_thickness_mm", "Volume of the cortex over the area of the surface without the medial wall", "mm"),
+    Column(
+        "concave_share", "Share of the area of the cortex where mean curvature, smoothed over 1.5 mm, is below zero"
+    ),
     Column("contacts", "Surface nodes in contact"),
 )
 
@@ -72,65 +83,102 @@ class Measurements:
     sulcal_depth_mm: float
     area_mm2: float
     volume_mm3: float
+    hull_volume_mm3: float
+    extent_lr_mm: float
+    extent_ap_mm: float
+    extent_is_mm: float
+    cortex_share: float
+    cortical_thickness_mm: float
+    concave_share: float
     contacts: int
 
 
-def shape(points: FloatArray, cells: IntArray, faces: IntArray, wall: NDArray[np.bool_]) -> dict[str, Any]:
+def shape(points: FloatArray, faces: IntArray, wall: NDArray[np.bool_], cortex_volume: float) -> dict[str, Any]:
     """Those measurements that depend on the shape alone.
 
     Parameters
     ----------
-    points, cells : nodes (n, 3) in mm and tetrahedra (m, 4)
+    points : nodes (n, 3), mm
     faces : triangles (k, 3) of the boundary
     wall : (n,), nodes of the medial wall, where no folds are counted
+    cortex_volume : mm3
     """
+    volume = enclosed_volume(points, faces)
     nodes, inverse = np.unique(faces, return_inverse=True)
-    skin: IntArray = inverse.reshape(faces.shape).astype(np.int32)
     cortex: FloatArray = 1.0 - wall[nodes].astype(float)
-    area = float(face_areas(points, faces).sum())
+    points, faces = points[nodes], inverse.reshape(faces.shape).astype(np.int32)
+    areas, hull = face_areas(points, faces), ConvexHull(points)
+    own = areas * cortex[faces].min(axis=1)
+    folds = folds_of(points, faces, cortex)
+    lr, ap, si = np.ptp(points, axis=0).tolist()
     return {
-        "q_max": float(quality(points, cells).max()),
-        "gyrification_index": area / float(ConvexHull(points[nodes]).area),
-        "fold_spacing_mm": fold_spacing(points[nodes], skin, cortex),
-        "sulcal_depth_mm": sulcal_depth(points[nodes], skin, cortex),
-        "area_mm2": area,
-        "volume_mm3": enclosed_volume(points, faces),
+        "gyrification_index": float(areas.sum()) / float(hull.area),
+        "fold_spacing_mm": folds.spacing,
+        "sulcal_depth_mm": _mean_over(below(hull, points), points, faces, cortex),
+        "area_mm2": float(areas.sum()),
+        "volume_mm3": volume,
+        "hull_volume_mm3": float(hull.volume),
+        "extent_lr_mm": lr,
+        "extent_ap_mm": ap,
+        "extent_is_mm": si,
+        "cortex_share": cortex_volume / volume,
+        "cortical_thickness_mm": cortex_volume / max(float(own.sum()), np.finfo(float).tiny),
+        "concave_share": folds.concave,
     }
 
 
-def fold_spacing(points: FloatArray, faces: IntArray, cortex: FloatArray) -> float | None:
-    """Mean distance from gyrus to gyrus, mm: twice the area over the length of the lines between gyri and sulci.
+class Folds(NamedTuple):
+    """What the mean curvature of a surface, smoothed over 1.5 mm, says of its folds."""
 
-    The lines are those where the mean curvature is zero, smoothed over 1.5 mm. Stripes of any direction, straight or
-    winding, have two of them per wavelength (the stereological relation of length per area; Underwood 1970).
+    #: mean distance from gyrus to gyrus, mm; None where there is no line between gyri and sulci
+    spacing: float | None
+    #: share of the area where it is below zero
+    concave: float
+
+
+def folds_of(points: FloatArray, faces: IntArray, cortex: FloatArray) -> Folds:
+    """Width and concavity of the folds of a closed surface.
+
+    Their width is the mean distance from gyrus to gyrus: twice the area over the length of the lines between gyri and
+    sulci, where the mean curvature, smoothed over 1.5 mm, is zero. Stripes of any direction, straight or winding, have
+    two of them per wavelength (the stereological relation of length per area; Underwood 1970).
 
     Parameters
     ----------
-    points, faces : of a closed surface, mm (n, 3) and outward (k, 3)
+    points, faces : mm (n, 3) and outward (k, 3)
     cortex : (n,), 1 where it counts, 0 where it does not, on the medial wall
-
-    Returns
-    -------
-    None where there is no such line
     """
     counted = cortex[faces].min(axis=1)
-    values = _smoothed(mean_curvature(points, faces), points, faces)[faces]
-    length = float(_zero_line(points[faces], values) @ counted)
+    values = _smoothed(mean_curvature(points, faces), points, faces)
+    length = float(_zero_line(points[faces], values[faces]) @ counted)
     area = float(face_areas(points, faces) @ counted)
-    return 2 * area / length if length > 0 else None
+    return Folds(
+        spacing=2 * area / length if length > 0 else None,
+        concave=_mean_over((values < 0).astype(float), points, faces, cortex),
+    )
 
 
 def sulcal_depth(points: FloatArray, faces: IntArray, cortex: FloatArray) -> float:
-    """Mean distance of the cortex from the convex hull of the surface, mm; arguments as in `fold_spacing`."""
-    depth = depth_below_hull(points)
-    weight = np.bincount(faces.ravel(), np.repeat(face_areas(points, faces), 3), minlength=len(points)) * cortex
-    return float(np.average(depth, weights=weight))
+    """Mean distance of the cortex from the convex hull of the surface, mm; arguments as in `folds_of`."""
+    return _mean_over(depth_below_hull(points), points, faces, cortex)
 
 
 def depth_below_hull(points: FloatArray) -> FloatArray:
     """Distance of each of some points (n, 3) from their convex hull: (n,)."""
-    planes = ConvexHull(points).equations
-    return np.array([-(planes[:, :3] @ point + planes[:, 3]).max() for point in points])
+    return below(ConvexHull(points), points)
+
+
+def below(hull: ConvexHull, points: FloatArray) -> FloatArray:
+    """Distance of points (n, 3) within a convex hull from it: (n,)."""
+    planes = np.unique(hull.equations, axis=0)  # it has one for each triangle, and flat parts have many
+    blocks = np.array_split(points, -(-len(points) * len(planes) // _BLOCK))
+    return np.concatenate([-(block @ planes[:, :3].T + planes[:, 3]).max(axis=1) for block in blocks])
+
+
+def _mean_over(values: FloatArray, points: FloatArray, faces: IntArray, cortex: FloatArray) -> float:
+    """Mean of values (n,) over the area of the cortex; NaN where there is none."""
+    weight = np.bincount(faces.ravel(), np.repeat(face_areas(points, faces), 3), minlength=len(points)) * cortex
+    return float(np.average(values, weights=weight)) if weight.sum() > 0 else float("nan")
 
 
 def mean_curvature(points: FloatArray, faces: IntArray) -> FloatArray:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,14 +9,13 @@ from cortet.errors import InputError
 from cortet.geometry.filling import require_body
 from cortet.geometry.ordering import curve_order
 from cortet.geometry.topology import boundary_faces
-from cortet.measure.quality import signed_volumes
-from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh, node_field
+from cortet.measure.quality import quality, signed_volumes
+from cortet.mesh import REGION, FloatArray, MeshSets, TetMesh
 from cortet.simulation.body import (
-    LABEL_FIELD,
-    THICKENING,
-    THICKNESS,
     Material,
+    amount_of_growth,
     body_of,
+    default_mask,
     growth_mask,
     largest_time_step,
     require_positive,
@@ -26,13 +23,14 @@ from cortet.simulation.body import (
     smallest_altitude,
     stable_time_step,
 )
-from cortet.simulation.contact import contact_of
+from cortet.simulation.contact import contact_of, envelope_of
 from cortet.simulation.device import device_name
 from cortet.simulation.gpu import OnGpu
-from cortet.simulation.growth import Gompertz, Law, Linear, age_of, check_age, growth_since, time_of
+from cortet.simulation.growth import age_of, check_age, time_of
 from cortet.simulation.kernels import INVERTED, LIST_OUTDATED, Motion, workspace
 from cortet.simulation.measurements import Measurements, shape
 from cortet.simulation.medial_wall import medial_wall
+from cortet.simulation.models import check_model, constants, labels_of, model_of, thickness_at_start
 from cortet.simulation.state import Moment, Run, Settings, Stepper
 from cortet.simulation.stepper import OnCpu
 
@@ -41,9 +39,7 @@ _CHUNK = 100
 #: medial plane of the reference
 _REFERENCE_PLANE = {"gap": 0.004, "plane": 1.0}
 #: settings that are above 0
-_POSITIVE = ("end", "growth_rate", "core_stiffness", "thickness", "record_interval", "frame_interval")
-#: labels that a message lists
-_MOST_LABELS = 10
+_POSITIVE = ("end", "core_stiffness", "thickness", "record_interval", "frame_interval")
 #: hemisphere -> side of the medial plane in RAS coordinates
 _SIDE = {"L": -1.0, "R": 1.0, None: 0.0}
 
@@ -58,6 +54,7 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     """
     _check_numbers(settings)
     check_age(settings.gestational_age)
+    check_model(settings)
     device = device_name() if settings.device == "cuda" else "cpu"
     if not settings.gestational_age < settings.end:
         raise InputError(
@@ -67,15 +64,19 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     require_body(mesh)
     mesh, node, cell = _ordered(mesh)
     scale = scale_of(mesh, settings.hemisphere, reference=settings.reference)
-    material, start = Material(mu_core=settings.core_stiffness), time_of(settings.gestational_age)
-    laws, labels = _laws(mesh, settings.growth_rate, settings.regions)
-    thickness = THICKNESS + THICKENING * start if settings.thickness is None else settings.thickness / scale.length
+    material, start = Material(mu_core=constants(settings).core_stiffness), time_of(settings.gestational_age)
+    labels, regions = labels_of(mesh, settings)
     wall = None
     if settings.hemisphere is not None and not settings.reference:
         wall = medial_wall(mesh, settings.hemisphere, scale.origin, scale.length)
     held = None if wall is None else wall.nodes
-    mask = growth_mask(mesh, scale, held, reference=settings.reference)
-    body = body_of(mesh, scale, thickness=thickness, mask=mask, labels=labels, held=held)
+    mask, amount = growth_mask(mesh, scale, held, reference=settings.reference), None
+    if settings.model == "growing":  # how much a place grows and how stiff it is are two things
+        mask, amount = default_mask(mesh, scale, held), amount_of_growth(mesh)
+    thickness = thickness_at_start(settings, scale)
+    body = body_of(mesh, scale, thickness=thickness, mask=mask, amount=amount, labels=labels, held=held)
+    if regions is not None:
+        body = body._replace(label=body.label * (len(settings.core_regions) + 1) + regions)
     altitude, bound = smallest_altitude(mesh.points, mesh.cells) / scale.length, settings.time_step
     if bound is not None and not 0 < bound <= largest_time_step(altitude, material):
         raise InputError(
@@ -86,7 +87,22 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     side = _SIDE[settings.hemisphere]
     faces, end = boundary_faces(mesh), time_of(settings.end)
     return Run(
-        mesh, node, cell, scale, body, wall, faces, side, settings.reference, material, laws, start, end, bound, device
+        mesh,
+        node,
+        cell,
+        scale,
+        body,
+        wall,
+        faces,
+        side,
+        settings.reference,
+        material,
+        model_of(body, settings),
+        settings.envelope,
+        start,
+        end,
+        bound,
+        device,
     )
 
 
@@ -132,41 +148,17 @@ def _ordered(mesh: TetMesh) -> tuple[TetMesh, NDArray[np.int64], NDArray[np.int6
     fields = {name: values[node] for name, values in mesh.point_data.items()}
     number = np.argsort(node).astype(np.int32)
     sets = MeshSets(faces={name: number[faces] for name, faces in mesh.sets.faces.items()})
-    return TetMesh(mesh.points[node], cells[cell], fields, sets=sets), node, cell
-
-
-def _laws(
-    mesh: TetMesh, growth_rate: float, regions: Mapping[int, Sequence[float]]
-) -> tuple[list[Law], IntArray | None]:
-    """The growth laws, and which of them each node follows: the first, unless a region says otherwise."""
-    if not regions:
-        return [Linear(growth_rate)], None
-    of_node = node_field(mesh, LABEL_FIELD)
-    if of_node is None:
-        raise InputError(
-            f"growth differs by region, but the mesh has no field {LABEL_FIELD}",
-            remedy="carry one to the mesh, or leave the regions out",
-        )
-    there = np.unique(of_node)
-    if missing := [str(label) for label in regions if int(label) not in there]:
-        shown = ", ".join(f"{label:g}" for label in there[:_MOST_LABELS]) + (
-            ", ..." if len(there) > _MOST_LABELS else ""
-        )
-        raise InputError(
-            f"growth differs in regions {', '.join(missing)}, but the field {LABEL_FIELD} of the mesh has only {shown}",
-            remedy="name labels that the mesh has in fold.regions",
-        )
-    law = np.zeros(len(mesh.points), np.int32)
-    for number, label in enumerate(regions, start=1):
-        law[of_node == int(label)] = number
-    return [Linear(growth_rate), *(Gompertz(*values) for values in regions.values())], law
+    of_cells = {name: values[cell] for name, values in mesh.cell_data.items() if name == REGION}
+    return TetMesh(mesh.points[node], cells[cell], fields, of_cells, sets=sets), node, cell
 
 
 def beginning(run: Run) -> Moment:
     """The undeformed body at rest."""
     x = (run.mesh.points - run.scale.origin) / run.scale.length
     plane = _REFERENCE_PLANE if run.reference else {}
-    contact = contact_of(x, run.faces, bulk=run.material.bulk, side=run.side, **plane)
+    contact = contact_of(
+        x, run.faces, bulk=run.material.bulk, side=run.side, planes=envelope_of(x) if run.enveloped else None, **plane
+    )
     return Moment(0, run.start, Motion(x, np.zeros_like(x)), workspace(run.body), contact)
 
 
@@ -206,13 +198,13 @@ def time_step_of(run: Run, moment: Moment) -> float:
 def _advance_over(run: Run, moment: Moment, stepper: Stepper, times: FloatArray, dt: float) -> bool:
     """Step once at each of some times; True when it ended before, at an inverted element."""
     before = stepper.copy()
-    alphas, thickening = growth_at(run, times, dt)
+    course = run.growth.at(times, dt)
     done, how = 0, LIST_OUTDATED
     while done < len(times) and how != INVERTED:
-        steps, how = stepper.advance(alphas[done:], thickening[done:], dt)
+        steps, how = stepper.advance(course.since(done), dt)
         done += steps
         if how == LIST_OUTDATED:
-            stepper.list_contacts()
+            stepper.list_contacts(float(course.envelope[done]))
     now = float(times[0]) + dt * done
     moment.growth_work += _growth_work(run, stepper, before, moment.time, now, dt)
     moment.step, moment.time = moment.step + done, now
@@ -234,24 +226,13 @@ def _growth_work(run: Run, stepper: Stepper, before: Motion, begin: float, end: 
 
 def _energies(run: Run, stepper: Stepper, state: Motion, time: float, dt: float) -> tuple[float, float]:
     """Kinetic and elastic energy of a state with the growth of a time."""
-    (alphas,), (thickening,) = growth_at(run, np.array([time]), dt)
-    return stepper.energies(state, alphas, thickening)
-
-
-def growth_at(run: Run, times: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
-    """Growth of each label (k, labels) and thickening (k,) at some times.
-
-    The reference counts growth from t = 0 on, and computes forces from the growth of the step before, dt earlier.
-    """
-    if run.reference:
-        times = np.maximum(times - dt, run.start)
-    alphas = [law(times) if run.reference else growth_since(law, run.start, times) for law in run.laws]
-    return np.stack(alphas, axis=1), THICKENING * (times - run.start)
+    course = run.growth.at(np.array([time]), dt)
+    return stepper.energies(state, course.growth[0], float(course.thickening[0]))
 
 
 def millimetres(run: Run, moment: Moment) -> FloatArray:
     """Where the nodes are: (n, 3) mm."""
-    return run.scale.origin + run.scale.length * moment.state.x
+    return run.scale.origin + run.scale.length * run.growth.frame(moment.time) * moment.state.x
 
 
 def measured(run: Run, moment: Moment) -> Measurements:
@@ -262,6 +243,8 @@ def measured(run: Run, moment: Moment) -> Measurements:
     missing = kinetic + elastic + dissipated - moment.growth_work - pushed
     flow = abs(moment.growth_work) + abs(pushed)
     inverted = int((~(work.current > 0)).sum())
+    points = millimetres(run, moment)
+    cortex = float(work.share @ work.current) * (run.scale.length * run.growth.frame(moment.time)) ** 3
     return Measurements(
         step=moment.step,
         time=moment.time,
@@ -276,5 +259,6 @@ def measured(run: Run, moment: Moment) -> Measurements:
         inverted=inverted,
         degenerate=int(work.counts[0]),
         contacts=int(work.counts[1]),
-        **shape(millimetres(run, moment), run.mesh.cells, run.faces, run.body.held),
+        q_max=float(quality(moment.state.x, run.mesh.cells).max()),
+        **shape(points, run.faces, run.body.held, cortex),
     )

@@ -9,9 +9,13 @@ from pydantic import Field, ValidationError, model_validator
 from cortet.sections import Cases, Finite, Positive, Section
 from cortet.simulation.growth import AGES
 
+Model = Literal["growing", "braingrowth"]
+#: growth per week from 22 weeks on, or growth since then at ages: {22: 0, 30: 0.3, 38: 0.8}
+ByAge = Finite | Annotated[dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Finite], Field(min_length=1)]
+
 
 class Fold(Section):
-    """Folding simulation of meshes: growth of the cortex until it buckles (the model of the BrainGrowth solver)."""
+    """Folding simulation of meshes: growth of the cortex until it buckles."""
 
     choices: ClassVar[frozenset[str]] = Section.choices | {"variants"}
 
@@ -26,19 +30,40 @@ class Fold(Section):
     {thin: {thickness: 1.0}, stiff: {core_stiffness: 2.0}}."""
     end: Annotated[float, Field(ge=AGES[0], le=AGES[1])] = 40.0
     """Gestational age at which a run ends, weeks."""
-    growth_rate: Positive = 1.829
-    """Tangential growth of the cortex per unit of time (0 at 22 weeks, 1 at 44)."""
-    core_stiffness: Positive = 1.167
-    """Shear modulus of what does not grow, over that of the growing cortex."""
+    model: Model = "growing"
+    """growing: a brain that grows as a whole, its cortex more than its core. braingrowth: only the cortex grows, as in
+    the BrainGrowth solver, so the brain stays as small as it was."""
+    growth_rate: ByAge | None = None
+    """Tangential growth of the cortex. Of growing: relative to the core, per week from 22 weeks on, or since then at
+    ages, {22: 0, 30: 0.3, 38: 0.8}. Of braingrowth: per unit of time (0 at 22 weeks, 1 at 44). null: that of the
+    model."""
+    thickness_rate: ByAge | None = None
+    """Of growing: change of the thickness that the cortex has without stress, relative to that of 22 weeks, per week or
+    at ages. null: that of the model."""
+    volume: dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Positive] | None = None
+    """Of growing: volume of the body at ages, {22: 20, 34: 79}; only ratios count. The core grows so that the whole
+    does this. null: a law fitted to healthy hemispheres of 22 to 42 weeks."""
+    envelope: bool = False
+    """Of growing: whether an envelope, as soft as a membrane with fluid behind it, keeps crowns from growing beyond it:
+    the convex hull at the start, grown as `hull` says."""
+    hull: dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Positive] | None = None
+    """Of growing: volume of the convex hull at ages, {22: 25, 34: 106}; only ratios count. null: a law fitted to
+    healthy hemispheres of 22 to 40 weeks."""
+    core_regions: dict[int, ByAge] = {}
+    """Of growing: region of the mesh, and how much more than the rest of the core its lengths grow, per week from 22
+    weeks on or since then at ages: a ventricle that shrinks has values below 0."""
+    core_stiffness: Positive | None = None
+    """Shear modulus of the core over that of the cortex. null: that of the model."""
     regions: dict[int, Annotated[list[Finite], Field(min_length=3, max_length=3)]] = {}
     """Growth of single regions: value of the field label, then amplitude, rate and latency of a Gompertz law."""
     thickness: Positive | None = None
-    """Thickness of the growing cortex at the start, mm; null: 0.042 of half the length of the brain at 22 weeks, 1.25
-    mm, and slightly more later. A run says which."""
+    """Thickness of the growing cortex at the start, mm. null: of growing, that of the model; of braingrowth, 0.042 of
+    half the length of the brain at 22 weeks, 1.25 mm, and slightly more later. A run says which."""
     time_step: Positive | None = None
     """Largest dimensionless time step; null: from the smallest altitude of the tetrahedra, as the run goes on."""
     reference: bool = False
-    """true: centre, mask, medial plane, start of growth and lag of the reference implementation, for comparison."""
+    """true: centre, mask, medial plane, start of growth and lag of the reference implementation, for comparison; of
+    braingrowth."""
     record_interval: Positive = 0.1
     """Weeks between two rows of the table of a run."""
     frame_interval: Positive = 1.0

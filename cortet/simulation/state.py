@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from cortet.mesh import FloatArray, IntArray, TetMesh
 from cortet.simulation.body import Body, Material, Scale
 from cortet.simulation.contact import Contact
-from cortet.simulation.growth import Law
+from cortet.simulation.growth import ByAge, Course, Growth
 from cortet.simulation.kernels import Motion, Work
 from cortet.simulation.medial_wall import Wall
-from cortet.simulation.section import DEFAULT
+from cortet.simulation.section import DEFAULT, Model
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,24 @@ class Settings:
     hemisphere: str | None = None
     #: gestational age at which the run ends, weeks
     end: float = DEFAULT.end
-    #: tangential growth per unit of time
-    growth_rate: float = DEFAULT.growth_rate
-    #: shear modulus of what does not grow, over that of the growing cortex
-    core_stiffness: float = DEFAULT.core_stiffness
+    #: "growing": the whole does; "braingrowth": only the cortex
+    model: Model = DEFAULT.model
+    #: tangential growth of the cortex, relative to the core per week or by age, or per unit of time; None: the model's
+    growth_rate: ByAge | None = DEFAULT.growth_rate
+    #: change of the thickness without stress; None: the model's
+    thickness_rate: ByAge | None = DEFAULT.thickness_rate
+    #: age -> volume, mL; None: the model's
+    volume: Mapping[float, float] | None = DEFAULT.volume
+    #: whether an envelope holds the crowns, and age -> volume of the convex hull, mL; None: the model's
+    envelope: bool = DEFAULT.envelope
+    hull: Mapping[float, float] | None = DEFAULT.hull
+    #: region of the mesh -> how much more than the rest of the core its lengths grow
+    core_regions: Mapping[int, ByAge] = field(default_factory=dict)
+    #: shear modulus of the core over that of the cortex; None: the model's
+    core_stiffness: float | None = DEFAULT.core_stiffness
     #: label -> amplitude, rate and latency of a Gompertz law, which replaces `growth_rate` there
     regions: Mapping[int, Sequence[float]] = field(default_factory=dict)
-    #: of the cortex at the start, mm; None takes 0.042 + 0.01 t of the unit of length; a field of the mesh replaces it
+    #: of the cortex at the start, mm; None takes the model's; a field of the mesh replaces it
     thickness: float | None = DEFAULT.thickness
     #: dimensionless; None takes it from the smallest altitude of the body as it is at each row of the table
     time_step: float | None = DEFAULT.time_step
@@ -68,7 +79,9 @@ class Run(NamedTuple):
     #: whether the choices of the reference hold
     reference: bool
     material: Material
-    laws: Sequence[Law]
+    growth: Growth
+    #: whether an envelope holds the crowns
+    enveloped: bool
     #: times of the simulation at the start and at the end
     start: float
     end: float
@@ -94,13 +107,13 @@ class Stepper(Protocol):
     def copy(self) -> Motion:
         """Where the body is, kept until the next copy."""
 
-    def advance(self, alphas: FloatArray, thickening: FloatArray, dt: float) -> tuple[int, int]:
-        """As many steps as `alphas` has rows, as `kernels.advance`: steps taken, and how it ended."""
+    def advance(self, course: Course, dt: float) -> tuple[int, int]:
+        """As many steps as a course has, as `kernels.advance`: steps taken, and how it ended."""
 
-    def list_contacts(self) -> None:
-        """Make the list of contacts anew."""
+    def list_contacts(self, envelope: float) -> None:
+        """Make the list of contacts anew for a size of the envelope."""
 
-    def energies(self, state: Motion, alphas: FloatArray, thickening: float) -> tuple[float, float]:
+    def energies(self, state: Motion, growth: FloatArray, thickening: float) -> tuple[float, float]:
         """Kinetic and elastic energy of a state with some growth of each label, and of the thickness."""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cortet.mesh import FloatArray
 from cortet.simulation.contact import listed_at
+from cortet.simulation.growth import Course
 from cortet.simulation.kernels import Motion, advance, elastic_energy, elastic_forces, kinetic_energy
 from cortet.simulation.state import Moment, Run
 
@@ -29,20 +30,20 @@ class OnCpu:
         """Where the body is."""
         return Motion(self.state.x.copy(), self.state.v.copy())
 
-    def advance(self, alphas: FloatArray, thickening: FloatArray, dt: float) -> tuple[int, int]:
+    def advance(self, course: Course, dt: float) -> tuple[int, int]:
         """`kernels.advance` for this moment."""
         run, moment = self._run, self._moment
-        steps, how = advance(run.body, run.material, moment.state, moment.work, moment.contact, alphas, thickening, dt)
+        steps, how = advance(run.body, run.material, moment.state, moment.work, moment.contact, course, dt)
         return int(steps), int(how)
 
-    def list_contacts(self) -> None:
-        """Make the list of contacts anew."""
-        self._moment.contact = listed_at(self._moment.contact, self.state.x)
+    def list_contacts(self, envelope: float) -> None:
+        """Make the list of contacts anew for a size of the envelope."""
+        self._moment.contact = listed_at(self._moment.contact, self.state.x, envelope)
 
-    def energies(self, state: Motion, alphas: FloatArray, thickening: float) -> tuple[float, float]:
+    def energies(self, state: Motion, growth: FloatArray, thickening: float) -> tuple[float, float]:
         """Kinetic and elastic energy of a state; the work of the moment is left with J and growth there."""
         run, work = self._run, self._moment.work
-        elastic_forces(run.material, state.x, work, alphas, thickening)
+        elastic_forces(run.material, state.x, work, growth, thickening)
         return kinetic_energy(run.material, state.v, work), elastic_energy(
-            run.body, run.material, state.x, work, alphas
+            run.body, run.material, state.x, work, growth
         )

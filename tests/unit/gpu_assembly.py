@@ -40,9 +40,9 @@ tallies = gpu_kernels.Tallies(np.zeros(3, np.int32), np.zeros(2, np.int64), *sum
 arguments = {
     "advance": (
         *(patches, body.held, Material(), state, contact, lists),
-        *(np.zeros((1, 1)), np.zeros(1), 0.1, 6, scratch, tallies),
+        *(np.zeros((1, 1, 3)), np.zeros(1), np.ones(1), 0.1, 6, scratch, tallies),
     ),
-    "energies": (patches, Material(), state, lists, np.zeros(1), 0.1, 6, scratch, tallies),
+    "energies": (patches, Material(), state, lists, np.zeros((1, 3)), 0.1, 6, scratch, tallies),
 }
 for name, values in arguments.items():
     kernel = getattr(gpu_kernels, name)

@@ -19,9 +19,11 @@ from cortet.mesh import TetMesh
 from cortet.simulation import fold as fold_module
 from cortet.simulation import gpu, gpu_kernels
 from cortet.simulation.body import Body, Material, Scale, body_of
-from cortet.simulation.contact import contact_of
+from cortet.simulation.contact import contact_of, envelope_of
 from cortet.simulation.fold import fold
+from cortet.simulation.growth import Course
 from cortet.simulation.kernels import DONE, INVERTED, LIST_OUTDATED, Motion, workspace
+from cortet.simulation.models import course, tangential
 from cortet.simulation.patches import SIZE
 from cortet.simulation.state import Moment, Settings, Stepper
 from cortet.simulation.stepper import OnCpu
@@ -38,14 +40,21 @@ def _few_threads(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def steppers(
-    body: Body, state: Motion, mesh: TetMesh, *, bulk: float = 5.0, side: float = 0.0, material: Material | None = None
+    body: Body,
+    state: Motion,
+    mesh: TetMesh,
+    *,
+    bulk: float = 5.0,
+    side: float = 0.0,
+    material: Material | None = None,
+    planes: Any = None,
 ) -> list[tuple[Stepper, Moment]]:
     """The same moment on the CPU and on the simulated GPU."""
     run: Any = SimpleNamespace(body=body, material=material or Material())
     found = []
     for kind in (OnCpu, gpu.OnGpu):
-        contact = contact_of(mesh.points, boundary_faces(mesh), bulk=bulk, side=side)
-        contact = contact if bulk else contact._replace(radius=np.inf)
+        contact = contact_of(mesh.points, boundary_faces(mesh), bulk=bulk, side=side, planes=planes)
+        contact = contact if bulk else contact._replace(radius=np.inf, softness=3.0)
         moment = Moment(0, 0.0, Motion(state.x.copy(), state.v.copy()), workspace(body), contact)
         moment.stepper = kind(run, moment)
         moment.stepper.begin()
@@ -73,20 +82,22 @@ def ungrown(mesh: TetMesh) -> Body:
     return body_of(mesh, UNIT, mask=np.zeros(len(mesh.points)))
 
 
-def test_a_body_that_grows_by_two_laws_and_slides_along_a_plane() -> None:
+def test_a_body_that_grows_by_two_laws_slides_along_a_plane_and_fills_its_envelope() -> None:
     mesh = cube_mesh(2, jitter=0.2)
     labels = (mesh.points[:, 1] > 0.4).astype(np.int32)
     body = body_of(mesh, UNIT, thickness=0.3, labels=labels, held=mesh.points[:, 0] == 0)
     assert len(set(body.label.tolist())) == 2
-    alphas = np.linspace(0, 0.4, 100)[:, None] * [1.0, 0.5]
-    (on_cpu, cpu), (on_gpu, device) = steppers(body, at_rest(mesh), mesh, bulk=0.0)
+    growth = np.linspace(0, 0.4, 100)[:, None, None] * [[1.0, -0.3, 0.2], [0.5, 0.1, -0.1]]
+    planes = envelope_of(mesh.points)
+    (on_cpu, cpu), (on_gpu, device) = steppers(body, at_rest(mesh), mesh, bulk=0.0, planes=planes)
+    course = Course(growth, np.linspace(0, 0.02, 100), np.linspace(1, 0.97, 100))
     for stepper in (on_cpu, on_gpu):
-        assert stepper.advance(alphas, np.linspace(0, 0.02, 100), 1e-3) == (100, DONE)
+        assert stepper.advance(course, 1e-3) == (100, DONE)
     assert_same(cpu, device)
     assert np.abs(cpu.state.x - mesh.points).max() > 1e-2
     for state in ("state", "copy"):
         energies = [
-            stepper.energies(stepper.copy() if state == "copy" else stepper.state, alphas[-1], 0.01)
+            stepper.energies(stepper.copy() if state == "copy" else stepper.state, growth[-1], 0.01)
             for stepper in (on_cpu, on_gpu)
         ]
         assert energies[1] == pytest.approx(energies[0], rel=1e-12)
@@ -102,14 +113,14 @@ def test_blocks_that_collide_beside_the_medial_plane_while_lists_grow_old() -> N
     (on_cpu, cpu), (on_gpu, device) = steppers(ungrown(mesh), state, mesh, side=1.0)
     listed, touched, left = 0, 0, 100
     while left:
-        ended = [stepper.advance(np.zeros((left, 1)), np.zeros(left), 5e-4) for stepper in (on_cpu, on_gpu)]
+        ended = [stepper.advance(course(np.zeros((left, 1))), 5e-4) for stepper in (on_cpu, on_gpu)]
         assert ended[0] == ended[1] != (0, DONE)
         left -= ended[0][0]
         touched = max(touched, int(cpu.work.counts[1]))
         if ended[0][1] == LIST_OUTDATED:
             listed += 1
             for stepper in (on_cpu, on_gpu):
-                stepper.list_contacts()
+                stepper.list_contacts(1.0)
             assert np.array_equal(cpu.contact.candidates, device.contact.candidates)
     assert_same(cpu, device)
     assert listed and touched > 3
@@ -122,8 +133,8 @@ def test_nearly_flat_elements_are_opened_and_counted() -> None:
     flat = Motion(mesh.points * [1, 0.9, 0.06] @ turn, np.zeros_like(mesh.points))
     (on_cpu, cpu), (on_gpu, device) = steppers(ungrown(mesh), flat, mesh, bulk=0.0)
     for stepper in (on_cpu, on_gpu):
-        assert stepper.advance(np.zeros((100, 1)), np.zeros(100), 2e-5) == (100, DONE)
-    energies = [stepper.energies(stepper.state, np.zeros(1), 0.0) for stepper in (on_cpu, on_gpu)]
+        assert stepper.advance(course(np.zeros((100, 1))), 2e-5) == (100, DONE)
+    energies = [stepper.energies(stepper.state, tangential([0.0]), 0.0) for stepper in (on_cpu, on_gpu)]
     assert energies[1] == pytest.approx(energies[0], rel=1e-12)
     assert_same(cpu, device)
     assert cpu.work.counts[0] >= 100
@@ -134,7 +145,7 @@ def test_both_stop_at_the_step_in_which_an_element_inverts_and_leave_it_as_it_wa
     state = at_rest(mesh)
     state.v[mesh.cells[3, 0]] = 400 * (mesh.points[mesh.cells[3, 1:]].mean(axis=0) - mesh.points[mesh.cells[3, 0]])
     (on_cpu, cpu), (on_gpu, device) = steppers(ungrown(mesh), state, mesh, bulk=0.0)
-    ended = [stepper.advance(np.zeros((100, 1)), np.zeros(100), 1e-3) for stepper in (on_cpu, on_gpu)]
+    ended = [stepper.advance(course(np.zeros((100, 1))), 1e-3) for stepper in (on_cpu, on_gpu)]
     assert ended[0] == ended[1]
     assert ended[0][1] == INVERTED and 0 < ended[0][0] < 100
     assert_same(cpu, device)
@@ -147,7 +158,7 @@ def test_a_position_that_is_no_number_stops_both_at_once() -> None:
     inner = np.flatnonzero((mesh.points == 0.5).all(axis=1))
     state.x[inner] = np.nan
     for stepper, _ in steppers(ungrown(mesh), state, mesh, bulk=0.0):
-        assert stepper.advance(np.zeros((3, 1)), np.zeros(3), 1e-3) == (0, INVERTED)
+        assert stepper.advance(course(np.zeros((3, 1))), 1e-3) == (0, INVERTED)
 
 
 def test_more_elements_than_a_patch_has() -> None:
@@ -156,7 +167,7 @@ def test_more_elements_than_a_patch_has() -> None:
     body = body_of(mesh, UNIT, thickness=0.3)
     (on_cpu, cpu), (on_gpu, device) = steppers(body, at_rest(mesh), mesh)
     for stepper in (on_cpu, on_gpu):
-        assert stepper.advance(np.full((2, 1), 0.3), np.zeros(2), 1e-4) == (2, DONE)
+        assert stepper.advance(course(np.full((2, 1), 0.3)), 1e-4) == (2, DONE)
     assert_same(cpu, device)
 
 

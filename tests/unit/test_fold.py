@@ -29,9 +29,11 @@ from cortet.simulation import fold as fold_module
 from cortet.simulation.body import THICKNESS, Material, growth_mask, scale_of
 from cortet.simulation.fold import Verdict, fold
 from cortet.simulation.growth import Gompertz, Linear, age_of, growth_since, time_of
+from cortet.simulation.law import ALONG
 from cortet.simulation.measurements import COLUMNS, Measurements
-from cortet.simulation.run import beginning, growth_at, prepared, thickness_mm, time_step_of
-from cortet.simulation.state import Settings
+from cortet.simulation.models import CONSTANTS
+from cortet.simulation.run import beginning, prepared, thickness_mm, time_step_of
+from cortet.simulation.state import Model, Settings
 from cortet.stages.generate import generate
 
 SHARED = Path(__file__).parents[3] / "shared/data"
@@ -107,7 +109,7 @@ def test_the_ball_grows_without_inversion(finished: tuple[Path, Verdict]) -> Non
 
 def test_a_run_says_how_thick_its_cortex_is(ball: TetMesh, tmp_path: Path) -> None:
     said: list[str] = []
-    verdict = fold(ball, tmp_path, Settings(22.0, "L", end=22.01), say=said.append)
+    verdict = fold(ball, tmp_path, Settings(22.0, "L", end=22.01, model="braingrowth"), say=said.append)
     assert verdict.thickness_mm == pytest.approx(0.042 * verdict.length_mm, rel=0.01)
     assert said[0].startswith(f"the growing cortex is {verdict.thickness_mm:.2f} mm thick at the start: 0.042 of the")
     assert said[1].startswith("medial wall: ") and verdict.medial_wall is not None
@@ -122,8 +124,9 @@ def test_the_energies_balance(finished: tuple[Path, Verdict]) -> None:
     assert max(abs(float(row["energy_error"])) for row in table) < 1e-2
 
 
-def test_the_core_may_be_softer(ball: TetMesh) -> None:
-    assert prepared(ball, QUICK).material == Material()
+def test_each_model_has_a_stiffness_and_settings_another(ball: TetMesh) -> None:
+    assert prepared(ball, QUICK).material == Material(mu_core=CONSTANTS["growing"].core_stiffness)
+    assert prepared(ball, replace(QUICK, model="braingrowth")).material == Material()
     assert prepared(ball, replace(QUICK, core_stiffness=0.5)).material == Material(mu_core=0.5)
 
 
@@ -239,7 +242,7 @@ def test_a_checkpoint_of_another_run_is_not_used(
 
 
 def test_it_ends_at_the_first_inverted_element_and_names_it(ball: TetMesh, tmp_path: Path) -> None:
-    settings = Settings(gestational_age=22.0, end=40.0, growth_rate=1000.0, record_interval=0.5)
+    settings = Settings(22.0, end=40.0, model="braingrowth", growth_rate=1000.0, record_interval=0.5)
     verdict = fold(ball, tmp_path, settings)
     assert verdict.outcome == "inverted"
     assert verdict.gestational_age < 40.0
@@ -255,7 +258,7 @@ def test_it_ends_at_the_first_inverted_element_and_names_it(ball: TetMesh, tmp_p
 def test_half_a_brain_has_the_unit_of_the_whole_and_stays_on_its_side(
     ball: TetMesh, hemisphere: str, side: float, aspect: tuple[float, ...], length: float
 ) -> None:
-    run = prepared(TetMesh(ball.points * aspect, ball.cells), Settings(22.0, hemisphere))
+    run = prepared(TetMesh(ball.points * aspect, ball.cells), Settings(22.0, hemisphere, model="braingrowth"))
     assert run.scale.length == pytest.approx(length, rel=0.02)  # half its length, its width, half its height
     assert thickness_mm(run) == pytest.approx(0.042 * run.scale.length, rel=0.01)
     assert (side * beginning(run).state.x[:, 0]).min() == pytest.approx(0, abs=1e-12)
@@ -272,7 +275,7 @@ def test_the_cortex_of_a_real_brain_is_as_thick_as_in_the_reference() -> None:
 def test_a_whole_brain_is_scaled_by_its_largest_coordinate(ball: TetMesh) -> None:
     long = TetMesh(ball.points * [0.7, 1, 0.6], ball.cells)
     for reference in (False, True):
-        x = beginning(prepared(long, Settings(22.0, reference=reference))).state.x
+        x = beginning(prepared(long, Settings(22.0, model="braingrowth", reference=reference))).state.x
         assert np.abs(x).max() == pytest.approx(1)
     assert x.mean(axis=0) == pytest.approx([0, 0, 0], abs=1e-12)
 
@@ -306,7 +309,8 @@ def test_the_mask_of_the_reference_is_an_ellipsoid_at_every_node(ball: TetMesh) 
     assert growth_mask(ball, scale, reference=True) == pytest.approx(np.clip(1 - 10 * (0.6 - radius), 0, 1))
 
 
-def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh) -> None:
+@pytest.mark.parametrize("model", ["growing", "braingrowth"])
+def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh, model: Model) -> None:
     upper = ball.points[:, 2] > 3.0
     fields = {
         "growth": np.where(upper, 1.0, 0.0),
@@ -314,16 +318,23 @@ def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh) -> None:
         "label": np.where(upper, 7, 3),
     }
     mesh = TetMesh(ball.points, ball.cells, fields)
-    run = prepared(mesh, Settings(22.0, regions={7: (2.0, 5.0, 0.4)}))
+    run = prepared(mesh, Settings(22.0, model=model, regions={7: (2.0, 5.0, 0.4)}))
     low, high = (
         run.mesh.points[run.body.cells][:, :, 2].max(axis=1) <= 3.0,
         run.mesh.points[run.body.cells][:, :, 2].min(axis=1) > 3.0,
     )
-    assert not run.body.mask[low].any() and (run.body.mask[high] == 1).all()
+    grows, other = (run.body.amount, run.body.mask) if model == "growing" else (run.body.mask, run.body.amount)
+    assert not grows[low].any() and (grows[high] == 1).all()
+    assert other[run.body.depth < 0.1].max() == 1  # a place that grows little is as stiff as others
     assert run.body.thickness[low] * run.scale.length == pytest.approx(1.0)
     assert run.body.thickness[high] * run.scale.length == pytest.approx(2.0)
     assert not run.body.label[low].any() and (run.body.label[high] == 1).all()
-    assert run.laws == [Linear(1.829), Gompertz(2.0, 5.0, 0.4)]
+    ((first, second),) = run.growth.at(np.array([time_of(30.0)]), 0.0).growth
+    laws = Linear(1.829), Gompertz(2.0, 5.0, 0.4)
+    start, later = time_of(22.0), time_of(30.0)
+    assert second[ALONG] == pytest.approx(growth_since(laws[1], start, later))
+    expected = growth_since(laws[0], start, later) if model == "braingrowth" else 8 * CONSTANTS["growing"].growth_rate
+    assert first[ALONG] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
@@ -337,6 +348,12 @@ def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh) -> None:
             "in regions 9, but the field label of the mesh has only 1",
         ),
         (Settings(22.0, regions={1: (np.nan, 1.0, 1.0)}), {"label": 1}, "growth law of region 1 is"),
+        (Settings(22.0, core_regions={2: -0.01}), {}, "no cell data region"),
+        (Settings(22.0, reference=True), {}, "reference is of the model braingrowth, not of growing"),
+        (Settings(22.0, model="braingrowth", volume={22: 20}), {}, "volume is of the model growing, not of braingr"),
+        (Settings(22.0, model="braingrowth", growth_rate={22: 0}), {}, "growth_rate by age is of the model growing"),
+        (Settings(22.0, growth_rate={22: 0, 40: -1.5}), {}, "growth_rate leaves nothing at 40 weeks"),
+        (Settings(22.0, thickness_rate=-0.1), {}, "thickness_rate leaves nothing at"),
         (Settings(12.0), {}, "12 is no gestational age to fold at: .* holds from 20 to 60 weeks"),
         (Settings(-5.0), {}, "-5 is no gestational age"),
         (Settings(np.nan), {}, "nan is no gestational age"),
@@ -398,8 +415,8 @@ def test_the_references_sphere_grows_as_in_the_reference(tmp_path: Path) -> None
 
 
 def test_the_reference_counts_growth_from_its_start_and_a_step_late(ball: TetMesh) -> None:
-    settings = Settings(30.0, reference=True, time_step=1e-4)
+    settings = Settings(30.0, model="braingrowth", reference=True, time_step=1e-4)
     run, start = prepared(ball, settings), time_of(30.0)
-    (alphas,), (thickening,) = growth_at(run, np.array([start + 5e-4]), 1e-4)
-    assert alphas[0] == pytest.approx(1.829 * (start + 4e-4))
+    (growth,), (thickening,), _ = run.growth.at(np.array([start + 5e-4]), 1e-4)
+    assert growth[0] == pytest.approx([1.829 * (start + 4e-4), 0, 0])
     assert thickening == pytest.approx(0.01 * 4e-4)

@@ -14,6 +14,7 @@ from cortet.mesh import TetMesh, TriSurface
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import Contact, contact_forces, contact_of, listed_at, moved_too_far
 from cortet.simulation.kernels import DONE, LIST_OUTDATED, Motion, advance, elastic_forces, workspace
+from cortet.simulation.models import course, tangential
 
 
 def two_blocks(gap: float, n: int = 4) -> TetMesh:
@@ -79,7 +80,7 @@ def test_the_list_is_what_a_search_over_all_pairs_finds(case: str) -> None:
 def test_an_undeformed_body_is_not_in_contact_with_itself() -> None:
     for mesh in (ball_mesh(3), cube_mesh(4)):
         found = contact(mesh)
-        assert contact_forces(found, mesh.points, np.zeros_like(mesh.points)) == 0
+        assert contact_forces(found, mesh.points, np.zeros_like(mesh.points), 1.0) == 0
 
 
 def test_the_force_grows_as_the_gap_closes_and_past_it() -> None:
@@ -90,9 +91,9 @@ def test_the_force_grows_as_the_gap_closes_and_past_it() -> None:
         x = mesh.points.copy()
         upper = x[:, 2] > 1.02
         x[upper, 2] += gap * found.reach / 0.2 - 0.05
-        found = listed_at(found, x)
+        found = listed_at(found, x, 1.0)
         external = np.zeros_like(x)
-        contact_forces(found, x, external)
+        contact_forces(found, x, external, 1.0)
         assert np.abs(external.sum(axis=0)).max() < 1e-12  # what pushes is pushed
         assert np.abs(external[upper, :2]).max(initial=0) < 0.1 * max(external[upper, 2].max(), 1e-9)
         pushes.append(external[upper, 2].sum())
@@ -107,17 +108,17 @@ def test_colliding_blocks_bounce_without_passing_through_each_other() -> None:
     work, state, found = workspace(body), Motion(mesh.points.copy(), np.zeros_like(mesh.points)), contact(mesh)
     upper = mesh.points[:, 2] > 1.01
     state.v[upper, 2] = -4.0
-    elastic_forces(material, state.x, work, np.zeros(1), 0.0)
+    elastic_forces(material, state.x, work, tangential([0.0]), 0.0)
     mass = (material.density * work.node_grown)[:, None]
     before = (mass * state.v).sum(axis=0)
     dt = stable_time_step(smallest_altitude(mesh.points, mesh.cells), material) / 3  # they come fast
     touched, left = 0, 6000
     while left:
-        done, how = advance(body, material, state, work, found, np.zeros((min(left, 100), 1)), np.zeros(100), dt)
+        done, how = advance(body, material, state, work, found, course(np.zeros((min(left, 100), 1))), dt)
         left -= done
         touched = max(touched, int(work.counts[1]))
         if how == LIST_OUTDATED:
-            found = listed_at(found, state.x)
+            found = listed_at(found, state.x, 1.0)
         else:
             assert how == DONE
     assert touched > 10
@@ -136,14 +137,14 @@ def test_the_list_holds_until_a_node_has_moved_by_half_the_margin() -> None:
     assert not moved_too_far(found, x)
     x[node, 1] += 0.02 * margin
     assert moved_too_far(found, x)
-    assert not moved_too_far(listed_at(found, x), x)
+    assert not moved_too_far(listed_at(found, x, 1.0), x)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_medial_plane_holds_half_a_brain_on_its_side(side: float) -> None:
     mesh = ball_mesh(2)
     found, external = contact(mesh, side), np.zeros_like(mesh.points)
-    contact_forces(found, mesh.points, external)
+    contact_forces(found, mesh.points, external, 1.0)
     beyond = np.zeros(len(mesh.points), bool)
     beyond[boundary_nodes(mesh)] = True
     beyond &= side * mesh.points[:, 0] < 0
@@ -154,9 +155,9 @@ def test_the_medial_plane_holds_half_a_brain_on_its_side(side: float) -> None:
 def test_the_medial_plane_may_lie_beside_the_body_and_be_softer() -> None:
     mesh = ball_mesh(2)
     hard, soft, beside = np.zeros((3, *mesh.points.shape))
-    contact_forces(contact(mesh, 1.0), mesh.points, hard)
+    contact_forces(contact(mesh, 1.0), mesh.points, hard, 1.0)
     faces = boundary_faces(mesh)
-    contact_forces(contact_of(mesh.points, faces, bulk=5.0, side=1.0, plane=1.0), mesh.points, soft)
-    contact_forces(contact_of(mesh.points, faces, bulk=5.0, side=1.0, gap=1.0 + 1e-9), mesh.points, beside)
+    contact_forces(contact_of(mesh.points, faces, bulk=5.0, side=1.0, plane=1.0), mesh.points, soft, 1.0)
+    contact_forces(contact_of(mesh.points, faces, bulk=5.0, side=1.0, gap=1.0 + 1e-9), mesh.points, beside, 1.0)
     assert 10 * soft == pytest.approx(hard)
     assert hard.any() and not beside.any()

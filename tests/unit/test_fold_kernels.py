@@ -12,6 +12,7 @@ from cortet.geometry.topology import boundary_faces, boundary_nodes
 from cortet.mesh import TetMesh
 from cortet.simulation.body import Body, Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import Contact, contact_of
+from cortet.simulation.growth import Course
 from cortet.simulation.kernels import (
     _OWN_ROWS,
     DONE,
@@ -26,12 +27,13 @@ from cortet.simulation.kernels import (
     workspace,
 )
 from cortet.simulation.law import exponential, inverse_cube_root
-from cortet.simulation.patches import SIZE
+from cortet.simulation.models import course, tangential
+from cortet.simulation.patches import ROWS, SIZE
 
 MATERIAL = Material()
 #: coordinates of the test meshes are taken as dimensionless
 UNIT = Scale(np.zeros(3), 1.0)
-NO_GROWTH = np.zeros(1)
+NO_GROWTH = tangential([0.0])
 
 
 def at_rest(mesh: TetMesh) -> Motion:
@@ -49,13 +51,13 @@ def ungrown(mesh: TetMesh) -> tuple[Body, Work]:
     return body, workspace(body)
 
 
-def steps(n: int, alpha: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Growth and thickening of n steps at constant growth."""
-    return np.full((n, 1), alpha), np.zeros(n)
+def steps(n: int, alpha: float = 0.0) -> Course:
+    """The course of n steps at constant growth."""
+    return course(np.full((n, 1), alpha))
 
 
 def forces(body: Body, work: Work, x: np.ndarray, alpha: float = 0.0) -> np.ndarray:
-    elastic_forces(MATERIAL, x, work, np.array([alpha]), 0.0)
+    elastic_forces(MATERIAL, x, work, tangential([alpha]), 0.0)
     return nodal_forces(work)
 
 
@@ -107,7 +109,7 @@ def test_so_they_are_in_flat_and_inverted_elements(stretches: tuple[float, float
 
 def assert_forces_follow_from_energy(body: Body, x: np.ndarray, alpha: float) -> None:
     """Compare the forces along a direction with the difference of the energy."""
-    work, growth = workspace(body), np.array([alpha])
+    work, growth = workspace(body), tangential([alpha])
     direction = np.random.default_rng(1).normal(size=x.shape)
     analytic = -(forces(body, work, x, alpha) * direction).sum()
 
@@ -148,11 +150,11 @@ def test_momentum_is_conserved_without_contact_and_damping() -> None:
     body = body_of(mesh, UNIT, thickness=0.3)
     work, state, material = workspace(body), at_rest(mesh), MATERIAL._replace(damping=0.0)
     state.v[:] = np.random.default_rng(0).normal(size=state.v.shape)
-    elastic_forces(material, state.x, work, np.array([0.3]), 0.0)
+    elastic_forces(material, state.x, work, tangential([0.3]), 0.0)
     mass = material.density * work.node_grown[:, None]
     before = (mass * state.v).sum(axis=0), np.cross(state.x, mass * state.v).sum(axis=0)
     dt = stable_time_step(smallest_altitude(mesh.points, mesh.cells), material)
-    ended = advance(body, material, state, work, no_contact(mesh), *steps(200, 0.3), dt)
+    ended = advance(body, material, state, work, no_contact(mesh), steps(200, 0.3), dt)
     assert ended == (200, DONE)
     after = (mass * state.v).sum(axis=0), np.cross(state.x, mass * state.v).sum(axis=0)
     scale = float(np.abs(mass * state.v).sum())
@@ -161,9 +163,9 @@ def test_momentum_is_conserved_without_contact_and_damping() -> None:
 
 
 def total_energy(body: Body, state: Motion, work: Work, alpha: float) -> float:
-    elastic_forces(MATERIAL, state.x, work, np.array([alpha]), 0.0)
+    elastic_forces(MATERIAL, state.x, work, tangential([alpha]), 0.0)
     kinetic = MATERIAL.density / 2 * float((work.node_grown[:, None] * state.v**2).sum())
-    return kinetic + elastic_energy(body, MATERIAL, state.x, work, np.array([alpha]))
+    return kinetic + elastic_energy(body, MATERIAL, state.x, work, tangential([alpha]))
 
 
 def test_energy_decays_once_growth_has_stopped() -> None:
@@ -173,7 +175,7 @@ def test_energy_decays_once_growth_has_stopped() -> None:
     dt = stable_time_step(smallest_altitude(mesh.points, mesh.cells), MATERIAL)
     energies = [total_energy(body, state, work, 0.3)]  # grown at once: it springs
     for _ in range(10):
-        assert advance(body, MATERIAL, state, work, no_contact(mesh), *steps(200, 0.3), dt) == (200, DONE)
+        assert advance(body, MATERIAL, state, work, no_contact(mesh), steps(200, 0.3), dt) == (200, DONE)
         energies.append(total_energy(body, state, work, 0.3))
     assert np.all(np.diff(energies) < 0)
     assert energies[-1] < 0.7 * energies[0]
@@ -189,7 +191,7 @@ def test_the_bits_are_the_same_for_any_number_of_threads() -> None:
         body = body_of(mesh, UNIT, thickness=0.2)
         work, state = workspace(body), at_rest(mesh)
         contact = contact_of(mesh.points, boundary_faces(mesh), bulk=5.0)
-        advance(body, MATERIAL, state, work, contact, *steps(50, 0.3), 1e-4)
+        advance(body, MATERIAL, state, work, contact, steps(50, 0.3), 1e-4)
         results.append((state.x.tobytes(), state.v.tobytes()))
     assert results[0] == results[1]
 
@@ -201,7 +203,7 @@ def test_it_stops_at_an_inverted_element_and_moves_nothing(bad: float) -> None:
     state = at_rest(mesh)
     state.x[mesh.cells[7, 3]] = state.x[mesh.cells[7, :3]].mean(axis=0) + bad  # flat, or not a number
     x = state.x.copy()
-    assert advance(body, MATERIAL, state, work, no_contact(mesh), *steps(5), 1e-5) == (0, INVERTED)
+    assert advance(body, MATERIAL, state, work, no_contact(mesh), steps(5), 1e-5) == (0, INVERTED)
     assert np.array_equal(state.x, x, equal_nan=True)
 
 
@@ -209,11 +211,11 @@ def test_a_nearly_flat_element_takes_the_degenerate_branch_and_is_counted() -> N
     mesh = cube_mesh(1)
     body, work = ungrown(mesh)
     flat = Motion(mesh.points * [1, 1, 0.05], np.zeros_like(mesh.points))
-    assert advance(body, MATERIAL, flat, work, no_contact(mesh), *steps(1), 1e-9) == (1, DONE)
+    assert advance(body, MATERIAL, flat, work, no_contact(mesh), steps(1), 1e-9) == (1, DONE)
     assert work.counts[0] == len(mesh.cells)
     assert work.min_j[0] == pytest.approx(0.05)
     thin = Motion(mesh.points * [1, 1, 0.2], np.zeros_like(mesh.points))
-    advance(body, MATERIAL, thin, work, no_contact(mesh), *steps(1), 1e-9)
+    advance(body, MATERIAL, thin, work, no_contact(mesh), steps(1), 1e-9)
     assert work.counts[0] == len(mesh.cells)
 
 
@@ -275,7 +277,7 @@ def test_functions_without_calls_are_those_of_the_library() -> None:
 def test_the_loop_of_the_law_is_made_of_vector_instructions() -> None:
     """One call that is left in it would make it ten times slower, and nothing else would tell."""
     fresh = numba.njit(fastmath={"contract"}, error_model="numpy")(_own_stress.py_func)
-    fresh(np.zeros(_OWN_ROWS * SIZE), np.zeros(17 * SIZE), MATERIAL)
+    fresh(np.zeros(_OWN_ROWS * SIZE), np.zeros(ROWS * SIZE), MATERIAL)
     (assembly,) = fresh.inspect_asm().values()
     scalar, packed = assembly.count("mulsd"), assembly.count("mulpd")
     assert packed > 20 and packed >= scalar  # what is scalar is the remainder of the loop

@@ -7,7 +7,7 @@ import pytest
 from shapes import ball_surface
 
 from cortet.mesh import TriSurface
-from cortet.simulation.measurements import fold_spacing, mean_curvature, sulcal_depth
+from cortet.simulation.measurements import folds_of, mean_curvature, sulcal_depth
 
 RADIUS = 30.0
 
@@ -29,13 +29,13 @@ def test_the_curvature_of_a_ball() -> None:
 def test_the_spacing_of_known_waves(waves: int) -> None:
     surface, cortex = rippled(waves, height=1.5)
     expected = 2 * np.pi * RADIUS / waves
-    assert fold_spacing(surface.points, surface.faces, cortex) == pytest.approx(expected, rel=0.15)
+    assert folds_of(surface.points, surface.faces, cortex).spacing == pytest.approx(expected, rel=0.15)
 
 
 def test_a_ball_has_no_folds() -> None:
     ball = ball_surface(4, radius=RADIUS)
     everywhere = np.ones(len(ball.points))
-    assert fold_spacing(ball.points, ball.faces, everywhere) is None
+    assert folds_of(ball.points, ball.faces, everywhere).spacing is None
     assert sulcal_depth(ball.points, ball.faces, everywhere) == pytest.approx(0, abs=1e-9)
 
 

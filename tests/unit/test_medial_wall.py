@@ -118,4 +118,4 @@ def test_the_wall_slides_in_the_sagittal_plane_and_does_not_grow() -> None:
 def test_a_whole_brain_has_none() -> None:
     run = prepared(block(), Settings(22.0))
     assert run.wall is None and not run.body.held.any()
-    assert prepared(block(), Settings(22.0, "L", reference=True)).wall is None
+    assert prepared(block(), Settings(22.0, "L", model="braingrowth", reference=True)).wall is None

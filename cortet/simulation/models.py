@@ -1,0 +1,286 @@
+"""The two models of growth, and which of them holds for a mesh.
+
+`Growing` is a brain that grows as a whole. Its lengths are those of a frame that grows with the core, by s(t): there
+the core does not grow, and the cortex grows by 1 + alpha along the surface and by 1 + beta = g_r / s across it. In
+`BrainGrowth`, the model of the solver of that name, only the cortex grows, and the frame stays as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import PchipInterpolator
+
+from cortet.errors import InputError
+from cortet.mesh import REGION, FloatArray, IntArray, TetMesh, node_field
+from cortet.simulation.body import LABEL_FIELD, THICKENING, THICKNESS, Body, Scale
+from cortet.simulation.growth import (
+    HULL,
+    VOLUME,
+    ByAge,
+    Course,
+    Gompertz,
+    Growth,
+    Law,
+    Linear,
+    ages_of,
+    by_age,
+    growth_since,
+    time_of,
+    times_of,
+    usual,
+)
+from cortet.simulation.kernels import grown_volume_of
+from cortet.simulation.law import ACROSS, ALONG, CORE
+from cortet.simulation.state import Settings
+
+#: weeks between two ages at which the stretch of the core is solved for, rounds at most, and when they end
+_KNOTS, _ROUNDS, _SETTLED = 0.5, 50, 1e-12
+#: ages at which laws of growth are looked at
+_CHECKED = 101
+#: labels that a message lists
+_MOST_LABELS = 10
+
+#: values at ages, weeks (k,), or at times of the simulation
+Curve = Callable[[FloatArray], FloatArray]
+
+
+class Constants(NamedTuple):
+    """What a model takes where the settings say nothing."""
+
+    growth_rate: ByAge
+    core_stiffness: float
+    thickness_rate: ByAge = 0.0
+    #: mm
+    thickness: float | None = None
+
+
+#: of `growing`, calibrated on CRL's atlas of 22 weeks (docs/folding.md); of BrainGrowth, Wang et al. 2021
+CONSTANTS = {
+    "growing": Constants(growth_rate=0.045, core_stiffness=0.2, thickness_rate=-0.02, thickness=1.1),
+    "braingrowth": Constants(growth_rate=1.829, core_stiffness=1.167),
+}
+
+
+def tangential(alphas: ArrayLike) -> FloatArray:
+    """Growth of each label (..., labels, 3) of which there is only that along the surface: (..., labels)."""
+    growth = np.zeros((*np.shape(alphas), 3))
+    growth[..., ALONG] = alphas
+    return growth
+
+
+def course(alphas: ArrayLike) -> Course:
+    """A course of growth along the surface alone: (k, labels)."""
+    growth = tangential(alphas)
+    return Course(growth, np.zeros(len(growth)), np.ones(len(growth)))
+
+
+class BrainGrowth(NamedTuple):
+    """The cortex grows, and the core does not (Tallinen et al. 2016, Wang et al. 2021)."""
+
+    #: of each label
+    laws: Sequence[Law]
+    #: time of the simulation at the start
+    start: float
+    #: whether growth counts from t = 0 on and forces are computed from that of the step before, as in the reference
+    reference: bool = False
+
+    def at(self, times: FloatArray, dt: float) -> Course:
+        """See `Growth.at`."""
+        if self.reference:
+            times = np.maximum(times - dt, self.start)
+        alphas = [law(times) if self.reference else growth_since(law, self.start, times) for law in self.laws]
+        return course(np.stack(alphas, axis=1))._replace(thickening=THICKENING * (times - self.start))
+
+    def frame(self, time: float) -> float:  # noqa: ARG002
+        """1: the core does not grow."""
+        return 1.0
+
+
+class Growing(NamedTuple):
+    """The whole grows: the core by s(t) in all directions, and the cortex more than that along the surface."""
+
+    #: of each label, growth of the cortex relative to the core since the start, at ages
+    along: Sequence[Curve]
+    #: of each label, growth of its part of the core relative to the frame since the start, at ages
+    core: Sequence[Curve]
+    #: thickness of cortex without stress, and s, in those at the start, at ages
+    thickness: Curve
+    stretch: Curve
+    #: size of the envelope, in that at the start, at ages
+    envelope: Curve
+
+    def at(self, times: FloatArray, dt: float) -> Course:  # noqa: ARG002
+        """See `Growth.at`."""
+        ages = ages_of(times)
+        stretch = self.stretch(ages)
+        return Course(self.grown(ages, stretch), np.zeros(len(times)), self.envelope(ages) / stretch)
+
+    def frame(self, time: float) -> float:
+        """s(t)."""
+        return float(self.stretch(ages_of(np.array([time])))[0])
+
+    def grown(self, ages: FloatArray, stretch: FloatArray) -> FloatArray:
+        """Growth of each label at ages (k,) for some stretch of the core there: (k, labels, 3)."""
+        growth = np.empty((len(ages), len(self.along), 3))
+        growth[:, :, ACROSS] = (self.thickness(ages) / stretch - 1)[:, None]
+        for label, (along, core) in enumerate(zip(self.along, self.core, strict=True)):
+            growth[:, label, ALONG], growth[:, label, CORE] = along(ages), core(ages)
+        return growth
+
+
+def constants(settings: Settings) -> Constants:
+    """The constants of the model, those that the settings name replaced."""
+    usual = CONSTANTS[settings.model]
+    given = {name: value for name in usual._fields if (value := getattr(settings, name)) is not None}
+    return usual._replace(**given)
+
+
+def check_model(settings: Settings) -> None:
+    """Raise InputError for a setting of the other model, or a law of growth by which nothing is left."""
+    growing = settings.model == "growing"
+    of_growing = {
+        "thickness_rate": settings.thickness_rate is not None,
+        "volume": settings.volume is not None,
+        "hull": settings.hull is not None,
+        "envelope": settings.envelope,
+        "core_regions": bool(settings.core_regions),
+        "growth_rate by age": isinstance(settings.growth_rate, Mapping),
+    }
+    wrong = ["reference"] if growing and settings.reference else []
+    wrong += [] if growing else [name for name, is_set in of_growing.items() if is_set]
+    if wrong:
+        other = {"growing": "braingrowth", "braingrowth": "growing"}[settings.model]
+        raise InputError(
+            f"{wrong[0]} is of the model {other}, not of {settings.model}",
+            remedy=f"leave it out, or set fold.model: {other}",
+        )
+    if not growing:
+        return
+    chosen = constants(settings)
+    ages = np.linspace(settings.gestational_age, settings.end, _CHECKED)
+    laws: dict[str, ByAge] = {"growth_rate": chosen.growth_rate, "thickness_rate": chosen.thickness_rate}
+    laws |= {f"core_regions[{region}]": law for region, law in settings.core_regions.items()}
+    for name, law in laws.items():
+        left = 1 + by_age(law)(ages)
+        if not left.min() > 0:
+            raise InputError(
+                f"{name} leaves nothing at {ages[left.argmin()]:g} weeks",
+                remedy=f"mend fold.{name}: growth since 22 weeks must stay above -1",
+            )
+
+
+def thickness_at_start(settings: Settings, scale: Scale) -> float:
+    """Thickness of the cortex at the start, dimensionless."""
+    thickness = constants(settings).thickness
+    if thickness is None:
+        return THICKNESS + THICKENING * time_of(settings.gestational_age)
+    return thickness / scale.length
+
+
+def labels_of(mesh: TetMesh, settings: Settings) -> tuple[IntArray | None, IntArray | None]:
+    """Which growth law each node follows, and which of the core each tetrahedron; None: all the first.
+
+    Raises
+    ------
+    InputError : the settings name a label or a region that the mesh does not have
+    """
+    laws = regions = None
+    if settings.regions:
+        values = _named(node_field(mesh, LABEL_FIELD), settings.regions, f"field {LABEL_FIELD}", "fold.regions")
+        laws = _numbered(values, settings.regions)
+    if settings.core_regions:
+        of_cell = mesh.cell_data.get(REGION)
+        values = _named(of_cell, settings.core_regions, f"cell data {REGION}", "fold.core_regions")
+        regions = _numbered(values, settings.core_regions)
+    return laws, regions
+
+
+def _named(values: FloatArray | None, labels: Mapping[int, object], what: str, key: str) -> FloatArray:
+    """Values that hold all of some labels; InputError where there are none, or a label is not among them."""
+    if values is None:
+        raise InputError(
+            f"growth differs by region, but the mesh has no {what}",
+            remedy=f"carry one to the mesh, or leave out {key}",
+        )
+    there = np.unique(values)
+    if missing := [str(label) for label in labels if int(label) not in there]:
+        shown = ", ".join(f"{label:g}" for label in there[:_MOST_LABELS])
+        shown += ", ..." if len(there) > _MOST_LABELS else ""
+        raise InputError(
+            f"growth differs in regions {', '.join(missing)}, but the {what} of the mesh has only {shown}",
+            remedy=f"name labels that the mesh has in {key}",
+        )
+    return values
+
+
+def _numbered(values: FloatArray, labels: Mapping[int, object]) -> IntArray:
+    """The place of each value among some labels, from 1 on; 0 where it is none of them."""
+    number = np.zeros(len(values), np.int32)
+    for place, label in enumerate(labels, start=1):
+        number[values == int(label)] = place
+    return number
+
+
+def model_of(body: Body, settings: Settings) -> Growth:
+    """How a body grows, whose labels are those of the laws times those of the core."""
+    start, chosen = time_of(settings.gestational_age), constants(settings)
+    of_regions = [Gompertz(*values) for values in settings.regions.values()]
+    if settings.model == "braingrowth":
+        assert isinstance(chosen.growth_rate, int | float)
+        return BrainGrowth([Linear(chosen.growth_rate), *of_regions], start, settings.reference)
+    first = settings.gestational_age
+    laws = [_since(chosen.growth_rate, first), *(_as_ages_say(law, start) for law in of_regions)]
+    cores = [_since(0.0, first), *(_since(rate, first) for rate in settings.core_regions.values())]
+    thickness = _since(chosen.thickness_rate, first)
+    volume, hull = _relative(settings.volume, VOLUME, first), _relative(settings.hull, HULL, first)
+    model = Growing(
+        along=[law for law in laws for _ in cores],
+        core=cores * len(laws),
+        thickness=lambda ages: 1 + thickness(ages),
+        stretch=lambda ages: np.cbrt(volume(ages)),
+        envelope=lambda ages: np.cbrt(hull(ages)),
+    )
+    return with_volume(model, body, volume, first, settings.end)
+
+
+def _since(values: ByAge, start: float) -> Curve:
+    """Relative change since an age, weeks, from that since 22 weeks."""
+    change = by_age(values)
+    at_start = float(change(np.array([start]))[0])
+    return lambda ages: (1 + change(ages)) / (1 + at_start) - 1
+
+
+def _as_ages_say(law: Law, start: float) -> Curve:
+    """A law of the time of the simulation, at ages."""
+    return lambda ages: growth_since(law, start, times_of(ages))
+
+
+def _relative(volumes: Mapping[float, float] | None, law: tuple[float, float, float], start: float) -> Curve:
+    """Volumes at ages, in that at the start; None: those of a law."""
+    curve = partial(usual, law) if volumes is None else by_age(volumes)
+    at_start = curve(np.array([start]))
+    return lambda ages: curve(ages) / at_start
+
+
+def with_volume(model: Growing, body: Body, volume: Curve, start: float, end: float) -> Growing:
+    """The model with that stretch of the core by which the whole, were it free of stress, has the volume it should.
+
+    Parameters
+    ----------
+    volume : of the whole at ages (k,), in that at the start
+    start, end : ages, weeks
+    """
+    ages = np.linspace(start, end, max(int(np.ceil((end - start) / _KNOTS)), 1) + 1)
+    wanted = volume(ages)
+    stretch = np.cbrt(wanted)
+    for _ in range(_ROUNDS):  # s^3 total(s) = wanted: the cortex is a small part of the whole, so this contracts
+        total = [grown_volume_of(body, growth) for growth in model.grown(ages, stretch)]
+        before, stretch = stretch, np.cbrt(wanted * body.volumes.sum() / total)
+        if np.abs(stretch - before).max() < _SETTLED:
+            break
+    return model._replace(stretch=PchipInterpolator(ages, stretch))
