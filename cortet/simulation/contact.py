@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from cortet.geometry.closest_point import on_triangle, triangle_normal
+from cortet.geometry.convex import beyond
 from cortet.geometry.topology import edges, face_normals, vertex_normals
 from cortet.mesh import FloatArray, IntArray
 
@@ -29,8 +29,6 @@ REACH, RADIUS = 0.2, 0.6
 PENALTY = 10.0
 #: the same of the envelope at a depth of one reach beyond it
 SOFT = 0.3
-#: distances that are computed at a time
-_BLOCK = 10**7
 
 
 class Contact(NamedTuple):
@@ -58,8 +56,7 @@ class Contact(NamedTuple):
     #: distance of the plane from x = 0, away from the body, and force per depth behind it
     gap: float
     stiffness: float
-    #: (p, 4), outward unit normal n and offset o of each plane of the envelope at the start: within, n x + o < 0; and
-    #: force per depth beyond it
+    #: (p, 4), planes of the envelope at the start (`convex.planes_of`), and force per depth beyond it
     planes: FloatArray
     softness: float
     #: (s,), the plane that each surface node is nearest to, or -1 where there is no envelope, and the size of the
@@ -92,7 +89,7 @@ def contact_of(
     side : +1 or -1 for half a brain that must stay on that side of the medial plane
     gap : distance of that plane from x = 0, away from the body
     plane : force at a depth of one reach behind the plane, per squared mean edge, in units of the bulk modulus
-    planes : (p, 4) of the envelope, see `Contact.planes`; None: there is none
+    planes : (p, 4), planes of the envelope; None: there is none
     """
     nodes = np.unique(faces).astype(np.int32)
     pairs = edges(faces)
@@ -125,21 +122,6 @@ def contact_of(
     return listed_at(empty, x, 1.0)
 
 
-def envelope_of(x: FloatArray) -> FloatArray:
-    """Planes of the convex hull of points x (n, 3): (p, 4), see `Contact.planes`."""
-    # it has one for each triangle, and flat parts have many: the order makes them those of one machine and another
-    return np.unique(ConvexHull(x).equations, axis=0)
-
-
-def _nearest_planes(planes: FloatArray, x: FloatArray, envelope: float) -> IntArray:
-    """The plane of an envelope of some size that each point x (s, 3) is farthest beyond, or nearest to: (s,)."""
-    if not len(planes):
-        return np.full(len(x), -1, np.int32)
-    blocks = np.array_split(x, -(-len(x) * len(planes) // _BLOCK))
-    found = [(block @ planes[:, :3].T + envelope * planes[:, 3]).argmax(axis=1) for block in blocks]
-    return np.concatenate(found).astype(np.int32)
-
-
 def listed_at(contact: Contact, x: FloatArray, envelope: float) -> Contact:
     """The same contact with the list for positions x (n, 3) and a size of the envelope."""
     faces = contact.faces
@@ -161,10 +143,9 @@ def listed_at(contact: Contact, x: FloatArray, envelope: float) -> Contact:
     np.cumsum(_search(contact, x, normals, node_normals, grid, offsets, np.zeros(0, np.int32)), out=offsets[1:])
     candidates = np.empty(offsets[-1], np.int32)
     _search(contact, x, normals, node_normals, grid, offsets, candidates)
-    plane = _nearest_planes(contact.planes, x[contact.nodes], envelope)
-    return contact._replace(
-        offsets=offsets, candidates=candidates, listed=x[contact.nodes], plane=plane, envelope=envelope
-    )
+    listed = x[contact.nodes]
+    _, plane = beyond(contact.planes, listed, envelope)
+    return contact._replace(offsets=offsets, candidates=candidates, listed=listed, plane=plane, envelope=envelope)
 
 
 @numba.njit(cache=True)

@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from cortet.formats.tables import Column
+from cortet.geometry.convex import beyond, planes_of
 from cortet.geometry.topology import edges, enclosed_volume, face_areas, face_normals, vertex_normals
 from cortet.mesh import FloatArray, IntArray
 
 #: length over which curvature is smoothed, mm: less than any fold, more than the steps of a mesh
 _SMOOTHING = 1.5
-
-#: distances that are computed at a time
-_BLOCK = 10**7
 
 #: columns of the table, in the order of `Measurements`
 COLUMNS = (
@@ -114,7 +112,7 @@ def shape(points: FloatArray, faces: IntArray, wall: NDArray[np.bool_], cortex_v
     return {
         "gyrification_index": float(areas.sum()) / float(hull.area),
         "fold_spacing_mm": folds.spacing,
-        "sulcal_depth_mm": _mean_over(below(hull, points), points, faces, cortex),
+        "sulcal_depth_mm": _mean_over(-beyond(planes_of(hull), points)[0], points, faces, cortex),
         "area_mm2": float(areas.sum()),
         "volume_mm3": volume,
         "hull_volume_mm3": float(hull.volume),
@@ -165,14 +163,7 @@ def sulcal_depth(points: FloatArray, faces: IntArray, cortex: FloatArray) -> flo
 
 def depth_below_hull(points: FloatArray) -> FloatArray:
     """Distance of each of some points (n, 3) from their convex hull: (n,)."""
-    return below(ConvexHull(points), points)
-
-
-def below(hull: ConvexHull, points: FloatArray) -> FloatArray:
-    """Distance of points (n, 3) within a convex hull from it: (n,)."""
-    planes = np.unique(hull.equations, axis=0)  # it has one for each triangle, and flat parts have many
-    blocks = np.array_split(points, -(-len(points) * len(planes) // _BLOCK))
-    return np.concatenate([-(block @ planes[:, :3].T + planes[:, 3]).max(axis=1) for block in blocks])
+    return -beyond(planes_of(ConvexHull(points)), points)[0]
 
 
 def _mean_over(values: FloatArray, points: FloatArray, faces: IntArray, cortex: FloatArray) -> float:

@@ -57,11 +57,12 @@ class Constants(NamedTuple):
     thickness_rate: ByAge = 0.0
     #: mm
     thickness: float | None = None
+    envelope: bool = False
 
 
 #: of `growing`, calibrated on CRL's atlas of 22 weeks (docs/folding.md); of BrainGrowth, Wang et al. 2021
 CONSTANTS = {
-    "growing": Constants(growth_rate=0.045, core_stiffness=0.2, thickness_rate=-0.02, thickness=1.1),
+    "growing": Constants(growth_rate=0.045, core_stiffness=0.2, thickness_rate=-0.02, thickness=1.1, envelope=True),
     "braingrowth": Constants(growth_rate=1.829, core_stiffness=1.167),
 }
 
@@ -147,7 +148,7 @@ def check_model(settings: Settings) -> None:
         "thickness_rate": settings.thickness_rate is not None,
         "volume": settings.volume is not None,
         "hull": settings.hull is not None,
-        "envelope": settings.envelope,
+        "envelope": bool(settings.envelope),
         "core_regions": bool(settings.core_regions),
         "growth_rate by age": isinstance(settings.growth_rate, Mapping),
     }

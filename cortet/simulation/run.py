@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from cortet.errors import InputError
+from cortet.geometry.convex import planes_of
 from cortet.geometry.filling import require_body
 from cortet.geometry.ordering import curve_order
 from cortet.geometry.topology import boundary_faces
@@ -23,7 +25,7 @@ from cortet.simulation.body import (
     smallest_altitude,
     stable_time_step,
 )
-from cortet.simulation.contact import contact_of, envelope_of
+from cortet.simulation.contact import contact_of
 from cortet.simulation.device import device_name
 from cortet.simulation.gpu import OnGpu
 from cortet.simulation.growth import age_of, check_age, time_of
@@ -98,7 +100,7 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
         settings.reference,
         material,
         model_of(body, settings),
-        settings.envelope,
+        constants(settings).envelope,
         start,
         end,
         bound,
@@ -157,7 +159,12 @@ def beginning(run: Run) -> Moment:
     x = (run.mesh.points - run.scale.origin) / run.scale.length
     plane = _REFERENCE_PLANE if run.reference else {}
     contact = contact_of(
-        x, run.faces, bulk=run.material.bulk, side=run.side, planes=envelope_of(x) if run.enveloped else None, **plane
+        x,
+        run.faces,
+        bulk=run.material.bulk,
+        side=run.side,
+        planes=planes_of(ConvexHull(x)) if run.enveloped else None,
+        **plane,
     )
     return Moment(0, run.start, Motion(x, np.zeros_like(x)), workspace(run.body), contact)
 
@@ -173,7 +180,12 @@ def advance_to(run: Run, moment: Moment, target: float) -> bool:
     steps = max(int(np.ceil((target - begin) / time_step_of(run, moment) - 1e-9)), 1)
     dt = (target - begin) / steps
     chunks = (np.arange(first, min(steps, first + _CHUNK)).astype(float) for first in range(0, steps, _CHUNK))
-    inverted = any(_advance_over(run, moment, stepper, begin + dt * chunk, dt) for chunk in chunks)
+    energy = sum(_energies(run, stepper, stepper.state, begin, dt))
+    inverted = False
+    for chunk in chunks:
+        inverted, energy = _advance_over(run, moment, stepper, begin + dt * chunk, dt, energy)
+        if inverted:
+            break
     if not inverted:
         moment.time = target
     stepper.finish()
@@ -195,8 +207,19 @@ def time_step_of(run: Run, moment: Moment) -> float:
     return stable_time_step(altitude, run.material)
 
 
-def _advance_over(run: Run, moment: Moment, stepper: Stepper, times: FloatArray, dt: float) -> bool:
-    """Step once at each of some times; True when it ended before, at an inverted element."""
+def _advance_over(
+    run: Run, moment: Moment, stepper: Stepper, times: FloatArray, dt: float, energy: float
+) -> tuple[bool, float]:
+    """Step once at each of some times, from the energy before them.
+
+    Adds the energy that growth brings into the body. At a fixed shape, growth alone changes the energy from that with
+    the growth before to that with the growth after; its work is the mean of this change for the shapes at both ends
+    (trapezoidal rule).
+
+    Returns
+    -------
+    whether it ended at an inverted element; the energy after the steps
+    """
     before = stepper.copy()
     course = run.growth.at(times, dt)
     done, how = 0, LIST_OUTDATED
@@ -206,22 +229,12 @@ def _advance_over(run: Run, moment: Moment, stepper: Stepper, times: FloatArray,
         if how == LIST_OUTDATED:
             stepper.list_contacts(float(course.envelope[done]))
     now = float(times[0]) + dt * done
-    moment.growth_work += _growth_work(run, stepper, before, moment.time, now, dt)
+    held = sum(_energies(run, stepper, before, now, dt))
+    moved = sum(_energies(run, stepper, stepper.state, moment.time, dt))
+    after = sum(_energies(run, stepper, stepper.state, now, dt))
+    moment.growth_work += (held - energy + after - moved) / 2
     moment.step, moment.time = moment.step + done, now
-    return how == INVERTED
-
-
-def _growth_work(run: Run, stepper: Stepper, before: Motion, begin: float, end: float, dt: float) -> float:
-    """Energy that growth has brought into the body between two times.
-
-    At a fixed shape, growth alone changes the energy from that with the growth at `begin` to that with the growth at
-    `end`; the work is the mean of this change for the shapes at both ends (trapezoidal rule).
-    """
-    change = 0.0
-    for state in (before, stepper.state):
-        for time, sign in ((begin, -0.5), (end, 0.5)):
-            change += sign * sum(_energies(run, stepper, state, time, dt))
-    return change
+    return how == INVERTED, after
 
 
 def _energies(run: Run, stepper: Stepper, state: Motion, time: float, dt: float) -> tuple[float, float]:

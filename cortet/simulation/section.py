@@ -43,9 +43,9 @@ class Fold(Section):
     volume: dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Positive] | None = None
     """Of growing: volume of the body at ages, {22: 20, 34: 79}; only ratios count. The core grows so that the whole
     does this. null: a law fitted to healthy hemispheres of 22 to 42 weeks."""
-    envelope: bool = False
-    """Of growing: whether an envelope, as soft as a membrane with fluid behind it, keeps crowns from growing beyond it:
-    the convex hull at the start, grown as `hull` says."""
+    envelope: bool | None = None
+    """Of growing, where null is true: whether an envelope, as soft as a membrane with fluid behind it, keeps crowns
+    from growing beyond it: the convex hull at the start, grown as `hull` says."""
     hull: dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Positive] | None = None
     """Of growing: volume of the convex hull at ages, {22: 25, 34: 106}; only ratios count. null: a law fitted to
     healthy hemispheres of 22 to 40 weeks."""

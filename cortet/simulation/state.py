@@ -39,8 +39,9 @@ class Settings:
     thickness_rate: ByAge | None = DEFAULT.thickness_rate
     #: age -> volume, mL; None: the model's
     volume: Mapping[float, float] | None = DEFAULT.volume
-    #: whether an envelope holds the crowns, and age -> volume of the convex hull, mL; None: the model's
-    envelope: bool = DEFAULT.envelope
+    #: whether an envelope holds the crowns; None: if the model has one
+    envelope: bool | None = DEFAULT.envelope
+    #: age -> volume of the convex hull, mL; None: the model's
     hull: Mapping[float, float] | None = DEFAULT.hull
     #: region of the mesh -> how much more than the rest of the core its lengths grow
     core_regions: Mapping[int, ByAge] = field(default_factory=dict)

@@ -12,14 +12,16 @@ from typing import Any
 import numpy as np
 import pytest
 from cubes import cube_mesh
+from scipy.spatial import ConvexHull
 from shapes import ball_mesh
 
+from cortet.geometry.convex import planes_of
 from cortet.geometry.topology import boundary_faces
 from cortet.mesh import TetMesh
 from cortet.simulation import fold as fold_module
 from cortet.simulation import gpu, gpu_kernels
 from cortet.simulation.body import Body, Material, Scale, body_of
-from cortet.simulation.contact import contact_of, envelope_of
+from cortet.simulation.contact import contact_of
 from cortet.simulation.fold import fold
 from cortet.simulation.growth import Course
 from cortet.simulation.kernels import DONE, INVERTED, LIST_OUTDATED, Motion, workspace
@@ -88,7 +90,7 @@ def test_a_body_that_grows_by_two_laws_slides_along_a_plane_and_fills_its_envelo
     body = body_of(mesh, UNIT, thickness=0.3, labels=labels, held=mesh.points[:, 0] == 0)
     assert len(set(body.label.tolist())) == 2
     growth = np.linspace(0, 0.4, 100)[:, None, None] * [[1.0, -0.3, 0.2], [0.5, 0.1, -0.1]]
-    planes = envelope_of(mesh.points)
+    planes = planes_of(ConvexHull(mesh.points))
     (on_cpu, cpu), (on_gpu, device) = steppers(body, at_rest(mesh), mesh, bulk=0.0, planes=planes)
     course = Course(growth, np.linspace(0, 0.02, 100), np.linspace(1, 0.97, 100))
     for stepper in (on_cpu, on_gpu):

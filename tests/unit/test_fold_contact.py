@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from cubes import cube_mesh
+from scipy.spatial import ConvexHull
 from shapes import ball_mesh
 
 from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.convex import planes_of
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import TRI_EDGES, boundary_faces, boundary_nodes, face_normals, vertex_normals
 from cortet.mesh import TetMesh, TriSurface
@@ -161,3 +163,20 @@ def test_the_medial_plane_may_lie_beside_the_body_and_be_softer() -> None:
     contact_forces(contact_of(mesh.points, faces, bulk=5.0, side=1.0, gap=1.0 + 1e-9), mesh.points, beside, 1.0)
     assert 10 * soft == pytest.approx(hard)
     assert hard.any() and not beside.any()
+
+
+def test_an_envelope_pushes_back_what_is_beyond_it_along_its_normal() -> None:
+    mesh = two_blocks(0.5)
+    x = mesh.points
+    found = contact_of(x, boundary_faces(mesh), bulk=5.0, planes=planes_of(ConvexHull(x)))
+    external = np.zeros_like(x)
+    contact_forces(found, x, external, 1.0)
+    assert np.abs(external).max() < 1e-12  # nothing is beyond the hull
+    contact_forces(found, x, external, 1.1)
+    assert np.abs(external).max() < 1e-12
+    top = np.isclose(x[:, 2], x[:, 2].max())
+    found = listed_at(found, x, 0.9)
+    contact_forces(found, x, external, 0.9)
+    middle = top & (np.abs(x[:, :2] - x[top, :2].mean(axis=0)).max(axis=1) < 0.3)
+    assert external[middle, 2] == pytest.approx(-found.softness * 0.1 * x[:, 2].max())
+    assert np.abs(external[middle, :2]).max() < 1e-12

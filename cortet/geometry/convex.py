@@ -1,0 +1,39 @@
+"""Convex hulls as sets of planes, and where points lie between them."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from cortet.mesh import FloatArray
+
+
+def planes_of(hull: ConvexHull) -> FloatArray:
+    """The planes of a convex hull, each once: (p, 4), outward unit normal n and offset o; n x + o < 0 is within."""
+    return np.unique(hull.equations, axis=0)  # the hull has one for each triangle, and flat parts have many
+
+
+@numba.njit(cache=True)
+def beyond(planes: FloatArray, points: FloatArray, size: float = 1.0) -> tuple[FloatArray, NDArray[np.int32]]:
+    """How far points lie beyond the planes of a hull, and beyond which plane the farthest.
+
+    Parameters
+    ----------
+    planes : (p, 4), `planes_of`
+    points : (n, 3)
+    size : of the hull, scaled about the origin
+
+    Returns
+    -------
+    distance (n,), below 0 within; plane (n,)
+    """
+    distance, plane = np.full(len(points), -np.inf), np.full(len(points), -1, np.int32)
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for k in range(len(planes)):
+            d = planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] * z + size * planes[k, 3]
+            if d > distance[i]:
+                distance[i], plane[i] = d, k
+    return distance, plane

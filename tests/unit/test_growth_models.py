@@ -1,0 +1,125 @@
+"""How a brain grows at which age: laws, and the model of a brain that grows as a whole."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import ball_mesh
+
+from cortet.errors import InputError
+from cortet.mesh import REGION, TetMesh
+from cortet.simulation.fold import fold
+from cortet.simulation.growth import HULL, VOLUME, ages_of, by_age, times_of, usual
+from cortet.simulation.kernels import grown_volume_of
+from cortet.simulation.law import ACROSS, ALONG, CORE
+from cortet.simulation.measurements import Measurements
+from cortet.simulation.models import CONSTANTS
+from cortet.simulation.run import prepared
+from cortet.simulation.state import Settings
+
+AGES = np.array([22.0, 25.0, 28.5, 34.0, 38.0])
+TO_38 = Settings(22.0, end=38.0, thickness=2.0)
+
+
+@pytest.fixture(scope="module")
+def ball() -> TetMesh:
+    return ball_mesh(2, radius=10.0)
+
+
+def test_ages_are_those_of_their_times() -> None:
+    ages = np.linspace(20, 46, 27)
+    assert ages_of(times_of(ages)) == pytest.approx(ages, abs=1e-12)
+
+
+def test_a_law_by_age_is_a_rate_or_goes_through_a_table_and_never_beyond_it() -> None:
+    assert by_age(0.05)(AGES) == pytest.approx(0.05 * (AGES - 22))
+    table = {22.0: 0.0, 28.0: 0.3, 34.0: 0.3, 38.0: 0.8}
+    curve = by_age(table)
+    assert curve(np.array(list(table))) == pytest.approx(list(table.values()))
+    between = curve(np.linspace(20, 45, 251))
+    assert between.min() == 0 and between.max() == 0.8 and np.diff(between).min() >= 0  # monotone as the table is
+    assert curve(np.linspace(28, 34, 20)) == pytest.approx(0.3)
+    assert by_age({30.0: 0.2})(AGES) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(("law", "real"), [(VOLUME, {22: 19.8, 28: 50.3, 34: 75.4, 40: 94.2}), (HULL, {28: 64.8})])
+def test_usual_volumes_are_those_of_real_hemispheres(law: tuple[float, float, float], real: dict[int, float]) -> None:
+    for age, volume in real.items():
+        assert usual(law, np.array([age]))[0] == pytest.approx(volume, rel=0.08)
+
+
+@pytest.mark.parametrize("volume", [None, {22.0: 20.0, 30.0: 50.0, 38.0: 90.0}])
+def test_without_stress_the_whole_has_the_volume_that_it_should(
+    ball: TetMesh, volume: dict[float, float] | None
+) -> None:
+    run = prepared(ball, Settings(22.0, end=38.0, thickness=2.0, volume=volume))
+    for age in (22.0, 26.0, 30.0, 38.0):
+        time = times_of(np.array([age]))
+        stretch, growth = run.growth.frame(float(time[0])), run.growth.at(time, 0.0).growth[0]
+        grown = stretch**3 * grown_volume_of(run.body, growth) / run.body.volumes.sum()
+        if volume is None:
+            assert grown == pytest.approx(
+                float(usual(VOLUME, np.array([age]))[0] / usual(VOLUME, AGES[:1])[0]), rel=1e-9
+            )
+        elif age in volume:
+            assert grown == pytest.approx(volume[age] / 20, rel=1e-9)
+    assert run.growth.frame(float(times_of(AGES[:1])[0])) == pytest.approx(1)
+
+
+def test_growth_counts_from_the_age_of_the_mesh(ball: TetMesh) -> None:
+    chosen = Settings(26.0, end=38.0, growth_rate=0.05, thickness_rate=-0.02, thickness=2.0)
+    run = prepared(ball, chosen)
+    ((first,), (later,)) = run.growth.at(times_of(np.array([26.0, 34.0])), 0.0).growth
+    stretch = run.growth.frame(float(times_of(np.array([34.0]))[0]))
+    assert first == pytest.approx([0, 0, 0], abs=1e-12)
+    assert later[ALONG] == pytest.approx(1.6 / 1.2 - 1)
+    assert later[ACROSS] == pytest.approx(0.76 / 0.92 / stretch - 1)
+    assert later[CORE] == 0
+
+
+def test_a_region_of_the_core_may_grow_otherwise(ball: TetMesh) -> None:
+    centres = ball.points[ball.cells].mean(axis=1)
+    inner = np.linalg.norm(centres, axis=1) < 4
+    mesh = TetMesh(ball.points, ball.cells, cell_data={REGION: np.where(inner, 4, 1)})
+    run = prepared(mesh, Settings(22.0, end=38.0, thickness=1.0, core_regions={4: -0.02}))
+    growth = run.growth.at(times_of(np.array([32.0])), 0.0).growth[0]
+    assert growth[:, CORE].tolist() == pytest.approx([0.0, -0.2])
+    own = np.linalg.norm(run.mesh.points[run.body.cells].mean(axis=1), axis=1) < 4
+    assert np.array_equal(run.body.label == 1, own)
+    with pytest.raises(InputError, match=r"regions 7, but the cell data region of the mesh has only 1, 4"):
+        prepared(mesh, Settings(22.0, core_regions={7: 0.1}))
+
+
+def rows_of(mesh: TetMesh, folder: Path, settings: Settings) -> list[Measurements]:
+    """The rows of a fold."""
+    rows: list[Measurements] = []
+    fold(mesh, folder, settings, lambda row, *_: rows.append(row))
+    assert abs(rows[-1].energy_error or 0.0) < 1e-3
+    return rows
+
+
+def test_a_ball_grows_as_a_brain_of_its_age_and_stays_a_ball(ball: TetMesh, tmp_path: Path) -> None:
+    rows = rows_of(ball, tmp_path, Settings(22.0, end=23.0, thickness=2.0, envelope=False, record_interval=0.25))
+    expected = usual(VOLUME, np.array([row.gestational_age for row in rows])) / usual(VOLUME, AGES[:1])
+    assert [row.volume_mm3 / rows[0].volume_mm3 for row in rows] == pytest.approx(expected, rel=0.01)
+    assert rows[-1].extent_lr_mm == pytest.approx(rows[-1].extent_is_mm, rel=0.01)
+    assert rows[-1].hull_volume_mm3 == pytest.approx(rows[-1].volume_mm3, rel=0.01)
+    shell = 1 - (1 - rows[0].cortical_thickness_mm / 10) ** 3
+    assert rows[0].cortex_share == pytest.approx(shell, rel=0.25)  # of a ball that a coarse mesh stands for
+
+
+def test_an_envelope_holds_back_what_grows_out_of_it(ball: TetMesh, tmp_path: Path) -> None:
+    chosen = Settings(22.0, end=23.0, thickness=2.0, hull={22.0: 1.0, 23.0: 1.05})
+    hulls = []
+    for envelope in (False, True):
+        rows = rows_of(ball, tmp_path / str(envelope), replace(chosen, envelope=envelope))
+        hulls.append(rows[-1].hull_volume_mm3 / rows[0].hull_volume_mm3)
+    assert hulls[0] > 1.2 and 1.05 < hulls[1] < 1.15  # it is soft
+
+
+def test_the_model_has_constants_of_its_own() -> None:
+    assert CONSTANTS["braingrowth"].growth_rate == 1.829 and CONSTANTS["braingrowth"].core_stiffness == 1.167
+    assert CONSTANTS["growing"].core_stiffness < 1 and CONSTANTS["growing"].thickness
