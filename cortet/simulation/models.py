@@ -19,7 +19,9 @@ from cortet.errors import InputError
 from cortet.mesh import REGION, FloatArray, IntArray, TetMesh, node_field
 from cortet.simulation.body import LABEL_FIELD, THICKENING, THICKNESS, Body, Scale
 from cortet.simulation.growth import (
+    AREA,
     HULL,
+    ORIGIN,
     VOLUME,
     ByAge,
     Course,
@@ -40,6 +42,8 @@ from cortet.simulation.state import Settings
 
 #: weeks between two ages at which the stretch of the core is solved for, rounds at most, and when they end
 _KNOTS, _ROUNDS, _SETTLED = 0.5, 50, 1e-12
+#: weeks in which the growth comes that a mesh of later than 22 weeks does not show
+_RELAXATION = 1.0
 #: ages at which laws of growth are looked at
 _CHECKED = 101
 #: labels that a message lists
@@ -235,7 +239,10 @@ def model_of(body: Body, settings: Settings) -> Growth:
         assert isinstance(chosen.growth_rate, int | float)
         return BrainGrowth([Linear(chosen.growth_rate), *of_regions], start, settings.reference)
     first = settings.gestational_age
-    laws = [_since(chosen.growth_rate, first), *(_as_ages_say(law, start) for law in of_regions)]
+    along = _since(chosen.growth_rate, first)
+    if settings.start == "stressed":
+        along = _stressed(along, hidden_growth(chosen.growth_rate, first), first)
+    laws = [along, *(_as_ages_say(law, start) for law in of_regions)]
     cores = [_since(0.0, first), *(_since(rate, first) for rate in settings.core_regions.values())]
     thickness = _since(chosen.thickness_rate, first)
     volume, hull = _relative(settings.volume, VOLUME, first), _relative(settings.hull, HULL, first)
@@ -254,6 +261,22 @@ def _since(values: ByAge, start: float) -> Curve:
     change = by_age(values)
     at_start = float(change(np.array([start]))[0])
     return lambda ages: (1 + change(ages)) / (1 + at_start) - 1
+
+
+def hidden_growth(growth_rate: ByAge, age: float) -> float:
+    """By how much the cortex of an age is compressed: growth since 22 weeks over what the area shows of it, less 1.
+
+    The area is that of usual hemispheres, relative to a core that grows as their volume does.
+    """
+    ages = np.array([ORIGIN, age])
+    (first, area), (before, volume) = usual(AREA, ages), usual(VOLUME, ages)
+    shown = np.sqrt(area / first) / np.cbrt(volume / before)
+    return max((1 + float(by_age(growth_rate)(ages)[1])) / float(shown) - 1, 0.0)
+
+
+def _stressed(along: Curve, hidden: float, start: float) -> Curve:
+    """Growth with what is hidden at the start besides, which comes evenly within `_RELAXATION`."""
+    return lambda ages: (1 + along(ages)) * (1 + hidden) ** np.clip((ages - start) / _RELAXATION, 0, 1) - 1
 
 
 def _as_ages_say(law: Law, start: float) -> Curve:

@@ -43,6 +43,9 @@ class Fold(Section):
     volume: dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Positive] | None = None
     """Of growing: volume of the body at ages, {22: 20, 34: 79}; only ratios count. The core grows so that the whole
     does this. null: a law fitted to healthy hemispheres of 22 to 42 weeks."""
+    start: Literal["stressed", "free"] = "stressed"
+    """Of growing, for a mesh of later than 22 weeks. stressed: what its cortex should have grown by then, and its shape
+    does not show, comes in the first week. free: growth since its age alone."""
     envelope: bool | None = None
     """Of growing, where null is true: whether an envelope, as soft as a membrane with fluid behind it, keeps crowns
     from growing beyond it: the convex hull at the start, grown as `hull` says."""

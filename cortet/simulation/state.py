@@ -39,6 +39,8 @@ class Settings:
     thickness_rate: ByAge | None = DEFAULT.thickness_rate
     #: age -> volume, mL; None: the model's
     volume: Mapping[float, float] | None = DEFAULT.volume
+    #: whether the growth before the age of the mesh, as far as its shape does not show it, comes in the first week
+    start: Literal["stressed", "free"] = DEFAULT.start
     #: whether an envelope holds the crowns; None: if the model has one
     envelope: bool | None = DEFAULT.envelope
     #: age -> volume of the convex hull, mL; None: the model's

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -16,12 +17,12 @@ from cortet.simulation.growth import HULL, VOLUME, ages_of, by_age, times_of, us
 from cortet.simulation.kernels import grown_volume_of
 from cortet.simulation.law import ACROSS, ALONG, CORE
 from cortet.simulation.measurements import Measurements
-from cortet.simulation.models import CONSTANTS
+from cortet.simulation.models import CONSTANTS, hidden_growth
 from cortet.simulation.run import prepared
 from cortet.simulation.state import Settings
 
 AGES = np.array([22.0, 25.0, 28.5, 34.0, 38.0])
-TO_38 = Settings(22.0, end=38.0, thickness=2.0)
+STARTS: tuple[Literal["free"], Literal["stressed"]] = ("free", "stressed")
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +71,7 @@ def test_without_stress_the_whole_has_the_volume_that_it_should(
 
 
 def test_growth_counts_from_the_age_of_the_mesh(ball: TetMesh) -> None:
-    chosen = Settings(26.0, end=38.0, growth_rate=0.05, thickness_rate=-0.02, thickness=2.0)
+    chosen = Settings(26.0, end=38.0, growth_rate=0.05, thickness_rate=-0.02, thickness=2.0, start="free")
     run = prepared(ball, chosen)
     ((first,), (later,)) = run.growth.at(times_of(np.array([26.0, 34.0])), 0.0).growth
     stretch = run.growth.frame(float(times_of(np.array([34.0]))[0]))
@@ -78,6 +79,19 @@ def test_growth_counts_from_the_age_of_the_mesh(ball: TetMesh) -> None:
     assert later[ALONG] == pytest.approx(1.6 / 1.2 - 1)
     assert later[ACROSS] == pytest.approx(0.76 / 0.92 / stretch - 1)
     assert later[CORE] == 0
+
+
+def test_growth_that_a_later_mesh_does_not_show_comes_in_its_first_week(ball: TetMesh) -> None:
+    assert hidden_growth(0.05, 22.0) == 0 == hidden_growth(0.0, 30.0)  # all that has grown is seen
+    shown = np.sqrt(103.9 / 47.8) / np.cbrt(52.2 / 20.6)  # of usual hemispheres of 28 weeks
+    assert hidden_growth(0.05, 28.0) == pytest.approx(1.3 / shown - 1, rel=0.01)
+    laws = [
+        prepared(ball, Settings(28.0, end=38.0, growth_rate=0.05, thickness=2.0, start=start)).growth
+        for start in STARTS
+    ]
+    for age, part in {28.0: 0.0, 28.5: 0.5, 29.0: 1.0, 36.0: 1.0}.items():
+        free, stressed = (law.at(times_of(np.array([age])), 0.0).growth[0, 0, ALONG] for law in laws)
+        assert (1 + stressed) / (1 + free) == pytest.approx((1.3 / shown) ** part, rel=0.01)
 
 
 def test_a_region_of_the_core_may_grow_otherwise(ball: TetMesh) -> None:
