@@ -384,7 +384,7 @@ def _named_file(text: str) -> tuple[str, str]:
 
 
 def _inner_file(text: str) -> tuple[str, str]:
-    from cortet.mesh import OUTERMOST
+    from cortet.meshes import OUTERMOST
 
     name, equals, file = text.rpartition("=")
     if not equals:

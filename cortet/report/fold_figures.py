@@ -22,7 +22,7 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
-from cortet.mesh import FloatArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.report import published
 from cortet.report.figures import BLUE, GREY, PAGE, STYLE, VERMILION, drawn, save
 from cortet.report.render import off_screen

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.geometry.limits import FOLD_AGES
-from cortet.mesh import FloatArray
+from cortet.meshes import FloatArray
 
 #: coefficients of GA^3, GA^2, GA and 1 in the time of the simulation (Wang et al. 2021): 0 at 22 weeks, 1 at 44
 _TIME = (6.926e-5, -0.00665, 0.250, -3.0189)

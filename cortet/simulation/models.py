@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from cortet.errors import InputError
-from cortet.mesh import REGION, FloatArray, IntArray, TetMesh, node_field
+from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, node_field
 from cortet.simulation.body import LABEL_FIELD, THICKENING, THICKNESS, Body, Scale
 from cortet.simulation.growth import (
     AREA,
@@ -66,7 +66,7 @@ class Constants(NamedTuple):
 
 #: of `growing`, calibrated on CRL's atlas of 22 weeks (docs/folding.md); of BrainGrowth, Wang et al. 2021
 CONSTANTS = {
-    "growing": Constants(growth_rate=0.045, core_stiffness=0.2, thickness_rate=-0.02, thickness=1.1, envelope=True),
+    "growing": Constants(growth_rate=0.044, core_stiffness=0.2, thickness_rate=-0.02, thickness=1.2, envelope=True),
     "braingrowth": Constants(growth_rate=1.829, core_stiffness=1.167),
 }
 

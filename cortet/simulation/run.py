@@ -12,7 +12,7 @@ from cortet.geometry.filling import require_body
 from cortet.geometry.ordering import curve_order
 from cortet.geometry.topology import boundary_faces
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import REGION, FloatArray, MeshSets, TetMesh
+from cortet.meshes import REGION, FloatArray, MeshSets, TetMesh
 from cortet.simulation.body import (
     Material,
     amount_of_growth,

@@ -24,7 +24,7 @@ from cortet.formats.gifti import read_surface
 from cortet.formats.tables import names
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import FILLED, TetMesh
+from cortet.meshes import FILLED, TetMesh
 from cortet.simulation import fold as fold_module
 from cortet.simulation.body import THICKNESS, Material, growth_mask, scale_of
 from cortet.simulation.fold import Verdict, fold

@@ -11,7 +11,7 @@ import pytest
 from shapes import ball_mesh
 
 from cortet.errors import InputError
-from cortet.mesh import REGION, TetMesh
+from cortet.meshes import REGION, TetMesh
 from cortet.simulation.fold import fold
 from cortet.simulation.growth import HULL, VOLUME, ages_of, by_age, times_of, usual
 from cortet.simulation.kernels import grown_volume_of
