@@ -114,6 +114,14 @@ def test_a_run_says_how_thick_its_cortex_is(ball: TetMesh, tmp_path: Path) -> No
     assert said[0].startswith(f"the growing cortex is {verdict.thickness_mm:.2f} mm thick at the start: 0.042 of the")
     assert said[1].startswith("medial wall: ") and verdict.medial_wall is not None
     assert verdict.medial_wall_share > 0
+    assert said[2].startswith("until 22.01 weeks the core does not grow; beside it the cortex grows by 1.00 along")
+
+
+def test_a_run_says_how_much_the_whole_grows(ball: TetMesh, tmp_path: Path) -> None:
+    said: list[str] = []
+    fold(ball, tmp_path, replace(QUICK, end=22.2), say=said.append)
+    assert said[1].startswith("until 22.2 weeks lengths of the core grow by 1.02; beside it the cortex grows by 1.01 ")
+    assert said[1].endswith("across; an envelope grows by 1.01")
 
 
 def test_the_energies_balance(finished: tuple[Path, Verdict]) -> None:
