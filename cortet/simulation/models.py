@@ -66,7 +66,7 @@ class Constants(NamedTuple):
 
 #: of `growing`, calibrated on CRL's atlas of 22 weeks (docs/folding.md); of BrainGrowth, Wang et al. 2021
 CONSTANTS = {
-    "growing": Constants(growth_rate=0.044, core_stiffness=0.2, thickness_rate=-0.02, thickness=1.2, envelope=True),
+    "growing": Constants(growth_rate=0.039, core_stiffness=0.15, thickness_rate=-0.02, thickness=1.25, envelope=True),
     "braingrowth": Constants(growth_rate=1.829, core_stiffness=1.167),
 }
 
