@@ -113,10 +113,11 @@ def by_age(values: ByAge) -> Callable[[FloatArray], FloatArray]:
         return lambda ages: values * (ages - ORIGIN)
     from scipy.interpolate import PchipInterpolator  # the configuration knows this module, and must be light
 
-    known = sorted(values)
+    table = {float(age): value for age, value in values.items()}  # ages are texts where a rule hands them over in JSON
+    known = sorted(table)
     if len(known) == 1:
-        return lambda ages: np.full_like(ages, values[known[0]])
-    curve = PchipInterpolator(known, [values[age] for age in known])
+        return lambda ages: np.full_like(ages, table[known[0]])
+    curve = PchipInterpolator(known, [table[age] for age in known])
     return lambda ages: curve(np.clip(ages, known[0], known[-1]))
 
 

@@ -358,7 +358,11 @@ def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh, model: Model) ->
         (Settings(22.0, regions={1: (np.nan, 1.0, 1.0)}), {"label": 1}, "growth law of region 1 is"),
         (Settings(22.0, core_regions={2: -0.01}), {}, "no cell data region"),
         (Settings(22.0, reference=True), {}, "reference is of the model braingrowth, not of growing"),
-        (Settings(22.0, model="braingrowth", volume={22: 20}), {}, "volume is of the model growing, not of braingr"),
+        (
+            Settings(22.0, model="braingrowth", volume={22: 20}),
+            {},
+            "volume is of the model growing, not of braingrowth",
+        ),
         (Settings(22.0, model="braingrowth", growth_rate={22: 0}), {}, "growth_rate by age is of the model growing"),
         (Settings(22.0, growth_rate={22: 0, 40: -1.5}), {}, "growth_rate leaves nothing at 40 weeks"),
         (Settings(22.0, thickness_rate=-0.1), {}, "thickness_rate leaves nothing at"),
