@@ -1,6 +1,6 @@
 """Exact onset of folding: the linear stability of a growing layer on its base, by the law that the simulation has.
 
-    python benchmarks/bilayer.py [--stiffness 0.5 1 2 5 10 20] [--sharp]
+    python benchmarks/bilayer.py [--stiffness 0.5 1 2 5 10 20] [--across -0.3] [--sharp]
 
 A half-space whose uppermost part grows tangentially and is held at its sides stays flat until the second variation of
 its energy vanishes for some wave, sin kx along the surface. The variation is assembled here over the depth (quadratic
@@ -8,6 +8,11 @@ elements; the wave is exact along x) for the neo-Hookean energy, the profile of 
 `cortet.simulation`, and the growth at which it stops being positive is bisected for each wave number. No assumption
 is made on the ratio of the moduli, as Allen's formula makes for stiff films. Methods: Biot, Mechanics of Incremental
 Deformations, 1965; growing bilayers: arXiv:2312.10162.
+
+The layer may have grown across itself, too, or have shrunk: Fg = diag(1 + alpha, 1 + alpha, 1 + beta). As F = Fe Fg, a
+displacement gradient H is H_ij / Fg_jj of elastic deformation, and an initial volume holds the energy of (1 + alpha)^2
+(1 + beta) grown ones. The base does not grow: where it does, as in the model `growing`, lengths are those of a frame
+that grows with it. Thicknesses are those before growth.
 """
 
 from __future__ import annotations
@@ -41,9 +46,9 @@ Profile = Callable[[FloatArray], FloatArray]
 class Onset(NamedTuple):
     """The first wave that a growing layer takes."""
 
-    #: tangential growth at which it does
+    #: growth along the layer at which it does
     growth: float
-    #: in the unit of the thickness
+    #: in thicknesses before growth
     wavelength: float
     #: whether shorter waves need more growth: if not, the surface creases before the layer folds
     set_by_layer: bool
@@ -70,14 +75,14 @@ def normal_stretch(mu: FloatArray, bulk: float, tangential: FloatArray) -> Float
     return np.sqrt(low * high)
 
 
-def moduli(mu: FloatArray, bulk: float, growth: FloatArray) -> tuple[FloatArray, FloatArray]:
+def moduli(mu: FloatArray, bulk: float, along: FloatArray, across: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Second derivatives of the energy per initial volume by the displacement gradients of a plane wave.
 
     Returns
     -------
-    by (u_x,x; u_z,z), and by (u_x,z; u_z,x): (k, 2, 2) each, for shear modulus and growth (k,)
+    by (u_x,x; u_z,z), and by (u_x,z; u_z,x): (k, 2, 2) each, for shear modulus and growth along and across (k,)
     """
-    tangential = 1 / (1 + growth)
+    tangential = 1 / (1 + along)
     normal = normal_stretch(mu, bulk, tangential)
     j, trace = tangential**2 * normal, 2 * tangential**2 + normal**2
     shear, stretch = mu * j ** (-2 / 3), np.stack([tangential, normal], axis=1)
@@ -90,8 +95,9 @@ def moduli(mu: FloatArray, bulk: float, growth: FloatArray) -> tuple[FloatArray,
     direct = shear[:, None, None] * (same + ratios + same * (trace / 3)[:, None, None] / product) + volumetric
     crossed = (shear * trace / 3 - bulk * (j - 1) * j) / (tangential * normal)
     rotated = np.stack([np.stack([shear, crossed], axis=1), np.stack([crossed, shear], axis=1)], axis=1)
-    # growth comes between displacement and elastic deformation, along x, and the energy is that of the grown volume
-    weights = np.stack([np.ones_like(growth), 1 + growth], axis=1)
+    # growth comes between displacement and elastic deformation, and the energy is that of the grown volume: the root of
+    # (1 + along)^2 (1 + across) over 1 + along for a gradient along x, over 1 + across for one along z
+    weights = np.stack([np.sqrt(1 + across), (1 + along) / np.sqrt(1 + across)], axis=1)
     direct = direct * weights[:, :, None] * weights[:, None, :]
     weights = weights[:, ::-1]
     return direct, rotated * weights[:, :, None] * weights[:, None, :]
@@ -106,15 +112,20 @@ def levels(thickness: float, wave_number: float) -> FloatArray:
     return np.array(depths)
 
 
-def is_stable(growth: float, wave_number: float, thickness: float, material: Material, profile: Profile) -> bool:
-    """Whether a flat layer that has grown so far resists a wave; lengths are those of the thickness."""
+def is_stable(
+    growth: float, wave_number: float, thickness: float, material: Material, profile: Profile, across: float = 0.0
+) -> bool:
+    """Whether a flat layer that has grown so far along and across resists a wave; lengths are those of the thickness.
+
+    Growth across is more than -1.
+    """
     borders = levels(thickness, wave_number)
     length = np.diff(borders)
     at, weights = _GAUSS
     depth = borders[:-1, None] + length[:, None] * (1 + at) / 2
     share = profile(depth.ravel() / thickness)
     mu = material.mu_core * (1 - share) + material.mu_cortex * share
-    direct, rotated = moduli(mu, material.bulk, growth * share)
+    direct, rotated = moduli(mu, material.bulk, growth * share, across * share)
     # displacement (U sin kx, W cos kx), U and W quadratic in each element: unknowns U0 W0 U1 W1 U2 W2 of its nodes
     shape = np.stack([at * (at - 1) / 2, 1 - at**2, at * (at + 1) / 2], axis=1)
     slope = np.stack([at - 0.5, -2 * at, at + 0.5], axis=1)[None] * (2 / length)[:, None, None]
@@ -150,20 +161,23 @@ def _is_positive(local: FloatArray) -> bool:
     return True
 
 
-def critical_growth(wave_number: float, thickness: float, material: Material, profile: Profile) -> float:
-    """Least growth at which a wave appears; `LARGEST_GROWTH` if none does."""
+def critical_growth(
+    wave_number: float, thickness: float, material: Material, profile: Profile, across: float = 0.0
+) -> float:
+    """Least growth along at which a wave appears, for some growth across; `LARGEST_GROWTH` if none does."""
     low, high = 0.0, LARGEST_GROWTH
     for _ in range(20):
         middle = (low + high) / 2
-        low, high = (middle, high) if is_stable(middle, wave_number, thickness, material, profile) else (low, middle)
+        stable = is_stable(middle, wave_number, thickness, material, profile, across)
+        low, high = (middle, high) if stable else (low, middle)
     return high
 
 
-def onset(material: Material, profile: Profile = smooth_profile) -> Onset:
-    """The first wave of a layer of thickness 1 on a deep base."""
+def onset(material: Material, profile: Profile = smooth_profile, across: float = 0.0) -> Onset:
+    """The first wave of a layer that was 1 thick before it grew across by so much, on a deep base."""
 
     def at(logarithm: float) -> float:
-        return critical_growth(2 * np.pi / np.exp(logarithm), 1.0, material, profile)
+        return critical_growth(2 * np.pi / np.exp(logarithm), 1.0, material, profile, across)
 
     tried = np.linspace(*np.log(WAVELENGTHS), _TRIED)
     growths = np.array([at(one) for one in tried])
@@ -178,13 +192,14 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--stiffness", nargs="+", type=float, default=[0.5, 0.857, 1, 1.5, 2, 5, 10, 20])
+    parser.add_argument("--across", type=float, default=0.0, help="growth across the layer, the same at each onset")
     parser.add_argument("--sharp", action="store_true", help="all growth above one thickness, none below")
     options = parser.parse_args()
     profile = sharp_profile if options.sharp else smooth_profile
     print("stiffness  growth  wavelength  set by the layer")
     for stiffness in options.stiffness:
         material = Material(mu_cortex=1.0, mu_core=1 / stiffness)
-        found = onset(material, profile)
+        found = onset(material, profile, options.across)
         print(f"{stiffness:9g} {found.growth:7.4f} {found.wavelength:11.3f}  {found.set_by_layer}", flush=True)
 
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bilayer import Onset, critical_growth, is_stable, normal_stretch, onset, sharp_profile, smooth_profile
+from bilayer import Onset, critical_growth, is_stable, moduli, normal_stretch, onset, sharp_profile, smooth_profile
+from cubes import cube_mesh
 from fold_wrinkles import theory
 
 from cortet.meshes import FloatArray
-from cortet.simulation.body import Material
+from cortet.simulation.body import Material, Scale, body_of
+from cortet.simulation.kernels import elastic_energy, elastic_forces, workspace
+from cortet.simulation.law import ACROSS
+from cortet.simulation.models import tangential
 
 
 def layer(stiffness: float) -> Onset:
@@ -19,15 +23,67 @@ def everywhere(depth: FloatArray) -> FloatArray:
     return np.ones_like(depth)
 
 
-def test_an_incompressible_film_keeps_its_volume() -> None:
-    assert normal_stretch(np.ones(1), 1e6, np.array([0.8])) == pytest.approx(1 / 0.8**2, rel=1e-4)
+@pytest.mark.parametrize(("along", "across"), [(0.0, 0.0), (0.4, 0.0), (0.4, -0.5), (0.2, 0.7)])
+@pytest.mark.parametrize("depth", [0.2, 0.95])
+def test_moduli_are_the_second_derivatives_of_the_energy_that_the_simulation_has(
+    along: float, across: float, depth: float
+) -> None:
+    mesh, material = cube_mesh(1), Material(mu_cortex=1.0, mu_core=0.3)
+    m = len(mesh.cells)
+    body = body_of(mesh, Scale(np.zeros(3), 1.0), thickness=1.0)._replace(
+        normals=np.tile([0.0, 0.0, 1.0], (m, 1)), depth=np.full(m, depth)
+    )
+    work, growth = workspace(body), tangential([along])
+    growth[:, ACROSS] = across
+    share = smooth_profile(np.array([depth]))
+    mu = material.mu_core + (material.mu_cortex - material.mu_core) * share
+    flat = np.diag([1, 1, normal_stretch(mu, material.bulk, 1 / (1 + along * share))[0] * (1 + across * share[0])])
+
+    def energy(first: tuple[int, int], second: tuple[int, int], h: float, k: float) -> float:
+        """That of the flat state with two more displacement gradients, per initial volume: the cube's is 1."""
+        gradient = flat.copy()
+        gradient[first] += h
+        gradient[second] += k
+        x = mesh.points @ gradient.T
+        elastic_forces(material, x, work, growth, 0.0)
+        return elastic_energy(body, material, x, work, growth)
+
+    h = 1e-4
+    xx, zz, xz, zx = (0, 0), (2, 2), (0, 2), (2, 0)
+    slope = (energy(zz, zz, h, 0) - energy(zz, zz, -h, 0)) / (2 * h)
+    assert slope == pytest.approx(0, abs=1e-7)  # nothing pulls at the surface
+    for pair, found in zip(((xx, zz), (xz, zx)), moduli(mu, material.bulk, along * share, across * share), strict=True):
+        expected = [
+            [
+                sum(i * j * energy(one, other, i * h, j * h) for i in (-1, 1) for j in (-1, 1)) / (4 * h * h)
+                for other in pair
+            ]
+            for one in pair
+        ]
+        assert found[0] == pytest.approx(np.array(expected), abs=1e-6)
 
 
-@pytest.mark.parametrize("wave_number", [1.0, 10.0])
-def test_a_half_space_that_grows_all_over_folds_as_biot_says_whatever_the_wave(wave_number: float) -> None:
+@pytest.mark.parametrize("wave_number", [0.5, 1.5])
+def test_a_layer_that_grows_across_itself_is_as_if_it_had_been_so_thick_at_first(wave_number: float) -> None:
+    plain, thin = (
+        critical_growth(wave_number / (1 + across), 1.0, Material(mu_core=0.2), sharp_profile, across)
+        for across in (0.0, -0.4)
+    )
+    assert thin == pytest.approx(plain, abs=1e-5)
+
+
+def test_without_growth_across_the_onset_is_what_it_was_before_there_was_any() -> None:
+    assert critical_growth(0.75, 1.0, Material(mu_core=0.2), smooth_profile) == pytest.approx(0.15597, abs=2e-6)
+
+
+@pytest.mark.parametrize(("wave_number", "across"), [(1.0, 0.0), (10.0, 0.0), (1.0, -0.5)])
+def test_a_half_space_that_grows_all_over_folds_as_biot_says_whatever_the_wave(
+    wave_number: float, across: float
+) -> None:
     # its stretches across and along the surface are then as 1 to 0.2956, and the cube root of that is 0.666
     material = Material(mu_cortex=1.0, mu_core=1.0, bulk=100.0)
-    assert critical_growth(wave_number, 1.0, material, everywhere) == pytest.approx(0.2956 ** (-1 / 3) - 1, rel=5e-3)
+    found = critical_growth(wave_number, 1.0, material, everywhere, across)
+    assert found == pytest.approx(0.2956 ** (-1 / 3) - 1, rel=5e-3)
 
 
 def test_a_stiff_film_folds_as_allen_says() -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import bilayer
 import numpy as np
 import pytest
-from fold_wrinkles import Wrinkles, material_of, mean_wavelength, strip, theory, wrinkle
+from fold_wrinkles import Wrinkles, critical_growth, material_of, mean_wavelength, strip, theory, wrinkle
 
 LENGTH, DEPTH, SPACING = 40.0, 20.0, 1.0
 
@@ -28,3 +29,19 @@ def test_waves_are_longer_in_a_thicker_and_in_a_stiffer_film() -> None:
     assert thick.wavelength / plain.wavelength == pytest.approx(2, rel=0.3)
     assert stiff.wavelength / plain.wavelength == pytest.approx(4 ** (1 / 3), rel=0.3)
     assert stiff.growth < 0.7 * plain.growth  # and they come earlier
+
+
+def test_growth_across_a_film_delays_a_wave_as_exact_theory_says() -> None:
+    # a film that has become thinner, and one that has become thicker, take another wave than this one first
+    wavelength, thickness, material = 12.0, 2.0, material_of(2.0)
+
+    def measured_over_exact(across: float) -> float:
+        exact = bilayer.critical_growth(
+            2 * np.pi / wavelength, thickness, material, bilayer.smooth_profile, across=across
+        )
+        return critical_growth(wavelength, SPACING, thickness, material, exact, across) / exact
+
+    plain = measured_over_exact(0.0)
+    assert plain == pytest.approx(1.1, abs=0.1)  # coarse elements delay it
+    for across in (-0.4, 0.5):
+        assert measured_over_exact(across) == pytest.approx(plain, rel=0.03)
