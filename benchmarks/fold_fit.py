@@ -28,7 +28,6 @@ from cortet.simulation.state import Settings
 
 #: ages that judge the fit end here, weeks
 LAST = 34.0
-_HEALTHY = ("CRL atlas", "FetoMorph (individual)")
 
 
 def curves(table: Path) -> pd.DataFrame:
@@ -40,12 +39,9 @@ def curves(table: Path) -> pd.DataFrame:
 
 def real(born: bool) -> pd.DataFrame:
     """The same of real hemispheres until the last age, fetal ones or newborns'."""
-    brains = published.real_brains()
-    brains["relative_area"] = brains["area_cm2"] / brains["volume_ml"] ** (2 / 3)
-    brains = brains.rename(columns={"gestational_age_weeks": "gestational_age"})
-    source = brains["source"]
-    chosen = (brains["surface_type"] == "white") & (brains["hemi"] != "both") & (brains["gestational_age"] <= LAST)
-    return brains[chosen & (source.str.startswith("dHCP") if born else source.isin(_HEALTHY))]
+    brains = published.healthy_hemispheres().rename(columns={"gestational_age_weeks": "gestational_age"})
+    brains = brains.assign(relative_area=brains["area_cm2"] / brains["volume_ml"] ** (2 / 3))
+    return brains[(brains["gestational_age"] <= LAST) & (brains["source"].str.startswith("dHCP") == born)]
 
 
 def misfits(run: pd.DataFrame, brains: pd.DataFrame) -> tuple[float, float]:
