@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, cholesky_banded
 from scipy.optimize import minimize_scalar
 
-from cortet.mesh import FloatArray
+from cortet.meshes import FloatArray
 from cortet.simulation.body import Material
 from cortet.simulation.law import growth_share
 

@@ -19,7 +19,7 @@ from cortet.geometry.nesting import depths, joined
 from cortet.geometry.orientation import outward
 from cortet.geometry.thickness import thickness
 from cortet.geometry.topology import edges, face_areas, vertex_normals
-from cortet.mesh import FloatArray, IntArray, TriSurface
+from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: mm, farthest apart that two banks are joined
 _BETWEEN_BANKS = 6.0

@@ -27,7 +27,7 @@ from cortet.config import load
 from cortet.errors import CortetError
 from cortet.formats.gifti import read_surface
 from cortet.measure.quality import circumradii, edge_lengths, quality
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.phantom import phantom
 from cortet.pipeline import Step, mesh_surface
 from cortet.report.stage_table import peak_memory_mb, reset_peak_memory

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 
 #: corners of the six tetrahedra of a cube (Kuhn 1960), corner i having the bits of i as coordinates
 KUHN = np.array([[0, 1, 3, 7], [0, 5, 1, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 4, 5, 7], [0, 6, 4, 7]])

@@ -25,7 +25,7 @@ from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import TET_FACES, boundary_surface, enclosed_volume, face_areas
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import FloatArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.phantom import phantom
 from cortet.pipeline import run
 from cortet.report.stage_table import peak_memory_mb, reset_peak_memory

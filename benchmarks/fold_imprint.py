@@ -25,8 +25,8 @@ from scipy.spatial.transform import Rotation
 from cortet.formats import vtu
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
-from cortet.mesh import FloatArray, IntArray
 from cortet.meshers._lattice import CONSTANT
+from cortet.meshes import FloatArray, IntArray
 from cortet.report.fold_figures import series
 from cortet.simulation.journal import SERIES, TABLE
 

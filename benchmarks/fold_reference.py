@@ -20,7 +20,7 @@ import numpy as np
 
 from cortet.formats import braingrowth
 from cortet.formats.tsv import read_tsv
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.report.fold_figures import draw
 from cortet.simulation.fold import fold
 from cortet.simulation.growth import age_of

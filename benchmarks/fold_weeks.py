@@ -31,7 +31,7 @@ from scipy.optimize import curve_fit
 from cortet.formats.gifti import hemisphere_of, read_surface
 from cortet.formats.tsv import MISSING
 from cortet.geometry.topology import enclosed_volume
-from cortet.mesh import FloatArray, TriSurface
+from cortet.meshes import FloatArray, TriSurface
 from cortet.report import published
 from cortet.report.fold_figures import curves
 from cortet.simulation.body import scale_of

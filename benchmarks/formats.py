@@ -24,7 +24,7 @@ from cubes import cube_mesh
 from cortet.formats import FORMATS
 from cortet.formats.atomic import atomic_path
 from cortet.geometry.topology import boundary_faces
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.solver_files.export import write
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import problems

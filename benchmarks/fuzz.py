@@ -47,7 +47,7 @@ from cortet.errors import CortetError
 from cortet.formats import FORMATS
 from cortet.formats.gifti import read_fields, read_label_names, read_surface, write_surface
 from cortet.formats.placement import matrix, placed
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.phantom import phantom
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.fields import with_fields

@@ -25,7 +25,7 @@ from scipy.spatial import cKDTree
 
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_faces
-from cortet.mesh import FloatArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import contact_of
 from cortet.simulation.kernels import DONE, Motion, advance, workspace

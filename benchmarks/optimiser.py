@@ -22,7 +22,7 @@ import numpy as np
 
 from cortet.formats import gifti, vtu
 from cortet.geometry.topology import enclosed_volume
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.phantom import phantom
 from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 from cortet.stages.clean import clean

@@ -33,7 +33,7 @@ from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.hashing import sha256
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.topology import enclosed_volume
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from cortet.stages import STAGES
 
 ROOT = Path(__file__).parents[1]

@@ -28,7 +28,7 @@ from cortet.formats.gifti import read_surface
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import certify
 from cortet.measure.quality import quality
-from cortet.mesh import REGION, TetMesh, TriSurface
+from cortet.meshes import REGION, TetMesh, TriSurface
 from cortet.pipeline import run
 from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 

@@ -28,7 +28,7 @@ from cortet.geometry.topology import enclosed_volume
 from cortet.measure.certify import certify
 from cortet.measure.fidelity import summary
 from cortet.measure.lost import distances_to
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.phantom import phantom
 from cortet.pipeline import run
 from cortet.stages.gate import gate

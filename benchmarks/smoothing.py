@@ -29,7 +29,7 @@ from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.topology import enclosed_volume, face_areas
 from cortet.geometry.winding import winding_numbers
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from cortet.pipeline import mesh_surface, warm_up
 from cortet.stages.smooth_surface import SmoothReport, smooth_surface
 

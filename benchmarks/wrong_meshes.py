@@ -28,7 +28,7 @@ from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.geometry.topology import TET_FACES, boundary_surface, neighbours
 from cortet.measure.certify import certify
-from cortet.mesh import REGION, IntArray, TetMesh, TriSurface
+from cortet.meshes import REGION, IntArray, TetMesh, TriSurface
 from cortet.simulation.run import prepared
 from cortet.simulation.state import Settings
 from cortet.solver_files.export import convert

@@ -1,7 +1,17 @@
-"""cortet: from cortical surfaces to certified simulation meshes (method: CORTET, arXiv:2607.12157)."""
+"""cortet: from cortical surfaces to certified simulation meshes (method: CORTET, arXiv:2607.12157).
+
+import cortet
+made = cortet.mesh("sub-01_hemi-L_white.surf.gii", cell_size=1.0, ga=28)
+made.save("sub-01.inp")
+"""
 
 import os
 import sys
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cortet.api import Folded, Mesh, certify, compare, fold, mesh, repair, surface
 
 # Numba's first choice, TBB, warns in many environments that theirs is too old, and is not used anyway
 os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")
@@ -17,3 +27,17 @@ if "numba" in sys.modules:  # it has read its environment already
     sys.modules["numba"].config.reload_config()
 
 __version__ = "0.2.0"
+
+#: everything else is for those who build on the parts
+__all__ = ["Folded", "Mesh", "certify", "compare", "fold", "mesh", "repair", "surface"]
+
+
+def __getattr__(name: str) -> Any:
+    """What `cortet.api` has, which is loaded when it is first asked for: jobs of the workflow do not need it."""
+    if name in __all__:
+        return getattr(import_module("cortet.api"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

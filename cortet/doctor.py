@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Literal
 from cortet import __version__
 
 if TYPE_CHECKING:
-    from cortet.mesh import TetMesh, TriSurface
+    from cortet.meshes import TetMesh, TriSurface
 
 #: seconds one proof may take; the first compilation of the kernels is the longest by far
 TIME_LIMIT = 600
@@ -130,7 +130,7 @@ def _ball(radius: float = 10.0, count: int = 500) -> TriSurface:
     import numpy as np
     from scipy.spatial import ConvexHull
 
-    from cortet.mesh import TriSurface
+    from cortet.meshes import TriSurface
 
     height = (np.arange(count) + 0.5) * 2 / count - 1
     angle = np.pi * (1 + 5**0.5) * np.arange(count)
@@ -146,7 +146,7 @@ def _star() -> tuple[TetMesh, TriSurface]:
     """Twenty tetrahedra around a node, which is displaced from the centre; and their boundary."""
     import numpy as np
 
-    from cortet.mesh import TetMesh
+    from cortet.meshes import TetMesh
 
     boundary = _ball(2.0, 12)
     inside = np.full((len(boundary.faces), 1), len(boundary.points))

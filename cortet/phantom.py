@@ -22,7 +22,7 @@ from cortet.geometry import topology
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.limits import PHANTOM_AGES, SUBDIVISIONS, THICKNESS_MM, require_within
 from cortet.geometry.nesting import nested
-from cortet.mesh import FloatArray, IntArray, TriSurface, single_precision
+from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
 from cortet.stages.separate import separate
 
 VERSION: int = 1

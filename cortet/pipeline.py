@@ -17,7 +17,7 @@ from cortet.formats.placement import placed
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.phantom import phantom
 from cortet.stages import STAGES
 

@@ -11,7 +11,7 @@ job = start(snakemake)
 from cortet.errors import StageError
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.stages.generate import generate
 
 try:

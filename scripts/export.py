@@ -8,7 +8,7 @@ from _job import start
 job = start(snakemake)
 
 from cortet.formats import gifti, vtu
-from cortet.mesh import OUTERMOST
+from cortet.meshes import OUTERMOST
 from cortet.solver_files.export import export
 from cortet.solver_files.fields import field_sources
 from cortet.solver_files.meshed import made_from

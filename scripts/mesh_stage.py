@@ -9,7 +9,7 @@ job = start(snakemake)
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.measure.quality import summarise
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.stages import STAGES
 
 stage = STAGES[snakemake.rule]

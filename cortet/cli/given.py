@@ -12,7 +12,7 @@ from cortet.formats import format_of
 
 if TYPE_CHECKING:
     from cortet.config import Config
-    from cortet.mesh import TetMesh, TriSurface
+    from cortet.meshes import TetMesh, TriSurface
 
 
 def config_of(args: argparse.Namespace) -> Config:

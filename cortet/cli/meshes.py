@@ -16,7 +16,7 @@ from cortet.formats import format_of
 
 if TYPE_CHECKING:
     from cortet.measure.certify import Certificate
-    from cortet.mesh import TetMesh, TriSurface
+    from cortet.meshes import TetMesh, TriSurface
 
 
 def quality_command(args: argparse.Namespace) -> int:

@@ -17,14 +17,14 @@ from cortet.formats.ownership import delete_made, may_write, record_of
 
 if TYPE_CHECKING:
     from cortet.config import Config
-    from cortet.mesh import TetMesh, TriSurface
+    from cortet.meshes import TetMesh, TriSurface
     from cortet.pipeline import Step
 
 
 def mesh_command(args: argparse.Namespace) -> int:
     """Mesh a surface, judge the mesh and write it with its companions."""
     from cortet.formats.placement import placed
-    from cortet.mesh import OUTERMOST
+    from cortet.meshes import OUTERMOST
     from cortet.pipeline import mesh_surface
     from cortet.solver_files.export import export
     from cortet.solver_files.fields import field_sources
@@ -186,7 +186,7 @@ class Progress:
     @staticmethod
     def _numbers(result: TriSurface | TetMesh) -> Iterable[str]:
         from cortet.measure.quality import quality
-        from cortet.mesh import TetMesh
+        from cortet.meshes import TetMesh
 
         if not isinstance(result, TetMesh):
             return str(len(result.points)), "", "", "", ""

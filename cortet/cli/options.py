@@ -399,7 +399,7 @@ def _aged_file(text: str) -> tuple[float, str]:
 
 
 def _inner_file(text: str) -> tuple[str, str]:
-    from cortet.mesh import OUTERMOST
+    from cortet.meshes import OUTERMOST
 
     name, equals, file = text.rpartition("=")
     if not equals:

@@ -19,8 +19,8 @@ from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, mem
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.config import Config
 from cortet.errors import InputError
-from cortet.mesh import OUTERMOST
 from cortet.meshers import BASELINES
+from cortet.meshes import OUTERMOST
 from cortet.stages import STAGES, Stage
 
 #: wildcards of a job

@@ -26,7 +26,7 @@ from cortet.errors import InputError
 from cortet.formats.placement import UNITS
 from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
 from cortet.geometry.limits import SCAN_AGES
-from cortet.mesh import OUTERMOST
+from cortet.meshes import OUTERMOST
 from cortet.sections import Cases
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")

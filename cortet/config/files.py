@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import itertools
+import re
 import reprlib
 import textwrap
 from collections.abc import Iterator, Mapping
@@ -131,9 +132,13 @@ def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any
     return result
 
 
+#: how pydantic calls the kinds of value that a key may have: no part of its name
+_OF_A_UNION = re.compile(r"float$|int$|str$|(dict|list|constrained|literal)\b.*|\[key\]$")
+
+
 def _complaint(problem: Any) -> str:
     """One finding of pydantic in the user's words."""
-    *parents, last = [str(part) for part in problem["loc"]]
+    *parents, last = [str(part) for part in problem["loc"] if not _OF_A_UNION.match(str(part))]
     name = ".".join([*parents, last])
     if problem["type"] != "extra_forbidden":
         return f"{name} = {reprlib.repr(problem['input'])}: {problem['msg']}"

@@ -16,7 +16,7 @@ from cortet.errors import InputError
 
 if TYPE_CHECKING:
     from cortet.formats.as_read import AsRead
-    from cortet.mesh import TetMesh, TriSurface
+    from cortet.meshes import TetMesh, TriSurface
 
 
 @dataclass(frozen=True)

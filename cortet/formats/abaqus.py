@@ -27,7 +27,7 @@ from cortet.formats.numbering import indices, whole
 from cortet.formats.surface_sets import faces_of_sides, sides, with_surface
 from cortet.formats.text import BadRowError, read_rows, write_rows, write_wrapped
 from cortet.formats.untrusted import content, require_ascii, sound
-from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
+from cortet.meshes import FloatArray, IntArray, MeshSets, TetMesh
 
 #: sets of everything
 ALL_NODES, ALL_ELEMENTS = "all_nodes", "all_elements"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from cortet.formats.surface_sets import CORTICAL_SURFACE, surface_faces
 from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.formats.untrusted import check_file, in_range, sound
 from cortet.geometry.topology import boundary_nodes, compact
-from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
+from cortet.meshes import FloatArray, IntArray, MeshSets, TetMesh
 
 
 class Tables(NamedTuple):

@@ -28,7 +28,7 @@ from cortet.formats.numbering import in_32_bits
 from cortet.formats.surface_sets import REGION_TAGS, region_tags
 from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.formats.untrusted import content, in_range, sound
-from cortet.mesh import IntArray, MeshSets, TetMesh
+from cortet.meshes import IntArray, MeshSets, TetMesh
 
 Unit = Literal["mm", "um"]
 _PER_MM = {"mm": 1.0, "um": 1000.0}

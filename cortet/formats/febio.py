@@ -28,7 +28,7 @@ from cortet.formats.numbering import indices, whole
 from cortet.formats.surface_sets import REGION_TAGS, with_surface
 from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.formats.untrusted import content, require_ascii, sound, xml_root
-from cortet.mesh import FloatArray, IntArray, MeshSets, TetMesh
+from cortet.meshes import FloatArray, IntArray, MeshSets, TetMesh
 
 #: name of the set of all nodes, and of the only part of a mesh without regions
 ALL_NODES, TISSUE = "all_nodes", "tissue"

@@ -38,7 +38,7 @@ from cortet.formats.surface_sets import (
 )
 from cortet.formats.untrusted import check_file, content, sound, xml_root
 from cortet.geometry.topology import packed
-from cortet.mesh import IntArray, MeshSets, TetMesh
+from cortet.meshes import IntArray, MeshSets, TetMesh
 
 _NODE_SET, _CELL_SET, _FACE_SET = "node_set_", "cell_set_", "face_set_"
 _XDMF_TYPES = {"i": "Int", "u": "UInt", "f": "Float"}

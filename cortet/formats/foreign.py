@@ -10,7 +10,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from cortet.formats import freesurfer, obj, ply, stl
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 
 #: bytes that are looked at; an OBJ file may begin with comments
 _HEAD = 1 << 16

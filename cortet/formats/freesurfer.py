@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.untrusted import content, safe_name
-from cortet.mesh import CoordinateFrame, TriSurface
+from cortet.meshes import CoordinateFrame, TriSurface
 
 #: first bytes of a file of triangles, and of a file of values
 SURFACE, VALUES = b"\xff\xff\xfe", b"\xff\xff\xff"

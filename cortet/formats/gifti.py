@@ -45,7 +45,7 @@ from cortet.formats.untrusted import (
     xml_root,
 )
 from cortet.geometry.nesting import nested
-from cortet.mesh import CoordinateFrame, TriSurface
+from cortet.meshes import CoordinateFrame, TriSurface
 
 #: name of the region in the file name of an inner surface
 _REGION = re.compile(r"_inner-([A-Za-z0-9]+)_")

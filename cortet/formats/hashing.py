@@ -11,7 +11,7 @@ from cortet.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from cortet.mesh import TetMesh
+    from cortet.meshes import TetMesh
 
 
 def sha256(path: str | Path) -> str:

@@ -30,7 +30,7 @@ from cortet.formats.numbering import indices
 from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS, listed_faces, with_surface
 from cortet.formats.untrusted import check_file, sound
 from cortet.geometry.topology import packed
-from cortet.mesh import IntArray, MeshSets, TetMesh
+from cortet.meshes import IntArray, MeshSets, TetMesh
 
 __all__ = ["TISSUE", "check_version", "read", "session", "write"]
 

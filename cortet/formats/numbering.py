@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.mesh import IntArray
+from cortet.meshes import IntArray
 
 
 def indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, path: str | Path) -> IntArray:

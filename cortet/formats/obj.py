@@ -11,7 +11,7 @@ import numpy as np
 
 from cortet.errors import InputError
 from cortet.formats.untrusted import content, triangulated
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 
 _VERTEX = re.compile(rb"^[ \t]*v[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.MULTILINE)
 _FACE = re.compile(rb"^[ \t]*f[ \t]+([^\r\n]*)", re.MULTILINE)

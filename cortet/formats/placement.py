@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cortet.errors import InputError
-from cortet.mesh import CoordinateFrame, TriSurface
+from cortet.meshes import CoordinateFrame, TriSurface
 
 #: unit of coordinates -> mm
 UNITS = {"mm": 1.0, "m": 1000.0, "um": 0.001}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.untrusted import content, numbers, triangulated
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 
 MAGIC = b"ply"
 _TYPES = {

@@ -16,7 +16,7 @@ from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.untrusted import content
 from cortet.geometry.topology import face_normals
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 
 _HEADER_BYTES = 80
 _TEXT = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)

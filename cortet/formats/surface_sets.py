@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.geometry.topology import TET_FACES, boundary, boundary_faces, packed
-from cortet.mesh import IntArray, MeshSets, TetMesh
+from cortet.meshes import IntArray, MeshSets, TetMesh
 
 #: the two parts of the boundary; every boundary face belongs to one of them
 CORTICAL_SURFACE, MEDIAL_WALL = "cortical_surface", "medial_wall"

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.ownership import has_read
-from cortet.mesh import MeshSets, TetMesh, TriSurface
+from cortet.meshes import MeshSets, TetMesh, TriSurface
 
 #: most bytes of a file, and of the data unpacked from it: a mesh of 50 million tetrahedra has less
 LARGEST = 2**32

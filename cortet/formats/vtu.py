@@ -28,7 +28,7 @@ from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import faces_of_sides, members, region_tags, sides
 from cortet.formats.untrusted import LARGEST, content, inflated, naming, numbers, sound, xml_root
-from cortet.mesh import IntArray, MeshSets, TetMesh
+from cortet.meshes import IntArray, MeshSets, TetMesh
 
 #: bytes that are compressed at a time
 _BLOCK = 1 << 20

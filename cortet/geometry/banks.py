@@ -14,7 +14,7 @@ import numpy as np
 
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.topology import edges, face_normals
-from cortet.mesh import FloatArray, TriSurface
+from cortet.meshes import FloatArray, TriSurface
 
 #: rounds in which balls shrink, at most; after a few rounds they do not change any more
 _ROUNDS = 20

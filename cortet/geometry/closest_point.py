@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.geometry.remembering import once_per_object
-from cortet.mesh import FloatArray, IntArray, TriSurface
+from cortet.meshes import FloatArray, IntArray, TriSurface
 
 _LEAF_SIZE = 4
 _STACK_SIZE = 64

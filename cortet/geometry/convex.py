@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from cortet.mesh import FloatArray
+from cortet.meshes import FloatArray
 
 
 def planes_of(hull: ConvexHull) -> FloatArray:

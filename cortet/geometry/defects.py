@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.geometry.topology import TRI_EDGES, face_areas, fans, packed
-from cortet.mesh import FloatArray, IntArray
+from cortet.meshes import FloatArray, IntArray
 
 
 def defective_vertices(faces: IntArray) -> NDArray[np.int64]:

@@ -27,7 +27,7 @@ from cortet.geometry.topology import (
     used_vertices,
 )
 from cortet.geometry.winding import winding_numbers
-from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: a part of the boundary is a slit without width if its volume, over that inside the whole boundary, is at most this
 _NO_VOLUME = 1e-12

@@ -14,7 +14,7 @@ from cortet.geometry.holes import replaced, rim_length
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.mending import Triangles, as_surface, compacted, faces_at, within
 from cortet.geometry.topology import TRI_EDGES, enclosed_volume, packed, surface_topology
-from cortet.mesh import FloatArray, IntArray
+from cortet.meshes import FloatArray, IntArray
 
 #: a handle ends where the rim of what is cut away is this many times the loop, or after this many rings at the latest
 _FLARE, _MOST_RINGS = 1.5, 200

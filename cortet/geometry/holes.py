@@ -22,7 +22,7 @@ from cortet.geometry.mending import (
     triangles,
 )
 from cortet.geometry.topology import TRI_EDGES, edges, enclosed_volume
-from cortet.mesh import FloatArray, IntArray
+from cortet.meshes import FloatArray, IntArray
 
 #: rings of triangles around a hole that its cap joins smoothly
 _AROUND = 3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pymeshlab
 
 from cortet.geometry.limits import SUBDIVISIONS, require_within
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 
 
 def icosphere(subdivisions: int) -> TriSurface:

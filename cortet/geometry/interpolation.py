@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.mesh import FloatArray, IntArray
+from cortet.meshes import FloatArray, IntArray
 
 
 def is_label(values: NDArray[Any]) -> bool:

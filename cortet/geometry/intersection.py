@@ -6,7 +6,7 @@ import numpy as np
 
 from cortet.geometry.closest_point import tree_of
 from cortet.geometry.triangle_intersection import crossing
-from cortet.mesh import IntArray, TriSurface
+from cortet.meshes import IntArray, TriSurface
 
 
 def self_intersections(surface: TriSurface) -> IntArray:

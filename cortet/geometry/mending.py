@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from cortet.geometry.topology import TRI_EDGES, compact, component_labels, face_areas, fans, numbers, packed
-from cortet.mesh import FloatArray, IntArray, TriSurface
+from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: where a triangle comes from: the file, the cap of a hole of the file, or the replacement of removed triangles
 GIVEN, CAP, REPLACED = 0, 1, 2

@@ -15,7 +15,7 @@ import numpy as np
 from cortet.geometry.closest_point import ClosestPoints, SurfaceTree, closest_points, tree_of
 from cortet.geometry.remembering import once_per_object
 from cortet.geometry.topology import enclosed_volume, face_normals, packed, vertex_normals
-from cortet.mesh import OUTERMOST, FloatArray, IntArray, TriSurface
+from cortet.meshes import OUTERMOST, FloatArray, IntArray, TriSurface
 
 #: a barycentric weight below this is that of a point on the opposite edge
 _ON_EDGE = 1e-9

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.mesh import FloatArray, IntArray
+from cortet.meshes import FloatArray, IntArray
 
 #: cells of the curve along each axis, as a power of two; three axes fill 60 of the 63 bits of a key
 _BITS = 20

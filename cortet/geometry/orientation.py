@@ -7,7 +7,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from cortet.geometry.topology import TRI_EDGES, enclosed_volume, packed
-from cortet.mesh import FloatArray, IntArray
+from cortet.meshes import FloatArray, IntArray
 
 
 def outward(points: FloatArray, faces: IntArray) -> IntArray:

@@ -22,7 +22,7 @@ from cortet.geometry.filling import require_body
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.limits import LEAST_BANK_GAP
 from cortet.geometry.topology import TRI_EDGES, boundary_surface, edges, sheet
-from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 
 #: corners at the ends of the six edges, in the order of VTK, Abaqus and FEBio
 EDGES = np.array([[0, 1], [1, 2], [2, 0], [0, 3], [1, 3], [2, 3]], np.int32)

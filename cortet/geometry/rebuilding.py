@@ -24,7 +24,7 @@ from cortet.geometry.closest_point import closer_than, closest_points, tree_of
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import enclosed_volume
 from cortet.geometry.winding import winding_numbers
-from cortet.mesh import FloatArray, IntArray, TriSurface
+from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: most points that a grid may have
 MOST_POINTS = 60_000_000

@@ -21,7 +21,7 @@ from cortet.geometry.orientation import outward
 from cortet.geometry.rebuilding import rebuilt
 from cortet.geometry.topology import enclosed_volume, neighbour_means, surface_topology
 from cortet.geometry.uncrossing import uncrossed
-from cortet.mesh import FILLED, FloatArray, IntArray, TriSurface, single_precision
+from cortet.meshes import FILLED, FloatArray, IntArray, TriSurface, single_precision
 
 #: how many locations of one kind are listed, and how far from each other they are, mm
 PLACES, APART_MM = 10, 5.0

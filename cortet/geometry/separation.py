@@ -12,7 +12,7 @@ from cortet.geometry.nesting import depths
 from cortet.geometry.thickness import thickness
 from cortet.geometry.topology import edges, neighbour_means, vertex_normals
 from cortet.geometry.uncrossing import moved_apart
-from cortet.mesh import FloatArray, IntArray, TriSurface, single_precision
+from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
 
 #: largest share of the thickness of a blade that the gap may take on each of its sides
 SHARE_OF_BLADE = 0.25

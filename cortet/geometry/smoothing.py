@@ -6,7 +6,7 @@ import numpy as np
 import pymeshlab
 from numpy.typing import NDArray
 
-from cortet.mesh import FloatArray, TriSurface
+from cortet.meshes import FloatArray, TriSurface
 
 #: angle (degrees) of the surface-preserving Laplacian, as published; above about 20 it makes no difference
 _ANGLE = 60.0

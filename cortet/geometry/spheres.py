@@ -15,7 +15,7 @@ from scipy import sparse
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.interpolation import is_label
 from cortet.geometry.topology import enclosed_volume, face_areas, surface_topology
-from cortet.mesh import FloatArray, TriSurface
+from cortet.meshes import FloatArray, TriSurface
 
 #: mm, the radius to which spheres are scaled, as in Workbench
 RADIUS = 100.0

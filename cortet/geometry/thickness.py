@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from cortet.geometry.closest_point import SurfaceTree, closest_point, triangle_normal
-from cortet.mesh import FloatArray
+from cortet.meshes import FloatArray
 
 _MOST_STEPS = 30
 #: a ball that shrinks by less than this share of its radius has converged

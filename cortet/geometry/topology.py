@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from cortet.geometry.counting import behind_faces, cells_around
 from cortet.geometry.remembering import once_per_object
-from cortet.mesh import REGION, FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, TriSurface
 
 #: corners of the face opposite each corner of a tetrahedron, outward for positive volume
 TET_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])

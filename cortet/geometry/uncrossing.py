@@ -17,7 +17,7 @@ from cortet.geometry.intersection import self_intersections
 from cortet.geometry.mending import Triangles, as_surface, border_vertices, compacted, faces_at, rings, within
 from cortet.geometry.nesting import joined
 from cortet.geometry.topology import component_labels, neighbour_means
-from cortet.mesh import FloatArray, IntArray, TriSurface, single_precision
+from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
 
 #: rounds of smoothing around crossing triangles, and of replacing them
 _SMOOTHINGS, _REPLACINGS = 12, 8

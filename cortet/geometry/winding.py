@@ -12,7 +12,7 @@ import numpy as np
 
 from cortet.geometry.closest_point import SurfaceTree, tree_of
 from cortet.geometry.remembering import once_per_object
-from cortet.mesh import FloatArray, TriSurface
+from cortet.meshes import FloatArray, TriSurface
 
 #: a box of triangles counts as one dipole beyond this many times its radius (Barill et al. take 2)
 _FAR = 2.0

@@ -65,7 +65,7 @@ from cortet.measure.regions import (
     sheets_of,
 )
 from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound, worst_elements
-from cortet.mesh import FloatArray, TetMesh, TriSurface, require_measurable
+from cortet.meshes import FloatArray, TetMesh, TriSurface, require_measurable
 
 VERSION: int = 5
 

@@ -17,7 +17,7 @@ from cortet.geometry.topology import (
     vertex_normals,
 )
 from cortet.measure.lost import distances_to
-from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import connected_components
 
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.topology import edges, face_normals
-from cortet.mesh import FloatArray, TriSurface
+from cortet.meshes import FloatArray, TriSurface
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from cortet.geometry.mending import measurable
 from cortet.geometry.topology import boundary_surface, face_areas
 from cortet.measure.fidelity import Distances, summary
 from cortet.measure.lost import distances_to, surface_samples
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 
 
 @dataclass(frozen=True)

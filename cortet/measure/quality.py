@@ -15,7 +15,7 @@ import numba
 import numpy as np
 
 from cortet.geometry.topology import TET_EDGES
-from cortet.mesh import FloatArray, IntArray, TetMesh, require_indices, require_measurable
+from cortet.meshes import FloatArray, IntArray, TetMesh, require_indices, require_measurable
 
 VERSION: int = 2
 

@@ -27,7 +27,7 @@ from cortet.geometry.topology import (
 from cortet.measure.fidelity import Distances, summary
 from cortet.measure.lost import distances_to
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import REGION, TetMesh, TriSurface
+from cortet.meshes import REGION, TetMesh, TriSurface
 
 #: how many thin spots are listed, and how far apart they are, mm
 _THIN_PLACES, _APART_MM = 5, 5.0

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cortet.geometry.topology import TET_EDGES, boundary_faces, boundary_nodes, edges, packed, vertex_normals
 from cortet.measure.quality import dihedral_angles, opening_bound, quality
-from cortet.mesh import FloatArray, TetMesh
+from cortet.meshes import FloatArray, TetMesh
 
 #: an edge explains an element when its bound is at least this part of the element's q
 _EXPLAINS = 0.5

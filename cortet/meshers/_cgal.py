@@ -22,7 +22,7 @@ import numpy as np
 
 from cortet.errors import StageError
 from cortet.geometry.topology import compact, enclosed_volume
-from cortet.mesh import FloatArray, IntArray, TriSurface
+from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: CGAL's optimisation passes in the order it runs them; exude must be last, since moving a vertex undoes it
 PASSES = ("odt", "lloyd", "perturb", "exude")

@@ -7,8 +7,8 @@ import logging
 from cortet.geometry.ordering import ordered_along_curve
 from cortet.geometry.topology import boundary_faces, compact, components, surface_topology
 from cortet.measure.quality import oriented, signed_volumes
-from cortet.mesh import REGION, FloatArray, IntArray, TetMesh, TriSurface
 from cortet.meshers.mesher import Attempt
+from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, TriSurface
 
 logger = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.mesh import FloatArray, IntArray
+from cortet.meshes import FloatArray, IntArray
 
 #: triangles around an operation that are looked at; with more, it is refused
 MOST_FACES = 64

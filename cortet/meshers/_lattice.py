@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from cortet.geometry.closest_point import closer_than, tree_of
-from cortet.mesh import FloatArray, IntArray, TriSurface
 from cortet.meshers._remesh import GROWTH
+from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: side of the lattice's cubes over the cell size: circumradii are sqrt(5) / 4 of it, 0.86 of the cell size
 CONSTANT = 1.54

@@ -20,7 +20,6 @@ from cortet.geometry.closest_point import tree_of
 from cortet.geometry.nesting import joined, parents, region_boundary, sheets
 from cortet.geometry.thickness import thickness
 from cortet.geometry.topology import TET_FACES, enclosed_volume, neighbours, packed, vertex_normals
-from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.meshers._lattice import finer_step
 from cortet.meshers._remesh import (
     CREST,
@@ -36,6 +35,7 @@ from cortet.meshers._remesh import (
     tightened,
     unsound,
 )
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 
 #: edges over the thickness of a layer of tetrahedra between two surfaces; some lead through two layers already
 EDGE_OF_LAYERS = 1.25

@@ -13,11 +13,11 @@ from scipy.spatial import KDTree
 from cortet.geometry.closest_point import SurfaceTree, surface_tree
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import compact, edges, face_areas
-from cortet.mesh import FloatArray, IntArray, TriSurface
 from cortet.meshers import _half_edges as half_edges
 from cortet.meshers import _triangles as triangles
 from cortet.meshers._half_edges import FLAT, Work
 from cortet.meshers._triangles import Limits
+from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: rounds of splits, collapses, flips and smoothing; more would change little
 ITERATIONS = 8

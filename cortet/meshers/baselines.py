@@ -28,8 +28,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from cortet.errors import StageError
-from cortet.mesh import FloatArray, IntArray, TriSurface
 from cortet.meshers.mesher import Filled, Mesher, Settings
+from cortet.meshes import FloatArray, IntArray, TriSurface
 
 VERSION: int = 1
 

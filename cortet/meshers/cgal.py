@@ -17,8 +17,8 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from cortet.errors import InputError
-from cortet.mesh import TetMesh, TriSurface
 from cortet.meshers.mesher import Attempt, Filled, Mesher, Settings
+from cortet.meshes import TetMesh, TriSurface
 
 if TYPE_CHECKING:
     from cortet.meshers._cgal import Criteria

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cortet.errors import InputError, StageError, place_mm
-from cortet.mesh import FloatArray, TetMesh, TriSurface
 from cortet.meshers.mesher import Attempt, Filled, Mesher, Refinement, Settings
+from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.sections import Cost
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import FloatArray, IntArray
+from cortet.meshes import FloatArray, IntArray
 
 #: after this many halvings a node goes back to its start
 HALVINGS = 8

@@ -19,7 +19,7 @@ from cortet.geometry import topology
 from cortet.geometry.closest_point import closer_than, closest_points, tree_of
 from cortet.geometry.intersection import self_intersections
 from cortet.measure.lost import surface_samples
-from cortet.mesh import IntArray, TetMesh, TriSurface
+from cortet.meshes import IntArray, TetMesh, TriSurface
 from cortet.optimise.backing_off import back_off
 from cortet.optimise.places import cut_out, numbers_in, put_back
 from cortet.optimise.undoing import undone

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 
 from cortet.geometry.topology import compact, component_labels
 from cortet.measure.quality import quality
-from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: the tetrahedra around the worst ones, then those around these, and so on, that belong to a place
 RINGS = 4

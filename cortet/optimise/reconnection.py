@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cortet.geometry.closest_point import SurfaceTree, forest
 from cortet.geometry.topology import neighbours
 from cortet.measure.quality import quality
-from cortet.mesh import IntArray, TetMesh, TriSurface
+from cortet.meshes import IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import Flaws, flaws_since, without_crossing
 from cortet.optimise.insertion import MIN_GAIN, insert_vertices
 from cortet.optimise.places import (

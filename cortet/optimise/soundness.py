@@ -6,7 +6,7 @@ import numpy as np
 
 from cortet.errors import StageError
 from cortet.geometry.filling import folded_faces
-from cortet.mesh import FloatArray, TetMesh
+from cortet.meshes import FloatArray, TetMesh
 
 
 def require_sound(mesh: TetMesh, q: FloatArray) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from cortet.geometry.closest_point import SurfaceTree, closest_point
 from cortet.geometry.topology import TET_FACES, neighbours, numbers
-from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.meshes import FloatArray, IntArray, TetMesh
 from cortet.optimise.cavities import (
     EDGE_FRAMES,
     MAX_NEW,

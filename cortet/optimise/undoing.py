@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from cortet.geometry.topology import TET_FACES, packed
 from cortet.measure.quality import quality
-from cortet.mesh import IntArray, TetMesh
+from cortet.meshes import IntArray, TetMesh
 
 #: q of a tetrahedron with some vertices taken back above which its others follow, unless it was as bad before or after
 _WORST = 0.5

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from cortet.geometry import topology
 from cortet.geometry.closest_point import SurfaceTree, closest_point, first_triangles, triangle_normal
 from cortet.measure.quality import quality
-from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.meshes import FloatArray, IntArray, TetMesh
 from cortet.sections import Boundary
 
 #: while the mean improves, no element may rise above this q, and worse ones may not get worse; a lower value costs mean

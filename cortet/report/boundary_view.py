@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from cortet.errors import StageError
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.quality import quality
-from cortet.mesh import FloatArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.report.render import BEYOND, COLOURS, RANGE
 
 #: most faces in a page; a finer boundary is simplified. 60,000 faces are 0.7 MB

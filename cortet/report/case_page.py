@@ -13,7 +13,7 @@ import pandas as pd
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import surface_topology
 from cortet.measure.quality import COUNTED_LIMITS
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.report import pages, pictures, published
 from cortet.report.boundary_view import boundary_view, three_js
 from cortet.report.figures import mesh_quality_figures, svg

@@ -25,7 +25,7 @@ from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.interpolation import at_triangles, is_label
 from cortet.geometry.spheres import same_triangles
 from cortet.geometry.topology import boundary_surface
-from cortet.mesh import FloatArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.report.figures import PAGE, drawn, save
 from cortet.report.render import surface_view
 from cortet.stages.transfer import with_thickness

@@ -11,7 +11,7 @@ import numpy as np
 from cortet.formats.tables import Column
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.lost import distances_to
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
 from cortet.report.case_page import ELEMENTS, Certificate, in_words, limit_of

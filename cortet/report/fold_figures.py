@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -22,6 +22,8 @@ from cortet.formats.tsv import read_tsv
 from cortet.report import published
 from cortet.report.figures import BLUE, PAGE, STYLE, VERMILION, drawn, save
 from cortet.report.fold_views import (
+    Brain,
+    Image,
     Row,
     bar_length,
     centre,
@@ -205,22 +207,31 @@ def _name(path: Path) -> str:
     return path.name.removesuffix(path.suffix).removesuffix(".surf")
 
 
-def film(frames: list[tuple[Path, float]], hemisphere: str | None, path: Path) -> None:
-    """Write an animated GIF of some frames and their ages; the last image stays for a second.
+def views(frames: list[Path], hemisphere: str | None) -> Iterator[Image]:
+    """The brain of each frame from its lateral side, a whole one from the left, at the scale and place of the last."""
+    last = simulated_brain(frames[-1])
+    for path in frames:
+        yield view(simulated_brain(path), sides(hemisphere)[0], centre(last), _VIEW, _pixels_per_mm(last, hemisphere))
 
-    A hemisphere is seen from its lateral side, a whole brain from the left, at the scale and place of the last frame.
-    """
-    side, last = sides(hemisphere)[0], simulated_brain(frames[-1][0])
-    focus, per_mm = centre(last), float((np.array(_VIEW) / extent(last, side)).min()) / _MARGIN
+
+def _pixels_per_mm(last: Brain, hemisphere: str | None) -> float:
+    """The scale at which the last brain fills a view."""
+    return float((np.array(_VIEW) / extent(last, sides(hemisphere)[0])).min()) / _MARGIN
+
+
+def film(frames: list[tuple[Path, float]], hemisphere: str | None, path: Path) -> None:
+    """Write an animated GIF of the `views` of some frames, with their ages; the last image stays for a second."""
+    files, ages = zip(*frames, strict=True)
+    per_mm = _pixels_per_mm(simulated_brain(files[-1]), hemisphere)
     with mpl.rc_context({**STYLE, "font.size": 12}), atomic_path(path) as temporary:
         figure = Figure(figsize=(_VIEW[0] / 100, _VIEW[1] / 100), dpi=100)
         axis = figure.add_axes((0, 0, 1, 1))
         writer = PillowWriter(fps=_RATE)
         with writer.saving(figure, temporary, dpi=100):
-            for frame, age in frames:
+            for image, age in zip(views(list(files), hemisphere), ages, strict=True):
                 axis.clear()
                 axis.set_axis_off()
-                axis.imshow(view(simulated_brain(frame), side, focus, _VIEW, per_mm))
+                axis.imshow(image)
                 axis.text(0.02, 0.95, f"{age:.1f} weeks", transform=axis.transAxes)
                 draw_bar(axis, (20, _VIEW[1] - 20), per_mm, bar_length(_VIEW[0] / per_mm, times=10))
                 writer.grab_frame()

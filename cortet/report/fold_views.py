@@ -18,7 +18,7 @@ from cortet.formats import vtu
 from cortet.formats.gifti import read_surface
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary_surface
-from cortet.mesh import FloatArray, TriSurface
+from cortet.meshes import FloatArray, TriSurface
 from cortet.report.figures import PAGE, STYLE
 from cortet.report.render import off_screen
 from cortet.simulation.body import scale_of

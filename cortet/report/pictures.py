@@ -11,7 +11,7 @@ from cortet.errors import StageError
 from cortet.geometry.nesting import region_names
 from cortet.geometry.topology import boundary_surface, sheet, surface_topology
 from cortet.measure.lost import distances_to
-from cortet.mesh import REGION, FloatArray, TetMesh, TriSurface
+from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
 from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
 from cortet.report.render import COLOUR_NAMES, cut_view, reddest, surface_view, webp

@@ -17,7 +17,7 @@ from cortet.errors import StageError
 from cortet.formats.atomic import atomic_path
 from cortet.geometry.topology import boundary_surface, compact
 from cortet.measure.quality import quality
-from cortet.mesh import REGION, FloatArray, TetMesh, TriSurface
+from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
 
 VERSION: int = 2
 

@@ -12,7 +12,7 @@ from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.fidelity import summary
 from cortet.measure.quality import quality
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.pipeline import Step
 
 #: columns of `cortet stages`

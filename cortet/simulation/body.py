@@ -27,7 +27,7 @@ from cortet.geometry.topology import (
     vertex_normals,
 )
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import FILLED, REGION, FloatArray, IntArray, MeshSets, TetMesh, TriSurface, node_field
+from cortet.meshes import FILLED, REGION, FloatArray, IntArray, MeshSets, TetMesh, TriSurface, node_field
 
 #: cortical thickness at t = 0, and what it gains per unit of time
 THICKNESS, THICKENING = 0.042, 0.01

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from cortet.geometry.closest_point import on_triangle, triangle_normal
 from cortet.geometry.convex import beyond
 from cortet.geometry.topology import edges, face_normals, vertex_normals
-from cortet.mesh import FloatArray, IntArray
+from cortet.meshes import FloatArray, IntArray
 
 #: in mean edges of the undeformed surface: where the force begins, and how far the list looks (Wang et al. 2021)
 REACH, RADIUS = 0.2, 0.6

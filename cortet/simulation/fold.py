@@ -16,7 +16,7 @@ from cortet.formats.atomic import write_json
 from cortet.formats.ownership import delete
 from cortet.formats.tables import write_table
 from cortet.formats.tsv import write_tsv
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.simulation.body import smallest_altitude, with_interface
 from cortet.simulation.contact import listed_at
 from cortet.simulation.growth import age_of, time_of

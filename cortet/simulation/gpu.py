@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cortet.errors import StageError
-from cortet.mesh import FloatArray, IntArray
+from cortet.meshes import FloatArray, IntArray
 from cortet.simulation.body import Body, Material
 from cortet.simulation.contact import Contact, listed_at
 from cortet.simulation.device import ON_CPU, is_simulated

@@ -26,7 +26,7 @@ import numpy as np
 from numba import cuda
 from numba.core.dispatcher import Dispatcher
 
-from cortet.mesh import FloatArray, IntArray
+from cortet.meshes import FloatArray, IntArray
 from cortet.simulation import contact as contacts
 from cortet.simulation import kernels, law
 from cortet.simulation.device import is_simulated

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.geometry.limits import FOLD_AGES
-from cortet.mesh import FloatArray
+from cortet.meshes import FloatArray
 
 #: coefficients of GA^3, GA^2, GA and 1 in the time of the simulation (Wang et al. 2021): 0 at 22 weeks, 1 at 44
 _TIME = (6.926e-5, -0.00665, 0.250, -3.0189)
@@ -113,10 +113,11 @@ def by_age(values: ByAge) -> Callable[[FloatArray], FloatArray]:
         return lambda ages: values * (ages - ORIGIN)
     from scipy.interpolate import PchipInterpolator  # the configuration knows this module, and must be light
 
-    known = sorted(values)
+    table = {float(age): value for age, value in values.items()}  # ages are texts where a rule hands them over in JSON
+    known = sorted(table)
     if len(known) == 1:
-        return lambda ages: np.full_like(ages, values[known[0]])
-    curve = PchipInterpolator(known, [values[age] for age in known])
+        return lambda ages: np.full_like(ages, table[known[0]])
+    curve = PchipInterpolator(known, [table[age] for age in known])
     return lambda ages: curve(np.clip(ages, known[0], known[-1]))
 
 

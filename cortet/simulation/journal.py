@@ -19,7 +19,7 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.formats.tables import names
 from cortet.formats.tsv import read_tsv
-from cortet.mesh import FloatArray, TetMesh
+from cortet.meshes import FloatArray, TetMesh
 from cortet.simulation.measurements import COLUMNS, Measurements
 
 #: files in the folder of a run; seconds have a table of their own, all else is the same in every run

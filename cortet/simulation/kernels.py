@@ -21,7 +21,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.mesh import FloatArray
+from cortet.meshes import FloatArray
 from cortet.simulation.body import Body, Material
 from cortet.simulation.contact import contact_forces, moved_too_far
 from cortet.simulation.law import (

@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 from cortet.formats.tables import Column
 from cortet.geometry.convex import beyond, planes_of
 from cortet.geometry.topology import edges, enclosed_volume, face_areas, face_normals, vertex_normals
-from cortet.mesh import FloatArray, IntArray
+from cortet.meshes import FloatArray, IntArray
 
 #: length over which curvature is smoothed, mm: less than any fold, more than the steps of a mesh
 _SMOOTHING = 1.5

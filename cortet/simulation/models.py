@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from cortet.errors import InputError
-from cortet.mesh import REGION, FloatArray, IntArray, TetMesh, node_field
+from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, node_field
 from cortet.simulation.body import LABEL_FIELD, THICKENING, THICKNESS, Body, Scale
 from cortet.simulation.growth import (
     AREA,
@@ -38,6 +38,7 @@ from cortet.simulation.growth import (
 )
 from cortet.simulation.kernels import grown_volume_of
 from cortet.simulation.law import ACROSS, ALONG, CORE
+from cortet.simulation.section import misplaced
 from cortet.simulation.state import Settings
 
 #: weeks between two ages at which the stretch of the core is solved for, rounds at most, and when they end
@@ -66,7 +67,7 @@ class Constants(NamedTuple):
 
 #: of `growing`, calibrated on CRL's atlas of 22 weeks (docs/folding.md); of BrainGrowth, Wang et al. 2021
 CONSTANTS = {
-    "growing": Constants(growth_rate=0.045, core_stiffness=0.2, thickness_rate=-0.02, thickness=1.1, envelope=True),
+    "growing": Constants(growth_rate=0.039, core_stiffness=0.15, thickness_rate=-0.02, thickness=1.25, envelope=True),
     "braingrowth": Constants(growth_rate=1.829, core_stiffness=1.167),
 }
 
@@ -147,24 +148,10 @@ def constants(settings: Settings) -> Constants:
 
 def check_model(settings: Settings) -> None:
     """Raise InputError for a setting of the other model, or a law of growth by which nothing is left."""
-    growing = settings.model == "growing"
-    of_growing = {
-        "thickness_rate": settings.thickness_rate is not None,
-        "volume": settings.volume is not None,
-        "hull": settings.hull is not None,
-        "envelope": bool(settings.envelope),
-        "core_regions": bool(settings.core_regions),
-        "growth_rate by age": isinstance(settings.growth_rate, Mapping),
-    }
-    wrong = ["reference"] if growing and settings.reference else []
-    wrong += [] if growing else [name for name, is_set in of_growing.items() if is_set]
-    if wrong:
-        other = {"growing": "braingrowth", "braingrowth": "growing"}[settings.model]
-        raise InputError(
-            f"{wrong[0]} is of the model {other}, not of {settings.model}",
-            remedy=f"leave it out, or set fold.model: {other}",
-        )
-    if not growing:
+    if wrong := misplaced(settings):
+        what, _, remedy = wrong.partition(": ")
+        raise InputError(what, remedy=remedy)
+    if settings.model != "growing":
         return
     chosen = constants(settings)
     ages = np.linspace(settings.gestational_age, settings.end, _CHECKED)

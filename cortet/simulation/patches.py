@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.mesh import FloatArray, IntArray
+from cortet.meshes import FloatArray, IntArray
 from cortet.simulation.body import Body
 
 #: elements of a patch; the last patch is filled up with copies of the last element, whose results are not used

@@ -12,7 +12,7 @@ from cortet.errors import InputError
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary, face_areas, face_normals
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import FloatArray, TetMesh, require_measurable
+from cortet.meshes import FloatArray, TetMesh, require_measurable
 from cortet.simulation.body import require_positive
 from cortet.simulation.growth import check_age
 from cortet.simulation.medial_wall import TOWARDS_MIDLINE

@@ -12,7 +12,7 @@ from cortet.geometry.filling import require_body
 from cortet.geometry.ordering import curve_order
 from cortet.geometry.topology import boundary_faces
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import REGION, FloatArray, MeshSets, TetMesh
+from cortet.meshes import REGION, FloatArray, MeshSets, TetMesh
 from cortet.simulation.body import (
     Material,
     amount_of_growth,
@@ -134,6 +134,14 @@ def described(run: Run) -> list[str]:
         sentences.append(
             f"medial wall: {run.wall.area_mm2:.0f} mm2, {run.wall.share:.1%} of the surface; {run.wall.found}"
         )
+    course, stretch = run.growth.at(np.array([run.end]), 0.0), run.growth.frame(run.end)
+    along, across, _ = (1 + course.growth[0, 0]).tolist()
+    core = f"lengths of the core grow by {stretch:.2f}" if stretch != 1 else "the core does not grow"
+    sentences.append(
+        f"until {age_of(run.end):g} weeks {core}; beside it the cortex grows by {along:.2f} along the surface and by "
+        f"{across:.2f} across"
+        + (f"; an envelope grows by {float(course.envelope[0]) * stretch:.2f}" if run.enveloped else "")
+    )
     return sentences
 
 

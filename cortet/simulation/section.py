@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -15,7 +16,25 @@ _HEMI = "{hemi}"
 
 Model = Literal["growing", "braingrowth"]
 #: growth per week from 22 weeks on, or growth since then at ages: {22: 0, 30: 0.3, 38: 0.8}
-ByAge = Finite | Annotated[dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Finite], Field(min_length=1)]
+Amount = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
+ByAge = Amount | Annotated[dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Amount], Field(min_length=1)]
+
+
+def misplaced(fold: Any) -> str | None:
+    """What is wrong with a section or the settings of a run where a key belongs to the other model; None: nothing."""
+    growing = fold.model == "growing"
+    of_growing = {
+        "thickness_rate": fold.thickness_rate is not None,
+        "volume": fold.volume is not None,
+        "hull": fold.hull is not None,
+        "envelope": bool(fold.envelope),
+        "core_regions": bool(fold.core_regions),
+        "growth_rate by age": isinstance(fold.growth_rate, Mapping),
+    }
+    wrong = {"reference": fold.reference} if growing else of_growing
+    name = next((name for name, is_set in wrong.items() if is_set), None)
+    other = "braingrowth" if growing else "growing"
+    return name and f"{name} is of the model {other}, not of {fold.model}: leave it out, or set model: {other}"
 
 
 class Fold(Section):
@@ -84,6 +103,12 @@ class Fold(Section):
     lets one job at a time have one. A result is reproducible bit for bit on one device, not across devices."""
 
     @model_validator(mode="after")
+    def _keys_are_of_the_model(self) -> Fold:
+        if wrong := misplaced(self):
+            raise ValueError(wrong)
+        return self
+
+    @model_validator(mode="after")
     def _variants_are_valid(self) -> Fold:
         own = self.model_dump(exclude=set(self.choices))
         for name, changed in self.variants.items():
@@ -95,7 +120,8 @@ class Fold(Section):
                 Fold(**{**own, **changed})
             except ValidationError as error:
                 first = error.errors()[0]
-                raise ValueError(f"variant {name}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+                where = ".".join(map(str, first["loc"]))
+                raise ValueError(f"variant {name}: {where + ': ' if where else ''}{first['msg']}") from None
         return self
 
     def real_surfaces_of(self, hemisphere: str | None) -> dict[float, Path]:

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.meshes import FloatArray, IntArray, TetMesh
 from cortet.simulation.body import Body, Material, Scale
 from cortet.simulation.contact import Contact
 from cortet.simulation.growth import ByAge, Course, Growth

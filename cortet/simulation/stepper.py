@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cortet.mesh import FloatArray
+from cortet.meshes import FloatArray
 from cortet.simulation.contact import listed_at
 from cortet.simulation.growth import Course
 from cortet.simulation.kernels import Motion, advance, elastic_energy, elastic_forces, kinetic_energy

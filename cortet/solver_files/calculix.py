@@ -17,7 +17,7 @@ import numpy as np
 from cortet.formats import abaqus
 from cortet.formats.atomic import atomic_path
 from cortet.formats.text import write_rows
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.simulation.body import Material
 from cortet.solver_files.growing_cortex import along, growing, supports, young_and_poisson
 

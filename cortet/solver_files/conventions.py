@@ -18,7 +18,7 @@ from cortet.formats.surface_sets import INTERFACE, REGION_TAGS, SURFACE_TAGS, su
 from cortet.geometry.filling import broken_body
 from cortet.geometry.topology import TET_FACES, boundary_faces, enclosed_volume, packed, surface_topology
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 
 #: largest coordinate, in any unit: a sidecar cannot hold the volume of a larger body
 _LARGEST_COORDINATE = 1e15

@@ -18,7 +18,7 @@ from cortet.formats.ownership import delete_made, may_write
 from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL
 from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
-from cortet.mesh import CoordinateFrame, MeshSets, TetMesh, TriSurface
+from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
 from cortet.solver_files.meshed import moved
 from cortet.solver_files.names import ASCII, in_ascii, left_out

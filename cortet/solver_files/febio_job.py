@@ -20,7 +20,7 @@ from cortet.formats import febio
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import CORE, CORTEX, with_surface
 from cortet.formats.text import write_rows
-from cortet.mesh import FloatArray, MeshSets, TetMesh
+from cortet.meshes import FloatArray, MeshSets, TetMesh
 from cortet.simulation.body import Material
 from cortet.solver_files.growing_cortex import Support, along, growing, supports, young_and_poisson
 

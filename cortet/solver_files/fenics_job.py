@@ -9,7 +9,7 @@ import numpy as np
 from cortet.formats import fenics
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.surface_sets import MEDIAL_WALL, REGION_TAGS, SURFACE_TAGS
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.simulation.body import Material
 from cortet.solver_files.growing_cortex import growing, supports
 

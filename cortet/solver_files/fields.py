@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats.gifti import read_fields, read_label_names
 from cortet.formats.hashing import sha256
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from cortet.errors import InputError
 from cortet.formats.surface_sets import CORTEX, MEDIAL_WALL
 from cortet.geometry.topology import boundary_nodes
-from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.meshes import FloatArray, IntArray, TetMesh
 from cortet.simulation.body import Scale, body_of
 
 

@@ -16,7 +16,7 @@ from cortet.formats.gifti import hemisphere_of, read_surface, write_surface
 from cortet.formats.hashing import sha256
 from cortet.formats.ownership import json_of
 from cortet.geometry.nesting import nested, region_names, sheets
-from cortet.mesh import OUTERMOST, TriSurface
+from cortet.meshes import OUTERMOST, TriSurface
 from cortet.solver_files.sidecar import read_sidecar, sidecar_path
 
 

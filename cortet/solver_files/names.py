@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from cortet.formats.untrusted import safely_named
-from cortet.mesh import REGION, MeshSets, TetMesh
+from cortet.meshes import REGION, MeshSets, TetMesh
 
 #: formats whose files are plain ASCII
 ASCII = ("abaqus", "febio")

@@ -18,7 +18,7 @@ from cortet.errors import InputError
 from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, interfaces
-from cortet.mesh import REGION, IntArray, MeshSets, TetMesh
+from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
 
 #: some solvers refuse longer names
 _LONGEST_NAME = 80

@@ -23,7 +23,7 @@ from cortet.formats.ownership import record_of
 from cortet.formats.untrusted import content
 from cortet.geometry.topology import boundary_faces, face_areas
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import CoordinateFrame, TetMesh, TriSurface
+from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
 
 #: most bytes of a sidecar

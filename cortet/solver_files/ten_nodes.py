@@ -23,7 +23,7 @@ from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.surface_sets import region_tags, sides, with_surface
 from cortet.geometry.quadratic import EDGES, QuadraticMesh
 from cortet.geometry.topology import TRI_EDGES, boundary_nodes
-from cortet.mesh import IntArray, MeshSets, TetMesh
+from cortet.meshes import IntArray, MeshSets, TetMesh
 from cortet.solver_files.names import in_ascii
 
 

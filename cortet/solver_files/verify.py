@@ -7,7 +7,7 @@ from pathlib import Path
 from cortet.errors import InputError
 from cortet.formats import FORMATS
 from cortet.formats.as_read import AsRead
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from cortet.solver_files.conventions import broken_conventions, broken_surface
 from cortet.solver_files.sidecar import stale
 

@@ -16,7 +16,7 @@ from scipy.sparse.linalg import cg
 from cortet.errors import StageError
 from cortet.geometry.topology import TET_EDGES, TET_FACES, face_normals
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: relative residual of the linear system
 _TOLERANCE = 1e-11

@@ -22,7 +22,7 @@ from cortet.errors import InputError, StageError
 from cortet.formats import carp, child
 from cortet.formats.hashing import sha256
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 
 logger = logging.getLogger(__name__)
 

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from cortet.errors import InputError
-from cortet.mesh import IntArray, TetMesh, TriSurface
+from cortet.meshes import IntArray, TetMesh, TriSurface
 from cortet.sections import Boundary, Cost, Section, Threshold
 from cortet.stages.stage import BOUNDARY_WORDS, Certificate, Stage, parameters_of
 

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from cortet.errors import InputError
 from cortet.formats.placement import UNITS
-from cortet.mesh import FloatArray, IntArray, TriSurface, single_precision
+from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
 from cortet.sections import Cost, NonNegativeInt, Section
 from cortet.stages.stage import Stage
 

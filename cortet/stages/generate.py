@@ -14,10 +14,10 @@ from pydantic import Field
 
 from cortet.errors import InputError
 from cortet.geometry.limits import CELL_SIZE_MM, require_within
-from cortet.mesh import FloatArray, TetMesh, TriSurface
 from cortet.meshers import MESHERS, OWN, Mesher
 from cortet.meshers.cgal import installed_backend
 from cortet.meshers.mesher import Attempt, Refinement, Settings
+from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.sections import AsList, CellSize, Cost, Fraction, NonNegativeInt, Positive, Section
 from cortet.stages.stage import Certificate, Stage, counted
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.sections import Boundary, Cost, Section, Threshold
 from cortet.stages.stage import BOUNDARY_WORDS, Certificate, Stage, parameters_of
 

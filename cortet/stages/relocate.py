@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from cortet.errors import InputError, StageError
-from cortet.mesh import FloatArray, IntArray, TetMesh
+from cortet.meshes import FloatArray, IntArray, TetMesh
 from cortet.sections import Cost, PositiveInt, Section
 from cortet.stages.stage import BOUNDARY_WORDS, Certificate, Stage, counted, parameters_of
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from cortet.errors import InputError
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from cortet.sections import Cost, Fraction, Positive, Section, Threshold
 from cortet.stages.stage import Stage
 

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from cortet.errors import InputError
-from cortet.mesh import TriSurface, single_precision
+from cortet.meshes import TriSurface, single_precision
 from cortet.sections import Cost, Section
 from cortet.stages.stage import Certificate, Stage, counted
 

@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from cortet.errors import InputError, place_mm
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from cortet.sections import Cost, Positive, Section
 from cortet.stages.stage import Stage
 

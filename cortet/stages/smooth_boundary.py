@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from cortet.errors import StageError
-from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.sections import Boundary, Cost, PositiveInt, Section, Threshold
 from cortet.stages.clean import clean
 from cortet.stages.stage import Certificate, Stage, counted, parameters_of

@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from cortet.errors import InputError
-from cortet.mesh import FloatArray, TriSurface, single_precision
+from cortet.meshes import FloatArray, TriSurface, single_precision
 from cortet.sections import Cost, Fraction, Positive, Section
 from cortet.stages.stage import Certificate, Stage, parameters_of
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cortet.mesh import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.sections import Cost, Section, Threshold
 from cortet.stages.clean import clean
 from cortet.stages.stage import Certificate, Stage, parameters_of

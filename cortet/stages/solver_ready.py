@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cortet.errors import StageError
-from cortet.mesh import MeshSets, TetMesh, TriSurface
+from cortet.meshes import MeshSets, TetMesh, TriSurface
 from cortet.sections import Cost
 from cortet.stages.stage import Stage
 from cortet.stages.transfer import DEFAULT, Interior, transfer

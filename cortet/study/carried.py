@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces
-from cortet.mesh import FloatArray, TetMesh
+from cortet.meshes import FloatArray, TetMesh
 
 
 def carried(points: FloatArray, mesh: TetMesh, moved: FloatArray) -> FloatArray:

@@ -28,7 +28,7 @@ from cortet.formats.gifti import read_surface
 from cortet.formats.tables import Column, Row, names
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import face_areas
-from cortet.mesh import FloatArray
+from cortet.meshes import FloatArray
 from cortet.report.figures import BLUE, GREEN, PAGE, VERMILION, drawn, save
 from cortet.report.table_files import Table, mean_and_sd, write
 from cortet.simulation.journal import TABLE

@@ -14,7 +14,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from cortet.formats import vtu
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.report.figures import PAGE, drawn, save
 from cortet.report.render import BEYOND, COLOURS, RANGE, lateral_view
 

@@ -17,7 +17,7 @@ from cortet.cohort.receipts import FOLDER
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.geometry.nesting import joined
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from tests.unit.shapes import ball_surface
 
 ROOT = Path(__file__).parents[2]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cortet.formats.gifti import read_surface, write_fields, write_surface
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from tests.integration.study import Study
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
-from cortet.mesh import REGION, TriSurface
+from cortet.meshes import REGION, TriSurface
 from tests.integration.study import STATUS, Study, surface
 
 

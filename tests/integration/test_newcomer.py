@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.sections import Cost, Positive, Section
 from cortet.stages.stage import Stage, parameters_of
 
@@ -70,7 +70,7 @@ MESHER = '''"""TetGen inside the triangles of the surface as they are."""
 
 from __future__ import annotations
 
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from cortet.meshers.mesher import Filled, Mesher, Settings
 
 

@@ -12,7 +12,7 @@ import pytest
 from cortet.cohort.sheet import PHANTOM
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.geometry.icosphere import icosphere
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from tests.integration.study import Study, surface
 
 

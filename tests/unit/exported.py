@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from cubes import cube_mesh
 
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.solver_files.sets import named_sets
 from cortet.stages.solver_ready import surface_nodes_first
 

@@ -7,7 +7,7 @@ import trimesh
 from scipy.spatial import Delaunay
 
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 
 
 def ball_surface(subdivisions: int = 3, radius: float = 5.0) -> TriSurface:

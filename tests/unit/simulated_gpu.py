@@ -17,7 +17,7 @@ from shapes import ball_mesh
 
 from cortet.geometry.convex import planes_of
 from cortet.geometry.topology import boundary_faces
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.simulation import fold as fold_module
 from cortet.simulation import gpu, gpu_kernels
 from cortet.simulation.body import Body, Material, Scale, body_of

@@ -15,7 +15,7 @@ from cubes import cube_mesh
 from cortet.errors import InputError
 from cortet.formats import abaqus
 from cortet.geometry.topology import boundary_faces
-from cortet.mesh import MeshSets, TetMesh
+from cortet.meshes import MeshSets, TetMesh
 from cortet.solver_files.verify import verify
 from cortet.stages.solver_ready import surface_nodes_first
 

@@ -13,9 +13,9 @@ from cortet.errors import StageError
 from cortet.formats import gifti
 from cortet.geometry.topology import boundary_faces, enclosed_volume
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import TriSurface
 from cortet.meshers import baselines
 from cortet.meshers.baselines import TOOLS, prepared, tetrahedra
+from cortet.meshes import TriSurface
 from cortet.stages.generate import generate
 
 MODULES = {"tetgen": "tetgen", "ftetwild": "pytetwild", "gmsh": "gmsh", "netgen": "netgen"}

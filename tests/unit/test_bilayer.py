@@ -7,7 +7,7 @@ import pytest
 from bilayer import Onset, critical_growth, is_stable, normal_stretch, onset, sharp_profile, smooth_profile
 from fold_wrinkles import theory
 
-from cortet.mesh import FloatArray
+from cortet.meshes import FloatArray
 from cortet.simulation.body import Material
 
 

@@ -10,7 +10,7 @@ from shapes import ball_mesh
 
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.quality import quality
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.report.boundary_view import boundary_view, colour_scale, three_js
 
 

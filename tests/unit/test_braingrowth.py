@@ -10,7 +10,7 @@ from cubes import cube_mesh
 from cortet.errors import InputError
 from cortet.formats import braingrowth
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.solver_files.verify import verify
 from cortet.stages.solver_ready import surface_nodes_first
 

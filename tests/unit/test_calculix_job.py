@@ -14,7 +14,7 @@ from growing_ball import INNER, OUTER, ball, by_calculix, by_cortet, exact, outw
 from cortet.cli import main
 from cortet.errors import InputError
 from cortet.formats import vtu
-from cortet.mesh import MeshSets
+from cortet.meshes import MeshSets
 from cortet.simulation.body import Material
 from cortet.solver_files.calculix import write_job
 from cortet.solver_files.sets import named_sets

@@ -6,7 +6,7 @@ from cubes import cube_mesh
 
 from cortet.errors import InputError
 from cortet.formats import carp
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 
 
 def test_the_files_look_as_the_manual_says(tmp_path):

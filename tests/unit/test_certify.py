@@ -18,7 +18,7 @@ from cortet.geometry.banks import banks, gaps
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import Certificate, certify
 from cortet.measure.checks import LOSS_REMEDY, for_mesher, judged
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cortet.config import load
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from cortet.pipeline import mesh_surface
 from cortet.report.citation import cited, write_citation
 from tests.unit.shapes import ball_surface

@@ -8,7 +8,7 @@ from cortet.errors import InputError, StageError
 from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.measure.quality import quality
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.stages.clean import clean, schedule
 
 SURFACE = ball_surface(2, 1.0)

@@ -22,7 +22,7 @@ from cortet.cohort.sheet import read_sheet
 from cortet.formats import braingrowth, vtu
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.geometry.topology import boundary_surface, surface_topology
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from cortet.errors import InputError
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_surface
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from cortet.report.cohort_maps import DISTANCE, case_map, mean_map, write_maps
 
 

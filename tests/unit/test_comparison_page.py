@@ -12,7 +12,7 @@ from cortet.formats import msh, vtu
 from cortet.formats.gifti import write_surface
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 
 
 @pytest.fixture

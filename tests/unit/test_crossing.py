@@ -9,7 +9,7 @@ import pytest
 from shapes import horseshoe
 
 from cortet.geometry import topology
-from cortet.mesh import IntArray, TetMesh, TriSurface
+from cortet.meshes import IntArray, TetMesh, TriSurface
 from cortet.optimise import crossing
 from cortet.optimise.crossing import Flaws, crossing_faces, flaws_since, without_crossing
 from cortet.stages import smooth_boundary as smoothing_stage

@@ -8,7 +8,7 @@ from shapes import ball_surface
 
 from cortet.geometry.defects import defective_vertices
 from cortet.geometry.topology import boundary_faces, surface_topology
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 
 
 def touching_cubes(shift: list[float]) -> TetMesh:

@@ -15,7 +15,7 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, format_of, gifti, stl, vtu
-from cortet.mesh import CoordinateFrame, MeshSets, TetMesh
+from cortet.meshes import CoordinateFrame, MeshSets, TetMesh
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.fields import FieldSource
 from cortet.solver_files.verify import verify

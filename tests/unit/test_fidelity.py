@@ -9,7 +9,7 @@ from shapes import ball_surface
 
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.fidelity import boundary_roughness, fidelity, summary
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 
 
 def test_a_mesh_is_faithful_to_its_own_boundary() -> None:

@@ -30,7 +30,7 @@ from cortet.geometry.filling import broken_body, flaws, require_body
 from cortet.geometry.topology import boundary_surface, enclosed_volume, surface_topology
 from cortet.measure.certify import certify
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 
 CUBE = sound(4)
 TWICE, OVERFULL = "tetrahedra listed twice", "faces in more than two tetrahedra"

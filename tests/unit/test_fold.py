@@ -24,7 +24,7 @@ from cortet.formats.gifti import read_surface
 from cortet.formats.tables import names
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import FILLED, TetMesh
+from cortet.meshes import FILLED, TetMesh
 from cortet.simulation import fold as fold_module
 from cortet.simulation.body import THICKNESS, Material, growth_mask, scale_of
 from cortet.simulation.fold import Verdict, fold
@@ -114,6 +114,14 @@ def test_a_run_says_how_thick_its_cortex_is(ball: TetMesh, tmp_path: Path) -> No
     assert said[0].startswith(f"the growing cortex is {verdict.thickness_mm:.2f} mm thick at the start: 0.042 of the")
     assert said[1].startswith("medial wall: ") and verdict.medial_wall is not None
     assert verdict.medial_wall_share > 0
+    assert said[2].startswith("until 22.01 weeks the core does not grow; beside it the cortex grows by 1.00 along")
+
+
+def test_a_run_says_how_much_the_whole_grows(ball: TetMesh, tmp_path: Path) -> None:
+    said: list[str] = []
+    fold(ball, tmp_path, replace(QUICK, end=22.2), say=said.append)
+    assert said[1].startswith("until 22.2 weeks lengths of the core grow by 1.02; beside it the cortex grows by 1.01 ")
+    assert said[1].endswith("across; an envelope grows by 1.01")
 
 
 def test_the_energies_balance(finished: tuple[Path, Verdict]) -> None:
@@ -350,7 +358,11 @@ def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh, model: Model) ->
         (Settings(22.0, regions={1: (np.nan, 1.0, 1.0)}), {"label": 1}, "growth law of region 1 is"),
         (Settings(22.0, core_regions={2: -0.01}), {}, "no cell data region"),
         (Settings(22.0, reference=True), {}, "reference is of the model braingrowth, not of growing"),
-        (Settings(22.0, model="braingrowth", volume={22: 20}), {}, "volume is of the model growing, not of braingr"),
+        (
+            Settings(22.0, model="braingrowth", volume={22: 20}),
+            {},
+            "volume is of the model growing, not of braingrowth",
+        ),
         (Settings(22.0, model="braingrowth", growth_rate={22: 0}), {}, "growth_rate by age is of the model growing"),
         (Settings(22.0, growth_rate={22: 0, 40: -1.5}), {}, "growth_rate leaves nothing at 40 weeks"),
         (Settings(22.0, thickness_rate=-0.1), {}, "thickness_rate leaves nothing at"),

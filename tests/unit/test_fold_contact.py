@@ -12,7 +12,7 @@ from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.convex import planes_of
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import TRI_EDGES, boundary_faces, boundary_nodes, face_normals, vertex_normals
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import Contact, contact_forces, contact_of, listed_at, moved_too_far
 from cortet.simulation.kernels import DONE, LIST_OUTDATED, Motion, advance, elastic_forces, workspace

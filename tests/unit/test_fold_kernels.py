@@ -9,7 +9,7 @@ from cubes import cube_mesh
 from shapes import ball_mesh
 
 from cortet.geometry.topology import boundary_faces, boundary_nodes
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.simulation.body import Body, Material, Scale, body_of, smallest_altitude, stable_time_step
 from cortet.simulation.contact import Contact, contact_of
 from cortet.simulation.growth import Course

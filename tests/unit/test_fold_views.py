@@ -11,7 +11,7 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.report.fold_views import (
     Brain,
     Row,

@@ -7,7 +7,7 @@ import pytest
 from fold_wavelength import ball, fold_ball, mean_degree
 from scipy.special import sph_harm_y
 
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 
 #: of a ball of radius 1, and shear modulus over that of the core
 THIN, THICK, STIFFNESS = 0.15, 0.3, 3.0

@@ -30,7 +30,7 @@ from shapes import ball_surface
 
 from cortet.formats.gifti import write_surface
 from cortet.formats.tsv import write_tsv
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from cortet.report import published
 from cortet.simulation.growth import AREA, HULL, VOLUME, usual
 from cortet.simulation.measurements import COLUMNS

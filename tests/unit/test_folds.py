@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapes import ball_surface
 
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from cortet.simulation.measurements import folds_of, mean_curvature, sulcal_depth
 
 RADIUS = 30.0

@@ -21,7 +21,7 @@ from cortet.formats import FORMATS, fenics, format_of, msh
 from cortet.formats.gifti import read_surface
 from cortet.geometry.topology import boundary_faces, boundary_surface, face_areas
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import CoordinateFrame, TetMesh
+from cortet.meshes import CoordinateFrame, TetMesh
 from cortet.solver_files.export import export, write
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import verify

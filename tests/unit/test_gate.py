@@ -14,7 +14,7 @@ from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.geometry import topology
 from cortet.geometry.intersection import self_intersections
-from cortet.mesh import TriSurface, single_precision
+from cortet.meshes import TriSurface, single_precision
 from cortet.stages.gate import gate
 
 DATA = Path(__file__).parents[2] / "../shared/data"

@@ -16,11 +16,11 @@ from cortet.errors import InputError, StageError
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume, surface_topology
 from cortet.measure.quality import circumradii, oriented, quality, signed_volumes
-from cortet.mesh import TetMesh, TriSurface
 from cortet.meshers import _cgal as cgal
 from cortet.meshers import _nested as nested
 from cortet.meshers._cgal import PASSES
 from cortet.meshers.cgal import installed_backend
+from cortet.meshes import TetMesh, TriSurface
 from cortet.stages.generate import generate
 
 pygalmesh = pytest.param(

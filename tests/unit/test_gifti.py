@@ -15,7 +15,7 @@ from shapes import ball_surface
 
 from cortet.errors import InputError
 from cortet.formats.gifti import hemisphere_of, read_fields, read_surface, write_fields, write_surface
-from cortet.mesh import CoordinateFrame, TriSurface, single_precision
+from cortet.meshes import CoordinateFrame, TriSurface, single_precision
 
 POINTS = np.array([[0, 0, 0], [1.5, 0, 0], [0, 2.25, 0], [0, 0, -3]], np.float32)
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.int32)

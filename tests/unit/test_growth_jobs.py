@@ -17,7 +17,7 @@ from growing_ball import DOLFINX, ball, by_dolfinx, exact, outward
 from cortet.cli import main
 from cortet.errors import InputError
 from cortet.formats import febio, fenics, vtu
-from cortet.mesh import MeshSets, TetMesh
+from cortet.meshes import MeshSets, TetMesh
 from cortet.simulation.body import Material
 from cortet.solver_files import febio_job, fenics_job
 from cortet.solver_files.sets import named_sets

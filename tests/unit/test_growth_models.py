@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 from shapes import ball_mesh
 
+from cortet.config import load
 from cortet.errors import InputError
-from cortet.mesh import REGION, TetMesh
+from cortet.meshes import REGION, TetMesh
 from cortet.simulation.fold import fold
 from cortet.simulation.growth import HULL, VOLUME, ages_of, by_age, times_of, usual
 from cortet.simulation.kernels import grown_volume_of
@@ -137,3 +139,32 @@ def test_an_envelope_holds_back_what_grows_out_of_it(ball: TetMesh, tmp_path: Pa
 def test_the_model_has_constants_of_its_own() -> None:
     assert CONSTANTS["braingrowth"].growth_rate == 1.829 and CONSTANTS["braingrowth"].core_stiffness == 1.167
     assert CONSTANTS["growing"].core_stiffness < 1 and CONSTANTS["growing"].thickness
+
+
+@pytest.mark.parametrize(
+    ("section", "words"),
+    [
+        ({"growth_rate": {22: 0, 30: "much"}}, r"fold.growth_rate.30 = 'much'"),
+        ({"growth_rate": {5: 0.1}}, "fold.growth_rate.5 = 5: Input should be greater than or equal to 20"),
+        ({"growth_rate": {}}, "fold.growth_rate = .*at least 1 item"),
+        ({"thickness_rate": 1e308}, "fold.thickness_rate = 1e.308"),
+        ({"volume": {22: 20, 30: -3}}, "fold.volume.30 = -3"),
+        ({"reference": True}, "reference is of the model braingrowth, not of growing: leave it out"),
+        ({"model": "braingrowth", "hull": {22: 3}}, "hull is of the model growing, not of braingrowth"),
+        (
+            {"variants": {"b": {"model": "braingrowth", "volume": {22: 2}}}},
+            "variant b: .*volume is of the model growing",
+        ),
+    ],
+)
+def test_what_the_section_cannot_mean_is_refused_by_name(section: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        load({"fold": section})
+
+
+def test_a_table_by_age_reaches_the_run_as_it_was_written(ball: TetMesh) -> None:
+    section = {"growth_rate": {22: 0, 30: 0.3}, "hull": {22: 1.0, 40: 4}, "volume": {22: 20, 38: 90}, "thickness": 2.0}
+    values = load({"fold": section}).arguments("fold", {"gestational_age": 22.0, "hemisphere": None})
+    handed_over = json.loads(json.dumps(values))  # as a rule does, which makes texts of the ages
+    growth = prepared(ball, Settings(**handed_over)).growth.at(times_of(np.array([30.0])), 0.0)
+    assert growth.growth[0, 0, ALONG] == pytest.approx(0.3)

@@ -8,7 +8,7 @@ from shapes import ball_mesh
 
 from cortet.geometry import topology
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.optimise.insertion import insert_vertices
 from cortet.optimise.vertices import mu2_of
 

@@ -14,7 +14,7 @@ from shapes import ball_surface, horseshoe
 
 from cortet.formats.gifti import read_surface
 from cortet.geometry.intersection import self_intersections
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 
 Point = tuple[Fraction, Fraction, Fraction]
 

@@ -13,10 +13,10 @@ from cortet.geometry.closest_point import closer_than, closest_points, surface_t
 from cortet.geometry.orientation import random_rotation
 from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_topology
 from cortet.measure.quality import oriented, signed_volumes
-from cortet.mesh import TetMesh, TriSurface
 from cortet.meshers import _lattice as lattice
 from cortet.meshers._lattice import graded_nodes, lattice_nodes, tetrahedralised
 from cortet.meshers._nested import remesh_apart, wanted
+from cortet.meshes import TetMesh, TriSurface
 from cortet.stages.generate import generate
 
 

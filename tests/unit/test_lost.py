@@ -9,7 +9,7 @@ from shapes import ball_mesh, ball_surface
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
 from cortet.measure.lost import distances_to, lost_places
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 
 BALL = ball_surface(4, radius=10.0)
 TOP, BOTTOM = np.array([0, 0, 1.0]), np.array([0, 0, -1.0])

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
-from cortet.mesh import MeshSets, TetMesh, TriSurface
+from cortet.meshes import MeshSets, TetMesh, TriSurface
 from cortet.phantom import phantom
 from cortet.simulation.body import scale_of
 from cortet.simulation.growth import time_of

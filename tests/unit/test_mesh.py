@@ -10,7 +10,7 @@ from shapes import ball_mesh, ball_surface
 from cortet.errors import InputError
 from cortet.measure.certify import certify
 from cortet.measure.quality import measures, quality, summarise
-from cortet.mesh import MeshSets, TetMesh, TriSurface
+from cortet.meshes import MeshSets, TetMesh, TriSurface
 from cortet.simulation.fold import fold
 from cortet.simulation.state import Settings
 

@@ -16,7 +16,7 @@ from cortet import doctor
 from cortet.errors import StageError
 from cortet.measure.certify import versions
 from cortet.measure.quality import quality
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.stages._meshtool import clean_with_meshtool, program_version
 from cortet.stages.clean import clean
 

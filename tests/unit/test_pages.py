@@ -14,7 +14,7 @@ import pytest
 from shapes import ball_mesh, ball_surface
 
 from cortet.measure.certify import certify
-from cortet.mesh import TriSurface
+from cortet.meshes import TriSurface
 from cortet.report.case_page import about, split_remedy, write_case_page, write_failure_page
 from cortet.report.pages import embedded
 from cortet.stages.repair import repair

@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 from cortet.errors import InputError
 from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, surface_tree
-from cortet.mesh import FloatArray, TriSurface, single_precision
+from cortet.meshes import FloatArray, TriSurface, single_precision
 from cortet.phantom import SULCI, phantom
 from cortet.stages.gate import gate
 

@@ -22,7 +22,7 @@ from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.certify import Certificate
 from cortet.measure.fidelity import fidelity
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.pipeline import mesh_surface, run, stages
 from cortet.report.stage_table import STAGE_COLUMNS
 

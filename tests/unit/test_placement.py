@@ -14,7 +14,7 @@ from cortet.errors import InputError
 from cortet.formats.gifti import write_surface
 from cortet.formats.placement import matrix, placed
 from cortet.geometry.topology import enclosed_volume
-from cortet.mesh import CoordinateFrame, TriSurface
+from cortet.meshes import CoordinateFrame, TriSurface
 from cortet.pipeline import run
 
 #: voxels of 0.5 x 0.5 x 0.8 mm, the first axis to the left

@@ -8,7 +8,7 @@ from cubes import cube_mesh
 
 from cortet.geometry import topology
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.optimise.insertion import insert_vertices
 from cortet.optimise.places import better_of_each, cut_out, mixed, only, places_at, promising, put_back, rim_of
 

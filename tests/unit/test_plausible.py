@@ -11,7 +11,7 @@ from shapes import ball_mesh
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.phantom import phantom
 from cortet.simulation.fold import fold
 from cortet.simulation.plausible import check_cells, check_mesh, flatness

@@ -23,7 +23,7 @@ from cortet.formats.gifti import write_surface
 from cortet.geometry.quadratic import EDGES, LEAST_JACOBIAN, QuadraticMesh, jacobian_bounds, quadratic
 from cortet.geometry.topology import boundary_surface, sheet
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import REGION, TetMesh, TriSurface
+from cortet.meshes import REGION, TetMesh, TriSurface
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.ten_nodes import with_middles, write_ten_nodes
 

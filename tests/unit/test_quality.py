@@ -5,7 +5,7 @@ import pytest
 from cubes import cube_mesh
 
 from cortet.measure import quality
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 
 CELL = np.array([[0, 1, 2, 3]], np.int32)
 REGULAR = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]])[[0, 2, 1, 3]]

@@ -16,7 +16,7 @@ from cortet.geometry.rebuilding import rebuilt, skin
 from cortet.geometry.topology import enclosed_volume, surface_topology
 from cortet.geometry.winding import winding_numbers
 from cortet.measure.lost import distances_to
-from cortet.mesh import FILLED, TriSurface
+from cortet.meshes import FILLED, TriSurface
 from cortet.stages.repair import repair
 from tests.unit.shapes import ball_surface
 

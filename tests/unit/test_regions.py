@@ -22,7 +22,7 @@ from cortet.geometry.topology import enclosed_volume, interfaces, sheet, surface
 from cortet.measure.certify import certify
 from cortet.measure.fidelity import boundary_roughness
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import REGION, MeshSets, TetMesh, TriSurface, single_precision
+from cortet.meshes import REGION, MeshSets, TetMesh, TriSurface, single_precision
 from cortet.optimise.backing_off import back_off
 from cortet.phantom import inset, phantom
 from cortet.pipeline import Meshed, mesh_surface

@@ -8,7 +8,7 @@ from cubes import cube_mesh
 from cortet.errors import InputError, StageError
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.stages.relocate import relocate
 
 

@@ -12,9 +12,9 @@ from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.thickness import thickness
 from cortet.geometry.topology import edges, enclosed_volume, surface_topology, vertex_normals
-from cortet.mesh import FloatArray, TriSurface
 from cortet.meshers._nested import remesh_apart, wanted
 from cortet.meshers._remesh import Remeshed, remesh
+from cortet.meshes import FloatArray, TriSurface
 
 
 def remeshed(surface: TriSurface, edge_length: float, distance: float = 0.4) -> Remeshed:

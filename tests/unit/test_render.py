@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from cubes import cube_mesh
 
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.report.render import picture
 
 

@@ -16,7 +16,7 @@ from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.geometry.icosphere import icosphere
-from cortet.mesh import FloatArray, TriSurface
+from cortet.meshes import FloatArray, TriSurface
 from cortet.phantom import phantom, phantom_with_sphere
 from cortet.stages.resample import resample
 

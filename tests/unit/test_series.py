@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from shapes import ball_mesh
 
 from cortet.formats import vtu
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.report.render import lateral_view
 from cortet.study.series import draw_series, series_figure
 

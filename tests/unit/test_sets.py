@@ -13,7 +13,7 @@ from shapes import ball_mesh
 from cortet.errors import InputError
 from cortet.geometry.topology import boundary_faces, boundary_nodes
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.solver_files.sets import face_labels, named_sets, set_name
 from cortet.stages.solver_ready import surface_nodes_first
 

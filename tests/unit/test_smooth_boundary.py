@@ -11,7 +11,7 @@ from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.measure.fidelity import boundary_roughness
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.optimise.backing_off import back_off
 from cortet.stages.clean import clean
 from cortet.stages.reconnect import reconnect

@@ -16,7 +16,7 @@ from cortet.formats.gifti import read_surface
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import enclosed_volume, face_areas
 from cortet.measure.fidelity import high_frequency_roughness
-from cortet.mesh import TriSurface, single_precision
+from cortet.meshes import TriSurface, single_precision
 from cortet.phantom import phantom
 from cortet.stages.smooth_surface import candidate_iterations, mean_nearest_vertex_distance, smooth_surface
 

@@ -7,7 +7,7 @@ from shapes import ball_surface
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.stages.generate import generate
 from cortet.stages.relocate import relocate
 from cortet.stages.snap import ON_SURFACE_MM, snap

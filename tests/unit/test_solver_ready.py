@@ -6,7 +6,7 @@ from cubes import cube_mesh
 
 from cortet.errors import StageError
 from cortet.geometry.topology import boundary_faces, boundary_nodes
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.stages.solver_ready import surface_nodes_first
 
 

@@ -7,7 +7,7 @@ from shapes import ball_mesh, ball_surface
 from cortet.geometry import topology
 from cortet.geometry.closest_point import surface_tree
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.optimise.swaps import improve, live_cells, swappable
 from cortet.optimise.vertices import mu2_of
 

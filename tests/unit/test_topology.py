@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cortet.geometry import topology
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)
 UNIT = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])

@@ -9,7 +9,7 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.errors import InputError
 from cortet.geometry.topology import boundary_nodes, boundary_surface
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.stages._harmonic import harmonic
 from cortet.stages.generate import generate
 from cortet.stages.transfer import transfer

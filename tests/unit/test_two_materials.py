@@ -15,7 +15,7 @@ from shapes import ball_surface
 from cortet.formats import abaqus, fenics, msh
 from cortet.geometry.nesting import nested
 from cortet.measure.quality import signed_volumes
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.solver_files.sets import named_sets
 from cortet.stages.generate import generate
 from cortet.stages.solver_ready import surface_nodes_first

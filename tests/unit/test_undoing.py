@@ -8,7 +8,7 @@ from shapes import ball_surface
 
 from cortet.geometry import topology
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.optimise.backing_off import back_off
 from cortet.optimise.undoing import undone
 from cortet.stages.generate import generate

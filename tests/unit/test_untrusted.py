@@ -33,7 +33,7 @@ from cortet.errors import InputError
 from cortet.formats import FORMATS, fenics, text
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.formats.untrusted import LARGEST, safely_named
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.solver_files.export import convert, export, write
 from cortet.solver_files.sidecar import sidecar_path
 from cortet.solver_files.verify import verify

@@ -13,7 +13,7 @@ from exported import full_mesh
 from cortet.formats import FORMATS
 from cortet.formats.hashing import sha256
 from cortet.geometry.topology import boundary_surface
-from cortet.mesh import MeshSets, TetMesh
+from cortet.meshes import MeshSets, TetMesh
 from cortet.solver_files.export import export, write
 from cortet.solver_files.fields import FieldSource
 from cortet.solver_files.sidecar import sidecar_path

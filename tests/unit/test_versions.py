@@ -19,7 +19,7 @@ from shapes import ball_mesh, ball_surface
 from cortet.config import SETTINGS, version_of
 from cortet.formats import vtu
 from cortet.measure.quality import quality
-from cortet.mesh import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.phantom import phantom, phantom_with_sphere
 from cortet.simulation.fold import fold
 from cortet.simulation.state import Settings

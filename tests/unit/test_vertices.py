@@ -13,7 +13,7 @@ from shapes import ball_mesh, ball_surface
 from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.measure.quality import quality, signed_volumes
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 from cortet.optimise import vertices
 from cortet.optimise.vertices import FREE, Pass, move_vertices
 

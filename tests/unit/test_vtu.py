@@ -7,7 +7,7 @@ from cubes import cube_mesh
 
 from cortet.errors import InputError
 from cortet.formats import vtu
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 
 
 def with_fields(mesh: TetMesh) -> TetMesh:

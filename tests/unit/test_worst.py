@@ -9,7 +9,7 @@ from cubes import cube_mesh
 from cortet.geometry.topology import boundary_faces, boundary_nodes, edges
 from cortet.measure.quality import quality
 from cortet.measure.worst import fans, valence_bound, worst_elements
-from cortet.mesh import TetMesh
+from cortet.meshes import TetMesh
 
 
 def around_an_edge(count: int, radius: float = 1.0, height: float = 1.0) -> TetMesh:

@@ -1,0 +1,163 @@
+"""The Python call: surfaces from whatever holds one, meshes, folds and what a notebook shows of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import nibabel as nib
+import numpy as np
+import pytest
+import pyvista
+from shapes import ball_mesh
+
+import cortet
+from cortet.errors import InputError
+from cortet.formats import vtu
+from cortet.formats.gifti import write_surface
+from cortet.geometry.topology import boundary_surface
+from cortet.meshes import TriSurface
+
+COARSE = 2.5
+
+
+@pytest.fixture(scope="module")
+def ball() -> TriSurface:
+    """A ball of 10 mm."""
+    return boundary_surface(ball_mesh(3, radius=10.0))[0]
+
+
+@pytest.fixture(scope="module")
+def made(ball: TriSurface) -> cortet.Mesh:
+    return cortet.mesh(ball, cell_size=COARSE, ga=24, fields={"height": ball.points[:, 2]}, progress=False)
+
+
+def holders(surface: TriSurface, folder: Path) -> dict[str, Any]:
+    """The same surface in everything that may hold one."""
+    file = folder / "ball.surf.gii"
+    write_surface(surface, file)
+    return {
+        "path": file,
+        "text": str(file),
+        "nibabel": nib.load(file),
+        "pyvista": pyvista.PolyData.from_regular_faces(surface.points, surface.faces),
+        "arrays": (surface.points, surface.faces),
+        "lists": [surface.points.tolist(), surface.faces.tolist()],
+        "trimesh": type("Trimesh", (), {"vertices": surface.points, "faces": surface.faces})(),
+        "own": surface,
+    }
+
+
+def test_a_surface_may_come_from_anything_that_holds_one(ball: TriSurface, tmp_path: Path) -> None:
+    for name, held in holders(ball, tmp_path).items():
+        found = cortet.surface(held)
+        assert np.array_equal(found.faces, ball.faces), name
+        assert found.points == pytest.approx(ball.points, abs=1e-5), name
+
+
+@pytest.mark.parametrize(
+    ("held", "words"),
+    [
+        (3.0, "a float is no surface .*give a file, a NiBabel image"),
+        (nib.GiftiImage(), "the image holds no surface"),
+        (pyvista.Plane(), "faces that are no triangles .*triangulate"),
+        ((np.zeros((3, 3)), [[0, 1, 7]]), "but vertices run from 0 to 2"),
+        (np.zeros((4, 3)), "a ndarray is no surface"),
+    ],
+)
+def test_what_holds_none_is_refused_in_words(held: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        cortet.surface(held)
+
+
+def test_a_mesh_has_its_arrays_its_certificate_and_its_fields(made: cortet.Mesh) -> None:
+    assert made.certified and made.certificate.quality.q.max == pytest.approx(made.quality.max())
+    assert made.cells.shape[1] == 4 and made.points.shape[1] == 3
+    assert np.corrcoef(made.mesh.point_data["height"], made.points[:, 2])[0, 1] > 0.95
+    checks = made.checks()
+    assert checks["passed"].all() and len(checks) == len(made.certificate.checks)
+    assert repr(made).startswith(f"<Mesh: {len(made.cells):,} tetrahedra, worst q 0.") and "certified" in repr(made)
+
+
+def test_the_same_call_gives_the_same_bits(ball: TriSurface, made: cortet.Mesh) -> None:
+    again = cortet.mesh((ball.points, ball.faces), COARSE, ga=24, settings={"generate": {"meshers": ["lattice"]}})
+    assert again.points.tobytes() == made.points.tobytes() and again.cells.tobytes() == made.cells.tobytes()
+
+
+def test_pyvista_gets_every_field_and_the_quality(made: cortet.Mesh) -> None:
+    grid = made.to_pyvista()
+    assert grid.n_cells == len(made.cells)
+    assert np.array_equal(grid.cell_data["q"], made.quality)
+    assert "height" in grid.point_data
+    assert grid.volume == pytest.approx(4 / 3 * np.pi * 1000, rel=0.05)
+
+
+def test_a_notebook_shows_verdict_picture_and_checks(made: cortet.Mesh) -> None:
+    page = made._repr_html_()
+    assert "tetrahedra, worst q" in page and "data:image/webp;base64," in page and page.count("✓") == len(made.checks())
+
+
+@pytest.mark.parametrize("ending", [".vtu", ".inp", ".msh"])
+def test_it_is_saved_in_the_format_of_its_ending_and_certified_again(
+    made: cortet.Mesh, ball: TriSurface, tmp_path: Path, ending: str
+) -> None:
+    path = made.save(tmp_path / f"ball{ending}")
+    assert path.exists()
+    if ending == ".vtu":
+        assert cortet.certify(vtu.read(path), made.surface, COARSE).certified
+
+
+def test_no_file_of_others_is_replaced_unless_forced_and_no_input_ever(ball: TriSurface, tmp_path: Path) -> None:
+    source = tmp_path / "ball.surf.gii"
+    write_surface(ball, source)
+    made = cortet.mesh(source, COARSE, progress=False)
+    theirs = tmp_path / "theirs.vtu"
+    theirs.write_text("mine")
+    with pytest.raises(InputError, match="exists, and cortet did not make it"):
+        made.save(theirs)
+    assert theirs.read_text() == "mine"
+    made.save(theirs, force=True)
+    assert len(vtu.read(theirs).cells) == len(made.cells)
+
+
+def test_a_mesh_that_is_not_certified_is_saved_only_if_forced(ball: TriSurface, tmp_path: Path) -> None:
+    strict = cortet.mesh(ball, COARSE, settings={"certify": {"q_max": 0.01}}, progress=False)
+    assert not strict.certified and "NOT certified" in repr(strict)
+    with pytest.raises(InputError, match="not certified.*force=True"):
+        strict.save(tmp_path / "x.vtu")
+    assert not (tmp_path / "x.vtu").exists()
+    assert strict.save(tmp_path / "x.vtu", force=True).exists()
+
+
+def test_a_broken_surface_is_repaired_and_said_how(ball: TriSurface) -> None:
+    mended, report = cortet.repair((ball.points, ball.faces[1:]))
+    assert len(mended.faces) >= len(ball.faces)
+    assert any(report.values())
+
+
+def test_meshes_are_compared_number_by_number(ball: TriSurface, made: cortet.Mesh) -> None:
+    table = cortet.compare({"a": made, "b": made.mesh}, made.surface, COARSE)
+    assert list(table.columns) == ["a", "b"] and len(table) > 5
+    assert (table["a"] == table["b"]).all()
+
+
+def test_a_mesh_folds_from_the_age_it_was_made_at(made: cortet.Mesh, tmp_path: Path) -> None:
+    said: list[float] = []
+    folded = cortet.fold(made, end=24.2, thickness=3.0, progress=lambda row, part, _: said.append(part))
+    assert folded.verdict["outcome"] == "folded" and said[-1] == 1
+    assert folded.table["gestational_age"].iloc[[0, -1]].tolist() == pytest.approx([24, 24.2])
+    assert folded.at(24.2).points.max() > made.points.max()  # it has grown
+    assert "no element inverted" in folded._repr_html_()
+    kept = cortet.fold(made, folder=tmp_path / "run", end=24.1, thickness=3.0, progress=False)
+    assert (kept.folder / "fold.tsv").exists()
+    with pytest.raises(InputError, match="gestational age of the mesh is not known"):
+        cortet.fold(made.mesh)
+    with pytest.raises(InputError, match="fold"):
+        cortet.fold(made, thickness=-1.0)
+
+
+def test_the_interface_is_listed_and_nothing_else_is_public() -> None:
+    assert set(cortet.__all__) <= set(dir(cortet))
+    assert all(getattr(cortet, name).__module__ == "cortet.api" for name in cortet.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'meshing'"):
+        _ = cortet.meshing  # type: ignore[attr-defined]
