@@ -209,8 +209,8 @@ def require_measurable(shape: TriSurface | TetMesh) -> None:
         )
 
 
-def node_field(mesh: TetMesh, name: str) -> FloatArray | None:
-    """The point data of this name, (n,) float64; None where the mesh has none.
+def node_field(mesh: TetMesh | TriSurface, name: str) -> FloatArray | None:
+    """The point data of this name, (n,) float64; None where the mesh or surface has none.
 
     Raises
     ------

@@ -83,10 +83,11 @@ rule convergence:
 
 
 rule fold_figures:
-    """Its numbers against age, the surface before and after, and a film."""
+    """Its numbers against age, the brain every four weeks beside real ones, and a film."""
     input:
         table=rules.fold.output.table,
         series=rules.fold.output.series,
+        real=lambda wildcards: [path for path in PLAN.real_surfaces(wildcards).values() if existing(path)],
     output:
         numbers=report(
             LAYOUT.fold("folding.svg"),
@@ -98,7 +99,7 @@ rule fold_figures:
             LAYOUT.fold("folded.png"),
             caption="../reports/folded.rst",
             category="Folding",
-            labels={"case": "{case} {variant}", "figure": "before and after"},
+            labels={"case": "{case} {variant}", "figure": "by age"},
         ),
         film=report(
             LAYOUT.fold("folding.gif"),
@@ -108,6 +109,8 @@ rule fold_figures:
         ),
     params:
         hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
+        files=PLAN.real_surfaces,
+        input_sha256=lambda wildcards: content(PLAN.real_surfaces(wildcards)),
         version=version_of("report.fold_figures"),
     script:
         "../scripts/fold_figures.py"

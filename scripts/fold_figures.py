@@ -8,4 +8,5 @@ job = start(snakemake)
 
 from cortet.report.fold_figures import draw
 
-draw(Path(job.input.series).parent, job.params.hemisphere)
+real = {float(age): Path(path) for age, path in job.params.files.items()}
+draw(Path(job.input.series).parent, job.params.hemisphere, real)

@@ -45,11 +45,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _refuse_repeated(args: argparse.Namespace) -> None:
-    """Raise InputError where one name is given two files: of `--inner`, `--field`."""
-    for option in ("inner", "field"):
+    """Raise InputError where one name, or age, is given two files: of `--inner`, `--field`, `--real`."""
+    for option, form in (("inner", "NAME=FILE"), ("field", "NAME=FILE"), ("real", "WEEKS=FILE")):
         names = [name for name, _ in getattr(args, option, [])]
         if twice := next((name for name in names if names.count(name) > 1), None):
-            raise InputError(f"--{option} names {twice} twice", remedy="give each a name of its own: NAME=FILE")
+            raise InputError(f"--{option} names {twice} twice", remedy=f"give each its own: {form}")
 
 
 def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None]:

@@ -285,6 +285,14 @@ def parser() -> argparse.ArgumentParser:
         "--time-step", type=Number(0, 1), metavar="DT", help="dimensionless (default: from smallest altitude)"
     )
     fold.add_argument("--device", choices=["cpu", "cuda"], help="what takes the steps: cuda is a GPU (default: cpu)")
+    fold.add_argument(
+        "--real",
+        action="append",
+        default=[],
+        type=_aged_file,
+        metavar="WEEKS=FILE",
+        help="surface of a real brain of this age, shown beside the simulated one; repeatable",
+    )
     fold.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section fold says the rest")
     fold.add_argument(
         "--threads",
@@ -381,6 +389,13 @@ def _named_file(text: str) -> tuple[str, str]:
     if not (name and equals and file):
         raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE")
     return name, file
+
+
+def _aged_file(text: str) -> tuple[float, str]:
+    age, equals, file = text.partition("=")
+    if not (equals and file):
+        raise argparse.ArgumentTypeError(f"{text!r} is not WEEKS=FILE")
+    return Number(*FOLD_AGES)(age), file
 
 
 def _inner_file(text: str) -> tuple[str, str]:

@@ -20,6 +20,7 @@ def fold_command(args: argparse.Namespace) -> int:
     from numba import get_num_threads, set_num_threads
 
     from cortet.config import load, read
+    from cortet.formats.gifti import hemisphere_of, read_surface
     from cortet.report.fold_figures import FILM, NUMBERS, PICTURE, draw
     from cortet.simulation.fold import fold
     from cortet.simulation.journal import FILES, status
@@ -43,7 +44,19 @@ def fold_command(args: argparse.Namespace) -> int:
         load(args.config)  # complaints name the file
         data = read(args.config)
     data["fold"] = {**(data.get("fold") or {}), **{key: value for key, value in chosen.items() if value is not None}}
-    values = load(data).arguments("fold", {"gestational_age": args.ga, "hemisphere": args.hemi})
+    if args.real:
+        data["fold"]["real_surfaces"] = (data["fold"].get("real_surfaces") or {}) | dict(args.real)
+    config = load(data)
+    values = config.arguments("fold", {"gestational_age": args.ga, "hemisphere": args.hemi})
+    real = config.fold.real_surfaces_of(args.hemi)
+    for path in real.values():  # before the work
+        read_surface(path)
+        if args.hemi and (named := hemisphere_of(path)) not in (None, args.hemi):
+            raise InputError(
+                f"is of hemisphere {named}, as it says, not {args.hemi}",
+                file=path,
+                remedy="name the surface of the same hemisphere",
+            )
     live = sys.stdout.isatty()
     verdict = fold(
         read_mesh(args.mesh),
@@ -55,7 +68,7 @@ def fold_command(args: argparse.Namespace) -> int:
         print,
     )
     print(f"\n{verdict.reason}")
-    for path in draw(args.output, args.hemi):
+    for path in draw(args.output, args.hemi, real):
         print(f"{path}: drawn")
     return 0 if verdict.outcome == "folded" else 1
 

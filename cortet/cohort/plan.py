@@ -71,6 +71,11 @@ class Plan(Jobs):
         """Parameters by which a variant differs from the other folds of its case."""
         return self.config.fold.variants.get(job.get("variant", "").lower(), {})
 
+    def real_surfaces(self, job: Job) -> dict[str, str]:
+        """The real brains that the pictures of a fold show, by their ages."""
+        found = self.config.fold.real_surfaces_of(self.hemisphere(job))
+        return {f"{age:g}": str(path) for age, path in found.items()}
+
     def gpus(self, job: Job) -> int:
         """GPUs that a fold asks for."""
         return int(self.variant(job).get("device", self.config.fold.device) == "cuda")

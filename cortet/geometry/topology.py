@@ -357,6 +357,15 @@ def enclosed_volume(points: FloatArray, faces: IntArray) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
+def enclosed_centroid(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Centroid of what lies inside a closed surface: (3,) mm (divergence theorem)."""
+    middle = points.mean(axis=0)
+    a, b, c = (points[faces[:, i]] - middle for i in range(3))
+    volumes = np.einsum("ij,ij->i", a, np.cross(b, c))
+    centroid: FloatArray = middle + volumes @ (a + b + c) / (4 * volumes.sum())
+    return centroid
+
+
 def neighbour_means(points: FloatArray, faces: IntArray) -> FloatArray:
     """Mean position of the edge neighbours of each vertex: (n, 3) mm; NaN for an unused vertex."""
     start, end = edges(faces).T

@@ -16,10 +16,10 @@ from cortet.formats.tables import read_columns, write_table
 from cortet.formats.tsv import read_tsv
 from cortet.report import DATA
 from cortet.report.figures import COLOURS, PAGE, drawn, save
-from cortet.report.fold_figures import curves, real_points
+from cortet.report.fold_figures import curves, real_points, weeks
 from cortet.simulation.journal import TABLE, VERDICT
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: how a run ended -> what it means, in the reverse order of the rows
 STATES = {
@@ -86,8 +86,12 @@ def cohort_folding_figure(runs: Sequence[Mapping[str, Any]]) -> Figure:
             axis.set(xlabel="gestational age (weeks)", ylabel=label)
             for hemisphere in dict.fromkeys("L" if run["hemisphere"] else None for run in runs):
                 real_points(axis, column, hemisphere)
+            if runs:
+                weeks(axis, *axis.dataLim.intervalx)
         if runs:
-            figure.axes[0].legend(loc="upper left")
+            handles, labels = figure.axes[0].get_legend_handles_labels()
+            once = dict(zip(labels, handles, strict=True))  # halves and whole brains may have one source
+            figure.axes[0].legend(once.values(), once.keys(), loc="upper left")
     return figure
 
 

@@ -73,7 +73,7 @@ _CURVES = {
     "real brains as points; the table has the numbers",
 }
 #: files of a fold beside its table -> what they show
-_PICTURES = {NUMBERS: "curves", PICTURE: "before and after", FILM: "film"}
+_PICTURES = {NUMBERS: "curves", PICTURE: "by age", FILM: "film"}
 
 
 def write_cohort_page(

@@ -1,76 +1,93 @@
-"""Pictures of a folding run: its numbers against age, the surface before and after, and a film."""
+"""Pictures of a folding run: its numbers against age, the brain as it folds beside real ones, and a film."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+import logging
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
-import pyvista
 from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from matplotlib.ticker import MultipleLocator
 
 from cortet.errors import InputError
-from cortet.formats import vtu
 from cortet.formats.atomic import atomic_path
-from cortet.formats.surface_sets import MEDIAL_WALL
+from cortet.formats.gifti import hemisphere_of
 from cortet.formats.tsv import read_tsv
-from cortet.geometry.topology import boundary_surface
-from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.report import published
-from cortet.report.figures import BLUE, GREY, PAGE, STYLE, VERMILION, drawn, save
-from cortet.report.render import off_screen
+from cortet.report.figures import BLUE, PAGE, STYLE, VERMILION, drawn, save
+from cortet.report.fold_views import (
+    Brain,
+    Image,
+    Row,
+    bar_length,
+    centre,
+    draw_bar,
+    extent,
+    real_brain,
+    sheet,
+    sides,
+    simulated_brain,
+    view,
+)
 from cortet.simulation.journal import SERIES, TABLE
 
-VERSION: int = 2
+VERSION: int = 3
 
 #: files that `draw` adds to the folder of a run
 NUMBERS, PICTURE, FILM = "folding.svg", "folded.png", "folding.gif"
 
-#: colours span mean curvatures between minus and plus this, 1 / mm: gyri at one end, sulci at the other
-CURVATURE = 0.3
-COLOURS = "RdBu_r"
-#: pixels of one view, and frames per second of the film
-_VIEW, _RATE = (800, 640), 5
-#: column that is drawn against age -> label of its panel
+#: weeks between two brains of the sheet, and between a frame and a real brain beside it at most
+_EVERY, _ALIKE = 4.0, 0.5
+#: pixels of the film, its margin, and its frames per second
+_VIEW, _MARGIN, _RATE = (800, 640), 1.05, 5
+#: column that is drawn against age -> label of its panel, row by row; the last of each row is drawn small
 _PANELS = {
     "gyrification_index": "gyrification index",
-    "relative_area": "area / volume$^{2/3}$",
-    "min_j": "smallest J",
-    "q_max": r"$q_\mathrm{max}$",
+    "area_cm2": "area (cm²)",
+    "volume_ml": "volume (mL)",
+    "min_j": "smallest $J$",
+    "fold_spacing_mm": "width of folds (mm)",
+    "sulcal_depth_mm": "depth of sulci (mm)",
+    "hull_volume_ml": "hull volume (mL)",
+    "q_max": r"largest $q$",
 }
-#: side from which a left half or a whole brain is seen -> its direction and the upward direction, in RAS coordinates
-_SIDE, _MIDDLE, _ABOVE = "side", "middle", "above"
-_VIEWS = {
-    _SIDE: (np.array([-1.0, 0, 0]), np.array([0, 0, 1.0])),
-    _MIDDLE: (np.array([1.0, 0, 0]), np.array([0, 0, 1.0])),
-    _ABOVE: (np.array([0, 0, 1.0]), np.array([1.0, 0, 0])),
+_ROWS, _SMALL = 2, ("min_j", "q_max")
+#: weeks between two numbers at the axis of ages: the first at which there are no more than so many
+_STEPS, _MOST_TICKS = (1, 2, 4, 5, 10), 6
+#: source of real brains -> how the legend calls it, marker, colour; open where the anatomy is abnormal
+_SOURCES = {
+    "CRL atlas": ("CRL atlas, fetal", "o", "black"),
+    "FetoMorph (individual)": ("FetoMorph, individual fetuses", "^", "black"),
+    published.ABNORMAL: ("spina bifida atlas, fetal", "o", "black"),
+    "dHCP neonatal atlas": ("dHCP atlas, newborns", "s", "#8C8C8C"),
 }
-#: colour of the medial wall
-_WALL_COLOUR = "#6b6b6b"
 
-Image = NDArray[np.uint8]
+logger = logging.getLogger(__name__)
 
 
-def draw(folder: Path, hemisphere: str | None) -> list[Path]:
+def draw(folder: Path, hemisphere: str | None, real: Mapping[float, Path] | None = None) -> list[Path]:
     """Draw all pictures of the run in a folder; returns their files.
 
     Parameters
     ----------
     hemisphere : "L" or "R" is filmed from its lateral side; a whole brain (None) from the left
+    real : gestational age, weeks -> surface of a real brain, of the same hemisphere, that is drawn beside the frame of
+        that age
+
+    Raises
+    ------
+    InputError : the frames or a surface cannot be read
     """
     save(numbers(folder / TABLE, hemisphere), folder / NUMBERS)
     frames = series(folder / SERIES)
-    ends = [frames[0], frames[-1]]
-    shown = [list(views([path for path, _ in ends], hemisphere, side)) for side in (_SIDE, _MIDDLE, _ABOVE)]
-    save(before_and_after(shown, [age for _, age in ends]), folder / PICTURE)
-    film(views([path for path, _ in frames], hemisphere), [age for _, age in frames], folder / FILM)
+    save(sheet(rows_of(frames, hemisphere, real or {}), hemisphere), folder / PICTURE)
+    film(frames, hemisphere, folder / FILM)
     return [folder / name for name in (NUMBERS, PICTURE, FILM)]
 
 
@@ -84,120 +101,139 @@ def series(path: Path) -> list[tuple[Path, float]]:
 
 
 def numbers(table: Path, hemisphere: str | None) -> Figure:
-    """Gyrification index, area over volume^(2/3), smallest J and worst q against gestational age.
+    """Size and folds against gestational age, over real brains, and smallest J and largest q.
 
-    Real surfaces are drawn behind the first two: of one hemisphere for half a brain, else of both.
+    Real surfaces are those of one hemisphere for half a brain, else of both.
     """
     rows = curves(table)
-    with drawn(PAGE, 2.2) as figure:
-        for axis, (column, label) in zip(figure.subplots(1, len(_PANELS)), _PANELS.items(), strict=True):
+    with drawn(PAGE, 3.9) as figure:
+        columns = len(_PANELS) // _ROWS
+        axes = figure.subplots(_ROWS, columns, width_ratios=[1.0] * (columns - 1) + [0.62]).ravel()
+        for axis, (column, label) in zip(axes, _PANELS.items(), strict=True):
             axis.plot(rows["gestational_age"], rows[column], color=BLUE, label="this run")
-            axis.set(xlabel="gestational age (weeks)", ylabel=label)
+            axis.set(xlabel="age (weeks)" if column in _SMALL else "gestational age (weeks)", ylabel=label)
             if column == "min_j":
                 axis.axhline(0, color=VERMILION, linestyle="--", linewidth=0.8)
-            if column in ("gyrification_index", "relative_area"):
+            if column not in _SMALL:
                 real_points(axis, column, hemisphere)
-        figure.axes[0].legend(loc="upper left")
+            weeks(axis, float(rows["gestational_age"].min()), float(rows["gestational_age"].max()))
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
     return figure
 
 
+def weeks(axis: Axes, first: float, last: float) -> None:
+    """Let an axis of ages run between whole weeks, with a tick at each of them."""
+    low, high = np.floor(first + 1e-6), np.ceil(last - 1e-6)
+    step = next((step for step in _STEPS if high - low <= _MOST_TICKS * step), _STEPS[-1])
+    axis.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
+    axis.set_xticks(np.arange(low, high + 0.5, step))
+    axis.xaxis.set_minor_locator(MultipleLocator(1))
+
+
 def curves(table: Path) -> pd.DataFrame:
-    """The table of a run as numbers, with area / volume^(2/3) as `relative_area`."""
-    rows = read_tsv(table).apply(pd.to_numeric, errors="coerce")
+    """The table of a run as numbers, with the names of `published.real_brains`, and `relative_area`."""
+    rows = published.as_real_brains(read_tsv(table).apply(pd.to_numeric, errors="coerce"))
     return rows.assign(relative_area=rows["area_mm2"] / rows["volume_mm3"] ** (2 / 3))
 
 
 def real_points(axis: Axes, column: str, hemisphere: str | None) -> None:
-    """Draw inner surfaces of real brains: fetuses dark, newborns, whose index jumps at birth, in grey."""
+    """Draw inner surfaces of real brains, each source by itself: newborns in grey, as their index jumps at birth."""
     brains = published.real_brains()
     brains["relative_area"] = brains["area_cm2"] / brains["volume_ml"] ** (2 / 3)
     brains = brains[(brains["surface_type"] == "white") & ((brains["hemi"] == "both") == (hemisphere is None))]
-    born = brains["source"].str.startswith("dHCP")
-    for chosen, colour, label in ((~born, "black", "real, fetal"), (born, GREY, "real, newborn")):
-        points = brains[chosen]
-        axis.scatter(points["gestational_age_weeks"], points[column], s=6, color=colour, label=label, zorder=3)
+    for source, (label, marker, colour) in _SOURCES.items():
+        points = brains[brains["source"] == source]
+        if len(points):
+            axis.scatter(
+                points["gestational_age_weeks"],
+                points[column],
+                s=9,
+                marker=marker,
+                facecolors="none" if source == published.ABNORMAL else colour,
+                edgecolors=colour,
+                linewidths=0.6,
+                label=label,
+                zorder=3,
+            )
 
 
-def views(frames: list[Path], hemisphere: str | None, side: str = _SIDE) -> Iterator[Image]:
-    """The surface of each frame from a side, coloured by mean curvature, all at the scale of the last frame."""
-    direction, up = _VIEWS[side]
-    if hemisphere == "R":
-        direction, up = direction * [-1, 1, 1], up * [-1, 1, 1]
-    surfaces = (_surface(vtu.read(path)) for path in frames)
-    last = _surface(vtu.read(frames[-1]))
-    focus = (last.points.min(axis=0) + last.points.max(axis=0)) / 2
-    extent = np.ptp(last.points, axis=0)
-    scale = 1.05 * max(extent[2], extent[1] * _VIEW[1] / _VIEW[0]) / 2
-    for surface in surfaces:
-        yield _view(surface, focus, direction, up, scale)
+def rows_of(frames: list[tuple[Path, float]], hemisphere: str | None, real: Mapping[float, Path]) -> list[Row]:
+    """The first brain, one every four weeks and the last, and those for which there is a real one of their age.
+
+    Parameters
+    ----------
+    frames : files and gestational ages
+    real : gestational age -> surface
+    """
+    beside = _beside([age for _, age in frames], hemisphere, real)
+    rows = []
+    for number in sorted({*_every([age for _, age in frames]), *beside}):
+        path, age = frames[number]
+        row = Row(age, simulated_brain(path))
+        if number in beside:
+            real_age = beside[number]
+            name = f"{_name(real[real_age])}, {real_age:g} weeks"
+            row = row._replace(real=real_brain(real[real_age], hemisphere), name=name)
+        rows.append(row)
+    return rows
 
 
-def _surface(mesh: TetMesh) -> TriSurface:
-    """The boundary, with the field of the medial wall if the mesh has it."""
-    surface, nodes = boundary_surface(mesh)
-    fields = {name: mesh.point_data[name][nodes] for name in (MEDIAL_WALL,) if name in mesh.point_data}
-    return replace(surface, point_data=fields)
+def _every(ages: list[float]) -> list[int]:
+    """Numbers of the frames nearest to every fourth week from the first, and of the last."""
+    wanted = [*np.arange(ages[0], ages[-1], _EVERY), ages[-1]]
+    return sorted({int(np.abs(np.array(ages) - age).argmin()) for age in wanted})
 
 
-def _view(surface: TriSurface, focus: FloatArray, direction: FloatArray, up: FloatArray, scale: float) -> Image:
-    shell = pyvista.PolyData.from_regular_faces(surface.points, surface.faces)
-    curvature = shell.curvature("mean")
-    if MEDIAL_WALL in surface.point_data:  # values that are no numbers get the colour of the wall
-        curvature = np.where(surface.point_data[MEDIAL_WALL] != 0, np.nan, curvature)
-    shell.point_data["curvature"] = curvature
-    with off_screen(_VIEW) as plotter:
-        plotter.add_mesh(
-            shell,
-            scalars="curvature",
-            cmap=COLOURS,
-            clim=(-CURVATURE, CURVATURE),
-            nan_color=_WALL_COLOUR,
-            smooth_shading=True,
-            split_sharp_edges=False,
-            show_scalar_bar=False,
-            ambient=0.25,
-            specular=0.1,
-        )
-        distance = 10 * scale
-        plotter.camera.position, plotter.camera.focal_point = focus + distance * direction, focus
-        plotter.camera.up = up
-        plotter.camera.parallel_projection = True
-        plotter.camera.parallel_scale = scale
-        plotter.camera.clipping_range = (0.1 * distance, 3 * distance)
-        image: Image = plotter.screenshot(return_img=True)
-    return image
+def _beside(ages: list[float], hemisphere: str | None, real: Mapping[float, Path]) -> dict[int, float]:
+    """Number of a frame -> age of the real brain beside it; what is left out is said."""
+    found: dict[int, float] = {}
+    for age, path in sorted(real.items()):
+        number = int(np.abs(np.array(ages) - age).argmin())
+        named = hemisphere_of(path)
+        if abs(ages[number] - age) > _ALIKE:
+            logger.warning("%s is not drawn: the run has no frame of %g weeks", path, age)
+        elif named not in (None, hemisphere):
+            logger.warning("%s is not drawn: it says that it is of hemisphere %s", path, named)
+        elif number in found and abs(ages[number] - found[number]) <= abs(ages[number] - age):
+            logger.warning("%s is not drawn: another surface is nearer to the same frame", path)
+        else:
+            found[number] = age
+    return found
 
 
-def before_and_after(images: list[list[Image]], ages: list[float]) -> Figure:
-    """The surface before (upper row) and after, from several sides (columns), with the scale of colours."""
-    with drawn(PAGE, 3.4) as figure:
-        axes = figure.subplots(len(ages), len(images))
-        for column, side in zip(axes.T, images, strict=True):
-            for axis, image in zip(column, side, strict=True):
-                axis.imshow(image)
-                axis.set_axis_off()
-        for row, age in zip(axes, ages, strict=True):
-            row[0].set_title(f"{age:.1f} weeks", loc="left")
-        norm = mpl.colors.Normalize(-CURVATURE, CURVATURE)
-        figure.colorbar(
-            mpl.cm.ScalarMappable(norm, COLOURS), ax=axes, shrink=0.6, aspect=30, label="mean curvature (1/mm)"
-        )
-    return figure
+def _name(path: Path) -> str:
+    """The name of a file without its endings."""
+    return path.name.removesuffix(path.suffix).removesuffix(".surf")
 
 
-def film(images: Iterator[Image], ages: list[float], path: Path) -> None:
-    """Write an animated GIF, one image per gestational age; the last image stays for a second."""
+def views(frames: list[Path], hemisphere: str | None) -> Iterator[Image]:
+    """The brain of each frame from its lateral side, a whole one from the left, at the scale and place of the last."""
+    last = simulated_brain(frames[-1])
+    for path in frames:
+        yield view(simulated_brain(path), sides(hemisphere)[0], centre(last), _VIEW, _pixels_per_mm(last, hemisphere))
+
+
+def _pixels_per_mm(last: Brain, hemisphere: str | None) -> float:
+    """The scale at which the last brain fills a view."""
+    return float((np.array(_VIEW) / extent(last, sides(hemisphere)[0])).min()) / _MARGIN
+
+
+def film(frames: list[tuple[Path, float]], hemisphere: str | None, path: Path) -> None:
+    """Write an animated GIF of the `views` of some frames, with their ages; the last image stays for a second."""
+    files, ages = zip(*frames, strict=True)
+    per_mm = _pixels_per_mm(simulated_brain(files[-1]), hemisphere)
     with mpl.rc_context({**STYLE, "font.size": 12}), atomic_path(path) as temporary:
         figure = Figure(figsize=(_VIEW[0] / 100, _VIEW[1] / 100), dpi=100)
         axis = figure.add_axes((0, 0, 1, 1))
-        axis.set_axis_off()
         writer = PillowWriter(fps=_RATE)
         with writer.saving(figure, temporary, dpi=100):
-            for image, age in zip(images, ages, strict=True):
+            for image, age in zip(views(list(files), hemisphere), ages, strict=True):
                 axis.clear()
                 axis.set_axis_off()
                 axis.imshow(image)
                 axis.text(0.02, 0.95, f"{age:.1f} weeks", transform=axis.transAxes)
+                draw_bar(axis, (20, _VIEW[1] - 20), per_mm, bar_length(_VIEW[0] / per_mm, times=10))
                 writer.grab_frame()
             for _ in range(_RATE - 1):
                 writer.grab_frame()

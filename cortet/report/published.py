@@ -12,6 +12,8 @@ from cortet.report import DATA
 
 #: cell size of the published meshes, mm
 CELL_SIZE = 0.6
+#: source of real brains whose anatomy is abnormal
+ABNORMAL = "spina bifida atlas"
 #: columns that hold words, not numbers
 _WORDS = ["case", "configuration", "hemi", "measure", "mesher", "source", "stages", "surface", "surface_type"]
 
@@ -37,8 +39,23 @@ def measures() -> pd.DataFrame:
 
 
 def real_brains() -> pd.DataFrame:
-    """Area, volume, gyrification index and extents of real surfaces, 22 to 42 weeks, one row each."""
+    """Size, shape and folds of real surfaces, 22 to 42 weeks, one row each."""
     return _read("real_brains")
+
+
+def healthy_hemispheres() -> pd.DataFrame:
+    """Those of `real_brains` that are the inner surface of one healthy hemisphere."""
+    brains = real_brains()
+    return brains[(brains["surface_type"] == "white") & (brains["hemi"] != "both") & (brains["source"] != ABNORMAL)]
+
+
+def as_real_brains(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows of a fold's table, or of `measurements.shape`, with areas and volumes under the names of `real_brains`."""
+    return rows.assign(
+        area_cm2=rows["area_mm2"] / 100,
+        volume_ml=rows["volume_mm3"] / 1000,
+        hull_volume_ml=rows["hull_volume_mm3"] / 1000,
+    )
 
 
 def histogram(stages: str) -> NDArray[np.int64]:

@@ -21,12 +21,13 @@ from cortet.geometry.topology import (
     boundary_faces,
     boundary_nodes,
     cut_components,
+    enclosed_centroid,
     face_areas,
     interfaces,
     vertex_normals,
 )
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import FILLED, REGION, FloatArray, IntArray, MeshSets, TetMesh, node_field
+from cortet.meshes import FILLED, REGION, FloatArray, IntArray, MeshSets, TetMesh, TriSurface, node_field
 
 #: cortical thickness at t = 0, and what it gains per unit of time
 THICKNESS, THICKENING = 0.042, 0.01
@@ -98,8 +99,10 @@ def require_positive(volumes: FloatArray) -> None:
         )
 
 
-def scale_of(mesh: TetMesh, hemisphere: str | None, *, reference: bool = False) -> Scale:
-    """Unit of length and origin of a mesh in RAS coordinates: about half the length of the brain, and its centre.
+def scale_of(mesh: TetMesh | TriSurface, hemisphere: str | None, *, reference: bool = False) -> Scale:
+    """Unit of length and origin of a mesh, or of what a closed surface encloses, in RAS coordinates.
+
+    They are about half the length of the brain, and its centre.
 
     A whole brain (`hemisphere` None) has as length the largest distance from its centroid along any axis. Half a brain
     ("L" or "R") has the largest of half its length, its full width and half its height, and the plane x = 0 touches its
@@ -109,13 +112,19 @@ def scale_of(mesh: TetMesh, hemisphere: str | None, *, reference: bool = False) 
     ----------
     reference : take the mean of the nodes for the centroid, which depends on where the mesh is fine
     """
-    volumes = signed_volumes(mesh.points, mesh.cells)
-    centroid = volumes @ mesh.points[mesh.cells].mean(axis=1) / volumes.sum()
-    origin = mesh.points.mean(axis=0) if reference else centroid
+    origin = mesh.points.mean(axis=0) if reference else _centroid(mesh)
     if hemisphere is None:
         return Scale(origin, float(np.abs(mesh.points - origin).max()))
     origin[0] = mesh.points[:, 0].max() if hemisphere == "L" else mesh.points[:, 0].min()
     return Scale(origin, float((np.ptp(mesh.points, axis=0) * [1, 0.5, 0.5]).max()))
+
+
+def _centroid(mesh: TetMesh | TriSurface) -> FloatArray:
+    """Centroid of the volume: (3,)."""
+    if isinstance(mesh, TriSurface):
+        return enclosed_centroid(mesh.points, mesh.faces)
+    volumes = signed_volumes(mesh.points, mesh.cells)
+    return np.asarray(volumes @ mesh.points[mesh.cells].mean(axis=1) / volumes.sum())
 
 
 def body_of(

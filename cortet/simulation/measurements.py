@@ -99,7 +99,7 @@ def shape(points: FloatArray, faces: IntArray, wall: NDArray[np.bool_], cortex_v
     points : nodes (n, 3), mm
     faces : triangles (k, 3) of the boundary
     wall : (n,), nodes of the medial wall, where no folds are counted
-    cortex_volume : mm3
+    cortex_volume : mm3; NaN where it is not known, and thickness and share are not either
     """
     volume = enclosed_volume(points, faces)
     nodes, inverse = np.unique(faces, return_inverse=True)
@@ -147,7 +147,7 @@ def folds_of(points: FloatArray, faces: IntArray, cortex: FloatArray) -> Folds:
     cortex : (n,), 1 where it counts, 0 where it does not, on the medial wall
     """
     counted = cortex[faces].min(axis=1)
-    values = _smoothed(mean_curvature(points, faces), points, faces)
+    values = smoothed_curvature(points, faces)
     length = float(_zero_line(points[faces], values[faces]) @ counted)
     area = float(face_areas(points, faces) @ counted)
     return Folds(
@@ -172,6 +172,11 @@ def _mean_over(values: FloatArray, points: FloatArray, faces: IntArray, cortex: 
     return float(np.average(values, weights=weight)) if weight.sum() > 0 else float("nan")
 
 
+def smoothed_curvature(points: FloatArray, faces: IntArray) -> FloatArray:
+    """Mean curvature of each vertex, 1/mm (n,), smoothed over 1.5 mm: above zero on gyri, below it in sulci."""
+    return _smoothed(mean_curvature(points, faces), points, faces)
+
+
 def mean_curvature(points: FloatArray, faces: IntArray) -> FloatArray:
     """Mean curvature of each vertex, 1/mm (n,), positive on gyri: the gradient of the area over twice the area."""
     normals = face_normals(points, faces)
@@ -192,10 +197,12 @@ def _smoothed(values: FloatArray, points: FloatArray, faces: IntArray) -> FloatA
     start, end = edges(faces).T
     mean_square = float(((points[start] - points[end]) ** 2).sum(axis=1).mean())
     degree = np.bincount(np.r_[start, end], minlength=len(points))
-    for _ in range(max(1, round(2 * _SMOOTHING**2 / mean_square))):
+    rounds = max(1.0, 2 * _SMOOTHING**2 / mean_square)
+    # the last round counts in part: whole ones alone would let the width of folds jump as a mesh grows
+    for part in [1.0] * int(rounds) + [rounds % 1]:
         total = np.bincount(start, values[end], minlength=len(points))
         total = total + np.bincount(end, values[start], minlength=len(points))
-        values = (values + total / degree) / 2
+        values = values + part * (total / degree - values) / 2
     return values
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary_faces, component_labels, face_areas, face_normals
-from cortet.meshes import FloatArray, IntArray, TetMesh, node_field
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, node_field
 
 #: hemisphere -> direction along x, in RAS coordinates, in which its other half lies
 TOWARDS_MIDLINE = {"L": 1.0, "R": -1.0}
@@ -38,7 +38,7 @@ _UNCUT = 0.85
 class Wall(NamedTuple):
     """The medial wall of a run, and how it was found."""
 
-    #: (n,), whether a node of the mesh belongs to it
+    #: (n,), whether a node of the mesh, or a vertex of the surface, belongs to it
     nodes: NDArray[np.bool_]
     #: its area, and its share of the whole surface
     area_mm2: float
@@ -47,10 +47,10 @@ class Wall(NamedTuple):
     found: str
 
 
-def medial_wall(mesh: TetMesh, hemisphere: str, origin: FloatArray, length: float) -> Wall:
-    """The medial wall of half a brain in RAS coordinates.
+def medial_wall(mesh: TetMesh | TriSurface, hemisphere: str, origin: FloatArray, length: float) -> Wall:
+    """The medial wall of half a brain in RAS coordinates, a mesh or its closed surface.
 
-    The point data or the set of faces `medial_wall` of the mesh, where it has them. Else, of what faces the midline
+    The point data or the set of faces `medial_wall`, where there are any. Else, of what faces the midline
     around the middle of the medial plane, the connected part with most area that lies in one plane, if it is at least
     2 % of the whole surface. Else, as on a surface that was never cut, the connected part with most area.
 
@@ -61,13 +61,13 @@ def medial_wall(mesh: TetMesh, hemisphere: str, origin: FloatArray, length: floa
 
     Raises
     ------
-    InputError : the field of the mesh marks no node of the surface, or all of them
+    InputError : the field marks no node of the surface, or all of them
     """
-    faces = boundary_faces(mesh)
+    faces = mesh.faces if isinstance(mesh, TriSurface) else boundary_faces(mesh)
     areas = face_areas(mesh.points, faces)
     marked = _marked(mesh, faces)
     if marked is not None:
-        return _wall(mesh, faces, areas, marked, f"the mesh marks it ({MEDIAL_WALL})")
+        return _wall(mesh, faces, areas, marked, f"{_what(mesh)} marks it ({MEDIAL_WALL})")
     cosine = face_normals(mesh.points, faces)[:, 0] * TOWARDS_MIDLINE[hemisphere] / (2 * areas)
     centres = (mesh.points[faces].mean(axis=1) - origin) / length
     from_middle = np.linalg.norm((centres[:, 1:] - _CENTRE) / _HALF_AXES, axis=1)
@@ -78,18 +78,24 @@ def medial_wall(mesh: TetMesh, hemisphere: str, origin: FloatArray, length: floa
     return _wall(mesh, faces, areas, around, "it faces the midline around its middle; no part of the surface is flat")
 
 
-def _wall(mesh: TetMesh, faces: IntArray, areas: FloatArray, chosen: NDArray[np.bool_], found: str) -> Wall:
+def _what(mesh: TetMesh | TriSurface) -> str:
+    return "the surface" if isinstance(mesh, TriSurface) else "the mesh"
+
+
+def _wall(
+    mesh: TetMesh | TriSurface, faces: IntArray, areas: FloatArray, chosen: NDArray[np.bool_], found: str
+) -> Wall:
     nodes = np.zeros(len(mesh.points), bool)
     nodes[faces[chosen]] = True
     area = float(areas[chosen].sum())
     return Wall(nodes, area, area / float(areas.sum()), found)
 
 
-def _marked(mesh: TetMesh, faces: IntArray) -> NDArray[np.bool_] | None:
-    """Faces of the wall that the mesh itself names, (k,): those whose nodes all belong to it."""
+def _marked(mesh: TetMesh | TriSurface, faces: IntArray) -> NDArray[np.bool_] | None:
+    """Faces of the wall that the mesh or surface itself names, (k,): those whose nodes all belong to it."""
     if (marks := node_field(mesh, MEDIAL_WALL)) is not None:
         nodes = marks != 0
-    elif MEDIAL_WALL in mesh.sets.faces:
+    elif isinstance(mesh, TetMesh) and MEDIAL_WALL in mesh.sets.faces:
         nodes = np.zeros(len(mesh.points), bool)
         nodes[mesh.sets.faces[MEDIAL_WALL]] = True
     else:

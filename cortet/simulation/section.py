@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
 from cortet.sections import Cases, Finite, Positive, Section
 from cortet.simulation.growth import AGES
+
+#: what stands for the hemisphere in the name of a file
+_HEMI = "{hemi}"
 
 Model = Literal["growing", "braingrowth"]
 #: growth per week from 22 weeks on, or growth since then at ages: {22: 0, 30: 0.3, 38: 0.8}
@@ -36,7 +40,7 @@ def misplaced(fold: Any) -> str | None:
 class Fold(Section):
     """Folding simulation of meshes: growth of the cortex until it buckles."""
 
-    choices: ClassVar[frozenset[str]] = Section.choices | {"variants"}
+    choices: ClassVar[frozenset[str]] = Section.choices | {"variants", "real_surfaces"}
 
     cases: Cases | None = None
     """Cases whose meshes are folded: all, a number of them spread over the ages, a list of their names, as file names
@@ -47,6 +51,10 @@ class Fold(Section):
     variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {}
     """Further runs of each of these cases, name: keys of this section that differ, e.g.
     {thin: {thickness: 1.0}, stiff: {core_stiffness: 2.0}}."""
+    real_surfaces: dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Path] = {}
+    """Real brains that pictures show beside the simulated ones of their age, gestational age: closed surface in mm and
+    RAS coordinates, of the same hemisphere; {hemi} in its name stands for L or R:
+    {22: "atlas/week22_hemi-{hemi}_white.surf.gii"}."""
     end: Annotated[float, Field(ge=AGES[0], le=AGES[1])] = 40.0
     """Gestational age at which a run ends, weeks."""
     model: Model = "growing"
@@ -102,10 +110,12 @@ class Fold(Section):
 
     @model_validator(mode="after")
     def _variants_are_valid(self) -> Fold:
-        own = self.model_dump(exclude={"variants", "cases"})
+        own = self.model_dump(exclude=set(self.choices))
         for name, changed in self.variants.items():
-            if not changed or {"variants", "cases"} & set(changed):
-                raise ValueError(f"variant {name}: name keys of fold that differ, other than cases and variants")
+            if not changed or self.choices & set(changed):
+                raise ValueError(
+                    f"variant {name}: name keys of fold that differ, other than cases, variants and real_surfaces"
+                )
             try:
                 Fold(**{**own, **changed})
             except ValidationError as error:
@@ -113,6 +123,14 @@ class Fold(Section):
                 where = ".".join(map(str, first["loc"]))
                 raise ValueError(f"variant {name}: {where + ': ' if where else ''}{first['msg']}") from None
         return self
+
+    def real_surfaces_of(self, hemisphere: str | None) -> dict[float, Path]:
+        """The real brains for a hemisphere; for a whole one (None) those whose names depend on none."""
+        return {
+            age: Path(str(path).replace(_HEMI, hemisphere or ""))
+            for age, path in self.real_surfaces.items()
+            if hemisphere or _HEMI not in str(path)
+        }
 
 
 DEFAULT = Fold()

@@ -27,7 +27,7 @@ def test_all_cases_are_folded_under_every_variant(study: Study) -> None:
     assert float(rows["sub-a_hemi-L", "thin"]["thickness_mm"]) == 2.0
     assert float(rows["sub-a_hemi-L", "n/a"]["thickness_mm"]) == 3.0
     page = (study.outputs / "cohort/index.html").read_text()
-    assert page.count("before and after") == 6 and "FoldedThin/folding.gif" in page
+    assert page.count("by age") == 6 and "FoldedThin/folding.gif" in page
     assert study.planned_jobs() == set()
 
 

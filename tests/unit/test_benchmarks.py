@@ -18,6 +18,7 @@ SCRIPTS = [path for path in sorted(FOLDER.glob("*.py")) if "__main__" in path.re
 TINY = {
     "chains": ["x_pial.surf.gii", "--cell-sizes", "4", "--chains", "default"],
     "fidelity": ["x_pial.surf.gii", "--cell-sizes", "4"],
+    "fold_weeks": ["--real", "x_white.surf.gii:24:L", "--pair", "x_pial.surf.gii:x_white.surf.gii:26:both"],
     "formats": ["--tets", "500", "--formats", "carp"],
     "regions": ["x_pial.surf.gii", "--cell-sizes", "4"],
     "repair": ["x_pial.surf.gii", "--cell-size", "4"],

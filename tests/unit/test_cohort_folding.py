@@ -55,6 +55,17 @@ def test_the_figure_has_a_curve_per_run_over_real_brains(runs: list[dict[str, An
         assert [line.get_label() for line in named] == ["sub-a_hemi-L", "sub-a_hemi-L wild"]
         assert [line.get_linestyle() for line in named] == ["-", "--"]
         assert sum(len(points.get_offsets()) for points in axis.collections) > 10
+        assert axis.get_xticks().tolist() == [22, 26, 30, 34, 38, 42]
+    (legend,) = (axis.get_legend() for axis in figure.axes[:1])
+    names = [text.get_text() for text in legend.get_texts()]
+    assert len(names) == len(set(names)) == 2 + 4
+
+
+def test_halves_and_whole_brains_stand_over_real_ones_of_their_kind(runs: list[dict[str, Any]]) -> None:
+    figure = cohort_folding_figure([*runs, {**runs[0], "case": "sub-c", "hemisphere": None}])
+    names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert len(names) == len(set(names)) == 3 + 4
+    assert len(figure.axes[0].collections) == 4 + 1
 
 
 def test_runs_that_have_a_name_in_the_legend_have_a_colour_of_their_own(runs: list[dict[str, Any]]) -> None:
@@ -71,7 +82,14 @@ def test_variants_change_keys_of_fold() -> None:
 
 @pytest.mark.parametrize(
     "variants",
-    [{"thin": {"thicknes": 1.0}}, {"thin": {"thickness": -1.0}}, {"thin": {}}, {"thin": {"cases": "all"}}, {"T n": {}}],
+    [
+        {"thin": {"thicknes": 1.0}},
+        {"thin": {"thickness": -1.0}},
+        {"thin": {}},
+        {"thin": {"cases": "all"}},
+        {"thin": {"real_surfaces": {}}},
+        {"T n": {}},
+    ],
 )
 def test_a_variant_that_cannot_be_is_refused(variants: dict[str, Any]) -> None:
     with pytest.raises((InputError, ValidationError), match="fold"):

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib.image
 import numpy as np
+import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
-from shapes import ball_mesh
+from shapes import ball_mesh, ball_surface
 
 from cortet.cli import main
 from cortet.errors import InputError
 from cortet.formats import vtu
+from cortet.formats.gifti import write_surface
 from cortet.formats.ownership import MANIFEST
-from cortet.report.fold_figures import numbers, series
+from cortet.formats.tsv import read_tsv
+from cortet.report import fold_figures
+from cortet.report.fold_figures import numbers, series, weeks
+from cortet.report.fold_views import brain_of
 from cortet.simulation.journal import per_percent, reached, status
 from cortet.simulation.measurements import Measurements
 
@@ -25,7 +33,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     vtu.write(ball_mesh(2, radius=10.0), folder / "ball.vtu")
     (folder / "fold.yaml").write_text("fold: {thickness: 3, frame_interval: 0.1}\n")
+    write_surface(ball_surface(3, radius=14.0), folder / "real.surf.gii")
     options = ["--ga", "22", "--hemi", "L", "--end", "22.2", "--config", str(folder / "fold.yaml"), "--threads", "1"]
+    options += ["--real", f"22.3={folder / 'real.surf.gii'}"]
     assert main(["fold", str(folder / "ball.vtu"), "-o", str(folder / "out"), *options]) == 0
     return folder / "out"
 
@@ -38,36 +48,142 @@ def test_the_command_makes_everything(run: Path) -> None:
 
 
 def test_the_figure_shows_what_the_table_holds(run: Path) -> None:
-    figure = numbers(run / "fold.tsv", "L")
-    assert [axis.get_ylabel() for axis in figure.axes] == [
-        "gyrification index", "area / volume$^{2/3}$", "smallest J", r"$q_\mathrm{max}$",
-    ]  # fmt: skip
-    ages = figure.axes[0].lines[0].get_xdata()
-    assert np.asarray(ages) == pytest.approx([22, 22.1, 22.2], abs=0.02)
+    figure, rows = numbers(run / "fold.tsv", "L"), read_tsv(run / "fold.tsv").apply(pd.to_numeric, errors="coerce")
+    shown = {axis.get_ylabel(): axis.lines[0] for axis in figure.axes}
+    units = {
+        "gyrification index": ("gyrification_index", 1), "area (cm²)": ("area_mm2", 100),
+        "volume (mL)": ("volume_mm3", 1000), "hull volume (mL)": ("hull_volume_mm3", 1000),
+        "width of folds (mm)": ("fold_spacing_mm", 1), "depth of sulci (mm)": ("sulcal_depth_mm", 1),
+        "smallest $J$": ("min_j", 1), "largest $q$": ("q_max", 1),
+    }  # fmt: skip
+    assert shown.keys() == units.keys()
+    for label, (column, unit) in units.items():
+        assert np.asarray(shown[label].get_ydata()) == pytest.approx(rows[column].to_numpy() / unit, nan_ok=True)
+        assert np.asarray(shown[label].get_xdata()) == pytest.approx([22, 22.1, 22.2], abs=0.02)
+    widths = {axis.get_ylabel(): axis.get_position().width for axis in figure.axes}
+    assert max(widths["smallest $J$"], widths["largest $q$"]) < 0.7 * min(widths["area (cm²)"], widths["volume (mL)"])
 
 
-@pytest.mark.parametrize(("hemisphere", "fetal", "newborn"), [("L", 9, 9), (None, 1, 0)])
-def test_the_curves_stand_on_real_brains(run: Path, hemisphere: str | None, fetal: int, newborn: int) -> None:
-    for axis in numbers(run / "fold.tsv", hemisphere).axes[:2]:
-        before_birth, after = (points.get_offsets() for points in axis.collections)
-        assert len(before_birth) == fetal and len(after) == newborn
-        assert max(age for age, _ in before_birth) <= 37
-    assert not numbers(run / "fold.tsv", "L").axes[2].collections
+@pytest.mark.parametrize(
+    ("hemisphere", "sources"),
+    [("L", {"CRL": 5, "FetoMorph": 3, "spina": 1, "dHCP": 9}), (None, {"FetoMorph": 1})],
+)
+def test_the_curves_stand_on_real_brains_whose_source_is_named(
+    run: Path, hemisphere: str | None, sources: dict[str, int]
+) -> None:
+    figure = numbers(run / "fold.tsv", hemisphere)
+    for axis in figure.axes:
+        found = {re.split("[ ,]", str(points.get_label()))[0]: len(points.get_offsets()) for points in axis.collections}
+        small = axis.get_ylabel() in ("smallest $J$", "largest $q$")
+        assert found == ({} if small else sources)
+        assert all(np.isfinite(points.get_offsets()).all() for points in axis.collections)
+    (legend,) = figure.legends
+    named = [text.get_text() for text in legend.get_texts()]
+    assert named[0] == "this run" and [re.split("[ ,]", name)[0] for name in named[1:]] == list(sources)
 
 
-def test_before_and_after_are_seen_from_three_sides_in_colour_and_the_wall_in_grey(run: Path) -> None:
+@pytest.mark.parametrize(
+    ("first", "last", "ticks"),
+    [
+        (22.0, 22.2, [22, 23]),
+        (22, 38, [22, 26, 30, 34, 38]),
+        (25, 30, list(range(25, 31))),
+        (27.3, 34, [27, 29, 31, 33]),
+    ],
+)
+def test_ticks_are_at_whole_weeks(first: float, last: float, ticks: list[int]) -> None:
+    axis = Figure().subplots()
+    weeks(axis, first, last)
+    assert axis.get_xticks().tolist() == ticks
+    low, high = axis.get_xlim()
+    assert low < first and last < high
+    minor = np.asarray(axis.xaxis.get_minorticklocs())
+    assert np.array_equal(minor, np.round(minor))
+
+
+def test_brains_are_seen_from_three_sides_in_colour_and_the_wall_in_grey(run: Path) -> None:
     image = matplotlib.image.imread(run / "folded.png")[:, :, :3]
-    views = [
-        view
-        for row in np.array_split(image, 2, axis=0)
-        for view in np.array_split(row[:, : int(0.85 * row.shape[1])], 3, axis=1)
-    ]
-    for view in views:
-        coloured = np.ptp(view, axis=2) > 0.2
-        assert 0.05 < coloured.mean() < 0.9
-    grey = [((np.ptp(view, axis=2) < 0.02) & (view[:, :, 0] < 0.7)).mean() for view in views]
-    assert grey[1] > 0.02 and grey[4] > 0.02  # from the middle
-    assert grey[0] < 0.01 and grey[3] < 0.01  # from the side
+    coloured = np.ptp(image, axis=2) > 0.2
+    grey = (np.ptp(image, axis=2) < 0.03) & (np.abs(image[:, :, 0] - 0.42) < 0.05)
+    above_the_foot = slice(0, int(0.85 * len(image)))
+    parts = np.array_split(np.arange(int(0.087 * image.shape[1]), image.shape[1]), 6)
+    seen = [coloured[above_the_foot, part].mean() for part in parts]
+    walls = [grey[above_the_foot, part].mean() for part in parts]
+    # two simulated brains, of the first frame and the last, and one real one beside the last
+    assert min(seen[:3]) > 1.2 * max(seen[3:]) > 0.05
+    assert min(walls[1], walls[4]) > 5 * max(walls[0], walls[2], walls[3], walls[5])
+
+
+def frames(*ages: float) -> list[tuple[Path, float]]:
+    return [(Path(f"{age}.vtu"), age) for age in ages]
+
+
+@pytest.fixture
+def rows(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., list[tuple[float, str]]]:
+    """Ages of the rows of the sheet for some frames and ages of real brains, and what stands beside each."""
+    surface = ball_surface(2)
+    brain = brain_of(surface, np.zeros(len(surface.points), bool))
+    monkeypatch.setattr(fold_figures, "simulated_brain", lambda _: brain)
+    monkeypatch.setattr(fold_figures, "real_brain", lambda *_: brain)
+
+    def of(ages: list[float], real: list[float], text: str = "") -> list[tuple[float, str]]:
+        files = {age: tmp_path / f"real{age:g}.surf.gii" for age in real}
+        for path in files.values():
+            path.write_text(text)
+        found = fold_figures.rows_of(frames(*ages), "L", files)
+        assert all((row.real is not None) == bool(row.name) for row in found)
+        return [(row.age, row.name) for row in found]
+
+    return of
+
+
+def test_there_is_a_row_every_four_weeks_and_for_every_real_brain(
+    rows: Callable[..., list[tuple[float, str]]], caplog: pytest.LogCaptureFixture
+) -> None:
+    weekly = [float(age) for age in range(22, 36)]
+    assert rows(weekly, []) == [(22, ""), (26, ""), (30, ""), (34, ""), (35, "")]
+    assert rows(weekly, [26.2, 28.4]) == [
+        (22, ""), (26, "real26.2, 26.2 weeks"), (28, "real28.4, 28.4 weeks"), (30, ""), (34, ""), (35, ""),
+    ]  # fmt: skip
+    assert not caplog.messages
+
+
+def test_a_real_brain_that_is_not_drawn_is_named(
+    rows: Callable[..., list[tuple[float, str]]], caplog: pytest.LogCaptureFixture
+) -> None:
+    assert rows([30.0, 31.0], [22.0, 30.4, 30.1]) == [(30, "real30.1, 30.1 weeks"), (31, "")]
+    assert "real22.surf.gii is not drawn: the run has no frame of 22 weeks" in caplog.text
+    assert "real30.4.surf.gii is not drawn: another surface is nearer" in caplog.text
+    right = "<Name>AnatomicalStructurePrimary</Name><Value>CortexRight</Value>"
+    assert rows([30.0, 31.0], [30.0], right) == [(30, ""), (31, "")]
+    assert "real30.surf.gii is not drawn: it says that it is of hemisphere R" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ("30", "'30' is not WEEKS=FILE"),
+        ("old=x.surf.gii", "'old' is not a number"),
+        ("30=gone.surf.gii", "gone.surf.gii"),
+        ("30=right.surf.gii", "is of hemisphere R, as it says, not L"),
+    ],
+)
+def test_a_real_brain_that_cannot_be_is_refused_before_the_work(
+    option: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    vtu.write(ball_mesh(2, radius=10.0), tmp_path / "ball.vtu")
+    write_surface(ball_surface(2), tmp_path / "right.surf.gii")
+    named = "<MetaData><MD><Name>AnatomicalStructurePrimary</Name><Value>CortexRight</Value></MD></MetaData>"
+    text = (tmp_path / "right.surf.gii").read_text()
+    (tmp_path / "right.surf.gii").write_text(text.replace("<MetaData/>", named, 1).replace("<MetaData />", named, 1))
+    command = ["fold", "ball.vtu", "--ga", "22", "--hemi", "L", "-o", "out", "--real", option]
+    try:
+        code = main(command)
+    except SystemExit as ended:
+        code = ended.code
+    assert code and words in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_film_has_an_image_per_frame(run: Path) -> None:
@@ -80,7 +196,7 @@ def test_drawing_again_gives_the_same_files(run: Path, tmp_path: Path) -> None:
     from cortet.report.fold_figures import draw
 
     before = {name: (run / name).read_bytes() for name in ("folding.svg", "folded.png", "folding.gif")}
-    draw(run, "L")
+    draw(run, "L", {22.3: run.parent / "real.surf.gii"})
     assert {name: (run / name).read_bytes() for name in before} == before
 
 

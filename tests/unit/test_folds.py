@@ -32,6 +32,15 @@ def test_the_spacing_of_known_waves(waves: int) -> None:
     assert folds_of(surface.points, surface.faces, cortex).spacing == pytest.approx(expected, rel=0.15)
 
 
+def test_the_spacing_of_a_rough_surface_does_not_jump_as_it_grows() -> None:
+    """It is smoothed over 1.5 mm, which is some rounds over neighbours, and not a whole number of them."""
+    surface, cortex = rippled(16, height=0.8)
+    rough = surface.points * np.random.default_rng(0).normal(1, 0.002, (len(surface.points), 1))
+    scales = np.linspace(0.9, 1.1, 21)
+    relative = [(folds_of(scale * rough, surface.faces, cortex).spacing or 0) / scale for scale in scales]
+    assert np.abs(np.diff(np.log(relative))).max() < 0.008
+
+
 def test_a_ball_has_no_folds() -> None:
     ball = ball_surface(4, radius=RADIUS)
     everywhere = np.ones(len(ball.points))

@@ -61,7 +61,7 @@ COMMANDS = {
     "quadratic": [Command("x.vtu x.surf.gii -o OUT", ".inp")],
     "job": [Command("x.inp -o DIR")],
     "picture": [Command("x.vtu -o OUT", ".png")],
-    "fold": [Command("x.vtu --ga 30 --end 30.001 --config settings.yaml -o DIR")],
+    "fold": [Command("x.vtu --ga 30 --end 30.001 --real 30=x.surf.gii --config settings.yaml -o DIR")],
     "phantom": [
         Command("--ga 24 --subdivisions 3 -o OUT", ".surf.gii"),
         Command("--ga 24 --subdivisions 3 --sphere fresh.surf.gii --pial OUT -o other.surf.gii", ".surf.gii"),

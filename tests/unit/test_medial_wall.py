@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
-from cortet.geometry.topology import boundary_faces, boundary_nodes
-from cortet.meshes import MeshSets, TetMesh
+from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
+from cortet.meshes import MeshSets, TetMesh, TriSurface
 from cortet.phantom import phantom
 from cortet.simulation.body import scale_of
 from cortet.simulation.growth import time_of
@@ -32,7 +32,7 @@ REAL = {
 }
 
 
-def wall_of(mesh: TetMesh, hemisphere: str) -> Wall:
+def wall_of(mesh: TetMesh | TriSurface, hemisphere: str) -> Wall:
     scale = scale_of(mesh, hemisphere)
     return medial_wall(mesh, hemisphere, scale.origin, scale.length)
 
@@ -55,6 +55,24 @@ def test_a_flat_cut_is_found_on_the_side_of_the_midline(hemisphere: str, side: f
     assert 0.05 < wall.share < 0.2
     assert wall.area_mm2 == pytest.approx(wall.share * 2 * (20 * 60 + 20 * 40 + 60 * 40))
     assert np.abs(straight[:, 1]).max() < 25  # the cortex in front of it and behind faces the midline, too
+
+
+@pytest.mark.parametrize("hemisphere", ["L", "R"])
+def test_a_surface_has_the_wall_of_the_body_in_it(hemisphere: str) -> None:
+    mesh = block(8.0)
+    surface, nodes = boundary_surface(mesh)
+    scale, same = scale_of(mesh, hemisphere), scale_of(surface, hemisphere)
+    assert same.origin == pytest.approx(scale.origin, abs=1e-9) and same.length == scale.length
+    inside, on_surface = wall_of(mesh, hemisphere), wall_of(surface, hemisphere)
+    assert on_surface.nodes.sum() > 10 and np.array_equal(on_surface.nodes, inside.nodes[nodes])
+    assert on_surface[1:] == inside[1:]
+
+
+def test_a_surface_may_say_what_its_wall_is() -> None:
+    surface, _ = boundary_surface(block())
+    top = surface.points[:, 2] == 20
+    wall = wall_of(TriSurface(surface.points, surface.faces, {"medial_wall": top.astype(np.int32)}), "L")
+    assert np.array_equal(wall.nodes, top) and wall.found == "the surface marks it (medial_wall)"
 
 
 def test_a_body_without_a_cut_has_its_wall_around_the_middle() -> None:
@@ -91,10 +109,11 @@ def test_the_wall_of_a_real_brain_is_the_cut_through_its_middle(name: str) -> No
     if not path.exists():
         pytest.skip(f"needs {path}")
     hemisphere, share = REAL[name]
-    mesh = generate(read_surface(path), cell_size=2.0, mesher="lattice")[0]
-    wall = wall_of(mesh, hemisphere)
-    assert "is flat" in wall.found
-    assert wall.share == pytest.approx(share, rel=0.25)
+    surface = read_surface(path)
+    for body in (generate(surface, cell_size=2.0, mesher="lattice")[0], surface):
+        wall = wall_of(body, hemisphere)
+        assert "is flat" in wall.found
+        assert wall.share == pytest.approx(share, rel=0.25)
 
 
 def test_the_wall_slides_in_the_sagittal_plane_and_does_not_grow() -> None:

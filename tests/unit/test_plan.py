@@ -117,6 +117,15 @@ def test_folds_are_asked_for_by_case_and_variant() -> None:
     assert asked.variant({"variant": "Stiff"}) == {"core_stiffness": 2.0} and asked.variant({}) == {}
 
 
+def test_pictures_of_a_fold_show_the_real_brains_of_its_hemisphere() -> None:
+    asked = plan(GOOD, PAIR, fold={"real_surfaces": {22: "22_{hemi}.surf.gii", 28.5: "28.surf.gii"}})
+    assert asked.real_surfaces(job(GOOD)) == {"22": "22_L.surf.gii", "28.5": "28.surf.gii"}
+    assert asked.real_surfaces(job(PAIR)) == {"22": "22_R.surf.gii", "28.5": "28.surf.gii"}
+    whole = replace(GOOD, hemi=None)
+    assert plan(whole, fold=asked.config.fold.model_dump()).real_surfaces(job(whole)) == {"28.5": "28.surf.gii"}
+    assert "real_surfaces" not in asked.arguments("fold", mesh_job(GOOD))
+
+
 def test_maps_are_of_a_hemispheres_resampled_cases() -> None:
     assert list(plan().maps("L")) == ["sub-made_hemi-L"] and plan().mapped_hemispheres() == ["L"]
 

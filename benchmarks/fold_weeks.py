@@ -1,0 +1,335 @@
+"""Size, thickness and folds of simulated brains by week, beside real ones and what is usual at each age.
+
+    python benchmarks/fold_weeks.py RUN... [--real SURFACE:AGE[:HEMI] ...] [--pair PIAL:WHITE:AGE:HEMI ...]
+        [--weeks 24 26 ...]
+    python benchmarks/fold_weeks.py --table FOLDER
+
+RUN are folders of `cortet fold` that differ by chance alone, as seeds of a mesh do: their mean is shown, and half of
+what lies between the lowest and the highest of them. Beside it stand laws of Gompertz for area, volume and hull
+(`growth.usual`), and real brains, interpolated between the surfaces that are named, or else between the healthy
+hemispheres of `cortet/report/data/real_brains.tsv`, whose mean counts where several have one age. What is more or less
+than these is given in per cent of them, of the gyrification index and of shares as a difference.
+
+A real surface is measured as a simulated one is, its medial wall left out of width, depth and concavity; HEMI is L, R
+or both, and not needed where the file names it. With a pair, what lies between pial and white surface is the cortex:
+its share is of the volume of the pial surface, its thickness over the area of that without the medial wall; all else is
+of the white surface. `--table` measures all surfaces of that table anew, which lie anywhere in a folder, and prints it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import curve_fit
+
+from cortet.formats.gifti import hemisphere_of, read_surface
+from cortet.formats.tsv import MISSING
+from cortet.geometry.topology import enclosed_volume
+from cortet.meshes import FloatArray, TriSurface
+from cortet.report import published
+from cortet.report.fold_figures import curves
+from cortet.simulation.body import scale_of
+from cortet.simulation.growth import AREA, HULL, VOLUME, usual
+from cortet.simulation.journal import TABLE
+from cortet.simulation.measurements import shape
+from cortet.simulation.medial_wall import medial_wall
+
+WEEKS = (24.0, 26.0, 28.0, 30.0, 32.0, 34.0, 36.0, 38.0)
+#: ages between which a simulated brain should be like a real one, weeks
+JUDGED = (26.0, 36.0)
+#: digits after the point of a table's columns
+DIGITS = {"gyrification_index": 3, "concave_share": 3, "sulcal_depth_mm": 2}
+AGE = "gestational_age"
+
+
+class Quantity(NamedTuple):
+    """A line of the table: a column of `published.as_real_brains`."""
+
+    label: str
+    digits: int
+    #: what is usual by age, where that is known
+    law: tuple[float, float, float] | None = None
+    #: whether what is more than a real one is a difference, not a part of it
+    absolute: bool = False
+
+
+QUANTITIES = {
+    "area_cm2": Quantity("area, cm²", 1, AREA),
+    "volume_ml": Quantity("volume, mL", 1, VOLUME),
+    "hull_volume_ml": Quantity("hull, mL", 1, HULL),
+    "extent_lr_mm": Quantity("left to right, mm", 1),
+    "extent_ap_mm": Quantity("back to front, mm", 1),
+    "extent_is_mm": Quantity("bottom to top, mm", 1),
+    "cortical_thickness_mm": Quantity("thickness, mm", 2),
+    "cortex_share": Quantity("share of the cortex", 3, absolute=True),
+    "fold_spacing_mm": Quantity("width of folds, mm", 1),
+    "sulcal_depth_mm": Quantity("depth, mm", 2),
+    "gyrification_index": Quantity("gyrification index", 3, absolute=True),
+    "concave_share": Quantity("concave share", 3, absolute=True),
+}
+
+
+class Given(NamedTuple):
+    """A real surface as it is named."""
+
+    white: Path
+    age: float
+    #: L, R, or None for both
+    hemisphere: str | None
+    pial: Path | None = None
+
+
+# --- measuring -------------------------------------------------------------------------------------------------------
+
+
+def of_surface(surface: TriSurface, hemisphere: str | None, cortex_volume: float = float("nan")) -> pd.Series:
+    """What `measurements.shape` says of a closed surface in RAS coordinates, medial wall left out, in usual units.
+
+    Parameters
+    ----------
+    hemisphere : L, R, or None for both, which have no medial wall
+    cortex_volume : mm3
+    """
+    wall = np.zeros(len(surface.points), bool)
+    if hemisphere is not None:
+        scale = scale_of(surface, hemisphere)
+        wall = medial_wall(surface, hemisphere, scale.origin, scale.length).nodes
+    found = shape(surface.points, surface.faces, wall, cortex_volume)
+    return published.as_real_brains(pd.DataFrame([found])).astype(float).iloc[0]
+
+
+def of_pair(pial: TriSurface, white: TriSurface, hemisphere: str | None) -> pd.Series:
+    """The same of the white surface, with thickness and share of the cortex between it and the pial surface."""
+    between = enclosed_volume(pial.points, pial.faces) - enclosed_volume(white.points, white.faces)
+    inside, outside = of_surface(white, hemisphere), of_surface(pial, hemisphere, between)
+    cortex = ["cortical_thickness_mm", "cortex_share"]
+    inside[cortex] = outside[cortex]
+    return inside
+
+
+def measured(given: Sequence[Given]) -> pd.DataFrame:
+    """A row for each real surface, by age; columns of `QUANTITIES`, name and age."""
+    rows = []
+    for one in given:
+        white = read_surface(one.white)
+        found = (
+            of_pair(read_surface(one.pial), white, one.hemisphere) if one.pial else of_surface(white, one.hemisphere)
+        )
+        rows.append({"surface": one.white.name.removesuffix(".gii").removesuffix(".surf"), AGE: one.age, **found})
+    return pd.DataFrame(rows, columns=["surface", AGE, *QUANTITIES]).sort_values(AGE, kind="stable")
+
+
+def table(folder: Path) -> pd.DataFrame:
+    """`real_brains.tsv` as text, measured anew from the surfaces somewhere in a folder.
+
+    Raises
+    ------
+    FileNotFoundError : a surface of the table is not there
+    """
+    known = published.real_brains().astype(object)
+    for row, name in known["surface"].items():
+        file = next(folder.rglob(f"{name}.surf.gii"), None)
+        if file is None:
+            raise FileNotFoundError(f"{folder}: holds no {name}.surf.gii")
+        hemisphere = known.loc[row, "hemi"]
+        found = of_surface(read_surface(file), None if hemisphere == "both" else str(hemisphere))
+        for column in known.columns.intersection(found.index):
+            known.loc[row, column] = _number(float(found[column]), DIGITS.get(column, 1))
+    return known
+
+
+# --- by week ---------------------------------------------------------------------------------------------------------
+
+
+def at(ages: Sequence[float], rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows of known ages at other ages: the mean of those of one age, a line between ages, nothing beyond them."""
+    means = rows.groupby(AGE)[list(QUANTITIES)].mean()
+    found = {}
+    for column in QUANTITIES:
+        known = means[column].dropna()
+        found[column] = np.interp(ages, known.index, known, left=np.nan, right=np.nan) if len(known) else np.nan
+    return pd.DataFrame(found, index=list(ages))
+
+
+def simulated(runs: Sequence[Path], ages: Sequence[float]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Mean of some runs at ages, and half of what lies between the lowest and the highest; NaN beyond a run's end."""
+    found = [at(ages, curves(run / TABLE)) for run in runs]
+    values = np.stack([one.to_numpy(float) for one in found])
+    mean, spread = values.mean(axis=0), np.ptp(values, axis=0) / 2
+    return tuple(pd.DataFrame(some, index=list(ages), columns=list(QUANTITIES)) for some in (mean, spread))  # type: ignore[return-value]
+
+
+def fitted(ages: FloatArray, values: FloatArray, first: tuple[float, float, float]) -> tuple[float, ...]:
+    """Largest value, rate and latest age of that law of Gompertz from which values at ages differ least, relatively."""
+
+    def logarithm(at: FloatArray, largest: float, rate: float, latest: float) -> FloatArray:
+        return np.log(usual((largest, rate, latest), at))
+
+    found, _ = curve_fit(logarithm, ages, np.log(values), p0=first)
+    return tuple(found.tolist())
+
+
+def excess(value: float, wanted: float, quantity: Quantity) -> float:
+    """How much more a value is than it should be: a part of it, or a difference."""
+    return value - wanted if quantity.absolute else value / wanted - 1
+
+
+# --- printing --------------------------------------------------------------------------------------------------------
+
+
+def _number(value: float, digits: int) -> str:
+    return MISSING if np.isnan(value) else f"{value:.{digits}f}"
+
+
+def _beside(value: float, wanted: float, quantity: Quantity) -> str:
+    """What should be, and in brackets how much more it is."""
+    if np.isnan(wanted) or np.isnan(value):
+        return _number(wanted, quantity.digits)
+    return f"{_number(wanted, quantity.digits)} ({_signed(excess(value, wanted, quantity), quantity)})"
+
+
+def _signed(part: float, quantity: Quantity) -> str:
+    return f"{part:+.2f}" if quantity.absolute else f"{100 * part:+.0f} %"
+
+
+def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table with columns of even width."""
+    widths = [max(len(row[column]) for row in (head, *rows)) for column in range(len(head))]
+    lines = [head, ["-" * width for width in widths], *rows]
+    return "\n".join(
+        f"| {' | '.join(cell.ljust(width) for cell, width in zip(line, widths, strict=True))} |" for line in lines
+    )
+
+
+def weeks_table(mean: pd.DataFrame, spread: pd.DataFrame, real: pd.DataFrame, *, several: bool) -> str:
+    """Lines of simulated brains, of what is usual and of real ones for each quantity; a column for each age."""
+    rows = []
+    for column, quantity in QUANTITIES.items():
+        ages, digits = mean.index.to_numpy(float), quantity.digits
+        cells = [_number(value, digits) for value in mean[column]]
+        if several:
+            cells = [
+                cell if cell == MISSING else f"{cell} ± {_number(half, digits)}"
+                for cell, half in zip(cells, spread[column], strict=True)
+            ]
+        rows.append([quantity.label, "simulated", *cells])
+        wanted: dict[str, FloatArray] = {"usual": usual(quantity.law, ages)} if quantity.law else {}
+        wanted["real"] = real[column].to_numpy(float)
+        for name, values in wanted.items():
+            if not np.isnan(values).all():
+                beside = (_beside(a, b, quantity) for a, b in zip(mean[column], values, strict=True))
+                rows.append(["", name, *beside])
+    return markdown(["", "", *(f"{age:g} weeks" for age in mean.index)], rows)
+
+
+def surfaces_table(real: pd.DataFrame) -> str:
+    """A line for each real surface, with how much more it is than usual at its age."""
+    rows = []
+    for _, row in real.iterrows():
+        cells = []
+        for column, quantity in QUANTITIES.items():
+            cell = _number(row[column], quantity.digits)
+            if quantity.law:
+                wanted = float(usual(quantity.law, np.array(row[AGE], float)))
+                cell += f" ({_signed(excess(row[column], wanted, quantity), quantity)})"
+            cells.append(cell)
+        rows.append([row["surface"], f"{row[AGE]:g}", *cells])
+    return markdown(["surface", "weeks", *(quantity.label for quantity in QUANTITIES.values())], rows)
+
+
+def verdict(mean: pd.DataFrame, real: pd.DataFrame) -> list[str]:
+    """Where the mean is farthest from what is usual, else from real ones, between the ages that are judged."""
+    judged = mean[(mean.index >= JUDGED[0]) & (mean.index <= JUDGED[1])]
+    lines = []
+    for column, quantity in QUANTITIES.items():
+        ages = judged.index.to_numpy(float)
+        wanted = usual(quantity.law, ages) if quantity.law else real.loc[judged.index, column].to_numpy(float)
+        differ = np.array([excess(a, b, quantity) for a, b in zip(judged[column], wanted, strict=True)])
+        if np.isnan(differ).all():
+            continue
+        worst = int(np.nanargmax(np.abs(differ)))
+        lines.append(
+            f"{quantity.label}: {_signed(differ[worst], quantity)} of {'usual' if quantity.law else 'real'} at "
+            f"{ages[worst]:g} weeks"
+        )
+    return lines
+
+
+def laws() -> list[str]:
+    """The laws that are used, fitted anew to the healthy hemispheres, and how far these are from them."""
+    brains = published.healthy_hemispheres()
+    lines = []
+    for column, quantity in QUANTITIES.items():
+        if quantity.law:
+            ages, values = (brains[name].to_numpy(float) for name in ("gestational_age_weeks", column))
+            law = fitted(ages, values, quantity.law)
+            rms = np.sqrt(((values / usual(quantity.law, ages) - 1) ** 2).mean())
+            lines.append(
+                f"{quantity.label}: used {', '.join(f'{one:g}' for one in quantity.law)}; of {len(ages)} hemispheres "
+                f"{law[0]:.1f}, {law[1]:.4f}, {law[2]:.2f}, from which they differ by {rms:.1%}"
+            )
+    return lines
+
+
+# --- the command -----------------------------------------------------------------------------------------------------
+
+
+def _given(paths: int) -> Callable[[str], Given]:
+    """Reads an option of so many paths, an age and a hemisphere, parted by colons."""
+
+    def read(text: str) -> Given:
+        parts = text.split(":")
+        if len(parts) not in (paths + 1, paths + 2):
+            raise argparse.ArgumentTypeError(f"{text!r} is not {'PIAL:WHITE' if paths > 1 else 'SURFACE'}:AGE:HEMI")
+        files, age = [Path(part) for part in parts[:paths]], parts[paths]
+        hemisphere = parts[paths + 1] if len(parts) > paths + 1 else hemisphere_of(files[-1])
+        if hemisphere not in ("L", "R", "both"):
+            raise argparse.ArgumentTypeError(f"{text!r} is of no hemisphere: end it with :L, :R or :both")
+        try:
+            weeks = float(age)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{age!r} in {text!r} is no age in weeks") from None
+        return Given(files[-1], weeks, None if hemisphere == "both" else hemisphere, files[0] if paths > 1 else None)
+
+    return read
+
+
+def main() -> None:
+    """Measure what is given and print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("runs", type=Path, nargs="*", metavar="RUN")
+    parser.add_argument("--real", type=_given(1), nargs="+", action="extend", default=[], metavar="SURFACE:AGE[:HEMI]")
+    parser.add_argument("--pair", type=_given(2), nargs="+", action="extend", default=[], metavar="PIAL:WHITE:AGE:HEMI")
+    parser.add_argument("--weeks", type=float, nargs="+", default=list(WEEKS))
+    parser.add_argument("--table", type=Path, metavar="FOLDER", help="measure the surfaces of real_brains.tsv there")
+    options = parser.parse_args()
+    if options.table:
+        table(options.table).to_csv(sys.stdout, sep="\t", index=False, na_rep=MISSING)
+        return
+    if not (options.runs or options.real or options.pair):
+        parser.error("name a run or a real surface")
+    real = measured([*options.real, *options.pair])
+    if len(real):
+        print(surfaces_table(real), end="\n\n")
+    if options.runs:
+        brains = published.healthy_hemispheres().rename(columns={"gestational_age_weeks": AGE})
+        known = real if len(real) else brains.reindex(columns=[AGE, *QUANTITIES])
+        wanted = at(options.weeks, known)
+        mean, spread = simulated(options.runs, options.weeks)
+        print(weeks_table(mean, spread, wanted, several=len(options.runs) > 1), end="\n\n")
+        named = "the surfaces above" if len(real) else f"{len(brains)} healthy hemispheres of real_brains.tsv"
+        count = f"{len(options.runs)} run{'s' * (len(options.runs) > 1)}"
+        print(f"{count}; real: interpolated between {named}. From {JUDGED[0]:g} to {JUDGED[1]:g} weeks")
+        print("\n".join(f"- {line}" for line in verdict(mean, wanted)), end="\n\n")
+    print("Laws: largest value, rate per week, latest age in weeks")
+    print("\n".join(f"- {line}" for line in laws()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,169 @@
+"""The table by week: what is measured of real surfaces, means of runs, laws, and what is more or less than usual."""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentTypeError
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from fold_weeks import (
+    AGE,
+    QUANTITIES,
+    Given,
+    _given,
+    at,
+    excess,
+    fitted,
+    main,
+    measured,
+    of_pair,
+    of_surface,
+    simulated,
+    table,
+    verdict,
+    weeks_table,
+)
+from shapes import ball_surface
+
+from cortet.formats.gifti import write_surface
+from cortet.formats.tsv import write_tsv
+from cortet.meshes import TriSurface
+from cortet.report import published
+from cortet.simulation.growth import AREA, HULL, VOLUME, usual
+from cortet.simulation.measurements import COLUMNS
+
+SHARED = Path(__file__).parents[3] / "shared/data"
+
+
+def run(folder: Path, area: float) -> Path:
+    """The table of a run from 22 to 30 weeks, all of whose values are 1 but the area, which grows by a tenth."""
+    folder.mkdir()
+    rows = [dict.fromkeys((column.name for column in COLUMNS), 1.0) for _ in range(2)]
+    rows[0] |= {"gestational_age": 22.0, "area_mm2": area}
+    rows[1] |= {"gestational_age": 30.0, "area_mm2": 1.1 * area}
+    write_tsv(rows, list(rows[0]), folder / "fold.tsv")
+    return folder
+
+
+def test_runs_are_averaged_at_every_age_that_all_of_them_reach(tmp_path: Path) -> None:
+    runs = [run(tmp_path / str(area), area) for area in (5000.0, 6000.0)]
+    mean, spread = simulated(runs, [22.0, 26.0, 30.0, 34.0])
+    assert mean["area_cm2"].tolist()[:3] == pytest.approx([55.0, 57.75, 60.5])
+    assert spread["area_cm2"].tolist()[:3] == pytest.approx([5.0, 5.25, 5.5])
+    assert mean.loc[34.0].isna().all() and spread.loc[34.0].isna().all()
+
+
+def test_real_brains_of_one_age_are_averaged_and_nothing_is_known_beyond_them() -> None:
+    rows = pd.DataFrame({AGE: [24.0, 28.0, 28.0], **{column: [1.0, 2.0, 4.0] for column in QUANTITIES}})
+    rows["cortex_share"] = np.nan
+    rows.loc[1, "concave_share"] = np.nan
+    found = at([23.0, 24.0, 26.0, 28.0, 29.0], rows)
+    assert found["area_cm2"].tolist() == pytest.approx([np.nan, 1.0, 2.0, 3.0, np.nan], nan_ok=True)
+    assert found["concave_share"].tolist() == pytest.approx([np.nan, 1.0, 2.5, 4.0, np.nan], nan_ok=True)
+    assert found["cortex_share"].isna().all()
+
+
+def test_a_pair_of_balls_has_the_cortex_between_them() -> None:
+    pial, white = ball_surface(4, radius=12.0), ball_surface(4, radius=10.0)
+    found, inside = of_pair(pial, white, None), of_surface(white, None)
+    assert found["cortex_share"] == pytest.approx(1 - (10 / 12) ** 3, rel=1e-6)
+    assert found["cortical_thickness_mm"] == pytest.approx((12**3 - 10**3) / 12**2 / 3, rel=2e-3)
+    assert found["area_cm2"] == inside["area_cm2"] == pytest.approx(4 * np.pi, rel=3e-3)
+    assert np.isnan(inside["cortical_thickness_mm"]) and np.isnan(inside["cortex_share"])
+
+
+def test_the_medial_wall_takes_no_part_in_width_and_depth_and_is_no_cortex() -> None:
+    ball = ball_surface(5, radius=10.0)
+    dished = ball.points.copy()
+    dished[dished[:, 0] > 8, 0] = 6.0  # a left half whose medial wall lies in a hollow
+    surface = TriSurface(dished, ball.faces)
+    whole, half = of_surface(surface, None), of_surface(surface, "L", cortex_volume=1000.0)
+    assert whole["area_cm2"] == half["area_cm2"]
+    assert half["sulcal_depth_mm"] < 0.3 * whole["sulcal_depth_mm"]
+    wall = (np.pi * 6.0**2 + 2 * np.pi * 6.0 * 2.0) / 100  # with its rim
+    assert half["cortical_thickness_mm"] == pytest.approx(10 / (half["area_cm2"] - wall), rel=0.02)
+
+
+def test_surfaces_come_by_age_with_the_names_of_their_files(tmp_path: Path) -> None:
+    for name, radius in (("old", 12.0), ("young", 10.0)):
+        write_surface(ball_surface(3, radius=radius), tmp_path / f"{name}.surf.gii")
+    given = [Given(tmp_path / "old.surf.gii", 30.0, "L"), Given(tmp_path / "young.surf.gii", 24.0, "L")]
+    found = measured(given)
+    assert found["surface"].tolist() == ["young", "old"]
+    assert found["area_cm2"].iloc[1] == pytest.approx(1.44 * found["area_cm2"].iloc[0])
+
+
+@pytest.mark.parametrize(
+    ("law", "column"), [(AREA, "area_cm2"), (VOLUME, "volume_ml"), (HULL, "hull_volume_ml")], ids=str
+)
+def test_the_laws_of_the_package_are_those_of_its_table(law: tuple[float, float, float], column: str) -> None:
+    brains = published.healthy_hemispheres()
+    ages, values = (brains[name].to_numpy(float) for name in ("gestational_age_weeks", column))
+    again = fitted(ages, values, (1.2 * law[0], 0.9 * law[1], law[2] + 1))
+    assert usual(again, ages) == pytest.approx(usual(law, ages), rel=1e-2)
+    assert np.sqrt(((values / usual(law, ages) - 1) ** 2).mean()) < 0.08
+
+
+def test_more_than_usual_is_a_part_or_a_difference() -> None:
+    assert excess(110.0, 100.0, QUANTITIES["area_cm2"]) == pytest.approx(0.1)
+    assert excess(1.4, 1.3, QUANTITIES["gyrification_index"]) == pytest.approx(0.1)
+
+
+def test_the_table_says_what_is_known_and_the_verdict_the_worst() -> None:
+    weeks = [24.0, 30.0, 34.0, 38.0]
+    mean = pd.DataFrame(1.0, index=weeks, columns=list(QUANTITIES))
+    mean["area_cm2"] = usual(AREA, np.array(weeks)) * [3.0, 1.1, 0.8, 3.0]
+    real = pd.DataFrame(np.nan, index=weeks, columns=list(QUANTITIES))
+    real["gyrification_index"] = [np.nan, 1.05, 1.2, np.nan]
+    lines = weeks_table(mean, 0 * mean + 0.25, real, several=True).splitlines()
+    assert len({len(line) for line in lines}) == 1
+    area = next(number for number, line in enumerate(lines) if "area" in line)
+    assert "± 0.2" in lines[area] and "125.7 (+10 %)" in lines[area + 1] and "(-20 %)" in lines[area + 1]
+    index = next(number for number, line in enumerate(lines) if "gyrification" in line)
+    assert [cell.strip() for cell in lines[index + 1].split("|")[3:-1]] == [
+        "n/a", "1.050 (-0.05)", "1.200 (-0.20)", "n/a",
+    ]  # fmt: skip
+    said = verdict(mean, real)
+    assert "area, cm²: -20 % of usual at 34 weeks" in said
+    assert "gyrification index: -0.20 of real at 34 weeks" in said
+    assert not any("thickness" in line for line in said)
+
+
+@pytest.mark.parametrize("text", ["x.gii", "x.gii:28:L:R:L", "x.gii:28:left", "x.gii:young:L"])
+def test_what_is_no_surface_with_age_and_hemisphere_is_refused(text: str) -> None:
+    with pytest.raises(ArgumentTypeError):
+        _given(1)(text)
+
+
+def test_a_file_that_names_its_hemisphere_needs_no_other_name(tmp_path: Path) -> None:
+    path = tmp_path / "x.surf.gii"
+    path.write_text("<Name>AnatomicalStructurePrimary</Name><Value>CortexRight</Value>")
+    assert _given(1)(f"{path}:28") == Given(path, 28.0, "R")
+    assert _given(2)(f"p.gii:{path}:28:both") == Given(path, 28.0, None, Path("p.gii"))
+
+
+def test_it_prints_what_it_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_surface(ball_surface(3, radius=20.0), tmp_path / "x.surf.gii")
+    runs = [str(run(tmp_path / name, 5000.0)) for name in "ab"]
+    monkeypatch.setattr(sys, "argv", ["fold_weeks.py", *runs, "--real", f"{tmp_path / 'x.surf.gii'}:26:L"])
+    main()
+    shown = capsys.readouterr().out
+    assert "| x       | 26 " in shown and "2 runs; real: interpolated between the surfaces above" in shown
+    assert shown.count("of 17 hemispheres") == 3
+
+
+def test_the_table_of_real_brains_is_what_the_surfaces_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    if not SHARED.exists():
+        pytest.skip(f"needs {SHARED}")
+    names = ["CRL_STA28_left_white", "neonatal_dhcp_w34_rh_pial"]
+    known = published.real_brains()
+    known = known[known["surface"].isin(names)].reset_index(drop=True)
+    monkeypatch.setattr(published, "real_brains", lambda: known)
+    again = table(SHARED)
+    numbers = known.select_dtypes("number").columns
+    assert again[numbers].astype(float).to_numpy() == pytest.approx(known[numbers].to_numpy())
