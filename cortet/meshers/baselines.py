@@ -82,9 +82,11 @@ def with_gmsh(points: FloatArray, faces: IntArray, cell_size: float) -> Tetrahed
 
 
 def with_netgen(points: FloatArray, faces: IntArray, cell_size: float) -> Tetrahedra:
-    """Netgen's volume mesher inside the triangles it is given."""
+    """Netgen's volume mesher inside the triangles it is given, on one thread: several fold elements where they race."""
     from netgen import meshing
+    from pyngcore import SetNumThreads
 
+    SetNumThreads(1)
     mesh = meshing.Mesh(dim=3)
     mesh.AddPoints(points)
     outside = mesh.Add(meshing.FaceDescriptor(surfnr=1, domin=1, domout=0, bc=1))

@@ -41,7 +41,7 @@ from cortet.simulation.plausible import check_cells, check_mesh
 from cortet.simulation.run import advance_to, beginning, described, measured, millimetres, prepared, thickness_mm
 from cortet.simulation.state import Moment, Run, Settings
 
-VERSION: int = 4
+VERSION: int = 5
 
 _CHECKPOINT_SECONDS = 30.0
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import re
+import shutil
 
-from tests.integration.study import Study
+from tests.integration.study import Study, scaled
 
 
 def test_all_cases_are_folded_under_every_variant(study: Study) -> None:
+    real = shutil.copy(study.folder / "surfaces/a.surf.gii", study.folder / "real_L.surf.gii")
     study.config["fold"] = {
         "cases": "all",
+        "real_surfaces": {24.2: "real_{hemi}.surf.gii"},
         "end": 24.2,
         "thickness": 3.0,
         "frame_interval": 0.2,
@@ -29,6 +32,8 @@ def test_all_cases_are_folded_under_every_variant(study: Study) -> None:
     page = (study.outputs / "cohort/index.html").read_text()
     assert page.count("by age") == 6 and "FoldedThin/folding.gif" in page
     assert study.planned_jobs() == set()
+    scaled(real, 1.1)
+    assert study.planned_jobs() == {("fold_figures", "sub-a"), ("fold_figures", "sub-b")}
 
 
 def test_a_fold_asks_for_a_gpu_where_it_shall_have_one(study: Study) -> None:
