@@ -1,6 +1,7 @@
 """A run on a GPU: what lies there, and what goes back and forth.
 
-The body, where it is, and its contacts stay on the device. To the host come, after a hundred steps, how many were taken
+The body, where it is, and its contacts stay on the device; where growth is a map, the host computes it anew every few
+steps. To the host come, after a hundred steps, how many were taken
 and the sums of the energies; the positions, when the list of contacts must be made anew, which the host does, and when
 the body is measured.
 """
@@ -22,7 +23,7 @@ from cortet.simulation.contact import Contact, listed_at
 from cortet.simulation.device import ON_CPU, is_simulated
 from cortet.simulation.growth import Course
 from cortet.simulation.kernels import Motion
-from cortet.simulation.patches import SIZE, Patches
+from cortet.simulation.patches import SIZE, Patches, renew
 from cortet.simulation.state import Moment, Run
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ class OnGpu:
         from cortet.simulation import gpu_kernels
 
         self._gpu, self._moment = gpu_kernels, moment
+        self._body = run.body
         self._material, self._elements = Material(*map(float, run.material)), len(run.body.cells)
         #: kernels that have run, with their blocks
         self._ready: dict[Any, Any] = {}
@@ -100,6 +102,15 @@ class OnGpu:
             )
             flags = _fetched(self._tallies.flags)
         return int(flags[self._gpu.TAKEN]), int(flags[self._gpu.HOW])
+
+    def take(self, body: Body) -> None:
+        """Go on with a body whose `amount` and `gradients` may be others than before."""
+        if body is not self._body:
+            patches = self._moment.work.patches
+            renew(patches, body)
+            with self._told():
+                self._patches.constants.copy_to_device(patches.constants)
+            self._body = body
 
     def list_contacts(self, envelope: float) -> None:
         """Make the list of contacts anew for a size of the envelope, on the host."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.geometry.limits import FOLD_AGES
 from cortet.meshes import FloatArray
+
+if TYPE_CHECKING:
+    from cortet.simulation.body import Body
 
 #: coefficients of GA^3, GA^2, GA and 1 in the time of the simulation (Wang et al. 2021): 0 at 22 weeks, 1 at 44
 _TIME = (6.926e-5, -0.00665, 0.250, -3.0189)
@@ -137,16 +140,24 @@ class Course(NamedTuple):
     #: (k,), size of the envelope, in that at the start
     envelope: FloatArray
 
-    def since(self, step: int) -> Course:
-        """The course from a step on."""
-        return Course(self.growth[step:], self.thickening[step:], self.envelope[step:])
+    def part(self, first: int, last: int) -> Course:
+        """The course of the steps from one on, and up to before another."""
+        steps = slice(first, last)
+        return Course(self.growth[steps], self.thickening[steps], self.envelope[steps])
 
 
 class Growth(Protocol):
     """How a body grows."""
+
+    @property
+    def mapped(self) -> bool:
+        """Whether single elements have a growth of their own, so that the body changes as it grows."""
 
     def at(self, times: FloatArray, dt: float) -> Course:
         """The course of growth at some times (k,)."""
 
     def frame(self, time: float) -> float:
         """The unit of length at a time, in that at the start."""
+
+    def body(self, body: Body, time: float) -> Body:
+        """The body with the growth that its elements have of their own at a time; itself if they have none."""

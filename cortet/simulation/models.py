@@ -17,7 +17,7 @@ from scipy.interpolate import PchipInterpolator
 
 from cortet.errors import InputError
 from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, node_field
-from cortet.simulation.body import LABEL_FIELD, THICKENING, THICKNESS, Body, Scale
+from cortet.simulation.body import LABEL_FIELD, MASK_FIELD, THICKENING, THICKNESS, Body, Scale
 from cortet.simulation.growth import (
     AREA,
     HULL,
@@ -29,6 +29,7 @@ from cortet.simulation.growth import (
     Growth,
     Law,
     Linear,
+    age_of,
     ages_of,
     by_age,
     growth_since,
@@ -36,6 +37,7 @@ from cortet.simulation.growth import (
     times_of,
     usual,
 )
+from cortet.simulation.growth_map import GrowthMap, grown_body, is_map, map_of
 from cortet.simulation.kernels import grown_volume_of
 from cortet.simulation.law import ACROSS, ALONG, CORE
 from cortet.simulation.section import misplaced
@@ -106,6 +108,15 @@ class BrainGrowth(NamedTuple):
         """1: the core does not grow."""
         return 1.0
 
+    @property
+    def mapped(self) -> bool:
+        """False."""
+        return False
+
+    def body(self, body: Body, time: float) -> Body:  # noqa: ARG002
+        """See `Growth.body`."""
+        return body
+
 
 class Growing(NamedTuple):
     """The whole grows: the core by s(t) in all directions, and the cortex more than that along the surface."""
@@ -119,6 +130,9 @@ class Growing(NamedTuple):
     stretch: Curve
     #: size of the envelope, in that at the start, at ages
     envelope: Curve
+    #: growth of the cortex along the surface as it was measured, which replaces `along`; and what is hidden besides
+    map: GrowthMap | None = None
+    hidden: Curve = np.zeros_like
 
     def at(self, times: FloatArray, dt: float) -> Course:  # noqa: ARG002
         """See `Growth.at`."""
@@ -129,6 +143,22 @@ class Growing(NamedTuple):
     def frame(self, time: float) -> float:
         """s(t)."""
         return float(self.stretch(ages_of(np.array([time])))[0])
+
+    @property
+    def mapped(self) -> bool:
+        """Whether there is a map."""
+        return self.map is not None
+
+    def body(self, body: Body, time: float) -> Body:
+        """See `Growth.body`."""
+        return self.body_at(body, age_of(time), self.frame(time)) if self.mapped else body
+
+    def body_at(self, body: Body, age: float, stretch: float) -> Body:
+        """The body at an age for some stretch of the core there."""
+        if self.map is None:
+            return body
+        hidden = float(self.hidden(np.array([age]))[0])
+        return grown_body(body, self.map, age, (1 + hidden) / stretch)
 
     def grown(self, ages: FloatArray, stretch: FloatArray) -> FloatArray:
         """Growth of each label at ages (k,) for some stretch of the core there: (k, labels, 3)."""
@@ -218,17 +248,21 @@ def _numbered(values: FloatArray, labels: Mapping[int, object]) -> IntArray:
     return number
 
 
-def model_of(body: Body, settings: Settings) -> Growth:
-    """How a body grows, whose labels are those of the laws times those of the core."""
+def model_of(body: Body, mesh: TetMesh, settings: Settings) -> Growth:
+    """How the body of a mesh grows, whose labels are those of the laws times those of the core."""
     start, chosen = time_of(settings.gestational_age), constants(settings)
+    _check_one_law(mesh, settings)
     of_regions = [Gompertz(*values) for values in settings.regions.values()]
     if settings.model == "braingrowth":
         assert isinstance(chosen.growth_rate, int | float)
         return BrainGrowth([Linear(chosen.growth_rate), *of_regions], start, settings.reference)
     first = settings.gestational_age
-    along = _since(chosen.growth_rate, first)
-    if settings.start == "stressed":
-        along = _stressed(along, hidden_growth(chosen.growth_rate, first), first)
+    hidden = hidden_growth(chosen.growth_rate, first) if settings.start == "stressed" else 0.0
+    measured = map_of(mesh, body, first)
+    if measured is not None:
+        along: Curve = np.ones_like  # the amount of an element is its growth
+    else:
+        along = _stressed(_since(chosen.growth_rate, first), hidden, first)
     laws = [along, *(_as_ages_say(law, start) for law in of_regions)]
     cores = [_since(0.0, first), *(_since(rate, first) for rate in settings.core_regions.values())]
     thickness = _since(chosen.thickness_rate, first)
@@ -239,8 +273,25 @@ def model_of(body: Body, settings: Settings) -> Growth:
         thickness=lambda ages: 1 + thickness(ages),
         stretch=lambda ages: np.cbrt(volume(ages)),
         envelope=lambda ages: np.cbrt(hull(ages)),
+        map=measured,
+        hidden=_stressed(np.zeros_like, hidden, first),
     )
     return with_volume(model, body, volume, first, settings.end)
+
+
+def _check_one_law(mesh: TetMesh, settings: Settings) -> None:
+    """Raise InputError where a mesh with maps of growth has another law besides."""
+    maps = [name for name in mesh.point_data if is_map(name)]
+    others = {
+        "fold.model braingrowth": settings.model == "braingrowth",
+        "fold.regions": bool(settings.regions),
+        f"the field {MASK_FIELD}": MASK_FIELD in mesh.point_data,
+    }
+    if maps and (other := next((name for name, there in others.items() if there), None)):
+        raise InputError(
+            f"the mesh has growth that was measured, {maps[0]}, and {other} says something else",
+            remedy="leave out one of them",
+        )
 
 
 def _since(values: ByAge, start: float) -> Curve:
@@ -290,7 +341,10 @@ def with_volume(model: Growing, body: Body, volume: Curve, start: float, end: fl
     wanted = volume(ages)
     stretch = np.cbrt(wanted)
     for _ in range(_ROUNDS):  # s^3 total(s) = wanted: the cortex is a small part of the whole, so this contracts
-        total = [grown_volume_of(body, growth) for growth in model.grown(ages, stretch)]
+        total = [
+            grown_volume_of(model.body_at(body, age, s), growth)
+            for age, s, growth in zip(ages, stretch, model.grown(ages, stretch), strict=True)
+        ]
         before, stretch = stretch, np.cbrt(wanted * body.volumes.sum() / total)
         if np.abs(stretch - before).max() < _SETTLED:
             break

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,6 +67,22 @@ def patches_of(body: Body) -> Patches:
         starts=np.append(0, np.cumsum(np.bincount(nodes, minlength=n))),
         around=np.argsort(nodes, kind="stable").astype(np.int32),
     )
+
+
+def renew(patches: Patches, body: Body) -> None:
+    """Put `gradients` and `amount` of a body into its patches."""
+    _renew(patches.constants, body.gradients, body.amount)
+
+
+@numba.njit(cache=True)
+def _renew(constants, gradients, amount):  # type: ignore[no-untyped-def]
+    m = len(amount)
+    for patch in range(len(constants)):
+        for e in range(SIZE):
+            own = min(patch * SIZE + e, m - 1)
+            for k in range(9):
+                constants[patch, (GRADIENTS + k) * SIZE + e] = gradients[own, k // 3, k % 3]
+            constants[patch, AMOUNT * SIZE + e] = amount[own]
 
 
 def _rows(body: Body, filled: NDArray[np.int64], count: int) -> FloatArray:

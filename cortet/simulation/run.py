@@ -38,6 +38,8 @@ from cortet.simulation.stepper import OnCpu
 
 #: steps for which growth is computed at a time, and after which its work is added up
 _CHUNK = 100
+#: steps during which the growth of a map stays as in the middle of them
+_ALIKE = 20
 #: medial plane of the reference
 _REFERENCE_PLANE = {"gap": 0.004, "plane": 1.0}
 #: settings that are above 0
@@ -99,7 +101,7 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
         side,
         settings.reference,
         material,
-        model_of(body, settings),
+        model_of(body, mesh, settings),
         constants(settings).envelope,
         start,
         end,
@@ -230,9 +232,12 @@ def _advance_over(
     """
     before = stepper.copy()
     course = run.growth.at(times, dt)
+    alike = _ALIKE if run.growth.mapped else len(times)
     done, how = 0, LIST_OUTDATED
     while done < len(times) and how != INVERTED:
-        steps, how = stepper.advance(course.since(done), dt)
+        first = done - done % alike
+        stepper.take(run.growth.body(run.body, float(times[first]) + dt * alike / 2))
+        steps, how = stepper.advance(course.part(done, first + alike), dt)
         done += steps
         if how == LIST_OUTDATED:
             stepper.list_contacts(float(course.envelope[done]))
@@ -248,6 +253,7 @@ def _advance_over(
 def _energies(run: Run, stepper: Stepper, state: Motion, time: float, dt: float) -> tuple[float, float]:
     """Kinetic and elastic energy of a state with the growth of a time."""
     course = run.growth.at(np.array([time]), dt)
+    stepper.take(run.growth.body(run.body, time))
     return stepper.energies(state, course.growth[0], float(course.thickening[0]))
 
 

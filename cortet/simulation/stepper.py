@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from cortet.meshes import FloatArray
+from cortet.simulation.body import Body
 from cortet.simulation.contact import listed_at
 from cortet.simulation.growth import Course
 from cortet.simulation.kernels import Motion, advance, elastic_energy, elastic_forces, kinetic_energy
+from cortet.simulation.patches import renew
 from cortet.simulation.state import Moment, Run
 
 
@@ -13,7 +15,7 @@ class OnCpu:
     """The steps of a moment, in place: a `state.Stepper`."""
 
     def __init__(self, run: Run, moment: Moment) -> None:
-        self._run, self._moment = run, moment
+        self._run, self._moment, self._body = run, moment, run.body
 
     @property
     def state(self) -> Motion:
@@ -33,8 +35,14 @@ class OnCpu:
     def advance(self, course: Course, dt: float) -> tuple[int, int]:
         """`kernels.advance` for this moment."""
         run, moment = self._run, self._moment
-        steps, how = advance(run.body, run.material, moment.state, moment.work, moment.contact, course, dt)
+        steps, how = advance(self._body, run.material, moment.state, moment.work, moment.contact, course, dt)
         return int(steps), int(how)
+
+    def take(self, body: Body) -> None:
+        """Go on with a body whose `amount` and `gradients` may be others than before."""
+        if body is not self._body:
+            renew(self._moment.work.patches, body)
+            self._body = body
 
     def list_contacts(self, envelope: float) -> None:
         """Make the list of contacts anew for a size of the envelope."""
@@ -45,5 +53,5 @@ class OnCpu:
         run, work = self._run, self._moment.work
         elastic_forces(run.material, state.x, work, growth, thickening)
         return kinetic_energy(run.material, state.v, work), elastic_energy(
-            run.body, run.material, state.x, work, growth
+            self._body, run.material, state.x, work, growth
         )

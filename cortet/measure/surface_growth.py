@@ -1,0 +1,240 @@
+"""How much each spot of a surface has grown: between two surfaces whose vertices correspond.
+
+A triangle and its later image give the stretch along the surface, U of the polar decomposition F = R U. Its logarithm
+is a symmetric tensor in the plane of the early triangle: half its trace is the mean logarithmic stretch, and what is
+left says how much more one direction grows than the other. Logarithms can be averaged and interpolated, and a sum of
+them leaves no stretch below zero (Arsigny et al., Magnetic Resonance in Medicine 56, 2006).
+
+Tensors are rows of six numbers, in the order of `COMPONENTS`, in the coordinates of the early surface.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.geometry.topology import edges, face_areas, face_normals, vertex_normals
+from cortet.meshes import FloatArray, IntArray, TriSurface
+
+#: rows and columns of the six components of a symmetric tensor
+COMPONENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
+_ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
+
+#: rounds of smoothing that cross-validation chooses from
+_ROUNDS = (0, 1, 2, 4, 8, 16, 32, 64)
+#: random vectors that estimate a trace (Hutchinson 1990), and their seed
+_PROBES, _SEED = 8, 0
+#: full width at half maximum of a Gaussian of standard deviation 1
+_FWHM = float(np.sqrt(8 * np.log(2)))
+
+
+class Principal(NamedTuple):
+    """Principal stretches along a surface at n vertices."""
+
+    #: (n,), the larger and the smaller
+    largest: FloatArray
+    smallest: FloatArray
+    #: (n, 3), unit vector along the larger; its sign means nothing
+    direction: FloatArray
+
+
+class Smoothed(NamedTuple):
+    """Tensors after smoothing along the surface."""
+
+    tensors: FloatArray
+    #: full width at half maximum of the smoothing, mm
+    width_mm: float
+
+
+def logarithmic_growth(early: TriSurface, later: TriSurface) -> FloatArray:
+    """Logarithm of the stretch along the surface at each vertex of the early one: (n, 6).
+
+    Its trace is the logarithm of the ratio of the areas around the vertex; its shape is the mean of those of the
+    triangles around it, weighted by area and turned into the plane of the vertex.
+
+    Raises
+    ------
+    InputError : the triangles of the two surfaces differ, or a triangle has no area
+    """
+    check_corresponding(early, later)
+    per_face = _of_faces(early, later)
+    normals = vertex_normals(early.points, early.faces)
+    of_face = face_normals(early.points, early.faces)
+    areas = face_areas(early.points, early.faces)
+    of_face /= 2 * areas[:, None]
+    total = np.zeros((len(early.points), 3, 3))
+    for corner in early.faces.T:
+        turn = _turns(of_face, normals[corner])
+        np.add.at(total, corner, areas[:, None, None] * (turn @ per_face @ turn.transpose(0, 2, 1)))
+    shape = _traceless(_flattened(total / vertex_areas(early)[:, None, None] / 3, normals), normals)
+    ratio = np.log(vertex_areas(later) / vertex_areas(early))
+    return _rows(shape + ratio[:, None, None] / 2 * _projectors(normals))
+
+
+def check_corresponding(early: TriSurface, later: TriSurface) -> None:
+    """Raise InputError unless the vertices of two surfaces correspond by their numbers, and no triangle is flat."""
+    if early.faces.shape != later.faces.shape or not np.array_equal(early.faces, later.faces):
+        raise InputError(
+            f"the surfaces have {len(early.points)} and {len(later.points)} vertices, and other triangles: their "
+            "vertices do not correspond",
+            remedy="resample both through their registered spheres first: cortet resample",
+        )
+    for surface, name in ((early, "early"), (later, "later")):
+        areas = face_areas(surface.points, surface.faces)
+        if not areas.min() > 0:
+            raise InputError(
+                f"triangle {int(areas.argmin())} of the {name} surface has no area", remedy="repair or resample it"
+            )
+
+
+def vertex_areas(surface: TriSurface) -> FloatArray:
+    """A third of the area of the triangles around each vertex: (n,) mm2."""
+    areas = np.repeat(face_areas(surface.points, surface.faces) / 3, 3)
+    return np.bincount(surface.faces.ravel(), areas, minlength=len(surface.points)).astype(float)
+
+
+def area_ratio(tensors: FloatArray) -> FloatArray:
+    """Later over early area at each vertex: (n,)."""
+    return np.exp(tensors[:, :3].sum(axis=1))
+
+
+def principal(tensors: FloatArray, normals: FloatArray) -> Principal:
+    """Principal stretches of tensors (n, 6) along the surface with some unit normals (n, 3)."""
+    values, vectors = np.linalg.eigh(_matrices(tensors))
+    across = np.abs(np.einsum("nik,ni->nk", vectors, normals)).argmax(axis=1)  # its value is 0, anywhere among them
+    rows = np.arange(len(values))
+    kept = np.array([[1, 2], [0, 2], [0, 1]])[across]  # eigh sorts them, the smallest first
+    return Principal(
+        np.exp(values[rows, kept[:, 1]]), np.exp(values[rows, kept[:, 0]]), vectors[rows, :, kept[:, 1]]
+    )
+
+
+def tensors_of(found: Principal, normals: FloatArray) -> FloatArray:
+    """The tensors (n, 6) of principal stretches along the surface with some unit normals (n, 3)."""
+    along = found.direction
+    other = np.cross(normals, along)
+    matrices = np.log(found.largest)[:, None, None] * along[:, :, None] * along[:, None, :]
+    return _rows(matrices + np.log(found.smallest)[:, None, None] * other[:, :, None] * other[:, None, :])
+
+
+def smoothed(tensors: FloatArray, surface: TriSurface, width_mm: float | None = None) -> Smoothed:
+    """Tensors (n, 6) smoothed along the surface, those of a neighbour turned into the plane of the vertex.
+
+    Parameters
+    ----------
+    width_mm : full width at half maximum; None: the one with which what neighbours say predicts a vertex best
+        (generalised cross-validation, Golub, Heath and Wahba 1979)
+    """
+    step = _step_mm(surface)
+    if width_mm is not None:
+        rounds = round((width_mm / _FWHM / step) ** 2)
+        return Smoothed(_after(tensors, surface, [rounds])[-1], _FWHM * step * np.sqrt(rounds))
+    candidates = _after(tensors, surface, _ROUNDS)
+    weights = vertex_areas(surface)
+    scores = []
+    for values, trace in zip(candidates, _traces(surface), strict=True):
+        left = np.average(((values - tensors) ** 2).sum(axis=1), weights=weights)
+        scores.append(left / (1 - trace) ** 2 if trace < 1 else np.inf)
+    best = int(np.argmin(scores))
+    return Smoothed(candidates[best], _FWHM * step * float(np.sqrt(_ROUNDS[best])))
+
+
+def _of_faces(early: TriSurface, later: TriSurface) -> FloatArray:
+    """Logarithm of the stretch of each triangle, in the plane that it lies in early: (m, 3, 3)."""
+    before, after = (s.points[s.faces[:, 1:]] - s.points[s.faces[:, :1]] for s in (early, later))
+    first = before[:, 0] / np.linalg.norm(before[:, 0], axis=1, keepdims=True)
+    normal = face_normals(early.points, early.faces)
+    second = np.cross(normal / np.linalg.norm(normal, axis=1, keepdims=True), first)
+    basis = np.stack([first, second], axis=1)  # rows
+    plane = np.einsum("fij,fkj->fik", basis, before)  # columns are the edges in the plane
+    gradient = np.einsum("fki,fkj->fij", after, np.linalg.inv(plane))  # of the later position by the early one
+    values, vectors = np.linalg.eigh(gradient.transpose(0, 2, 1) @ gradient)
+    flat = (vectors * (np.log(values) / 2)[:, None, :]) @ vectors.transpose(0, 2, 1)
+    result: FloatArray = basis.transpose(0, 2, 1) @ flat @ basis
+    return result
+
+
+def _turns(a: FloatArray, b: FloatArray) -> FloatArray:
+    """The smallest rotations that take unit vectors a (k, 3) to b: (k, 3, 3); none for opposite ones."""
+    axis, cosine = np.cross(a, b), np.einsum("ij,ij->i", a, b)
+    skew = np.zeros((len(a), 3, 3))
+    skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -axis[:, 2], axis[:, 1], -axis[:, 0]
+    skew -= skew.transpose(0, 2, 1)
+    factor = np.divide(1.0, 1 + cosine, out=np.zeros_like(cosine), where=cosine > -1 + 1e-9)
+    return np.eye(3) + skew + factor[:, None, None] * (skew @ skew)
+
+
+def _projectors(normals: FloatArray) -> FloatArray:
+    """I - n n^T: (n, 3, 3)."""
+    result: FloatArray = np.eye(3) - normals[:, :, None] * normals[:, None, :]
+    return result
+
+
+def _flattened(matrices: FloatArray, normals: FloatArray) -> FloatArray:
+    plane = _projectors(normals)
+    return plane @ matrices @ plane
+
+
+def _traceless(matrices: FloatArray, normals: FloatArray) -> FloatArray:
+    half = np.trace(matrices, axis1=1, axis2=2) / 2
+    return matrices - half[:, None, None] * _projectors(normals)
+
+
+def _rows(matrices: FloatArray) -> FloatArray:
+    return matrices[:, _ROW, _COLUMN]
+
+
+def _matrices(tensors: FloatArray) -> FloatArray:
+    matrices = np.empty((len(tensors), 3, 3))
+    matrices[:, _ROW, _COLUMN] = matrices[:, _COLUMN, _ROW] = tensors
+    return matrices
+
+
+def _step_mm(surface: TriSurface) -> float:
+    """Standard deviation along one axis of a round of smoothing, mm: half the weight goes to neighbours."""
+    one, other = edges(surface.faces).T
+    squares = ((surface.points[one] - surface.points[other]) ** 2).sum(axis=1)
+    return float(np.sqrt(squares.mean() / 4))
+
+
+def _after(tensors: FloatArray, surface: TriSurface, rounds: list[int] | tuple[int, ...]) -> list[FloatArray]:
+    """Tensors after some numbers of rounds, rising, each half own and half the mean of the neighbours, weighted by area."""
+    normals, areas = vertex_normals(surface.points, surface.faces), vertex_areas(surface)
+    start, end = _both_ways(surface.faces)
+    turn, weight = _turns(normals[start], normals[end]), areas[start]
+    total = np.bincount(end, weight, minlength=len(areas))
+    values, results, done = tensors, [], 0
+    for wanted in rounds:
+        for _ in range(wanted - done):
+            turned = _rows(turn @ _matrices(values[start]) @ turn.transpose(0, 2, 1)) * weight[:, None]
+            sums = np.stack([np.bincount(end, column, minlength=len(areas)) for column in turned.T], axis=1)
+            values = values / 2 + sums / total[:, None] / 2
+        done = wanted
+        results.append(values)
+    return results
+
+
+def _traces(surface: TriSurface) -> list[float]:
+    """Mean weight that a vertex has in its own result after each of `_ROUNDS`."""
+    areas = vertex_areas(surface)
+    start, end = _both_ways(surface.faces)
+    total = np.bincount(end, areas[start], minlength=len(areas))
+    probes = np.random.default_rng(_SEED).choice([-1.0, 1.0], (len(areas), _PROBES))
+    values, results, done = probes, [], 0
+    for wanted in _ROUNDS:
+        for _ in range(wanted - done):
+            given = values[start] * areas[start, None]
+            sums = np.stack([np.bincount(end, column, minlength=len(areas)) for column in given.T], axis=1)
+            values = values / 2 + sums / total[:, None] / 2
+        done = wanted
+        results.append(float((probes * values).mean()))
+    return results
+
+
+def _both_ways(faces: IntArray) -> NDArray[np.int64]:
+    """Edges in both directions: (2, k)."""
+    pairs = edges(faces).astype(np.int64)
+    return np.concatenate([pairs, pairs[:, ::-1]]).T

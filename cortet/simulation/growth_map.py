@@ -1,0 +1,170 @@
+"""Growth that differs from spot to spot: as it was measured on a surface, up to several ages.
+
+The mesh has it as point data `growth_to_AGE`: the logarithm of the stretch along the surface from the age of the mesh
+to AGE, six numbers per node (`measure.surface_growth`). Between two ages the logarithm changes evenly.
+
+An element has three numbers of it for each age: half the trace, which is the growth alpha of the law, and two for what
+one direction grows more than the other. The law of an element knows one growth along the surface, so the rest is put
+into the gradients of its shape functions: A_r^-1 Fg^-1 = (A_r^-1 exp(-S)) Fg(alpha)^-1, for S is traceless and lies in
+the plane in which Fg(alpha) is a multiple of the identity.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from cortet.errors import InputError
+from cortet.meshes import FloatArray, TetMesh
+from cortet.simulation.body import Body
+from cortet.simulation.growth import AGES
+from cortet.simulation.law import combined, cross, dot, exponential, fast, growth_share, vector
+
+#: point data of a mesh: this and an age, in weeks
+FIELD = "growth_to_"
+_NAME = re.compile(re.escape(FIELD) + r"(\d+(?:[._]\d+)?)")
+#: rows and columns of the six components
+_ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
+#: logarithm of a stretch beyond which a map is no map of growth: more than a factor of seven
+_LARGEST = 2.0
+
+
+class GrowthMap(NamedTuple):
+    """Logarithmic growth along the surface since the start of m elements, at k ages."""
+
+    #: (k,) weeks, rising; the first is the start
+    ages: FloatArray
+    #: (k, m, 3): half the trace, and components t1 t1 - t2 t2 and t1 t2 + t2 t1 in the tangents of `tangents`
+    values: FloatArray
+
+
+def field_of(age: float) -> str:
+    """The name of the point data with growth up to an age."""
+    return f"{FIELD}{age:g}".replace(".", "_")
+
+
+def is_map(name: str) -> bool:
+    """Whether point data of this name are growth up to an age."""
+    return _NAME.fullmatch(name) is not None
+
+
+def map_of(mesh: TetMesh, body: Body, start: float) -> GrowthMap | None:
+    """The map of growth that the point data of a mesh hold; None where there are none.
+
+    Raises
+    ------
+    InputError : a field does not have six finite numbers per node, stretches more than sevenfold, or is for an age that
+        is not after the start
+    """
+    named = {float(found[1].replace("_", ".")): name for name in mesh.point_data if (found := _NAME.fullmatch(name))}
+    if not named:
+        return None
+    ages = sorted(named)
+    if not (ages[0] > start and ages[-1] <= AGES[1]):
+        raise InputError(
+            f"the field {named[ages[0] if ages[0] <= start else ages[-1]]} is not for an age between that of the mesh, "
+            f"{start:g} weeks, and {AGES[1]:g}",
+            remedy="name each map by the age that it leads to",
+        )
+    values = np.zeros((len(ages) + 1, len(body.cells), 3))
+    for row, age in enumerate(ages, start=1):
+        nodes = np.asarray(mesh.point_data[named[age]], float)
+        _check(nodes, named[age], len(mesh.points))
+        values[row] = _on_elements(nodes[body.cells].mean(axis=1), body.normals)
+    return GrowthMap(np.array([start, *ages]), values)
+
+
+def _check(values: FloatArray, name: str, count: int) -> None:
+    """Raise InputError for a field that is no logarithmic growth."""
+    remedy = "make it with cortet growth"
+    if values.shape != (count, 6):
+        raise InputError(f"the field {name} has the shape {values.shape}, not ({count}, 6)", remedy=remedy)
+    if not np.isfinite(values).all():
+        raise InputError(f"the field {name} is not finite everywhere", remedy=remedy)
+    if np.abs(values).max() > _LARGEST:
+        node = int(np.abs(values).max(axis=1).argmax())
+        raise InputError(
+            f"the field {name} stretches node {node} by exp({np.abs(values[node]).max():.3g}), more than sevenfold",
+            remedy=remedy,
+        )
+
+
+def _on_elements(tensors: FloatArray, normals: FloatArray) -> FloatArray:
+    """The three numbers of tensors (m, 6) in the planes across some normals (m, 3): (m, 3)."""
+    matrices = np.empty((len(tensors), 3, 3))
+    matrices[:, _ROW, _COLUMN] = matrices[:, _COLUMN, _ROW] = tensors
+    t1, t2 = _tangents(normals)
+    a, b, c = (np.einsum("mi,mij,mj->m", u, matrices, v) for u, v in ((t1, t1), (t2, t2), (t1, t2)))
+    return np.stack([(a + b) / 2, (a - b) / 2, c], axis=1)
+
+
+def grown_body(body: Body, growth: GrowthMap, age: float, factor: float) -> Body:
+    """The body with its map at an age, beside a core that grows.
+
+    Its `amount` is the growth itself, for a law of the cortex that is 1; its `gradients` hold the rest.
+
+    Parameters
+    ----------
+    factor : what multiplies the stretch of the map: one over that of the core, and what is hidden at the start
+    """
+    after = min(int(np.searchsorted(growth.ages, age, side="right")), len(growth.ages) - 1)
+    before = after - 1
+    part = float(np.clip((age - growth.ages[before]) / (growth.ages[after] - growth.ages[before]), 0, 1))
+    amount, gradients = _grown(body, growth.values[before], growth.values[after], part, factor)
+    return body._replace(amount=amount, gradients=gradients)
+
+
+@fast
+def _grown(body, before, after, part, factor):  # type: ignore[no-untyped-def]
+    """Growth of each element, and its gradients: (m,) and (m, 3, 3)."""
+    amount, gradients = np.empty(len(body.volumes)), np.empty_like(body.gradients)
+    for e in range(len(amount)):
+        half, p, q = combined(1 - part, vector(before, e), part, vector(after, e))
+        share = growth_share(body.depth[e], body.thickness[e], body.mask[e])
+        amount[e] = exponential(half) * factor - 1
+        t1, t2 = tangents(vector(body.normals, e))
+        for k in range(3):
+            gradients[e, k, 0], gradients[e, k, 1], gradients[e, k, 2] = sheared(
+                vector(body.gradients[e], k), t1, t2, share * p, share * q
+            )
+    return amount, gradients
+
+
+@fast
+def sheared(a, t1, t2, p, q):  # type: ignore[no-untyped-def]
+    """exp(-S) a for S = p (t1 t1 - t2 t2) + q (t1 t2 + t2 t1): S S is r^2 in the plane, r^2 = p^2 + q^2."""
+    r = np.sqrt(p * p + q * q)
+    cosine, sine = np.cosh(r), np.sinh(r) / r if r > 1e-12 else 1.0
+    x, y = dot(a, t1), dot(a, t2)
+    dx, dy = cosine * x - sine * (p * x + q * y) - x, cosine * y - sine * (q * x - p * y) - y
+    return combined(1.0, combined(1.0, a, dx, t1), dy, t2)
+
+
+@fast
+def tangents(n):  # type: ignore[no-untyped-def]
+    """Two unit vectors across a unit vector and each other; zero vectors for the zero vector."""
+    length = dot(n, n)
+    if length < 0.5:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    # across the axis that n is least along, so that nothing cancels
+    axis = (1.0, 0.0, 0.0) if abs(n[0]) < 0.6 else (0.0, 1.0, 0.0)
+    t = cross(n, axis)
+    first = combined(1 / np.sqrt(dot(t, t)), t, 0.0, t)
+    return first, cross(n, first)
+
+
+@fast
+def _all_tangents(normals):  # type: ignore[no-untyped-def]
+    first, second = np.empty_like(normals), np.empty_like(normals)
+    for e in range(len(normals)):
+        t1, t2 = tangents(vector(normals, e))
+        first[e, 0], first[e, 1], first[e, 2] = t1
+        second[e, 0], second[e, 1], second[e, 2] = t2
+    return first, second
+
+
+def _tangents(normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    first, second = _all_tangents(np.ascontiguousarray(normals))
+    return first, second
