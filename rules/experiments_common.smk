@@ -129,12 +129,13 @@ def series():
 
 def realisation_of(wildcards):
     """Configuration of the line that makes a realisation of a mesh, with what the sheet says of the case."""
-    case = CASES[wildcards.case]
+    wildcards = dict(wildcards.items())
+    case = CASES[wildcards["case"]]
     own = {
         "generate": {
-            "cell_size": [int(wildcards.res) / 1000],
-            "meshers": [wildcards.mesher],
-            "seed": int(wildcards.seed),
+            "cell_size": [int(wildcards["res"]) / 1000],
+            "meshers": [wildcards["mesher"]],
+            "seed": int(wildcards["seed"]),
         },
         "gate": {
             "unit": case.unit or CONFIG.gate.unit,

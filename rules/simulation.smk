@@ -82,6 +82,66 @@ rule convergence:
         "../scripts/convergence.py"
 
 
+rule prediction_run:
+    """Predict the later surfaces of a series from its first one, and compare them with the real ones."""
+    input:
+        surfaces=lambda wildcards: PLAN.surfaces_of_series(wildcards.case),
+        spheres=lambda wildcards: PLAN.spheres_of_series(wildcards.case),
+    output:
+        record=LAYOUT.prediction("record.json"),
+    threads: 1
+    resources:
+        gpu=PLAN.gpus,
+    params:
+        arguments=partial(PLAN.arguments, "fold"),
+        line=lambda wildcards: realisation_of(
+            {
+                "case": wildcards.case,
+                "res": round(1000 * EXPERIMENTS.prediction.cell_size),
+                "mesher": MESHER_OF[""],
+                "seed": CONFIG.generate.seed,
+            }
+        ),
+        options=EXPERIMENTS.prediction.model_dump(mode="json", exclude={"participants", "cell_size", "kinds"}),
+        ages=lambda wildcards: list(PLAN.prediction_series()[wildcards.case]),
+        origin=lambda wildcards: {"case": wildcards.case, "kind": wildcards.kind},
+        input_sha256=lambda wildcards: content(
+            {path: path for path in PLAN.surfaces_of_series(wildcards.case)}
+        ),
+        version=[
+            version_of("simulation.fold"),
+            version_of("study.prediction"),
+            *(version_of(f"stages.{stage.name}") for stage in CONFIG.line()),
+        ],
+    script:
+        "../scripts/prediction_run.py"
+
+
+rule prediction:
+    """Predictions of later brains beside the real ones."""
+    input:
+        existing_files(PLAN.prediction_runs()),
+    output:
+        report(
+            f"{OUT}/cohort/table-prediction.html",
+            caption="../reports/table_prediction.rst",
+            category="Folding",
+            labels={"table": "prediction"},
+        ),
+        report(
+            f"{OUT}/cohort/figure-prediction.svg",
+            caption="../reports/table_prediction.rst",
+            category="Folding",
+            labels={"figure": "prediction"},
+        ),
+        multiext(f"{OUT}/cohort/table-prediction", ".tsv", ".json", ".tex", ".md"),
+        multiext(f"{OUT}/cohort/figure-prediction", ".pdf", ".png"),
+    params:
+        version=[version_of("study.prediction"), version_of("report.table_files")],
+    script:
+        "../scripts/prediction.py"
+
+
 rule fold_figures:
     """Its numbers against age, the brain every four weeks beside real ones, and a film."""
     input:

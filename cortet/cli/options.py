@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cortet import __version__
+from cortet.cli.growth import growth_command
 from cortet.cli.meshes import (
     certify_command,
     compare_command,
@@ -336,6 +337,38 @@ def parser() -> argparse.ArgumentParser:
         help="of the cortex between the two (default: 1.5)",
     )
     phantom.set_defaults(run=phantom_command)
+
+    growth = commands.add_parser(
+        "growth", parents=[writes], help="measure how much each spot of a surface has grown until a later age"
+    )
+    growth.add_argument("early", type=Path, metavar="EARLY", help="surface, GIfTI")
+    growth.add_argument("later", type=Path, metavar="LATER", help="surface whose vertices correspond to those of EARLY")
+    growth.add_argument(
+        "--ages", type=Number(*FOLD_AGES), nargs=2, required=True, metavar="WEEKS", help="gestational ages of the two"
+    )
+    growth.add_argument(
+        "--spheres",
+        type=Path,
+        nargs=2,
+        metavar="GII",
+        help="registered spheres of EARLY and LATER, through which their vertices correspond",
+    )
+    growth.add_argument(
+        "--smooth",
+        type=Number(0, 50),
+        metavar="MM",
+        help="full width at half maximum of the smoothing along the surface (default: as much as noise asks for)",
+    )
+    growth.add_argument("--picture", type=OutputFile, metavar="PNG", help="also draw the ratio of the areas")
+    growth.add_argument(
+        "-o",
+        "--output",
+        type=OutputFile,
+        required=True,
+        metavar="GII",
+        help="growth, six numbers per vertex: .func.gii",
+    )
+    growth.set_defaults(run=growth_command)
 
     cohort = commands.add_parser("cohort", help="work on cohort sheets").add_subparsers(
         required=True, metavar="COMMAND"

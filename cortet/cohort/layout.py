@@ -72,6 +72,10 @@ class Layout:
         run = "{case}_res-{res}um_desc-{mesher}_seed-{seed}"
         return f"{self.output}/{{folder}}/convergence/{run}/{name}"
 
+    def prediction(self, name: str) -> str:
+        """Pattern of a file of the experiment on prediction; a series lies with its first case."""
+        return f"{self.output}/{{folder}}/prediction/{{case}}_desc-{{kind}}/{name}"
+
     def cohort(self, name: str) -> str:
         """A file over all cases."""
         return f"{self.output}/cohort/{name}"
@@ -113,7 +117,7 @@ class Layout:
         known = {
             "res": "res-{res}um",
             "mesher": f"desc-{{mesher}}{''.join(f'{{{key}}}' for key in ('setting', 'variant') if key in found)}",
-            **{key: f"{key}-{{{key}}}" for key in ("seed", "inner", "hemi", "reference")},
+            **{key: f"{key}-{{{key}}}" for key in ("seed", "inner", "hemi", "reference", "kind")},
             "suffix": "{suffix}",
         }
         parts = [name, *(text for key, text in known.items() if key in found)]

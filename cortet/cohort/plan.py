@@ -13,7 +13,7 @@ from typing import Any
 
 from cortet.cohort.jobs import Job, Jobs, Mesh, existing
 from cortet.cohort.layout import beside, file_of, filled
-from cortet.cohort.sheet import folded
+from cortet.cohort.sheet import PHANTOM, Case, folded
 
 __all__ = ["AFTER_CERTIFICATE", "OVER_ALL_CASES", "Plan", "existing"]
 
@@ -21,11 +21,11 @@ __all__ = ["AFTER_CERTIFICATE", "OVER_ALL_CASES", "Plan", "existing"]
 OVER_ALL_CASES = (
     *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "cohort_page", "citation"),
     "cohort_maps",
-    *("cohort_folding", "convergence"),
+    *("cohort_folding", "convergence", "prediction"),
     *("table_ablation", "table_resolution", "table_measures", "figure_pooled_quality", "figure_series", "methods"),
 )
 #: rules after the certificate: the mesh is measured even if they fail
-AFTER_CERTIFICATE = ("export", "case_page", "case_maps", "fold", "fold_figures", "convergence_run")
+AFTER_CERTIFICATE = ("export", "case_page", "case_maps", "fold", "fold_figures", "convergence_run", "prediction_run")
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,47 @@ class Plan(Jobs):
     def variant(self, job: Job) -> dict[str, Any]:
         """Parameters by which a variant differs from the other folds of its case."""
         return self.config.fold.variants.get(job.get("variant", "").lower(), {})
+
+    def prediction_series(self) -> dict[str, dict[float, Case]]:
+        """Cases of one participant and hemisphere at several ages, by their ages: first case -> age -> case."""
+        wanted = self.config.experiments.prediction.participants
+        found: dict[tuple[str, str | None], dict[float, Case]] = {}
+        for case in self.cases.values():
+            if case.scan_age is not None and not case.inner and (not wanted or case.participant in wanted):
+                found.setdefault((case.participant, case.hemi), {})[case.scan_age] = case
+        several = [dict(sorted(cases.items())) for cases in found.values() if len(cases) > 1]
+        return {next(iter(cases.values())).name: cases for cases in several}
+
+    def surfaces_of_series(self, first: str) -> list[str]:
+        """Surfaces of the series that begins with a case, by age, as they are given; those that exist."""
+        return [
+            filled(path, {"folder": case.folder, "case": case.name})
+            for case in self.prediction_series()[first].values()
+            if isinstance(path := self.surface({"case": case.name}), str)
+        ]
+
+    def spheres_of_series(self, first: str) -> list[str]:
+        """Registered spheres of the series that begins with a case, by age; none if one of its cases has none."""
+        cases = list(self.prediction_series()[first].values())
+        paths = [
+            self.layout.surface("phantom", "sphere.surf.gii") if case.sphere == PHANTOM else existing(case.sphere)
+            for case in cases
+            if case.sphere is not None
+        ]
+        return [
+            filled(path, {"folder": case.folder, "case": case.name})
+            for case, path in zip(cases, paths, strict=False)
+            if isinstance(path, str) and len(paths) == len(cases)
+        ]
+
+    def prediction_runs(self) -> list[str]:
+        """Records of all runs of the experiment on prediction."""
+        return [
+            self.layout.prediction("record.json").format(folder=self.cases[case].folder, case=case, kind=kind)
+            for case in self.prediction_series()
+            for kind in self.config.experiments.prediction.kinds
+            if kind != "shuffled" or self.spheres_of_series(case)
+        ]
 
     def real_surfaces(self, job: Job) -> dict[str, str]:
         """The real brains that the pictures of a fold show, by their ages."""

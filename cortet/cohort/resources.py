@@ -33,6 +33,7 @@ COSTS = {stage.name: stage.cost for stage in STAGES.values()} | {
     "case_maps": Cost((250, 420), (5, 3)),
     "export": Cost((270, 170), (3, 5)),
     "convergence_run": Cost((500, 1200), (90, 4000)),
+    "prediction_run": Cost((700, 1300), (300, 16000)),
     "fold": Cost((500, 1200), (90, 4000)),
     "fold_figures": Cost((500, 800), (60, 120)),
 }

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from cortet.formats import FORMATS
+from cortet.geometry.limits import FOLD_AGES
 from cortet.meshers import MESHERS
 from cortet.sections import Cases, CellSize, NonNegativeInt, Positive, PositiveInt, Section, Subdivisions
 from cortet.stages import MESH_STAGES
 
 Setting = Literal["default", "cgal", "published"]
+PredictionKind = Literal["mechanics", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"]
 if TYPE_CHECKING:
     Mesher = str
     Solver = str
@@ -161,6 +163,29 @@ class Convergence(Section):
     """Meshers: lattice, cgal."""
 
 
+class Prediction(Section):
+    """Later brains predicted from growth that was measured: `snakemake prediction`. Folds are as in `fold`."""
+
+    participants: list[str] = []
+    """Participants whose surfaces of several ages have vertices that correspond: a series each, by hemisphere. Empty:
+    all that have two ages or more."""
+    cell_size: CellSize = 0.8
+    """Cell size h, mm, of the mesh of the first surface."""
+    kinds: list[PredictionKind] = ["mechanics", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"]
+    """What is predicted from. mechanics: growth until the last age. forecast: growth until an early age, which goes on
+    as in usual brains. The rest is what they have to beat. uniform: the same growth everywhere. shuffled: growth turned
+    at random on the sphere, where the sheet has one. unmapped: the model of fold without growth that was measured.
+    path: each vertex goes on as it went until the early age. nothing: the first surface, scaled to the volume."""
+    until: Annotated[float, Field(ge=FOLD_AGES[0], le=FOLD_AGES[1])] = 32.0
+    """The early age, weeks: a forecast knows surfaces up to there."""
+    rounds: Annotated[int, Field(ge=1, le=10)] = 3
+    """Rounds in which the growth that has to be imposed is found: tissue that is compressed grows less than it should."""
+    smoothing: Annotated[float, Field(ge=0, le=50)] | None = 2.0
+    """Smoothing of measured growth along the surface, full width at half maximum, mm; null: as much as noise asks for."""
+    seed: NonNegativeInt = 0
+    """Of the random rotation of shuffled."""
+
+
 class Experiments(Section):
     """The experiments of the paper, on this cohort: `snakemake tables figures report`."""
 
@@ -174,3 +199,4 @@ class Experiments(Section):
     measures: Measures = Measures()
     series: Series = Series()
     convergence: Convergence = Convergence()
+    prediction: Prediction = Prediction()

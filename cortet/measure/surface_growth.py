@@ -10,13 +10,15 @@ Tensors are rows of six numbers, in the order of `COMPONENTS`, in the coordinate
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.geometry.topology import edges, face_areas, face_normals, vertex_normals
+from cortet.geometry.topology import edges, enclosed_volume, face_areas, face_normals, vertex_normals
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: rows and columns of the six components of a symmetric tensor
@@ -25,6 +27,9 @@ _ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 
 #: rounds of smoothing that cross-validation chooses from
 _ROUNDS = (0, 1, 2, 4, 8, 16, 32, 64)
+#: rates of a course that a fit chooses from, per week, and ages that it takes to tell them apart
+_RATES = tuple(np.round(np.arange(0, 0.305, 0.005), 3).tolist())
+_AGES_FOR_A_RATE = 3
 #: random vectors that estimate a trace (Hutchinson 1990), and their seed
 _PROBES, _SEED = 8, 0
 #: full width at half maximum of a Gaussian of standard deviation 1
@@ -47,6 +52,55 @@ class Smoothed(NamedTuple):
     tensors: FloatArray
     #: full width at half maximum of the smoothing, mm
     width_mm: float
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """Growth between two surfaces, whole and at each vertex."""
+
+    #: (n, 6), logarithm of the stretch along the surface, smoothed
+    tensors: FloatArray
+    #: full width at half maximum of the smoothing, mm
+    width_mm: float
+    #: later over early, of the whole
+    area_ratio: float
+    volume_ratio: float
+    #: of the area ratio of the vertices, weighted by area: percentile -> value
+    percentiles: dict[str, float]
+    #: numbers per vertex that people look at, by name
+    metrics: dict[str, FloatArray]
+
+
+def measured(early: TriSurface, later: TriSurface, width_mm: float | None = None) -> Growth:
+    """How much each spot of a surface has grown until a later one, whose vertices correspond to its own.
+
+    Parameters
+    ----------
+    width_mm : full width at half maximum of the smoothing along the surface; None: as much as noise asks for
+
+    Raises
+    ------
+    InputError : the surfaces do not correspond
+    """
+    found = smoothed(logarithmic_growth(early, later), early, width_mm)
+    ratio, areas = area_ratio(found.tensors), vertex_areas(early)
+    directions = principal(found.tensors, vertex_normals(early.points, early.faces))
+    volumes = [abs(enclosed_volume(one.points, one.faces)) for one in (early, later)]
+    order = np.argsort(ratio)
+    below = (np.cumsum(areas[order]) - areas[order] / 2) / areas.sum()
+    return Growth(
+        found.tensors,
+        found.width_mm,
+        area_ratio=float(vertex_areas(later).sum() / areas.sum()),
+        volume_ratio=volumes[1] / volumes[0],
+        percentiles={f"{part}": float(np.interp(part / 100, below, ratio[order])) for part in (5, 25, 50, 75, 95)},
+        metrics={
+            "area_ratio": ratio,
+            "stretch_largest": directions.largest,
+            "stretch_smallest": directions.smallest,
+            "beyond_the_whole": np.sqrt(ratio) / np.cbrt(volumes[1] / volumes[0]),
+        },
+    )
 
 
 def logarithmic_growth(early: TriSurface, later: TriSurface) -> FloatArray:
@@ -74,13 +128,36 @@ def logarithmic_growth(early: TriSurface, later: TriSurface) -> FloatArray:
     return _rows(shape + ratio[:, None, None] / 2 * _projectors(normals))
 
 
+def through_spheres(surface: TriSurface, sphere: TriSurface, of_early: TriSurface) -> TriSurface:
+    """A later surface at the vertices of an early one, which correspond through registered spheres.
+
+    Parameters
+    ----------
+    sphere, of_early : registered spheres of the later and of the early surface, of any radius
+
+    Raises
+    ------
+    InputError : the sphere is not of this surface
+    """
+    from cortet.geometry import spheres
+
+    if not spheres.same_triangles(sphere, surface):
+        raise InputError(
+            f"the sphere has {len(sphere.points)} vertices and other triangles than the surface, which has "
+            f"{len(surface.points)}",
+            remedy="give the sphere of this very surface",
+        )
+    weights = spheres.barycentric(spheres.of_one_radius(sphere), spheres.of_one_radius(of_early))
+    return TriSurface(weights @ surface.points, of_early.faces)
+
+
 def check_corresponding(early: TriSurface, later: TriSurface) -> None:
     """Raise InputError unless the vertices of two surfaces correspond by their numbers, and no triangle is flat."""
     if early.faces.shape != later.faces.shape or not np.array_equal(early.faces, later.faces):
         raise InputError(
             f"the surfaces have {len(early.points)} and {len(later.points)} vertices, and other triangles: their "
             "vertices do not correspond",
-            remedy="resample both through their registered spheres first: cortet resample",
+            remedy="give the registered sphere of each",
         )
     for surface, name in ((early, "early"), (later, "later")):
         areas = face_areas(surface.points, surface.faces)
@@ -107,9 +184,7 @@ def principal(tensors: FloatArray, normals: FloatArray) -> Principal:
     across = np.abs(np.einsum("nik,ni->nk", vectors, normals)).argmax(axis=1)  # its value is 0, anywhere among them
     rows = np.arange(len(values))
     kept = np.array([[1, 2], [0, 2], [0, 1]])[across]  # eigh sorts them, the smallest first
-    return Principal(
-        np.exp(values[rows, kept[:, 1]]), np.exp(values[rows, kept[:, 0]]), vectors[rows, :, kept[:, 1]]
-    )
+    return Principal(np.exp(values[rows, kept[:, 1]]), np.exp(values[rows, kept[:, 0]]), vectors[rows, :, kept[:, 1]])
 
 
 def tensors_of(found: Principal, normals: FloatArray) -> FloatArray:
@@ -140,6 +215,60 @@ def smoothed(tensors: FloatArray, surface: TriSurface, width_mm: float | None = 
         scores.append(left / (1 - trace) ** 2 if trace < 1 else np.inf)
     best = int(np.argmin(scores))
     return Smoothed(candidates[best], _FWHM * step * float(np.sqrt(_ROUNDS[best])))
+
+
+class Fit(NamedTuple):
+    """Growth at each vertex as one pattern that unfolds in time: tensor(age) = pattern * course(age)."""
+
+    #: (n, 6), at the last age that was fitted
+    pattern: FloatArray
+    #: (n,), standard error of the logarithm of the area there; NaN where two ages leave nothing to judge by
+    error: FloatArray
+    #: start, and the rate b of the course (1 - exp(-b t)), per week; 0: linear in the logarithm, so exponential
+    start: float
+    rate: float
+    last: float
+
+    def at(self, age: float) -> FloatArray:
+        """Tensors at an age, beyond the last one, too: (n, 6)."""
+        return self.pattern * (_course(age - self.start, self.rate) / _course(self.last - self.start, self.rate))
+
+
+def fitted(ages: Sequence[float], tensors: Sequence[FloatArray], start: float, rate: float | None = None) -> Fit:
+    """One law of growth through several ages, by least squares at each vertex.
+
+    Parameters
+    ----------
+    ages : weeks, rising, after the start
+    tensors : growth from the start to each of them, (n, 6)
+    rate : of the course, per week: 0 is exponential growth, above 0 Gompertz's; None: that which leaves least over
+    """
+    times, values = np.asarray(ages) - start, np.stack(tensors)
+    if rate is None:
+        if len(ages) < _AGES_FOR_A_RATE:
+            rate = 0.0
+        else:
+            rate = min(_RATES, key=lambda one: float((_left_over(times, values, one) ** 2).sum()))
+    course = _course(times, rate)
+    slope = np.tensordot(course, values, 1) / (course @ course)
+    left = _left_over(times, values, rate)[:, :, :3].sum(axis=2)
+    freedom = len(ages) - 1
+    spread = np.sqrt((left**2).sum(axis=0) / freedom) if freedom else np.full(values.shape[1], np.nan)
+    last = float(course[-1])
+    return Fit(slope * last, spread * last / float(np.sqrt(course @ course)), start, rate, float(ages[-1]))
+
+
+def _course(time: Any, rate: float) -> Any:
+    """How far growth has come: 0 at 0, and like the time there."""
+    return -np.expm1(-rate * time) / rate if rate else time * 1.0
+
+
+def _left_over(times: FloatArray, values: FloatArray, rate: float) -> FloatArray:
+    """What the best fit of a rate leaves over: (k, n, 6)."""
+    course = _course(times, rate)
+    slope = np.tensordot(course, values, 1) / (course @ course)
+    result: FloatArray = values - course[:, None, None] * slope
+    return result
 
 
 def _of_faces(early: TriSurface, later: TriSurface) -> FloatArray:
@@ -201,7 +330,10 @@ def _step_mm(surface: TriSurface) -> float:
 
 
 def _after(tensors: FloatArray, surface: TriSurface, rounds: list[int] | tuple[int, ...]) -> list[FloatArray]:
-    """Tensors after some numbers of rounds, rising, each half own and half the mean of the neighbours, weighted by area."""
+    """Tensors after some numbers of rounds, rising.
+
+    In a round a vertex keeps half of its own and takes half the mean of its neighbours, weighted by area.
+    """
     normals, areas = vertex_normals(surface.points, surface.faces), vertex_areas(surface)
     start, end = _both_ways(surface.faces)
     turn, weight = _turns(normals[start], normals[end]), areas[start]

@@ -109,7 +109,7 @@ class OnGpu:
             patches = self._moment.work.patches
             renew(patches, body)
             with self._told():
-                self._patches.constants.copy_to_device(patches.constants)
+                _put(self._patches.constants, patches.constants)
             self._body = body
 
     def list_contacts(self, envelope: float) -> None:
@@ -200,6 +200,11 @@ def _sent(array: Any) -> Any:
 def _fetched(array: Any) -> Any:
     """A copy on the host, once all that was launched is done."""
     return array.copy_to_host()
+
+
+def _put(there: Any, values: Any) -> None:
+    """Set an array on the device."""
+    there.copy_to_device(values)
 
 
 def _overwrite(state: Any, values: Motion) -> None:

@@ -1,0 +1,62 @@
+"""The command `growth`: how much each spot of a surface has grown until a later age."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+
+from cortet.cli.given import stem_of
+from cortet.cli.meshing import recorded
+from cortet.errors import InputError
+from cortet.formats.ownership import may_write
+
+
+def growth_command(args: argparse.Namespace) -> int:
+    """Measure growth between two surfaces and write it as fields of the early one."""
+    from cortet.formats.gifti import read_surface, write_fields
+    from cortet.measure.surface_growth import measured, through_spheres
+    from cortet.simulation.growth_map import field_of
+
+    start, end = args.ages
+    if not start < end:
+        raise InputError(f"the later age, {end:g} weeks, is not after the early one, {start:g}", remedy="give both")
+    stem = stem_of(args.output).removesuffix(".func").removesuffix(".shape")
+    metrics, record = (args.output.with_name(f"{stem}{ending}") for ending in (".shape.gii", ".growth.json"))
+    for path in (metrics, record):
+        may_write(path)
+    early, later = read_surface(args.early), read_surface(args.later)
+    if args.spheres:
+        own, other = (read_surface(sphere) for sphere in args.spheres)
+        later = through_spheres(later, other, own)
+    found = measured(early, later, args.smooth)
+    report = {
+        "early": {"file": str(args.early), "gestational_age_weeks": start},
+        "later": {"file": str(args.later), "gestational_age_weeks": end},
+        "correspondence": "registered spheres" if args.spheres else "numbers of the vertices",
+        "smoothing_mm": found.width_mm,
+        "area_ratio": found.area_ratio,
+        "volume_ratio": found.volume_ratio,
+        "area_ratio_percentiles": found.percentiles,
+        "fields": {
+            field_of(end): "logarithm of the stretch along the surface: xx, yy, zz, xy, xz, yz",
+            "area_ratio": "later over early area",
+            "stretch_largest, stretch_smallest": "principal stretches along the surface",
+            "beyond_the_whole": "stretch of the square root of the area over that of the cube root of the volume",
+        },
+    }
+    with recorded(report, record) as place:
+        write_fields({field_of(end): found.tensors}, place(args.output))
+        write_fields(found.metrics, place(metrics))
+        if args.picture:
+            from cortet.report.cohort_maps import maps_figure
+            from cortet.report.figures import save
+
+            shown = {"area ratio": found.metrics["area_ratio"]}
+            save(maps_figure(replace(early, point_data=shown)), place(args.picture))
+    low, middle, high = (found.percentiles[key] for key in ("5", "50", "95"))
+    print(f"from {start:g} to {end:g} weeks the area grows by {found.area_ratio:.3f}, the volume by ", end="")
+    print(f"{found.volume_ratio:.3f}; a spot by {middle:.2f}, of nine in ten by {low:.2f} to {high:.2f}")
+    print(f"smoothed along the surface over {found.width_mm:.1f} mm (full width at half maximum)")
+    print(f"{args.output}: written, with {metrics.name} and {record.name}; a mesh takes it with ", end="")
+    print(f"--field {field_of(end)}={args.output.name}")
+    return 0

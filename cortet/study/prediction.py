@@ -1,0 +1,524 @@
+"""A later brain, predicted from growth that was measured: against real later brains, and against what costs nothing.
+
+A series is one brain, or one atlas, at several ages, with vertices that correspond. The first surface is meshed; growth
+measured between it and later ones is imposed on the mesh, which folds as mechanics tells. Tissue that is compressed
+grows less than it is told to, so what has to be imposed is found by fixed-point iteration: fold, measure the growth of
+the result as that of the real brain was measured, add the difference, again.
+
+Compared with the real surfaces are predictions of these kinds (`KINDS`). What tells good ones from bad ones is gained
+depth: that of a later brain is nearly that of the early one, so "nothing changes" has a high correlation of depth.
+
+Surfaces are compared after a rigid alignment (Kabsch 1976), for the positions of a brain in its file mean nothing.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from cortet.errors import InputError
+from cortet.formats import vtu
+from cortet.formats.gifti import write_surface
+from cortet.formats.tables import Column, names
+from cortet.geometry.spheres import barycentric, of_one_radius
+from cortet.geometry.topology import enclosed_volume, vertex_normals
+from cortet.measure.surface_growth import (
+    check_corresponding,
+    fitted,
+    logarithmic_growth,
+    smoothed,
+    vertex_areas,
+)
+from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.report.figures import BLUE, GREEN, PAGE, VERMILION, drawn, save
+from cortet.report.table_files import Table, write
+from cortet.simulation.body import scale_of
+from cortet.simulation.fold import Say, Verdict, fold
+from cortet.simulation.growth import AREA, VOLUME, usual
+from cortet.simulation.growth_map import field_of
+from cortet.simulation.measurements import depth_below_hull, shape, smoothed_curvature
+from cortet.simulation.medial_wall import medial_wall
+from cortet.simulation.state import Settings
+from cortet.stages.transfer import transfer
+from cortet.study.carried import carried
+
+VERSION: int = 1
+
+Kind = Literal["mechanics", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"]
+#: kinds that are folded
+FOLDED: tuple[Kind, ...] = ("mechanics", "forecast", "uniform", "shuffled", "unmapped")
+#: kind -> what it is
+KINDS: dict[Kind, str] = {
+    "mechanics": "growth measured until the last age is imposed",
+    "forecast": "growth measured until an early age goes on as in usual brains",
+    "uniform": "the same growth everywhere, as much as was measured in all",
+    "shuffled": "the measured growth, turned at random on the sphere",
+    "unmapped": "the model as it is, with no growth measured",
+    "path": "no mechanics: each vertex goes on as it went until the early age",
+    "nothing": "the first surface, scaled to the volume",
+}
+#: largest logarithmic stretch that is imposed: the iteration must not run away where nothing follows it
+_LARGEST = 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Surfaces of one brain at several ages, whose vertices correspond."""
+
+    #: weeks, rising
+    ages: tuple[float, ...]
+    surfaces: tuple[TriSurface, ...]
+    #: (n,), area around each vertex at the first age, mm2; 0 where there is no cortex
+    weights: FloatArray
+    #: registered sphere of the vertices
+    sphere: TriSurface | None = None
+
+    @property
+    def first(self) -> TriSurface:
+        """The surface that is meshed."""
+        return self.surfaces[0]
+
+    def at(self, age: float) -> TriSurface:
+        """The surface of an age."""
+        return self.surfaces[self.ages.index(age)]
+
+    def volumes(self) -> dict[float, float]:
+        """Enclosed volume at each age, mL."""
+        return {
+            age: abs(enclosed_volume(one.points, one.faces)) / 1000
+            for age, one in zip(self.ages, self.surfaces, strict=True)
+        }
+
+    def hulls(self) -> dict[float, float]:
+        """Volume of the convex hull at each age, mL."""
+        return {age: ConvexHull(one.points).volume / 1000 for age, one in zip(self.ages, self.surfaces, strict=True)}
+
+
+def series_of(
+    surfaces: Mapping[float, TriSurface], cortex: FloatArray | None = None, sphere: TriSurface | None = None
+) -> Series:
+    """The series of surfaces by age, laid onto the first one.
+
+    Parameters
+    ----------
+    cortex : (n,), above 0 where a vertex is of the cortex, such as its thickness; None: everywhere
+    sphere : registered sphere of the vertices
+
+    Raises
+    ------
+    InputError : there are fewer than two, or their vertices do not correspond
+    """
+    if len(surfaces) < 2:
+        raise InputError("a series has one surface only", remedy="name surfaces of two ages or more")
+    ages = sorted(surfaces)
+    first = surfaces[ages[0]]
+    for age in ages[1:]:
+        check_corresponding(first, surfaces[age])
+    weights = vertex_areas(first)
+    if cortex is not None:
+        weights = np.where(np.asarray(cortex) > 0, weights, 0.0)
+    laid = (
+        first,
+        *(replace(surfaces[age], points=aligned(surfaces[age].points, first.points, weights)) for age in ages[1:]),
+    )
+    return Series(tuple(ages), laid, weights, sphere)
+
+
+def aligned(points: FloatArray, to: FloatArray, weights: FloatArray) -> FloatArray:
+    """Points (n, 3) turned and shifted onto others, vertex by vertex, with the least weighted squared distance."""
+    middle, other = (np.average(p, axis=0, weights=weights) for p in (points, to))
+    rotation, _ = Rotation.align_vectors(to - other, points - middle, weights)
+    result: FloatArray = rotation.apply(points - middle) + other
+    return result
+
+
+# --- what is predicted
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Surfaces that were predicted, with how they came about."""
+
+    kind: Kind
+    #: age -> (n, 3) mm
+    points: dict[float, FloatArray]
+    #: how the last fold ended; None where nothing was folded
+    verdict: Verdict | None
+    #: of each round: what was measured less what came out, logarithm of the area, weighted: age -> mean, and spread
+    residuals: list[dict[str, float]]
+
+
+def cortex_of(first: TriSurface, hemisphere: str | None) -> FloatArray | None:
+    """1 where a vertex of half a brain is of the cortex, 0 on its medial wall: (n,); None for a whole brain."""
+    if hemisphere is None:
+        return None
+    scale = scale_of(first, hemisphere)
+    result: FloatArray = 1.0 - medial_wall(first, hemisphere, scale.origin, scale.length).nodes
+    return result
+
+
+def measured_growth(series: Series, ages: Sequence[float], width_mm: float | None) -> dict[float, FloatArray]:
+    """Growth from the first surface to those of some ages: age -> (n, 6)."""
+    return {
+        age: smoothed(logarithmic_growth(series.first, series.at(age)), series.first, width_mm).tensors for age in ages
+    }
+
+
+def uniform_growth(series: Series, maps: Mapping[float, FloatArray]) -> dict[float, FloatArray]:
+    """The mean of maps over the cortex, alike in all directions and everywhere: age -> (n, 6)."""
+    normals = vertex_normals(series.first.points, series.first.faces)
+    plane = (np.eye(3) - normals[:, :, None] * normals[:, None, :])[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    return {age: plane * np.log(_whole(series, values)) / 2 for age, values in maps.items()}
+
+
+def _whole(series: Series, values: FloatArray) -> float:
+    """Ratio of the areas of the cortex that a map (n, 6) stands for."""
+    return float(np.average(np.exp(values[:, :3].sum(axis=1)), weights=series.weights))
+
+
+def shuffled_growth(series: Series, maps: Mapping[float, FloatArray], seed: int) -> dict[float, FloatArray]:
+    """The areas of maps turned on the sphere by a random rotation (Alexander-Bloch et al. 2018): age -> (n, 6).
+
+    Directions do not turn with them: growth is alike in all of them.
+
+    Raises
+    ------
+    InputError : the series has no sphere
+    """
+    if series.sphere is None:
+        raise InputError(
+            "the series has no sphere on which growth could be shuffled", remedy="name the sphere of its first surface"
+        )
+    sphere = of_one_radius(series.sphere)
+    turn = Rotation.random(random_state=np.random.default_rng(seed))
+    weights = barycentric(sphere, replace(sphere, points=turn.apply(np.array(sphere.points))))
+    even, result = uniform_growth(series, maps), {}
+    for age, values in maps.items():
+        log_area = values[:, :3].sum(axis=1)
+        mean = np.average(log_area, weights=series.weights)
+        turned = np.asarray(weights @ np.where(series.weights > 0, log_area, mean))
+        result[age] = even[age] * (turned / np.log(_whole(series, values)))[:, None]
+    return result
+
+
+def forecast_growth(
+    series: Series, maps: Mapping[float, FloatArray], until: float, ages: Sequence[float]
+) -> dict[float, FloatArray]:
+    """Growth measured until an early age, at later ones, in the course that usual brains take: age -> (n, 6)."""
+    known = [age for age in sorted(maps) if age <= until]
+    pattern = fitted(known, [maps[age] for age in known], series.ages[0], rate=0.0).at(until)
+    start, then, *later = np.log(usual(AREA, np.array([series.ages[0], until, *ages])))
+    course = [(value - start) / (then - start) for value in later]
+    return {age: pattern * part for age, part in zip(ages, course, strict=True)}
+
+
+def without_mechanics(series: Series, until: float) -> dict[float, FloatArray]:
+    """Every vertex goes on along its path from the first surface to an early one, as fast as usual volumes grow."""
+    way = series.at(until).points - series.first.points
+    sizes = np.cbrt(usual(VOLUME, np.array([series.ages[0], *series.ages[1:], until])))
+    parts = (sizes[1:-1] - sizes[0]) / (sizes[-1] - sizes[0])
+    return {age: series.first.points + part * way for age, part in zip(series.ages[1:], parts, strict=True)}
+
+
+def nothing_changes(series: Series) -> dict[float, FloatArray]:
+    """The first surface, scaled to the volume of each age."""
+    volumes = series.volumes()
+    start = volumes[series.ages[0]]
+    return {age: series.first.points * float(np.cbrt(volumes[age] / start)) for age in series.ages[1:]}
+
+
+# --- folding
+
+
+def predict(
+    series: Series,
+    mesh: TetMesh,
+    kind: Kind,
+    folder: Path,
+    *,
+    settings: Settings,
+    until: float,
+    smoothing: float | None = None,
+    rounds: int = 1,
+    seed: int = 0,
+    say: Say = lambda _: None,
+) -> Prediction:
+    """Surfaces of the later ages of a series by one of `KINDS`.
+
+    Parameters
+    ----------
+    mesh : of the first surface
+    folder : of the fold; those of earlier rounds are in folders beside it
+    settings : of the fold; volume and hull are replaced by those of the series, where the kind may know them
+    until : last age that a forecast knows
+    smoothing : of growth along the surface, full width at half maximum, mm; None: as much as noise asks for
+    rounds : of the fixed-point iteration, 1: what was measured is imposed
+    """
+    if kind == "nothing":
+        return Prediction(kind, nothing_changes(series), None, [])
+    if not any(age <= until for age in series.ages[1:]):
+        raise InputError(
+            f"no surface is known until {until:g} weeks", remedy="set a later experiments.prediction.until"
+        )
+    until = max(age for age in series.ages if age <= until)
+    if kind == "path":
+        return Prediction(kind, without_mechanics(series, until), None, [])
+    if kind not in ("unmapped", "forecast"):
+        settings = replace(settings, volume=series.volumes(), hull=series.hulls())
+    end = series.ages[-1]
+    known = [age for age in series.ages[1:] if kind != "forecast" or age <= until]
+    target = measured_growth(series, known, smoothing)
+    if kind == "uniform":
+        target = uniform_growth(series, target)
+    elif kind == "shuffled":
+        target = shuffled_growth(series, target, seed)
+    elif kind == "unmapped":
+        target = {}
+    imposed, residuals, verdict = dict(target), [], None
+    points: dict[float, FloatArray] = {}
+    whole = kind in ("uniform", "shuffled")
+    for number in range(rounds if target else 1):
+        last = number == rounds - 1 or not target
+        maps, stop = imposed, end
+        if kind == "forecast":
+            if last:
+                maps = {**imposed, **forecast_growth(series, imposed, until, [a for a in series.ages if a > until])}
+            else:
+                stop = until
+        place = folder if last else folder.with_name(f"{folder.name}_round-{number + 1}")
+        verdict, points = _folded(series, mesh, maps, place, replace(settings, end=stop))
+        if not target:
+            break
+        came = {age: _came_out(series, points[age], smoothing) for age in target if age in points}
+        residuals.append(_residual(series, target, came))
+        say(f"round {number + 1}: " + ", ".join(f"{name} {value:.3f}" for name, value in residuals[-1].items()))
+        if not last:
+            imposed = {age: corrected(series, imposed[age], target[age], came[age], whole=whole) for age in imposed}
+    return Prediction(kind, points, verdict, residuals)
+
+
+def corrected(
+    series: Series, imposed: FloatArray, wanted: FloatArray, came: FloatArray, *, whole: bool = False
+) -> FloatArray:
+    """What to impose next: more where less came out than was wanted; (n, 6) each.
+
+    Parameters
+    ----------
+    whole : correct only how much grows in all: what has no pattern, or a wrong one, must not get the right one so
+    """
+    missing = wanted - came
+    if whole:
+        share = np.average(missing[:, :3].sum(axis=1), weights=series.weights)
+        trace = np.average(imposed[:, :3].sum(axis=1), weights=series.weights)
+        return imposed * (1 + share / trace)
+    return np.clip(imposed + missing, -_LARGEST, _LARGEST)
+
+
+def _came_out(series: Series, points: FloatArray, width_mm: float | None) -> FloatArray:
+    """Growth of a predicted surface, measured as that of the real one: (n, 6)."""
+    return smoothed(
+        logarithmic_growth(series.first, replace(series.first, points=points)), series.first, width_mm
+    ).tensors
+
+
+def _residual(series: Series, wanted: Mapping[float, FloatArray], came: Mapping[float, FloatArray]) -> dict[str, float]:
+    """What is missing of the logarithm of the area, by age: mean and root mean square."""
+    result = {}
+    for age, values in came.items():
+        missing = (wanted[age] - values)[:, :3].sum(axis=1)
+        result[f"mean_{age:g}"] = float(np.average(missing, weights=series.weights))
+        result[f"rms_{age:g}"] = float(np.sqrt(np.average(missing**2, weights=series.weights)))
+    return result
+
+
+def _folded(
+    series: Series, mesh: TetMesh, maps: Mapping[float, FloatArray], folder: Path, settings: Settings
+) -> tuple[Verdict, dict[float, FloatArray]]:
+    """Fold a mesh by some maps, and carry the first surface along: age -> (n, 3) mm."""
+    from cortet.report.fold_figures import series as frames_of
+    from cortet.simulation.journal import SERIES
+
+    fields = {field_of(age): values for age, values in maps.items()}
+    grown, _ = transfer(mesh, TriSurface(series.first.points, series.first.faces, fields))
+    folder.mkdir(parents=True, exist_ok=True)
+    verdict = fold(grown, folder, settings)
+    points = {}
+    for file, age in frames_of(folder / SERIES):
+        real = min(series.ages[1:], key=lambda one: abs(one - age))
+        if abs(real - age) < settings.record_interval / 2:
+            points[real] = carried(series.first.points, mesh, vtu.read(file).points)
+    return verdict, points
+
+
+# --- what it is worth
+
+
+def _column(name: str, meaning: str, unit: str, heading: str, form: str) -> Column:
+    return Column(name, meaning, unit, heading=heading, form=form)
+
+
+PREDICTION = Table(
+    "Predicted and real later brains",
+    (
+        Column("series", "Name of the first case of the series", heading="Series"),
+        Column("kind", "What is imposed", heading="Prediction"),
+        _column("gestational_age", "Age that is predicted", "weeks", "age (weeks)", "g"),
+        _column(
+            "gained_depth",
+            "Correlation of the depth below the hull that vertices have gained since the first age, weighted by area",
+            "",
+            "r, gained depth",
+            ".3f",
+        ),
+        _column("depth", "Correlation of the depth below the hull", "", "r, depth", ".3f"),
+        _column("curvature", "Correlation of the mean curvature, smoothed over 1.5 mm", "", "r, curvature", ".3f"),
+        _column("distance_mm", "Mean distance of corresponding vertices", "mm", "distance (mm)", ".2f"),
+        _column("distance_95_mm", "Distance below which 95 % of them are", "mm", "95 % (mm)", ".2f"),
+        *(
+            Column(
+                f"{which}{column}",
+                f"{words} of the {whose} surface",
+                unit,
+                heading=f"{words}, {whose} ({unit})" if unit else f"{words}, {whose}",
+                form=form,
+            )
+            for column, words, unit, form in (
+                ("area_mm2", "area", "mm2", ".0f"),
+                ("volume_mm3", "volume", "mm3", ".0f"),
+                ("gyrification_index", "gyrification index", "", ".3f"),
+                ("fold_spacing_mm", "width of folds", "mm", ".1f"),
+            )
+            for which, whose in (("", "predicted"), ("real_", "real"))
+        ),
+        Column("residual", "Measured less simulated growth after the last round: logarithm of the area, rms"),
+        Column("outcome", "How the fold ended"),
+    ),
+    first=(),
+    group=("series", "kind"),
+)
+
+
+def scores(series: Series, points: Mapping[float, FloatArray]) -> list[dict[str, Any]]:
+    """What predicted surfaces are worth: a row per age, of the columns of `PREDICTION`.
+
+    Parameters
+    ----------
+    points : age -> (n, 3) mm; None of them need be aligned
+    """
+    first, weights = series.first, series.weights
+    depth = depth_below_hull(first.points)
+    rows = []
+    for age, predicted in sorted(points.items()):
+        real = series.at(age)
+        laid = aligned(predicted, real.points, weights)
+        away = np.linalg.norm(laid - real.points, axis=1)
+        deep, really = depth_below_hull(laid), depth_below_hull(real.points)
+        curved, curvature = (smoothed_curvature(one, first.faces) for one in (laid, real.points))
+        rows.append(
+            {
+                "gestational_age": age,
+                "gained_depth": correlation(deep - depth, really - depth, weights),
+                "depth": correlation(deep, really, weights),
+                "curvature": correlation(curved, curvature, weights),
+                "distance_mm": float(np.average(away, weights=weights)),
+                "distance_95_mm": _quantile(away, weights, 0.95),
+                **_shape(series, laid, ""),
+                **_shape(series, real.points, "real_"),
+            }
+        )
+    return rows
+
+
+def correlation(a: FloatArray, b: FloatArray, weights: FloatArray) -> float:
+    """Weighted correlation of two fields."""
+    a, b = (values - np.average(values, weights=weights) for values in (a, b))
+    return float((weights * a * b).sum() / np.sqrt((weights * a * a).sum() * (weights * b * b).sum()))
+
+
+def _quantile(values: FloatArray, weights: FloatArray, part: float) -> float:
+    order = np.argsort(values)
+    return float(np.interp(part, np.cumsum(weights[order]) / weights.sum(), values[order]))
+
+
+def _shape(series: Series, points: FloatArray, prefix: str) -> dict[str, Any]:
+    """Area, volume, index and width of folds."""
+    found = shape(points, series.first.faces, series.weights == 0, float("nan"))
+    return {
+        f"{prefix}{name}": found[name] for name in ("area_mm2", "volume_mm3", "gyrification_index", "fold_spacing_mm")
+    }
+
+
+_LINES = {
+    "mechanics": (BLUE, "-"),
+    "forecast": (VERMILION, "-"),
+    "uniform": (GREEN, "-"),
+    "shuffled": (GREEN, ":"),
+    "unmapped": ("black", "-"),
+    "path": (VERMILION, ":"),
+    "nothing": ("black", ":"),
+}
+
+
+def prediction_figure(table: pd.DataFrame) -> Figure:
+    """How well each kind predicts, against age."""
+    with drawn(PAGE, 2.4) as figure:
+        axes = figure.subplots(1, 4)
+        for axis, (column, words) in zip(
+            axes,
+            (
+                ("gained_depth", "correlation of gained depth"),
+                ("depth", "correlation of depth"),
+                ("curvature", "correlation of curvature"),
+                ("distance_mm", "distance (mm)"),
+            ),
+            strict=True,
+        ):
+            for kind, rows in table.groupby("kind", sort=False):
+                colour, style = _LINES[str(kind)]
+                axis.plot(rows["gestational_age"], rows[column], style, color=colour, label=kind, marker=".", ms=3)
+            axis.set(xlabel="gestational age (weeks)", ylabel=words)
+        axes[0].legend(loc="best", fontsize="x-small")
+    return figure
+
+
+def write_run(prediction: Prediction, series: Series, folder: Path) -> dict[str, Any]:
+    """Write the predicted surfaces; returns what a record says."""
+    for age, points in prediction.points.items():
+        write_surface(replace(series.first, points=points, point_data={}), folder / f"predicted_{age:g}.surf.gii")
+    return {
+        "kind": prediction.kind,
+        "verdict": asdict(prediction.verdict) if prediction.verdict else None,
+        "residuals": prediction.residuals,
+        "scores": scores(series, prediction.points),
+    }
+
+
+def prediction_table(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """A row per series, kind and age from the records of runs."""
+    rows = []
+    for record in records:
+        left = record["residuals"][-1] if record["residuals"] else {}
+        for row in record["scores"]:
+            outcome = record["verdict"]["outcome"] if record["verdict"] else None
+            residual = left.get(f"rms_{row['gestational_age']:g}")
+            rows.append(
+                {"series": record["series"], "kind": record["kind"], **row, "residual": residual, "outcome": outcome}
+            )
+    return pd.DataFrame(rows, columns=names(PREDICTION.columns))
+
+
+def write_prediction(records: Sequence[Path], outputs: Sequence[str | Path]) -> None:
+    """Write table and figure of the records of some runs, each in the form of the path's suffix."""
+    table = prediction_table([json.loads(path.read_text(encoding="utf-8")) for path in records])
+    figures = [path for path in map(Path, outputs) if path.suffix in (".svg", ".pdf", ".png")]
+    write(PREDICTION, table, *(path for path in map(Path, outputs) if path not in figures))
+    save(prediction_figure(table), *figures)
