@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cortet.api import Folded, Mesh, certify, compare, fold, mesh, repair, surface
+    from cortet.api import Folded, Mesh, certify, compare, fold, growth, mesh, repair, surface
 
 # Numba's first choice, TBB, warns in many environments that theirs is too old, and is not used anyway
 os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")
@@ -29,7 +29,7 @@ if "numba" in sys.modules:  # it has read its environment already
 __version__ = "0.2.0"
 
 #: everything else is for those who build on the parts
-__all__ = ["Folded", "Mesh", "certify", "compare", "fold", "mesh", "repair", "surface"]
+__all__ = ["Folded", "Mesh", "certify", "compare", "fold", "growth", "mesh", "repair", "surface"]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""cortet in a few calls: `mesh`, `fold`, `certify`, `repair` and `compare`, from files or arrays to results in memory.
+"""cortet in a few calls: `mesh`, `fold`, `growth`, `certify`, `repair` and `compare`, from files or arrays to results in memory.
 
 Surfaces may be files, NiBabel images, meshes of PyVista or trimesh, or pairs of arrays. Nothing is written unless a
 result is saved. The command line and the workflow do the same with files.
@@ -33,6 +33,8 @@ from cortet.solver_files.sets import named_sets
 if TYPE_CHECKING:
     import pandas as pd
     import pyvista
+
+    from cortet.measure.surface_growth import Growth
 
 #: a file of any format that is read, `TriSurface`, NiBabel's `GiftiImage`, PyVista's `PolyData`, trimesh's `Trimesh`,
 #: or vertices (n, 3) in mm and faces (m, 3)
@@ -233,6 +235,42 @@ def _told(step: Step) -> None:
 def _say(line: str) -> None:
     """Put a line where a terminal and a notebook show it apart from results."""
     sys.stderr.write(f"{line}\n")
+
+
+def growth(
+    early: SurfaceLike,
+    later: SurfaceLike,
+    ages: tuple[float, float],
+    *,
+    spheres: tuple[SurfaceLike, SurfaceLike] | None = None,
+    smooth: float | None = None,
+) -> tuple[dict[str, NDArray[Any]], Growth]:
+    """How much each spot of a surface has grown until a later age.
+
+    Parameters
+    ----------
+    ages : gestational ages of the two, weeks
+    spheres : registered spheres of the two, through which their vertices correspond; None: they do by their numbers
+    smooth : full width at half maximum of the smoothing along the surface, mm; None: as much as noise asks for
+
+    Returns
+    -------
+    fields for `mesh`, by which a mesh of `early` grows when it is folded; and what was measured
+
+    Raises
+    ------
+    InputError : the vertices do not correspond, or the ages do not rise
+    """
+    from cortet.measure.surface_growth import measured, through_spheres
+    from cortet.simulation.growth_map import field_of
+
+    if not ages[0] < ages[1]:
+        raise InputError(f"the later age, {ages[1]:g} weeks, is not after the early one", remedy="give both, rising")
+    first, last = surface(early), surface(later)
+    if spheres:
+        last = through_spheres(last, surface(spheres[1]), surface(spheres[0]))
+    found = measured(first, last, smooth)
+    return {field_of(ages[1]): found.tensors}, found
 
 
 def certify(

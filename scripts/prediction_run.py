@@ -7,6 +7,8 @@ from _job import start
 
 job = start(snakemake)
 
+import numpy as np
+
 from cortet.config import load
 from cortet.formats import gifti
 from cortet.formats.atomic import write_json
@@ -19,7 +21,7 @@ from cortet.study.prediction import cortex_of, predict, series_of, write_run
 folder, config = Path(job.output.record).parent, load(job.params.line)
 surfaces = [placed(gifti.read_surface(path), config.placement()) for path in job.input.surfaces]
 spheres = [gifti.read_surface(path) for path in job.input.spheres]
-if spheres:
+if spheres and any(not np.array_equal(surface.faces, surfaces[0].faces) for surface in surfaces):
     surfaces = [through_spheres(surface, sphere, spheres[0]) for surface, sphere in zip(surfaces, spheres, strict=True)]
 settings, first = Settings(**job.arguments), surfaces[0]
 by_age = dict(zip(job.params.ages, surfaces, strict=True))

@@ -179,9 +179,10 @@ class Prediction(Section):
     until: Annotated[float, Field(ge=FOLD_AGES[0], le=FOLD_AGES[1])] = 32.0
     """The early age, weeks: a forecast knows surfaces up to there."""
     rounds: Annotated[int, Field(ge=1, le=10)] = 3
-    """Rounds in which the growth that has to be imposed is found: tissue that is compressed grows less than it should."""
+    """Rounds in which the growth that has to be imposed is found: compressed tissue grows less than it is told to."""
     smoothing: Annotated[float, Field(ge=0, le=50)] | None = 2.0
-    """Smoothing of measured growth along the surface, full width at half maximum, mm; null: as much as noise asks for."""
+    """Smoothing of measured growth along the surface, full width at half maximum, mm; null: as much as noise asks
+    for."""
     seed: NonNegativeInt = 0
     """Of the random rotation of shuffled."""
 

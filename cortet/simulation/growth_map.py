@@ -100,30 +100,30 @@ def _on_elements(tensors: FloatArray, normals: FloatArray) -> FloatArray:
     return np.stack([(a + b) / 2, (a - b) / 2, c], axis=1)
 
 
-def grown_body(body: Body, growth: GrowthMap, age: float, factor: float) -> Body:
+def grown_body(body: Body, growth: GrowthMap, age: float, core: float) -> Body:
     """The body with its map at an age, beside a core that grows.
 
     Its `amount` is the growth itself, for a law of the cortex that is 1; its `gradients` hold the rest.
 
     Parameters
     ----------
-    factor : what multiplies the stretch of the map: one over that of the core, and what is hidden at the start
+    core : stretch of the core since the start
     """
     after = min(int(np.searchsorted(growth.ages, age, side="right")), len(growth.ages) - 1)
     before = after - 1
     part = float(np.clip((age - growth.ages[before]) / (growth.ages[after] - growth.ages[before]), 0, 1))
-    amount, gradients = _grown(body, growth.values[before], growth.values[after], part, factor)
+    amount, gradients = _grown(body, growth.values[before], growth.values[after], part, core)
     return body._replace(amount=amount, gradients=gradients)
 
 
 @fast
-def _grown(body, before, after, part, factor):  # type: ignore[no-untyped-def]
+def _grown(body, before, after, part, core):  # type: ignore[no-untyped-def]
     """Growth of each element, and its gradients: (m,) and (m, 3, 3)."""
     amount, gradients = np.empty(len(body.volumes)), np.empty_like(body.gradients)
     for e in range(len(amount)):
         half, p, q = combined(1 - part, vector(before, e), part, vector(after, e))
         share = growth_share(body.depth[e], body.thickness[e], body.mask[e])
-        amount[e] = exponential(half) * factor - 1
+        amount[e] = exponential(half) / core - 1
         t1, t2 = tangents(vector(body.normals, e))
         for k in range(3):
             gradients[e, k, 0], gradients[e, k, 1], gradients[e, k, 2] = sheared(

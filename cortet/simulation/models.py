@@ -130,9 +130,8 @@ class Growing(NamedTuple):
     stretch: Curve
     #: size of the envelope, in that at the start, at ages
     envelope: Curve
-    #: growth of the cortex along the surface as it was measured, which replaces `along`; and what is hidden besides
+    #: growth of the cortex along the surface as it was measured, which replaces `along`
     map: GrowthMap | None = None
-    hidden: Curve = np.zeros_like
 
     def at(self, times: FloatArray, dt: float) -> Course:  # noqa: ARG002
         """See `Growth.at`."""
@@ -155,10 +154,7 @@ class Growing(NamedTuple):
 
     def body_at(self, body: Body, age: float, stretch: float) -> Body:
         """The body at an age for some stretch of the core there."""
-        if self.map is None:
-            return body
-        hidden = float(self.hidden(np.array([age]))[0])
-        return grown_body(body, self.map, age, (1 + hidden) / stretch)
+        return body if self.map is None else grown_body(body, self.map, age, stretch)
 
     def grown(self, ages: FloatArray, stretch: FloatArray) -> FloatArray:
         """Growth of each label at ages (k,) for some stretch of the core there: (k, labels, 3)."""
@@ -257,12 +253,12 @@ def model_of(body: Body, mesh: TetMesh, settings: Settings) -> Growth:
         assert isinstance(chosen.growth_rate, int | float)
         return BrainGrowth([Linear(chosen.growth_rate), *of_regions], start, settings.reference)
     first = settings.gestational_age
-    hidden = hidden_growth(chosen.growth_rate, first) if settings.start == "stressed" else 0.0
     measured = map_of(mesh, body, first)
-    if measured is not None:
-        along: Curve = np.ones_like  # the amount of an element is its growth
-    else:
-        along = _stressed(_since(chosen.growth_rate, first), hidden, first)
+    along = _since(chosen.growth_rate, first)
+    if measured is not None:  # what a map says is imposed, and nothing else
+        along = np.ones_like  # the amount of an element is its growth
+    elif settings.start == "stressed":
+        along = _stressed(along, hidden_growth(chosen.growth_rate, first), first)
     laws = [along, *(_as_ages_say(law, start) for law in of_regions)]
     cores = [_since(0.0, first), *(_since(rate, first) for rate in settings.core_regions.values())]
     thickness = _since(chosen.thickness_rate, first)
@@ -274,7 +270,6 @@ def model_of(body: Body, mesh: TetMesh, settings: Settings) -> Growth:
         stretch=lambda ages: np.cbrt(volume(ages)),
         envelope=lambda ages: np.cbrt(hull(ages)),
         map=measured,
-        hidden=_stressed(np.zeros_like, hidden, first),
     )
     return with_volume(model, body, volume, first, settings.end)
 

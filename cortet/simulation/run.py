@@ -139,9 +139,13 @@ def described(run: Run) -> list[str]:
     course, stretch = run.growth.at(np.array([run.end]), 0.0), run.growth.frame(run.end)
     along, across, _ = (1 + course.growth[0, 0]).tolist()
     core = f"lengths of the core grow by {stretch:.2f}" if stretch != 1 else "the core does not grow"
+    if run.growth.mapped:
+        grown = run.growth.body(run.body, run.end)
+        cortex = run.body.depth < run.body.thickness
+        along = 1 + float(np.average(grown.amount[cortex], weights=run.body.mask[cortex] * run.body.volumes[cortex]))
     sentences.append(
-        f"until {age_of(run.end):g} weeks {core}; beside it the cortex grows by {along:.2f} along the surface and by "
-        f"{across:.2f} across"
+        f"until {age_of(run.end):g} weeks {core}; beside it the cortex grows by {along:.2f} along the surface"
+        f"{', on average, as it was measured,' if run.growth.mapped else ''} and by {across:.2f} across"
         + (f"; an envelope grows by {float(course.envelope[0]) * stretch:.2f}" if run.enveloped else "")
     )
     return sentences

@@ -72,7 +72,8 @@ class Fold(Section):
     does this. null: a law fitted to healthy hemispheres of 22 to 42 weeks."""
     start: Literal["stressed", "free"] = "stressed"
     """Of growing, for a mesh of later than 22 weeks. stressed: what its cortex should have grown by then, and its shape
-    does not show, comes in the first week. free: growth since its age alone."""
+    does not show, comes in the first week. free: growth since its age alone, as it always is where growth was measured
+    (point data growth_to_AGE)."""
     envelope: bool | None = None
     """Of growing, where null is true: whether an envelope, as soft as a membrane with fluid behind it, keeps crowns
     from growing beyond it: the convex hull at the start, grown as `hull` says."""

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -27,7 +27,7 @@ from scipy.spatial.transform import Rotation
 
 from cortet.errors import InputError
 from cortet.formats import vtu
-from cortet.formats.gifti import write_surface
+from cortet.formats.gifti import write_fields, write_surface
 from cortet.formats.tables import Column, names
 from cortet.geometry.spheres import barycentric, of_one_radius
 from cortet.geometry.topology import enclosed_volume, vertex_normals
@@ -126,7 +126,7 @@ def series_of(
     weights = vertex_areas(first)
     if cortex is not None:
         weights = np.where(np.asarray(cortex) > 0, weights, 0.0)
-    laid = (
+    laid: tuple[TriSurface, ...] = (
         first,
         *(replace(surfaces[age], points=aligned(surfaces[age].points, first.points, weights)) for age in ages[1:]),
     )
@@ -155,6 +155,8 @@ class Prediction:
     verdict: Verdict | None
     #: of each round: what was measured less what came out, logarithm of the area, weighted: age -> mean, and spread
     residuals: list[dict[str, float]]
+    #: age -> (n, 6), growth that was imposed in the last round
+    imposed: dict[float, FloatArray] = field(default_factory=dict)
 
 
 def cortex_of(first: TriSurface, hemisphere: str | None) -> FloatArray | None:
@@ -162,8 +164,7 @@ def cortex_of(first: TriSurface, hemisphere: str | None) -> FloatArray | None:
     if hemisphere is None:
         return None
     scale = scale_of(first, hemisphere)
-    result: FloatArray = 1.0 - medial_wall(first, hemisphere, scale.origin, scale.length).nodes
-    return result
+    return np.where(medial_wall(first, hemisphere, scale.origin, scale.length).nodes, 0.0, 1.0)
 
 
 def measured_growth(series: Series, ages: Sequence[float], width_mm: float | None) -> dict[float, FloatArray]:
@@ -274,36 +275,46 @@ def predict(
         return Prediction(kind, without_mechanics(series, until), None, [])
     if kind not in ("unmapped", "forecast"):
         settings = replace(settings, volume=series.volumes(), hull=series.hulls())
-    end = series.ages[-1]
-    known = [age for age in series.ages[1:] if kind != "forecast" or age <= until]
-    target = measured_growth(series, known, smoothing)
-    if kind == "uniform":
-        target = uniform_growth(series, target)
-    elif kind == "shuffled":
-        target = shuffled_growth(series, target, seed)
-    elif kind == "unmapped":
-        target = {}
-    imposed, residuals, verdict = dict(target), [], None
-    points: dict[float, FloatArray] = {}
+    settings, end = replace(settings, end=series.ages[-1]), series.ages[-1]
+    wanted = _wanted(series, kind, until, smoothing, seed)
+    if not wanted:
+        verdict, points = _folded(series, mesh, {}, folder, settings)
+        return Prediction(kind, points, verdict, [])
+    imposed, residuals = dict(wanted), []
     whole = kind in ("uniform", "shuffled")
-    for number in range(rounds if target else 1):
-        last = number == rounds - 1 or not target
-        maps, stop = imposed, end
-        if kind == "forecast":
-            if last:
-                maps = {**imposed, **forecast_growth(series, imposed, until, [a for a in series.ages if a > until])}
-            else:
-                stop = until
-        place = folder if last else folder.with_name(f"{folder.name}_round-{number + 1}")
-        verdict, points = _folded(series, mesh, maps, place, replace(settings, end=stop))
-        if not target:
+    for number in range(1, rounds + 1):
+        maps, last = imposed, number == rounds
+        if kind == "forecast" and last:
+            maps = imposed | forecast_growth(series, imposed, until, [age for age in series.ages if age > until])
+        place = folder if last else folder / f"round-{number}"
+        until_then = replace(settings, end=end if last else max(wanted))
+        verdict, points = _folded(series, mesh, maps, place, until_then)
+        came = {age: _came_out(series, points[age], smoothing) for age in wanted if age in points}
+        residuals.append(_residual(series, wanted, came))
+        say(f"round {number}: " + ", ".join(f"{name} {value:.3f}" for name, value in residuals[-1].items()))
+        if verdict.outcome != "folded" or last:
             break
-        came = {age: _came_out(series, points[age], smoothing) for age in target if age in points}
-        residuals.append(_residual(series, target, came))
-        say(f"round {number + 1}: " + ", ".join(f"{name} {value:.3f}" for name, value in residuals[-1].items()))
-        if not last:
-            imposed = {age: corrected(series, imposed[age], target[age], came[age], whole=whole) for age in imposed}
-    return Prediction(kind, points, verdict, residuals)
+        if not _better(residuals):
+            say(f"round {number} left more than the one before: the iteration does not converge")
+        imposed = {age: corrected(series, imposed[age], wanted[age], came[age], whole=whole) for age in imposed}
+    return Prediction(kind, points, verdict, residuals, maps)
+
+
+def _wanted(series: Series, kind: Kind, until: float, smoothing: float | None, seed: int) -> dict[float, FloatArray]:
+    """The growth that should come out, by age; none where the model is left to itself."""
+    if kind == "unmapped":
+        return {}
+    known = [age for age in series.ages[1:] if kind != "forecast" or age <= until]
+    found = measured_growth(series, known, smoothing)
+    if kind == "uniform":
+        return uniform_growth(series, found)
+    return shuffled_growth(series, found, seed) if kind == "shuffled" else found
+
+
+def _better(residuals: Sequence[Mapping[str, float]]) -> bool:
+    """Whether the last of several rounds left less than the one before."""
+    squares = [sum(value**2 for name, value in one.items() if name.startswith("rms")) for one in residuals]
+    return len(squares) < 2 or squares[-1] < squares[-2]
 
 
 def corrected(
@@ -491,7 +502,10 @@ def prediction_figure(table: pd.DataFrame) -> Figure:
 
 
 def write_run(prediction: Prediction, series: Series, folder: Path) -> dict[str, Any]:
-    """Write the predicted surfaces; returns what a record says."""
+    """Write the predicted surfaces, and the growth that was imposed; returns what a record says."""
+    if prediction.imposed:
+        fields = {field_of(age): values for age, values in sorted(prediction.imposed.items())}
+        write_fields(fields, folder / "imposed.func.gii")
     for age, points in prediction.points.items():
         write_surface(replace(series.first, points=points, point_data={}), folder / f"predicted_{age:g}.surf.gii")
     return {

@@ -24,6 +24,7 @@ from cortet.simulation.body import Body, Material, Scale, body_of
 from cortet.simulation.contact import contact_of
 from cortet.simulation.fold import fold
 from cortet.simulation.growth import Course
+from cortet.simulation.growth_map import GrowthMap, grown_body
 from cortet.simulation.kernels import DONE, INVERTED, LIST_OUTDATED, Motion, workspace
 from cortet.simulation.models import course, tangential
 from cortet.simulation.patches import SIZE
@@ -104,6 +105,22 @@ def test_a_body_that_grows_by_two_laws_slides_along_a_plane_and_fills_its_envelo
         ]
         assert energies[1] == pytest.approx(energies[0], rel=1e-12)
         assert min(energies[0]) > 0
+
+
+def test_elements_that_grow_by_a_map() -> None:
+    mesh = cube_mesh(2, jitter=0.2)
+    body = body_of(mesh, UNIT, thickness=0.3)
+    mapped = GrowthMap(np.array([22.0, 24.0]), np.random.default_rng(0).normal(0, 0.1, (2, len(mesh.cells), 3)))
+    (on_cpu, cpu), (on_gpu, device) = steppers(body, at_rest(mesh), mesh, bulk=0.0)
+    for age in (22.5, 23.5):
+        grown = grown_body(body, mapped, age, 1.1)
+        for stepper in (on_cpu, on_gpu):
+            stepper.take(grown)
+            assert stepper.advance(course(np.ones((20, 1))), 1e-3) == (20, DONE)
+    assert_same(cpu, device)
+    assert np.abs(cpu.state.x - mesh.points).max() > 1e-3
+    energies = [stepper.energies(stepper.state, tangential([1.0]), 0.0) for stepper in (on_cpu, on_gpu)]
+    assert energies[1] == pytest.approx(energies[0], rel=1e-12)
 
 
 def test_blocks_that_collide_beside_the_medial_plane_while_lists_grow_old() -> None:

@@ -1,0 +1,208 @@
+"""A later brain is predicted from growth that was measured, and judged against the real one."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from shapes import ball_mesh, ball_surface
+
+from cortet.errors import InputError
+from cortet.formats import vtu
+from cortet.geometry.topology import boundary_surface
+from cortet.measure.surface_growth import area_ratio, fitted
+from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.report.fold_figures import series as frames_of
+from cortet.simulation.fold import fold
+from cortet.simulation.growth import AREA, usual
+from cortet.simulation.growth_map import field_of
+from cortet.simulation.journal import SERIES
+from cortet.simulation.state import Settings
+from cortet.stages.transfer import transfer
+from cortet.study.carried import carried
+from cortet.study.prediction import (
+    KINDS,
+    Series,
+    corrected,
+    correlation,
+    forecast_growth,
+    measured_growth,
+    predict,
+    scores,
+    series_of,
+    shuffled_growth,
+    uniform_growth,
+    write_prediction,
+    write_run,
+)
+
+TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+SETTINGS = Settings(22.0, end=23.0, thickness=3.0, record_interval=0.5, frame_interval=0.5, envelope=False)
+
+
+def bumpy(size: float, height: float) -> TriSurface:
+    ball = ball_surface(3)
+    return replace(ball, points=ball.points * (size + height * np.sin(4 * ball.points[:, 2:] / 5)))
+
+
+def balls() -> Series:
+    return series_of({22.0: bumpy(2.0, 0.1), 23.0: bumpy(2.1, 0.15), 24.0: bumpy(2.2, 0.2)}, sphere=ball_surface(3))
+
+
+# --- the series
+
+
+def test_surfaces_of_a_series_are_laid_onto_the_first() -> None:
+    first, later = bumpy(2.0, 0.1), bumpy(2.0, 0.1)
+    moved = replace(later, points=later.points @ TURN.T + 30.0)
+    assert series_of({22.0: first, 24.0: moved}).at(24.0).points == pytest.approx(first.points, abs=1e-9)
+    weights = np.where(first.points[:, 2] > 0, 1.0, 0.0)
+    odd = replace(moved, points=moved.points + np.where(first.points[:, 2:] > 0, 0.0, 5.0))
+    laid = series_of({22.0: first, 24.0: odd}, cortex=weights).at(24.0)
+    assert laid.points[weights > 0] == pytest.approx(first.points[weights > 0], abs=1e-9)
+
+
+def test_a_series_of_one_or_of_surfaces_that_do_not_correspond_is_refused() -> None:
+    with pytest.raises(InputError, match="one surface only"):
+        series_of({22.0: bumpy(2.0, 0.1)})
+    with pytest.raises(InputError, match="do not correspond"):
+        series_of({22.0: bumpy(2.0, 0.1), 24.0: ball_surface(2)})
+
+
+# --- growth
+
+
+def test_one_law_goes_through_several_ages_with_its_error() -> None:
+    rate, ages = 0.1, [23.0, 24.0, 26.0]
+    amplitude = np.random.default_rng(0).normal(0.5, 0.1, (50, 6))
+    tensors = [amplitude * (1 - np.exp(-rate * (age - 22))) for age in ages]
+    fit = fitted(ages, tensors, 22.0)
+    assert fit.rate == pytest.approx(rate)
+    assert fit.error == pytest.approx(0, abs=1e-9)
+    assert fit.at(30.0) == pytest.approx(amplitude * (1 - np.exp(-rate * 8)))
+    noisy = [values + np.random.default_rng(k).normal(0, 0.01, values.shape) for k, values in enumerate(tensors)]
+    # the trace of three components of 0.01 each, and one amplitude from three ages
+    assert np.median(fitted(ages, noisy, 22.0, rate=rate).error) == pytest.approx(0.01 * np.sqrt(3), rel=0.5)
+    exponential = fitted(ages, [amplitude * (age - 22) for age in ages], 22.0)
+    assert exponential.rate == 0 and exponential.at(23.0) == pytest.approx(amplitude)
+
+
+def test_a_forecast_goes_on_as_areas_of_usual_brains_do() -> None:
+    series = balls()
+    maps = measured_growth(series, [23.0], 0.0)
+    (later,) = forecast_growth(series, maps, 23.0, [24.0]).values()
+    areas = np.log(usual(AREA, np.array([22.0, 23.0, 24.0])))
+    assert later == pytest.approx(maps[23.0] * (areas[2] - areas[0]) / (areas[1] - areas[0]))
+
+
+def test_nulls_have_as_much_growth_as_was_measured_but_no_pattern_or_another() -> None:
+    series = balls()
+    maps = measured_growth(series, [24.0], 0.0)
+    even, turned = uniform_growth(series, maps)[24.0], shuffled_growth(series, maps, 0)[24.0]
+    measured = np.average(area_ratio(maps[24.0]), weights=series.weights)
+    assert area_ratio(even) == pytest.approx(measured)
+    assert np.average(area_ratio(turned), weights=series.weights) == pytest.approx(measured, rel=0.03)
+    assert area_ratio(turned).std() > 0.5 * area_ratio(maps[24.0]).std()
+    assert abs(correlation(area_ratio(turned), area_ratio(maps[24.0]), series.weights)) < 0.7
+    with pytest.raises(InputError, match="no sphere"):
+        shuffled_growth(replace(series, sphere=None), maps, 0)
+
+
+def test_more_is_imposed_where_less_came_out() -> None:
+    series = balls()
+    wanted = measured_growth(series, [24.0], 0.0)[24.0]
+    assert corrected(series, wanted, wanted, 0.8 * wanted) == pytest.approx(1.2 * wanted)
+    assert corrected(series, wanted, wanted, 0.8 * wanted, whole=True) == pytest.approx(1.2 * wanted)
+    assert np.abs(corrected(series, wanted, wanted, wanted - 5.0)).max() == pytest.approx(1.2)
+
+
+# --- predictions
+
+
+def grown_balls(folder: Path) -> tuple[Series, TetMesh]:
+    """A ball, and what it becomes in a week by a map that differs from pole to pole; and its mesh."""
+    mesh = ball_mesh(2, radius=10.0)
+    surface, _ = boundary_surface(mesh)
+    normals = surface.points / np.linalg.norm(surface.points, axis=1, keepdims=True)
+    plane = (np.eye(3) - normals[:, :, None] * normals[:, None, :])[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    fields = {field_of(23.0): 0.1 * plane * (1 + normals[:, 2:])}
+    grown, _ = transfer(mesh, replace(surface, point_data=fields))
+    fold(grown, folder, SETTINGS)
+    (last,) = [vtu.read(file) for file, age in frames_of(folder / SERIES) if age == 23.0]
+    return series_of({22.0: surface, 23.0: replace(surface, points=carried(surface.points, mesh, last.points))}), mesh
+
+
+def test_rounds_find_what_has_to_be_imposed(tmp_path: Path) -> None:
+    series, mesh = grown_balls(tmp_path / "truth")
+    rounds: list[str] = []
+    found = predict(
+        series,
+        mesh,
+        "mechanics",
+        tmp_path / "found",
+        settings=SETTINGS,
+        until=23.0,
+        smoothing=0.0,
+        rounds=5,
+        say=rounds.append,
+    )
+    left = [one["rms_23"] for one in found.residuals]
+    assert left[-1] < 0.3 * left[0]
+    assert [words.partition(":")[0] for words in rounds] == [f"round {number}" for number in range(1, 6)]
+    rows = {row["gestational_age"]: row for row in scores(series, found.points)}
+    nothing = scores(series, predict_nothing(series, mesh))[0]
+    assert rows[23.0]["distance_mm"] < 0.3 * nothing["distance_mm"]
+    assert rows[23.0]["area_mm2"] == pytest.approx(rows[23.0]["real_area_mm2"], rel=5e-3)
+
+
+def predict_nothing(series: Series, mesh: TetMesh) -> dict[float, FloatArray]:
+    return predict(series, mesh, "nothing", Path(), settings=SETTINGS, until=23.0).points
+
+
+def test_scores_do_not_see_where_a_brain_lies() -> None:
+    series = balls()
+    real = series.at(24.0).points @ TURN.T + 7.0
+    (perfect,) = scores(series, {24.0: real})
+    assert perfect["gained_depth"] == pytest.approx(1) == perfect["curvature"]
+    assert perfect["distance_mm"] == pytest.approx(0, abs=1e-9) == perfect["distance_95_mm"]
+    (scaled,) = scores(series, {24.0: series.first.points * 1.1})
+    assert scaled["gained_depth"] < 0.99 and scaled["distance_mm"] > 0.01
+
+
+def test_kinds_that_need_no_fold_are_what_they_say() -> None:
+    series, mesh = balls(), ball_mesh(1)
+    path = predict(series, mesh, "path", Path(), settings=SETTINGS, until=23.0).points
+    assert path[23.0] == pytest.approx(series.at(23.0).points)
+    way = [np.linalg.norm(path[age] - series.first.points, axis=1).mean() for age in (23.0, 24.0)]
+    assert 1.5 < way[1] / way[0] < 2.0  # brains grow more slowly as they get older
+    nothing = predict_nothing(series, mesh)
+    assert scores(series, nothing)[1]["volume_mm3"] == pytest.approx(scores(series, nothing)[1]["real_volume_mm3"])
+    with pytest.raises(InputError, match="no surface is known until 22.5 weeks"):
+        predict(series, mesh, "path", Path(), settings=SETTINGS, until=22.5)
+
+
+def test_the_table_has_a_row_per_prediction_and_age_and_the_figure_is_drawn(tmp_path: Path) -> None:
+    series, records = balls(), []
+    for kind in ("path", "nothing"):
+        prediction = predict(series, ball_mesh(1), kind, Path(), settings=SETTINGS, until=23.0)
+        (tmp_path / kind).mkdir()
+        record = {"series": "a", **write_run(prediction, series, tmp_path / kind)}
+        records.append(tmp_path / kind / "record.json")
+        records[-1].write_text(json.dumps(record))
+        assert (tmp_path / kind / "predicted_24.surf.gii").exists()
+    outputs = [tmp_path / f"table.{suffix}" for suffix in ("tsv", "json", "tex", "md", "html", "svg")]
+    write_prediction(records, outputs)
+    table = pd.read_csv(tmp_path / "table.tsv", sep="\t", na_values="n/a")
+    assert list(zip(table["kind"], table["gestational_age"], strict=True)) == [
+        ("path", 23.0),
+        ("path", 24.0),
+        ("nothing", 23.0),
+        ("nothing", 24.0),
+    ]
+    assert table["gained_depth"].iloc[0] == pytest.approx(1)
+    assert set(table["kind"]) < set(KINDS)
+    assert all(path.stat().st_size for path in outputs)
