@@ -1,0 +1,33 @@
+"""The experiment on prediction runs on any cohort with a series: every kind, one table, one figure."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+from tests.integration.study import Study
+
+AGES = {"early": "24", "later": "24.5"}
+
+
+def test_later_surfaces_of_a_series_are_predicted_and_compared(study: Study) -> None:
+    columns = ["participant_id", "session_id", "hemi", "scan_age", "surface", "sphere", "include", "exclude_reason"]
+    rows = [["series", name, "L", age, "phantom", "phantom", "yes", ""] for name, age in AGES.items()]
+    (study.folder / "cohort.tsv").write_text("\n".join("\t".join(row) for row in [columns, *rows]) + "\n")
+    study.config["phantom"] = {"subdivisions": 4}
+    study.config["fold"] = {"end": 25.0, "thickness": 3.0, "frame_interval": 0.1}
+    study.config["experiments"] = {"prediction": {"cell_size": 4.0, "rounds": 2, "until": 24.5}}
+    jobs = study.jobs_of_run("prediction")
+    assert ("prediction", "-") in jobs
+    folder = study.outputs / "sub-series/ses-early/prediction"
+    records = {
+        path.parent.name.split("desc-")[1]: json.loads(path.read_text()) for path in folder.glob("*/record.json")
+    }
+    assert set(records) == {"mechanics", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"}
+    assert records["mechanics"]["verdict"]["outcome"] == "folded"
+    assert [len(records[kind]["residuals"]) for kind in ("mechanics", "unmapped", "path")] == [2, 0, 0]
+    with (study.outputs / "cohort/table-prediction.tsv").open(newline="") as file:
+        table = {row["kind"]: row for row in csv.DictReader(file, delimiter="\t")}
+    assert float(table["path"]["gained_depth"]) == 1  # it knows the surface that it predicts
+    assert (study.outputs / "cohort/figure-prediction.png").exists()
+    assert study.jobs_of_run("prediction") == set()  # nothing is left to do
