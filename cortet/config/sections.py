@@ -14,7 +14,7 @@ from cortet.sections import Cases, CellSize, NonNegativeInt, Positive, PositiveI
 from cortet.stages import MESH_STAGES
 
 Setting = Literal["default", "cgal", "published"]
-PredictionKind = Literal["mechanics", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"]
+PredictionKind = Literal["mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"]
 if TYPE_CHECKING:
     Mesher = str
     Solver = str
@@ -171,8 +171,12 @@ class Prediction(Section):
     all that have two ages or more."""
     cell_size: CellSize = 0.8
     """Cell size h, mm, of the mesh of the first surface."""
-    kinds: list[PredictionKind] = ["mechanics", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"]
-    """What is predicted from. mechanics: growth until the last age. forecast: growth until an early age, which goes on
+    kinds: list[PredictionKind] = [
+        *("mechanics", "core", "forecast"),
+        *("uniform", "shuffled", "unmapped", "path", "nothing"),
+    ]
+    """What is predicted from. mechanics: growth until the last age. core: the same, and the core grows as the later
+    surfaces let it: what it would be worth to know this. forecast: growth until an early age, which goes on
     as in usual brains. The rest is what they have to beat. uniform: the same growth everywhere. shuffled: growth turned
     at random on the sphere, where the sheet has one. unmapped: the model of fold without growth that was measured.
     path: each vertex goes on as it went until the early age. nothing: the first surface, scaled to the volume."""

@@ -104,7 +104,7 @@ class OnGpu:
         return int(flags[self._gpu.TAKEN]), int(flags[self._gpu.HOW])
 
     def take(self, body: Body) -> None:
-        """Go on with a body whose `amount` and `gradients` may be others than before."""
+        """Go on with a body whose `amount`, `gradients` and `volumes` may be others than before."""
         if body is not self._body:
             patches = self._moment.work.patches
             renew(patches, body)

@@ -1,12 +1,13 @@
 """Growth that differs from spot to spot: as it was measured on a surface, up to several ages.
 
 The mesh has it as point data `growth_to_AGE`: the logarithm of the stretch along the surface from the age of the mesh
-to AGE, six numbers per node (`measure.surface_growth`). Between two ages the logarithm changes evenly.
+to AGE, six numbers per node (`measure.surface_growth`). Between two ages the logarithm changes evenly. Point data
+`core_growth_to_AGE` say likewise by how much the core grows in all directions more or less than on average, one number.
 
 An element has three numbers of it for each age: half the trace, which is the growth alpha of the law, and two for what
 one direction grows more than the other. The law of an element knows one growth along the surface, so the rest is put
 into the gradients of its shape functions: A_r^-1 Fg^-1 = (A_r^-1 exp(-S)) Fg(alpha)^-1, for S is traceless and lies in
-the plane in which Fg(alpha) is a multiple of the identity.
+the plane in which Fg(alpha) is a multiple of the identity. So is the growth of the core, and into the volumes.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cortet.errors import InputError
-from cortet.meshes import FloatArray, TetMesh
+from cortet.meshes import FloatArray, TetMesh, node_field
 from cortet.simulation.body import Body
 from cortet.simulation.growth import AGES
 from cortet.simulation.law import combined, cross, dot, exponential, fast, growth_share, vector
 
 #: point data of a mesh: this and an age, in weeks
-FIELD = "growth_to_"
+FIELD, CORE_FIELD = "growth_to_", "core_growth_to_"
 _NAME = re.compile(re.escape(FIELD) + r"(\d+(?:[._]\d+)?)")
 #: rows and columns of the six components
 _ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
@@ -36,13 +37,14 @@ class GrowthMap(NamedTuple):
 
     #: (k,) weeks, rising; the first is the start
     ages: FloatArray
-    #: (k, m, 3): half the trace, and components t1 t1 - t2 t2 and t1 t2 + t2 t1 in the tangents of `tangents`
+    #: (k, m, 4): half the trace; components t1 t1 - t2 t2 and t1 t2 + t2 t1 in the tangents of `tangents`; and the
+    #: logarithm of the stretch of the core, less its mean over the volume
     values: FloatArray
 
 
-def field_of(age: float) -> str:
-    """The name of the point data with growth up to an age."""
-    return f"{FIELD}{age:g}".replace(".", "_")
+def field_of(age: float, *, core: bool = False) -> str:
+    """The name of the point data with growth up to an age, of the cortex or of the core."""
+    return f"{CORE_FIELD if core else FIELD}{age:g}".replace(".", "_")
 
 
 def is_map(name: str) -> bool:
@@ -68,11 +70,14 @@ def map_of(mesh: TetMesh, body: Body, start: float) -> GrowthMap | None:
             f"{start:g} weeks, and {AGES[1]:g}",
             remedy="name each map by the age that it leads to",
         )
-    values = np.zeros((len(ages) + 1, len(body.cells), 3))
+    values = np.zeros((len(ages) + 1, len(body.cells), 4))
     for row, age in enumerate(ages, start=1):
         nodes = np.asarray(mesh.point_data[named[age]], float)
         _check(nodes, named[age], len(mesh.points))
-        values[row] = _on_elements(nodes[body.cells].mean(axis=1), body.normals)
+        values[row, :, :3] = _on_elements(nodes[body.cells].mean(axis=1), body.normals)
+        if (core := node_field(mesh, field_of(age, core=True))) is not None:
+            own = core[body.cells].mean(axis=1)
+            values[row, :, 3] = own - np.average(own, weights=body.volumes)  # the mean is that of the frame
     return GrowthMap(np.array([start, *ages]), values)
 
 
@@ -103,7 +108,7 @@ def _on_elements(tensors: FloatArray, normals: FloatArray) -> FloatArray:
 def grown_body(body: Body, growth: GrowthMap, age: float, core: float) -> Body:
     """The body with its map at an age, beside a core that grows.
 
-    Its `amount` is the growth itself, for a law of the cortex that is 1; its `gradients` hold the rest.
+    Its `amount` is the growth itself, for a law of the cortex that is 1; `gradients` and `volumes` hold the rest.
 
     Parameters
     ----------
@@ -112,24 +117,25 @@ def grown_body(body: Body, growth: GrowthMap, age: float, core: float) -> Body:
     after = min(int(np.searchsorted(growth.ages, age, side="right")), len(growth.ages) - 1)
     before = after - 1
     part = float(np.clip((age - growth.ages[before]) / (growth.ages[after] - growth.ages[before]), 0, 1))
-    amount, gradients = _grown(body, growth.values[before], growth.values[after], part, core)
-    return body._replace(amount=amount, gradients=gradients)
+    amount, gradients, volumes = _grown(body, growth.values[before], growth.values[after], part, core)
+    return body._replace(amount=amount, gradients=gradients, volumes=volumes)
 
 
 @fast
 def _grown(body, before, after, part, core):  # type: ignore[no-untyped-def]
-    """Growth of each element, and its gradients: (m,) and (m, 3, 3)."""
-    amount, gradients = np.empty(len(body.volumes)), np.empty_like(body.gradients)
+    """Growth of each element, its gradients and its volume: (m,), (m, 3, 3) and (m,)."""
+    amount, gradients, volumes = np.empty(len(body.volumes)), np.empty_like(body.gradients), body.volumes.copy()
     for e in range(len(amount)):
         half, p, q = combined(1 - part, vector(before, e), part, vector(after, e))
         share = growth_share(body.depth[e], body.thickness[e], body.mask[e])
         amount[e] = exponential(half) / core - 1
+        stretch = exponential((1 - share) * ((1 - part) * before[e, 3] + part * after[e, 3]))
+        volumes[e] *= stretch * stretch * stretch
         t1, t2 = tangents(vector(body.normals, e))
         for k in range(3):
-            gradients[e, k, 0], gradients[e, k, 1], gradients[e, k, 2] = sheared(
-                vector(body.gradients[e], k), t1, t2, share * p, share * q
-            )
-    return amount, gradients
+            own = sheared(vector(body.gradients[e], k), t1, t2, share * p, share * q)
+            gradients[e, k, 0], gradients[e, k, 1], gradients[e, k, 2] = combined(1 / stretch, own, 0.0, own)
+    return amount, gradients, volumes
 
 
 @fast

@@ -70,12 +70,12 @@ def patches_of(body: Body) -> Patches:
 
 
 def renew(patches: Patches, body: Body) -> None:
-    """Put `gradients` and `amount` of a body into its patches."""
-    _renew(patches.constants, body.gradients, body.amount)
+    """Put `gradients`, `amount` and `volumes` of a body into its patches."""
+    _renew(patches.constants, body.gradients, body.amount, body.volumes)
 
 
 @numba.njit(cache=True)
-def _renew(constants, gradients, amount):  # type: ignore[no-untyped-def]
+def _renew(constants, gradients, amount, volumes):  # type: ignore[no-untyped-def]
     m = len(amount)
     for patch in range(len(constants)):
         for e in range(SIZE):
@@ -83,6 +83,7 @@ def _renew(constants, gradients, amount):  # type: ignore[no-untyped-def]
             for k in range(9):
                 constants[patch, (GRADIENTS + k) * SIZE + e] = gradients[own, k // 3, k % 3]
             constants[patch, AMOUNT * SIZE + e] = amount[own]
+            constants[patch, VOLUME * SIZE + e] = volumes[own]
 
 
 def _rows(body: Body, filled: NDArray[np.int64], count: int) -> FloatArray:

@@ -114,7 +114,7 @@ class Stepper(Protocol):
         """As many steps as a course has, as `kernels.advance`: steps taken, and how it ended."""
 
     def take(self, body: Body) -> None:
-        """Go on with a body whose `amount` and `gradients` may be others than before."""
+        """Go on with a body whose `amount`, `gradients` and `volumes` may be others than before."""
 
     def list_contacts(self, envelope: float) -> None:
         """Make the list of contacts anew for a size of the envelope."""

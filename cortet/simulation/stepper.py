@@ -39,7 +39,7 @@ class OnCpu:
         return int(steps), int(how)
 
     def take(self, body: Body) -> None:
-        """Go on with a body whose `amount` and `gradients` may be others than before."""
+        """Go on with a body whose `amount`, `gradients` and `volumes` may be others than before."""
         if body is not self._body:
             renew(self._moment.work.patches, body)
             self._body = body

@@ -29,8 +29,11 @@ from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.formats.gifti import write_fields, write_surface
 from cortet.formats.tables import Column, names
+from cortet.geometry.closest_point import closest_points, tree_of
+from cortet.geometry.interpolation import at_triangles
 from cortet.geometry.spheres import barycentric, of_one_radius
-from cortet.geometry.topology import enclosed_volume, vertex_normals
+from cortet.geometry.topology import boundary_nodes, edges, enclosed_volume, vertex_normals
+from cortet.measure.quality import signed_volumes
 from cortet.measure.surface_growth import (
     check_corresponding,
     fitted,
@@ -53,12 +56,13 @@ from cortet.study.carried import carried
 
 VERSION: int = 1
 
-Kind = Literal["mechanics", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"]
+Kind = Literal["mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"]
 #: kinds that are folded
-FOLDED: tuple[Kind, ...] = ("mechanics", "forecast", "uniform", "shuffled", "unmapped")
+FOLDED: tuple[Kind, ...] = ("mechanics", "core", "forecast", "uniform", "shuffled", "unmapped")
 #: kind -> what it is
 KINDS: dict[Kind, str] = {
     "mechanics": "growth measured until the last age is imposed",
+    "core": "the same, and the core grows as the real later surfaces let it: what knowing it would be worth",
     "forecast": "growth measured until an early age goes on as in usual brains",
     "uniform": "the same growth everywhere, as much as was measured in all",
     "shuffled": "the measured growth, turned at random on the sphere",
@@ -68,6 +72,9 @@ KINDS: dict[Kind, str] = {
 }
 #: largest logarithmic stretch that is imposed: the iteration must not run away where nothing follows it
 _LARGEST = 1.2
+#: ratios of volumes inside, beyond which the harmonic motion has turned a tetrahedron over; smoothing of the core, full
+#: width at half maximum, mm
+_PLAUSIBLE, _CORE_WIDTH = (0.2, 20.0), 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,6 +244,40 @@ def nothing_changes(series: Series) -> dict[float, FloatArray]:
     return {age: series.first.points * float(np.cbrt(volumes[age] / start)) for age in series.ages[1:]}
 
 
+def core_growth(series: Series, mesh: TetMesh, age: float) -> FloatArray:
+    """Logarithm of the stretch inside, were it as smooth as the surfaces allow: (n,) at the nodes of a mesh.
+
+    The boundary moves with the surface, from the first one to that of an age, and what is inside moves harmonically.
+    """
+    from cortet.stages._harmonic import harmonic
+
+    outer = boundary_nodes(mesh)
+    found = closest_points(tree_of(series.first), mesh.points[outer])
+    way = at_triangles(series.at(age).points - series.first.points, series.first.faces[found.faces], found.barycentric)
+    start = np.zeros_like(mesh.points)
+    start[outer] = way
+    moved, _ = harmonic(mesh, outer, way, start)
+    before, after = (signed_volumes(points, mesh.cells) for points in (mesh.points, mesh.points + moved))
+    stretch = np.log(np.clip(after / before, *_PLAUSIBLE)) / 3
+    total, weight = (
+        np.bincount(mesh.cells.ravel(), np.repeat(values, 4), minlength=len(mesh.points))
+        for values in (stretch * before, before)
+    )
+    return _smoothed_inside(total / weight, mesh)
+
+
+def _smoothed_inside(values: FloatArray, mesh: TetMesh) -> FloatArray:
+    """Values at nodes, averaged with those of their neighbours until this reaches over `_CORE_WIDTH`."""
+    start, end = edges(mesh.cells).T
+    square = ((mesh.points[start] - mesh.points[end]) ** 2).sum(axis=1).mean() / 6
+    degree = np.bincount(np.r_[start, end], minlength=len(values))
+    for _ in range(int((_CORE_WIDTH / np.sqrt(8 * np.log(2))) ** 2 / square)):
+        total = np.bincount(start, values[end], minlength=len(values))
+        total = total + np.bincount(end, values[start], minlength=len(values))
+        values = (values + total / degree) / 2
+    return values
+
+
 # --- folding
 
 
@@ -280,6 +321,7 @@ def predict(
     if not wanted:
         verdict, points = _folded(series, mesh, {}, folder, settings)
         return Prediction(kind, points, verdict, [])
+    core = {age: core_growth(series, mesh, age) for age in wanted} if kind == "core" else {}
     imposed, residuals = dict(wanted), []
     whole = kind in ("uniform", "shuffled")
     for number in range(1, rounds + 1):
@@ -288,7 +330,7 @@ def predict(
             maps = imposed | forecast_growth(series, imposed, until, [age for age in series.ages if age > until])
         place = folder if last else folder / f"round-{number}"
         until_then = replace(settings, end=end if last else max(wanted))
-        verdict, points = _folded(series, mesh, maps, place, until_then)
+        verdict, points = _folded(series, mesh, maps, place, until_then, core)
         came = {age: _came_out(series, points[age], smoothing) for age in wanted if age in points}
         residuals.append(_residual(series, wanted, came))
         say(f"round {number}: " + ", ".join(f"{name} {value:.3f}" for name, value in residuals[-1].items()))
@@ -352,7 +394,12 @@ def _residual(series: Series, wanted: Mapping[float, FloatArray], came: Mapping[
 
 
 def _folded(
-    series: Series, mesh: TetMesh, maps: Mapping[float, FloatArray], folder: Path, settings: Settings
+    series: Series,
+    mesh: TetMesh,
+    maps: Mapping[float, FloatArray],
+    folder: Path,
+    settings: Settings,
+    core: Mapping[float, FloatArray] | None = None,
 ) -> tuple[Verdict, dict[float, FloatArray]]:
     """Fold a mesh by some maps, and carry the first surface along: age -> (n, 3) mm."""
     from cortet.report.fold_figures import series as frames_of
@@ -360,6 +407,8 @@ def _folded(
 
     fields = {field_of(age): values for age, values in maps.items()}
     grown, _ = transfer(mesh, TriSurface(series.first.points, series.first.faces, fields))
+    below = {field_of(age, core=True): values for age, values in (core or {}).items()}
+    grown = replace(grown, point_data={**grown.point_data, **below})
     folder.mkdir(parents=True, exist_ok=True)
     verdict = fold(grown, folder, settings)
     points = {}
@@ -470,6 +519,7 @@ def _shape(series: Series, points: FloatArray, prefix: str) -> dict[str, Any]:
 
 _LINES = {
     "mechanics": (BLUE, "-"),
+    "core": (BLUE, ":"),
     "forecast": (VERMILION, "-"),
     "uniform": (GREEN, "-"),
     "shuffled": (GREEN, ":"),

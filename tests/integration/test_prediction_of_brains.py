@@ -23,7 +23,7 @@ def test_later_surfaces_of_a_series_are_predicted_and_compared(study: Study) -> 
     records = {
         path.parent.name.split("desc-")[1]: json.loads(path.read_text()) for path in folder.glob("*/record.json")
     }
-    assert set(records) == {"mechanics", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"}
+    assert set(records) == {"mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"}
     assert records["mechanics"]["verdict"]["outcome"] == "folded"
     assert [len(records[kind]["residuals"]) for kind in ("mechanics", "unmapped", "path")] == [2, 0, 0]
     with (study.outputs / "cohort/table-prediction.tsv").open(newline="") as file:

@@ -110,7 +110,7 @@ def test_a_body_that_grows_by_two_laws_slides_along_a_plane_and_fills_its_envelo
 def test_elements_that_grow_by_a_map() -> None:
     mesh = cube_mesh(2, jitter=0.2)
     body = body_of(mesh, UNIT, thickness=0.3)
-    mapped = GrowthMap(np.array([22.0, 24.0]), np.random.default_rng(0).normal(0, 0.1, (2, len(mesh.cells), 3)))
+    mapped = GrowthMap(np.array([22.0, 24.0]), np.random.default_rng(0).normal(0, 0.1, (2, len(mesh.cells), 4)))
     (on_cpu, cpu), (on_gpu, device) = steppers(body, at_rest(mesh), mesh, bulk=0.0)
     for age in (22.5, 23.5):
         grown = grown_body(body, mapped, age, 1.1)
