@@ -105,9 +105,7 @@ rule prediction_run:
         options=EXPERIMENTS.prediction.model_dump(mode="json", exclude={"participants", "cell_size", "kinds"}),
         ages=lambda wildcards: list(PLAN.prediction_series()[wildcards.case]),
         origin=lambda wildcards: {"case": wildcards.case, "kind": wildcards.kind},
-        input_sha256=lambda wildcards: content(
-            {path: path for path in PLAN.surfaces_of_series(wildcards.case)}
-        ),
+        input_sha256=lambda wildcards: content({path: path for path in PLAN.surfaces_of_series(wildcards.case)}),
         version=[
             version_of("simulation.fold"),
             version_of("study.prediction"),
