@@ -25,7 +25,10 @@ OVER_ALL_CASES = (
     *("table_ablation", "table_resolution", "table_measures", "figure_pooled_quality", "figure_series", "methods"),
 )
 #: rules after the certificate: the mesh is measured even if they fail
-AFTER_CERTIFICATE = ("export", "case_page", "case_maps", "fold", "fold_figures", "convergence_run", "prediction_run")
+AFTER_CERTIFICATE = (
+    *("export", "case_page", "case_maps", "fold", "fold_figures", "convergence_run", "prediction_run"),
+    "prediction_views",
+)
 
 
 @dataclass(frozen=True)

@@ -28,17 +28,14 @@ from cortet.study.prediction import (
     KINDS,
     Series,
     corrected,
-    correlation,
     forecast_growth,
     measured_growth,
     predict,
-    scores,
     series_of,
     shuffled_growth,
     uniform_growth,
-    write_prediction,
-    write_run,
 )
+from cortet.study.prediction_tables import correlation, scores, write_prediction, write_run
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 SETTINGS = Settings(22.0, end=23.0, thickness=3.0, record_interval=0.5, frame_interval=0.5, envelope=False)
