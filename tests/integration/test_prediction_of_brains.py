@@ -1,4 +1,4 @@
-"""The experiment on prediction runs on any cohort with a series: kinds with mechanics and without, one table, one figure."""
+"""The experiment on prediction runs on any cohort with a series, with mechanics and without: one table, one figure."""
 
 from __future__ import annotations
 
