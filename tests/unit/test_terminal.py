@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,8 +13,9 @@ from typing import Any
 import pytest
 from snakemake_interface_logger_plugins.common import LogEvent
 
-from cortet.cohort.terminal import LogHandler, Progress, mesh_name, reason
+from snakemake_logger_plugin_cortet import LogHandler, Progress, mesh_name, reason
 
+ROOT = Path(__file__).parents[2]
 WILDCARDS = {"case": "sub-01_hemi-L", "res": "0600", "mesher": "lattice", "setting": ""}
 
 
@@ -128,3 +131,12 @@ def test_a_record_that_cannot_be_read_does_not_end_the_run(capsys: pytest.Captur
     emit(handler, event=LogEvent.JOB_INFO, jobid=1, rule_name="certify", wildcards=WILDCARDS, output=["nosuch.json"])
     emit(handler, event=LogEvent.JOB_FINISHED, job_id=1)
     assert "nosuch.json" in capsys.readouterr().err
+
+
+def test_the_plugin_imports_nothing_of_cortet() -> None:
+    """Snakemake loads it before the Snakefile, which may belong to another checkout."""
+    code = (
+        "import sys, snakemake_logger_plugin_cortet; print([name for name in sys.modules if name.startswith('cortet')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
