@@ -67,8 +67,6 @@ KINDS: dict[Kind, str] = {
 }
 #: largest logarithmic stretch that is imposed: the iteration must not run away where nothing follows it
 _LARGEST = 1.2
-#: exponent with which what is special about a spot goes on in a forecast, 1: as the mean does, 0: it stays as it was
-_PERSISTENCE = 0.0
 #: ratios of volumes inside, beyond which the harmonic motion has turned a tetrahedron over; smoothing of the core, full
 #: width at half maximum, mm
 _PLAUSIBLE, _CORE_WIDTH = (0.2, 20.0), 3.0
@@ -242,20 +240,12 @@ def shuffled_growth(series: Series, maps: Mapping[float, FloatArray], seed: int)
 def forecast_growth(
     series: Series, maps: Mapping[float, FloatArray], until: float, ages: Sequence[float]
 ) -> dict[float, FloatArray]:
-    """Growth measured until an early age, at later ones: age -> (n, 6).
-
-    The mean takes the course of usual brains. How a spot differs from the mean goes on more slowly (`_PERSISTENCE`):
-    what grew most so far need not go on to do so.
-    """
+    """Growth measured until an early age, at later ones, in the course that usual brains take: age -> (n, 6)."""
     known = [age for age in sorted(maps) if age <= until]
     pattern = fitted(known, [maps[age] for age in known], series.ages[0], rate=0.0).at(until)
-    mean = uniform_growth(series, {until: pattern})[until]
     start, then, *later = np.log(usual(AREA, np.array([series.ages[0], until, *ages])))
-    course = {age: (value - start) / (then - start) for age, value in zip(ages, later, strict=True)}
-    return {
-        age: np.clip(mean * part + (pattern - mean) * part**_PERSISTENCE, -_LARGEST, _LARGEST)
-        for age, part in course.items()
-    }
+    course = [(value - start) / (then - start) for value in later]
+    return {age: np.clip(pattern * part, -_LARGEST, _LARGEST) for age, part in zip(ages, course, strict=True)}
 
 
 def without_mechanics(series: Series, until: float) -> dict[float, FloatArray]:

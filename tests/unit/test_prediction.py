@@ -94,6 +94,8 @@ def test_a_forecast_goes_on_as_areas_of_usual_brains_do() -> None:
     (later,) = forecast_growth(series, maps, 23.0, [24.0]).values()
     areas = np.log(usual(AREA, np.array([22.0, 23.0, 24.0])))
     assert later == pytest.approx(maps[23.0] * (areas[2] - areas[0]) / (areas[1] - areas[0]))
+    wild = {23.0: 20 * maps[23.0]}
+    assert np.abs(forecast_growth(series, wild, 23.0, [24.0])[24.0]).max() <= 1.2, "a fold refuses what no tissue does"
 
 
 def test_nulls_have_as_much_growth_as_was_measured_but_no_pattern_or_another() -> None:
