@@ -23,7 +23,7 @@ from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.surface_sets import region_tags, sides, with_surface
 from cortet.geometry.quadratic import EDGES, QuadraticMesh
 from cortet.geometry.topology import TRI_EDGES, boundary_nodes
-from cortet.meshes import IntArray, MeshSets, TetMesh
+from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
 from cortet.solver_files.names import in_ascii
 
 
@@ -117,16 +117,24 @@ def _by_meshio(file_format: str) -> Callable[[TetMesh, QuadraticMesh, MeshSets, 
                 groups[name] = np.array([number, 2])
             tags = {"gmsh:physical": tags["region"], "gmsh:geometrical": tags["region"]}
             groups |= {f"region_{tag}": np.array([tag, 3]) for tag in np.unique(regions)}
-        content = meshio.Mesh(
-            curved.points,
-            cells,
-            point_data={name: with_middles(curved, values) for name, values in mesh.point_data.items()},
-            cell_data=tags,
-            field_data=groups,
-        )
+        of_nodes = {name: with_middles(curved, values) for name, values in mesh.point_data.items()}
+        if (
+            file_format != "gmsh22"
+        ):  # its groups are the sets; the others have no sets, so they become arrays of 0 and 1
+            of_nodes |= {f"node_set_{name}": _marked(nodes, len(curved.points)) for name, nodes in sets.nodes.items()}
+            tags |= {f"cell_set_{name}": [_marked(part, len(curved.cells))] for name, part in sets.cells.items()}
+            tags |= {name: [values] for name, values in mesh.cell_data.items() if name != REGION}
+        content = meshio.Mesh(curved.points, cells, point_data=of_nodes, cell_data=tags, field_data=groups)
         meshio.write(path, content, file_format=file_format)
 
     return write
+
+
+def _marked(members: IntArray, count: int) -> NDArray[np.uint8]:
+    """1 for each member, 0 for others: (count,)."""
+    marks = np.zeros(count, np.uint8)
+    marks[members] = 1
+    return marks
 
 
 #: suffixes of files that are plain ASCII

@@ -173,6 +173,9 @@ def test_other_programs_read_the_same_elements(ball: tuple[TetMesh, TriSurface],
     assert record["tetrahedra"] == len(mesh.cells) and record["least_jacobian"] == curved.least_jacobian
     if suffix in (".vtu", ".xdmf"):
         assert np.array_equal(found.point_data["depth"], with_middles(curved, mesh.point_data["depth"]))
+        assert np.array_equal(np.flatnonzero(found.cell_data["cell_set_cortex"][0]), mesh.sets.cells["cortex"])
+        on_surface = np.flatnonzero(found.point_data["node_set_cortical_surface"])
+        assert set(mesh.sets.nodes["cortical_surface"]) < set(on_surface) and on_surface[-1] >= len(mesh.points)
 
 
 def test_gmsh_measures_the_jacobian_that_was_certified(ball: tuple[TetMesh, TriSurface], tmp_path: Path) -> None:
