@@ -108,7 +108,7 @@ def _by_meshio(file_format: str) -> Callable[[TetMesh, QuadraticMesh, MeshSets, 
     def write(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
         cells: list[tuple[str, IntArray]] = [("tetra10", curved.cells)]
         regions = region_tags(mesh) if mesh.sets.cells else np.ones(len(curved.cells), np.int32)
-        tags = {"region": [regions]}
+        tags: dict[str, list[NDArray[Any]]] = {"region": [regions]}
         groups = {}
         if file_format == "gmsh22":
             for number, (name, faces) in enumerate(sets.faces.items(), start=1):
