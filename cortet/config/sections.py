@@ -103,6 +103,8 @@ class Export(Section):
     """Field of the cohort, mm, that takes the place of cortex_depth, e.g. thickness."""
     medial_wall: dict[str, list[int]] = {}
     """Label fields and their keys that mark the medial wall, e.g. {parcellation: [0]}; the rest is cortical surface."""
+    label_shares: bool = False
+    """true also writes the share of each label in each tetrahedron, for volumes of labels."""
     field_units: dict[str, str] = {}
     """Units of the fields, e.g. {thickness: mm}, for the sidecars."""
 

@@ -133,6 +133,7 @@ def _not_between_regions(mesh: TetMesh, faces: IntArray) -> int:
     for cells in mesh.sets.cells.values():
         belongs *= 2
         belongs[cells] += 1
+        belongs = np.unique(belongs, return_inverse=True)[1]  # many sets would be more than 64 bits
     good = np.zeros(len(faces), np.bool_)
     order = np.argsort(key[len(faces) :], kind="stable")
     ordered, owner = key[len(faces) :][order], np.repeat(near, 4)[order]
