@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from cortet.cli.given import config_of, draw, sphere_of, stem_of, surface_of
 from cortet.cli.meshes import print_verdict
+from cortet.errors import InputError
 from cortet.formats import format_of
 from cortet.formats.ownership import delete_made, may_write, record_of
 
@@ -36,6 +37,8 @@ def mesh_command(args: argparse.Namespace) -> int:
     from cortet.solver_files.volumes import TISSUE_COLUMNS, label_names, read_volumes, require_in_place, with_volumes
     from cortet.solver_files.volumes import sources as sources_of_volumes
 
+    if args.slices and not args.volume:
+        raise InputError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
     # what cannot be written is refused before the work, and before anything of an earlier run is deleted
     solver = format_of(args.output).name
     record = certificate_path(args.output)
@@ -100,6 +103,11 @@ def mesh_command(args: argparse.Namespace) -> int:
     with recorded(asdict(certificate), record, surfaces.values()) as place:
         if rows:
             write_table(TISSUE_COLUMNS, rows, place(tissues))
+        if args.slices:
+            from cortet.report.slices import slices
+
+            slices(mesh, *next(iter(volumes.items())), place(args.slices), frame)
+            print(f"{args.slices}: drawn")
         _mesh_views(args, mesh, meshed, placed(surface, config.placement()), asdict(certificate), config, place)
     print()
     if rows:

@@ -128,6 +128,9 @@ def parser() -> argparse.ArgumentParser:
         help="NIfTI or MGZ whose labels, numbers or tensors the tetrahedra get; FILE:KIND says which; repeatable",
     )
     mesh.add_argument("--picture", type=OutputFile, metavar="PNG", help="also draw the mesh cut open, coloured by q")
+    mesh.add_argument(
+        "--slices", type=OutputFile, metavar="PNG", help="also draw slices of the first volume with the mesh in them"
+    )
     mesh.add_argument("--page", type=OutputFile, metavar="HTML", help="also write a page on the mesh for a browser")
     mesh.set_defaults(run=mesh_command)
 

@@ -25,7 +25,16 @@ OVER_ALL_CASES = (
     *("table_ablation", "table_resolution", "table_measures", "figure_pooled_quality", "figure_series", "methods"),
 )
 #: rules after the certificate: the mesh is measured even if they fail
-AFTER_CERTIFICATE = ("export", "case_page", "case_maps", "fold", "fold_figures", "convergence_run", "prediction_run")
+AFTER_CERTIFICATE = (
+    "volumes",
+    "export",
+    "case_page",
+    "case_maps",
+    "fold",
+    "fold_figures",
+    "convergence_run",
+    "prediction_run",
+)
 
 
 @dataclass(frozen=True)
@@ -180,6 +189,7 @@ class Plan(Jobs):
             "meshed": self.meshed_surface(job),
             "mesh": self.layout.mesh("Solver"),
             "certificate": self.layout.certificate,
+            "tissues": self.tissues(job),
         }
 
     def about(self, job: Job) -> dict[str, Any]:

@@ -7,6 +7,7 @@ the lookup table of BIDS beside it: `*_dseg.tsv`, or `dseg.tsv`, with the column
 from __future__ import annotations
 
 import gzip
+import os
 import re
 import warnings
 import zlib
@@ -136,6 +137,14 @@ def read_volume(path: str | Path, kind: Kind | None = None) -> Volume:
     return Volume(values.astype(np.float32), affine, "numbers", file=str(path))
 
 
+def label_table(path: str | Path) -> Path | None:
+    """The table of the names of a volume's labels; None if there is none."""
+    path = Path(path)
+    stem = re.sub(r"\.(nii|nii\.gz|mgz|mgh)$", "", path.name)
+    tables = [path.with_name(f"{stem}.tsv"), path.with_name("dseg.tsv")]
+    return next((one for one in tables if os.path.isfile(one)), None)  # noqa: PTH113, false of names that are too long
+
+
 def label_names(path: str | Path) -> dict[int, str]:
     """Names of the labels of a volume, from the table beside it: key -> name; empty if there is none.
 
@@ -145,9 +154,7 @@ def label_names(path: str | Path) -> dict[int, str]:
     ------
     InputError : the table has no columns index and name, or an index is no whole number or stands there twice
     """
-    path = Path(path)
-    stem = re.sub(r"\.(nii|nii\.gz|mgz|mgh)$", "", path.name)
-    file = next((one for one in (path.with_name(f"{stem}.tsv"), path.with_name("dseg.tsv")) if one.is_file()), None)
+    file = label_table(path)
     if file is None:
         return {}
     table = read_tsv(file)

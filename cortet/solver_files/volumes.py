@@ -20,6 +20,8 @@ from cortet.geometry.voxels import Labelled, in_voxels, labels_inside, means_ins
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import REGION, CoordinateFrame, FloatArray, TetMesh, TriSurface
 
+VERSION: int = 1
+
 #: field of the first direction of a tensor, as CARP's files of fibres take it
 FIBRE = "fibre"
 #: names that stand for something else
