@@ -33,6 +33,11 @@ class Labelled(NamedTuple):
     label: NDArray[np.int32]
     #: (m,) that share
     share: NDArray[np.float32]
+    #: (m,) the label other than 0 of the largest share, 0 if there is none, and that share
+    other: NDArray[np.int32]
+    other_share: NDArray[np.float32]
+    #: (m,) share of 0
+    zero: NDArray[np.float32]
     #: (m, l) all shares; None if they were not asked for
     shares: NDArray[np.float32] | None
 
@@ -58,16 +63,20 @@ def labels_inside(
     keys, number = np.unique(np.append(labels.ravel(), 0), return_inverse=True)
     outside = number[-1]
     every = np.zeros((len(cells), len(keys)), np.float32) if shares else None
-    label, share = np.zeros(len(cells), np.int32), np.zeros(len(cells), np.float32)
+    label, other = np.zeros(len(cells), np.int32), np.zeros(len(cells), np.int32)
+    share, other_share, zero = (np.zeros(len(cells), np.float32) for _ in range(3))
     for chosen, voxel in _samples(points, cells, affine, labels.shape):
         found = np.where(voxel < 0, outside, number[voxel])
         flat = np.arange(len(chosen))[:, None] * len(keys) + found
         count = np.bincount(flat.ravel(), minlength=len(chosen) * len(keys)).reshape(-1, len(keys))
         part = count / np.float32(voxel.shape[1])
-        label[chosen], share[chosen] = keys[count.argmax(axis=1)], part.max(axis=1)
+        label[chosen], share[chosen], zero[chosen] = keys[part.argmax(axis=1)], part.max(axis=1), part[:, outside]
         if every is not None:
             every[chosen] = part
-    return Labelled(keys.astype(np.int32), label, share, every)
+        part[:, outside] = 0
+        other_share[chosen] = part.max(axis=1)
+        other[chosen] = np.where(other_share[chosen] > 0, keys[part.argmax(axis=1)], 0)
+    return Labelled(keys.astype(np.int32), label, share, other, other_share, zero, every)
 
 
 def means_inside(

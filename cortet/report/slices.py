@@ -74,7 +74,7 @@ def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: Co
     if shown:
         figure.legend(handles=shown[:20], loc="outside lower center", ncols=10, frameon=False)
     with atomic_path(path) as temporary:
-        figure.savefig(temporary, format="png", metadata={"Software": None})
+        figure.savefig(temporary, format="png", bbox_inches="tight", metadata={"Software": None})
 
 
 def cut(points: FloatArray, cells: IntArray, axis: int, position: float) -> list[tuple[NDArray[np.intp], FloatArray]]:

@@ -16,9 +16,9 @@ from cortet.formats.hashing import sha256
 from cortet.formats.tables import Column
 from cortet.formats.volumes import Volume, matrices, read_named, six, volume_file
 from cortet.geometry.coverage import coverage
-from cortet.geometry.voxels import Labelled, in_voxels, labels_inside, means_inside
+from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
 from cortet.measure.quality import quality, signed_volumes
-from cortet.meshes import REGION, CoordinateFrame, FloatArray, TetMesh, TriSurface
+from cortet.meshes import REGION, CoordinateFrame, FloatArray, IntArray, TetMesh, TriSurface
 
 VERSION: int = 1
 
@@ -28,6 +28,8 @@ FIBRE = "fibre"
 _TAKEN = (REGION, FIBRE, "q")
 #: labels lie wrongly if another position covers so much more of the inside, and nearly all that they can
 _GAIN, _NEARLY = 0.03, 0.9
+#: 0 is no tissue but what lies outside if less than this share of a mesh has it
+_OUTSIDE = 0.1
 #: eigenvalues of a tensor below this share of its largest one are raised to it, since a logarithm needs them
 _LEAST_EIGENVALUE = 1e-6
 
@@ -91,9 +93,10 @@ def with_volumes(
 ) -> tuple[TetMesh, list[dict[str, Any]]]:
     """The mesh with a cell field for each volume; and the rows of `TISSUE_COLUMNS`.
 
-    Labels are whole numbers: that of the largest share of the tetrahedron. Numbers are means. Tensors are log-Euclidean
-    means (Arsigny et al., Magnetic Resonance in Medicine 56, 2006), (m, 6): xx, yy, zz, xy, yz, xz; the direction of
-    the first one's largest eigenvalue is the field `fibre`, (m, 3).
+    Labels are whole numbers: that of the largest share of the tetrahedron. Where less than a tenth of the mesh has no
+    label, 0 is what lies outside, and a tetrahedron has it only if it has no other. Numbers are means. Tensors are
+    log-Euclidean means (Arsigny et al., Magnetic Resonance in Medicine 56, 2006), (m, 6): xx, yy, zz, xy, yz, xz; the
+    direction of the first one's largest eigenvalue is the field `fibre`, (m, 3).
 
     Parameters
     ----------
@@ -115,8 +118,11 @@ def with_volumes(
         about = {"volume": name, "kind": volume.kind}
         if volume.kind == "labels":
             found = labels_inside(points, mesh.cells, volume.values, volume.affine, shares=shares)
-            fields[name] = found.label
-            rows += [about | row for row in _tissues(found, volume.names, size, q)]
+            label, share = found.label, found.share
+            if np.average(found.zero, weights=size) < _OUTSIDE:
+                label, share = found.other, np.where(found.other_share > 0, found.other_share, found.zero)
+            fields[name] = label
+            rows += [about | row for row in _tissues(label, share, volume.names, size, q)]
             if found.shares is not None:
                 fields |= {
                     f"{name}_share_{key}": found.shares[:, at]
@@ -145,17 +151,19 @@ def sources(files: Mapping[str, str]) -> dict[str, dict[str, str]]:
     return {name: {"file": file, "sha256": sha256(volume_file(file))} for name, file in files.items()}
 
 
-def _tissues(found: Labelled, names: Mapping[int, str], size: FloatArray, q: FloatArray) -> Iterator[dict[str, Any]]:
+def _tissues(
+    label: IntArray, share: NDArray[Any], names: Mapping[int, str], size: FloatArray, q: FloatArray
+) -> Iterator[dict[str, Any]]:
     """A row for each label that a mesh has."""
-    for key in np.unique(found.label).tolist():
-        mine = found.label == key
+    for key in np.unique(label).tolist():
+        mine = label == key
         yield {
             "label": key,
             "name": names.get(key) or (None if key else "no label"),
             "tetrahedra": int(mine.sum()),
             "volume_ml": float(size[mine].sum()) / 1000,
             "q_max": float(q[mine].max()),
-            "share": float(np.average(found.share[mine], weights=size[mine])),
+            "share": float(np.average(share[mine], weights=size[mine])),
         }
 
 

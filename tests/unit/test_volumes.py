@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib.image
 import nibabel
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from scipy.spatial.transform import Rotation
 
 import cortet
 from cortet.cli import main
+from cortet.cohort.scan import scan
+from cortet.cohort.sheet import read_sheet, write_sheet
 from cortet.errors import InputError
 from cortet.formats import abaqus, vtu
 from cortet.formats.gifti import read_surface, write_surface
@@ -28,6 +31,7 @@ from cortet.geometry.winding import winding_numbers
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
 from cortet.phantom.head import LABELS, direction, head
+from cortet.report.slices import cut
 from cortet.solver_files.label_surfaces import inner_surfaces
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.volumes import require_in_place, with_volumes
@@ -243,6 +247,24 @@ def test_outside_the_volume_the_label_is_0() -> None:
     assert labels_inside(TET.points + 100, TET.cells, values, np.eye(4)).label.tolist() == [0]
 
 
+def test_0_is_what_lies_outside_where_labels_cover_the_mesh() -> None:
+    """The boundary of voxels is no surface: a tetrahedron that is mostly beyond it still belongs to the tissue."""
+    points = np.array([[0, 0, 0], [4, 0, 0], [0, 4, 0], [0, 0, 4], [0, 0, -9.0]])
+    mesh = TetMesh(points, [[0, 1, 2, 3], [0, 2, 1, 4]])
+    values = np.zeros((8, 8, 40), np.int32)
+    values[:, :, :30] = 1
+    affine = np.diag([1, 1, 0.5, 1.0])
+    affine[:3, 3] = [-1, -1, -14.75]  # labels reach to z = 0.5
+    found = labels_inside(mesh.points, mesh.cells, np.where(values == 1, 0, 1), affine)
+    assert found.label.tolist() == [1, 0]
+    labels = {"tissue": Volume(values, affine, "labels", file=__file__)}
+    assert with_volumes(mesh, labels)[0].cell_data["tissue"].tolist() == [0, 1]  # a fifth of the mesh has no label
+    affine[2, 3] = -13.25  # to z = 2: 4 %
+    assert with_volumes(mesh, labels)[0].cell_data["tissue"].tolist() == [1, 1]
+    lesion = {"lesion": Volume(np.where(values == 1, 0, 1), affine, "labels", file=__file__)}
+    assert with_volumes(mesh, lesion)[0].cell_data["lesion"].tolist() == [0, 0]
+
+
 def test_numbers_are_means_of_what_has_a_value() -> None:
     """The mean of a linear function inside a tetrahedron is its value at the centroid."""
     grid = np.indices((60, 60, 60)) * 0.1 - 0.5
@@ -423,7 +445,8 @@ def test_a_head_becomes_one_mesh(folder: Path, tmp_path: Path, capsys: pytest.Ca
         f"thalamus={folder / 'thalamus.surf.gii'}",
     ]
     given += ["--volume", f"tissue={folder / 'dseg.nii.gz'}", "--volume", f"tensor={folder / 'tensors.nii.gz'}"]
-    assert main([*given, "-o", str(out)]) == 0
+    assert main([*given, "-o", str(out), "--slices", str(tmp_path / "slices.png")]) == 0
+    assert matplotlib.image.imread(tmp_path / "slices.png").std() > 0.05
     said = capsys.readouterr().out
     assert "ventricle2: " in said and "certified" in said
     mesh = vtu.read(out)
@@ -441,12 +464,45 @@ def test_a_head_becomes_one_mesh(folder: Path, tmp_path: Path, capsys: pytest.Ca
     centre = mesh.points[mesh.cells].mean(axis=1)
     turned = np.abs((mesh.cell_data["fibre"] * direction(centre)).sum(axis=1))
     assert np.percentile(turned, 1) > np.cos(np.radians(1))
+    assert main(["convert", str(out), str(tmp_path / "head.pts")]) == 0
+    lon = np.loadtxt(tmp_path / "head.lon", skiprows=1)
+    np.testing.assert_allclose(lon, mesh.cell_data["fibre"], atol=1e-8)
     record = json.loads(out.with_suffix(".vtu.json").read_text())
     assert record["made_from"]["volumes"].keys() == {"tissue", "tensor"}
     assert record["made_from"]["given"].keys() == {"cortex", *parts[1:]}
     table = read_tsv(tmp_path / "head.volumes.tsv")
     assert table["name"].tolist()[-6:-1] == list(parts)
     assert main(["certify", str(out), "--cell-size", "1.2"]) == 0
+
+
+def test_a_cut_has_the_area_of_the_plane_inside(ball: TriSurface) -> None:
+    """A plane through the middle of a ball cuts out a disc; triangles and quadrangles do not overlap."""
+    mesh = cortet.mesh(ball, 2.0, progress=False).mesh
+    for axis in range(3):
+        area, right, up = 0.0, (axis + 1) % 3, (axis + 2) % 3
+        for cell, ring in cut(mesh.points, mesh.cells, axis, 0.3):
+            assert len(cell) == len(ring)
+            np.testing.assert_allclose(ring[:, :, axis], 0.3, atol=1e-9)
+            x, y = ring[:, :, right], ring[:, :, up]
+            area += np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)).sum() / 2
+        assert area == pytest.approx(np.pi * (RADIUS**2 - 0.09), rel=0.03)
+
+
+def test_a_sheet_names_volumes_and_a_scan_finds_them(tmp_path: Path, labels: NDArray[np.int16]) -> None:
+    anat = tmp_path / "dhcp" / "sub-CC1" / "ses-1" / "anat"
+    anat.mkdir(parents=True)
+    (anat / "sub-CC1_ses-1_hemi-left_wm.surf.gii").touch()
+    written(anat / "sub-CC1_ses-1_desc-drawem9_dseg.nii.gz", labels)
+    (case,) = scan(tmp_path / "dhcp")
+    assert case.volumes == {"tissue": str(anat / "sub-CC1_ses-1_desc-drawem9_dseg.nii.gz")}
+    (tmp_path / "a").mkdir()
+    write_sheet([replace(case, volumes={**case.volumes, "fa": f"{tmp_path}/fa.nii:numbers"})], tmp_path / "a" / "x.tsv")
+    (again,) = read_sheet(tmp_path / "a" / "x.tsv")
+    assert again.volumes == {**case.volumes, "fa": f"{tmp_path}/fa.nii:numbers"}
+    table = read_tsv(tmp_path / "a" / "x.tsv").rename(columns={"volume_fa": "volume_f-a"})
+    table.to_csv(tmp_path / "a" / "y.tsv", sep="\t", index=False)
+    with pytest.raises(InputError, match="column volume_f-a: 'f-a' is no name of a volume"):
+        read_sheet(tmp_path / "a" / "y.tsv")
 
 
 def test_volumes_from_python(ball: TriSurface, labels: NDArray[np.int16], tmp_path: Path) -> None:
