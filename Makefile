@@ -3,7 +3,7 @@
 CORES ?= 2
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
-.PHONY: help setup published cohort test check docs wheel doctor format lock clean
+.PHONY: help setup published cohort test check docs gallery wheel doctor format lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -26,6 +26,9 @@ check: setup ## what every commit must pass, in a minute
 
 docs: setup ## make the pages of the documentation in .cache/docs
 	sphinx-build -q -W --keep-going -d .cache/doctrees docs .cache/docs
+
+gallery: setup ## run the examples, and put their pictures into the documentation
+	tools/gallery.sh
 
 wheel: setup ## build the package that `pip install` takes, in .cache/wheel
 	pip wheel --quiet --no-deps --no-build-isolation --wheel-dir .cache/wheel .

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cortet.api import Folded, Mesh, certify, compare, fold, growth, mesh, repair, surface
+    from cortet.errors import CortetError, InputError
 
 # Numba's first choice, TBB, warns in many environments that theirs is too old, and is not used anyway
 os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")
@@ -29,13 +30,14 @@ if "numba" in sys.modules:  # it has read its environment already
 __version__ = "0.2.0"
 
 #: everything else is for those who build on the parts
-__all__ = ["Folded", "Mesh", "certify", "compare", "fold", "growth", "mesh", "repair", "surface"]
+__all__ = ["CortetError", "Folded", "InputError", "Mesh"]
+__all__ += ["certify", "compare", "fold", "growth", "mesh", "repair", "surface"]
 
 
 def __getattr__(name: str) -> Any:
-    """What `cortet.api` has, which is loaded when it is first asked for: jobs of the workflow do not need it."""
+    """Calls and errors, loaded when they are first asked for: jobs of the workflow do not need them."""
     if name in __all__:
-        return getattr(import_module("cortet.api"), name)
+        return getattr(import_module("cortet.errors" if name.endswith("Error") else "cortet.api"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -36,6 +36,7 @@ rule case_page:
         input_sha256=PLAN.input_sha256,
         to_mm=PLAN.placement,
         cohort=lambda wildcards: beside(LAYOUT.cohort_page, LAYOUT.case_page.format(**wildcards)),
+        exported=PLAN.exported,
         version=[version_of("report.pages"), version_of("report.render")],
     script:
         "../scripts/case_page.py"

@@ -106,7 +106,7 @@ rule prediction_run:
         ages=lambda wildcards: list(PLAN.prediction_series()[wildcards.case]),
         origin=lambda wildcards: {"case": wildcards.case, "kind": wildcards.kind},
         input_sha256=lambda wildcards: content(
-            {path: path for path in PLAN.surfaces_of_series(wildcards.case)}
+            {path: path for path in PLAN.surfaces_of_series(wildcards.case) + PLAN.spheres_of_series(wildcards.case)}
         ),
         version=[
             version_of("simulation.fold"),
@@ -117,10 +117,44 @@ rule prediction_run:
         "../scripts/prediction_run.py"
 
 
+rule prediction_views:
+    """Predicted brains beside the real ones, and where they are too shallow or too deep."""
+    input:
+        record=LAYOUT.prediction("record.json"),
+        surfaces=lambda wildcards: PLAN.surfaces_of_series(wildcards.case),
+        spheres=lambda wildcards: PLAN.spheres_of_series(wildcards.case),
+    output:
+        picture=report(
+            LAYOUT.prediction("predicted.png"),
+            caption="../reports/table_prediction.rst",
+            category="Folding",
+            labels={"case": "{case} {kind}", "figure": "predicted and real"},
+        ),
+        errors=report(
+            LAYOUT.prediction("errors.png"),
+            caption="../reports/table_prediction.rst",
+            category="Folding",
+            labels={"case": "{case} {kind}", "figure": "error of depth"},
+        ),
+    params:
+        placement=CONFIG.placement(),
+        hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
+        ages=lambda wildcards: list(PLAN.prediction_series()[wildcards.case]),
+        input_sha256=lambda wildcards: content({path: path for path in PLAN.surfaces_of_series(wildcards.case)}),
+        version=[version_of("study.prediction_tables")],
+    script:
+        "../scripts/prediction_views.py"
+
+
 rule prediction:
     """Predictions of later brains beside the real ones."""
     input:
-        existing_files(PLAN.prediction_runs()),
+        records=existing_files(PLAN.prediction_runs()),
+        pictures=[
+            str(Path(record).with_name(name))
+            for record in existing_files(PLAN.prediction_runs())
+            for name in ("predicted.png", "errors.png")
+        ],
     output:
         report(
             f"{OUT}/cohort/table-prediction.html",
@@ -137,7 +171,7 @@ rule prediction:
         multiext(f"{OUT}/cohort/table-prediction", ".tsv", ".json", ".tex", ".md"),
         multiext(f"{OUT}/cohort/figure-prediction", ".pdf", ".png"),
     params:
-        version=[version_of("study.prediction"), version_of("report.table_files")],
+        version=[version_of("study.prediction_tables"), version_of("report.table_files")],
     script:
         "../scripts/prediction.py"
 

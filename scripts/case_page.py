@@ -16,10 +16,12 @@ from cortet.report.case_page import about, write_case_page, write_failure_page
 given, params, page = job.input, job.params, Path(job.output.page)
 shown = {"facts": about(params.about), "cohort": params.cohort}
 if params.failure is None:
+    certificate = json.loads(Path(given.certificate).read_text(encoding="utf-8"))
+    exported = certificate["certified"] or params.exported["uncertified"]
     write_case_page(
         vtu.read(given.mesh),
         placed(gifti.read_surface(given.surface, finite=False), params.to_mm),
-        json.loads(Path(given.certificate).read_text(encoding="utf-8")),
+        certificate,
         page,
         tissues=read_tsv(Path(given.tissues[0])).to_dict("records") if given.get("tissues") else [],
         slices=Path(given.tissues[1]) if given.get("tissues") else None,
@@ -27,6 +29,7 @@ if params.failure is None:
         files=[
             (Path(given.certificate).name, "certificate (JSON)"),
             (Path(given.mesh).name, "mesh (VTU, for ParaView)"),
+            *((name, f"for solvers: {form}") for name, form in params.exported["files"] if exported),
         ],
         **shown,
     )

@@ -6,6 +6,6 @@ from _job import start
 
 job = start(snakemake)
 
-from cortet.study.prediction import write_prediction
+from cortet.study.prediction_tables import write_prediction
 
-write_prediction([Path(path) for path in job.input], job.output)
+write_prediction([Path(path) for path in job.input.records], job.output)

@@ -23,7 +23,24 @@ def quality_command(args: argparse.Namespace) -> int:
     """Print the element quality of a mesh."""
     from cortet.measure.quality import summarise
 
-    print(json.dumps(asdict(summarise(read_mesh(args.mesh))), indent=2, allow_nan=False))
+    found = summarise(read_mesh(args.mesh))
+    if args.json:
+        print(json.dumps(asdict(found), indent=2, allow_nan=False))
+        return 0
+    other = {"1 - mean ratio": found.one_minus_mean_ratio, "1 - radius ratio": found.one_minus_radius_ratio}
+    rows = {
+        "nodes": f"{found.nodes:,}",
+        "tetrahedra": f"{found.tets:,}",
+        "q": f"worst {found.q.max:.4f}, mean {found.q.mean:.4f}, standard deviation {found.q.sd:.4f}",
+        "tetrahedra by q": ", ".join(f"{count:,} above {limit}" for limit, count in found.count_above.items()),
+        **{name: f"worst {measure.max:.4f}, mean {measure.mean:.4f}" for name, measure in other.items()},
+        "dihedral angles": f"{found.dihedral_min_deg:.1f} to {found.dihedral_max_deg:.1f} degrees",
+        "edges": f"{found.shortest_edge_mm:.3f} to {found.longest_edge_mm:.3f} mm",
+        "smallest volume": f"{found.volume_min_mm3:.3g} mm3",
+        "stable time step": f"{found.stable_time_step:.4g}, in mm / sqrt(mu / density)",
+    }
+    for name, value in rows.items():
+        print(f"{name:<18}{value}")
     return 0
 
 

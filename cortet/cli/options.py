@@ -18,7 +18,7 @@ from cortet.cli.meshes import (
     verify_command,
 )
 from cortet.cli.meshing import mesh_command, stages_command
-from cortet.cli.runs import doctor_command, fold_command, run_command, scan_command
+from cortet.cli.runs import config_command, doctor_command, fold_command, run_command, scan_command
 from cortet.cli.surfaces import gate_command, head_command, phantom_command, repair_command, resample_command
 from cortet.cli.values import Number, aged_file, inner_file, named_file
 from cortet.errors import CortetError
@@ -97,7 +97,7 @@ def parser() -> argparse.ArgumentParser:
         choices=["default", "cgal", "published"],
         help="our line, the paper's mesher with our boundary, or all choices of the paper",
     )
-    line.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see config.yaml")
+    line.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see `cortet config`")
     line.add_argument(
         "--field",
         action="append",
@@ -171,8 +171,9 @@ def parser() -> argparse.ArgumentParser:
     )
     resample.set_defaults(run=resample_command)
 
-    quality = commands.add_parser("quality", parents=[common], help="measure the elements of a mesh (JSON)")
+    quality = commands.add_parser("quality", parents=[common], help="measure the elements of a mesh")
     quality.add_argument("mesh", type=Path, metavar="MESH")
+    quality.add_argument("--json", action="store_true", help="every number, the histogram too, as JSON")
     quality.set_defaults(run=quality_command)
 
     limits = argparse.ArgumentParser(add_help=False)
@@ -384,7 +385,12 @@ def parser() -> argparse.ArgumentParser:
     run = commands.add_parser("run", parents=[common], help="mesh the surfaces of a BIDS dataset (a BIDS App)")
     run.add_argument("bids_dir", type=Path, metavar="BIDS_DIR", help="dataset, or derivatives of one, with surfaces")
     run.add_argument("output_dir", type=CheckedOutput, metavar="OUTPUT_DIR", help="where the derivatives go")
-    run.add_argument("level", choices=["participant", "group"], help="single cases, or tables and figures over all")
+    run.add_argument(
+        "level",
+        choices=["participant", "group"],
+        metavar="{participant,group}",
+        help="single cases, or tables and figures over all",
+    )
     for words, name, of in (
         (("--participant-label", "--participant_label"), "participants", "participants"),
         (("--session-label", "--session_label"), "sessions", "sessions"),
@@ -398,7 +404,7 @@ def parser() -> argparse.ArgumentParser:
         help="cell size h (default: 0.6, or what --config says)",
     )
     run.add_argument("--setting", choices=["default", "cgal", "published"], help="as of `cortet mesh`")
-    run.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see config.yaml")
+    run.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see `cortet config`")
     run.add_argument("--cores", type=Number(1, 10_000, whole=True), metavar="N", help="default: all")
     run.add_argument("--profile", metavar="NAME", help="profile of Snakemake: slurm, or a folder")
     run.add_argument("-n", "--dry-run", action="store_true", help="say what would be done")
@@ -410,6 +416,10 @@ def parser() -> argparse.ArgumentParser:
         help="cohort sheet, configuration and what Snakemake remembers",
     )
     run.set_defaults(run=run_command)
+
+    settings = commands.add_parser("config", parents=[common], help="print every parameter, with its unit and meaning")
+    settings.add_argument("--setting", choices=["default", "cgal", "published"], default="default", help="as of `run`")
+    settings.set_defaults(run=config_command)
 
     doctor = commands.add_parser("doctor", parents=[common], help="prove that everything needed is installed and works")
     doctor.set_defaults(run=doctor_command)

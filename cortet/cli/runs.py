@@ -5,14 +5,11 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cortet.cli.given import read_mesh, settings_of
 from cortet.errors import InputError
 from cortet.formats.ownership import may_write
-
-if TYPE_CHECKING:
-    pass
 
 
 def fold_command(args: argparse.Namespace) -> int:
@@ -79,6 +76,8 @@ def scan_command(args: argparse.Namespace) -> int:
     from cortet.cohort.sheet import add_to_sheet, ageless_notice, read_header, write_sheet
     from cortet.config import load
 
+    if not args.folder.is_dir():
+        raise InputError("no such folder", file=args.folder, remedy="name the root of the data release")
     exists = args.output.exists()
     if exists and not (args.update or args.force):
         raise InputError(
@@ -102,12 +101,9 @@ def scan_command(args: argparse.Namespace) -> int:
 
 def run_command(args: argparse.Namespace) -> int:
     """Run the workflow over a data release."""
-    import time
-
     from cortet.cohort import app
     from cortet.cohort.sheet import ageless_notice
 
-    began = time.time()
     settings, selection = settings_of(args), app.Selection(args.participants, args.sessions, args.hemi)
     cases = app.find(args.bids_dir, selection, settings, print)
     print(f"{len(cases)} surfaces of {args.bids_dir}", flush=True)
@@ -117,13 +113,24 @@ def run_command(args: argparse.Namespace) -> int:
         work = args.work_dir or app.work_folder(args.output_dir)
         app.prepare(cases, args.bids_dir, args.output_dir, work, settings)
         code = app.snakemake(
-            work, args.level, cores=args.cores or os.cpu_count() or 1, profile=args.profile, dry_run=args.dry_run
+            work,
+            args.level,
+            cores=args.cores or os.cpu_count() or 1,
+            profile=args.profile,
+            dry_run=args.dry_run,
+            verbose=args.verbose,
         )
-    for line in app.failures(args.output_dir, began):
-        print(line, file=sys.stderr)
-    if not code and not args.dry_run:
-        print(f"{args.output_dir}: done")
+    if not args.dry_run:
+        print(app.outcome(args.output_dir, cases, args.level))
     return int(code != 0)
+
+
+def config_command(args: argparse.Namespace) -> int:
+    """Print the documented configuration."""
+    from cortet.config import render
+
+    print(render({"setting": args.setting}), end="")
+    return 0
 
 
 def doctor_command(_: argparse.Namespace) -> int:

@@ -6,6 +6,7 @@ and calls Snakemake there.
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -26,12 +27,13 @@ from cortet.errors import InputError
 from cortet.formats import child
 from cortet.formats.atomic import atomic_path
 from cortet.formats.ownership import MARKER, mark
-from cortet.formats.tsv import read_tsv
 
 #: level of analysis in a BIDS App -> target rule
 LEVELS = {"participant": "participants", "group": "cohort"}
 #: folder of Snakemake's own files, below the output folder
 _WORK = "work"
+#: Snakemake says so before it asks any logger
+_PROFILE = "for setting default command line arguments"
 
 
 @dataclass(frozen=True)
@@ -149,36 +151,63 @@ def _claim(work: Path, output: Path, files: Sequence[Path]) -> None:
         mark(work)
 
 
-def snakemake(work: Path, level: str, *, cores: int, profile: str | None = None, dry_run: bool = False) -> int:
+def snakemake(
+    work: Path, level: str, *, cores: int, profile: str | None = None, dry_run: bool = False, verbose: bool = False
+) -> int:
     """Run the workflow in its working folder and return Snakemake's exit code. This process holds the lock.
 
     Parameters
     ----------
     level : key of `LEVELS`
     profile : a profile of Snakemake, or the name of one that comes with the workflow, such as `slurm`
+    verbose : everything that Snakemake says, instead of a line per case
     """
     folder = workflow()
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(folder / "Snakefile"), "--cores", str(cores)]
     # the output folder has a lock of its own, which ends with a killed run
-    command += ["--directory", str(work), "--nolock"]
+    command += ["--directory", str(work), *([] if verbose else ["--logger", "cortet"]), "--nolock"]
     if profile:
         own = folder / "profiles" / profile
         command += ["--profile", str(own if own.is_dir() else profile)]
     if dry_run:
         command.append("--dry-run")
     command.append(LEVELS[level])
-    locked = os.environ | {HELD_BY: str(os.getpid())}
-    return subprocess.run(command, check=False, preexec_fn=child.end_with_parent, env=locked).returncode
+    # Snakemake looks for its plugins on the path, and ours lies beside the package
+    path = os.pathsep.join([str(Path(cortet.__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])
+    locked = os.environ | {HELD_BY: str(os.getpid()), "PYTHONPATH": path}
+    with subprocess.Popen(
+        command,
+        preexec_fn=child.end_with_parent,  # noqa: PLW1509, before any thread
+        env=locked,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as run:
+        for line in run.stderr or ():
+            if verbose or _PROFILE not in line:
+                sys.stderr.write(line)
+    return run.returncode
 
 
-def failures(output: Path, since: float) -> list[str]:
-    """A line for each case without a certificate, from the status table, if it was written after `since`."""
-    table = output / "cohort" / "cohort_status.tsv"
-    if not table.is_file() or table.stat().st_mtime < since:
-        return []
-    rows = read_tsv(table)
-    bad = rows[~rows["state"].isin(["certified", "excluded"])]
-    return [f"{row.case}: {row.state} in {row.stage}: {row.reason}" for row in bad.itertuples()]
+def outcome(output: Path, cases: Sequence[Case], level: str) -> str:
+    """What became of the cases of a run, and where to look."""
+    verdicts = {case.name: _verdicts(output, case) for case in cases}
+    good = sum(bool(found) and all(found) for found in verdicts.values())
+    refused = sum(bool(found) and not all(found) for found in verdicts.values())
+    missing = len(cases) - good - refused
+    counts = [(good, "certified"), (refused, "not certified"), (missing, "without a mesh")]
+    words = ", ".join(f"{count} {what}" for count, what in counts if count)
+    page = output / "cohort" / "index.html"
+    look = f"open {page}" if page.is_file() else f"meshes and their pages: {output}/sub-*/"
+    after = "" if level == "group" else f"; `cortet run ... {output} group` makes tables and a page over all"
+    return (
+        f"{len(cases)} {'case' if len(cases) == 1 else 'cases'}: {words}; {look}{after if not page.is_file() else ''}"
+    )
+
+
+def _verdicts(output: Path, case: Case) -> list[bool]:
+    """Whether the meshes of a case are certified."""
+    files = (output / case.folder / "mesh").glob(f"{case.name}_*Solver_certificate.json")
+    return [bool(json.loads(file.read_text(encoding="utf-8"))["certified"]) for file in files]
 
 
 def work_folder(output: Path) -> Path:

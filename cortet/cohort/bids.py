@@ -33,6 +33,7 @@ IGNORED = (
     "mesh",
     "cohort",
     "simulation",
+    "prediction",
     "logs",
     "benchmarks",
     "work",
@@ -44,6 +45,24 @@ _SURFACES = {
     "phantom": "Synthetic cortex of the age of the case, or its sphere",
     "fields": "Surface as the gate lets it in, with the per-vertex fields of the case",
 }
+
+_README = """\
+# Meshes by cortet
+
+| | |
+|---|---|
+| `cohort/index.html` | all cases on one page, failures first; begin here (made by the group level, or by `snakemake`) |
+| `cohort/*.tsv` | tables over all cases; the `.json` beside each explains its columns |
+| `sub-*/**/mesh/*Solver_tetmesh.*` | the meshes for solvers, in the formats that were asked for |
+| `sub-*/**/mesh/*Solver_certificate.json` | the verdict on each, with every number beside its limit |
+| `sub-*/**/mesh/*Solver_report.html` | the page of one mesh: pictures, its numbers, the boundary in 3D |
+| `sub-*/**/anat/` | surfaces after each stage on them |
+| `sub-*/**/simulation/` | folds, if they were asked for |
+| `logs/`, `benchmarks/` | what each job said, and what it took |
+| `descriptions.tsv` | what each `desc-...` of a file name means |
+
+Lengths are in mm. Other files under `mesh` are those between stages: a later run goes on from them.
+"""
 
 
 @dataclass(frozen=True)
@@ -182,6 +201,13 @@ def write_descriptions(meanings: Mapping[str, str], path: Path) -> None:
     """Write `descriptions.tsv`."""
     rows = [{"desc_id": f"desc-{label}", "description": text} for label, text in meanings.items()]
     write_tsv(rows, ["desc_id", "description"], path)
+
+
+def write_readme(path: Path) -> None:
+    """Write what lies where in the output folder, unless there is such a file: its owner may have changed it."""
+    if not path.exists():
+        with atomic_path(path) as temporary:
+            temporary.write_text(_README, encoding="utf-8")
 
 
 def _sentence(does: str) -> str:

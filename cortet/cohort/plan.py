@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cortet.cohort.jobs import Job, Jobs, Mesh, existing
-from cortet.cohort.layout import beside, file_of, filled
+from cortet.cohort.layout import EXPORTED, beside, file_of, filled
 from cortet.cohort.sheet import PHANTOM, Case, folded
 
 __all__ = ["AFTER_CERTIFICATE", "OVER_ALL_CASES", "Plan", "existing"]
@@ -26,14 +26,8 @@ OVER_ALL_CASES = (
 )
 #: rules after the certificate: the mesh is measured even if they fail
 AFTER_CERTIFICATE = (
-    "volumes",
-    "export",
-    "case_page",
-    "case_maps",
-    "fold",
-    "fold_figures",
-    "convergence_run",
-    "prediction_run",
+    *("volumes", "export", "case_page", "case_maps"),
+    *("fold", "fold_figures", "convergence_run", "prediction_run", "prediction_views"),
 )
 
 
@@ -157,6 +151,15 @@ class Plan(Jobs):
         return [
             path for pattern in patterns for mesh, path in self.each_case(pattern).items() if mesh not in self.failures
         ]
+
+    def exported(self, job: Job) -> dict[str, Any]:
+        """Names and formats of a mesh's files for solvers, and whether a mesh that is not certified has them."""
+        files = [
+            (Path(filled(self.layout.mesh("Solver", suffix), job)).name, name)
+            for suffix, name in EXPORTED.items()
+            if name in self.config.export.formats
+        ]
+        return {"files": files, "uncertified": self.config.export.uncertified}
 
     def mapped(self, hemi: str) -> list[str]:
         """Cases of a hemisphere that are resampled onto the common mesh."""

@@ -35,6 +35,7 @@ COSTS = {stage.name: stage.cost for stage in STAGES.values()} | {
     "export": Cost((270, 170), (3, 5)),
     "convergence_run": Cost((500, 1200), (90, 4000)),
     "prediction_run": Cost((700, 1300), (300, 16000)),
+    "prediction_views": Cost((900, 0), (60, 0)),
     "fold": Cost((500, 1200), (90, 4000)),
     "fold_figures": Cost((500, 800), (60, 120)),
 }

@@ -46,7 +46,6 @@ UNIT, AFFINE, FOLD = "unit", "affine", "fold"
 LONGEST_LABEL = 40
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
-
 #: words for a hemisphere, in lower case -> letter in file names
 HEMISPHERES = {"l": "L", "left": "L", "lh": "L", "r": "R", "right": "R", "rh": "R"}
 _MISSING = {"", "n/a"}

@@ -67,6 +67,7 @@ FORMATS: dict[str, Format] = {
         Format("abaqus", ".inp", "abaqus"),
         Format("febio", ".feb", "febio"),
         Format("fenics", ".xdmf", "fenics"),
+        Format("gmsh_v2", ".v2.msh", "msh", "_v2"),
         Format("gmsh", ".msh", "msh"),
         Format("carp", ".pts", "carp", has_unit=True),
         Format("carp_binary", ".bpts", "carp", "_binary", has_unit=True),

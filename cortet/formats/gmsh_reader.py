@@ -55,7 +55,10 @@ def arrays_of(path: str) -> dict[str, NDArray[Any]]:
         for view in gmsh.view.getTags():
             kind, tags, values, _, components = gmsh.view.getHomogeneousModelData(view, 0)
             if kind in FIELDS:
-                arrays[f"{kind}_{len(names[kind])}"] = values.reshape(-1, components)[np.argsort(tags)]
+                order = np.argsort(tags)
+                if kind == "ElementData":  # triangles may have values, too
+                    order = order[np.isin(tags[order], arrays["tetrahedron_tags"])]
+                arrays[f"{kind}_{len(names[kind])}"] = values.reshape(-1, components)[order]
                 names[kind].append(gmsh.view.option.getString(view, "Name"))
         return {**arrays, "names": np.array(json.dumps(names))}
 

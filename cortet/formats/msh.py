@@ -1,11 +1,17 @@
-"""Gmsh `.msh` 4.1, binary: a mesh with physical groups, written and read by Gmsh itself (https://gmsh.info/doc/texinfo).
+"""Gmsh `.msh` 4.1 and 2.2, binary: a mesh with physical groups (https://gmsh.info/doc/texinfo, file formats).
 
-Nodes have the tags 1 to n in the order of the mesh, tetrahedra the tags 1 to m. Each set of faces or tetrahedra is a
-physical group of its name. Where sets overlap, Gmsh wants an entity for every combination of sets, which belongs to
-several groups. Sets of nodes are not written: the nodes of a part of the surface follow from its faces, and the nodes
-of a label from the field. Fields are post-processing views in the same file (`$NodeData`, `$ElementData`) of 1, 3 or 9
-components. A field of another number k of components becomes k fields `<name>_1` to `<name>_k`. Fields are read as real
-numbers.
+Nodes have the tags 1 to n in the order of the mesh, triangles and then tetrahedra the tags 1 to m in the order of the
+file. Each set of faces or tetrahedra is a physical group of its name. Where sets overlap, Gmsh wants an entity for
+every combination of sets, which belongs to several groups. Sets of nodes are not written: the nodes of a part of the
+surface follow from its faces, and the nodes of a label from the field. In version 2.2, for SimNIBS and older programs,
+an element belongs to one group: the parts of the surface and the regions are groups there, other sets are left out.
+(meshio 5.3 fails on any file of that version with a field of elements: give it version 4.1.)
+
+Fields are `$NodeData` and `$ElementData` of 1, 3 or 9 components. A field of another number k of components becomes k
+fields `<name>_1` to `<name>_k`. Fields are read as real numbers. A field of the tetrahedra has values for the triangles
+of the file, too: those of the tetrahedra behind them. meshio, which PyVista reads with, wants one value per element,
+and tags that rise by one from the first element of the file to the last. So where a mesh has several entities, its
+tetrahedra change their order; the field `number_in_mesh` keeps the old one, and `read` restores it.
 """
 
 from __future__ import annotations
@@ -13,9 +19,10 @@ from __future__ import annotations
 import json
 import signal
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, BinaryIO
 
 import gmsh
 import numpy as np
@@ -27,38 +34,103 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
 from cortet.formats.gmsh_reader import FIELDS, KINDS, TETRAHEDRON, TRIANGLE, session
 from cortet.formats.numbering import indices
-from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS, listed_faces, with_surface
+from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS, listed_faces, region_tags, with_surface
 from cortet.formats.untrusted import check_file, sound
-from cortet.geometry.topology import packed
-from cortet.meshes import IntArray, MeshSets, TetMesh
+from cortet.geometry.topology import TET_FACES, packed
+from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
 
-__all__ = ["TISSUE", "check_version", "read", "session", "write"]
+__all__ = ["TISSUE", "check_version", "read", "read_v2", "session", "write", "write_v2"]
 
 #: group of all tetrahedra of a mesh without regions
 TISSUE = "tissue"
+#: field of the numbers that tetrahedra had before they changed their order
+_NUMBER = "number_in_mesh"
+#: numbers of components of a field that the format knows
+_WIDTHS = (1, 3, 9)
 #: bytes of address space and seconds of processor time that Gmsh may take, and more for a larger file
 _MEMORY, _MEMORY_PER_BYTE = 2**32, 100
 _SECONDS, _BYTES_PER_SECOND = 30, 500_000
 
 
 def write(mesh: TetMesh, path: str | Path) -> None:
-    """Write `path`, complete or not at all."""
+    """Write `path` as version 4.1, complete or not at all."""
     mesh = with_surface(mesh)
     faces, face_groups = listed_faces(mesh), _face_groups(mesh)
     cell_groups = _cell_groups(mesh)
     with session(), atomic_path(path) as temporary:
         gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
         gmsh.option.setNumber("Mesh.Binary", 1)
-        gmsh.option.setNumber("PostProcessing.SaveMesh", 0)
         gmsh.model.add("mesh")
         placed = np.zeros(len(mesh.points), bool)
-        first_tag = len(mesh.cells) + 1
-        surfaces = _add_entities(2, TRIANGLE, mesh, faces, first_tag, face_groups, placed, [])
-        _add_entities(3, TETRAHEDRON, mesh, mesh.cells, 1, cell_groups, placed, surfaces)
+        surfaces, face_order = _add_entities(2, TRIANGLE, mesh, faces, 1, face_groups, placed, [])
+        first_tag = len(faces) + 1
+        _, cell_order = _add_entities(3, TETRAHEDRON, mesh, mesh.cells, first_tag, cell_groups, placed, surfaces)
         gmsh.write(str(temporary))
-        for kind, fields in (("NodeData", mesh.point_data), ("ElementData", mesh.cell_data)):
-            for name, values in in_components(fields, (1, 3, 9)).items():
-                _append_field(temporary, kind, name, values)
+        fields = dict(mesh.cell_data)
+        if np.any(np.diff(cell_order) < 0):
+            fields[_NUMBER] = np.arange(len(mesh.cells))
+        with temporary.open("ab") as file:
+            _write_fields(file, mesh.point_data, fields, np.concatenate([_behind(faces[face_order], mesh), cell_order]))
+
+
+def write_v2(mesh: TetMesh, path: str | Path) -> None:
+    """Write `path` as version 2.2, complete or not at all."""
+    mesh = with_surface(mesh)
+    parts = {name: mesh.sets.faces[name] for name in SURFACE_TAGS if name in mesh.sets.faces}
+    faces, tags = np.concatenate([*parts.values()]), region_tags(mesh)
+    regions = {name: tag for name, tag in REGION_TAGS.items() if name in mesh.sets.cells} or {TISSUE: 1}
+    tags[tags == 0] = max(regions.values()) if len(regions) == 1 else 0
+    names = [(2, SURFACE_TAGS[name], name) for name in parts] + [(3, tag, name) for name, tag in regions.items()]
+    nodes = np.empty(len(mesh.points), [("tag", "<i4"), ("place", "<f8", 3)])
+    nodes["tag"], nodes["place"] = np.arange(1, len(nodes) + 1), mesh.points
+    fields = {name: values for name, values in mesh.cell_data.items() if name != REGION}  # the groups say so
+    of_faces = np.repeat([SURFACE_TAGS[name] for name in parts], [len(part) for part in parts.values()])
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        file.write(b"$MeshFormat\n2.2 1 8\n" + np.int32(1).tobytes() + b"\n$EndMeshFormat\n")
+        file.write(f"$PhysicalNames\n{len(names)}\n".encode())
+        file.writelines(f'{dimension} {tag} "{name}"\n'.encode() for dimension, tag, name in names)
+        file.write(f"$EndPhysicalNames\n$Nodes\n{len(nodes)}\n".encode() + nodes.tobytes() + b"\n$EndNodes\n")
+        file.write(f"$Elements\n{len(faces) + len(mesh.cells)}\n".encode())
+        file.write(_elements_v2(TRIANGLE, faces, of_faces, 1))
+        file.write(_elements_v2(TETRAHEDRON, mesh.cells, tags, len(faces) + 1) + b"\n$EndElements\n")
+        _write_fields(file, mesh.point_data, fields, np.concatenate([_behind(faces, mesh), np.arange(len(mesh.cells))]))
+
+
+def _elements_v2(kind: int, elements: IntArray, groups: NDArray[np.integer[Any]], first: int) -> bytes:
+    """Elements of one kind: their kind, number, and two tags; then of each its tag, group, entity, and nodes."""
+    head = np.array([kind, len(elements), 2], "<i4")
+    rows = np.column_stack([np.arange(first, first + len(elements)), groups, groups, elements + 1])
+    return head.tobytes() + rows.astype("<i4").tobytes()
+
+
+def _write_fields(
+    file: BinaryIO,
+    of_nodes: Mapping[str, NDArray[Any]],
+    of_cells: Mapping[str, NDArray[Any]],
+    owners: NDArray[np.int64],
+) -> None:
+    """Write fields; `owners` is the tetrahedron of each element of the file."""
+    for name, values in in_components(of_nodes, _WIDTHS).items():
+        _write_field(file, "NodeData", name, values)
+    for name, values in in_components(of_cells, _WIDTHS).items():
+        _write_field(file, "ElementData", name, values[owners])
+
+
+def _behind(faces: IntArray, mesh: TetMesh) -> NDArray[np.int64]:
+    """The tetrahedron behind each face of the mesh, the first one of two: (k,)."""
+    keys = packed(np.concatenate([mesh.cells[:, corners] for corners in TET_FACES] + [faces]))
+    count = 4 * len(mesh.cells)
+    first, place = np.unique(keys[:count], return_index=True)
+    return place[np.searchsorted(first, keys[count:])] % len(mesh.cells)
+
+
+def _write_field(file: BinaryIO, kind: str, name: str, values: NDArray[Any]) -> None:
+    """Write a field, (n, k), of the tags 1 to n: its name, the time 0, and its place in time, components and length."""
+    rows = np.empty(len(values), [("tag", "<i4"), ("values", "<f8", (values.shape[1],))])
+    rows["tag"], rows["values"] = np.arange(1, len(values) + 1), values
+    quoted = name.replace('"', "'")
+    head = f'${kind}\n1\n"{quoted}"\n1\n0\n3\n0\n{values.shape[1]}\n{len(values)}\n'
+    file.write(head.encode() + rows.tobytes() + f"\n$End{kind}\n".encode())
 
 
 def _face_groups(mesh: TetMesh) -> dict[str, NDArray[np.bool_]]:
@@ -94,38 +166,37 @@ def _add_entities(
     groups: dict[str, NDArray[np.bool_]],
     placed: NDArray[np.bool_],
     boundary: list[int],
-) -> list[int]:
-    """Add a discrete entity for each combination of groups, with the nodes that none has yet (`placed`); their tags."""
+) -> tuple[list[int], NDArray[np.int64]]:
+    """Add a discrete entity for each combination of groups, with the nodes that none has yet (`placed`).
+
+    Returns
+    -------
+    tags of the entities, and the elements in the order of the file
+    """
     combination = np.zeros(len(elements), np.int64)
     for belongs in groups.values():
         combination = np.unique(2 * combination + belongs, return_inverse=True)[1]
     entities: dict[str, list[int]] = {name: [] for name in groups}
+    order = np.argsort(combination, kind="stable")
     count = int(combination.max(initial=-1)) + 1
+    limits = np.searchsorted(combination[order], np.arange(count + 1))
     for number in range(count):
         tag = number + 1
-        mine = np.flatnonzero(combination == number)
+        mine = order[limits[number] : limits[number + 1]]
         gmsh.model.addDiscreteEntity(dimension, tag, boundary)
         nodes = np.unique(elements[mine])
         nodes = nodes[~placed[nodes]]
         placed[nodes] = True
         gmsh.model.mesh.addNodes(dimension, tag, nodes + 1, mesh.points[nodes].ravel())
-        gmsh.model.mesh.addElementsByType(tag, kind, mine + first_tag, elements[mine].ravel() + 1)
+        tags = np.arange(limits[number], limits[number + 1]) + first_tag
+        gmsh.model.mesh.addElementsByType(tag, kind, tags, elements[mine].ravel() + 1)
         for name, belongs in groups.items():
             if belongs[mine[0]]:
                 entities[name].append(tag)
-    for name, tags in entities.items():
-        if tags:
-            gmsh.model.addPhysicalGroup(dimension, tags, name=name)
-    return list(range(1, count + 1))
-
-
-def _append_field(path: Path, kind: str, name: str, values: NDArray[Any]) -> None:
-    view = gmsh.view.add(name)
-    tags = np.arange(1, len(values) + 1)
-    numbers = values.astype(float).ravel()
-    gmsh.view.addHomogeneousModelData(view, 0, "mesh", kind, tags, numbers, numComponents=values.shape[1])
-    gmsh.view.write(view, str(path), append=True)
-    gmsh.view.remove(view)
+    for name, members in entities.items():
+        if members:
+            gmsh.model.addPhysicalGroup(dimension, members, name=name)
+    return list(range(1, count + 1)), order
 
 
 def read(path: str | Path) -> TetMesh:
@@ -159,19 +230,41 @@ def read(path: str | Path) -> TetMesh:
         kind: {name: _field(arrays[f"{kind}_{number}"]) for number, name in enumerate(names[kind])} for kind in FIELDS
     }
     sets = MeshSets(faces={name: faces[rows] for name, rows in groups["triangle"].items()}, cells=groups["tetrahedron"])
-    return sound(path, arrays["coordinates"][order], cells, fields["NodeData"], fields["ElementData"], sets)
+    cells, of_cells, sets = _in_old_order(cells, fields["ElementData"], sets)
+    return sound(path, arrays["coordinates"][order], cells, fields["NodeData"], of_cells, sets)
+
+
+def _in_old_order(
+    cells: IntArray, fields: dict[str, NDArray[Any]], sets: MeshSets
+) -> tuple[IntArray, dict[str, NDArray[Any]], MeshSets]:
+    """Tetrahedra, their fields and their sets in the order that `write` noted down, if it did."""
+    noted = fields.get(_NUMBER)
+    if noted is None or not np.array_equal(np.sort(noted), np.arange(len(cells))):
+        return cells, fields, sets
+    old = noted.astype(np.int64)
+    order = np.argsort(old)
+    others = {name: values[order] for name, values in fields.items() if name != _NUMBER}
+    return (
+        cells[order],
+        others,
+        MeshSets(sets.nodes, sets.faces, {name: np.sort(old[part]) for name, part in sets.cells.items()}),
+    )
+
+
+#: a file of version 2.2 is read as any other
+read_v2 = read
 
 
 def check_version(path: str | Path) -> None:
-    """Raise InputError unless the file begins like a Gmsh file of version 4.1."""
+    """Raise InputError unless the file begins like a Gmsh file of version 4.1 or 2.2."""
     check_file(path)
     try:
         with Path(path).open("rb") as file:
             first, second = file.readline(100).strip(), file.readline(100).split()
     except OSError as error:
         raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
-    if first != b"$MeshFormat" or second[:1] != [b"4.1"]:
-        raise InputError("is not a Gmsh file of version 4.1", file=path, remedy="save it as version 4.1 in Gmsh")
+    if first != b"$MeshFormat" or second[:1] not in ([b"4.1"], [b"2.2"]):
+        raise InputError("is not a Gmsh file of version 4.1 or 2.2", file=path, remedy="save it as version 4.1 in Gmsh")
 
 
 def _read_by_gmsh(path: str | Path) -> tuple[dict[str, NDArray[Any]], dict[str, list[str]]]:

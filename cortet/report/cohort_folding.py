@@ -15,11 +15,11 @@ from matplotlib.figure import Figure
 from cortet.formats.tables import read_columns, write_table
 from cortet.formats.tsv import read_tsv
 from cortet.report import DATA
-from cortet.report.figures import COLOURS, PAGE, drawn, save
+from cortet.report.figures import COLOURS, PAGE, drawn, letter, save
 from cortet.report.fold_figures import curves, real_points, weeks
 from cortet.simulation.journal import TABLE, VERDICT
 
-VERSION: int = 2
+VERSION: int = 3
 
 #: how a run ended -> what it means, in the reverse order of the rows
 STATES = {
@@ -88,6 +88,7 @@ def cohort_folding_figure(runs: Sequence[Mapping[str, Any]]) -> Figure:
                 real_points(axis, column, hemisphere)
             if runs:
                 weeks(axis, *axis.dataLim.intervalx)
+        letter(figure.axes)
         if runs:
             handles, labels = figure.axes[0].get_legend_handles_labels()
             once = dict(zip(labels, handles, strict=True))  # halves and whole brains may have one source

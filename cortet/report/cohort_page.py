@@ -50,9 +50,11 @@ COLUMNS = (
     Column("outlier", _SCORE, heading="Outlier score", form=".1f"),
     *QUALITY_COLUMNS,
 )
+SHOWN = 8  # at first, of those below
 FIRST = (
-    *("case", "state", "outlier", "q_max", "q_mean", "q_above_0.5", "q_above_0.6", "tets", "nodes"),
-    *("scan_age", "hemi", "cell_size_mm", "mesher", "nodes_to_surface_max_mm", "surface_to_boundary_max_mm"),
+    *("case", "state", "scan_age", "hemi", "cell_size_mm", "q_max", "q_mean", "tets"),
+    *("outlier", "q_above_0.5", "q_above_0.6", "nodes", "mesher", "nodes_to_surface_max_mm"),
+    "surface_to_boundary_max_mm",
     *("euler_number", "crossing_faces", "resample_native_to_resampled_mean_mm", "resample_native_to_resampled_max_mm"),
     *("surface_state", "repair_surface_to_file_max_mm", "repair_relative_volume_change"),
 )
@@ -86,11 +88,13 @@ def write_cohort_page(
     maps: Mapping[Literal["L", "R"], Path] | None = None,
     folding: tuple[Path, Path] | None = None,
     folds: Sequence[Mapping[str, Any]] = (),
+    dataset: str = "",
 ) -> None:
     """Write the page.
 
     Parameters
     ----------
+    dataset : what the cases are of, for the title
     status : `cohort_status.tsv`
     quality : `cohort_quality.tsv` and its sidecar; None if no mesh was measured
     meshes : per mesh `case`, `cell_size_mm`, `mesher` and `page`, the address of its page as seen from this page; also
@@ -120,13 +124,27 @@ def write_cohort_page(
     outliers = int((rows["outlying"] != "").sum())
     pages.write(
         path,
-        "All cases",
+        f"{dataset}: all cases" if dataset else "All cases",
         panels,
-        top=[("counts", {"states": counts.items(), "outliers": outliers})],
+        top=[("facts", {"texts": _totals(rows)}), ("counts", {"states": counts.items(), "outliers": outliers})],
         end=[("tables", [(name, name) for name in files])],
         wide=True,
         scripts=(pages.source("table.js"),),
     )
+
+
+def _totals(rows: pd.DataFrame) -> dict[str, str]:
+    """What the cohort is in numbers."""
+    values = {
+        name: pd.to_numeric(rows[name], errors="coerce").dropna() for name in ("scan_age", "tets") if name in rows
+    }
+    facts = {"Surfaces": f"{rows['case'].nunique():,}", "Meshes": f"{len(values.get('tets', ())):,}"}
+    if "tets" in values and len(values["tets"]):
+        facts["Tetrahedra"] = f"{values['tets'].sum():,.0f}"
+    if "scan_age" in values and len(values["scan_age"]):
+        low, high = (f"{age:g}" for age in (values["scan_age"].min(), values["scan_age"].max()))
+        facts["Ages"] = f"{low} weeks" if low == high else f"{low} to {high} weeks"
+    return facts
 
 
 def _cases(rows: pd.DataFrame, explained: Mapping[str, Any], states: Sequence[str]) -> list[Part]:
@@ -146,6 +164,7 @@ def _cases(rows: pd.DataFrame, explained: Mapping[str, Any], states: Sequence[st
         name="All cases",
         cohort=True,
         sortable=True,
+        first=SHOWN,
         attributes=filtered,
     )
     return [
@@ -234,10 +253,16 @@ def with_outliers(rows: pd.DataFrame) -> pd.DataFrame:
             for name in JUDGED:
                 scores.loc[members.index, name] = modified_z_scores(members[name], LEAST_SPREAD[name])
     far = [
-        ", ".join(f"{JUDGED[name]} {value:+.1f}" for name, value in own.items() if abs(value) > OUTLIER)
+        ", ".join(_far(JUDGED[name], value) for name, value in own.items() if abs(value) > OUTLIER)
         for own in scores.to_dict("records")
     ]
     return rows.assign(outlier=scores.abs().max(axis="columns").map(cell), outlying=far)
+
+
+def _far(name: str, score: float) -> str:
+    """A score in words; a larger one than 99 says no more than that."""
+    many = "over 99" if abs(score) > 99 else f"{abs(score):.1f}"
+    return f"{name} {many} deviations {'above' if score > 0 else 'below'} the others"
 
 
 def ordered(rows: pd.DataFrame) -> pd.DataFrame:

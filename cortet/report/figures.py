@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from string import ascii_lowercase
 from typing import Any
 
 import matplotlib as mpl
@@ -21,7 +22,7 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.tsv import read_tsv
 from cortet.report import published
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: width of one column and of both columns of a two-column journal, inches
 COLUMN, PAGE = 3.5, 7.2
@@ -55,10 +56,12 @@ STYLE = {
     "svg.hashsalt": "cortet",  # ids do not change from run to run
 }
 
-#: distance of meshes of unknown age to the right of the oldest mesh, weeks
-_BESIDE = 4.0
+#: the measure of quality as figures write it, on an axis of it, and its largest value
+Q, Q_AXIS, Q_MAX = "$q$", "$q$ (0 regular, 1 flat)", r"$q_\mathrm{max}$"
+#: where meshes of unknown age stand, beyond the axis of ages: a fraction of its length
+_BESIDE = 1.06
 #: column of the quality table -> label of its panel
-_PANELS = {"tets": "tetrahedra (thousands)", "q_mean": "mean q", "q_max": r"$q_\mathrm{max}$"}
+_PANELS = {"tets": "tetrahedra (thousands)", "q_mean": f"mean {Q}", "q_max": Q_MAX}
 
 
 @contextmanager
@@ -71,10 +74,19 @@ def drawn(width: float, height: float) -> Iterator[Figure]:
     figure.set_layout_engine("none")
 
 
+def letter(axes: Iterable[Axes]) -> None:
+    """Write a, b, c, ... at the upper left of panels, so that a caption can name them."""
+    for axis, name in zip(axes, ascii_lowercase, strict=False):
+        axis.annotate(
+            name, (0, 1), xycoords="axes fraction", xytext=(-22, 4), textcoords="offset points",
+            fontweight="bold", fontsize=8, va="bottom", ha="left",
+        )  # fmt: skip
+
+
 def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
     """Number of tetrahedra, mean q and worst q of every mesh against gestational age, the published cohort behind.
 
-    Meshes of unknown age stand to the right of all others.
+    Meshes of unknown age stand beyond the axis of ages.
 
     Parameters
     ----------
@@ -84,18 +96,18 @@ def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
     rows, theirs = read_tsv(table), published.cohort()
     numbers = ["cell_size_mm", "scan_age", *_PANELS]
     rows[numbers] = rows[numbers].apply(pd.to_numeric, errors="coerce")  # an age may be n/a
-    unknown = rows["scan_age"].isna()
-    beside = float(np.nanmax([theirs["scan_age_weeks"].max(), rows["scan_age"].max()])) + _BESIDE
-    rows["scan_age"] = rows["scan_age"].fillna(beside)
     with drawn(PAGE, 2.6) as figure:
         axes = figure.subplots(1, 3)
         for axis, (column, label) in zip(axes, _PANELS.items(), strict=True):
             unit = 1000 if column == "tets" else 1
             _panel(axis, rows, theirs, column, unit)
             axis.set(xlabel="gestational age (weeks)", ylabel=label)
-            if unknown.any():
-                weeks = [tick for tick in axis.get_xticks()[1:] if tick <= beside - _BESIDE]
-                axis.set_xticks([*weeks, beside], [*(f"{tick:g}" for tick in weeks), "n/a"])
+            if rows["scan_age"].isna().any():
+                axis.annotate(
+                    "age\nn/a", (_BESIDE, 0), xycoords="axes fraction", xytext=(0, -3), textcoords="offset points",
+                    ha="center", va="top", fontsize=6, linespacing=0.9,
+                )  # fmt: skip
+        letter(axes)
         axes[0].set_ylim(bottom=0)
         low, high = axes[1].get_ylim()
         axes[1].set_ylim(min(low, 0.125), max(high, 0.135))  # else differences of 0.001 look large
@@ -126,17 +138,17 @@ def mesh_quality_figures(meshes: Mapping[str, NDArray[np.integer[Any]]], *, limi
         )
         bulk, tail = (figure.subplots() for figure in figures)
         bulk.stairs(100 * theirs / theirs.sum(), np.linspace(0, 1, len(theirs) + 1), fill=True, color=GREY, alpha=0.35)
-        label = f"published, h = {published.CELL_SIZE:g} mm"
+        label = f"published (CORTET, after S4), h = {published.CELL_SIZE:g} mm"
         distribution(bulk, tail, theirs, color="#8C8C8C", linewidth=0.8, label=label)
         for number, (name, counts) in enumerate(meshes.items()):
             colour, dashes = COLOURS[number % len(COLOURS)], LINES[number // len(COLOURS) % len(LINES)]
             distribution(bulk, tail, counts, color=colour, linestyle=dashes, linewidth=1.2, label=name)
         bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")
-        tail.set(xlim=(0, 0.9), ylim=(1e-3, 2e6), yscale="log", ylabel="elements above q (per million)")
+        tail.set(xlim=(0, 0.9), ylim=(1e-3, 2e6), yscale="log", ylabel=f"elements above {Q} (per million)")
         in_powers_of_ten(tail.yaxis)
         mark_limit(tail, limit)
         for axis in (bulk, tail):
-            axis.set_xlabel("q (0 regular, 1 flat)")
+            axis.set_xlabel(Q_AXIS)
             axis.legend(loc="upper right" if axis is bulk else "lower left")
         for figure in figures:
             figure.patch.set_visible(False)
@@ -194,19 +206,26 @@ def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame, column: str, un
         s=6,
         color=GREY,
         linewidths=0,
-        label=f"published, h = {published.CELL_SIZE:g} mm (n = {len(theirs)})",
+        label=f"published (CORTET), h = {published.CELL_SIZE:g} mm (n = {len(theirs)})",
     )
     for rank, (size, of_size) in enumerate(rows.groupby("cell_size_mm")):
         for hemi, (colour, marker, side) in HEMISPHERES.items():
             chosen = of_size[of_size["hemi"] == hemi]
-            if not chosen.empty:
-                axis.scatter(
-                    chosen["scan_age"],
-                    chosen[column] / unit,
-                    s=16 + 10 * rank,
-                    marker=marker,
-                    facecolors="none" if rank else colour,  # the finest meshes filled, coarser ones larger and open
-                    edgecolors=colour,
-                    linewidths=0.8,
-                    label=f"{side}, h = {size:g} mm (n = {len(chosen)})",
-                )
+            if chosen.empty:
+                continue
+            known = chosen["scan_age"].notna()
+            style: dict[str, Any] = {
+                "s": 16 + 10 * rank,
+                "marker": marker,
+                "facecolors": "none" if rank else colour,  # the finest meshes filled, coarser ones larger and open
+                "edgecolors": colour,
+                "linewidths": 0.8,
+            }
+            label = f"{side}, h = {size:g} mm (n = {len(chosen)})"
+            axis.scatter(chosen["scan_age"][known], chosen[column][known] / unit, label=label, **style)
+            if not known.all():
+                values, outside = chosen[column][~known] / unit, axis.get_yaxis_transform()
+                axis.scatter(np.full(len(values), _BESIDE), values, transform=outside, clip_on=False, **style)
+                middle = float(theirs["scan_age_weeks"].median())  # the axis of values holds theirs, too
+                axis.update_datalim([(middle, value) for value in values])
+                axis.autoscale_view()

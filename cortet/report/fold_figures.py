@@ -20,7 +20,7 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.gifti import hemisphere_of
 from cortet.formats.tsv import read_tsv
 from cortet.report import published
-from cortet.report.figures import BLUE, PAGE, STYLE, VERMILION, drawn, save
+from cortet.report.figures import BLUE, PAGE, STYLE, VERMILION, drawn, letter, save
 from cortet.report.fold_views import (
     Brain,
     Image,
@@ -37,7 +37,7 @@ from cortet.report.fold_views import (
 )
 from cortet.simulation.journal import SERIES, TABLE
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: files that `draw` adds to the folder of a run
 NUMBERS, PICTURE, FILM = "folding.svg", "folded.png", "folding.gif"
@@ -117,6 +117,7 @@ def numbers(table: Path, hemisphere: str | None) -> Figure:
             if column not in _SMALL:
                 real_points(axis, column, hemisphere)
             weeks(axis, float(rows["gestational_age"].min()), float(rows["gestational_age"].max()))
+        letter(axes)
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
     return figure

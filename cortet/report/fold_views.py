@@ -130,13 +130,22 @@ def centre(brain: Brain) -> FloatArray:
     return np.asarray((brain.surface.points.min(axis=0) + brain.surface.points.max(axis=0)) / 2)
 
 
-def view(brain: Brain, side: Side, focus: FloatArray, size: tuple[int, int], pixels_per_mm: float) -> Image:
+def view(
+    brain: Brain,
+    side: Side,
+    focus: FloatArray,
+    size: tuple[int, int],
+    pixels_per_mm: float,
+    *,
+    limit: float = CURVATURE,
+) -> Image:
     """A brain from a side in parallel projection: (height, width, 3).
 
     Parameters
     ----------
     focus : mm (3,), what is in the middle
     size : pixels, width and height
+    limit : colours span values between minus and plus this
 
     Raises
     ------
@@ -151,7 +160,7 @@ def view(brain: Brain, side: Side, focus: FloatArray, size: tuple[int, int], pix
             shell,
             scalars="curvature",
             cmap=COLOURS,
-            clim=(-CURVATURE, CURVATURE),
+            clim=(-limit, limit),
             nan_color=WALL_COLOUR,
             smooth_shading=True,
             split_sharp_edges=False,

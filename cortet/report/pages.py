@@ -28,7 +28,7 @@ from cortet.formats.tsv import MISSING
 from cortet.report.figures import BLUE
 
 #: version of the pages of cases and of the cohort, and of their templates
-VERSION: int = 4
+VERSION: int = 5
 
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("cortet.report", "templates"),
@@ -113,6 +113,7 @@ def table(
     name: str = "",
     cohort: bool = False,
     sortable: bool = False,
+    first: int | None = None,
     missing: str = "",
     attributes: Iterable[Row] = (),
 ) -> Part:
@@ -125,6 +126,7 @@ def table(
     name : name for screen readers; empty: the caption
     cohort : the table has many columns, and its first column stays in sight
     sortable : `table.js` sorts and filters it
+    first : so many columns are shown at first, and the reader chooses others (`table.js`); None: all
     missing : text for a missing value
     attributes : attributes of the HTML element of each row
     """
@@ -134,8 +136,15 @@ def table(
         "sortable": sortable,
         "attributes": {"id": "table" if sortable else None, "class": "cohort" if cohort else None},
         "headings": [
-            (column.heading, {"class": "n" if column.form else None, "title": column.description or None})
-            for column in columns
+            (
+                column.heading,
+                {
+                    "class": "n" if column.form else None,
+                    "title": column.description or None,
+                    "data-more": "" if first is not None and place >= first else None,
+                },
+            )
+            for place, column in enumerate(columns)
         ],
         "rows": [
             ([_cell(column, row, sortable, missing) for column in columns], own)

@@ -106,7 +106,7 @@ def gate(
         fields = {name: values[kept] for name, values in surface.point_data.items()}
         used = single_precision(replace(surface, points=points, faces=faces, point_data=fields))
         if dropped := len(surface.points) - len(used.points):
-            logger.warning("%s: dropped %d vertices that no triangle uses", source, dropped)
+            logger.warning("%s: dropped %d vertices that no triangle uses", source or "the surface", dropped)
         _check_area(used, flat_faces(used.points, used.faces))
         oriented = replace(used, faces=outward(used.points, used.faces))
         topology = surface_topology(oriented.faces)

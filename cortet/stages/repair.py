@@ -134,7 +134,7 @@ def repair(
         made = work.result()
     except InputError as error:  # what refuses knows no files
         raise InputError(error.what, file=source, remedy=error.remedy or _REMEDY) from None
-    logger.warning("%s: repaired: %s", source, work.done())
+    logger.warning("%s: repaired: %s", source or "the surface", work.done())
     return made, _report(work, made, source)
 
 

@@ -29,12 +29,12 @@ from cortet.formats.tables import Column, Row, names
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import face_areas
 from cortet.meshes import FloatArray
-from cortet.report.figures import BLUE, GREEN, PAGE, VERMILION, drawn, save
+from cortet.report.figures import BLUE, GREEN, PAGE, VERMILION, drawn, letter, save
 from cortet.report.table_files import Table, mean_and_sd, write
 from cortet.simulation.journal import TABLE
 from cortet.simulation.measurements import depth_below_hull
 
-VERSION: int = 2
+VERSION: int = 3
 
 #: relative difference from the limit up to which a number counts as converged
 TOLERANCE = 0.05
@@ -304,6 +304,7 @@ def convergence_figure(runs: Sequence[Run], table: pd.DataFrame) -> Figure:
             axis.set_xlim(-0.03, 1.05 * max(run.cell_size_mm / run.thickness_mm for run in runs))
         axes[0].legend(loc="best")
         _draw_places(places, table)
+        letter([*axes, places])
     return figure
 
 

@@ -18,20 +18,25 @@ from cortet.report.figures import (
     ORANGE,
     PAGE,
     PURPLE,
+    Q_AXIS,
+    Q,
     distribution,
     drawn,
     in_powers_of_ten,
+    letter,
     mark_limit,
     save,
 )
 from cortet.report.records import Origin, by_origin
 from cortet.study.ablated import ABLATED
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: stages that have run -> colour, and the line of the published distribution
 _COLOURS = {"S1-S2": ORANGE, "S1-S3": PURPLE, "S1-S4": BLUE, "S1-S4+": GREEN}
 _PUBLISHED_LINES = {"S1-S2": "-", "S1-S3": "--", "S1-S4": ":"}
+#: stages that have run -> what the elements are then
+_NAMES = {"S1-S2": "generated", "S1-S3": "relocated", "S1-S4": "cleaned", "S1-S4+": "reconnected"}
 
 
 @dataclass(frozen=True)
@@ -58,23 +63,24 @@ def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: 
     """
     theirs = {stages: published.histogram(stages) for stages in _PUBLISHED_LINES}
     with drawn(PAGE, 2.3 * len(pooled) + 0.3) as figure:
-        axes = figure.subplots(len(pooled), 2, squeeze=False, sharex="col")
+        axes = figure.subplots(len(pooled), 2, squeeze=False, sharex="col", sharey="col")
         for (bulk, tail), row in zip(axes, pooled, strict=True):
             for stages, line in _PUBLISHED_LINES.items():
-                label = f"{stages}, published, h = {published.CELL_SIZE:g} mm"
+                label = f"{_NAMES[stages]}, published (CORTET), h = {published.CELL_SIZE:g} mm"
                 distribution(bulk, tail, theirs[stages], color=GREY, linestyle=line, linewidth=0.7, label=label)
             for stages, counts in row.counts.items():
-                distribution(bulk, tail, counts, color=_COLOURS[stages], linewidth=1.0, label=stages)
+                distribution(bulk, tail, counts, color=_COLOURS[stages], linewidth=1.0, label=_NAMES[stages])
             elements = max(int(counts.sum()) for counts in row.counts.values())
             title = f"setting {row.setting}, h = {cell_size:g} mm: {row.meshes} meshes, {elements:,} elements"
             bulk.set_title(title, loc="left")
             bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")
-            tail.set(xlim=(0.2, 0.9), ylim=(1e-3, 1e6), yscale="log", ylabel="elements above q (per million)")
+            tail.set(xlim=(0.2, 0.9), ylim=(1e-3, 1e6), yscale="log", ylabel=f"elements above {Q} (per million)")
             in_powers_of_ten(tail.yaxis)
             if limit is not None:
                 mark_limit(tail, limit)
         for axis in axes[-1]:
-            axis.set_xlabel("q (0 regular, 1 flat)")
+            axis.set_xlabel(Q_AXIS)
+        letter(axes.ravel())
         most = max(axes[:, 0], key=lambda axis: len(axis.get_legend_handles_labels()[1]))
         handles, labels = most.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=4)

@@ -13,22 +13,19 @@ Surfaces are compared after a rigid alignment (Kabsch 1976), for the positions o
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-import pandas as pd
-from matplotlib.figure import Figure
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from cortet.errors import InputError
 from cortet.formats import vtu
-from cortet.formats.gifti import write_fields, write_surface
-from cortet.formats.tables import Column, names
+from cortet.formats.gifti import read_surface
+from cortet.formats.placement import placed
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.interpolation import at_triangles
 from cortet.geometry.spheres import barycentric, of_one_radius
@@ -39,16 +36,14 @@ from cortet.measure.surface_growth import (
     fitted,
     logarithmic_growth,
     smoothed,
+    through_spheres,
     vertex_areas,
 )
 from cortet.meshes import FloatArray, TetMesh, TriSurface
-from cortet.report.figures import BLUE, GREEN, PAGE, VERMILION, drawn, save
-from cortet.report.table_files import Table, write
 from cortet.simulation.body import scale_of
 from cortet.simulation.fold import Say, Verdict, fold
 from cortet.simulation.growth import AREA, VOLUME, usual
 from cortet.simulation.growth_map import field_of
-from cortet.simulation.measurements import depth_below_hull, shape, smoothed_curvature
 from cortet.simulation.medial_wall import medial_wall
 from cortet.simulation.state import Settings
 from cortet.stages.transfer import transfer
@@ -140,6 +135,30 @@ def series_of(
     return Series(tuple(ages), laid, weights, sphere)
 
 
+def read_series(
+    files: Mapping[float, Path],
+    spheres: Sequence[Path],
+    placement: Sequence[Sequence[float]] | None,
+    hemisphere: str | None,
+) -> Series:
+    """The series of some files by age, rising; spheres are theirs, or there are none.
+
+    Parameters
+    ----------
+    placement : matrix that takes the coordinates of the files to mm; None: they are mm
+
+    Raises
+    ------
+    InputError : a file cannot be read, or vertices correspond neither by number nor through spheres
+    """
+    surfaces = [placed(read_surface(path), placement) for path in files.values()]
+    own = [read_surface(path) for path in spheres]
+    if own and any(not np.array_equal(surface.faces, surfaces[0].faces) for surface in surfaces):
+        surfaces = [through_spheres(surface, sphere, own[0]) for surface, sphere in zip(surfaces, own, strict=True)]
+    first = surfaces[0]
+    return series_of(dict(zip(files, surfaces, strict=True)), cortex_of(first, hemisphere), own[0] if own else None)
+
+
 def aligned(points: FloatArray, to: FloatArray, weights: FloatArray) -> FloatArray:
     """Points (n, 3) turned and shifted onto others, vertex by vertex, with the least weighted squared distance."""
     middle, other = (np.average(p, axis=0, weights=weights) for p in (points, to))
@@ -226,7 +245,7 @@ def forecast_growth(
     pattern = fitted(known, [maps[age] for age in known], series.ages[0], rate=0.0).at(until)
     start, then, *later = np.log(usual(AREA, np.array([series.ages[0], until, *ages])))
     course = [(value - start) / (then - start) for value in later]
-    return {age: pattern * part for age, part in zip(ages, course, strict=True)}
+    return {age: np.clip(pattern * part, -_LARGEST, _LARGEST) for age, part in zip(ages, course, strict=True)}
 
 
 def without_mechanics(series: Series, until: float) -> dict[float, FloatArray]:
@@ -417,172 +436,3 @@ def _folded(
         if abs(real - age) < settings.record_interval / 2:
             points[real] = carried(series.first.points, mesh, vtu.read(file).points)
     return verdict, points
-
-
-# --- what it is worth
-
-
-def _column(name: str, meaning: str, unit: str, heading: str, form: str) -> Column:
-    return Column(name, meaning, unit, heading=heading, form=form)
-
-
-PREDICTION = Table(
-    "Predicted and real later brains",
-    (
-        Column("series", "Name of the first case of the series", heading="Series"),
-        Column("kind", "What is imposed", heading="Prediction"),
-        _column("gestational_age", "Age that is predicted", "weeks", "age (weeks)", "g"),
-        _column(
-            "gained_depth",
-            "Correlation of the depth below the hull that vertices have gained since the first age, weighted by area",
-            "",
-            "r, gained depth",
-            ".3f",
-        ),
-        _column("depth", "Correlation of the depth below the hull", "", "r, depth", ".3f"),
-        _column("curvature", "Correlation of the mean curvature, smoothed over 1.5 mm", "", "r, curvature", ".3f"),
-        _column("distance_mm", "Mean distance of corresponding vertices", "mm", "distance (mm)", ".2f"),
-        _column("distance_95_mm", "Distance below which 95 % of them are", "mm", "95 % (mm)", ".2f"),
-        *(
-            Column(
-                f"{which}{column}",
-                f"{words} of the {whose} surface",
-                unit,
-                heading=f"{words}, {whose} ({unit})" if unit else f"{words}, {whose}",
-                form=form,
-            )
-            for column, words, unit, form in (
-                ("area_mm2", "area", "mm2", ".0f"),
-                ("volume_mm3", "volume", "mm3", ".0f"),
-                ("gyrification_index", "gyrification index", "", ".3f"),
-                ("fold_spacing_mm", "width of folds", "mm", ".1f"),
-            )
-            for which, whose in (("", "predicted"), ("real_", "real"))
-        ),
-        Column("residual", "Measured less simulated growth after the last round: logarithm of the area, rms"),
-        Column("outcome", "How the fold ended"),
-    ),
-    first=(),
-    group=("series", "kind"),
-)
-
-
-def scores(series: Series, points: Mapping[float, FloatArray]) -> list[dict[str, Any]]:
-    """What predicted surfaces are worth: a row per age, of the columns of `PREDICTION`.
-
-    Parameters
-    ----------
-    points : age -> (n, 3) mm; None of them need be aligned
-    """
-    first, weights = series.first, series.weights
-    depth = depth_below_hull(first.points)
-    rows = []
-    for age, predicted in sorted(points.items()):
-        real = series.at(age)
-        laid = aligned(predicted, real.points, weights)
-        away = np.linalg.norm(laid - real.points, axis=1)
-        deep, really = depth_below_hull(laid), depth_below_hull(real.points)
-        curved, curvature = (smoothed_curvature(one, first.faces) for one in (laid, real.points))
-        rows.append(
-            {
-                "gestational_age": age,
-                "gained_depth": correlation(deep - depth, really - depth, weights),
-                "depth": correlation(deep, really, weights),
-                "curvature": correlation(curved, curvature, weights),
-                "distance_mm": float(np.average(away, weights=weights)),
-                "distance_95_mm": _quantile(away, weights, 0.95),
-                **_shape(series, laid, ""),
-                **_shape(series, real.points, "real_"),
-            }
-        )
-    return rows
-
-
-def correlation(a: FloatArray, b: FloatArray, weights: FloatArray) -> float:
-    """Weighted correlation of two fields."""
-    a, b = (values - np.average(values, weights=weights) for values in (a, b))
-    return float((weights * a * b).sum() / np.sqrt((weights * a * a).sum() * (weights * b * b).sum()))
-
-
-def _quantile(values: FloatArray, weights: FloatArray, part: float) -> float:
-    order = np.argsort(values)
-    return float(np.interp(part, np.cumsum(weights[order]) / weights.sum(), values[order]))
-
-
-def _shape(series: Series, points: FloatArray, prefix: str) -> dict[str, Any]:
-    """Area, volume, index and width of folds."""
-    found = shape(points, series.first.faces, series.weights == 0, float("nan"))
-    return {
-        f"{prefix}{name}": found[name] for name in ("area_mm2", "volume_mm3", "gyrification_index", "fold_spacing_mm")
-    }
-
-
-_LINES = {
-    "mechanics": (BLUE, "-"),
-    "core": (BLUE, ":"),
-    "forecast": (VERMILION, "-"),
-    "uniform": (GREEN, "-"),
-    "shuffled": (GREEN, ":"),
-    "unmapped": ("black", "-"),
-    "path": (VERMILION, ":"),
-    "nothing": ("black", ":"),
-}
-
-
-def prediction_figure(table: pd.DataFrame) -> Figure:
-    """How well each kind predicts, against age."""
-    with drawn(PAGE, 2.4) as figure:
-        axes = figure.subplots(1, 4)
-        for axis, (column, words) in zip(
-            axes,
-            (
-                ("gained_depth", "correlation of gained depth"),
-                ("depth", "correlation of depth"),
-                ("curvature", "correlation of curvature"),
-                ("distance_mm", "distance (mm)"),
-            ),
-            strict=True,
-        ):
-            for kind, rows in table.groupby("kind", sort=False):
-                colour, style = _LINES[str(kind)]
-                axis.plot(rows["gestational_age"], rows[column], style, color=colour, label=kind, marker=".", ms=3)
-            axis.set(xlabel="gestational age (weeks)", ylabel=words)
-        axes[0].legend(loc="best", fontsize="x-small")
-    return figure
-
-
-def write_run(prediction: Prediction, series: Series, folder: Path) -> dict[str, Any]:
-    """Write the predicted surfaces, and the growth that was imposed; returns what a record says."""
-    if prediction.imposed:
-        fields = {field_of(age): values for age, values in sorted(prediction.imposed.items())}
-        write_fields(fields, folder / "imposed.func.gii")
-    for age, points in prediction.points.items():
-        write_surface(replace(series.first, points=points, point_data={}), folder / f"predicted_{age:g}.surf.gii")
-    return {
-        "kind": prediction.kind,
-        "verdict": asdict(prediction.verdict) if prediction.verdict else None,
-        "residuals": prediction.residuals,
-        "scores": scores(series, prediction.points),
-    }
-
-
-def prediction_table(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """A row per series, kind and age from the records of runs."""
-    rows = []
-    for record in records:
-        left = record["residuals"][-1] if record["residuals"] else {}
-        for row in record["scores"]:
-            outcome = record["verdict"]["outcome"] if record["verdict"] else None
-            residual = left.get(f"rms_{row['gestational_age']:g}")
-            rows.append(
-                {"series": record["series"], "kind": record["kind"], **row, "residual": residual, "outcome": outcome}
-            )
-    return pd.DataFrame(rows, columns=names(PREDICTION.columns))
-
-
-def write_prediction(records: Sequence[Path], outputs: Sequence[str | Path]) -> None:
-    """Write table and figure of the records of some runs, each in the form of the path's suffix."""
-    table = prediction_table([json.loads(path.read_text(encoding="utf-8")) for path in records])
-    figures = [path for path in map(Path, outputs) if path.suffix in (".svg", ".pdf", ".png")]
-    write(PREDICTION, table, *(path for path in map(Path, outputs) if path not in figures))
-    save(prediction_figure(table), *figures)

@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 
 from cortet.formats import vtu
 from cortet.meshes import TetMesh
-from cortet.report.figures import PAGE, drawn, save
+from cortet.report.figures import PAGE, Q_AXIS, drawn, save
 from cortet.report.render import BEYOND, COLOURS, RANGE, lateral_view
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: hemisphere -> its name, and the side from which it is seen, in the order of the rows
 _HEMISPHERES: dict[str, tuple[str, Literal["L", "R"]]] = {
@@ -72,7 +72,7 @@ def series_figure(brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]]) 
                 if hemi in meshes:
                     draw(axis, meshes[hemi], hemi, cut=axis is column[-1])
         names = [_HEMISPHERES[hemi][0] if hemi else "surface" for hemi in rows]
-        for axis, name in zip(axes[:, 0], [*names, "cut"], strict=True):
+        for axis, name in zip(axes[:, 0], [*names, "sagittal cut\nthrough the middle"], strict=True):
             axis.set_ylabel(name)
         _draw_scale(axes[-1, 0])
         _colour_bar(figure, axes)
@@ -109,4 +109,4 @@ def _colour_bar(figure: Figure, axes: Any) -> None:
         aspect=30,
         pad=0.02,
     )
-    bar.set_label("q (0 regular, 1 flat)")
+    bar.set_label(Q_AXIS)

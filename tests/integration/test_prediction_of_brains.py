@@ -1,4 +1,4 @@
-"""The experiment on prediction runs on any cohort with a series: every kind, one table, one figure."""
+"""The experiment on prediction runs on any cohort with a series, with mechanics and without: one table, one figure."""
 
 from __future__ import annotations
 
@@ -16,18 +16,21 @@ def test_later_surfaces_of_a_series_are_predicted_and_compared(study: Study) -> 
     (study.folder / "cohort.tsv").write_text("\n".join("\t".join(row) for row in [columns, *rows]) + "\n")
     study.config["phantom"] = {"subdivisions": 4}
     study.config["fold"] = {"end": 25.0, "thickness": 3.0, "frame_interval": 0.1}
-    study.config["experiments"] = {"prediction": {"cell_size": 4.0, "rounds": 2, "until": 24.5}}
+    study.config["experiments"] = {
+        "prediction": {"cell_size": 4.0, "rounds": 2, "until": 24.5, "kinds": ["mechanics", "path", "nothing"]}
+    }
     jobs = study.jobs_of_run("prediction")
     assert ("prediction", "-") in jobs
     folder = study.outputs / "sub-series/ses-early/prediction"
     records = {
         path.parent.name.split("desc-")[1]: json.loads(path.read_text()) for path in folder.glob("*/record.json")
     }
-    assert set(records) == {"mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"}
+    assert set(records) == {"mechanics", "path", "nothing"}
     assert records["mechanics"]["verdict"]["outcome"] == "folded"
-    assert [len(records[kind]["residuals"]) for kind in ("mechanics", "unmapped", "path")] == [2, 0, 0]
+    assert [len(records[kind]["residuals"]) for kind in ("mechanics", "path", "nothing")] == [2, 0, 0]
     with (study.outputs / "cohort/table-prediction.tsv").open(newline="") as file:
         table = {row["kind"]: row for row in csv.DictReader(file, delimiter="\t")}
     assert float(table["path"]["gained_depth"]) == 1  # it knows the surface that it predicts
     assert (study.outputs / "cohort/figure-prediction.png").exists()
+    assert len([*folder.glob("*/predicted.png"), *folder.glob("*/errors.png")]) == 2 * len(records)
     assert study.jobs_of_run("prediction") == set()  # nothing is left to do

@@ -158,6 +158,6 @@ def test_a_mesh_folds_from_the_age_it_was_made_at(made: cortet.Mesh, tmp_path: P
 
 def test_the_interface_is_listed_and_nothing_else_is_public() -> None:
     assert set(cortet.__all__) <= set(dir(cortet))
-    assert all(getattr(cortet, name).__module__ == "cortet.api" for name in cortet.__all__)
+    assert {getattr(cortet, name).__module__ for name in cortet.__all__} == {"cortet.api", "cortet.errors"}
     with pytest.raises(AttributeError, match="no attribute 'meshing'"):
         _ = cortet.meshing  # type: ignore[attr-defined]

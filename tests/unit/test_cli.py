@@ -19,6 +19,7 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.cli import Number, main, parser
 from cortet.cohort.sheet import read_sheet
+from cortet.config import load
 from cortet.formats import braingrowth, vtu
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.geometry.topology import boundary_surface, surface_topology
@@ -101,8 +102,11 @@ def test_a_number_beyond_its_limits_is_refused_in_one_sentence(
         "x",
     ]
     for value in [*map(str, beyond), *([] if kind.endless else ["inf"]), *(["1.5"] if kind.whole else [])]:
+        several = isinstance(action.nargs, int)
+        if several and value.startswith("-"):  # would be read as the next option
+            continue
         with pytest.raises(SystemExit) as stopped:
-            main([*words.split(), f"{option}={value}"])
+            main([*words.split(), *([option, *[value] * action.nargs] if several else [f"{option}={value}"])])
         assert stopped.value.code == 2
         complaint = capsys.readouterr().err.splitlines()[-1]
         limits = f"number from {kind.low:g} to {kind.high:.10g}"
@@ -188,10 +192,25 @@ def test_bad_options_are_refused_before_any_work(
     assert complaint in capsys.readouterr().err
 
 
-def test_quality_prints_the_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_quality_prints_a_table_and_the_record_on_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     vtu.write(cube_mesh(2), tmp_path / "cube.vtu")
     assert main(["quality", str(tmp_path / "cube.vtu")]) == 0
-    assert json.loads(capsys.readouterr().out)["tets"] == 48
+    table = capsys.readouterr().out
+    assert "tetrahedra        48" in table and len(table.splitlines()) == 10
+    assert main(["quality", str(tmp_path / "cube.vtu"), "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["tets"] == 48 and f"worst {record['q']['max']:.4f}" in table
+
+
+def test_config_prints_a_configuration_that_can_be_used(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["config", "--setting", "published"]) == 0
+    (tmp_path / "c.yaml").write_text(capsys.readouterr().out)
+    assert load(tmp_path / "c.yaml") == load({"setting": "published"})
+
+
+def test_a_release_that_does_not_exist_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["cohort", "scan", str(tmp_path / "nosuch"), "-o", str(tmp_path / "sheet.tsv")]) == 1
+    assert "nosuch: no such folder (name the root of the data release)" in capsys.readouterr().err
 
 
 def test_certify_judges_a_mesh_by_its_surface(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -330,7 +349,7 @@ def test_certify_has_the_limits_of_the_workflow_and_says_them(
 
 def test_a_reader_that_has_enough_is_no_error(tmp_path: Path) -> None:
     vtu.write(cube_mesh(1), tmp_path / "cube.vtu")
-    pipe = f"{sys.executable} -m cortet.cli quality {tmp_path / 'cube.vtu'} | head -c 1"
+    pipe = f"{sys.executable} -m cortet.cli quality {tmp_path / 'cube.vtu'} --json | head -c 1"
     done = subprocess.run(["bash", "-c", pipe], capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("{", "")
 

@@ -75,7 +75,12 @@ def test_meshes_that_are_nearly_equal_have_no_outlier() -> None:
     alike = {name: 0.3333 + 1e-7 * number for number, name in enumerate("abcde")}
     rows = judged(measured(**alike, f=0.3350))
     assert not any(rows["outlying"]) and pd.to_numeric(rows["outlier"]).max() < 1
-    assert judged(measured(**alike, f=0.40)).set_index("case").loc["f", "outlying"] == "worst q +13.3"
+    assert (
+        judged(measured(**alike, f=0.40)).set_index("case").loc["f", "outlying"]
+        == "worst q 13.3 deviations above the others"
+    )
+    farther = judged(measured(**alike, f=0.99)).set_index("case").loc["f", "outlying"]
+    assert farther == "worst q over 99 deviations above the others"
 
 
 def test_failures_come_first_then_the_farthest_outlier() -> None:
@@ -86,7 +91,7 @@ def test_failures_come_first_then_the_farthest_outlier() -> None:
 
 def test_an_outlier_says_what_makes_it_one() -> None:
     rows = judged(measured(**WORST)).set_index("case").to_dict("index")
-    assert re.fullmatch(r"worst q \+\d+\.\d", rows["e"]["outlying"])
+    assert re.fullmatch(r"worst q \d+\.\d deviations above the others", rows["e"]["outlying"])
     assert not rows["a"]["outlying"] and float(rows["a"]["outlier"]) < 1
 
 

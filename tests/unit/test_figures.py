@@ -37,7 +37,7 @@ def test_the_published_cohort_is_that_of_the_paper() -> None:
 
 
 def test_three_panels_show_every_mesh_in_front_of_the_published_ones(figure: Figure) -> None:
-    assert [axis.get_ylabel() for axis in figure.axes] == ["tetrahedra (thousands)", "mean q", r"$q_\mathrm{max}$"]
+    assert [axis.get_ylabel() for axis in figure.axes] == ["tetrahedra (thousands)", "mean $q$", r"$q_\mathrm{max}$"]
     for axis, values in zip(figure.axes, ([380, 970, 450], [0.129, 0.131, 0.133], [0.39, 0.41, 0.44]), strict=True):
         published, *ours = [np.asarray(points.get_offsets()) for points in axis.collections]
         assert len(published) == 194
@@ -48,19 +48,24 @@ def test_three_panels_show_every_mesh_in_front_of_the_published_ones(figure: Fig
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_meshes_of_unknown_age_stand_to_the_right_of_all_others(tmp_path: Path, known: bool) -> None:
+def test_meshes_of_unknown_age_stand_beyond_the_axis_of_ages(tmp_path: Path, known: bool) -> None:
     table = tmp_path / "cohort_quality.tsv"
     table.write_text(HEADER + (ROWS if known else "") + "sub-4_hemi-L\tL\tn/a\t0.6\t390000\t0.129\t0.4\n")
-    for axis in cohort_figure(table).axes:
-        places = np.concatenate([np.asarray(points.get_offsets())[:, 0] for points in axis.collections])
-        assert axis.get_xticks()[-1] == places.max() > sorted(set(places))[-2]
-        assert [tick.get_text() for tick in axis.get_xticklabels()][-1] == "n/a"
+    for axis, value in zip(cohort_figure(table).axes, (390, 0.129, 0.4), strict=True):
+        beside = axis.collections[2 if known else -1]
+        ((x, y),) = np.asarray(beside.get_offsets())
+        assert x > 1 and y == pytest.approx(value) and beside.get_transform() != axis.transData
+        assert not beside.get_clip_on() and "age\nn/a" in [text.get_text() for text in axis.texts]
+
+
+def test_panels_have_letters(figure: Figure) -> None:
+    assert [axis.texts[0].get_text() for axis in figure.axes] == ["a", "b", "c"]
 
 
 def test_the_legend_counts_and_the_limit_is_drawn(figure: Figure) -> None:
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == [
-        "published, h = 0.6 mm (n = 194)",
+        "published (CORTET), h = 0.6 mm (n = 194)",
         "left, h = 0.6 mm (n = 1)",
         "right, h = 0.6 mm (n = 1)",
         "whole brain, h = 1 mm (n = 1)",

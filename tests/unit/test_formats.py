@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats import FORMATS, fenics, format_of, msh
 from cortet.formats.gifti import read_surface
+from cortet.formats.surface_sets import SURFACE_TAGS
 from cortet.geometry.topology import boundary_faces, boundary_surface, face_areas
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh
@@ -37,8 +39,10 @@ SINGLE = {"carp_binary", "stl", "gifti"}
 #: what a format cannot hold
 WITHOUT_FIELDS = {"braingrowth"}
 WITHOUT_FACE_SETS = {"vtu", "braingrowth"}
-WITHOUT_NODE_SETS = {"gmsh", "braingrowth"}
+WITHOUT_NODE_SETS = {"gmsh", "gmsh_v2", "braingrowth"}
 WITHOUT_REGIONS = {"braingrowth"}
+#: formats that hold the parts of the surface and the regions, but no other sets
+ONE_GROUP_PER_ELEMENT = {"gmsh_v2"}
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +72,8 @@ def assert_survives(mesh: TetMesh, name: str, folder: Path) -> None:
     if name not in WITHOUT_NODE_SETS:
         assert_same_sets(back.sets.nodes, mesh.sets.nodes)
     if name not in WITHOUT_FACE_SETS:
-        assert_same_sets(back.sets.faces, mesh.sets.faces)
+        kept = SURFACE_TAGS if name in ONE_GROUP_PER_ELEMENT else mesh.sets.faces
+        assert_same_sets(back.sets.faces, {of: faces for of, faces in mesh.sets.faces.items() if of in kept})
     if name not in WITHOUT_REGIONS:
         assert_same_sets(back.sets.cells, mesh.sets.cells)
     if name not in WITHOUT_FIELDS:
@@ -295,3 +300,24 @@ def real_mesh() -> TetMesh:
     mesh, _ = generate(surface, cell_size=4.0, mesher="cgal", backend="cgal", **fast)
     ready, _ = surface_nodes_first(transfer(mesh, surface)[0])
     return named_sets(ready, medial_wall={"area": [0]})
+
+
+@pytest.mark.parametrize("write", [msh.write, msh.write_v2])
+def test_meshio_opens_a_gmsh_file_with_regions(write: Callable[[TetMesh, Path], None], tmp_path: Path) -> None:
+    mesh = full_mesh()
+    write(mesh, tmp_path / "m.msh")
+    found = meshio.read(tmp_path / "m.msh")
+    tets = np.concatenate([block.data for block in found.cells if block.type == "tetra"])
+    same = {frozenset(map(tuple, corners.tolist())) for corners in mesh.points[mesh.cells]}
+    assert {frozenset(map(tuple, corners.tolist())) for corners in found.points[tets]} == same
+
+
+def test_meshio_finds_the_value_of_each_element_and_of_the_one_behind_a_triangle(tmp_path: Path) -> None:
+    mesh = full_mesh()
+    msh.write(replace(mesh, cell_data={"number": np.arange(len(mesh.cells))}), tmp_path / "m.msh")
+    found = meshio.read(tmp_path / "m.msh")
+    for block, numbers in zip(found.cells, found.cell_data["number"], strict=True):
+        own = mesh.points[mesh.cells[numbers.astype(int)]]
+        for corners, of in zip(found.points[block.data], own, strict=True):
+            assert set(map(tuple, corners.tolist())) <= set(map(tuple, of.tolist()))
+    assert {block.type for block in found.cells} == {"triangle", "tetra"}

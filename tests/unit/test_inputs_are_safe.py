@@ -50,6 +50,10 @@ COMMANDS = {
         Command("x.surf.gii -o fresh.surf.gii --picture OUT", ".png"),
     ],
     "resample": [Command("sphere.surf.gii --sphere sphere.surf.gii --field t=x.shape.gii -o OUT", ".surf.gii")],
+    "growth": [
+        Command("x.surf.gii inner.surf.gii --ages 28 30 -o OUT", ".func.gii"),
+        Command("x.surf.gii inner.surf.gii --ages 28 30 -o fresh.func.gii --picture OUT", ".png"),
+    ],
     "quality": [Command("x.vtu")],
     "certify": [Command("x.vtu x.surf.gii -o OUT", ".json")],
     "compare": [
@@ -69,6 +73,7 @@ COMMANDS = {
     ],
     "cohort": [Command("scan ds -o OUT", ".tsv"), Command("scan ds --force -o OUT", ".tsv")],
     "run": [Command("ds DIR participant --dry-run --config settings.yaml")],
+    "config": [],
     "doctor": [],
 }
 

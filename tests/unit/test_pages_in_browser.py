@@ -159,13 +159,29 @@ def test_a_heading_sorts_by_its_column(opened: Callable[..., Seen]) -> None:
     assert cases(page) == [*WORST, "y", "z"]
 
 
+def test_the_reader_chooses_the_columns(opened: Callable[..., Seen]) -> None:
+    page = opened("cohort").page
+    headings = page.get_by_role("columnheader")
+    assert headings.count() == 8
+    page.locator("#columns summary").click()
+    further = page.locator("#columns input:not(:checked)").first
+    name = str(further.get_attribute("aria-label")).removeprefix("column ")
+    further.check()
+    assert headings.count() == 9 and page.get_by_role("columnheader", name=name, exact=True).is_visible()
+    assert page.locator("#chosen").inner_text().startswith("9 of ")
+    page.get_by_label("column Worst q").uncheck()
+    assert headings.count() == 8
+    plain = opened("cohort", java_script_enabled=False).page
+    assert plain.get_by_role("columnheader").count() == 9, "without scripts, all are there"
+
+
 def test_words_states_and_outliers_filter_and_the_number_is_told(opened: Callable[..., Seen]) -> None:
     page = opened("cohort").page
     told = page.locator("#count")
     page.get_by_role("searchbox").fill("IS OPEN")
     assert cases(page) == ["y"] and told.inner_text() == "1 of 8 shown"
     page.get_by_role("searchbox").fill("")
-    page.get_by_label("State").select_option("excluded")
+    page.locator("#state").select_option("excluded")
     assert cases(page) == ["z"]
     page.get_by_role("button", name="Show all").press("Enter")
     expect(told).to_have_text("8 of 8 shown")

@@ -28,17 +28,14 @@ from cortet.study.prediction import (
     KINDS,
     Series,
     corrected,
-    correlation,
     forecast_growth,
     measured_growth,
     predict,
-    scores,
     series_of,
     shuffled_growth,
     uniform_growth,
-    write_prediction,
-    write_run,
 )
+from cortet.study.prediction_tables import correlation, scores, write_prediction, write_run
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 SETTINGS = Settings(22.0, end=23.0, thickness=3.0, record_interval=0.5, frame_interval=0.5, envelope=False)
@@ -97,6 +94,8 @@ def test_a_forecast_goes_on_as_areas_of_usual_brains_do() -> None:
     (later,) = forecast_growth(series, maps, 23.0, [24.0]).values()
     areas = np.log(usual(AREA, np.array([22.0, 23.0, 24.0])))
     assert later == pytest.approx(maps[23.0] * (areas[2] - areas[0]) / (areas[1] - areas[0]))
+    wild = {23.0: 20 * maps[23.0]}
+    assert np.abs(forecast_growth(series, wild, 23.0, [24.0])[24.0]).max() <= 1.2, "a fold refuses what no tissue does"
 
 
 def test_nulls_have_as_much_growth_as_was_measured_but_no_pattern_or_another() -> None:

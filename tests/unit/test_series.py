@@ -58,7 +58,7 @@ def test_both_hemispheres_have_rows_of_their_own_where_there_are_both() -> None:
     ball = ball_mesh(radius=10.0)
     figure = series_figure([(22.0, {"L": ball, "R": ball}), (30.0, {"L": ball})])
     assert [len(column) for column in pictures(figure)] == [3, 2]
-    assert [axis.get_ylabel() for axis in figure.axes[:6:2]] == ["left", "right", "cut"]
+    assert [axis.get_ylabel() for axis in figure.axes[:6:2]] == ["left", "right", "sagittal cut\nthrough the middle"]
 
 
 def test_a_hemisphere_is_seen_from_its_own_side() -> None:

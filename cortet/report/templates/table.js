@@ -1,4 +1,5 @@
-// Sorts and filters the table of the cohort page. Without scripts it is the same table, in its first order.
+// Sorts and filters the table of the cohort page, and shows the columns that are chosen. Without scripts it is the same
+// table, in its first order, with all columns.
 "use strict";
 (() => {
   const table = document.getElementById("table");
@@ -30,6 +31,27 @@
     button.addEventListener("click", () => sort(column));
     heading.replaceChildren(button);
   });
+
+  const columns = document.getElementById("columns");
+  const chosen = headings.map((heading) => !("more" in heading.dataset));
+  function choose(column, shown) {
+    chosen[column] = shown;
+    for (const row of [table.tHead.rows[0], ...rows]) row.cells[column].hidden = !shown;
+    document.getElementById("chosen").textContent = `${chosen.filter(Boolean).length} of ${headings.length} shown`;
+  }
+  headings.forEach((heading, column) => {
+    choose(column, chosen[column]);
+    if (column === 0) return; // it names the rows
+    const label = document.createElement("label");
+    const box = document.createElement("input");
+    box.type = "checkbox";
+    box.checked = chosen[column];
+    box.setAttribute("aria-label", `column ${heading.textContent}`);
+    box.addEventListener("change", () => choose(column, box.checked));
+    label.append(box, ` ${heading.textContent}`);
+    columns.querySelector("p").append(label);
+  });
+  columns.hidden = chosen.every(Boolean);
 
   const form = document.getElementById("filter");
   const [words, state, outlying, count] = ["words", "state", "outlying", "count"].map((id) => document.getElementById(id));

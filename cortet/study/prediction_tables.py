@@ -1,0 +1,246 @@
+"""What predictions of later brains are worth: scores against real surfaces, their table, figures and pictures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from cortet.formats.gifti import read_surface, write_fields, write_surface
+from cortet.formats.tables import Column, names
+from cortet.meshes import FloatArray, TriSurface
+from cortet.report.figures import BLUE, GREEN, PAGE, VERMILION, drawn, letter, save
+from cortet.report.fold_views import Brain, Row, brain_of, centre, extent, sheet, sides, view
+from cortet.report.table_files import Table, write
+from cortet.simulation.growth_map import field_of
+from cortet.simulation.measurements import depth_below_hull, shape, smoothed_curvature
+from cortet.study.prediction import Prediction, Series, aligned
+
+VERSION: int = 1
+
+#: how the names of predicted surfaces begin
+_PREDICTED = "predicted_"
+#: colours of errors of depth span minus to plus this
+_DEPTH_ERROR_MM = 5.0
+#: pixels across a view, and how much wider than the widest brain it is
+_PIXELS, _ROOM = 900, 1.05
+
+
+def _column(name: str, meaning: str, unit: str, heading: str, form: str) -> Column:
+    return Column(name, meaning, unit, heading=heading, form=form)
+
+
+PREDICTION = Table(
+    "Predicted and real later brains",
+    (
+        Column("series", "Name of the first case of the series", heading="Series"),
+        Column("kind", "What is imposed", heading="Prediction"),
+        _column("gestational_age", "Age that is predicted", "weeks", "age (weeks)", "g"),
+        _column(
+            "gained_depth",
+            "Correlation of the depth below the hull that vertices have gained since the first age, weighted by area",
+            "",
+            "r, gained depth",
+            ".3f",
+        ),
+        _column("depth", "Correlation of the depth below the hull", "", "r, depth", ".3f"),
+        _column("curvature", "Correlation of the mean curvature, smoothed over 1.5 mm", "", "r, curvature", ".3f"),
+        _column("distance_mm", "Mean distance of corresponding vertices", "mm", "distance (mm)", ".2f"),
+        _column("distance_95_mm", "Distance below which 95 % of them are", "mm", "95 % (mm)", ".2f"),
+        *(
+            Column(
+                f"{which}{column}",
+                f"{words} of the {whose} surface",
+                unit,
+                heading=f"{words}, {whose} ({unit})" if unit else f"{words}, {whose}",
+                form=form,
+            )
+            for column, words, unit, form in (
+                ("area_mm2", "area", "mm2", ".0f"),
+                ("volume_mm3", "volume", "mm3", ".0f"),
+                ("gyrification_index", "gyrification index", "", ".3f"),
+                ("fold_spacing_mm", "width of folds", "mm", ".1f"),
+            )
+            for which, whose in (("", "predicted"), ("real_", "real"))
+        ),
+        Column("residual", "Measured less simulated growth after the last round: logarithm of the area, rms"),
+        Column("outcome", "How the fold ended"),
+    ),
+    first=(),
+    group=("series", "kind"),
+)
+
+
+def scores(series: Series, points: Mapping[float, FloatArray]) -> list[dict[str, Any]]:
+    """What predicted surfaces are worth: a row per age, of the columns of `PREDICTION`.
+
+    Parameters
+    ----------
+    points : age -> (n, 3) mm; None of them need be aligned
+    """
+    first, weights = series.first, series.weights
+    depth = depth_below_hull(first.points)
+    rows = []
+    for age, predicted in sorted(points.items()):
+        real = series.at(age)
+        laid = aligned(predicted, real.points, weights)
+        away = np.linalg.norm(laid - real.points, axis=1)
+        deep, really = depth_below_hull(laid), depth_below_hull(real.points)
+        curved, curvature = (smoothed_curvature(one, first.faces) for one in (laid, real.points))
+        rows.append(
+            {
+                "gestational_age": age,
+                "gained_depth": correlation(deep - depth, really - depth, weights),
+                "depth": correlation(deep, really, weights),
+                "curvature": correlation(curved, curvature, weights),
+                "distance_mm": float(np.average(away, weights=weights)),
+                "distance_95_mm": _quantile(away, weights, 0.95),
+                **_shape(series, laid, ""),
+                **_shape(series, real.points, "real_"),
+            }
+        )
+    return rows
+
+
+def correlation(a: FloatArray, b: FloatArray, weights: FloatArray) -> float:
+    """Weighted correlation of two fields."""
+    a, b = (values - np.average(values, weights=weights) for values in (a, b))
+    return float((weights * a * b).sum() / np.sqrt((weights * a * a).sum() * (weights * b * b).sum()))
+
+
+def _quantile(values: FloatArray, weights: FloatArray, part: float) -> float:
+    order = np.argsort(values)
+    return float(np.interp(part, np.cumsum(weights[order]) / weights.sum(), values[order]))
+
+
+def _shape(series: Series, points: FloatArray, prefix: str) -> dict[str, Any]:
+    """Area, volume, index and width of folds."""
+    found = shape(points, series.first.faces, series.weights == 0, float("nan"))
+    return {
+        f"{prefix}{name}": found[name] for name in ("area_mm2", "volume_mm3", "gyrification_index", "fold_spacing_mm")
+    }
+
+
+_LINES = {
+    "mechanics": (BLUE, "-"),
+    "core": (BLUE, ":"),
+    "forecast": (VERMILION, "-"),
+    "uniform": (GREEN, "-"),
+    "shuffled": (GREEN, ":"),
+    "unmapped": ("black", "-"),
+    "path": (VERMILION, ":"),
+    "nothing": ("black", ":"),
+}
+
+
+def prediction_figure(table: pd.DataFrame) -> Figure:
+    """How well each kind predicts, against age."""
+    with drawn(PAGE, 2.4) as figure:
+        axes = figure.subplots(1, 4)
+        for axis, (column, words) in zip(
+            axes,
+            (
+                ("gained_depth", "correlation of gained depth"),
+                ("depth", "correlation of depth"),
+                ("curvature", "correlation of curvature"),
+                ("distance_mm", "distance (mm)"),
+            ),
+            strict=True,
+        ):
+            for kind, rows in table.groupby("kind", sort=False):
+                colour, style = _LINES[str(kind)]
+                axis.plot(rows["gestational_age"], rows[column], style, color=colour, label=kind, marker=".", ms=3)
+            axis.set(xlabel="gestational age (weeks)", ylabel=words)
+        letter(axes)
+        axes[0].legend(loc="best", fontsize="x-small")
+    return figure
+
+
+def prediction_views(series: Series, points: Mapping[float, FloatArray], hemisphere: str | None) -> Figure:
+    """Predicted brains and the real ones beside them, at one scale, from three sides."""
+    rows = [
+        Row(age, _brain(series, predicted), _brain(series, series.at(age).points))
+        for age, predicted in sorted(points.items())
+    ]
+    return sheet(rows, hemisphere)
+
+
+def error_views(series: Series, points: Mapping[float, FloatArray], hemisphere: str | None) -> Figure:
+    """Where predictions are too shallow (blue) or too deep (red), on the real brains, from three sides."""
+    seen, ages = sides(hemisphere), sorted(points)
+    brains = [
+        _brain(series, series.at(age).points)._replace(
+            curvature=np.where(
+                series.weights > 0,
+                depth_below_hull(points[age]) - depth_below_hull(series.at(age).points),
+                np.nan,
+            )
+        )
+        for age in ages
+    ]
+    widest = max(float(extent(brain, side).max()) for brain in brains for side in seen)
+    with drawn(PAGE, 1.5 * len(ages) + 0.6) as figure:
+        axes = figure.subplots(len(ages), len(seen), squeeze=False)
+        for row, age, brain in zip(axes, ages, brains, strict=True):
+            for axis, side in zip(row, seen, strict=True):
+                size = (_PIXELS, _PIXELS * 3 // 4)
+                axis.imshow(view(brain, side, centre(brain), size, size[0] / widest / _ROOM, limit=_DEPTH_ERROR_MM))
+                axis.set(xticks=[], yticks=[], frame_on=False, title=f"{age:g} weeks, {side.name}")
+        colours = mpl.cm.ScalarMappable(mpl.colors.Normalize(-_DEPTH_ERROR_MM, _DEPTH_ERROR_MM), "RdBu_r")
+        bar = figure.colorbar(colours, ax=axes, orientation="horizontal", shrink=0.4, aspect=40, extend="both")
+        bar.set_label("depth below the hull, predicted less real (mm)")
+    return figure
+
+
+def _brain(series: Series, points: FloatArray) -> Brain:
+    return brain_of(TriSurface(points, series.first.faces), series.weights == 0)
+
+
+def write_run(prediction: Prediction, series: Series, folder: Path) -> dict[str, Any]:
+    """Write the predicted surfaces, and the growth that was imposed; returns what a record says."""
+    if prediction.imposed:
+        fields = {field_of(age): values for age, values in sorted(prediction.imposed.items())}
+        write_fields(fields, folder / "imposed.func.gii")
+    for age, points in prediction.points.items():
+        write_surface(replace(series.first, points=points, point_data={}), folder / f"{_PREDICTED}{age:g}.surf.gii")
+    return {
+        "kind": prediction.kind,
+        "verdict": asdict(prediction.verdict) if prediction.verdict else None,
+        "residuals": prediction.residuals,
+        "scores": scores(series, prediction.points),
+    }
+
+
+def prediction_table(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """A row per series, kind and age from the records of runs."""
+    rows = []
+    for record in records:
+        left = record["residuals"][-1] if record["residuals"] else {}
+        for row in record["scores"]:
+            outcome = record["verdict"]["outcome"] if record["verdict"] else None
+            residual = left.get(f"rms_{row['gestational_age']:g}")
+            rows.append(
+                {"series": record["series"], "kind": record["kind"], **row, "residual": residual, "outcome": outcome}
+            )
+    return pd.DataFrame(rows, columns=names(PREDICTION.columns))
+
+
+def predicted_surfaces(folder: Path) -> dict[float, FloatArray]:
+    """The points of the surfaces that `write_run` left, by age."""
+    files = {float(path.name.split("_")[1].removesuffix(".surf.gii")): path for path in folder.glob(f"{_PREDICTED}*")}
+    return {age: read_surface(path).points for age, path in sorted(files.items())}
+
+
+def write_prediction(records: Sequence[Path], outputs: Sequence[str | Path]) -> None:
+    """Write table and figure of the records of some runs, each in the form of the path's suffix."""
+    table = prediction_table([json.loads(path.read_text(encoding="utf-8")) for path in records])
+    figures = [path for path in map(Path, outputs) if path.suffix in (".svg", ".pdf", ".png")]
+    write(PREDICTION, table, *(path for path in map(Path, outputs) if path not in figures))
+    save(prediction_figure(table), *figures)

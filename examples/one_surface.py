@@ -1,0 +1,14 @@
+"""One surface: a mesh, its verdict, a file for a solver, a picture."""
+
+import matplotlib.pyplot as plt
+
+import cortet
+from cortet.phantom import phantom
+
+surface = phantom(28, subdivisions=4)  # or the name of a file: "lh.white", "sub-01_hemi-L_white.surf.gii"
+made = cortet.mesh(surface, cell_size=2.5, ga=28, hemi="L", progress=False)
+print(made)
+made.save("one_surface.inp", force=True)  # Abaqus, CalculiX; .mesh, .feb, .xdmf, .msh, .vtu, .pts for others
+plt.imsave("one_surface.png", made.plot((800, 600)))
+
+assert made.certified and made.quality.max() < 0.4

@@ -1,0 +1,222 @@
+"""What a run says on a terminal: a line for each case that is done, and why others failed.
+
+Snakemake tells a logger plugin of every job that starts, ends or fails (`snakemake --logger cortet`; `cortet run` does
+so by itself). A case is done with its certificate. On a terminal the last line shows what is running now.
+
+Snakemake loads every logger plugin before it reads a Snakefile. So this one imports nothing of cortet: a workflow would
+else run with the package that is installed, not with its own.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from logging import ERROR, LogRecord
+from pathlib import Path
+from typing import Any, TextIO
+
+from snakemake_interface_logger_plugins.base import LogHandlerBase
+from snakemake_interface_logger_plugins.common import LogEvent
+
+#: rule after which a mesh is judged
+_LAST = "certify"
+#: what Snakemake says of a failed job, of which our own line says why
+_SAID = ("RuleException", "CalledProcessError")
+_COUNTED = ("At least one job did not complete", "Exiting because a job execution failed")
+#: a live line is cut there, so that it stays one
+_WIDTH = 100
+
+
+@dataclass
+class Progress:
+    """How far a run has come, from the events of Snakemake."""
+
+    clock: Callable[[], float] = time.monotonic
+    #: meshes that are made in this run, and those that are done
+    meshes: int = 0
+    finished: int = 0
+    #: by what became of them: certified, not certified, failed
+    counts: dict[str, int] = field(default_factory=dict)
+    #: jobs done and in all, and when the first one began
+    jobs: tuple[int, int] = (0, 0)
+    began: float | None = None
+    #: job -> what is known of it
+    running: dict[int, Mapping[str, Any]] = field(default_factory=dict)
+    #: case -> when its first job began
+    starts: dict[str, float] = field(default_factory=dict)
+    #: cases with a job that failed
+    failures: set[str] = field(default_factory=set)
+
+    def planned(self, stats: Mapping[str, int]) -> str:
+        """What will be done, from the number of jobs of each rule."""
+        self.meshes, self.jobs = stats.get(_LAST, 0), (0, stats.get("total", 0))
+        meshes = f"{self.meshes} {'mesh' if self.meshes == 1 else 'meshes'} to make, " if self.meshes else ""
+        return f"{meshes}{self.jobs[1]} jobs"
+
+    def started(self, job: int, rule: str, wildcards: Mapping[str, str], files: Mapping[str, Any]) -> None:
+        """A job starts."""
+        self.began = self.clock() if self.began is None else self.began
+        case = mesh_name(wildcards)
+        if case:
+            self.starts.setdefault(wildcards["case"], self.clock())
+        self.running[job] = {"rule": rule, "case": case, **files, "name": wildcards.get("case", "")}
+
+    def ended(self, job: int) -> str | None:
+        """A job has ended well; the line of a mesh that is done with it."""
+        known = self.running.pop(job, None)
+        if known is None or known["rule"] != _LAST:
+            return None
+        return self._done(known)
+
+    def failed(self, job: int, rule: str, log: str | None) -> str:
+        """The line of a job that failed."""
+        known = self.running.pop(job, {"rule": rule, "case": "", "name": ""})
+        self.counts["failed"] = self.counts.get("failed", 0) + 1
+        self.failures |= {known["name"]} - {""}
+        self.finished += bool(known["case"])
+        what = f"{known['case'] or rule}  failed in {rule}: {reason(log)}"
+        return f"{self._counter()}{what}" + (f"\n{' ' * len(self._counter())}more in {log}" if log else "")
+
+    def live(self) -> str:
+        """What is running now."""
+        now = [f"{one['rule']} {one['case']}".strip() for one in self.running.values()]
+        done, total = self.jobs
+        return f"{done}/{total} jobs{self.left()}  {', '.join(now)}"[:_WIDTH]
+
+    def left(self) -> str:
+        """The time that is left, were all jobs alike; nothing before a tenth of them is done."""
+        done, total = self.jobs
+        if self.began is None or done < max(total / 10, 1) or done == total:
+            return ""
+        seconds = (self.clock() - self.began) / done * (total - done)
+        return f", about {seconds / 60:.0f} min left" if seconds > 90 else ", about a minute left"
+
+    def _done(self, known: Mapping[str, Any]) -> str:
+        self.finished += 1
+        certificate = json.loads(Path(known["output"][0]).read_text(encoding="utf-8"))
+        quality, good = certificate["quality"], certificate["certified"]
+        verdict = "certified" if good else "not certified"
+        self.counts[verdict] = self.counts.get(verdict, 0) + 1
+        minutes = (self.clock() - self.starts.get(known["name"], self.clock())) / 60
+        why = "" if good else f": {'; '.join(certificate['reasons'])}"
+        numbers = f"worst q {quality['q']['max']:.3f}, {quality['tets']:,} tetrahedra, {minutes:.1f} min"
+        return f"{self._counter()}{known['case']}  {verdict}, {numbers}{self.left()}{why}"
+
+    def _counter(self) -> str:
+        return f"{self.finished:{len(str(self.meshes))}}/{self.meshes}  " if self.meshes else ""
+
+
+def mesh_name(wildcards: Mapping[str, str]) -> str:
+    """The mesh that a job is about, in words; empty for a job over all cases."""
+    case, size = wildcards.get("case", ""), wildcards.get("res", "")
+    mesher = f"{wildcards.get('mesher', '')}{wildcards.get('setting', '')}"
+    more = [f"{int(size) / 1000:g} mm"] if size.isdigit() else []
+    more += [mesher] if mesher not in ("", "lattice") else []
+    return f"{case} ({', '.join(more)})" if case and more else case
+
+
+def reason(log: str | None) -> str:
+    """Why a job failed: the last words of its log."""
+    try:
+        lines = Path(log or "").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return "it left no log"
+    found = [line.partition(" ERROR ")[2] for line in lines if " ERROR " in line]
+    return found[-1] if found else "it was killed, or ended without a word"
+
+
+class LogHandler(LogHandlerBase):
+    """Snakemake's logger plugin `cortet`."""
+
+    def __post_init__(self) -> None:
+        self.stream: TextIO = sys.stdout
+        self.progress, self._live, self._last = Progress(), self.stream.isatty(), ""
+
+    def emit(self, record: LogRecord) -> None:
+        """Say what an event means, if it means anything to a user."""
+        try:
+            for line in self._lines(record):
+                self._say(line)
+            if self._live and self.progress.running:
+                self._show(self.progress.live())
+        except Exception:  # a message must not end a run
+            self.handleError(record)
+
+    def close(self) -> None:
+        """Say how it ended."""
+        if self._last:
+            self._show("")
+        super().close()
+
+    def _lines(self, record: LogRecord) -> Iterator[str]:
+        event, progress = getattr(record, "event", None), self.progress
+        known = record.__dict__
+        if event == LogEvent.RUN_INFO:
+            if progress.jobs[1]:  # a dry run says it twice
+                return
+            yield progress.planned(known["stats"])
+            if self.common_settings.dryrun:
+                yield from (f"  {name}: {count}" for name, count in known["stats"].items() if name != "total")
+        elif event == LogEvent.JOB_INFO and not self.common_settings.dryrun:
+            progress.started(
+                known["jobid"], known["rule_name"], dict(known["wildcards"] or {}), {"output": list(known["output"])}
+            )
+        elif event == LogEvent.JOB_FINISHED:
+            if line := progress.ended(known["job_id"]):
+                yield line
+        elif event == LogEvent.JOB_ERROR:
+            yield progress.failed(known["jobid"], known["rule_name"], next(iter(known["log"] or []), None))
+        elif event == LogEvent.PROGRESS:
+            progress.jobs = (known["done"], known["total"])
+        elif event == LogEvent.ERROR or record.levelno >= ERROR:
+            if not self._was_said(record):
+                yield record.getMessage()
+        elif "Nothing to be done" in record.getMessage():
+            yield "nothing to do: everything is up to date"
+
+    def _was_said(self, record: LogRecord) -> bool:
+        """Whether the line on a failed job says so, or a line of the Snakefile, which begins with its case."""
+        words = record.getMessage()
+        if getattr(record, "exception", "") in _SAID:
+            return True
+        return bool(self.progress.counts.get("failed")) and (words.startswith((*_COUNTED, *self.progress.failures)))
+
+    def _say(self, line: str) -> None:
+        if self._last:
+            self._show("")
+        self.stream.write(f"{line}\n")
+        self.stream.flush()
+
+    def _show(self, line: str) -> None:
+        """Replace the last line of a terminal."""
+        self.stream.write(f"\r{line:<{len(self._last)}}" + ("\r" if not line else ""))
+        self.stream.flush()
+        self._last = line
+
+    @property
+    def writes_to_stream(self) -> bool:
+        """It does."""
+        return True
+
+    @property
+    def writes_to_file(self) -> bool:
+        """It does not; Snakemake's own log file has everything."""
+        return False
+
+    @property
+    def has_filter(self) -> bool:
+        """It looks at every event."""
+        return True
+
+    @property
+    def has_formatter(self) -> bool:
+        """It has its own words."""
+        return True
+
+    @property
+    def needs_rulegraph(self) -> bool:
+        """It does not."""
+        return False

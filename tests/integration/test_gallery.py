@@ -1,0 +1,33 @@
+"""Every script of the gallery runs as it stands, in an empty folder, and draws what the page of the gallery shows."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+import matplotlib.image
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SCRIPTS = sorted((ROOT / "examples").glob("*.py"))
+PAGE = (ROOT / "docs/gallery.md").read_text()
+
+
+@pytest.mark.parametrize("script", [pytest.param(path, id=path.stem) for path in SCRIPTS])
+def test_an_example_runs(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its own last lines say what must hold."""
+    monkeypatch.chdir(tmp_path)
+    assert re.search(r"^ *assert .", script.read_text(), re.MULTILINE)
+    runpy.run_path(str(script), run_name="__main__")
+    for picture in tmp_path.glob("*.png"):
+        assert matplotlib.image.imread(picture)[..., :3].std() > 0.05, "something is drawn"
+        assert picture.name in PAGE
+
+
+def test_the_page_has_every_script_and_every_picture() -> None:
+    assert set(re.findall(r"examples/(\w+)\.py", PAGE)) == {path.stem for path in SCRIPTS}
+    shown = set(re.findall(r"gallery/(\w+\.png)", PAGE))
+    assert shown == {path.name for path in (ROOT / "docs/gallery").glob("*.png")}
+    drawn = {name for path in SCRIPTS for name in re.findall(r'imsave\("(\w+\.png)"', path.read_text())}
+    assert shown == drawn

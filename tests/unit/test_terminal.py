@@ -1,0 +1,142 @@
+"""What a run says on a terminal, from the events of Snakemake."""
+
+from __future__ import annotations
+
+import json
+import logging
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from snakemake_interface_logger_plugins.common import LogEvent
+
+from snakemake_logger_plugin_cortet import LogHandler, Progress, mesh_name, reason
+
+ROOT = Path(__file__).parents[2]
+WILDCARDS = {"case": "sub-01_hemi-L", "res": "0600", "mesher": "lattice", "setting": ""}
+
+
+def certificate(folder: Path, certified: bool = True) -> Path:
+    path = folder / "sub-01_certificate.json"
+    reasons = [] if certified else ["worst q is 0.7", "it has a void"]
+    record = {"certified": certified, "reasons": reasons, "quality": {"q": {"max": 0.33488}, "tets": 41487}}
+    path.write_text(json.dumps(record))
+    return path
+
+
+def progress(meshes: int = 1, jobs: int = 10) -> tuple[Progress, list[float]]:
+    """Progress of a planned run, and its clock."""
+    now = [0.0]
+    run = Progress(clock=lambda: now[0])
+    run.planned({"certify": meshes, "total": jobs})
+    return run, now
+
+
+def test_a_certified_mesh_is_one_line_with_its_numbers_and_minutes(tmp_path: Path) -> None:
+    run, now = progress()
+    run.started(1, "repair", WILDCARDS, {})
+    now[0] = 60.0
+    assert run.ended(1) is None
+    run.started(2, "certify", WILDCARDS, {"output": [str(certificate(tmp_path))]})
+    now[0] = 90.0
+    line = run.ended(2)
+    assert line == "1/1  sub-01_hemi-L (0.6 mm)  certified, worst q 0.335, 41,487 tetrahedra, 1.5 min"
+
+
+def test_a_mesh_that_is_not_certified_says_why(tmp_path: Path) -> None:
+    run, _ = progress()
+    run.started(2, "certify", WILDCARDS, {"output": [str(certificate(tmp_path, certified=False))]})
+    line = run.ended(2)
+    assert line is not None and "not certified" in line and line.endswith(": worst q is 0.7; it has a void")
+
+
+def test_a_job_that_failed_names_its_rule_its_reason_and_its_log(tmp_path: Path) -> None:
+    log = tmp_path / "repair.log"
+    log.write_text("12:00 INFO begins\n12:01 ERROR x.surf.gii: truncated\n")
+    run, _ = progress(meshes=12)
+    run.started(1, "repair", WILDCARDS, {})
+    line = run.failed(1, "repair", str(log))
+    assert line == f" 1/12  sub-01_hemi-L (0.6 mm)  failed in repair: x.surf.gii: truncated\n       more in {log}"
+    assert run.failures == {"sub-01_hemi-L"}
+
+
+@pytest.mark.parametrize("content", [None, "", "begins\n"])
+def test_a_job_without_last_words_was_killed(tmp_path: Path, content: str | None) -> None:
+    log = tmp_path / "x.log"
+    if content is not None:
+        log.write_text(content)
+    assert reason(str(log)) == ("it left no log" if content is None else "it was killed, or ended without a word")
+
+
+def test_the_time_that_is_left_follows_from_the_jobs_that_are_done() -> None:
+    run, now = progress(jobs=100)
+    run.started(1, "repair", WILDCARDS, {})
+    now[0] = 600.0
+    assert run.left() == ""
+    run.jobs = (20, 100)
+    assert run.left() == ", about 40 min left"
+    run.jobs = (99, 100)
+    assert run.left() == ", about a minute left"
+    run.jobs = (100, 100)
+    assert run.left() == ""
+
+
+def test_names_of_meshes() -> None:
+    assert mesh_name({"case": "a", "res": "0600", "mesher": "cgal", "setting": "Published"}) == (
+        "a (0.6 mm, cgalPublished)"
+    )
+    assert mesh_name({"case": "a"}) == "a" and mesh_name({}) == ""
+
+
+def new_handler() -> LogHandler:
+    return LogHandler(SimpleNamespace(dryrun=False), None)  # type: ignore[arg-type]
+
+
+def emit(handler: LogHandler, message: str = "", level: int = logging.INFO, **known: Any) -> None:
+    record = logging.LogRecord("snakemake", level, "", 0, message, (), None)
+    record.__dict__.update(known)
+    handler.emit(record)
+
+
+def test_errors_of_snakemake_are_said_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    handler = new_handler()
+    emit(handler, event=LogEvent.RUN_INFO, stats={"certify": 1, "total": 3})
+    emit(handler, event=LogEvent.JOB_INFO, jobid=1, rule_name="repair", wildcards=WILDCARDS, output=[])
+    emit(handler, "long words", logging.ERROR, event=LogEvent.ERROR, exception="RuleException")
+    emit(handler, event=LogEvent.JOB_ERROR, jobid=1, rule_name="repair", log=[str(tmp_path / "x.log")])
+    emit(handler, "sub-01_hemi-L: repair: it left no log", logging.ERROR)
+    emit(handler, "At least one job did not complete successfully.", logging.ERROR, exception="WorkflowError")
+    assert capsys.readouterr().out.splitlines() == [
+        "1 mesh to make, 3 jobs",
+        "1/1  sub-01_hemi-L (0.6 mm)  failed in repair: it left no log",
+        f"     more in {tmp_path / 'x.log'}",
+    ]
+
+
+def test_other_errors_of_snakemake_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    handler = new_handler()
+    emit(handler, "Target rules may not contain wildcards.", logging.ERROR, event=LogEvent.ERROR, exception="X")
+    emit(handler, "Nothing to be done (all requested files are present and up to date).")
+    assert capsys.readouterr().out.splitlines() == [
+        "Target rules may not contain wildcards.",
+        "nothing to do: everything is up to date",
+    ]
+
+
+def test_a_record_that_cannot_be_read_does_not_end_the_run(capsys: pytest.CaptureFixture[str]) -> None:
+    handler = new_handler()
+    emit(handler, event=LogEvent.JOB_INFO, jobid=1, rule_name="certify", wildcards=WILDCARDS, output=["nosuch.json"])
+    emit(handler, event=LogEvent.JOB_FINISHED, job_id=1)
+    assert "nosuch.json" in capsys.readouterr().err
+
+
+def test_the_plugin_imports_nothing_of_cortet() -> None:
+    """Snakemake loads it before the Snakefile, which may belong to another checkout."""
+    code = (
+        "import sys, snakemake_logger_plugin_cortet; print([name for name in sys.modules if name.startswith('cortet')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

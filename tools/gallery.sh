@@ -1,0 +1,13 @@
+#!/bin/sh
+# Run every script of examples/ in a folder of its own, and keep its picture for the page of the gallery.
+set -eu
+root=$(cd "$(dirname "$0")/.." && pwd)
+mkdir -p "$root/docs/gallery"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+for script in "$root"/examples/*.py; do
+    echo "$(basename "$script")"
+    python "$script"
+done
+cp ./*.png "$root/docs/gallery/"
