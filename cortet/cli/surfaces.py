@@ -140,12 +140,12 @@ def head_command(args: argparse.Namespace) -> int:
     from cortet.formats.volumes import write_volume
     from cortet.phantom.head import LABELS, head
 
-    made = head(args.ga, subdivisions=args.subdivisions, seed=args.seed, voxel=args.voxel)
-    args.output.mkdir(parents=True, exist_ok=True)
-    files = {name: args.output / f"{'pial' if name == 'cortex' else name}.surf.gii" for name in made.surfaces}
+    files = {name: args.output / f"{'pial' if name == 'cortex' else name}.surf.gii" for name in LABELS}
     files |= {name: args.output / name for name in ("dseg.nii.gz", "dseg.tsv", "tensors.nii.gz", "sizes.tsv")}
     for file in files.values():
         may_write(file)
+    made = head(args.ga, subdivisions=args.subdivisions, seed=args.seed, voxel=args.voxel)
+    args.output.mkdir(parents=True, exist_ok=True)
     for name, surface in made.surfaces.items():
         write_surface(surface, files[name])
     write_volume(made.labels, made.affine, files["dseg.nii.gz"])
