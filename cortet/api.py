@@ -23,12 +23,23 @@ from cortet.errors import InputError
 from cortet.formats import format_of
 from cortet.formats.gifti import hemisphere_of, read_surface
 from cortet.formats.ownership import guarded
+from cortet.formats.placement import placed
+from cortet.formats.tables import names
+from cortet.formats.volumes import Volume
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.pipeline import Meshed, Step, mesh_surface
 from cortet.solver_files.export import export
+from cortet.solver_files.label_surfaces import inner_surfaces
 from cortet.solver_files.sets import named_sets
+from cortet.solver_files.volumes import (
+    TISSUE_COLUMNS,
+    label_names,
+    read_volumes,
+    require_in_place,
+    with_volumes,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -90,6 +101,10 @@ class Mesh:
     config: Config = field(default_factory=Config)
     #: files that it was made from, which nothing is written to
     inputs: tuple[Path, ...] = ()
+    #: a row for each label of each volume, as `solver_files.volumes.TISSUE_COLUMNS`
+    tissue_rows: tuple[Mapping[str, Any], ...] = ()
+    #: volume -> label -> name
+    label_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
 
     @property
     def points(self) -> FloatArray:
@@ -118,6 +133,12 @@ class Mesh:
         import pandas as pd
 
         return pd.DataFrame([asdict(check) for check in self.certificate.checks])
+
+    def tissues(self) -> pd.DataFrame:
+        """What of the mesh has each label of its volumes: tetrahedra, mL, worst q, mean share inside."""
+        import pandas as pd
+
+        return pd.DataFrame(list(self.tissue_rows), columns=names(TISSUE_COLUMNS))
 
     def to_pyvista(self) -> pyvista.UnstructuredGrid:
         """The mesh for PyVista, with its fields and the quality q of each tetrahedron."""
@@ -155,7 +176,13 @@ class Mesh:
                 file=path,
                 remedy="give force=True to write it anyway",
             )
-        named = named_sets(self.mesh, **self.config.export.sets, inner=list(self.surface.inner))
+        named = named_sets(
+            self.mesh,
+            **self.config.export.sets,
+            inner=list(self.surface.inner),
+            label_names=self.label_names,
+            tissues=self.label_names,
+        )
         with guarded(self.inputs, files=[path], force=force):
             export(
                 named,
@@ -189,6 +216,7 @@ def mesh(
     hemi: Literal["L", "R"] | None = None,
     inner: Mapping[str, SurfaceLike] | None = None,
     fields: Mapping[str, Any] | None = None,
+    volumes: Mapping[str, str | Path | Volume] | None = None,
     settings: Settings | None = None,
     progress: bool | Callable[[Step], None] = True,
 ) -> Mesh:
@@ -199,14 +227,15 @@ def mesh(
     cell_size : edge length of the tetrahedra, mm; None: that of the settings
     ga : gestational age, weeks
     hemi : "L" or "R"; None: what the file says, if it does
-    inner : closed surfaces inside, name of the region within -> surface
+    inner : closed surfaces inside, name of the region within -> surface, or labels of a volume: "dseg.nii.gz:5,6"
     fields : values per vertex (n,) or (n, k) by name, which the mesh gets, too
+    volumes : images whose labels, numbers or tensors the tetrahedra get, by name: NIfTI or MGZ
     settings : a configuration file, or its keys by section: {"repair": {"enabled": True}}
     progress : False is silent; a function is called after every stage
 
     Raises
     ------
-    InputError : the surface cannot be meshed, or a setting is impossible
+    InputError : the surface cannot be meshed, a volume does not lie around it, or a setting is impossible
     """
     data = dict(settings) if isinstance(settings, Mapping) else read(Path(settings)) if settings is not None else {}
     if cell_size is not None:
@@ -214,18 +243,26 @@ def mesh(
     config, outer, source = load(data), surface(shape), shape if isinstance(shape, str | Path) else None
     if fields:
         outer = replace(outer, point_data={**outer.point_data, **fields})
-    inner_sources = {name: one for name, one in (inner or {}).items() if isinstance(one, str | Path)}
+    from_files = {name: str(one) for name, one in (inner or {}).items() if isinstance(one, str | Path)}
+    within = inner_surfaces(from_files, outer, config.placement())
+    others = {name: surface(one) for name, one in (inner or {}).items() if name not in from_files}
+    images = read_volumes(volumes or {})
+    in_mm = placed(outer, config.placement())
+    require_in_place(images, in_mm)
     made: Meshed = mesh_surface(
-        nested(outer, {name: surface(one) for name, one in (inner or {}).items()}),
+        nested(outer, {**within.surfaces, **others}),
         config,
         gestational_age=ga,
         source=source,
-        inner_sources=inner_sources,
+        inner_sources=within.files,
         case=Path(source).name.partition(".")[0] if source else "",
         progress=progress if callable(progress) else _told if progress else lambda _: None,
     )
-    files = tuple(Path(file) for file in (source, *inner_sources.values()) if file is not None)
-    return Mesh(*made, ga, hemi or (hemisphere_of(source) if source else None), config, files)
+    filled, rows = with_volumes(made.mesh, images, frame=in_mm.frame, shares=config.export.label_shares)
+    given = (source, *within.files.values(), *(image.file for image in images.values() if image.file))
+    files = tuple(Path(file) for file in given if file is not None)
+    side = hemi or (hemisphere_of(source) if source else None)
+    return Mesh(filled, *made[1:], ga, side, config, files, tuple(rows), label_names(images))
 
 
 def _told(step: Step) -> None:

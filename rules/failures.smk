@@ -138,7 +138,9 @@ onerror:
     possible = OVER_ALL_CASES if measured else ["cohort_status", "cohort_page"]
     targets = [path for job in workflow.dag.jobs if job.rule.name in possible for path in job.output]
     pages = {
-        page for mesh, page in PLAN.each_case(LAYOUT.case_page).items() if not PLAN.is_measured(mesh, failures)
+        page
+        for mesh, page in PLAN.each_case(LAYOUT.case_page).items()
+        if not PLAN.is_measured(mesh, failures) or failures.get(mesh, {}).get("stage") == "volumes"
     }
     targets += sorted(pages & {path for job in workflow.dag.jobs for path in job.output})
     if missing and targets:

@@ -58,10 +58,31 @@ rule case_maps:
         "../scripts/case_maps.py"
 
 
+rule volumes:
+    """What the volumes of a case hold inside each tetrahedron; the table of their labels, and slices with the mesh in them."""
+    input:
+        mesh=LAYOUT.mesh("Solver"),
+        surface=PLAN.meshed_surface,
+        volumes=PLAN.existing_volumes,
+    output:
+        mesh=intermediate(LAYOUT.mesh("Solver", "volumes.vtu")),
+        table=LAYOUT.mesh("Solver", "volumes.tsv"),
+        sidecar=LAYOUT.mesh("Solver", "volumes.json"),
+        picture=LAYOUT.mesh("Solver", "slices.png"),
+    params:
+        version=versions("solver_files.volumes", "report.slices"),
+        volumes=lambda wildcards: dict(CASES[wildcards.case].volumes),
+        paths=PLAN.volume_paths,
+        input_sha256=lambda wildcards: content(PLAN.volume_paths(wildcards)),
+        shares=CONFIG.export.label_shares,
+    script:
+        "../scripts/volumes.py"
+
+
 rule export:
     """The mesh as a solver reads it, with its sets and a sidecar, verified as written; refused when it is not certified."""
     input:
-        mesh=LAYOUT.mesh("Solver"),
+        mesh=PLAN.mesh_with_volumes,
         certificate=LAYOUT.certificate,
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
@@ -80,6 +101,7 @@ rule export:
         sets=CONFIG.export.sets,
         inner=lambda wildcards: list(CASES[wildcards.case].inner),
         given=PLAN.given_surfaces,
+        volumes=lambda wildcards: dict(CASES[wildcards.case].volumes),
         input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
         paths=PLAN.field_paths,
         units=CONFIG.export.field_units,

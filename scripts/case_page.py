@@ -10,6 +10,7 @@ job = start(snakemake)
 from cortet.errors import CortetError
 from cortet.formats import gifti, vtu
 from cortet.formats.placement import placed
+from cortet.formats.tsv import read_tsv
 from cortet.report.case_page import about, write_case_page, write_failure_page
 
 given, params, page = job.input, job.params, Path(job.output.page)
@@ -22,6 +23,8 @@ if params.failure is None:
         placed(gifti.read_surface(given.surface, finite=False), params.to_mm),
         certificate,
         page,
+        tissues=read_tsv(Path(given.tissues[0])).to_dict("records") if given.get("tissues") else [],
+        slices=Path(given.tissues[1]) if given.get("tissues") else None,
         meshed=gifti.read_nested(given.meshed, given.get("inner", [])),
         files=[
             (Path(given.certificate).name, "certificate (JSON)"),

@@ -10,7 +10,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cortet.cli.options import WRITTEN, CheckedOutput, FolderOfFiles, Number, OutputFile, parser
+from cortet.cli.options import WRITTEN, CheckedOutput, FolderOfFiles, OutputFile, parser
+from cortet.cli.values import Number
 from cortet.errors import CortetError, InputError
 from cortet.formats.ownership import guarded
 
@@ -45,8 +46,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _refuse_repeated(args: argparse.Namespace) -> None:
-    """Raise InputError where one name, or age, is given two files: of `--inner`, `--field`, `--real`."""
-    for option, form in (("inner", "NAME=FILE"), ("field", "NAME=FILE"), ("real", "WEEKS=FILE")):
+    """Raise InputError where one name, or age, is given two files: of `--inner`, `--field`, `--volume`, `--real`."""
+    for option, form in (
+        ("inner", "NAME=FILE"),
+        ("field", "NAME=FILE"),
+        ("volume", "NAME=FILE"),
+        ("real", "WEEKS=FILE"),
+    ):
         names = [name for name, _ in getattr(args, option, [])]
         if twice := next((name for name in names if names.count(name) > 1), None):
             raise InputError(f"--{option} names {twice} twice", remedy=f"give each its own: {form}")
@@ -54,8 +60,10 @@ def _refuse_repeated(args: argparse.Namespace) -> None:
 
 def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None]:
     """The guard of a command, from the types of its arguments."""
+    from cortet.formats.volumes import volume_file
+
     values = [one for value in vars(args).values() for one in (value if isinstance(value, list) else [value])]
-    paths = [Path(value[1]) if isinstance(value, tuple) else value for value in values]
+    paths = [Path(volume_file(value[1])) if isinstance(value, tuple) else value for value in values]
     return guarded(
         [path for path in paths if isinstance(path, Path) and not isinstance(path, WRITTEN)],
         files=[path for path in paths if isinstance(path, OutputFile)],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,15 +37,19 @@ def settings_of(args: argparse.Namespace) -> dict[str, Any]:
     return data
 
 
-def surface_of(args: argparse.Namespace, config: Config) -> TriSurface:
-    """The surface that a command is given, with its inner ones and fields, in mm."""
+def surface_of(args: argparse.Namespace, config: Config) -> tuple[TriSurface, dict[str, str]]:
+    """The surface that a command is given, with its inner ones and fields; and the file of each inner one, by name."""
     from cortet.formats.gifti import read_surface
     from cortet.geometry.nesting import nested
     from cortet.solver_files.fields import with_fields
+    from cortet.solver_files.label_surfaces import inner_surfaces
 
     finite = not config.enabled("repair")
     surface = with_fields(read_surface(args.surface, finite=finite), dict(args.field))
-    return nested(surface, _inner_surfaces(dict(args.inner), finite=finite))
+    found = inner_surfaces(dict(args.inner), surface, config.placement(), finite=finite)
+    for line in found.told:
+        print(line)
+    return nested(surface, found.surfaces), found.files
 
 
 def sphere_of(args: argparse.Namespace) -> TriSurface | None:
@@ -53,12 +57,6 @@ def sphere_of(args: argparse.Namespace) -> TriSurface | None:
     from cortet.formats.gifti import read_surface
 
     return read_surface(args.sphere) if args.sphere else None
-
-
-def _inner_surfaces(files: Mapping[str, str], *, finite: bool = True) -> dict[str, TriSurface]:
-    from cortet.formats.gifti import read_surface
-
-    return {name: read_surface(file, finite=finite) for name, file in files.items()}
 
 
 def stem_of(path: Path) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from cortet.cli.given import config_of, draw, sphere_of, stem_of, surface_of
 from cortet.cli.meshes import print_verdict
+from cortet.errors import InputError
 from cortet.formats import format_of
 from cortet.formats.ownership import delete_made, may_write, record_of
 
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 def mesh_command(args: argparse.Namespace) -> int:
     """Mesh a surface, judge the mesh and write it with its companions."""
     from cortet.formats.placement import placed
+    from cortet.formats.tables import printed, write_table
+    from cortet.geometry.mending import measurable
     from cortet.meshes import OUTERMOST
     from cortet.pipeline import mesh_surface
     from cortet.solver_files.export import export
@@ -31,19 +34,27 @@ def mesh_command(args: argparse.Namespace) -> int:
     from cortet.solver_files.meshed import certificate_path, made_from, meshed_files, require_own_stem, write_meshed
     from cortet.solver_files.sets import named_sets
     from cortet.solver_files.sidecar import sidecar_path
+    from cortet.solver_files.volumes import TISSUE_COLUMNS, label_names, read_volumes, require_in_place, with_volumes
+    from cortet.solver_files.volumes import sources as sources_of_volumes
 
+    if args.slices and not args.volume:
+        raise InputError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
     # what cannot be written is refused before the work, and before anything of an earlier run is deleted
     solver = format_of(args.output).name
     record = certificate_path(args.output)
-    surfaces = meshed_files([OUTERMOST, *dict(args.inner)], args.output)
-    for file in (record, sidecar_path(args.output), *surfaces.values()):
-        may_write(file)
-    given = {OUTERMOST: args.surface} | dict(args.inner)
     config = config_of(args)
     size = config.generate.cell_size[0]
+    surface, inner = surface_of(args, config)
+    given = {OUTERMOST: args.surface} | inner
+    surfaces = meshed_files(given, args.output)
+    tissues = args.output.with_name(f"{stem_of(args.output)}.volumes.tsv")
+    for file in (record, sidecar_path(args.output), *surfaces.values(), *([tissues] if args.volume else [])):
+        may_write(file)
     if not args.force:
         require_own_stem(args.output, given, cell_size=size)
-    surface = surface_of(args, config)
+    volumes = read_volumes(dict(args.volume))
+    frame = placed(surface, config.placement()).frame
+    require_in_place(volumes, placed(measurable(surface), config.placement()))
     sphere = sphere_of(args)
     progress = Progress(config, args.ga, nested=bool(surface.inner), registered=sphere is not None)
     mesh, certificate, meshed = mesh_surface(
@@ -51,7 +62,7 @@ def mesh_command(args: argparse.Namespace) -> int:
         config,
         gestational_age=args.ga,
         source=args.surface,
-        inner_sources=dict(args.inner),
+        inner_sources=inner,
         sphere=sphere,
         sphere_source=args.sphere,
         case=stem_of(args.output),
@@ -61,13 +72,20 @@ def mesh_command(args: argparse.Namespace) -> int:
         require_own_stem(args.output, given, cell_size=size, mesh_sha256=certificate.mesh_sha256)
     delete_made(record)  # files of an earlier run must not pass for this run's
     delete_made(sidecar_path(args.output))
+    mesh, rows = with_volumes(mesh, volumes, frame=frame, shares=config.export.label_shares)
     with recorded(asdict(certificate), record) as place:
         write_meshed(meshed, place(args.output))
     if certificate.certified:
         sources = field_sources(dict(args.field), config.export.field_units)
         labels = {name: field.labels for name, field in sources.items()}
         export(
-            named_sets(mesh, **config.export.sets, label_names=labels, inner=list(meshed.inner)),
+            named_sets(
+                mesh,
+                **config.export.sets,
+                label_names=labels | label_names(volumes),
+                inner=list(meshed.inner),
+                tissues=label_names(volumes),
+            ),
             args.output,
             solver=solver,
             certificate=asdict(certificate),
@@ -75,13 +93,25 @@ def mesh_command(args: argparse.Namespace) -> int:
             frame=surface.frame,
             sources=sources,
             interior=config.transfer.interior,
-            made_from=made_from(surfaces, given, args.output.parent),
+            made_from={
+                **made_from(surfaces, given, args.output.parent),
+                **({"volumes": sources_of_volumes(dict(args.volume))} if args.volume else {}),
+            },
         )
     elif args.force:
         args.output.unlink(missing_ok=True)  # that of an earlier run would pass for this one's
     with recorded(asdict(certificate), record, surfaces.values()) as place:
+        if rows:
+            write_table(TISSUE_COLUMNS, rows, place(tissues))
+        if args.slices:
+            from cortet.report.slices import slices
+
+            slices(mesh, *next(iter(volumes.items())), place(args.slices), frame)
+            print(f"{args.slices}: drawn")
         _mesh_views(args, mesh, meshed, placed(surface, config.placement()), asdict(certificate), config, place)
     print()
+    if rows:
+        print(printed(TISSUE_COLUMNS, rows) + "\n")
     print_verdict(certificate)
     print(f"{record}: every number beside its limit")
     if certificate.certified:
@@ -137,7 +167,7 @@ def stages_command(args: argparse.Namespace) -> int:
     from cortet.report.stage_table import STAGE_COLUMNS, measured_stages
 
     config = config_of(args)
-    surface = surface_of(args, config)
+    surface, inner = surface_of(args, config)
     rows = []
     widths = [max(len(column.name) + 2, 12) for column in STAGE_COLUMNS]
     print("".join(f"{column.name:>{width}}" for column, width in zip(STAGE_COLUMNS, widths, strict=True)))
@@ -146,7 +176,7 @@ def stages_command(args: argparse.Namespace) -> int:
         config,
         gestational_age=args.ga,
         source=args.surface,
-        inner_sources=dict(args.inner),
+        inner_sources=inner,
         sphere=sphere_of(args),
         sphere_source=args.sphere,
     )

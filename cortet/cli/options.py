@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import re
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cortet import __version__
 from cortet.cli.growth import growth_command
@@ -23,13 +19,11 @@ from cortet.cli.meshes import (
 )
 from cortet.cli.meshing import mesh_command, stages_command
 from cortet.cli.runs import config_command, doctor_command, fold_command, run_command, scan_command
-from cortet.cli.surfaces import gate_command, phantom_command, repair_command, resample_command
+from cortet.cli.surfaces import gate_command, head_command, phantom_command, repair_command, resample_command
+from cortet.cli.values import Number, aged_file, inner_file, named_file
 from cortet.errors import CortetError
 from cortet.formats import FORMATS
 from cortet.geometry.limits import CELL_SIZE_MM, FOLD_AGES, PHANTOM_AGES, SCAN_AGES, SUBDIVISIONS, THICKNESS_MM
-
-if TYPE_CHECKING:
-    pass
 
 
 class OutputFile(type(Path())):  # type: ignore[misc]
@@ -45,27 +39,6 @@ class FolderOfFiles(type(Path())):  # type: ignore[misc]
 
 
 WRITTEN = (OutputFile, CheckedOutput, FolderOfFiles)
-
-
-@dataclass(frozen=True)
-class Number:
-    """Type of an option: a number within limits, both included."""
-
-    low: float
-    high: float
-    whole: bool = False
-    #: `inf` is a value, too
-    endless: bool = False
-
-    def __call__(self, text: str) -> float:
-        """The number that a text stands for; the complaint names the text and the limits."""
-        with contextlib.suppress(ValueError):
-            value = int(text) if self.whole else float(text)
-            if self.low <= value <= self.high or (self.endless and text == "inf"):
-                return value
-        kind = "a whole number" if self.whole else "a number"
-        also = ", or inf" if self.endless else ""
-        raise argparse.ArgumentTypeError(f"{text!r} is not {kind} from {self.low:g} to {self.high:.10g}{also}")
 
 
 class _FoldStatus(argparse.Action):
@@ -99,9 +72,10 @@ def parser() -> argparse.ArgumentParser:
         "--inner",
         action="append",
         default=[],
-        type=_inner_file,
+        type=inner_file,
         metavar="[NAME=]FILE",
-        help="closed surface inside SURFACE, whose inside is a region NAME (default: white); repeatable",
+        help="closed surface inside SURFACE, whose inside is a region NAME (default: white), or labels of a volume, "
+        "VOLUME:5,6; repeatable",
     )
 
     line = argparse.ArgumentParser(add_help=False, parents=[within])
@@ -128,7 +102,7 @@ def parser() -> argparse.ArgumentParser:
         "--field",
         action="append",
         default=[],
-        type=_named_file,
+        type=named_file,
         metavar="NAME=FILE",
         help="per-vertex field to carry to the mesh, GIfTI; repeatable",
     )
@@ -145,7 +119,18 @@ def parser() -> argparse.ArgumentParser:
         metavar="OUT",
         help="mesh file; its suffix says for which solver",
     )
+    mesh.add_argument(
+        "--volume",
+        action="append",
+        default=[],
+        type=named_file,
+        metavar="NAME=FILE",
+        help="NIfTI or MGZ whose labels, numbers or tensors the tetrahedra get; FILE:KIND says which; repeatable",
+    )
     mesh.add_argument("--picture", type=OutputFile, metavar="PNG", help="also draw the mesh cut open, coloured by q")
+    mesh.add_argument(
+        "--slices", type=OutputFile, metavar="PNG", help="also draw slices of the first volume with the mesh in them"
+    )
     mesh.add_argument("--page", type=OutputFile, metavar="HTML", help="also write a page on the mesh for a browser")
     mesh.set_defaults(run=mesh_command)
 
@@ -168,7 +153,7 @@ def parser() -> argparse.ArgumentParser:
     repair.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section repair holds the limits")
     repair.add_argument("--picture", type=OutputFile, metavar="PNG", help="also draw it before and after")
     repair.add_argument(
-        "--field", action="append", default=[], type=_named_file, metavar="NAME=FILE", help="per-vertex field, GIfTI"
+        "--field", action="append", default=[], type=named_file, metavar="NAME=FILE", help="per-vertex field, GIfTI"
     )
     repair.set_defaults(run=repair_command)
 
@@ -182,7 +167,7 @@ def parser() -> argparse.ArgumentParser:
     )
     resample.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section resample says onto what")
     resample.add_argument(
-        "--field", action="append", default=[], type=_named_file, metavar="NAME=FILE", help="per-vertex field, GIfTI"
+        "--field", action="append", default=[], type=named_file, metavar="NAME=FILE", help="per-vertex field, GIfTI"
     )
     resample.set_defaults(run=resample_command)
 
@@ -291,7 +276,7 @@ def parser() -> argparse.ArgumentParser:
         "--real",
         action="append",
         default=[],
-        type=_aged_file,
+        type=aged_file,
         metavar="WEEKS=FILE",
         help="surface of a real brain of this age, shown beside the simulated one; repeatable",
     )
@@ -305,23 +290,26 @@ def parser() -> argparse.ArgumentParser:
     fold.add_argument("--status", action=_FoldStatus, metavar="DIR", help="say how far the run in a folder is, and end")
     fold.set_defaults(run=fold_command)
 
-    phantom = commands.add_parser("phantom", parents=[writes], help="make a synthetic cortex of any gestational age")
-    phantom.add_argument("--ga", type=Number(*PHANTOM_AGES), required=True, metavar="WEEKS", help="gestational age")
-    phantom.add_argument("--hemi", choices=["L", "R"], default="L")
-    phantom.add_argument(
+    made = argparse.ArgumentParser(add_help=False)
+    made.add_argument("--ga", type=Number(*PHANTOM_AGES), required=True, metavar="WEEKS", help="gestational age")
+    made.add_argument(
         "--subdivisions",
         type=Number(*SUBDIVISIONS, whole=True),
         default=5,
         metavar="N",
         help="of the icosahedron (default: 5)",
     )
-    phantom.add_argument(
+    made.add_argument(
         "--seed",
         type=Number(0, 2**32 - 1, whole=True),
         default=0,
         metavar="N",
         help="of the individual variation (default: 0)",
     )
+    phantom = commands.add_parser(
+        "phantom", parents=[writes, made], help="make a synthetic cortex of any gestational age"
+    )
+    phantom.add_argument("--hemi", choices=["L", "R"], default="L")
     phantom.add_argument("-o", "--output", type=OutputFile, required=True, metavar="GII")
     phantom.add_argument(
         "--pial",
@@ -338,6 +326,17 @@ def parser() -> argparse.ArgumentParser:
         help="of the cortex between the two (default: 1.5)",
     )
     phantom.set_defaults(run=phantom_command)
+
+    head = commands.add_parser(
+        "head",
+        parents=[writes, made],
+        help="make a synthetic hemisphere with ventricles, a thalamus and volumes of them",
+    )
+    head.add_argument(
+        "--voxel", type=Number(0.1, 5), default=0.5, metavar="MM", help="width of the voxels (default: 0.5)"
+    )
+    head.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
+    head.set_defaults(run=head_command)
 
     growth = commands.add_parser(
         "growth", parents=[writes], help="measure how much each spot of a surface has grown until a later age"
@@ -425,30 +424,3 @@ def parser() -> argparse.ArgumentParser:
     doctor = commands.add_parser("doctor", parents=[common], help="prove that everything needed is installed and works")
     doctor.set_defaults(run=doctor_command)
     return top
-
-
-def _named_file(text: str) -> tuple[str, str]:
-    name, equals, file = text.partition("=")
-    if not (name and equals and file):
-        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE")
-    return name, file
-
-
-def _aged_file(text: str) -> tuple[float, str]:
-    age, equals, file = text.partition("=")
-    if not (equals and file):
-        raise argparse.ArgumentTypeError(f"{text!r} is not WEEKS=FILE")
-    return Number(*FOLD_AGES)(age), file
-
-
-def _inner_file(text: str) -> tuple[str, str]:
-    from cortet.meshes import OUTERMOST
-
-    name, equals, file = text.rpartition("=")
-    if not equals:
-        return "white", text
-    if not (re.fullmatch("[A-Za-z][A-Za-z0-9]*", name) and file) or name == OUTERMOST:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is not NAME=FILE, NAME of letters and digits, other than {OUTERMOST}"
-        )
-    return name, file

@@ -133,6 +133,32 @@ def phantom_command(args: argparse.Namespace) -> int:
     return 0
 
 
+def head_command(args: argparse.Namespace) -> int:
+    """Write a phantom head: surfaces, volumes, and how large each part is."""
+    from cortet.formats.gifti import write_surface
+    from cortet.formats.tsv import write_tsv
+    from cortet.formats.volumes import write_volume
+    from cortet.phantom.head import LABELS, head
+
+    files = {name: args.output / f"{'pial' if name == 'cortex' else name}.surf.gii" for name in LABELS}
+    files |= {name: args.output / name for name in ("dseg.nii.gz", "dseg.tsv", "tensors.nii.gz", "sizes.tsv")}
+    for file in files.values():
+        may_write(file)
+    made = head(args.ga, subdivisions=args.subdivisions, seed=args.seed, voxel=args.voxel)
+    args.output.mkdir(parents=True, exist_ok=True)
+    for name, surface in made.surfaces.items():
+        write_surface(surface, files[name])
+    write_volume(made.labels, made.affine, files["dseg.nii.gz"])
+    write_volume(made.tensors, made.affine, files["tensors.nii.gz"])
+    write_tsv([{"index": key, "name": name} for name, key in LABELS.items()], ["index", "name"], files["dseg.tsv"])
+    sizes = [{"name": name, "volume_ml": round(made.volumes[name] / 1000, 6)} for name in LABELS]
+    write_tsv(sizes, ["name", "volume_ml"], files["sizes.tsv"])
+    for row in sizes:
+        print(f"{row['name']:<12}{row['volume_ml']:>8.3f} mL")
+    print(f"{args.output}: written: {', '.join(file.name for file in files.values())}")
+    return 0
+
+
 def _findings(report: GateReport) -> str:
     """What the gate found and mended, in one line."""
     mended = (

@@ -19,6 +19,7 @@ from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, mem
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.config import Config
 from cortet.errors import InputError
+from cortet.formats.volumes import label_table, volume_file
 from cortet.meshers import BASELINES
 from cortet.meshes import OUTERMOST
 from cortet.stages import STAGES, Stage
@@ -209,6 +210,12 @@ class Jobs:
         """All files of a case, by their columns in the sheet."""
         return self.paths(job) | {f"field_{name}": path for name, path in self.field_paths(job).items()}
 
+    def volume_paths(self, job: Job) -> dict[str, str]:
+        """The files of the volumes of a case and of the names of their labels, by column."""
+        files = {f"volume_{name}": volume_file(text) for name, text in self.case(job).volumes.items()}
+        tables = {f"{name}_names": str(table) for name, file in files.items() if (table := label_table(file))}
+        return files | tables
+
     def given_surfaces(self, job: Job) -> dict[str, str]:
         """The user's surfaces of a case by region; empty for a phantom."""
         case = self.case(job)
@@ -255,6 +262,22 @@ class Jobs:
         if self.is_resampled(job):
             return self.layout.surface(STAGES["resample"].label, inner=inner)
         return self.inner_source(job) if inner else self.surface(job)
+
+    def existing_volumes(self, job: Job) -> list[str]:
+        """The files of `volume_paths` that exist; the job reports the others."""
+        return [path for path in self.volume_paths(job).values() if os.path.isfile(path)]  # noqa: PTH113, names too long
+
+    def mesh_with_volumes(self, job: Job) -> str:
+        """The mesh at the end of the line, with what its volumes hold if the case has some."""
+        suffix = "volumes.vtu" if self.case(job).volumes else "tetmesh.vtu"
+        return filled(self.layout.mesh("Solver", suffix), job)
+
+    def tissues(self, job: Job) -> list[str]:
+        """The table of the labels of a mesh, and the picture of its slices; none if it has no volumes."""
+        mesh = (job["case"], int(job["res"]), job["mesher"])
+        if not self.case(job).volumes or self.failures.get(mesh, {}).get("stage") == "volumes":
+            return []
+        return [filled(self.layout.mesh("Solver", suffix), job) for suffix in ("volumes.tsv", "slices.png")]
 
     def existing_fields(self, job: Job) -> list[str]:
         """The files of a case's fields that exist; the job reports the others."""

@@ -26,8 +26,8 @@ OVER_ALL_CASES = (
 )
 #: rules after the certificate: the mesh is measured even if they fail
 AFTER_CERTIFICATE = (
-    *("export", "case_page", "case_maps", "fold", "fold_figures", "convergence_run", "prediction_run"),
-    "prediction_views",
+    *("volumes", "export", "case_page", "case_maps"),
+    *("fold", "fold_figures", "convergence_run", "prediction_run", "prediction_views"),
 )
 
 
@@ -192,6 +192,7 @@ class Plan(Jobs):
             "meshed": self.meshed_surface(job),
             "mesh": self.layout.mesh("Solver"),
             "certificate": self.layout.certificate,
+            "tissues": self.tissues(job),
         }
 
     def about(self, job: Job) -> dict[str, Any]:

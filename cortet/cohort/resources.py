@@ -31,6 +31,7 @@ COSTS = {stage.name: stage.cost for stage in STAGES.values()} | {
     "certify": Cost((250, 420), (3, 3)),
     "case_page": Cost((560, 120), (5, 3)),
     "case_maps": Cost((250, 420), (5, 3)),
+    "volumes": Cost((700, 900), (12, 25)),
     "export": Cost((270, 170), (3, 5)),
     "convergence_run": Cost((500, 1200), (90, 4000)),
     "prediction_run": Cost((700, 1300), (300, 16000)),

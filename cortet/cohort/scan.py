@@ -46,9 +46,9 @@ def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], obj
     for (participant, session, hemi), path in sorted(found.items(), key=lambda item: [part or "" for part in item[0]]):
         surface, inner = _around(path) if patterns.pial else (path, {})
         sphere = _sphere_of(path, patterns.spheres)
-        cases.append(
-            Case(participant, session, hemi, ages.get((participant, session)), surface, inner=inner, sphere=sphere)
-        )
+        volumes = _volumes_of(directory, {"participant": participant, "session": session, "hemi": hemi}, patterns)
+        age = ages.get((participant, session))
+        cases.append(Case(participant, session, hemi, age, surface, inner=inner, sphere=sphere, volumes=volumes))
     return cases
 
 
@@ -65,6 +65,18 @@ def _sphere_of(path: Path, endings: Sequence[str]) -> Path | None:
         if found := sorted(path.parent.glob(glob.escape(begin) + ending)):
             return found[0]
     return None
+
+
+def _volumes_of(directory: Path, labels: dict[str, str | None], patterns: Scan) -> dict[str, str]:
+    """The volumes of a case: of each name the first file that exists."""
+    known = {name: value for name, value in labels.items() if value is not None}
+    found = {}
+    for name, several in patterns.volumes.items():
+        usable = [pattern for pattern in several if set(re.findall(r"\{([^{}]*)\}", pattern)) <= known.keys()]
+        files = [directory / filled_in(pattern, known) for pattern in usable]
+        if existing := [file for file in files if file.is_file()]:
+            found[name] = str(existing[0])
+    return found
 
 
 def _around(path: Path) -> tuple[Path, dict[str, Path]]:

@@ -34,26 +34,23 @@ COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "inclu
 #: the white surface within it, and in column `sphere` for its sphere
 PHANTOM = "phantom"
 FIELD_PREFIX = "field_"
+#: columns of volumes: `volume_NAME` names a file, or FILE:KIND
+VOLUME_PREFIX = "volume_"
 #: columns of inner surfaces: `inner` names that of the region `white`, `inner_NAME` that of the region NAME
 INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
 #: column of the sphere through which a surface is resampled
 SPHERE = "sphere"
-#: columns for coordinates that are not mm, with the meaning of `gate.unit` and `gate.affine`
-UNIT, AFFINE = "unit", "affine"
-#: column that says which cases are folded, unless the configuration does
-FOLD = "fold"
+#: columns for coordinates that are not mm (`gate.unit`, `gate.affine`), and of the cases that are folded
+UNIT, AFFINE, FOLD = "unit", "affine", "fold"
 #: most characters of a label: a file name holds two labels and more, and has at most 255 characters
 LONGEST_LABEL = 40
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
-
 #: words for a hemisphere, in lower case -> letter in file names
 HEMISPHERES = {"l": "L", "left": "L", "lh": "L", "r": "R", "right": "R", "rh": "R"}
 _MISSING = {"", "n/a"}
-#: most names of cases that a message lists
-_MOST_NAMES = 5
-#: names of sets that every mesh for a solver has
-_STANDING = ("core", "tissue")
+#: most names of cases that a message lists; names of sets that every mesh for a solver has
+_MOST_NAMES, _STANDING = 5, ("core", "tissue")
 _YES, _NO = {"yes", "true", "1"}, {"no", "false", "0"}
 
 
@@ -76,6 +73,8 @@ class Case:
     exclude_reason: str = ""
     #: per-vertex fields, name -> GIfTI file
     fields: dict[str, Path] = field(default_factory=dict)
+    #: volumes, name -> FILE or FILE:KIND
+    volumes: Mapping[str, str] = field(default_factory=dict)
     #: surfaces inside `surface`: name of the region within -> GIfTI file, or `PHANTOM` for the region `white`
     inner: Mapping[str, Path | str] = field(default_factory=dict)
     #: sphere of `surface`, or `PHANTOM`; None if there is none
@@ -253,9 +252,10 @@ def write_sheet(cases: Sequence[Case], path: Path) -> None:
     rows = [_row(case, path.parent) for case in cases]
     fields = (FIELD_PREFIX + name for case in cases for name in case.fields)
     inner = (_inner_column(name) for case in cases for name in case.inner)
+    volumes = (VOLUME_PREFIX + name for case in cases for name in case.volumes)
     extra = (name for case in cases for name in case.extra)
     own = (name for name in (SPHERE, UNIT, AFFINE) if any(name in row for row in rows))
-    write_tsv(rows, list(dict.fromkeys([*COLUMNS, *inner, *own, *fields, *extra])), path)
+    write_tsv(rows, list(dict.fromkeys([*COLUMNS, *inner, *own, *fields, *volumes, *extra])), path)
 
 
 def add_to_sheet(cases: Sequence[Case], path: Path) -> list[Case]:
@@ -292,6 +292,7 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
         **({UNIT: case.unit} if case.unit else {}),
         **({AFFINE: _relative(case.affine, folder)} if case.affine else {}),
         **{FIELD_PREFIX + name: _relative(file, folder) for name, file in case.fields.items()},
+        **{VOLUME_PREFIX + name: _relative(file, folder) for name, file in case.volumes.items()},
         **case.extra,
     }
 
@@ -329,8 +330,10 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
     for column, value in row.items():
         if column == "surface" and value in _MISSING:
             yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
-        if column.startswith(INNER_PREFIX) and not re.fullmatch("[A-Za-z][A-Za-z0-9]*", _region(column)):
-            yield f"column {column}: {_region(column)!r} is no name of a region (use letters and digits only)"
+        named = _region(column) if column.startswith(INNER_PREFIX) else column.removeprefix(VOLUME_PREFIX)
+        if column.startswith((INNER_PREFIX, VOLUME_PREFIX)) and not re.fullmatch("[A-Za-z][A-Za-z0-9]*", named):
+            what = "a region" if _region(column) else "a volume"
+            yield f"column {column}: {named!r} is no name of {what} (use letters and digits only)"
         if len(_region(column)) > LONGEST_LABEL:
             yield f"column {column}: {len(_region(column))} characters are too many (use at most {LONGEST_LABEL})"
         if _region(column) in (OUTERMOST, *_STANDING) and value not in _MISSING:
@@ -348,7 +351,9 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
             )
         if column == UNIT and value not in (*UNITS, *_MISSING):
             yield f"column {column}: {value!r} is no unit (use {', '.join(UNITS)})"
-        is_file = column in ("surface", SPHERE, AFFINE) or _region(column) or column.startswith(FIELD_PREFIX)
+        is_file = (
+            column in ("surface", SPHERE, AFFINE) or _region(column) or column.startswith((FIELD_PREFIX, VOLUME_PREFIX))
+        )
         if is_file and not _is_file_name(value):
             yield (
                 f"column {column}: {value!r} cannot be a file name here "
@@ -379,6 +384,12 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
     """The case of a valid row."""
     own = {column: value for column, value in row.items() if column.startswith(FIELD_PREFIX)}
     inner = {column: value for column, value in row.items() if _region(column)}
+    volumes = {
+        name.removeprefix(VOLUME_PREFIX): str(_located(value, folder))
+        for name, value in row.items()
+        if name.startswith(VOLUME_PREFIX) and value not in _MISSING
+    }
+    known = {*COLUMNS, *own, *inner, SPHERE, UNIT, AFFINE}
     fields = {name: filled_in(pattern, row) for name, pattern in field_patterns.items()}
     fields |= {column.removeprefix(FIELD_PREFIX): value for column, value in own.items()}
     session, hemi = row["session_id"].removeprefix("ses-"), row["hemi"]
@@ -392,6 +403,7 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
         include=include,
         exclude_reason="" if include else row["exclude_reason"],
         fields={name: _located(value, folder) for name, value in fields.items() if value not in _MISSING},
+        volumes=volumes,
         inner={
             _region(name): PHANTOM if value == PHANTOM else _located(value, folder)
             for name, value in inner.items()
@@ -400,9 +412,7 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
         sphere=_sphere(row.get(SPHERE, ""), folder),
         unit=None if row.get(UNIT, "") in _MISSING else row[UNIT],
         affine=None if row.get(AFFINE, "") in _MISSING else _located(row[AFFINE], folder),
-        extra={
-            name: value for name, value in row.items() if name not in (*COLUMNS, *own, *inner, SPHERE, UNIT, AFFINE)
-        },
+        extra={name: value for name, value in row.items() if name not in known and not name.startswith(VOLUME_PREFIX)},
     )
 
 

@@ -158,7 +158,8 @@ class Config(_WithTheLine):
 @cache
 def version_of(module: str) -> int:
     """`VERSION` of a module of cortet (`stages.clean`), read from its source: importing it would load Numba or Gmsh."""
-    path = _PACKAGE.joinpath(*module.split(".")).with_suffix(".py")
+    path = _PACKAGE.joinpath(*module.split("."))
+    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
         if any(isinstance(target, ast.Name) and target.id == "VERSION" for target in targets):

@@ -41,6 +41,14 @@ class Scan(Section):
     spheres: list[str] = ["sphere.reg*.surf.gii", "desc-reg_sphere.surf.gii", "sphere.surf.gii", "sphere.reg"]
     """Spheres beside a surface, through which it is resampled (section resample): what stands in their names in the
     place of `white.surf.gii`, of FreeSurfer's of `white`; the first that exists wins. []: none."""
+    volumes: dict[str, list[str]] = {
+        "tissue": [
+            "sub-{participant}/ses-{session}/anat/sub-{participant}_ses-{session}_desc-drawem9_dseg.nii.gz",
+            "sub-{participant}/anat/sub-{participant}_desc-drawem9_dseg.nii.gz",
+        ]
+    }
+    """Volumes whose labels or numbers tetrahedra get, by name: patterns below the folder, of which the first that
+    exists wins. {}: none."""
     sessions: str = "sub-{participant}/sub-{participant}_sessions.tsv"
     """Table of a participant's sessions."""
     participants: str = "participants.tsv"
@@ -104,6 +112,8 @@ class Export(Section):
     """Field of the cohort, mm, that takes the place of cortex_depth, e.g. thickness."""
     medial_wall: dict[str, list[int]] = {}
     """Label fields and their keys that mark the medial wall, e.g. {parcellation: [0]}; the rest is cortical surface."""
+    label_shares: bool = False
+    """true also writes the share of each label in each tetrahedron, for volumes of labels."""
     field_units: dict[str, str] = {}
     """Units of the fields, e.g. {thickness: mm}, for the sidecars."""
 

@@ -70,6 +70,14 @@ def sidecar(columns: Iterable[Column]) -> dict[str, dict[str, Any]]:
     return {column.name: column.entry for column in columns}
 
 
+def printed(columns: Iterable[Column], rows: Iterable[Row]) -> str:
+    """The columns that have a heading, as text for a terminal, a line per row."""
+    seen = headed(columns)
+    lines = [[column.heading for column in seen], *([column.text(row) for column in seen] for row in rows)]
+    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
+    return "\n".join("  ".join(map(str.rjust, line, widths)).rstrip() for line in lines)
+
+
 def headed(columns: Iterable[Column], first: Sequence[str] = ()) -> list[Column]:
     """The columns that readers see: those named in `first`, then the others, in their order.
 

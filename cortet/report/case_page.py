@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from cortet.formats.tables import headed
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import surface_topology
 from cortet.measure.quality import COUNTED_LIMITS
@@ -18,6 +19,7 @@ from cortet.report import pages, pictures, published
 from cortet.report.boundary_view import boundary_view, three_js
 from cortet.report.figures import mesh_quality_figures, svg
 from cortet.report.pages import Part
+from cortet.solver_files.volumes import TISSUE_COLUMNS
 from cortet.stages import STAGES
 
 Certificate = Mapping[str, Any]
@@ -30,6 +32,7 @@ DOES = {
     **{stage.name: f"{stage.does} ({stage.number})" if stage.number else stage.does for stage in STAGES.values()},
     "quality": "measures the elements",
     "certify": "judges the mesh",
+    "volumes": "reads the volumes around the mesh",
 }
 #: remedy of a job that left no message
 _KILLED = "give the job more memory or time, and run again"
@@ -62,6 +65,9 @@ class Judged(NamedTuple):
     meshed: TriSurface
     certificate: Certificate
     files: Sequence[tuple[str, str]]
+    #: rows of `solver_files.volumes.TISSUE_COLUMNS`, and the picture of slices
+    tissues: Sequence[Mapping[str, Any]] = ()
+    slices: Path | None = None
 
 
 def write_case_page(
@@ -74,6 +80,8 @@ def write_case_page(
     facts: Facts | None = None,
     cohort: str = "",
     files: Sequence[tuple[str, str]] = (),
+    tissues: Sequence[Mapping[str, Any]] = (),
+    slices: Path | None = None,
 ) -> None:
     """Write the page of a mesh, certified or not.
 
@@ -86,12 +94,14 @@ def write_case_page(
     facts : other facts of the case, name and value
     cohort : address of the cohort page, as seen from this page
     files : name and title of files beside the page
+    tissues : rows of the table beside a mesh with volumes
+    slices : PNG file of the volume with the mesh in it
     """
     q = certificate["quality"]
     pages.write(
         path,
         f"{certificate['case']}: {'certified' if certificate['certified'] else 'not certified'}",
-        pages.panels(PANELS, Judged(mesh, measurable(surface), meshed, certificate, files)),
+        pages.panels(PANELS, Judged(mesh, measurable(surface), meshed, certificate, files, tissues, slices)),
         heading=certificate["case"],
         state="certified" if certificate["certified"] else "uncertified",
         top=[("facts", {"texts": {**dict(facts or []), **{name: ELEMENTS[name].format_map(q) for name in _SIZE}}})],
@@ -205,6 +215,16 @@ def _surface_and_mesh(of: Judged) -> list[Part]:
     return pictures.shown(lambda: [*pictures.of_input(of.surface), *pictures.of_mesh(of.mesh, of.meshed)], scaled=True)
 
 
+def _tissues(of: Judged) -> list[Part]:
+    if not of.tissues:
+        return []
+    table = pages.table("What of the mesh has each label", headed(TISSUE_COLUMNS), of.tissues)
+    if of.slices is None:
+        return [table]
+    caption = "Slices through the middle of the mesh: the volume, and in it the cut through the tetrahedra"
+    return [("pictures", [pictures.captioned(pictures.png(of.slices), caption)]), table]
+
+
 def _resampled(of: Judged) -> list[Part]:
     surfaces = _changed(of.certificate, "resample", "resampled")
     return [("resampled", {"surfaces": surfaces})] if surfaces else []
@@ -270,6 +290,7 @@ PANELS: tuple[tuple[str, str, Callable[[Judged], list[Part]]], ...] = (
         lambda of: [("points", of.certificate["reasons"])] if of.certificate["reasons"] else [],
     ),
     ("pictures", "Surface and mesh", _surface_and_mesh),
+    ("tissues", "In the volume", _tissues),
     ("resampled", "On the common mesh", _resampled),
     ("repair", "The input was repaired", _repaired),
     ("verdict", "Verdict", lambda of: [("verdict", [in_words(check) for check in of.certificate["checks"]])]),

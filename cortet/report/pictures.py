@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import StageError
@@ -28,6 +30,13 @@ def captioned(image: NDArray[Any], caption: str, more: str = "") -> Picture:
     text = f"{caption}, {more}" if more else caption
     uri = pages.data_uri(webp(image), "image/webp")
     return {"uri": uri, "width": width, "height": height, "caption": text, "alt": text}
+
+
+def png(path: Path) -> NDArray[Any]:
+    """The pixels of a PNG file: (rows, columns, 4)."""
+    import matplotlib.image
+
+    return np.asarray(np.round(255 * matplotlib.image.imread(path)), np.uint8)
 
 
 def shown(draw: Callable[[], list[Picture]], *, scaled: bool = False) -> list[pages.Part]:

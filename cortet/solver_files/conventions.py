@@ -125,7 +125,13 @@ def _other_faces(mesh: TetMesh, true: NDArray[np.int64], boundary: IntArray) -> 
 
 
 def _not_between_regions(mesh: TetMesh, faces: IntArray) -> int:
-    """Number of faces that are not shared by two tetrahedra of different sets."""
+    """Number of faces that are not shared by two tetrahedra of different sets.
+
+    A file that knows only core and cortex, but several interfaces, cannot tell the regions within the core apart: there
+    a face must be shared by two tetrahedra.
+    """
+    several = sum(name.endswith(INTERFACE) for name in mesh.sets.faces) > 1
+    tells = bool(mesh.sets.cells.keys() - REGION_TAGS.keys()) or not several
     near = np.flatnonzero(np.isin(mesh.cells, faces).sum(axis=1) >= 3)
     every = mesh.cells[near][:, TET_FACES].reshape(-1, 3)
     key = packed(np.concatenate([faces, every]))
@@ -133,13 +139,14 @@ def _not_between_regions(mesh: TetMesh, faces: IntArray) -> int:
     for cells in mesh.sets.cells.values():
         belongs *= 2
         belongs[cells] += 1
+        belongs = np.unique(belongs, return_inverse=True)[1]  # many sets would be more than 64 bits
     good = np.zeros(len(faces), np.bool_)
     order = np.argsort(key[len(faces) :], kind="stable")
     ordered, owner = key[len(faces) :][order], np.repeat(near, 4)[order]
     first = np.searchsorted(ordered, key[: len(faces)], "left")
     count = np.searchsorted(ordered, key[: len(faces)], "right") - first
     two = count == 2
-    good[two] = belongs[owner[first[two]]] != belongs[owner[first[two] + 1]]
+    good[two] = (belongs[owner[first[two]]] != belongs[owner[first[two] + 1]]) | (not tells)
     return int(np.count_nonzero(~good))
 
 

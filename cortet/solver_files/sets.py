@@ -32,6 +32,7 @@ def named_sets(
     medial_wall: Mapping[str, Collection[int]] | None = None,
     label_names: Mapping[str, Mapping[int, str]] | None = None,
     inner: Sequence[str] = (),
+    tissues: Collection[str] = (),
 ) -> TetMesh:
     """The mesh with its sets, which replace those that it had.
 
@@ -43,6 +44,7 @@ def named_sets(
         cortical surface counts
     medial_wall : label field -> keys that mark the medial wall
     label_names : label field -> key -> name, if there are names
+    tissues : integer fields of tetrahedra; each label is a set `FIELD_NAME`, or `FIELD_KEY` where it has no name
     inner : names of the regions of the mesh from 1 on, if it has any. Then region 0 is the cortex, whatever its depth,
         and the others are the core. If these are several, each is a set, too; so are the faces between two regions
 
@@ -77,6 +79,11 @@ def named_sets(
         if len(inner) > 1:
             for i, name in enumerate(inner, start=1):
                 regions[set_name(name, regions)] = np.flatnonzero(number == i).astype(np.int32)
+    for field in tissues:
+        names = (label_names or {}).get(field, {})
+        for key in np.unique(mesh.cell_data[field]).tolist():
+            same = np.flatnonzero(mesh.cell_data[field] == key).astype(np.int32)
+            regions[set_name(f"{field}_{names.get(key, key)}", regions)] = same
     return replace(
         mesh, sets=MeshSets(sets.nodes, sets.faces, {name: cells for name, cells in regions.items() if len(cells)})
     )

@@ -11,18 +11,20 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cortet.cli import main, parser
 from cortet.formats.gifti import write_fields, write_surface
 from cortet.formats.ownership import MANIFEST
+from cortet.formats.volumes import write_volume
 from cortet.phantom import phantom_with_sphere
 from tests.unit.shapes import ball_surface
 
 #: the user's files
 GIVEN = (
     *("x.surf.gii", "inner.surf.gii", "sphere.surf.gii", "x.shape.gii", "x.vtu", "x.pts", "x.elem", "x.lon", "x.inp"),
-    *("settings.yaml", "notes.txt", "x.json", "ds/participants.tsv"),
+    *("settings.yaml", "notes.txt", "x.json", "x_dseg.nii.gz", "ds/participants.tsv"),
     *("ds/dataset_description.json", "ds/.bidsignore", "ds/sub-1/anat/sub-1_hemi-L_white.surf.gii", "old/notes.txt"),
 )
 
@@ -42,6 +44,7 @@ COMMANDS = {
         Command("x.surf.gii --inner inner.surf.gii --cell-size 5 -o OUT", ".pts"),
         Command("x.surf.gii --cell-size 5 --field t=x.shape.gii -o fresh.mesh --picture OUT", ".png"),
         Command("x.surf.gii --cell-size 5 -o fresh.mesh --page OUT", ".html"),
+        Command("x.surf.gii --cell-size 5 --volume t=x_dseg.nii.gz -o fresh.mesh --slices OUT", ".png"),
     ],
     "stages": [Command("x.surf.gii --cell-size 5 -o OUT", ".tsv")],
     "gate": [Command("x.surf.gii inner.surf.gii")],
@@ -71,6 +74,7 @@ COMMANDS = {
         Command("--ga 24 --subdivisions 3 --sphere fresh.surf.gii --pial OUT -o other.surf.gii", ".surf.gii"),
         Command("--ga 24 --subdivisions 3 -o fresh.surf.gii --sphere OUT", ".surf.gii"),
     ],
+    "head": [Command("--ga 21 --subdivisions 3 --voxel 2 -o DIR")],
     "cohort": [Command("scan ds -o OUT", ".tsv"), Command("scan ds --force -o OUT", ".tsv")],
     "run": [Command("ds DIR participant --dry-run --config settings.yaml")],
     "config": [],
@@ -91,6 +95,8 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_surface(ball_surface(3, 8.0), folder / "inner.surf.gii")
     write_surface(phantom_with_sphere(24.0, subdivisions=3)[1], folder / "sphere.surf.gii")
     write_fields({"t": surface.points[:, 0]}, folder / "x.shape.gii")
+    around = np.array([[1, 0, 0, -20], [0, 1, 0, -20], [0, 0, 1, -20], [0, 0, 0, 1.0]])
+    write_volume(np.ones((40, 40, 40), np.int16), around, folder / "x_dseg.nii.gz")
     (folder / "settings.yaml").write_text("generate:\n  cell_size: 5.0\n")
     (folder / "ds/participants.tsv").write_text("participant_id\tscan_age\nsub-1\t24\n")
     (folder / "ds/dataset_description.json").write_text(json.dumps({"Name": "raw", "BIDSVersion": "1.9.0"}))

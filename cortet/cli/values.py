@@ -1,0 +1,61 @@
+"""Types of the values of options."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import re
+from dataclasses import dataclass
+
+from cortet.geometry.limits import FOLD_AGES
+
+
+@dataclass(frozen=True)
+class Number:
+    """Type of an option: a number within limits, both included."""
+
+    low: float
+    high: float
+    whole: bool = False
+    #: `inf` is a value, too
+    endless: bool = False
+
+    def __call__(self, text: str) -> float:
+        """The number that a text stands for; the complaint names the text and the limits."""
+        with contextlib.suppress(ValueError):
+            value = int(text) if self.whole else float(text)
+            if self.low <= value <= self.high or (self.endless and text == "inf"):
+                return value
+        kind = "a whole number" if self.whole else "a number"
+        also = ", or inf" if self.endless else ""
+        raise argparse.ArgumentTypeError(f"{text!r} is not {kind} from {self.low:g} to {self.high:.10g}{also}")
+
+
+def named_file(text: str) -> tuple[str, str]:
+    """NAME=FILE."""
+    name, equals, file = text.partition("=")
+    if not (name and equals and file):
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE")
+    return name, file
+
+
+def aged_file(text: str) -> tuple[float, str]:
+    """WEEKS=FILE."""
+    age, equals, file = text.partition("=")
+    if not (equals and file):
+        raise argparse.ArgumentTypeError(f"{text!r} is not WEEKS=FILE")
+    return Number(*FOLD_AGES)(age), file
+
+
+def inner_file(text: str) -> tuple[str, str]:
+    """[NAME=]FILE of an inner surface."""
+    from cortet.meshes import OUTERMOST
+
+    name, equals, file = text.rpartition("=")
+    if not equals:
+        return "white", text
+    if not (re.fullmatch("[A-Za-z][A-Za-z0-9]*", name) and file) or name == OUTERMOST:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not NAME=FILE, NAME of letters and digits, other than {OUTERMOST}"
+        )
+    return name, file

@@ -1,0 +1,337 @@
+"""Image volumes that lie around a surface: labels, numbers or tensors of voxels (NIfTI, and `.mgz`).
+
+nibabel reads them; coordinates are those of the scanner or template (RAS, mm). A volume of labels gets its names from
+the lookup table of BIDS beside it: `*_dseg.tsv`, or `dseg.tsv`, with the columns index and name.
+"""
+
+from __future__ import annotations
+
+import gzip
+import os
+import re
+import warnings
+import zlib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.formats.atomic import atomic_path
+from cortet.formats.tsv import read_tsv
+from cortet.formats.untrusted import LARGEST, check_file
+from cortet.meshes import FloatArray
+
+#: labels: whole numbers; numbers: one of any kind per voxel; tensors: xx xy xz yy yz zz along the axes of the voxels,
+#: as FSL's dtifit writes them; mrtrix: xx yy zz xy xz yz along x, y and z, as MRtrix's dwi2tensor writes them
+Kind = Literal["labels", "numbers", "tensors", "mrtrix"]
+
+_ENDINGS = (".nii", ".nii.gz", ".mgz", ".mgh")
+#: names of files that hold labels
+_LABELLED = re.compile(r"(^|[_.-])(d?seg|aseg|aparc.*|labels?|parc)\.(nii|nii\.gz|mgz|mgh)$")
+#: most labels of a volume: atlases have some hundreds
+_MOST_LABELS = 2000
+#: voxels of images of brains are so wide, mm
+_NARROWEST, _WIDEST = 0.01, 20.0
+#: a matrix flattens space if its determinant, over the product of its columns' lengths, is at most this
+_SINGULAR = 1e-6
+#: numbers of a tensor, and where xx, yy, zz, xy, yz, xz stand in each order
+_TENSOR = 6
+_ORDERS = {"tensors": [0, 3, 5, 1, 4, 2], "mrtrix": [0, 1, 2, 3, 5, 4], "symmetric": [0, 2, 5, 1, 4, 3]}
+_SPELLING = re.compile(r"(?P<file>.+\.(?:nii|nii\.gz|mgz|mgh))(?::(?P<what>[^:/]*))?")
+
+
+@dataclass(frozen=True, eq=False)
+class Volume:
+    """A volume that was read."""
+
+    #: (i, j, k) whole numbers of labels, or float; (i, j, k, 6) float of tensors: xx, yy, zz, xy, yz, xz in x, y and z
+    values: NDArray[Any]
+    #: (4, 4), from the numbers of a voxel to the mm of its centre
+    affine: FloatArray
+    kind: Literal["labels", "numbers", "tensors"]
+    #: names of labels
+    names: dict[int, str] = field(default_factory=dict)
+    #: that messages name
+    file: str = ""
+
+    @property
+    def voxel(self) -> float:
+        """The smallest width of a voxel, mm."""
+        return float(np.linalg.norm(self.affine[:3, :3], axis=0).min())
+
+
+def is_volume(text: str) -> bool:
+    """Whether a text names a volume, with or without what of it is meant."""
+    return _SPELLING.fullmatch(text) is not None
+
+
+def volume_file(text: str) -> str:
+    """The file that `FILE` or `FILE:WHAT` names; other texts stay as they are."""
+    match = _SPELLING.fullmatch(text)
+    return match["file"] if match else text
+
+
+def read_named(text: str) -> Volume:
+    """The volume that `FILE` or `FILE:KIND` names. Raises InputError as `read_volume`, and for another kind."""
+    match = _SPELLING.fullmatch(text)
+    if match and match["what"] is not None and match["what"] not in get_args(Kind):
+        raise InputError(
+            f"{match['what']!r} is no kind of volume", file=match["file"], remedy=f"use {', '.join(get_args(Kind))}"
+        )
+    kind: Any = match["what"] if match else None
+    return read_volume(volume_file(text), kind)
+
+
+def read_labels(text: str) -> tuple[Volume, list[int]]:
+    """The volume and the labels that `FILE:5` or `FILE:5,6` names; a label may be named by its name, too.
+
+    Raises
+    ------
+    InputError : as `read_volume`; no label is given, or the volume has no such label
+    """
+    match = _SPELLING.fullmatch(text)
+    if match is None or not match["what"]:
+        raise InputError("is a volume, not a surface", file=text, remedy="say which labels to take: FILE:5 or FILE:5,6")
+    volume = read_volume(match["file"], "labels")
+    by_name = {name: key for key, name in volume.names.items()}
+    there = np.unique(volume.values).tolist()
+    keys = []
+    for word in match["what"].split(","):
+        key = int(word) if re.fullmatch(r"-?\d{1,18}", word) else by_name.get(word)
+        if key is None or key not in there:
+            shown = ", ".join(f"{one} {volume.names.get(one, '')}".strip() for one in there[:20] if one)
+            raise InputError(f"has no label {word!r}", file=match["file"], remedy=f"it has {shown or 'none'}")
+        keys.append(key)
+    return volume, keys
+
+
+def read_volume(path: str | Path, kind: Kind | None = None) -> Volume:
+    """A volume of a file.
+
+    Parameters
+    ----------
+    kind : None: six numbers per voxel are tensors; whole numbers are labels if the file holds integers, or is named
+        as segmentations are (`*_dseg.nii.gz`, `aseg.mgz`); others are numbers
+
+    Raises
+    ------
+    InputError
+        the file cannot be read; it holds more volumes than one, or no number but 0; it is not in mm; or it does not
+        say where its voxels are; what it holds does not fit the kind, or fits several
+    """
+    values, affine, order = _loaded(path)
+    tensors = values.ndim == 4
+    if tensors != (kind in ("tensors", "mrtrix")) and kind is not None:
+        there = "six numbers" if tensors else "one number"
+        remedy = "name it NAME=FILE:tensors" if tensors else "a tensor has six numbers"
+        raise InputError(f"holds {there} per voxel, which are no {kind}", file=path, remedy=remedy)
+    if not values.any():
+        raise InputError("is empty: every voxel is 0", file=path, remedy="export it again")
+    if tensors:
+        return Volume(_tensors(values, affine, order or kind or "tensors", path), affine, "tensors", file=str(path))
+    if kind == "labels" or (kind is None and _are_labels(values, path)):
+        return Volume(_whole(values, path), affine, "labels", label_names(path), str(path))
+    return Volume(values.astype(np.float32), affine, "numbers", file=str(path))
+
+
+def label_table(path: str | Path) -> Path | None:
+    """The table of the names of a volume's labels; None if there is none."""
+    path = Path(path)
+    stem = re.sub(r"\.(nii|nii\.gz|mgz|mgh)$", "", path.name)
+    tables = [path.with_name(f"{stem}.tsv"), path.with_name("dseg.tsv")]
+    return next((one for one in tables if os.path.isfile(one)), None)  # noqa: PTH113, false of names that are too long
+
+
+def label_names(path: str | Path) -> dict[int, str]:
+    """Names of the labels of a volume, from the table beside it: key -> name; empty if there is none.
+
+    The table is named as the volume, or `dseg.tsv` for all volumes of the folder.
+
+    Raises
+    ------
+    InputError : the table has no columns index and name, or an index is no whole number or stands there twice
+    """
+    file = label_table(path)
+    if file is None:
+        return {}
+    table = read_tsv(file)
+    remedy = "a lookup table of BIDS has the columns index (a whole number) and name"
+    if not {"index", "name"} <= set(table.columns):
+        raise InputError(f"has the columns {', '.join(table.columns)}", file=file, remedy=remedy)
+    names: dict[int, str] = {}
+    for line, key, name in zip(table.index, table["index"], table["name"], strict=True):
+        if not re.fullmatch(r"-?\d{1,9}", key):
+            raise InputError(f"line {line}: {key!r} is no index", file=file, remedy=remedy)
+        if int(key) in names:
+            raise InputError(f"line {line}: index {key} stands there twice", file=file, remedy="keep one of the two")
+        names[int(key)] = name
+    return names
+
+
+def _loaded(path: str | Path) -> tuple[NDArray[Any], FloatArray, str]:
+    """Values (i, j, k) or (i, j, k, 6), affine, and the order of tensors if the header states it."""
+    import nibabel
+
+    if not str(path).endswith(_ENDINGS):
+        raise InputError("is no volume", file=path, remedy=f"give a file that ends in {', '.join(_ENDINGS)}")
+    check_file(path)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            image: Any = nibabel.load(path, mmap=False)  # a map of a file that is cut short later ends the program
+            shape = tuple(int(count) for count in image.shape)
+            order = _shape_is_usable(shape, path)
+            if int(np.prod(shape, dtype=object)) * 8 > LARGEST:
+                what = f"has {shape} voxels, more than are read"
+                raise InputError(what, file=path, remedy="crop it to the brain, or give a coarser one")
+            affine = np.asarray(image.affine, float)
+            _require_placed(image, affine, path)
+            values = np.asarray(image.dataobj)
+    except InputError:
+        raise
+    except (OSError, EOFError, ValueError, TypeError, KeyError, ArithmeticError, AttributeError, zlib.error) as error:
+        raise InputError(f"cannot be read as a volume: {error}", file=path, remedy="export it again") from None
+    except nibabel.filebasedimages.ImageFileError as error:
+        raise InputError(f"cannot be read as a volume: {error}", file=path, remedy="export it again") from None
+    if values.dtype.kind not in "iuf":
+        raise InputError(f"holds values of type {values.dtype}", file=path, remedy="export it as numbers")
+    return values.reshape(shape[:3] if order is None else (*shape[:3], _TENSOR)), affine, order or ""
+
+
+def _shape_is_usable(shape: tuple[int, ...], path: str | Path) -> str | None:
+    """None for one volume, else the order of the six of a tensor, empty if the header does not state it."""
+    more = [count for count in shape[3:] if count != 1]
+    if len(shape) < 3 or 0 in shape:
+        remedy = "give a volume with three axes"
+        raise InputError(f"has the shape {shape}, which is no volume", file=path, remedy=remedy)
+    if not more:
+        return None
+    if more != [_TENSOR]:
+        raise InputError(
+            f"holds {int(np.prod(more, dtype=object))} volumes (its shape is {shape}), not one, or the six of a tensor",
+            file=path,
+            remedy="take one out of it, for example with fslroi or mrconvert -coord 3 0",
+        )
+    return "symmetric" if len(shape) == 5 else ""
+
+
+def _require_placed(image: Any, affine: FloatArray, path: str | Path) -> None:
+    """Raise InputError unless the header says where the voxels are, in mm."""
+    header = image.header
+    if not np.isfinite(affine).all():
+        raise InputError("its affine is not finite", file=path, remedy="export it again")
+    widths = np.linalg.norm(affine[:3, :3], axis=0)
+    if abs(np.linalg.det(affine[:3, :3])) <= _SINGULAR * np.prod(widths):
+        raise InputError("its affine flattens space", file=path, remedy="export it again")
+    if "sform_code" in header and int(header["sform_code"]) <= 0 and int(header["qform_code"]) <= 0:
+        raise InputError(
+            "does not say where its voxels are: its sform and qform codes are 0",
+            file=path,
+            remedy="copy the header of the image that it was made from, for example with fslcpgeom",
+        )
+    unit = header.get_xyzt_units()[0] if hasattr(header, "get_xyzt_units") else "mm"
+    size = " x ".join(f"{width:.3g}" for width in widths)
+    if unit in ("meter", "micron"):
+        what = f"is in {'metres' if unit == 'meter' else 'micrometres'}, as its header says"
+    elif widths.min() < _NARROWEST:
+        what = f"has voxels of {size} mm: it seems to be in metres"
+    elif widths.max() > _WIDEST:
+        what = f"has voxels of {size} mm: it seems to be in micrometres"
+    else:
+        return
+    raise InputError(what, file=path, remedy="write it in mm, as the surface is")
+
+
+def _are_labels(values: NDArray[Any], path: str | Path) -> bool:
+    """Whether voxels hold labels; InputError if that cannot be told from the file."""
+    if _LABELLED.search(Path(path).name):
+        return True
+    if values.dtype.kind != "f":
+        if np.ptp(values) > _MOST_LABELS and len(np.unique(values)) > _MOST_LABELS:
+            raise InputError(
+                f"holds more than {_MOST_LABELS:,} different whole numbers, too many for labels",
+                file=path,
+                remedy="if it is an image, name it NAME=FILE:numbers",
+            )
+        return True
+    if (values == np.floor(values)).all():
+        raise InputError(
+            f"holds whole numbers as {values.dtype}: labels or measured numbers?",
+            file=path,
+            remedy="say which: NAME=FILE:labels or NAME=FILE:numbers",
+        )
+    return False
+
+
+def _whole(values: NDArray[Any], path: str | Path) -> NDArray[np.int32]:
+    """Labels as whole numbers of 32 bits."""
+    if values.dtype.kind == "f":
+        broken = ~(values == np.floor(values))
+        if broken.any():
+            first = tuple(np.argwhere(broken)[0].tolist())
+            raise InputError(
+                f"is to hold labels, but {broken.mean():.1%} of its voxels hold no whole numbers, "
+                f"the first is {values[first]:g} at {first}",
+                file=path,
+                remedy="resample labels by nearest neighbour, not by interpolation; measured numbers are FILE:numbers",
+            )
+    if values.min() < -(2**31) or values.max() >= 2**31:
+        raise InputError("holds a label beyond 32 bits", file=path, remedy="number the labels anew")
+    whole = values.astype(np.int32)
+    if (count := len(np.unique(whole))) > _MOST_LABELS:
+        what = f"holds {count:,} labels, more than the {_MOST_LABELS:,} that are read"
+        raise InputError(what, file=path, remedy="if it is an image, name it NAME=FILE:numbers")
+    return whole
+
+
+def _tensors(values: NDArray[Any], affine: FloatArray, order: str, path: str | Path) -> NDArray[np.float32]:
+    """Tensors as xx, yy, zz, xy, yz, xz in x, y and z: (i, j, k, 6); NaN where a voxel holds none.
+
+    FSL's tensors are along the axes of the voxels, the first of which is turned round where these are right-handed
+    (https://fsl.fmrib.ox.ac.uk/fsl/docs/#/diffusion/fdt: vectors of a radiological image). MRtrix's, and those whose
+    header states the intent of NIfTI, are in x, y and z.
+    """
+    tensors = values[..., _ORDERS[order]].astype(np.float64)
+    full = matrices(tensors[np.isfinite(tensors).all(axis=-1) & tensors.any(axis=-1)])
+    bad = float((np.linalg.eigvalsh(full)[:, 0] <= 0).mean()) if len(full) else 1.0
+    if bad > 0.5:
+        raise InputError(
+            f"{bad:.0%} of its tensors have an eigenvalue that is not above 0, read as {order}",
+            file=path,
+            remedy="name it NAME=FILE:mrtrix if MRtrix wrote it, NAME=FILE:tensors if FSL did",
+        )
+    held = np.isfinite(tensors).all(axis=-1) & tensors.any(axis=-1)
+    result = np.full(tensors.shape, np.nan, np.float32)
+    if order == "tensors":
+        axes = affine[:3, :3].copy()
+        if np.linalg.det(axes) > 0:
+            axes[:, 0] *= -1
+        left, _, right = np.linalg.svd(axes)
+        turn = left @ right  # the rotation next to the affine, without its scales and shears
+        full = turn @ full @ turn.T
+    result[held] = six(full)
+    return result
+
+
+def write_volume(values: NDArray[Any], affine: FloatArray, path: str | Path) -> None:
+    """Write a volume (i, j, k) or (i, j, k, c) as NIfTI, complete or not at all; the same values give the same file."""
+    import nibabel
+
+    image = nibabel.Nifti1Image(values, affine)  # type: ignore[no-untyped-call]
+    image.header.set_xyzt_units("mm")  # type: ignore[no-untyped-call]
+    packed = gzip.compress(image.to_bytes(), compresslevel=6, mtime=0)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(packed if str(path).endswith(".gz") else image.to_bytes())
+
+
+def matrices(tensors: NDArray[Any]) -> FloatArray:
+    """Tensors (n, 6) xx, yy, zz, xy, yz, xz as matrices (n, 3, 3)."""
+    return np.asarray(tensors, float)[:, [0, 3, 5, 3, 1, 4, 5, 4, 2]].reshape(-1, 3, 3)
+
+
+def six(full: FloatArray) -> FloatArray:
+    """Symmetric matrices (n, 3, 3) as xx, yy, zz, xy, yz, xz: (n, 6)."""
+    return full.reshape(-1, 9)[:, [0, 4, 8, 1, 5, 2]]

@@ -1,0 +1,76 @@
+"""Whether the labels of a volume lie where a surface is; and where they would have to lie instead."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve
+
+from cortet.geometry.voxels import in_voxels
+from cortet.geometry.winding import winding_numbers
+from cortet.meshes import FloatArray, TriSurface
+
+#: most voxels along an axis of the coarse grid on which both are compared
+_FINEST = 80
+#: shifts whose coverage is so close to the best one are as good
+_AS_GOOD = 0.01
+
+
+class Coverage(NamedTuple):
+    """Shares of the inside of a surface that have a label."""
+
+    #: as the volume lies
+    here: float
+    #: at most, from the volume of the labels
+    possible: float
+    #: the best after a shift, and the shortest shift of the labels that reaches it, (3,) mm
+    shifted: float
+    shift: FloatArray
+    #: after reversing each axis of the voxels, (3,)
+    flipped: FloatArray
+
+
+def coverage(surface: TriSurface, labelled: NDArray[np.bool_], affine: FloatArray) -> Coverage:
+    """How much of the inside of a closed surface voxels of a label cover, and would cover if they were moved.
+
+    Parameters
+    ----------
+    labelled : (i, j, k), voxels that have a label
+    affine : (4, 4) from voxels to mm
+    """
+    step = max(1, -(-max(labelled.shape) // _FINEST))
+    has = _averaged(labelled, step)
+    inside = _inside(surface, affine, has.shape, step)
+    total = max(float(inside.sum()), 1.0)
+    together = fftconvolve(has, inside[::-1, ::-1, ::-1])
+    good = np.argwhere(together >= together.max() - _AS_GOOD * total) - (np.array(inside.shape) - 1)
+    shifts = -step * good @ affine[:3, :3].T
+    return Coverage(
+        float((has * inside).sum()) / total,
+        min(1.0, float(has.sum()) / total),
+        float(together.max()) / total,
+        shifts[np.linalg.norm(shifts, axis=1).argmin()],
+        np.array([(_averaged(np.flip(labelled, axis), step) * inside).sum() / total for axis in range(3)]),
+    )
+
+
+def _averaged(labelled: NDArray[np.bool_], step: int) -> FloatArray:
+    """Means over blocks of `step` voxels along each axis; what hangs over counts as without a label."""
+    shape = [-(-count // step) for count in labelled.shape]
+    padded = np.pad(labelled, [(0, step * n - count) for n, count in zip(shape, labelled.shape, strict=True)])
+    return np.asarray(padded.reshape(shape[0], step, shape[1], step, shape[2], step).mean(axis=(1, 3, 5)))
+
+
+def _inside(surface: TriSurface, affine: FloatArray, shape: tuple[int, ...], step: int) -> NDArray[Any]:
+    """1.0 for blocks of voxels whose centre lies inside the surface, else 0.0."""
+    where = in_voxels(affine, surface.points)
+    low = np.clip(np.floor(where.min(axis=0) / step).astype(int) - 1, 0, shape)
+    high = np.clip(np.ceil(where.max(axis=0) / step).astype(int) + 2, 0, shape)
+    result = np.zeros(shape)
+    block = np.stack(np.meshgrid(*map(np.arange, low, high), indexing="ij"), axis=-1)
+    centres = (step * block.reshape(-1, 3) + (step - 1) / 2) @ affine[:3, :3].T + affine[:3, 3]
+    within = winding_numbers(surface, centres) > 0.5
+    result[tuple(slice(*ends) for ends in zip(low, high, strict=True))] = within.reshape(block.shape[:3])
+    return result

@@ -1,0 +1,140 @@
+"""The picture by which people judge a mesh: slices of an image, with the cut through the mesh drawn into them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.formats.atomic import atomic_path
+from cortet.formats.volumes import Volume
+from cortet.geometry.voxels import in_voxels
+from cortet.meshes import CoordinateFrame, FloatArray, IntArray, TetMesh
+from cortet.report.render import REGION_COLOURS
+from cortet.solver_files.volumes import to_scanner
+
+VERSION: int = 1
+
+#: planes by the axis across them, the axes that run right and up in the picture, and their names
+_PLANES = ((0, 1, 2, "x"), (1, 0, 2, "y"), (2, 0, 1, "z"))
+#: margin around the mesh, mm; samples of the image per voxel; how pale its labels are, and how dark edges of the mesh
+_MARGIN, _SAMPLES, _PALE, _DARK = 3.0, 2, 0.45, 0.6
+#: pixels per inch, and inches of one slice
+_DPI, _INCHES = 150, 6.0
+#: edges of a tetrahedron, and for each number of corners above the plane, sorted, those that meet it, in a ring
+_ONE_ABOVE, _TWO_ABOVE = ((0, 1), (0, 2), (0, 3)), ((0, 2), (0, 3), (1, 3), (1, 2))
+
+
+def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: CoordinateFrame | None = None) -> None:
+    """Draw the image in three planes through the middle of the mesh, and in each the cut through its tetrahedra.
+
+    Edges of the cut, and labels of the image, paler, have the colour of their label; numbers are grey.
+
+    Parameters
+    ----------
+    mesh : with the cell field of the volume (`solver_files.volumes.with_volumes`)
+    name : of the volume
+    path : PNG file
+    frame : of the surface that the mesh was made of
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.collections import PolyCollection
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    points = to_scanner(mesh.points, frame or CoordinateFrame())
+    labelled = volume.kind == "labels"
+    keys = np.unique(mesh.cell_data[name]).tolist() if labelled else []
+    colours = _colours(keys)
+    low, high = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
+    middle = (low + high) / 2
+    widths = [(high - low)[right] / (high - low)[up] for _, right, up, _ in _PLANES]
+    figure = Figure(figsize=(_INCHES * sum(widths) + 3, _INCHES + 1.2), dpi=_DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, (across, right, up, letter) in zip(figure.subplots(1, 3, width_ratios=widths), _PLANES, strict=True):
+        plane = _image(volume, low, high, middle, (across, right, up))
+        extent = (low[right], high[right], low[up], high[up])
+        if labelled:
+            axes.imshow(_painted(plane, colours), extent=extent, origin="lower", interpolation="nearest")
+        else:
+            axes.imshow(plane, extent=extent, origin="lower", interpolation="nearest", cmap="gray")
+        for cell, ring in cut(points, mesh.cells, across, float(middle[across])):
+            label = mesh.cell_data[name][cell] if labelled else np.zeros(len(cell), int)
+            lines = [_darker(colours[key] if labelled else "#D55E00") for key in label.tolist()]
+            flat: Any = ring[:, :, [right, up]]
+            axes.add_collection(PolyCollection(flat, facecolors="none", edgecolors=lines, linewidths=0.5))
+        axes.set_title(f"{letter} = {middle[across]:.1f} mm")
+        axes.set_xlabel("xyz"[right] + ", mm")
+        axes.set_ylabel("xyz"[up] + ", mm")
+        axes.set_facecolor("white" if labelled else "black")
+    shown = [Patch(color=colours[key], label=volume.names.get(key, str(key) if key else "no label")) for key in keys]
+    if shown:
+        figure.legend(handles=shown[:20], loc="outside lower center", ncols=10, frameon=False)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, format="png", bbox_inches="tight", metadata={"Software": None})
+
+
+def cut(points: FloatArray, cells: IntArray, axis: int, position: float) -> list[tuple[NDArray[np.intp], FloatArray]]:
+    """Triangles and quadrangles in which a plane across an axis cuts tetrahedra: their numbers (c,), corners (c, k, 3).
+
+    A corner in the plane counts as below it.
+    """
+    height = points[cells, axis] - position
+    above = (height > 0).sum(axis=1)
+    order = np.argsort(-height, axis=1, kind="stable")
+    found = []
+    for count, edges, turned in ((1, _ONE_ABOVE, False), (2, _TWO_ABOVE, False), (3, _ONE_ABOVE, True)):
+        cell = np.flatnonzero(above == count)
+        rank = order[cell][:, ::-1] if turned else order[cell]  # one of three above is the one below
+        nodes = np.take_along_axis(cells[cell], rank, axis=1)
+        size = np.take_along_axis(height[cell], rank, axis=1)
+        ring = []
+        for one, other in edges:
+            part = (size[:, one] / (size[:, one] - size[:, other]))[:, None]
+            ring.append(points[nodes[:, one]] + part * (points[nodes[:, other]] - points[nodes[:, one]]))
+        found.append((cell, np.stack(ring, axis=1)))
+    return found
+
+
+def _image(
+    volume: Volume, low: FloatArray, high: FloatArray, middle: FloatArray, axes: tuple[int, int, int]
+) -> NDArray[Any]:
+    """The voxels on a plane, rows upward; 0 outside the volume. Of tensors it is the mean of the eigenvalues."""
+    across, right, up = axes
+    step = volume.voxel / _SAMPLES
+    along = [np.arange(low[axis] + step / 2, high[axis], step) for axis in (right, up)]
+    grid = np.empty((len(along[1]), len(along[0]), 3))
+    grid[..., right], grid[..., up], grid[..., across] = along[0], along[1][:, None], middle[across]
+    values = volume.values if volume.values.ndim == 3 else np.nan_to_num(volume.values[..., :3]).mean(axis=-1)
+    where = np.rint(in_voxels(volume.affine, grid.reshape(-1, 3))).astype(int)
+    within = ((where >= 0) & (where < values.shape)).all(axis=1)
+    found = np.zeros(len(where), values.dtype)
+    found[within] = values[tuple(where[within].T)]
+    return found.reshape(grid.shape[:2])
+
+
+def _darker(colour: str) -> FloatArray:
+    from matplotlib.colors import to_rgb
+
+    return _DARK * np.array(to_rgb(colour))
+
+
+def _colours(keys: list[int]) -> dict[int, str]:
+    """The colour of each label; 0 is grey."""
+    others = [key for key in keys if key]
+    return {0: "#999999"} | {key: REGION_COLOURS[i % len(REGION_COLOURS)] for i, key in enumerate(others)}
+
+
+def _painted(plane: NDArray[Any], colours: Mapping[int, str]) -> FloatArray:
+    """Labels as pale colours (rows, columns, 3); white without a label, light grey for labels that the mesh lacks."""
+    from matplotlib.colors import to_rgb
+
+    result = np.full((*plane.shape, 3), 1.0)
+    result[plane != 0] = 0.85
+    for key, colour in colours.items():
+        if key:
+            result[plane == key] = 1 - _PALE * (1 - np.array(to_rgb(colour)))
+    return result

@@ -1,0 +1,103 @@
+"""Inner surfaces by name, from files of surfaces or out of the labels of volumes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from cortet.errors import InputError
+from cortet.formats.gifti import read_surface
+from cortet.formats.volumes import is_volume, read_labels, volume_file
+from cortet.geometry.label_surface import label_surfaces
+from cortet.geometry.topology import surface_topology
+from cortet.meshes import FloatArray, TriSurface, single_precision
+from cortet.solver_files.volumes import require_in_place
+
+
+class InnerSurfaces(NamedTuple):
+    """Inner surfaces that were read or made."""
+
+    surfaces: dict[str, TriSurface]
+    #: the file that each comes from
+    files: dict[str, str]
+    #: what was made of labels, in words
+    told: list[str]
+
+
+def inner_surfaces(
+    given: Mapping[str, str],
+    outer: TriSurface,
+    to_mm: Sequence[Sequence[float]] | None = None,
+    *,
+    finite: bool = True,
+) -> InnerSurfaces:
+    """The inner surfaces of `NAME -> FILE`, a surface, or `NAME -> VOLUME:5,6`, labels.
+
+    Several components of labels are NAME1, NAME2 and so on, the largest first.
+
+    Parameters
+    ----------
+    outer : the surface around them, as it was read; surfaces out of labels get its frame and unit
+    to_mm : matrix of `formats.placement.matrix` for `outer`
+    finite : whether coordinates must be finite
+
+    Raises
+    ------
+    InputError : a file cannot be read, a volume has no such label or does not cover `outer`, or a name stands twice
+    """
+    found = InnerSurfaces({}, {}, [])
+    for name, file in given.items():
+        if is_volume(file):
+            made = _of_labels(name, file, outer, to_mm, found.told)
+        else:
+            made = {name: read_surface(file, finite=finite)}
+        for own, surface in made.items():
+            if own in found.surfaces:
+                raise InputError(f"two inner surfaces would be named {own}", file=file, remedy="use another name")
+            found.surfaces[own], found.files[own] = surface, volume_file(file)
+    return found
+
+
+def _of_labels(
+    name: str, text: str, outer: TriSurface, to_mm: Sequence[Sequence[float]] | None, told: list[str]
+) -> dict[str, TriSurface]:
+    """The surfaces of labels, in the coordinates of `outer`."""
+    volume, keys = read_labels(text)
+    to_scanner = np.array(to_mm) if to_mm is not None else np.reshape(outer.frame.matrix, (4, 4))
+    moved = replace(outer, points=_mapped(to_scanner, outer.points), inner={})
+    if np.isfinite(moved.points).all():
+        require_in_place({name: volume}, replace(moved, frame=type(outer.frame)()))
+    parts, specks = label_surfaces(np.isin(volume.values, keys), volume.affine)
+    labels = ", ".join(map(str, keys))
+    if not parts:
+        raise InputError(
+            f"label {labels} has {sum(specks)} voxels in {len(specks)} pieces, too few for a surface",
+            file=Path(volume.file),
+            remedy="leave the surface out, or give a finer volume",
+        )
+    names = [name] if len(parts) == 1 else [f"{name}{number}" for number in range(1, len(parts) + 1)]
+    back = np.linalg.inv(to_scanner)
+    turned = np.linalg.det(back[:3, :3]) < 0
+    result = {}
+    for own, part in zip(names, parts, strict=True):
+        points, faces = _mapped(back, part.surface.points), part.surface.faces
+        result[own] = single_precision(TriSurface(points, faces[:, ::-1] if turned else faces, frame=outer.frame))
+        genus = (2 - surface_topology(faces).euler_number) // 2
+        words = [
+            f"{own}: {len(points)} vertices around label {labels}, {part.volume / 1000:.3f} mL, "
+            f"at most {part.furthest:.2f} voxels from its boundary"
+        ]
+        words += [f"{genus} handles"] if genus else []
+        words += [f"{part.filled} voxels of cavities filled"] if part.filled else []
+        told.append("; ".join(words))
+    if specks:
+        told.append(f"{name}: {len(specks)} pieces of at most {max(specks)} voxels are left out")
+    return result
+
+
+def _mapped(matrix: FloatArray, points: FloatArray) -> FloatArray:
+    return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])

@@ -1,0 +1,234 @@
+"""Volumes on a mesh: the label, number or tensor that an image has inside each tetrahedron."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import InputError, place_mm
+from cortet.formats.hashing import sha256
+from cortet.formats.tables import Column
+from cortet.formats.volumes import Volume, matrices, read_named, six, volume_file
+from cortet.geometry.coverage import coverage
+from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
+from cortet.measure.quality import quality, signed_volumes
+from cortet.meshes import REGION, CoordinateFrame, FloatArray, IntArray, TetMesh, TriSurface
+
+VERSION: int = 1
+
+#: field of the first direction of a tensor, as CARP's files of fibres take it
+FIBRE = "fibre"
+#: names that stand for something else
+_TAKEN = (REGION, FIBRE, "q")
+#: labels lie wrongly if another position covers so much more of the inside, and nearly all that they can
+_GAIN, _NEARLY = 0.03, 0.9
+#: 0 is no tissue but what lies outside if less than this share of a mesh has it
+_OUTSIDE = 0.1
+#: eigenvalues of a tensor below this share of its largest one are raised to it, since a logarithm needs them
+_LEAST_EIGENVALUE = 1e-6
+
+
+#: columns of the table beside a mesh with volumes
+TISSUE_COLUMNS = (
+    Column("volume", "Name of the volume", heading="volume"),
+    Column("kind", "What its voxels hold: labels, numbers or tensors"),
+    Column("label", "Label; n/a for numbers and tensors, whose row is about all tetrahedra", heading="label"),
+    Column("name", "Name of the label, by the lookup table of the volume", heading="name"),
+    Column("tetrahedra", "Number of tetrahedra with this label", heading="tetrahedra", form=",.0f"),
+    Column("volume_ml", "Their volume", units="mL", heading="volume, mL", form=".3f"),
+    Column("q_max", "Largest q among them", heading="worst q", form=".3f"),
+    Column("share", "Mean share of the label inside them, weighted by volume", heading="share inside", form=".3f"),
+    Column("without_value", "Tetrahedra where the volume has no value, which have that of the nearest voxel"),
+)
+
+
+def read_volumes(given: Mapping[str, str | Path | Volume]) -> dict[str, Volume]:
+    """The volumes of `NAME -> FILE` or `NAME -> FILE:KIND`; those that were read stay as they are.
+
+    Raises
+    ------
+    InputError : a name cannot be that of a field, or a file cannot be read (`formats.volumes.read_volume`)
+    """
+    for name in given:
+        if not re.fullmatch("[A-Za-z][A-Za-z0-9]*", name) or name.lower() in _TAKEN:
+            raise InputError(
+                f"{name!r} cannot be the name of a volume",
+                remedy=f"use letters and digits, a letter first, and none of {', '.join(_TAKEN)}",
+            )
+    return {name: one if isinstance(one, Volume) else read_named(str(one)) for name, one in given.items()}
+
+
+def to_scanner(points: FloatArray, frame: CoordinateFrame) -> FloatArray:
+    """Points (n, 3) of a surface in the space of volumes: the matrix of the frame leads there, mm."""
+    whole = np.reshape(frame.matrix, (4, 4))
+    return np.asarray(points @ whole[:3, :3].T + whole[:3, 3])
+
+
+def require_in_place(volumes: Mapping[str, Volume], surface: TriSurface) -> None:
+    """Raise InputError where a volume does not cover a closed surface, or its labels lie beside it.
+
+    Parameters
+    ----------
+    surface : in mm, in its frame
+    """
+    moved = replace(surface, points=to_scanner(surface.points, surface.frame), inner={})
+    for volume in volumes.values():
+        _require_cover(volume, moved.points)
+        if volume.kind == "labels":
+            _require_on(volume, moved)
+
+
+def with_volumes(
+    mesh: TetMesh,
+    volumes: Mapping[str, Volume],
+    *,
+    frame: CoordinateFrame | None = None,
+    shares: bool = False,
+) -> tuple[TetMesh, list[dict[str, Any]]]:
+    """The mesh with a cell field for each volume; and the rows of `TISSUE_COLUMNS`.
+
+    Labels are whole numbers: that of the largest share of the tetrahedron. Where less than a tenth of the mesh has no
+    label, 0 is what lies outside, and a tetrahedron has it only if it has no other. Numbers are means. Tensors are
+    log-Euclidean means (Arsigny et al., Magnetic Resonance in Medicine 56, 2006), (m, 6): xx, yy, zz, xy, yz, xz; the
+    direction of the first one's largest eigenvalue is the field `fibre`, (m, 3).
+
+    Parameters
+    ----------
+    frame : of the surface that the mesh was made of, which leads to the space of the volumes
+    shares : whether labels get a field `NAME_share_LABEL` each, from 0 to 1
+
+    Raises
+    ------
+    InputError : the mesh has a field of the name of a volume
+    """
+    points = to_scanner(mesh.points, frame or CoordinateFrame())
+    q, size = quality(mesh.points, mesh.cells), signed_volumes(mesh.points, mesh.cells)
+    fields: dict[str, NDArray[Any]] = {}
+    rows: list[dict[str, Any]] = []
+    for name, volume in volumes.items():
+        if name in mesh.point_data or name in mesh.cell_data:
+            what = f"the mesh has a field {name} already"
+            raise InputError(what, file=volume.file, remedy="name the volume otherwise")
+        about = {"volume": name, "kind": volume.kind}
+        if volume.kind == "labels":
+            found = labels_inside(points, mesh.cells, volume.values, volume.affine, shares=shares)
+            label, share = found.label, found.share
+            if np.average(found.zero, weights=size) < _OUTSIDE:
+                label, share = found.other, np.where(found.other_share > 0, found.other_share, found.zero)
+            fields[name] = label
+            rows += [about | row for row in _tissues(label, share, volume.names, size, q)]
+            if found.shares is not None:
+                fields |= {
+                    f"{name}_share_{key}": found.shares[:, at]
+                    for at, key in enumerate(found.keys.tolist())
+                    if found.shares[:, at].any()
+                }
+        else:
+            values = _logarithms(volume.values) if volume.kind == "tensors" else volume.values
+            means, without = means_inside(points, mesh.cells, values, volume.affine)
+            if volume.kind == "tensors":
+                means, first = _from_logarithms(means, frame or CoordinateFrame())
+                fields.setdefault(FIBRE, first)
+            fields[name] = means
+            whole = {"tetrahedra": len(q), "volume_ml": float(size.sum()) / 1000, "q_max": float(q.max())}
+            rows.append(about | whole | {"without_value": int(without.sum())})
+    return replace(mesh, cell_data={**mesh.cell_data, **fields}), rows
+
+
+def label_names(volumes: Mapping[str, Volume]) -> dict[str, dict[int, str]]:
+    """Names of the labels of each volume of labels, for `sets.named_sets`."""
+    return {name: volume.names for name, volume in volumes.items() if volume.kind == "labels"}
+
+
+def sources(files: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """What the sidecar of a mesh says of the files `NAME -> FILE` or `NAME -> FILE:KIND` of its volumes."""
+    return {name: {"file": file, "sha256": sha256(volume_file(file))} for name, file in files.items()}
+
+
+def _tissues(
+    label: IntArray, share: NDArray[Any], names: Mapping[int, str], size: FloatArray, q: FloatArray
+) -> Iterator[dict[str, Any]]:
+    """A row for each label that a mesh has."""
+    for key in np.unique(label).tolist():
+        mine = label == key
+        yield {
+            "label": key,
+            "name": names.get(key) or (None if key else "no label"),
+            "tetrahedra": int(mine.sum()),
+            "volume_ml": float(size[mine].sum()) / 1000,
+            "q_max": float(q[mine].max()),
+            "share": float(np.average(share[mine], weights=size[mine])),
+        }
+
+
+def _require_cover(volume: Volume, points: FloatArray) -> None:
+    """Raise InputError where a surface reaches further out of a volume than the width of a voxel."""
+    shape = np.array(volume.values.shape[:3])
+    widths = np.linalg.norm(volume.affine[:3, :3], axis=0)
+
+    def beyond(some: FloatArray) -> FloatArray:
+        where = in_voxels(volume.affine, some)
+        return np.asarray((np.maximum(np.maximum(-0.5 - where, where - shape + 0.5), 0) * widths).max(axis=1))
+
+    out = beyond(points)
+    if out.max() <= widths.max():
+        return
+    corners = np.array(np.meshgrid(*([-0.5, n - 0.5] for n in shape))).reshape(3, -1).T
+    corners = corners @ volume.affine[:3, :3].T + volume.affine[:3, 3]
+    reach = f"which reaches from {place_mm(corners.min(axis=0))} to {place_mm(corners.max(axis=0))}"
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    if beyond(centre[None])[0] > 0:
+        what = f"the surface's centre, {place_mm(centre)}, lies outside the volume, {reach}"
+    else:
+        share = f"{(out > 0).mean():.1%} of the surface's vertices lie outside the volume, by up to {out.max():.1f} mm"
+        what = f"{share}; it {reach.removeprefix('which ')}"
+    raise InputError(what, file=volume.file, remedy="give a volume of this brain, in the space of the surface")
+
+
+def _require_on(volume: Volume, surface: TriSurface) -> None:
+    """Raise InputError where labels lie beside the inside of a surface, but would cover it elsewhere."""
+    found = coverage(surface, volume.values != 0, volume.affine)
+    enough = max(found.here + _GAIN, _NEARLY * found.possible)
+    covers = f"its labels cover {found.here:.0%} of the surface's inside"
+    axis = int(found.flipped.argmax())
+    if found.flipped[axis] >= enough and found.flipped[axis] >= found.shifted - _GAIN:
+        what = f"{covers}, and {found.flipped[axis]:.0%} if its {('first', 'second', 'third')[axis]} axis were reversed"
+        raise InputError(what, file=volume.file, remedy="it seems to be flipped: export it again with its own affine")
+    if found.shifted >= enough and np.linalg.norm(found.shift) > volume.voxel:
+        what = f"{covers}, and {found.shifted:.0%} if they were moved by {place_mm(found.shift)}"
+        raise InputError(what, file=volume.file, remedy="it seems to be shifted: give it in the space of the surface")
+    if not found.here:
+        raise InputError(
+            "none of its labels lies inside the surface", file=volume.file, remedy="give a volume of this brain"
+        )
+
+
+def _logarithms(tensors: NDArray[Any]) -> NDArray[np.float64]:
+    """Matrix logarithms of tensors (i, j, k, 6); NaN where there is none, or no eigenvalue is above 0."""
+    flat = tensors.reshape(-1, 6)
+    result = np.full(flat.shape, np.nan)
+    held = np.flatnonzero(np.isfinite(flat).all(axis=1))
+    values, vectors = np.linalg.eigh(matrices(flat[held]))
+    positive = values[:, -1] > 0
+    held, values, vectors = held[positive], values[positive], vectors[positive]
+    logs = np.log(np.maximum(values, _LEAST_EIGENVALUE * values[:, -1:]))
+    result[held] = six(np.einsum("nij,nj,nkj->nik", vectors, logs, vectors))
+    return result.reshape(tensors.shape)
+
+
+def _from_logarithms(means: FloatArray, frame: CoordinateFrame) -> tuple[FloatArray, FloatArray]:
+    """Tensors (m, 6) of logarithms (m, 6), turned into the axes of the surface, and their first directions (m, 3)."""
+    linear = np.reshape(frame.matrix, (4, 4))[:3, :3]
+    left, _, right = np.linalg.svd(linear)
+    turn = (left @ right).T
+    values, vectors = np.linalg.eigh(matrices(means))
+    vectors = turn @ vectors
+    first = vectors[:, :, 2]
+    largest = np.take_along_axis(first, np.abs(first).argmax(axis=1)[:, None], axis=1)
+    return six(np.einsum("nij,nj,nkj->nik", vectors, np.exp(values), vectors)), first * np.sign(largest)

@@ -1,0 +1,54 @@
+"""A volume of a case: its labels are sets of the exported mesh, another volume reruns no mesh, a bad one is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cortet.formats import abaqus, vtu
+from cortet.formats.tsv import read_tsv
+from cortet.formats.volumes import write_volume
+from tests.integration.study import Study, surface
+
+
+def test_a_volume_of_a_case(tmp_path: Path) -> None:
+    study = Study(tmp_path)
+    study.config["export"] = {"formats": ["abaqus"]}
+    given = surface(1)
+    middle = given.points.mean(axis=0)
+    affine = np.eye(4)
+    affine[:3, 3] = np.floor(given.points.min(axis=0)) - 2
+    shape = np.ceil(given.points.max(axis=0) - affine[:3, 3]).astype(int) + 3
+    front = np.indices(shape)[1] + affine[1, 3] > middle[1]
+    file = tmp_path / "surfaces/b_dseg.nii.gz"
+    study.add_case(study.case("a"), surface(0))
+    study.add_case(replace(study.case("b"), volumes={"tissue": str(file)}), given)
+    write_volume(np.where(front, 2, 1).astype(np.int16), affine, file)
+    file.with_name("b_dseg.tsv").write_text("index\tname\n1\tback\n2\tfront\n")
+    assert ("volumes", "sub-b") in (ran := study.jobs_of_run()) and ("volumes", "sub-a") not in ran
+
+    made = abaqus.read(study.files("sub-b*Solver_tetmesh.inp")[0])
+    label = vtu.read(study.files("sub-b*Solver_volumes.vtu")[0]).cell_data["tissue"]
+    np.testing.assert_array_equal(made.sets.cells["tissue_front"], np.flatnonzero(label == 2))
+    centre = made.points[made.cells].mean(axis=1)
+    clear = np.abs(centre[:, 1] - middle[1]) > 2
+    np.testing.assert_array_equal((label == 2)[clear], (centre[:, 1] > middle[1])[clear])
+    table = read_tsv(study.files("sub-b*Solver_volumes.tsv")[0])
+    assert table["name"].tolist() == ["back", "front"]
+    assert "In the volume" in study.files("sub-b*Solver_report.html")[0].read_text()
+    assert "In the volume" not in study.files("sub-a*Solver_report.html")[0].read_text()
+    assert study.files("sub-b*Solver_slices.png")
+
+    file.with_name("b_dseg.tsv").write_text("index\tname\n1\tback\n2\tfrontal\n")
+    again = {rule for rule, case in study.jobs_of_run() if case == "sub-b"}
+    assert again == {"volumes", "export", "case_page"}
+    assert "tissue_frontal" in abaqus.read(study.files("sub-b*Solver_tetmesh.inp")[0]).sets.cells
+
+    write_volume(np.where(front, 2, 1).astype(np.int16), affine + 100 * np.eye(4, k=3), file)
+    study.jobs_of_run(succeeds=False)
+    row = study.status()["sub-b_hemi-L"]
+    assert row["state"] == "failed" and "lies outside the volume" in row["reason"]
+    assert study.status()["sub-a_hemi-L"]["state"] == "certified"
+    assert study.files("sub-b*Solver_report.html")  # the mesh is certified, and has its page
