@@ -33,8 +33,6 @@ from cortet.optimise.swaps import NO_SWAPS, SwapCount, improve, live_cells, swap
 from cortet.optimise.vertices import KEPT, Pass, interface_places, move_vertices, mu2_of
 from cortet.sections import Boundary
 
-#: q above which a vertex may be inserted
-_INSERT_ABOVE = 0.335
 _ROUNDS = 4
 #: a round with fewer swaps per tetrahedron than this is the last one
 _FEW = 2e-4
@@ -47,8 +45,9 @@ _LAST_ROUNDS = 4
 _SWEEPS, _LAST_MEAN_SWEEPS = 12, 4
 #: the search around what is left, in series: by how much an insertion may make a pocket worse at first, and rounds
 _GAINS = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
-#: the search looks at so many tetrahedra, the worst ones: with more, pockets join and cost as much as the mesh
-_MOST_SOUGHT = 40
+#: the search looks at so many tetrahedra, the worst ones: with more, pockets join, and one that is too large is given
+#: up. So it looks again, at the worst of what is left, at most so many times
+_MOST_SOUGHT, _SEARCHED_AGAIN = 200, 3
 #: a pocket with more bad tetrahedra than this is given up for the series
 _MOST_HOPE = 100
 #: two series of powers; neither wins everywhere: at 64, the good tetrahedra of a tight pocket hold the worst back
@@ -89,9 +88,8 @@ def reconnected(
     def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, list[SwapCount]]:
         return _improved(start, tree, threshold, boundary, held)
 
-    above = max(threshold, _INSERT_ABOVE)
     if insert:
-        start, inserted, swaps = _with_insertions(mesh, tree, above)
+        start, inserted, swaps = _with_insertions(mesh, tree, threshold)
     else:
         # this leaves little to do for the rounds that move the boundary, and what they do can be undone locally
         inside = np.ones(len(mesh.points), np.bool_)
@@ -100,13 +98,23 @@ def reconnected(
     followed = surface if boundary == "slide" else None
     result, counts, held = without_crossing(start, optimise, followed, cell_size=cell_size)
     if insert:
-        result, more, last = _mended_inside(result, tree, above)
-        result, found = searched(result, flaws_since(result, followed, cell_size), surface, above, boundary)
-        inserted, swaps = inserted + more + found, swaps + last
+        result, more, last = _mended_inside(result, tree, threshold)
+        inserted, swaps = inserted + more, swaps + last
+        for _ in range(_SEARCHED_AGAIN):
+            left = _above(result, threshold)
+            result, found = searched(result, flaws_since(result, followed, cell_size), surface, threshold, boundary)
+            inserted += found
+            if _above(result, threshold) in (0, left):
+                break
     total = [sum(values) for values in zip(*counts, *swaps, strict=True)]
     attempts, edges, faces, flips, peeled = map(int, total[:-1])
     count = SwapCount(attempts, edges, faces, flips, peeled, float(total[-1]))
     return Reconnected(result, inserted, count, held)
+
+
+def _above(mesh: TetMesh, threshold: float) -> int:
+    """Number of tetrahedra with q above the threshold."""
+    return int(np.count_nonzero(quality(mesh.points, mesh.cells) > threshold))
 
 
 def _with_insertions(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[TetMesh, int, list[SwapCount]]:
