@@ -50,7 +50,7 @@ def main() -> None:
     print(*COLUMNS, sep="\t")
     for file in args.surfaces:
         for threshold in args.thresholds:
-            print_row(in_own_process(measure, file, args.cell_size, threshold), COLUMNS)
+            print_row(COLUMNS, in_own_process(measure, file, args.cell_size, threshold))
 
 
 if __name__ == "__main__":
