@@ -174,6 +174,7 @@ def label_names(path: str | Path) -> dict[int, str]:
 def _loaded(path: str | Path) -> tuple[NDArray[Any], FloatArray, str]:
     """Values (i, j, k) or (i, j, k, 6), affine, and the order of tensors if the header states it."""
     import nibabel
+    import nibabel.freesurfer.mghformat
 
     if not str(path).endswith(_ENDINGS):
         raise InputError("is no volume", file=path, remedy=f"give a file that ends in {', '.join(_ENDINGS)}")
@@ -194,7 +195,13 @@ def _loaded(path: str | Path) -> tuple[NDArray[Any], FloatArray, str]:
         raise
     except (OSError, EOFError, ValueError, TypeError, KeyError, ArithmeticError, AttributeError, zlib.error) as error:
         raise InputError(f"cannot be read as a volume: {error}", file=path, remedy="export it again") from None
-    except nibabel.filebasedimages.ImageFileError as error:
+    except (
+        nibabel.filebasedimages.ImageFileError,
+        nibabel.spatialimages.HeaderDataError,
+        nibabel.spatialimages.ImageDataError,
+        nibabel.wrapstruct.WrapStructError,
+        nibabel.freesurfer.mghformat.MGHError,
+    ) as error:
         raise InputError(f"cannot be read as a volume: {error}", file=path, remedy="export it again") from None
     if values.dtype.kind not in "iuf":
         raise InputError(f"holds values of type {values.dtype}", file=path, remedy="export it as numbers")

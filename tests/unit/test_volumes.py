@@ -147,6 +147,10 @@ BAD: dict[str, tuple[Callable[[Path, NDArray[np.int16]], Path], str]] = {
         lambda path, labels: _damaged(written(path, labels), lambda raw: raw[: len(raw) // 2]),
         "cannot be read as a volume",
     ),
+    "no type": (
+        lambda path, labels: _damaged(written(path, labels), lambda raw: raw[:70] + b"\x0f\x04" + raw[72:]),
+        "cannot be read as a volume: data code 1039 not recognized",
+    ),
     "no place": (lambda path, labels: _without_place(written(path, labels)), "does not say where its voxels are"),
     "a text": (lambda path, labels: _damaged(path, lambda _: b"index\tname\n"), "cannot be read as a volume"),
 }
