@@ -1,6 +1,6 @@
 """What a lower threshold of S4+ costs: worst q, what is left above 0.3, and CPU seconds of the default line.
 
-    python benchmarks/threshold.py SURFACE... [--cell-size 0.6] [--thresholds 0.335 0.3 0.28]
+python benchmarks/threshold.py SURFACE... [--cell-size 0.6] [--thresholds 0.335 0.3 0.28]
 """
 
 from __future__ import annotations

@@ -74,7 +74,7 @@ def scan_command(args: argparse.Namespace) -> int:
     """Write the cohort sheet of a data release."""
     from cortet.cohort.scan import scan
     from cortet.cohort.sheet import add_to_sheet, ageless_notice, read_header, write_sheet
-    from cortet.config import load
+    from cortet.config import Scan, load
 
     if not args.folder.is_dir():
         raise InputError("no such folder", file=args.folder, remedy="name the root of the data release")
@@ -87,7 +87,8 @@ def scan_command(args: argparse.Namespace) -> int:
         )
     if exists:
         read_header(args.output)  # no other table is replaced, whatever is forced
-    cases = scan(args.folder, load(args.config).cohort.scan if args.config else None, print)
+    patterns = load(args.config).cohort.scan if args.config else Scan()
+    cases = scan(args.folder, patterns.model_copy(update={"pial": True}) if args.pial else patterns, print)
     if exists and args.update:
         found, cases = len(cases), add_to_sheet(cases, args.output)
         print(f"{args.output}: {found} surfaces, {len(cases)} of them new and added")
@@ -105,6 +106,9 @@ def run_command(args: argparse.Namespace) -> int:
     from cortet.cohort.sheet import ageless_notice
 
     settings, selection = settings_of(args), app.Selection(args.participants, args.sessions, args.hemi)
+    if args.pial:
+        cohort = settings.get("cohort") or {}
+        settings = {**settings, "cohort": {**cohort, "scan": {**(cohort.get("scan") or {}), "pial": True}}}
     cases = app.find(args.bids_dir, selection, settings, print)
     print(f"{len(cases)} surfaces of {args.bids_dir}", flush=True)
     for notice in ageless_notice(cases):

@@ -24,11 +24,13 @@ def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], obj
     """
     patterns = patterns or Scan()
     found: dict[tuple[str, str | None, str | None], Path] = {}
+    folders: dict[str, str] = {}
     for pattern in patterns.surfaces:
         for path, values in _matches(directory, pattern):
             hemi = values.get("hemi")
             if hemi is None or hemi.lower() in HEMISPHERES:
-                key = (values["participant"], values.get("session"), hemi and HEMISPHERES[hemi.lower()])
+                participant = _label(values["participant"], folders, directory, say)
+                key = (participant, values.get("session"), hemi and HEMISPHERES[hemi.lower()])
                 found.setdefault(key, path)
     if not found:
         raise InputError(
@@ -45,10 +47,13 @@ def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], obj
     cases = []
     for (participant, session, hemi), path in sorted(found.items(), key=lambda item: [part or "" for part in item[0]]):
         surface, inner = _around(path) if patterns.pial else (path, {})
-        sphere = _sphere_of(path, patterns.spheres)
+        sphere = _beside(path, patterns.spheres)
+        fields = {name: file for name, ends in patterns.fields.items() if (file := _beside(path, ends))}
         volumes = _volumes_of(directory, {"participant": participant, "session": session, "hemi": hemi}, patterns)
         age = ages.get((participant, session))
-        cases.append(Case(participant, session, hemi, age, surface, inner=inner, sphere=sphere, volumes=volumes))
+        cases.append(
+            Case(participant, session, hemi, age, surface, inner=inner, sphere=sphere, fields=fields, volumes=volumes)
+        )
     return cases
 
 
@@ -58,8 +63,22 @@ def _age_tables(directory: Path, participant: str, session: str | None, patterns
     return [(name, directory / filled_in(name, labels)) for name in (patterns.sessions, patterns.participants)]
 
 
-def _sphere_of(path: Path, endings: Sequence[str]) -> Path | None:
-    """The sphere beside a surface: the first that exists, by these ends of names."""
+def _label(name: str, folders: dict[str, str], directory: Path, say: Callable[[str], object]) -> str:
+    """A participant's label, letters and digits alone as BIDS wants it; `folders` holds label -> name of the folder."""
+    label = re.sub("[^A-Za-z0-9]", "", name)
+    if folders.setdefault(label, name) != name:
+        raise InputError(
+            f"{folders[label]} and {name} would both be sub-{label}",
+            file=directory,
+            remedy="rename one: labels of BIDS have letters and digits alone",
+        )
+    if label != name:
+        say(f"{name} is called sub-{label}")
+    return label
+
+
+def _beside(path: Path, endings: Sequence[str]) -> Path | None:
+    """The file beside a surface, such as its sphere: the first that exists, by these ends of names."""
     begin = re.sub(r"[A-Za-z]+(\.surf\.gii)?$", "", path.name)
     for ending in endings:
         if found := sorted(path.parent.glob(glob.escape(begin) + ending)):
@@ -81,7 +100,7 @@ def _volumes_of(directory: Path, labels: dict[str, str | None], patterns: Scan) 
 
 def _around(path: Path) -> tuple[Path, dict[str, Path]]:
     """The pial surface beside a white surface, with the white one as inner surface; else the white surface alone."""
-    pial = path.with_name(re.sub(r"(wm|white)(\.surf\.gii)$", r"pial\2", path.name))
+    pial = path.with_name(re.sub(r"(wm|white)(\.surf\.gii)?$", r"pial\2", path.name))
     return (pial, {WHITE: path}) if pial != path and pial.is_file() else (path, {})
 
 
@@ -95,7 +114,9 @@ def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, st
     parts = re.split(r"\{(participant|session|hemi)\}", pattern)
     expression, seen = "", set[str]()
     for text, name in zip(parts[::2], [*parts[1::2], ""], strict=True):
-        label = f"(?P={name})" if name in seen else f"(?P<{name}>[A-Za-z0-9]+)"
+        anyhow = name == "participant" and pattern.startswith("{participant}/")
+        form = r"(?!sub-|fsaverage)[A-Za-z0-9][A-Za-z0-9_.-]*" if anyhow else "[A-Za-z0-9]+"
+        label = f"(?P={name})" if name in seen else f"(?P<{name}>{form})"
         expression += re.escape(text) + (label if name else "")
         seen.add(name)
     for path in sorted(directory.glob("*".join(parts[::2]))):

@@ -34,10 +34,15 @@ class Scan(Section):
         "sub-{participant}/anat/sub-{participant}_hemi-{hemi}_wm.surf.gii",
         "sub-{participant}/anat/sub-{participant}_hemi-{hemi}_white.surf.gii",
         "sub-{participant}/surf/{hemi}.white",
+        "{participant}/surf/{hemi}.white",
     ]
-    """Where surfaces lie below the release's folder; the first pattern that finds a case wins."""
+    """Where surfaces lie below the release's folder; the first pattern that finds a case wins. A pattern that begins
+    with {participant}/ takes folders of any name, as FreeSurfer's, but sub-... and fsaverage."""
     pial: bool = False
     """true: a pial surface beside a white one becomes the surface, and the white one its inner surface."""
+    fields: dict[str, list[str]] = {}
+    """Fields beside a surface, by name: what stands in their file names in the place of `white.surf.gii`, of
+    FreeSurfer's of `white`; the first that exists wins, e.g. {thickness: [thickness], parcel: [aparc.annot]}."""
     spheres: list[str] = ["sphere.reg*.surf.gii", "desc-reg_sphere.surf.gii", "sphere.surf.gii", "sphere.reg"]
     """Spheres beside a surface, through which it is resampled (section resample): what stands in their names in the
     place of `white.surf.gii`, of FreeSurfer's of `white`; the first that exists wins. []: none."""

@@ -261,6 +261,40 @@ def test_scan_of_a_folder_without_surfaces_says_what_it_looked_for(tmp_path: Pat
         scan(tmp_path)
 
 
+def freesurfer(folder: Path, *names: str) -> Path:
+    """Subjects of FreeSurfer, with the files that a scan looks for."""
+    for name in names:
+        surf = folder / name / "surf"
+        surf.mkdir(parents=True)
+        for file in ("lh.white", "lh.pial", "lh.sphere.reg", "lh.thickness", "rh.white"):
+            (surf / file).touch()
+    return folder
+
+
+def test_scan_takes_freesurfer_subjects_of_any_name_but_the_template(tmp_path: Path) -> None:
+    folder = freesurfer(tmp_path, "subj_01", "bert.long", "fsaverage")
+    said: list[str] = []
+    cases = scan(folder, say=said.append)
+    assert [case.name for case in cases] == [
+        f"sub-{who}_hemi-{hemi}" for who in ("bertlong", "subj01") for hemi in "LR"
+    ]
+    assert "subj_01 is called sub-subj01" in said
+
+
+def test_scan_refuses_subjects_whose_labels_are_alike(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"a_1 and a-1 would both be sub-a1|a-1 and a_1 would both be sub-a1"):
+        scan(freesurfer(tmp_path, "a_1", "a-1"))
+
+
+def test_scan_finds_pial_surfaces_and_fields_of_freesurfer_where_asked(tmp_path: Path) -> None:
+    folder = freesurfer(tmp_path, "bert")
+    left, right = scan(folder, Scan(pial=True, fields={"thickness": ["thickness.shape.gii", "thickness"]}))
+    surf = folder / "bert/surf"
+    assert (left.surface, left.inner) == (surf / "lh.pial", {"white": surf / "lh.white"})
+    assert left.fields == {"thickness": surf / "lh.thickness"} and right.fields == {}
+    assert right.surface == surf / "rh.white"
+
+
 def test_cases_are_chosen_by_name_by_number_over_the_ages_or_all() -> None:
     cases = [Case(str(age), None, "L", age, "phantom") for age in (30, 22, 36, 26, 34)]
     assert chosen(cases, "all") == cases
