@@ -155,7 +155,7 @@ rule cohort_page:
     params:
         meshes=lambda _: PLAN.listed_on_page(),
         hemispheres=lambda _: PLAN.mapped_hemispheres(),
-        dataset=Path(RAW).resolve().name,
+        dataset=CONFIG.cohort.dataset.resolve().name if CONFIG.cohort.dataset else "",
         folds=lambda _: [
             {**run, "folder": beside(Path(verdict).parent, LAYOUT.cohort_page)}
             for verdict, run in PLAN.fold_runs().items()

@@ -197,7 +197,8 @@ def test_an_uncertified_mesh_is_measured_but_not_exported(study: Study) -> None:
     assert "worst q" in study.status()["sub-a_hemi-L"]["reason"]
     assert not study.files("*.mesh")
     study.config["export"] = {"uncertified": True}
-    assert study.jobs_of_run() == jobs({"export"}, "a", "b") | {("cohort_status", "-"), ("cohort_page", "-")}
+    pages = {("cohort_status", "-"), ("cohort_page", "-")}
+    assert study.jobs_of_run() == jobs({"export", "case_page"}, "a", "b") | pages, "a page links what is exported"
     assert len(study.files("*.mesh")) == 2
 
 
