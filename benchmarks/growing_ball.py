@@ -24,6 +24,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from cortet.geometry.nesting import nested
+from cortet.geometry.quadratic import QuadraticMesh
 from cortet.geometry.topology import boundary_faces
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
@@ -45,11 +46,15 @@ _DAMPING = 5.0
 _STEPS, _REST = 500, 1e-9
 
 
+def surfaces() -> TriSurface:
+    """The outside of the ball, with the interface inside it."""
+    outer, inner = (trimesh.creation.icosphere(subdivisions=4, radius=radius) for radius in (OUTER, INNER))
+    return nested(TriSurface(outer.vertices, outer.faces), {"white": TriSurface(inner.vertices, inner.faces)})
+
+
 def ball(cell_size: float) -> TetMesh:
     """The mesh, with its sets."""
-    outer, inner = (trimesh.creation.icosphere(subdivisions=4, radius=radius) for radius in (OUTER, INNER))
-    pair = nested(TriSurface(outer.vertices, outer.faces), {"white": TriSurface(inner.vertices, inner.faces)})
-    mesh, _ = surface_nodes_first(generate(pair, cell_size=cell_size)[0])
+    mesh, _ = surface_nodes_first(generate(surfaces(), cell_size=cell_size)[0])
     return named_sets(mesh, inner=["white"])
 
 
@@ -77,13 +82,14 @@ def exact(growth: float, material: Material) -> tuple[float, float]:
     return float(at_outer @ [*shell, 1]), float(a * INNER)
 
 
-def by_calculix(mesh: TetMesh, growth: float) -> FloatArray:
-    """Displacements of all nodes: (n, 3) mm."""
+def by_calculix(mesh: TetMesh, growth: float, curved: QuadraticMesh | None = None) -> FloatArray:
+    """Displacements of all corners: (n, 3) mm; with elements of ten nodes if they are given."""
     with tempfile.TemporaryDirectory() as folder:
-        write_job(mesh, Path(folder), growth=growth)
+        write_job(mesh, Path(folder), growth=growth, curved=curved)
         subprocess.run(["ccx", "job"], cwd=folder, capture_output=True, check=True)
         rows = [line.split() for line in Path(folder, "job.dat").read_text().splitlines()]
-    return np.array([row[1:] for row in rows if len(row) == 4 and row[0].isdecimal()][-len(mesh.points) :], float)
+    found = [row[1:] for row in rows if len(row) == 4 and row[0].isdecimal()]
+    return np.array(found[-len((curved or mesh).points) :][: len(mesh.points)], float)
 
 
 def by_dolfinx(mesh: TetMesh, growth: float, python: Sequence[str] = DOLFINX) -> FloatArray:

@@ -25,7 +25,7 @@ rule generate:
 
 
 rule transfer:
-    """S2: carry the fields of the surface to the nodes; write the mesh for openCARP and meshtool."""
+    """S2: carry the fields of the surface to the nodes; on request write the mesh for openCARP and meshtool."""
     input:
         mesh=PLAN.mesh_before("transfer"),
         surface=PLAN.meshed_surface,
@@ -35,7 +35,11 @@ rule transfer:
         mesh=intermediate(LAYOUT.mesh("Transferred")),
         report=LAYOUT.mesh("Transferred", "tetmesh.json"),
         quality=LAYOUT.mesh("Transferred", "quality.json"),
-        carp=intermediate(multiext(LAYOUT.mesh("Transferred", "tetmesh"), ".pts", ".elem", ".lon")),
+        carp=(
+            intermediate(multiext(LAYOUT.mesh("Transferred", "tetmesh"), ".pts", ".elem", ".lon"))
+            if CONFIG.write_carp
+            else []
+        ),
     params:
         **recorded("transfer"),
         arguments=partial(PLAN.arguments, "transfer"),

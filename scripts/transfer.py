@@ -1,4 +1,4 @@
-"""S2: carry the fields of the surface to the nodes of one mesh; write the mesh for openCARP too."""
+"""S2: carry the fields of the surface to the nodes of one mesh; on request write the mesh for openCARP too."""
 
 from dataclasses import asdict, replace
 
@@ -14,6 +14,7 @@ from cortet.stages.transfer import transfer
 surface = gifti.read_nested(job.input.surface, job.input.inner, job.input.get("fields"))
 mesh, report = transfer(vtu.read(job.input.mesh), surface, **job.arguments)
 vtu.write(mesh, job.output.mesh)
-carp.write(replace(mesh, point_data={}), job.output.carp[0])
+if job.output.carp:
+    carp.write(replace(mesh, point_data={}), job.output.carp[0])
 write_json(job.record(asdict(report)), job.output.report)
 write_json(job.record(asdict(summarise(mesh))), job.output.quality)

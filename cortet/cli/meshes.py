@@ -174,12 +174,21 @@ def job_command(args: argparse.Namespace) -> int:
     """Write a job for a solver."""
     from importlib import import_module
 
+    from cortet.geometry.quadratic import quadratic
+
     module, run = {
         "calculix": ("calculix", "ccx job"),
         "febio": ("febio_job", "febio4 -i job.feb"),
         "fenics": ("fenics_job", "python3 job.py"),
     }[args.solver]
-    import_module(f"cortet.solver_files.{module}").write_job(read_mesh(args.mesh), args.output, growth=args.growth)
+    mesh, more = read_mesh(args.mesh), {}
+    if args.surface is not None:
+        if args.solver != "calculix":
+            raise InputError(
+                f"--ten-nodes is not for {args.solver}", remedy="use it with --solver calculix, or leave it"
+            )
+        more["curved"] = quadratic(mesh, _filled_surface(args.mesh, args))
+    import_module(f"cortet.solver_files.{module}").write_job(mesh, args.output, growth=args.growth, **more)
     print(f"{args.output}: written; run `{run}` in it")
     return 0
 

@@ -251,7 +251,14 @@ def parser() -> argparse.ArgumentParser:
     job.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
     job.add_argument("--solver", choices=["calculix", "febio", "fenics"], default="calculix", help="default: calculix")
     job.add_argument("--growth", type=Number(0, 1), default=0.05, metavar="G", help="along the cortex (default: 0.05)")
-    job.set_defaults(run=job_command)
+    job.add_argument(
+        "--ten-nodes",
+        type=Path,
+        metavar="SURFACE",
+        dest="surface",
+        help="elements of ten nodes that follow this surface, from which the mesh was made (CalculiX only)",
+    )
+    job.set_defaults(run=job_command, inner=[])
 
     picture = commands.add_parser("picture", parents=[writes], help="draw a mesh cut open, coloured by q")
     picture.add_argument("mesh", type=Path, metavar="MESH")

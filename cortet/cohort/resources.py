@@ -43,9 +43,9 @@ COSTS = {stage.name: stage.cost for stage in STAGES.values()} | {
 #: largest volume of one human hemisphere at any age, mL
 LARGEST_HEMISPHERE_ML = 700.0
 
-#: bytes per tetrahedron of the files of one mesh: for ParaView, BrainGrowth and the browser; and what only later stages
-#: read, the last of it for CARP
-FINAL_BYTES, INTERMEDIATE_BYTES = 9.0 + 37.0 + 1.5, 4 * 9.0 + 48.0
+#: bytes per tetrahedron of the files of one mesh: for ParaView, BrainGrowth and the browser; and the meshes that only
+#: later stages read
+FINAL_BYTES, INTERMEDIATE_BYTES = 9.0 + 37.0 + 1.5, 4 * 9.0
 
 
 def expected_volume_ml(gestational_age: float | None, *, whole: bool = False) -> float:

@@ -41,9 +41,12 @@ class _BeforeTheLine(Section):
     output: Path = Path("derivatives/cortet")
     """Folder of everything that is made (BIDS derivative)."""
     keep_intermediates: bool = True
-    """false deletes the mesh of every stage but the last as soon as nothing needs it any more, CARP files of S2
-    included: a third of the disk, but a changed parameter of any stage runs the line from S1 on.
-    `snakemake --delete-temp-output` deletes those of earlier runs."""
+    """false deletes the mesh of every stage but the last as soon as nothing needs it any more. That saves 40 % of the
+    disk, but a changed parameter of any stage runs the line from S1 on. `snakemake --delete-temp-output` deletes those
+    of earlier runs."""
+    write_carp: bool = False
+    """true also writes the mesh of S2 as CARP files (.pts, .elem, .lon; um), as the published chain does. For those of
+    the final mesh: `export.formats: [carp]`."""
     time_limit: Positive | None = 1440.0
     """Minutes a job may take before it is ended and its case has failed; null: no limit."""
     cohort: Cohort = Cohort()

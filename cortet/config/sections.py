@@ -105,8 +105,8 @@ class Export(Section):
 
     formats: list[Solver] = ["braingrowth"]
     """Formats to write: braingrowth (.mesh), abaqus (.inp, CalculiX reads it too), febio (.feb), fenics (.xdmf), gmsh
-    (.msh), gmsh_v2 (.v2.msh, version 2.2), vtu, carp (.pts), carp_binary (.bpts); and of the boundary stl and gifti
-    (.surf.gii)."""
+    (.msh), gmsh_v2 (.v2.msh, version 2.2), nastran (.bdf), vtu, vtk (legacy), carp (.pts), carp_binary (.bpts); and of
+    the boundary stl and gifti (.surf.gii)."""
     uncertified: bool = False
     """true also exports meshes that are not certified."""
     carp_unit: Literal["mm", "um"] = "um"

@@ -63,12 +63,14 @@ FORMATS: dict[str, Format] = {
     form.name: form
     for form in (
         Format("vtu", ".vtu", "vtu"),
+        Format("vtk", ".vtk", "vtk"),
         Format("braingrowth", ".mesh", "braingrowth"),
         Format("abaqus", ".inp", "abaqus"),
         Format("febio", ".feb", "febio"),
         Format("fenics", ".xdmf", "fenics"),
         Format("gmsh_v2", ".v2.msh", "msh", "_v2"),
         Format("gmsh", ".msh", "msh"),
+        Format("nastran", ".bdf", "nastran"),
         Format("carp", ".pts", "carp", has_unit=True),
         Format("carp_binary", ".bpts", "carp", "_binary", has_unit=True),
         Format("stl", ".stl", "stl", is_surface=True),

@@ -1,9 +1,7 @@
 """VTU (VTK XML unstructured grid): the interchange file between stages.
 
 Binary, zlib-compressed, float64: every array comes back bit for bit, fields included, and ParaView opens the file at
-every stage. Sets of nodes and tetrahedra are arrays of 0 and 1, and `region` is 1 in the core and 2 in the cortex. A
-VTU file has no faces. So a set of boundary faces is an array with one value per tetrahedron; its bit k says that the
-face opposite corner k belongs to the set.
+every stage. A VTU file has no sets: they are arrays (`set_arrays`).
 
 Files are written in VTK's default form: raw data behind the XML. They are read in every form that VTK writes (text,
 base64 or raw, in place or appended, with zlib or not; https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html),
@@ -26,14 +24,12 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
-from cortet.formats.surface_sets import faces_of_sides, members, region_tags, sides
-from cortet.formats.untrusted import LARGEST, content, inflated, naming, numbers, sound, xml_root
-from cortet.meshes import IntArray, MeshSets, TetMesh
+from cortet.formats.set_arrays import with_sets, without_sets
+from cortet.formats.untrusted import LARGEST, content, inflated, naming, numbers, xml_root
+from cortet.meshes import TetMesh
 
 #: bytes that are compressed at a time
 _BLOCK = 1 << 20
-#: beginnings of the names of arrays that hold a set
-_NODE_SET, _FACE_SET, _CELL_SET = "node_set_", "face_set_", "cell_set_"
 
 _TYPES = {
     name: np.dtype(name.lower())
@@ -130,12 +126,7 @@ def _joined(pieces: list[TetMesh], path: str | Path) -> TetMesh:
             raise ValueError(f"its pieces have different fields ({kind})")
     point_data = {name: np.concatenate([piece.point_data[name] for piece in pieces]) for name in pieces[0].point_data}
     cell_data = {name: np.concatenate([piece.cell_data[name] for piece in pieces]) for name in pieces[0].cell_data}
-    sets = MeshSets(
-        _indices(_taken(point_data, _NODE_SET)),
-        {name: _faces(cells, bits) for name, bits in _taken(cell_data, _FACE_SET).items()},
-        _indices(_taken(cell_data, _CELL_SET)),
-    )
-    return sound(path, points, cells, point_data, cell_data, sets)
+    return without_sets(path, points, cells, point_data, cell_data)
 
 
 def _values(array: ElementTree.Element, rows: int, file: _File) -> NDArray[Any]:
@@ -212,10 +203,7 @@ def _bytes(data: bytes, size: int, raw: bool) -> bytes:
 
 def write(mesh: TetMesh, path: str | Path) -> None:
     """Write `mesh` losslessly; the file appears under `path` only when complete."""
-    node_sets = {f"{_NODE_SET}{name}": members(len(mesh.points), nodes) for name, nodes in mesh.sets.nodes.items()}
-    cell_sets = {f"{_CELL_SET}{name}": members(len(mesh.cells), cells) for name, cells in mesh.sets.cells.items()}
-    regions = {"region": region_tags(mesh)} if mesh.sets.cells else {}
-    face_sets = {f"{_FACE_SET}{name}": _bits(mesh, faces) for name, faces in mesh.sets.faces.items()}
+    of_nodes, of_cells = with_sets(mesh)
     count = len(mesh.cells)
     sections: dict[str, dict[str, NDArray[Any]]] = {
         "Points": {"Points": mesh.points},
@@ -224,8 +212,8 @@ def write(mesh: TetMesh, path: str | Path) -> None:
             "offsets": 4 * np.arange(1, count + 1, dtype=np.int32),
             "types": np.full(count, _TETRAHEDRON, np.uint8),
         },
-        "PointData": {**mesh.point_data, **node_sets},
-        "CellData": {**mesh.cell_data, **regions, **face_sets, **cell_sets},
+        "PointData": of_nodes,
+        "CellData": of_cells,
     }
     heads, stored, offset = [], [], 0
     for section, arrays in sections.items():
@@ -255,38 +243,6 @@ def _stored(values: NDArray[Any]) -> bytes:
     blocks = [zlib.compress(raw[at : at + _BLOCK], 1) for at in range(0, len(raw), _BLOCK)]
     header = [len(blocks), _BLOCK, len(raw) % _BLOCK, *map(len, blocks)]
     return np.array(header, "<u4").tobytes() + b"".join(blocks)
-
-
-def _taken(fields: dict[str, NDArray[Any]], prefix: str) -> dict[str, NDArray[Any]]:
-    """The arrays whose name begins with `prefix`, by the rest of their names; they are removed from `fields`."""
-    names = [name for name in fields if name.startswith(prefix)]
-    return {name.removeprefix(prefix): fields.pop(name) for name in names}
-
-
-def _indices(flags: dict[str, NDArray[Any]]) -> dict[str, IntArray]:
-    """Sets by name, from arrays of 0 and 1."""
-    return {name: np.flatnonzero(values).astype(np.int32) for name, values in flags.items()}
-
-
-def _bits(mesh: TetMesh, faces: IntArray) -> NDArray[np.uint8]:
-    """A set of boundary faces as bits of their tetrahedra: (m,)."""
-    bits = np.zeros(len(mesh.cells), np.uint8)
-    owners, opposite = sides(mesh, faces)
-    np.bitwise_or.at(bits, owners, np.left_shift(1, opposite).astype(np.uint8))
-    return bits
-
-
-def _faces(cells: IntArray, bits: NDArray[Any]) -> IntArray:
-    """The faces that the bits of tetrahedra mark: (k, 3), outward, in the order of their tetrahedra."""
-    if (
-        bits.ndim != 1
-        or not np.issubdtype(bits.dtype, np.integer)
-        or bits.min(initial=0) < 0
-        or bits.max(initial=0) > 15
-    ):
-        raise ValueError("a set of faces is not given by four bits of each tetrahedron")
-    owners, opposite = np.nonzero(bits[:, None] >> np.arange(4) & 1)
-    return faces_of_sides(cells, owners.astype(np.int32), opposite.astype(np.int32))
 
 
 def as_read(path: Path) -> AsRead:

@@ -17,14 +17,23 @@ import numpy as np
 from cortet.formats import abaqus
 from cortet.formats.atomic import atomic_path
 from cortet.formats.text import write_rows
+from cortet.geometry.quadratic import QuadraticMesh
 from cortet.meshes import TetMesh
 from cortet.simulation.body import Material
 from cortet.solver_files.growing_cortex import along, growing, supports, young_and_poisson
+from cortet.solver_files.ten_nodes import node_sets
 
 MESH, JOB, README = "mesh.inp", "job.inp", "README.txt"
 
 
-def write_job(mesh: TetMesh, folder: Path, *, growth: float, material: Material | None = None) -> None:
+def write_job(
+    mesh: TetMesh,
+    folder: Path,
+    *,
+    growth: float,
+    material: Material | None = None,
+    curved: QuadraticMesh | None = None,
+) -> None:
     """Write a folder that `ccx job` runs in.
 
     Parameters
@@ -33,6 +42,7 @@ def write_job(mesh: TetMesh, folder: Path, *, growth: float, material: Material 
     folder : made if it is missing; its files `mesh.inp`, `job.inp` and `README.txt` are replaced
     growth : relative growth along the cortex at the end, above 0 and small: 0.05 is 5 %
     material : shear and bulk moduli, in units of the cortex's shear modulus; None takes those of the folding model
+    curved : `geometry.quadratic.quadratic` of the mesh, for elements of ten nodes; None: of four
 
     Raises
     ------
@@ -41,7 +51,10 @@ def write_job(mesh: TetMesh, folder: Path, *, growth: float, material: Material 
     cortex, normals = growing(mesh, growth, most=0.1)
     material = material or Material()
     folder.mkdir(parents=True, exist_ok=True)
-    abaqus.write(TetMesh(mesh.points, mesh.cells, sets=mesh.sets), folder / MESH)
+    if curved is None:
+        abaqus.write(TetMesh(mesh.points, mesh.cells, sets=mesh.sets), folder / MESH)
+    else:
+        abaqus.write_elements(mesh, curved.points, curved.cells, node_sets(mesh, curved), folder / MESH)
     first, second = along(normals)
     with atomic_path(folder / JOB) as temporary, temporary.open("w", encoding="ascii") as file:
         file.write(f"*INCLUDE, INPUT={MESH}\n** first and second axis of each cortical element\n")

@@ -45,7 +45,7 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> None:
     if writer is None:
         raise InputError("is of no format for ten-node elements", file=path, remedy=f"use {', '.join(_WRITERS)}")
     mesh = with_surface(in_ascii(mesh)[0] if path.suffix in _PLAIN else mesh)
-    sets = MeshSets(_node_sets(mesh, curved), mesh.sets.faces, mesh.sets.cells)
+    sets = MeshSets(node_sets(mesh, curved), mesh.sets.faces, mesh.sets.cells)
     with atomic_folder(path) as folder:
         writer(mesh, curved, sets, folder / path.name)
         _check(curved, folder / path.name)
@@ -66,7 +66,7 @@ def with_middles(curved: QuadraticMesh, values: NDArray[Any]) -> NDArray[Any]:
     return np.concatenate([values, middle])
 
 
-def _node_sets(mesh: TetMesh, curved: QuadraticMesh) -> dict[str, IntArray]:
+def node_sets(mesh: TetMesh, curved: QuadraticMesh) -> dict[str, IntArray]:
     """Named sets with the midside nodes between two nodes of the set; for sets of the surface, along the surface."""
     corners, found = len(mesh.points), {}
     outside = boundary_nodes(mesh)

@@ -33,10 +33,13 @@ def test_every_format_holds_the_fields_of_the_case_and_says_where_they_came_from
     keys = nib.gifti.GiftiDataArray((height > -8).astype(np.int32), "NIFTI_INTENT_LABEL")
     nib.save(nib.gifti.GiftiImage(labeltable=table, darrays=[keys]), label)
     study.write_cases([replace(case, fields={"area": label})])
+    study.config["write_carp"] = True
     study.config["export"] = {"formats": list(EXPORTS.values()), "medial_wall": {"area": [0]}, "cortex_depth": 3.0}
     result = study.run("meshes")
     assert result.returncode == 0, result.stdout + result.stderr
 
+    (of_s2,) = study.files("*desc-latticeTransferred_tetmesh.pts")
+    assert verify(of_s2, "carp") == []
     for end, solver in EXPORTS.items():
         (path,) = study.files(f"*desc-latticeSolver_{end}")
         assert verify(path, solver) == []

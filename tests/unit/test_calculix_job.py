@@ -9,15 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cubes import cube_mesh
-from growing_ball import INNER, OUTER, ball, by_calculix, by_cortet, exact, outward
+from growing_ball import INNER, OUTER, ball, by_calculix, by_cortet, exact, outward, surfaces
 
 from cortet.cli import main
 from cortet.errors import InputError
 from cortet.formats import vtu
-from cortet.meshes import MeshSets
+from cortet.formats.gifti import write_surface
+from cortet.geometry.quadratic import quadratic
+from cortet.meshes import MeshSets, TriSurface
 from cortet.simulation.body import Material
 from cortet.solver_files.calculix import write_job
 from cortet.solver_files.sets import named_sets
+from cortet.stages.generate import generate
 
 
 def test_a_shell_that_cannot_be_compressed_grows_outward_by_its_volume() -> None:
@@ -36,6 +39,31 @@ def test_a_ball_whose_shell_grows_moves_as_it_should() -> None:
     # our pressure is a mean over the elements around a node: what grows is smeared over the interface, by one element
     assert ours[0] == pytest.approx(outside, rel=0.02)
     assert ours[1] == pytest.approx(interface, rel=0.7)
+
+
+@pytest.mark.skipif(not shutil.which("ccx"), reason="CalculiX (calculix-ccx) is not installed")
+def test_elements_of_ten_nodes_converge_to_theory() -> None:
+    """What is left of the error is that of the directions of growth, of which each element has one: it falls as h^2."""
+    growth = 0.02
+    outside, interface = exact(growth, Material())
+    errors = []
+    for cell_size in (4.5, 3.0):
+        mesh = ball(cell_size)
+        curved = quadratic(mesh, surfaces(), max_boundary_distance=0.1)
+        errors.append(outward(mesh, by_calculix(mesh, growth, curved)) - np.array([outside, interface]))
+    assert errors[1] == pytest.approx(0, abs=0.008)
+    assert (np.abs(errors[1]) < 0.6 * np.abs(errors[0])).all()
+
+
+def test_the_command_writes_a_job_of_ten_nodes(tmp_path: Path) -> None:
+    ball_surface = TriSurface(*(getattr(surfaces(), name) for name in ("points", "faces")))
+    write_surface(ball_surface, tmp_path / "ball.surf.gii")
+    mesh = named_sets(generate(ball_surface, cell_size=4.0)[0], cortex_depth=3.0)
+    vtu.write(mesh, tmp_path / "ball.vtu")
+    command = ["job", str(tmp_path / "ball.vtu"), "--ten-nodes", str(tmp_path / "ball.surf.gii")]
+    assert main([*command, "-o", str(tmp_path / "job")]) == 0
+    assert "*ELEMENT, TYPE=C3D10" in (tmp_path / "job/mesh.inp").read_text()
+    assert main([*command, "--solver", "febio", "-o", str(tmp_path / "other")]) == 1
 
 
 def test_the_folder_has_axes_for_each_cortical_element_and_says_what_it_is(tmp_path: Path) -> None:

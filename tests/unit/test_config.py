@@ -138,7 +138,7 @@ def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
         ({"clean": {"treshold": [0.5]}}, "unknown key clean.treshold; did you mean clean.thresholds?"),
         ({"clena": {}}, "unknown key clena; did you mean clean?"),
         ({"q_max": 0.6}, "unknown key q_max; did you mean"),
-        ({"xyzzy": 1}, "unknown key xyzzy; known here: setting, output, keep_intermediates, time_limit, cohort"),
+        ({"xyzzy": 1}, "unknown key xyzzy; known here: setting, output, keep_intermediates, write_carp, time_limit"),
         ({"generate": {"cell_size": -1}}, "generate.cell_size.0 = -1: Input should be greater than 0"),
         ({"generate": {"cell_size": 0.00051}}, "multiple of 0.001 mm"),
         ({"generate": {"cell_size": 1e308}}, "multiple of 0.001 mm"),

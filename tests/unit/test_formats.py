@@ -37,12 +37,12 @@ SURFACES = [name for name, form in FORMATS.items() if form.is_surface]
 #: formats whose coordinates are single precision
 SINGLE = {"carp_binary", "stl", "gifti"}
 #: what a format cannot hold
-WITHOUT_FIELDS = {"braingrowth"}
-WITHOUT_FACE_SETS = {"vtu", "braingrowth"}
-WITHOUT_NODE_SETS = {"gmsh", "gmsh_v2", "braingrowth"}
+WITHOUT_FIELDS = {"braingrowth", "nastran"}
+WITHOUT_FACE_SETS = {"vtu", "vtk", "braingrowth"}
+WITHOUT_NODE_SETS = {"gmsh", "gmsh_v2", "nastran", "braingrowth"}
 WITHOUT_REGIONS = {"braingrowth"}
 #: formats that hold the parts of the surface and the regions, but no other sets
-ONE_GROUP_PER_ELEMENT = {"gmsh_v2"}
+ONE_GROUP_PER_ELEMENT = {"gmsh_v2", "nastran"}
 
 
 @pytest.fixture(scope="module")
@@ -219,6 +219,44 @@ def test_pyvista_reads_the_vtu_file(mesh, tmp_path):
     assert np.array_equal(np.flatnonzero(grid.cell_data["region"] == 2), mesh.sets.cells["cortex"])
     assert np.array_equal(grid.point_data["normal"], mesh.point_data["normal"])
     assert grid.extract_surface(algorithm="dataset_surface").area == pytest.approx(6 * 8.0**2)
+
+
+def test_pyvista_and_meshio_read_the_legacy_vtk_file(mesh, tmp_path):
+    named = replace(mesh, point_data={**mesh.point_data, "two words": mesh.point_data["thickness"]})
+    path = written(named, tmp_path, "vtk")
+    grid = pyvista.read(path)
+    assert grid.volume == pytest.approx(8.0**3) and set(grid.celltypes) == {pyvista.CellType.TETRA}
+    assert np.array_equal(np.flatnonzero(grid.cell_data["region"] == 2), mesh.sets.cells["cortex"])
+    assert np.array_equal(grid.point_data["two words"], mesh.point_data["thickness"])
+    assert np.array_equal(meshio.read(path).cells_dict["tetra"], mesh.cells)
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_a_legacy_vtk_file_of_vtk_itself_is_read(mesh, tmp_path, binary):
+    grid = pyvista.read(written(mesh, tmp_path, "vtu"))
+    grid.save(tmp_path / "of_vtk.vtk", binary=binary)
+    assert (tmp_path / "of_vtk.vtk").read_bytes().startswith(b"# vtk DataFile Version 5.1")
+    back = FORMATS["vtk"].read(tmp_path / "of_vtk.vtk")
+    assert np.array_equal(back.cells, mesh.cells) and np.allclose(back.points, mesh.points, atol=1e-5)
+    assert_same_sets(back.sets.cells, mesh.sets.cells)
+    assert np.allclose(back.point_data["normal"], mesh.point_data["normal"], atol=1e-5)
+
+
+def test_another_grid_in_a_legacy_vtk_file_is_named(tmp_path):
+    pyvista.ImageData(dimensions=(2, 2, 2)).save(tmp_path / "m.vtk")
+    with pytest.raises(InputError, match="m.vtk.*it holds STRUCTURED_POINTS.*unstructured grid of tetrahedra"):
+        FORMATS["vtk"].read(tmp_path / "m.vtk")
+
+
+def test_gmsh_reads_the_nastran_file(mesh, tmp_path):
+    path = written(mesh, tmp_path, "nastran")
+    assert path.read_text().startswith("$ property 1: core\n$ property 2: cortex\n$ property 11: cortical_surface\n")
+    with msh.session():
+        gmsh.open(str(path))
+        tets = {tag: len(gmsh.model.mesh.getElements(3, tag)[1][0]) for _, tag in gmsh.model.getEntities(3)}
+        faces = {tag: len(gmsh.model.mesh.getElements(2, tag)[1][0]) for _, tag in gmsh.model.getEntities(2)}
+    assert tets == {1: len(mesh.sets.cells["core"]), 2: len(mesh.sets.cells["cortex"])}
+    assert faces == {11: len(mesh.sets.faces["cortical_surface"]), 12: len(mesh.sets.faces["medial_wall"])}
 
 
 def test_an_xdmf_reader_reads_the_fenics_files(mesh, tmp_path):

@@ -23,7 +23,7 @@ VOLUMES = [name for name, form in FORMATS.items() if not form.is_surface]
 #: formats that list boundary faces by their nodes, so that one can face inward, be missing or be listed twice
 LISTING_NODES = ["braingrowth", "febio", "fenics", "gmsh", "carp", "carp_binary"]
 #: formats that hold fields
-WITH_FIELDS = [name for name in FORMATS if name not in ("braingrowth", "stl")]
+WITH_FIELDS = [name for name in FORMATS if name not in ("braingrowth", "nastran", "stl")]
 CERTIFIED = {"certified": True, "reasons": []}
 
 

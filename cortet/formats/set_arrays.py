@@ -1,0 +1,82 @@
+"""Named sets as arrays, for formats that hold arrays only: VTU and VTK legacy.
+
+Sets of nodes and tetrahedra are arrays of 0 and 1. A set of faces is an array with one value per tetrahedron; its bit k
+says that the face opposite corner k belongs to the set. `region` is 1 in the core and 2 in the cortex.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.formats.surface_sets import faces_of_sides, members, region_tags, sides
+from cortet.formats.untrusted import sound
+from cortet.meshes import FloatArray, IntArray, MeshSets, TetMesh
+
+#: beginnings of the names of arrays that hold a set
+_NODE_SET, _FACE_SET, _CELL_SET = "node_set_", "face_set_", "cell_set_"
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def with_sets(mesh: TetMesh) -> tuple[Arrays, Arrays]:
+    """Fields and sets of a mesh as arrays of its nodes and of its tetrahedra, by name."""
+    node_sets = {f"{_NODE_SET}{name}": members(len(mesh.points), nodes) for name, nodes in mesh.sets.nodes.items()}
+    cell_sets = {f"{_CELL_SET}{name}": members(len(mesh.cells), cells) for name, cells in mesh.sets.cells.items()}
+    regions = {"region": region_tags(mesh)} if mesh.sets.cells else {}
+    face_sets = {f"{_FACE_SET}{name}": _bits(mesh, faces) for name, faces in mesh.sets.faces.items()}
+    return {**mesh.point_data, **node_sets}, {**mesh.cell_data, **regions, **face_sets, **cell_sets}
+
+
+def without_sets(path: str | Path, points: FloatArray, cells: IntArray, of_nodes: Arrays, of_cells: Arrays) -> TetMesh:
+    """The mesh with its fields and sets, out of the arrays that `with_sets` makes.
+
+    Raises
+    ------
+    InputError
+        the mesh is not sound
+    ValueError
+        an array of faces does not hold four bits
+    """
+    fields, cell_fields = dict(of_nodes), dict(of_cells)
+    sets = MeshSets(
+        _indices(_taken(fields, _NODE_SET)),
+        {name: _faces(cells, bits) for name, bits in _taken(cell_fields, _FACE_SET).items()},
+        _indices(_taken(cell_fields, _CELL_SET)),
+    )
+    return sound(path, points, cells, fields, cell_fields, sets)
+
+
+def _taken(fields: Arrays, prefix: str) -> Arrays:
+    """The arrays whose name begins with `prefix`, by the rest of their names; they are removed from `fields`."""
+    names = [name for name in fields if name.startswith(prefix)]
+    return {name.removeprefix(prefix): fields.pop(name) for name in names}
+
+
+def _indices(flags: Arrays) -> dict[str, IntArray]:
+    """Sets by name, from arrays of 0 and 1."""
+    return {name: np.flatnonzero(values).astype(np.int32) for name, values in flags.items()}
+
+
+def _bits(mesh: TetMesh, faces: IntArray) -> NDArray[np.uint8]:
+    """A set of boundary faces as bits of their tetrahedra: (m,)."""
+    bits = np.zeros(len(mesh.cells), np.uint8)
+    owners, opposite = sides(mesh, faces)
+    np.bitwise_or.at(bits, owners, np.left_shift(1, opposite).astype(np.uint8))
+    return bits
+
+
+def _faces(cells: IntArray, bits: NDArray[Any]) -> IntArray:
+    """The faces that the bits of tetrahedra mark: (k, 3), outward, in the order of their tetrahedra."""
+    if (
+        bits.ndim != 1
+        or not np.issubdtype(bits.dtype, np.integer)
+        or bits.min(initial=0) < 0
+        or bits.max(initial=0) > 15
+    ):
+        raise ValueError("a set of faces is not given by four bits of each tetrahedron")
+    owners, opposite = np.nonzero(bits[:, None] >> np.arange(4) & 1)
+    return faces_of_sides(cells, owners.astype(np.int32), opposite.astype(np.int32))
