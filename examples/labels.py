@@ -1,4 +1,4 @@
-"""A parcellation: each parcel is a named set of nodes, and any solver gets a material, load or growth per parcel."""
+"""A parcellation: each parcel is a named set of nodes and of tetrahedra, and any solver gets a material, load or growth per parcel."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -10,7 +10,7 @@ surface = phantom(26, subdivisions=4)
 front_to_back = np.digitize(surface.points[:, 1], np.quantile(surface.points[:, 1], [0.25, 0.5, 0.75]))
 made = cortet.mesh(surface, cell_size=2.5, ga=26, fields={"lobe": front_to_back.astype("int32")}, progress=False)
 made.save("labels.inp", force=True)
-print(*(line.strip() for line in open("labels.inp") if line.startswith("*NSET")), sep="\n")
+print(*(line.strip() for line in open("labels.inp") if line.startswith(("*NSET", "*ELSET"))), sep="\n")
 grid = made.to_pyvista().extract_surface(algorithm="dataset_surface")
 picture = grid.plot(
     scalars="lobe",

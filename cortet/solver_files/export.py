@@ -27,7 +27,7 @@ from cortet.solver_files.sidecar import read_sidecar, sidecar, sidecar_path
 from cortet.solver_files.verify import problems
 from cortet.stages.solver_ready import surface_nodes_first
 
-VERSION: int = 3
+VERSION: int = 4
 
 
 def export(

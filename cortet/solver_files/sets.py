@@ -1,8 +1,8 @@
 """Named sets of a mesh on its way to a solver: the parts of its surface, cortex and core, one set per label.
 
-The boundary is divided into `cortical_surface` and `medial_wall`, the tetrahedra into `cortex` and `core`. A face gets
-the label of two of its nodes, or that of its first node if all three differ. A set of nodes holds only nodes of the
-surface.
+The boundary is divided into `cortical_surface` and `medial_wall`, the tetrahedra into `cortex` and `core`. A label of
+the surface is a set of nodes of the surface, a set of faces, and a set of tetrahedra of the cortex, all of one name. A
+face or tetrahedron gets the label of most of its nodes, or that of its first node if there is no such label.
 """
 
 from __future__ import annotations
@@ -65,8 +65,10 @@ def named_sets(
     parts = {CORTICAL_SURFACE: faces[~wall], MEDIAL_WALL: faces[wall]}
     parts = {name: part for name, part in parts.items() if len(part)}
     sets = MeshSets({name: np.unique(part) for name, part in parts.items()}, parts, {})
-    for name, values in labels.items():
-        _add_labels(sets, name, values, faces, (label_names or {}).get(name, {}))
+    parcels = {
+        name: _add_labels(sets, name, values, faces, (label_names or {}).get(name, {}))
+        for name, values in labels.items()
+    }
     number = mesh.cell_data.get(REGION) if inner else None
     if number is None:
         cortex = _is_cortex(mesh, parts[CORTICAL_SURFACE], cortex_depth, cortex_thickness)
@@ -79,6 +81,10 @@ def named_sets(
         if len(inner) > 1:
             for i, name in enumerate(inner, start=1):
                 regions[set_name(name, regions)] = np.flatnonzero(number == i).astype(np.int32)
+    cells = regions[CORTEX]
+    for field, sets_of in parcels.items():
+        of_cells = cell_labels(labels[field], mesh.cells[cells])
+        regions |= {name: cells[of_cells == key] for key, name in sets_of.items()}
     for field in tissues:
         names = (label_names or {}).get(field, {})
         for key in np.unique(mesh.cell_data[field]).tolist():
@@ -132,6 +138,13 @@ def face_labels(values: NDArray[np.integer], faces: IntArray) -> NDArray[np.inte
     return np.where(second == third, second, first)
 
 
+def cell_labels(values: NDArray[np.integer], cells: IntArray) -> NDArray[np.integer]:
+    """Label of each tetrahedron, (k,): that of most of its nodes, the first such if two labels have two nodes each."""
+    of_nodes = values[cells]
+    votes = (of_nodes[:, :, None] == of_nodes[:, None, :]).sum(axis=2)
+    return np.take_along_axis(of_nodes, votes.argmax(axis=1)[:, None], axis=1)[:, 0]
+
+
 def set_name(text: str, taken: Collection[str] = ()) -> str:
     """A name that every solver accepts, made from any text: letters, digits, - and _, a letter first.
 
@@ -153,15 +166,18 @@ def set_name(text: str, taken: Collection[str] = ()) -> str:
 
 def _add_labels(
     sets: MeshSets, field: str, values: NDArray[np.integer], faces: IntArray, names: Mapping[int, str]
-) -> None:
-    """One set of nodes and one of faces for each label on the surface."""
+) -> dict[int, str]:
+    """Add a set of nodes and one of faces for each label on the surface; label -> name of its sets."""
     of_face = face_labels(values, faces)
     nodes = np.unique(faces)
+    found = {}
     for key in np.unique(values[nodes]).tolist():
         name = set_name(f"{field}_{names.get(key, key)}", [*sets.nodes, *sets.faces])
         sets.nodes[name] = nodes[values[nodes] == key]
+        found[key] = name
         if len(mine := faces[of_face == key]):
             sets.faces[name] = mine
+    return found
 
 
 def _is_cortex(mesh: TetMesh, faces: IntArray, depth: float, thickness: str | None) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ from cortet.errors import InputError
 from cortet.geometry.topology import boundary_faces, boundary_nodes
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import TetMesh
-from cortet.solver_files.sets import face_labels, named_sets, set_name
+from cortet.solver_files.sets import cell_labels, face_labels, named_sets, set_name
 from cortet.stages.solver_ready import surface_nodes_first
 
 
@@ -76,6 +76,25 @@ def test_every_label_is_a_set_of_surface_nodes_and_of_faces():
         assert np.array_equal(mesh.sets.nodes[name], surface[labels[surface] == key])
     faces = [mesh.sets.faces[name] for name in ("area_Medial_wall", "area_V1", "area_12")]
     assert sum(map(len, faces)) == len(boundary_faces(mesh))
+
+
+def test_the_labels_divide_the_cortex_into_sets_of_tetrahedra():
+    """So that each parcel can have a material of its own."""
+    mesh = full_mesh()
+    parcels = [mesh.sets.cells[name] for name in ("area_Medial_wall", "area_V1", "area_12")]
+    assert np.array_equal(np.sort(np.concatenate(parcels)), mesh.sets.cells["cortex"])
+    of_nodes = mesh.point_data["area"][mesh.cells[mesh.sets.cells["area_V1"]]]
+    assert ((of_nodes == 3).sum(axis=1) >= 2).all()
+
+
+def test_a_tetrahedron_has_the_label_of_most_of_its_nodes():
+    values = np.array([1, 1, 2, 3, 2])
+    assert cell_labels(values, np.array([[0, 1, 2, 3], [2, 3, 4, 0], [0, 2, 3, 4], [2, 0, 1, 4]])).tolist() == [
+        1,
+        2,
+        2,
+        2,
+    ]
 
 
 def test_a_face_has_the_label_of_two_nodes_or_else_of_the_first():
