@@ -1,4 +1,4 @@
-"""A parcellation: each parcel is a named set of nodes and of tetrahedra, and any solver gets a material, load or growth per parcel."""
+"""A parcellation: each parcel is a named set of nodes and of tetrahedra, so a solver can give it its own material."""
 
 import matplotlib.pyplot as plt
 import numpy as np

@@ -107,3 +107,28 @@ rule export:
         units=CONFIG.export.field_units,
     script:
         "../scripts/export.py"
+
+
+if CONFIG.export.ten_nodes:
+
+    rule ten_nodes:
+        """The mesh with elements of ten nodes that follow the surface, for solvers; refused when it is not certified."""
+        input:
+            mesh=PLAN.mesh_with_volumes,
+            certificate=LAYOUT.certificate,
+            surface=PLAN.meshed_surface,
+            inner=PLAN.inner_surfaces,
+            fields=PLAN.existing_fields,
+        output:
+            LAYOUT.ten_node_files(CONFIG.export.ten_nodes),
+        params:
+            arguments={"uncertified": CONFIG.export.uncertified},
+            version=versions("solver_files.ten_nodes", "solver_files.export"),
+            max_boundary_distance=lambda wildcards: PLAN.arguments("certify", wildcards)["max_boundary_distance"],
+            sets=CONFIG.export.sets,
+            volumes=lambda wildcards: dict(CASES[wildcards.case].volumes),
+            input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
+            paths=PLAN.field_paths,
+            units=CONFIG.export.field_units,
+        script:
+            "../scripts/ten_nodes.py"

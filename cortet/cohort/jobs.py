@@ -88,7 +88,8 @@ class Jobs:
 
     def solver_files(self) -> list[str]:
         """Files for solvers and certificates of all meshes; a deleted file is made again."""
-        patterns = [*self.layout.solver_files(self.config.export.formats), self.layout.certificate]
+        export = self.config.export
+        patterns = [*self.layout.solver_files(export.formats, export.ten_nodes), self.layout.certificate]
         return [path for pattern in patterns for path in self.each_case(pattern).values()]
 
     def measured_stages(self) -> list[str]:

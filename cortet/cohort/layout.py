@@ -100,9 +100,15 @@ class Layout:
         """Pattern of an inner surface as S1 meshes it: it depends on the cell size."""
         return self.surface(STAGES["separate"].label, inner=True, res="{res}um")
 
-    def solver_files(self, formats: Iterable[str]) -> list[str]:
-        """Patterns of the files for solvers."""
-        return [self.mesh("Solver", suffix) for suffix, name in EXPORTED.items() if name in formats]
+    def solver_files(self, formats: Iterable[str], ten_nodes: Iterable[str] = ()) -> list[str]:
+        """Patterns of the files for solvers, with elements of four nodes and of ten."""
+        files = [self.mesh("Solver", suffix) for suffix, name in EXPORTED.items() if name in formats]
+        return [*files, *self.ten_node_files(ten_nodes)]
+
+    def ten_node_files(self, formats: Iterable[str]) -> list[str]:
+        """Patterns of the files for solvers with elements of ten nodes, and of the file of their numbers, if any."""
+        files = [self.mesh("Solver", f"tennodes{FORMATS[name].suffix}") for name in formats]
+        return [*files, self.mesh("Solver", "tennodes.quadratic.json")] if files else []
 
     def log(self, rule: str, wildcards: Iterable[str], *, kind: str = "log") -> str:
         """Pattern of the log of a job, or with kind `tsv` its benchmark (seconds and memory).

@@ -26,7 +26,7 @@ OVER_ALL_CASES = (
 )
 #: rules after the certificate: the mesh is measured even if they fail
 AFTER_CERTIFICATE = (
-    *("volumes", "export", "case_page", "case_maps"),
+    *("volumes", "export", "ten_nodes", "case_page", "case_maps"),
     *("fold", "fold_figures", "convergence_run", "prediction_run", "prediction_views"),
 )
 
@@ -147,7 +147,7 @@ class Plan(Jobs):
 
     def exported_files(self) -> list[str]:
         """Files for solvers of the meshes that did not fail."""
-        patterns = self.layout.solver_files(self.config.export.formats)
+        patterns = self.layout.solver_files(self.config.export.formats, self.config.export.ten_nodes)
         return [
             path for pattern in patterns for mesh, path in self.each_case(pattern).items() if mesh not in self.failures
         ]
@@ -159,6 +159,9 @@ class Plan(Jobs):
             for suffix, name in EXPORTED.items()
             if name in self.config.export.formats
         ]
+        for name in self.config.export.ten_nodes:
+            pattern, _ = self.layout.ten_node_files([name])
+            files.append((Path(filled(pattern, job)).name, f"{name}, ten nodes"))
         return {"files": files, "uncertified": self.config.export.uncertified}
 
     def mapped(self, hemi: str) -> list[str]:

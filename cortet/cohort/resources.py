@@ -33,6 +33,7 @@ COSTS = {stage.name: stage.cost for stage in STAGES.values()} | {
     "case_maps": Cost((250, 420), (5, 3)),
     "volumes": Cost((700, 900), (12, 25)),
     "export": Cost((270, 170), (3, 5)),
+    "ten_nodes": Cost((400, 1500), (4, 30)),
     "convergence_run": Cost((500, 1200), (90, 4000)),
     "prediction_run": Cost((700, 1300), (300, 16000)),
     "prediction_views": Cost((900, 0), (60, 0)),

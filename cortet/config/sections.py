@@ -14,6 +14,7 @@ from cortet.sections import Cases, CellSize, NonNegativeInt, Positive, PositiveI
 from cortet.stages import MESH_STAGES
 
 Setting = Literal["default", "cgal", "published"]
+TenNodeSolver = Literal["abaqus", "febio", "fenics", "gmsh", "vtu"]
 PredictionKind = Literal["mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"]
 if TYPE_CHECKING:
     Mesher = str
@@ -107,6 +108,9 @@ class Export(Section):
     """Formats to write: braingrowth (.mesh), abaqus (.inp, CalculiX reads it too), febio (.feb), fenics (.xdmf), gmsh
     (.msh), gmsh_v2 (.v2.msh, version 2.2), nastran (.bdf), vtu, vtk (legacy), carp (.pts), carp_binary (.bpts); and of
     the boundary stl and gifti (.surf.gii)."""
+    ten_nodes: list[TenNodeSolver] = []
+    """Formats in which the mesh is also written with elements of ten nodes that follow the surface: abaqus (.inp),
+    febio (.feb), fenics (.xdmf), gmsh (.msh), vtu."""
     uncertified: bool = False
     """true also exports meshes that are not certified."""
     carp_unit: Literal["mm", "um"] = "um"

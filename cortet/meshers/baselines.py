@@ -93,7 +93,8 @@ def with_netgen(points: FloatArray, faces: IntArray, cell_size: float) -> Tetrah
     mesh.AddElements(dim=2, index=outside, data=faces, base=0)
     mesh.GenerateVolumeMesh(maxh=cell_size)
     cells = mesh.Elements3D().NumPy()["nodes"][:, :4]
-    return np.asarray(mesh.Coordinates(), float), cells.astype(np.int64) - 1
+    # a copy: Netgen's own array is freed with its mesh
+    return np.array(mesh.Coordinates(), float), cells.astype(np.int64) - 1
 
 
 #: mesher -> distribution that it is installed by, and what calls it

@@ -63,14 +63,7 @@ def export(
         the certificate is of another mesh, the mesh is not certified, or the written file breaks a convention of the
         solver
     """
-    if certificate.get("mesh_sha256") not in (None, mesh_sha256(mesh)):
-        raise StageError("the certificate is of another mesh", file=path, remedy="certify this one first")
-    if not certificate["certified"] and not uncertified:
-        raise StageError(
-            "not certified, so not exported: " + "; ".join(certificate["reasons"]),
-            file=path,
-            remedy="set export.uncertified: true to write it anyway",
-        )
+    require_certified(mesh, certificate, path, uncertified=uncertified)
     _write_verified(
         mesh,
         path,
@@ -82,6 +75,18 @@ def export(
         made_from=made_from,
         body=bool(certificate["certified"]),
     )
+
+
+def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path, *, uncertified: bool) -> None:
+    """Raise StageError if a certificate is of another mesh, or denies what is to be written, unless `uncertified`."""
+    if certificate.get("mesh_sha256") not in (None, mesh_sha256(mesh)):
+        raise StageError("the certificate is of another mesh", file=path, remedy="certify this one first")
+    if not certificate["certified"] and not uncertified:
+        raise StageError(
+            "not certified, so not exported: " + "; ".join(certificate["reasons"]),
+            file=path,
+            remedy="set export.uncertified: true to write it anyway",
+        )
 
 
 def _write_verified(

@@ -26,6 +26,8 @@ from cortet.geometry.topology import TRI_EDGES, boundary_nodes
 from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
 from cortet.solver_files.names import in_ascii
 
+VERSION: int = 1
+
 
 def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> None:
     """Write `path`, and beside it `<stem>.quadratic.json` with the counts; complete and read back, or not at all.

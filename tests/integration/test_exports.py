@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import meshio
 import nibabel as nib
 import numpy as np
 
+from cortet.formats import carp, vtu
 from cortet.formats.gifti import read_surface
 from cortet.solver_files.verify import verify
 from tests.integration.study import Study
@@ -34,12 +36,21 @@ def test_every_format_holds_the_fields_of_the_case_and_says_where_they_came_from
     nib.save(nib.gifti.GiftiImage(labeltable=table, darrays=[keys]), label)
     study.write_cases([replace(case, fields={"area": label})])
     study.config["write_carp"] = True
-    study.config["export"] = {"formats": list(EXPORTS.values()), "medial_wall": {"area": [0]}, "cortex_depth": 3.0}
+    study.config["export"] = {
+        "formats": list(EXPORTS.values()),
+        "ten_nodes": ["abaqus", "vtu"],
+        "medial_wall": {"area": [0]},
+        "cortex_depth": 3.0,
+    }
     result = study.run("meshes")
     assert result.returncode == 0, result.stdout + result.stderr
 
     (of_s2,) = study.files("*desc-latticeTransferred_tetmesh.pts")
-    assert verify(of_s2, "carp") == []
+    assert np.array_equal(carp.read(of_s2).cells, vtu.read(of_s2.with_suffix(".vtu")).cells)
+    (ten_nodes,) = study.files("*desc-latticeSolver_tennodes.vtu")
+    numbers = json.loads(ten_nodes.with_suffix(".quadratic.json").read_text())
+    assert numbers["least_jacobian"] > 0 and "node_set_area_wall" in meshio.read(ten_nodes).point_data
+    assert "*ELSET, ELSET=area_rest" in ten_nodes.with_suffix(".inp").read_text()
     for end, solver in EXPORTS.items():
         (path,) = study.files(f"*desc-latticeSolver_{end}")
         assert verify(path, solver) == []

@@ -1,0 +1,23 @@
+"""Write one mesh with elements of ten nodes, in every format that is asked for, if it is certified."""
+
+import json
+from pathlib import Path
+
+from _job import start
+
+job = start(snakemake)
+
+from _exported import with_sets
+
+from cortet.geometry.quadratic import quadratic
+from cortet.solver_files.export import require_certified
+from cortet.solver_files.ten_nodes import write_ten_nodes
+
+job.require_unchanged_input()
+mesh, surface, _ = with_sets(job.input, job.params)
+certificate = json.loads(Path(job.input.certificate).read_text(encoding="utf-8"))
+targets = [Path(file) for file in job.output[:-1]]
+require_certified(mesh, certificate, targets[0], uncertified=job.arguments["uncertified"])
+curved = quadratic(mesh, surface, max_boundary_distance=job.params.max_boundary_distance)
+for target in targets:
+    write_ten_nodes(mesh, curved, target)
