@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
 
 from cortet.geometry.voxels import in_voxels
 from cortet.geometry.winding import winding_numbers
@@ -40,6 +39,8 @@ def coverage(surface: TriSurface, labelled: NDArray[np.bool_], affine: FloatArra
     labelled : (i, j, k), voxels that have a label
     affine : (4, 4) from voxels to mm
     """
+    from scipy.signal import fftconvolve  # takes long to load, and few jobs have volumes
+
     step = max(1, -(-max(labelled.shape) // _FINEST))
     has = _averaged(labelled, step)
     inside = _inside(surface, affine, has.shape, step)

@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 from cortet.formats.tables import read_columns, write_table
 from cortet.formats.tsv import read_tsv
 from cortet.report import DATA
-from cortet.report.figures import COLOURS, PAGE, drawn, letter, save
+from cortet.report.colours import COLOURS
+from cortet.report.figures import PAGE, drawn, letter, save
 from cortet.report.fold_figures import curves, real_points, weeks
 from cortet.simulation.journal import TABLE, VERDICT
 

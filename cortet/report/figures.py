@@ -21,16 +21,14 @@ from numpy.typing import NDArray
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tsv import read_tsv
 from cortet.report import published
+from cortet.report.colours import BLUE, COLOURS, GREEN, GREY, VERMILION
 
 VERSION: int = 2
 
 #: width of one column and of both columns of a two-column journal, inches
 COLUMN, PAGE = 3.5, 7.2
-#: colours that colour-blind readers tell apart (Okabe and Ito), and the grey of published data behind ours
-COLOURS = BLUE, VERMILION, GREEN, ORANGE, PURPLE = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7"
 #: styles of lines; the next style begins once all colours are used
 LINES = ("-", "--", ":")
-GREY = "#B8B8B8"
 #: hemisphere -> colour and marker
 HEMISPHERES = {"L": (BLUE, "o", "left"), "R": (VERMILION, "^", "right"), "n/a": (GREEN, "s", "whole brain")}
 

@@ -20,7 +20,8 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.gifti import hemisphere_of
 from cortet.formats.tsv import read_tsv
 from cortet.report import published
-from cortet.report.figures import BLUE, PAGE, STYLE, VERMILION, drawn, letter, save
+from cortet.report.colours import BLUE, VERMILION
+from cortet.report.figures import PAGE, STYLE, drawn, letter, save
 from cortet.report.fold_views import (
     Brain,
     Image,

@@ -25,7 +25,7 @@ from cortet import __version__
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tables import Column, Row
 from cortet.formats.tsv import MISSING
-from cortet.report.figures import BLUE
+from cortet.report.colours import BLUE
 
 #: version of the pages of cases and of the cohort, and of their templates
 VERSION: int = 5

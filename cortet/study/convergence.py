@@ -29,7 +29,8 @@ from cortet.formats.tables import Column, Row, names
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import face_areas
 from cortet.meshes import FloatArray
-from cortet.report.figures import BLUE, GREEN, PAGE, VERMILION, drawn, letter, save
+from cortet.report.colours import BLUE, GREEN, VERMILION
+from cortet.report.figures import PAGE, drawn, letter, save
 from cortet.report.table_files import Table, mean_and_sd, write
 from cortet.simulation.journal import TABLE
 from cortet.simulation.measurements import depth_below_hull

@@ -11,22 +11,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cortet.report import published
-from cortet.report.figures import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PAGE,
-    PURPLE,
-    Q_AXIS,
-    Q,
-    distribution,
-    drawn,
-    in_powers_of_ten,
-    letter,
-    mark_limit,
-    save,
-)
+from cortet.report.colours import BLUE, GREEN, GREY, ORANGE, PURPLE
+from cortet.report.figures import PAGE, Q_AXIS, Q, distribution, drawn, in_powers_of_ten, letter, mark_limit, save
 from cortet.report.records import Origin, by_origin
 from cortet.study.ablated import ABLATED
 

@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 from cortet.formats.gifti import read_surface, write_fields, write_surface
 from cortet.formats.tables import Column, names
 from cortet.meshes import FloatArray, TriSurface
-from cortet.report.figures import BLUE, GREEN, PAGE, VERMILION, drawn, letter, save
+from cortet.report.colours import BLUE, GREEN, VERMILION
+from cortet.report.figures import PAGE, drawn, letter, save
 from cortet.report.fold_views import Brain, Row, brain_of, centre, extent, sheet, sides, view
 from cortet.report.table_files import Table, write
 from cortet.simulation.growth_map import field_of

@@ -1,0 +1,6 @@
+"""Colours of figures and pages; a module of its own, since pages without figures need no Matplotlib."""
+
+#: colours that colour-blind readers tell apart (Okabe and Ito)
+COLOURS = BLUE, VERMILION, GREEN, ORANGE, PURPLE = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7"
+#: of published data behind ours
+GREY = "#B8B8B8"
