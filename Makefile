@@ -3,10 +3,10 @@
 CORES ?= 2
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
-.PHONY: help setup published cohort test check docs gallery wheel doctor format lock clean
+.PHONY: help setup published cohort test check docs gallery benchmark wheel doctor format lock clean
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: ## install what is missing: system packages, .venv, compiled kernels
 	@tools/setup.sh
@@ -29,6 +29,9 @@ docs: setup ## make the pages of the documentation in .cache/docs
 
 gallery: setup ## run the examples, and put their pictures into the documentation
 	tools/gallery.sh
+
+benchmark: setup ## what became slower than in COMMIT (the last one), in CPU seconds of one run
+	python benchmarks/slower.py $(COMMIT)
 
 wheel: setup ## build the package that `pip install` takes, in .cache/wheel
 	pip wheel --quiet --no-deps --no-build-isolation --wheel-dir .cache/wheel .
