@@ -9,15 +9,17 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import cortet
 from cortet.cohort.lock import NAME as LOCK
-from cortet.config import Config
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.tsv import write_tsv
-from cortet.stages import MESH_STAGES, STAGES
+
+if TYPE_CHECKING:
+    from cortet.config import Config
 
 BIDS_VERSION = "1.11.0"
 PAPER = "https://doi.org/10.48550/arXiv.2607.12157"
@@ -187,6 +189,8 @@ def descriptions(settings: Mapping[str, Config]) -> dict[str, str]:
     ----------
     settings : configuration of each setting, by its addition to file names; the line's own adds nothing
     """
+    from cortet.stages import MESH_STAGES, STAGES  # takes long to load, and most jobs write sidecars only
+
     found = dict(_SURFACES)
     found |= {stage.label: _sentence(stage.does) for stage in STAGES.values() if stage.gives == "surface"}
     meshers = dict.fromkeys([*settings[""].generate.meshers, *settings[""].experiments.ablation.meshers])

@@ -393,21 +393,3 @@ class Jobs:
 def existing(path: str | Path | None) -> str | list[str]:
     """The file if it exists: the job reports a missing file, so that other cases continue."""
     return str(path) if path and os.path.isfile(path) else []  # noqa: PTH113, false of names that are too long
-
-
-def missing_surface(source: object, *, column: str) -> InputError:
-    """The error of a surface of the sheet that is not there."""
-    return InputError("no such file", file=source, remedy=f"mend the column {column} of the cohort sheet")
-
-
-def require_hemisphere(path: str | Path, hemi: str | None) -> None:
-    """Raise InputError where a surface or sphere of a row of one hemisphere says that it is of the other."""
-    from cortet.formats.gifti import hemisphere_of  # loads NiBabel, which planning does without
-
-    named = hemisphere_of(path)
-    if hemi and named and named != hemi:
-        raise InputError(
-            f"is of hemisphere {named}, as its AnatomicalStructurePrimary says, but its row says {hemi}",
-            file=path,
-            remedy="mend the column hemi of the cohort sheet, or name the file of the other hemisphere",
-        )

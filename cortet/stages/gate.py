@@ -203,12 +203,13 @@ def _uncross(surface: TriSurface, source: Any) -> tuple[TriSurface, int]:
     """
     from cortet.geometry.defects import flat_faces
     from cortet.geometry.intersection import self_intersections
-    from cortet.geometry.smoothing import laplacian
-    from cortet.geometry.uncrossing import moved_apart
 
     crossing = self_intersections(surface)
     if not len(crossing):
         return surface, 0
+    from cortet.geometry.smoothing import laplacian  # loads PyMeshLab, which most surfaces do without
+    from cortet.geometry.uncrossing import moved_apart
+
     where = surface.points[surface.faces[crossing[0]]].mean(axis=0).round(2).tolist()
     found = f"{len(crossing)} of {len(surface.faces)} triangles cross others, the first is {crossing[0]} at {where} mm"
     remedy = "repair them, for example with MeshFix, or remesh the surface"
