@@ -32,6 +32,8 @@ _RATES = tuple(np.round(np.arange(0, 0.305, 0.005), 3).tolist())
 _AGES_FOR_A_RATE = 3
 #: random vectors that estimate a trace (Hutchinson 1990), and their seed
 _PROBES, _SEED = 8, 0
+#: largest factor by which half of a cortex may grow or shrink in area; from 20 to 40 weeks it is about 8
+MOST_GROWTH = 30.0
 #: full width at half maximum of a Gaussian of standard deviation 1
 _FWHM = float(np.sqrt(8 * np.log(2)))
 
@@ -82,7 +84,7 @@ def measured(early: TriSurface, later: TriSurface, width_mm: float | None = None
     ------
     InputError : the surfaces do not correspond
     """
-    found = smoothed(logarithmic_growth(early, later), early, width_mm)
+    found = smoothed(_plausible(logarithmic_growth(early, later)), early, width_mm)
     ratio, areas = area_ratio(found.tensors), vertex_areas(early)
     directions = principal(found.tensors, vertex_normals(early.points, early.faces))
     volumes = [abs(enclosed_volume(one.points, one.faces)) for one in (early, later)]
@@ -101,6 +103,17 @@ def measured(early: TriSurface, later: TriSurface, width_mm: float | None = None
             "beyond_the_whole": np.sqrt(ratio) / np.cbrt(volumes[1] / volumes[0]),
         },
     )
+
+
+def _plausible(tensors: FloatArray) -> FloatArray:
+    """The same growth; InputError if most of a surface grows or shrinks more than any cortex does."""
+    middle = float(np.exp(np.median(np.abs(np.log(area_ratio(tensors))))))
+    if middle > MOST_GROWTH:
+        raise InputError(
+            f"the area of half of the vertices changes by a factor of {middle:,.0f} and more",
+            remedy="give two surfaces in mm, whose vertices correspond one by one",
+        )
+    return tensors
 
 
 def logarithmic_growth(early: TriSurface, later: TriSurface) -> FloatArray:

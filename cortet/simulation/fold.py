@@ -43,7 +43,8 @@ from cortet.simulation.state import Moment, Run, Settings
 
 VERSION: int = 5
 
-_CHECKPOINT_SECONDS = 30.0
+#: between two checkpoints, and between two times that the tables are written, of the clock
+_CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0
 
 logger = logging.getLogger(__name__)
 
@@ -128,7 +129,7 @@ def fold(
         if last or number % max(round(settings.frame_interval / settings.record_interval), 1) == 0:
             journal.add_frame(run, moment, measurements.gestational_age)
         part = (moment.time - run.start) / (run.end - run.start)
-        journal.add_row(measurements, part)
+        journal.add_row(measurements, part, last=last)
         moment.work.min_j[0] = np.inf
         if progress:
             progress(measurements, part, journal.seconds)
@@ -159,6 +160,7 @@ class Journal:
         self.frames: list[tuple[str, float]] = []
         self.seconds = 0.0
         self.saved = time.monotonic()
+        self.written = -np.inf
 
     def resumed(self, run: Run) -> Moment:
         """Where the last checkpoint was, or the beginning, with what another run left in the folder cleared away."""
@@ -199,9 +201,12 @@ class Journal:
         save_checkpoint(now, self.checkpoint)
         self.saved = time.monotonic()
 
-    def add_row(self, measurements: Measurements, part: float) -> None:
-        """Append to the tables; `part` of the time of the simulation is done."""
+    def add_row(self, measurements: Measurements, part: float, *, last: bool) -> None:
+        """Append to the tables; `part` of the time of the simulation is done. Files follow about once a second."""
         self.rows.append({**asdict(measurements), "seconds": round(self.seconds, 2), "part": part})
+        if not last and time.monotonic() - self.written < _TABLE_SECONDS:
+            return
+        self.written = time.monotonic()
         write_table(COLUMNS, self.rows, self.folder / TABLE, self.folder / SIDECAR)
         write_tsv(self.rows, ["step", "seconds", "part"], self.folder / SECONDS)
 

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
+from cortet.cli import main
 from cortet.errors import InputError
+from cortet.formats.gifti import write_surface
 from cortet.geometry.topology import vertex_normals
 from cortet.measure.surface_growth import (
     area_ratio,
     logarithmic_growth,
+    measured,
     principal,
     smoothed,
     tensors_of,
@@ -83,6 +86,22 @@ def test_surfaces_that_do_not_correspond_are_refused() -> None:
         logarithmic_growth(ball, replace(ball, faces=ball.faces[::-1]))
     with pytest.raises(InputError, match="later surface has no area"):
         logarithmic_growth(ball, replace(ball, points=np.zeros_like(ball.points)))
+
+
+@pytest.mark.parametrize("kind", ["metres", "shuffled"])
+def test_growth_that_no_cortex_has_is_refused(kind: str) -> None:
+    ball = ball_surface(4, radius=25.0)
+    numbers = np.random.default_rng(0).permutation(len(ball.points))
+    points = ball.points / 1000 if kind == "metres" else ball.points[numbers]
+    with pytest.raises(InputError, match="half of the vertices changes by a factor of .*in mm, whose vertices corr"):
+        measured(ball, replace(ball, points=points))
+
+
+def test_an_output_that_is_no_gifti_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_surface(ball_surface(2, radius=25.0), tmp_path / "x.surf.gii")
+    surfaces = [str(tmp_path / "x.surf.gii")] * 2
+    assert main(["growth", *surfaces, "--ages", "28", "30", "-o", str(tmp_path / "map")]) == 1
+    assert "map: is no name of a GIfTI file (end it in .func.gii)" in capsys.readouterr().err
 
 
 # --- what is imposed
