@@ -181,7 +181,14 @@ def inset(surface: TriSurface, thickness: float) -> TriSurface:
     require_within(thickness, THICKNESS_MM, "the thickness in mm")
     white = surface
     for reached in np.linspace(0, thickness, int(np.ceil(thickness / _INSET_STEP)) + 1)[1:]:
-        moved, _ = separate(nested(surface, {"white": white}), cell_size=float(reached), min_gap=1.0)
+        try:
+            moved, _ = separate(nested(surface, {"white": white}), cell_size=float(reached), min_gap=1.0)
+        except InputError as error:
+            raise InputError(
+                f"a cortex of {thickness:g} mm does not fit into a surface of {len(surface.points):,} vertices: "
+                f"{error.what}",
+                remedy="choose more subdivisions, a thinner cortex, or an earlier age",
+            ) from error
         white = moved.inner["white"]
         rounder = white.points
         for _ in range(_ROUNDINGS):
