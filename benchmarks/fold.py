@@ -31,7 +31,8 @@ from cortet.geometry.ordering import ordered_along_curve
 from cortet.geometry.topology import boundary_faces
 from cortet.meshes import TetMesh
 from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
-from cortet.simulation.body import Material, body_of, scale_of, smallest_altitude, stable_time_step
+from cortet.simulation.altitude import smallest_altitude
+from cortet.simulation.body import Material, body_of, scale_of, stable_time_step
 from cortet.simulation.contact import contact_of
 from cortet.simulation.device import device_name
 from cortet.simulation.gpu import OnGpu

@@ -21,7 +21,8 @@ from scipy.special import sph_harm_y
 from cortet.geometry.topology import boundary_faces, boundary_nodes
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import FloatArray, TetMesh, TriSurface
-from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
+from cortet.simulation.altitude import smallest_altitude
+from cortet.simulation.body import Material, Scale, body_of, stable_time_step
 from cortet.simulation.contact import contact_of, listed_at
 from cortet.simulation.growth import Linear
 from cortet.simulation.kernels import DONE, LIST_OUTDATED, Motion, advance, workspace

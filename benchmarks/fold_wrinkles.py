@@ -33,7 +33,8 @@ from scipy.fft import dct
 
 from cortet.geometry.topology import boundary_faces
 from cortet.meshes import FloatArray, IntArray, TetMesh
-from cortet.simulation.body import Body, Material, Scale, body_of, smallest_altitude, stable_time_step
+from cortet.simulation.altitude import smallest_altitude
+from cortet.simulation.body import Body, Material, Scale, body_of, stable_time_step
 from cortet.simulation.contact import contact_of
 from cortet.simulation.kernels import DONE, Motion, advance, workspace
 from cortet.simulation.law import ACROSS

@@ -27,7 +27,8 @@ from cortet.geometry.nesting import nested
 from cortet.geometry.quadratic import QuadraticMesh
 from cortet.geometry.topology import boundary_faces
 from cortet.meshes import FloatArray, TetMesh, TriSurface
-from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
+from cortet.simulation.altitude import smallest_altitude
+from cortet.simulation.body import Material, Scale, body_of, stable_time_step
 from cortet.simulation.contact import contact_of
 from cortet.simulation.kernels import DONE, Motion, advance, workspace
 from cortet.simulation.models import course

@@ -16,13 +16,11 @@ from cortet.errors import InputError
 from cortet.formats.surface_sets import INTERFACE
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import (
-    TET_FACES,
     boundary,
     boundary_faces,
     boundary_nodes,
     cut_components,
     enclosed_centroid,
-    face_areas,
     interfaces,
     vertex_normals,
 )
@@ -250,12 +248,6 @@ def _away_from(x: FloatArray, nodes: NDArray[np.integer], at: IntArray) -> Float
     if not len(nodes):
         return np.ones(len(at))
     return np.clip(cKDTree(x[nodes]).query(x[at])[0] / THICKNESS, 0, 1)
-
-
-def smallest_altitude(points: FloatArray, cells: IntArray) -> float:
-    """The smallest height of a node over the opposite face, of all tetrahedra; in the unit of `points`."""
-    areas = np.stack([face_areas(points, cells[:, face]) for face in TET_FACES], axis=1).max(axis=1)
-    return float((3 * signed_volumes(points, cells) / areas).min())
 
 
 def stable_time_step(altitude: float, material: Material) -> float:

@@ -17,7 +17,8 @@ from cortet.formats.ownership import delete
 from cortet.formats.tables import write_table
 from cortet.formats.tsv import write_tsv
 from cortet.meshes import TetMesh
-from cortet.simulation.body import smallest_altitude, with_interface
+from cortet.simulation.altitude import smallest_altitude
+from cortet.simulation.body import with_interface
 from cortet.simulation.contact import listed_at
 from cortet.simulation.growth import age_of, time_of
 from cortet.simulation.journal import (

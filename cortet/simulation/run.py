@@ -13,6 +13,7 @@ from cortet.geometry.ordering import curve_order
 from cortet.geometry.topology import boundary_faces
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import REGION, FloatArray, MeshSets, TetMesh
+from cortet.simulation.altitude import smallest_altitude
 from cortet.simulation.body import (
     Material,
     amount_of_growth,
@@ -22,7 +23,6 @@ from cortet.simulation.body import (
     largest_time_step,
     require_positive,
     scale_of,
-    smallest_altitude,
     stable_time_step,
 )
 from cortet.simulation.contact import contact_of

@@ -13,7 +13,8 @@ from cortet.geometry.convex import planes_of
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import TRI_EDGES, boundary_faces, boundary_nodes, face_normals, vertex_normals
 from cortet.meshes import TetMesh, TriSurface
-from cortet.simulation.body import Material, Scale, body_of, smallest_altitude, stable_time_step
+from cortet.simulation.altitude import smallest_altitude
+from cortet.simulation.body import Material, Scale, body_of, stable_time_step
 from cortet.simulation.contact import Contact, contact_forces, contact_of, listed_at, moved_too_far
 from cortet.simulation.kernels import DONE, LIST_OUTDATED, Motion, advance, elastic_forces, workspace
 from cortet.simulation.models import course, tangential

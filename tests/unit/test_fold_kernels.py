@@ -8,9 +8,11 @@ import pytest
 from cubes import cube_mesh
 from shapes import ball_mesh
 
-from cortet.geometry.topology import boundary_faces, boundary_nodes
+from cortet.geometry.topology import TET_FACES, boundary_faces, boundary_nodes, face_areas
+from cortet.measure.quality import signed_volumes
 from cortet.meshes import TetMesh
-from cortet.simulation.body import Body, Material, Scale, body_of, smallest_altitude, stable_time_step
+from cortet.simulation.altitude import smallest_altitude
+from cortet.simulation.body import Body, Material, Scale, body_of, stable_time_step
 from cortet.simulation.contact import Contact, contact_of
 from cortet.simulation.growth import Course
 from cortet.simulation.kernels import (
@@ -295,3 +297,14 @@ def test_who_makes_ready_for_steps_starts_the_threads(monkeypatch: pytest.Monkey
     monkeypatch.setattr(numba, "get_num_threads", lambda: started.append(True))
     ungrown(cube_mesh(1))
     assert started
+
+
+def test_the_smallest_altitude_is_three_volumes_over_the_largest_face() -> None:
+    mesh = cube_mesh(4, jitter=0.2)
+    faces = np.stack([face_areas(mesh.points, mesh.cells[:, face]) for face in TET_FACES], axis=1)
+    altitudes = 3 * signed_volumes(mesh.points, mesh.cells) / faces.max(axis=1)
+    assert smallest_altitude(mesh.points, mesh.cells) == altitudes.min()
+    turned = mesh.cells.copy()
+    turned[7] = turned[7][[1, 0, 2, 3]]
+    assert smallest_altitude(mesh.points, turned) == -altitudes[7]
+    assert np.isnan(smallest_altitude(np.full_like(mesh.points, np.nan), mesh.cells))
