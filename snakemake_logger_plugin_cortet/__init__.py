@@ -35,9 +35,10 @@ class Progress:
     """How far a run has come, from the events of Snakemake."""
 
     clock: Callable[[], float] = time.monotonic
-    #: meshes that are made in this run, and those that are done
+    #: meshes that are made in this run
     meshes: int = 0
-    finished: int = 0
+    #: names of the meshes that are done or failed
+    finished: set[str] = field(default_factory=set)
     #: by what became of them: certified, not certified, failed
     counts: dict[str, int] = field(default_factory=dict)
     #: jobs done and in all, and when the first one began
@@ -76,7 +77,7 @@ class Progress:
         known = self.running.pop(job, {"rule": rule, "case": "", "name": ""})
         self.counts["failed"] = self.counts.get("failed", 0) + 1
         self.failures |= {known["name"]} - {""}
-        self.finished += bool(known["case"])
+        self.finished |= {known["case"]} - {""}
         what = f"{known['case'] or rule}  failed in {rule}: {reason(log)}"
         return f"{self._counter()}{what}" + (f"\n{' ' * len(self._counter())}more in {log}" if log else "")
 
@@ -95,7 +96,7 @@ class Progress:
         return f", about {seconds / 60:.0f} min left" if seconds > 90 else ", about a minute left"
 
     def _done(self, known: Mapping[str, Any]) -> str:
-        self.finished += 1
+        self.finished.add(known["case"])
         certificate = json.loads(Path(known["output"][0]).read_text(encoding="utf-8"))
         quality, good = certificate["quality"], certificate["certified"]
         verdict = "certified" if good else "not certified"
@@ -106,7 +107,7 @@ class Progress:
         return f"{self._counter()}{known['case']}  {verdict}, {numbers}{self.left()}{why}"
 
     def _counter(self) -> str:
-        return f"{self.finished:{len(str(self.meshes))}}/{self.meshes}  " if self.meshes else ""
+        return f"{len(self.finished):{len(str(self.meshes))}}/{self.meshes}  " if self.meshes else ""
 
 
 def mesh_name(wildcards: Mapping[str, str]) -> str:
@@ -179,7 +180,7 @@ class LogHandler(LogHandlerBase):
 
     def _was_said(self, record: LogRecord) -> bool:
         """Whether the line on a failed job says so, or a line of the Snakefile, which begins with its case."""
-        words = record.getMessage()
+        words = record.getMessage().removeprefix("WorkflowError:").lstrip()
         if getattr(record, "exception", "") in _SAID:
             return True
         return bool(self.progress.counts.get("failed")) and (words.startswith((*_COUNTED, *self.progress.failures)))

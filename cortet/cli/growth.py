@@ -60,5 +60,5 @@ def growth_command(args: argparse.Namespace) -> int:
     print(f"{found.volume_ratio:.3f}; a spot by {middle:.2f}, of nine in ten by {low:.2f} to {high:.2f}")
     print(f"smoothed along the surface over {found.width_mm:.1f} mm (full width at half maximum)")
     print(f"{args.output}: written, with {metrics.name} and {record.name}; a mesh takes it with ", end="")
-    print(f"--field {field_of(end)}={args.output.name}")
+    print(f"--field {field_of(end)}={args.output}")
     return 0

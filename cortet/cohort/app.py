@@ -181,6 +181,7 @@ def snakemake(
         env=locked,
         stderr=subprocess.PIPE,
         text=True,
+        errors="replace",  # a path may be in another encoding
     ) as run:
         for line in run.stderr or ():
             if verbose or _PROFILE not in line:
@@ -205,9 +206,16 @@ def outcome(output: Path, cases: Sequence[Case], level: str) -> str:
 
 
 def _verdicts(output: Path, case: Case) -> list[bool]:
-    """Whether the meshes of a case are certified."""
+    """Whether the meshes of a case are certified; one whose certificate is damaged is not."""
     files = (output / case.folder / "mesh").glob(f"{case.name}_*Solver_certificate.json")
-    return [bool(json.loads(file.read_text(encoding="utf-8"))["certified"]) for file in files]
+    return [_says_certified(file) for file in files]
+
+
+def _says_certified(certificate: Path) -> bool:
+    try:
+        return json.loads(certificate.read_text(encoding="utf-8"))["certified"] is True
+    except (OSError, ValueError, LookupError, TypeError):
+        return False
 
 
 def work_folder(output: Path) -> Path:

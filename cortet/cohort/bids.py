@@ -154,6 +154,8 @@ def require_own_output(output: Path, dataset: Path | None) -> None:
         raise InputError(
             "was not written by cortet: the folder is another dataset", file=output / DESCRIPTION, remedy=remedy
         )
+    if output.is_dir() and not os.access(output, os.R_OK | os.X_OK):
+        raise InputError("may not be read", file=output, remedy="mend its permissions, or name another folder")
     begun = (output / DESCRIPTION).exists() or (output / LOCK).exists()  # a run that was killed has left its lock
     if not begun and output.is_dir() and any(output.iterdir()):
         raise InputError("holds files that cortet did not make", file=output, remedy=remedy)

@@ -96,11 +96,17 @@ def read_labels(text: str) -> tuple[Volume, list[int]]:
     if match is None or not match["what"]:
         raise InputError("is a volume, not a surface", file=text, remedy="say which labels to take: FILE:5 or FILE:5,6")
     volume = read_volume(match["file"], "labels")
-    by_name = {name: key for key, name in volume.names.items()}
+    by_name: dict[str, list[int]] = {}
+    for number, name in volume.names.items():
+        by_name.setdefault(name, []).append(number)
     there = np.unique(volume.values).tolist()
     keys = []
     for word in match["what"].split(","):
-        key = int(word) if re.fullmatch(r"-?\d{1,18}", word) else by_name.get(word)
+        named = by_name.get(word, [])
+        if len(named) > 1:
+            what = f"names the labels {', '.join(map(str, named))} all {word!r}"
+            raise InputError(what, file=label_table(match["file"]), remedy="give their numbers instead")
+        key = int(word) if re.fullmatch(r"-?\d{1,18}", word) else next(iter(named), None)
         if key is None or key not in there:
             shown = ", ".join(f"{one} {volume.names.get(one, '')}".strip() for one in there[:20] if one)
             raise InputError(f"has no label {word!r}", file=match["file"], remedy=f"it has {shown or 'none'}")
@@ -128,8 +134,9 @@ def read_volume(path: str | Path, kind: Kind | None = None) -> Volume:
         there = "six numbers" if tensors else "one number"
         remedy = "name it NAME=FILE:tensors" if tensors else "a tensor has six numbers"
         raise InputError(f"holds {there} per voxel, which are no {kind}", file=path, remedy=remedy)
-    if not values.any():
-        raise InputError("is empty: every voxel is 0", file=path, remedy="export it again")
+    if not np.nan_to_num(values).any():
+        what = "every voxel is 0" if not np.isnan(values).any() else "no voxel holds a number but 0"
+        raise InputError(f"is empty: {what}", file=path, remedy="export it again")
     if tensors:
         return Volume(_tensors(values, affine, order or kind or "tensors", path), affine, "tensors", file=str(path))
     if kind == "labels" or (kind is None and _are_labels(values, path)):
@@ -264,7 +271,8 @@ def _are_labels(values: NDArray[Any], path: str | Path) -> bool:
                 remedy="if it is an image, name it NAME=FILE:numbers",
             )
         return True
-    if (values == np.floor(values)).all():
+    finite = values[np.isfinite(values)]
+    if (finite == np.floor(finite)).all():
         raise InputError(
             f"holds whole numbers as {values.dtype}: labels or measured numbers?",
             file=path,

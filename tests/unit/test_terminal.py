@@ -63,6 +63,14 @@ def test_a_job_that_failed_names_its_rule_its_reason_and_its_log(tmp_path: Path)
     assert run.failures == {"sub-01_hemi-L"}
 
 
+def test_a_job_that_fails_after_the_certificate_does_not_count_its_mesh_again(tmp_path: Path) -> None:
+    run, _ = progress()
+    run.started(1, "certify", WILDCARDS, {"output": [str(certificate(tmp_path))]})
+    run.ended(1)
+    run.started(2, "export", WILDCARDS, {})
+    assert run.failed(2, "export", None).startswith("1/1  sub-01_hemi-L (0.6 mm)  failed in export")
+
+
 @pytest.mark.parametrize("content", [None, "", "begins\n"])
 def test_a_job_without_last_words_was_killed(tmp_path: Path, content: str | None) -> None:
     log = tmp_path / "x.log"
@@ -108,6 +116,7 @@ def test_errors_of_snakemake_are_said_once(tmp_path: Path, capsys: pytest.Captur
     emit(handler, "long words", logging.ERROR, event=LogEvent.ERROR, exception="RuleException")
     emit(handler, event=LogEvent.JOB_ERROR, jobid=1, rule_name="repair", log=[str(tmp_path / "x.log")])
     emit(handler, "sub-01_hemi-L: repair: it left no log", logging.ERROR)
+    emit(handler, "WorkflowError:\nAt least one job did not complete successfully.", logging.ERROR)
     emit(handler, "At least one job did not complete successfully.", logging.ERROR, exception="WorkflowError")
     assert capsys.readouterr().out.splitlines() == [
         "1 mesh to make, 3 jobs",

@@ -81,6 +81,9 @@ def test_the_kind_is_told_from_the_file(tmp_path: Path, labels: NDArray[np.int16
     whole = written(tmp_path / "whole.nii", labels.astype(np.float32))
     with pytest.raises(InputError, match="holds whole numbers as float32: labels or measured numbers"):
         read_volume(whole)
+    around = np.where(labels == 0, np.nan, labels).astype(np.float32)
+    with pytest.raises(InputError, match="holds whole numbers as float32: labels or measured numbers"):
+        read_volume(written(tmp_path / "nan_outside.nii", around))
     assert read_named(f"{whole}:labels").kind == "labels"
     assert read_named(f"{whole}:numbers").kind == "numbers"
     with pytest.raises(InputError, match="'tissue' is no kind of volume"):
@@ -105,6 +108,9 @@ def test_labels_have_names(tmp_path: Path, labels: NDArray[np.int16]) -> None:
     assert read_labels(f"{file}:CSF,2")[1] == [1, 2]
     with pytest.raises(InputError, match=r"has no label 'GM' \(it has 1 CSF, 2\)"):
         read_labels(f"{file}:GM")
+    (tmp_path / "sub-1_desc-drawem9_dseg.tsv").write_text("index\tname\n1\tCSF\n2\tCSF\n")
+    with pytest.raises(InputError, match=r"dseg.tsv: names the labels 1, 2 all 'CSF' \(give their numbers instead"):
+        read_labels(f"{file}:CSF")
     for text, words in (
         ("index\tname\nx\tCSF\n", "line 2: 'x' is no index"),
         ("index\tname\n1\ta\n1\tb\n", "line 3: index 1 stands there twice"),
@@ -118,6 +124,10 @@ def test_labels_have_names(tmp_path: Path, labels: NDArray[np.int16]) -> None:
 METRES = np.diag([0.001, 0.001, 0.001, 1.0]) @ AFFINE
 BAD: dict[str, tuple[Callable[[Path, NDArray[np.int16]], Path], str]] = {
     "empty": (lambda path, labels: written(path, 0 * labels), "is empty: every voxel is 0"),
+    "no numbers": (
+        lambda path, labels: written(path, np.full(labels.shape, np.nan, np.float32)),
+        "is empty: no voxel holds a number but 0",
+    ),
     "metres by the header": (
         lambda path, labels: written(path, labels, METRES, "meter"),
         "is in metres, as its header says",
