@@ -202,7 +202,8 @@ class Mesh:
 
     def _repr_html_(self) -> str:
         rows = "".join(
-            f"<tr><td>{'✓' if check.passed else '✗'}</td><td>{html.escape(check.finding)}</td></tr>"
+            f"<tr><td>{'✓' if check.passed else '✗'}</td>"
+            f'<td style="text-align: left">{html.escape(check.finding)}</td></tr>'
             for check in self.certificate.checks
         )
         return f"<p>{html.escape(repr(self)[1:-1])}</p>{_image(self.plot(_PICTURE))}<table>{rows}</table>"

@@ -139,6 +139,10 @@ class TriSurface:
         object.__setattr__(self, "faces", faces)
         object.__setattr__(self, "point_data", _fields(self.point_data, len(self.points), "vertices"))
 
+    def __repr__(self) -> str:
+        more = "".join(f", {what}" for what in (*map(repr, self.point_data), *(f"with {name}" for name in self.inner)))
+        return f"<TriSurface: {len(self.points):,} vertices, {len(self.faces):,} triangles{more}>"
+
 
 def single_precision(surface: TriSurface) -> TriSurface:
     """The surface as a file holds it: coordinates rounded to float32."""
@@ -191,6 +195,10 @@ class TetMesh:
                 require_indices(np.asarray(members), count, f"entry of set {name}", of)
         for name, members in self.sets.cells.items():
             require_indices(np.asarray(members), len(self.cells), f"entry of set {name}", "tetrahedra")
+
+    def __repr__(self) -> str:
+        more = "".join(f", {name!r}" for name in [*self.point_data, *self.cell_data])
+        return f"<TetMesh: {len(self.points):,} nodes, {len(self.cells):,} tetrahedra{more}>"
 
 
 def require_measurable(shape: TriSurface | TetMesh) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import runpy
 from pathlib import Path
@@ -23,6 +24,18 @@ def test_an_example_runs(script: Path, tmp_path: Path, monkeypatch: pytest.Monke
     for picture in tmp_path.glob("*.png"):
         assert matplotlib.image.imread(picture)[..., :3].std() > 0.05, "something is drawn"
         assert picture.name in PAGE
+
+
+def test_the_cells_of_the_notebook_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As plain Python: Jupyter itself is not among what the tests need. It holds no output of an earlier run."""
+    monkeypatch.chdir(tmp_path)
+    cells = json.loads((ROOT / "examples/tour.ipynb").read_text())["cells"]
+    code = [cell for cell in cells if cell["cell_type"] == "code"]
+    assert all(not cell["outputs"] and cell["execution_count"] is None for cell in code)
+    known: dict[str, object] = {}
+    for cell in code:
+        exec("".join(cell["source"]), known)
+    assert (tmp_path / "x.inp").exists()
 
 
 def test_the_page_has_every_script_and_every_picture() -> None:
