@@ -45,9 +45,9 @@ _LAST_ROUNDS = 4
 _SWEEPS, _LAST_MEAN_SWEEPS = 12, 4
 #: the search around what is left, in series: by how much an insertion may make a pocket worse at first, and rounds
 _GAINS = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
-#: the search looks at so many tetrahedra, the worst ones: with more, pockets join, and one that is too large is given
-#: up. So it looks again, at the worst of what is left, at most so many times
-_MOST_SOUGHT, _SEARCHED_AGAIN = 200, 3
+#: each search looks at so many tetrahedra, the worst ones: with more, pockets join, and one that is too large is given
+#: up. What the first one leaves is in large pockets, so the later ones look at fewer
+_SOUGHT = (200, 60, 60, 25)
 #: a pocket with more bad tetrahedra than this is given up for the series
 _MOST_HOPE = 100
 #: two series of powers; neither wins everywhere: at 64, the good tetrahedra of a tight pocket hold the worst back
@@ -100,21 +100,16 @@ def reconnected(
     if insert:
         result, more, last = _mended_inside(result, tree, threshold)
         inserted, swaps = inserted + more, swaps + last
-        for _ in range(_SEARCHED_AGAIN):
-            left = _above(result, threshold)
-            result, found = searched(result, flaws_since(result, followed, cell_size), surface, threshold, boundary)
+        for most in _SOUGHT:
+            flaws_of = flaws_since(result, followed, cell_size)
+            result, found = searched(result, flaws_of, surface, threshold, boundary, most=most)
             inserted += found
-            if _above(result, threshold) in (0, left):
+            if not (quality(result.points, result.cells) > threshold).any():
                 break
     total = [sum(values) for values in zip(*counts, *swaps, strict=True)]
     attempts, edges, faces, flips, peeled = map(int, total[:-1])
     count = SwapCount(attempts, edges, faces, flips, peeled, float(total[-1]))
     return Reconnected(result, inserted, count, held)
-
-
-def _above(mesh: TetMesh, threshold: float) -> int:
-    """Number of tetrahedra with q above the threshold."""
-    return int(np.count_nonzero(quality(mesh.points, mesh.cells) > threshold))
 
 
 def _with_insertions(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[TetMesh, int, list[SwapCount]]:
@@ -140,16 +135,23 @@ def _mended_inside(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[
 
 
 def searched(
-    mesh: TetMesh, flaws_of: Callable[[TetMesh], Flaws], surface: TriSurface, threshold: float, boundary: Boundary
+    mesh: TetMesh,
+    flaws_of: Callable[[TetMesh], Flaws],
+    surface: TriSurface,
+    threshold: float,
+    boundary: Boundary,
+    *,
+    most: int,
 ) -> tuple[TetMesh, int]:
-    """Search on around the worst tetrahedra, in pockets cut out of the mesh; also the number of vertices inserted.
+    """Search on around the worst tetrahedra, `most` at a time, in pockets cut out of the mesh.
 
-    An insertion may make a pocket worse before it makes it better. Where the boundary may slide, its edges may be
-    halved, too. A pocket whose boundary that spoils goes back to what it was, and is tried again with vertices held.
+    Also returns the number of vertices inserted. An insertion may make a pocket worse before it makes it better. Where
+    the boundary may slide, its edges may be halved, too. A pocket whose boundary that spoils goes back to what it was,
+    and is tried again with vertices held.
     """
     q = quality(mesh.points, mesh.cells)
-    worst = np.sort(q)[-_MOST_SOUGHT - 1 :]
-    threshold = max(threshold, float(worst[0])) if len(worst) > _MOST_SOUGHT else threshold
+    worst = np.sort(q)[-most - 1 :]
+    threshold = max(threshold, float(worst[0])) if len(worst) > most else threshold
     bad = q > threshold
     if not bad.any():
         return mesh, 0

@@ -15,7 +15,7 @@ from cortet.meshes import TetMesh, TriSurface
 from cortet.sections import Boundary, Cost, Section, Threshold
 from cortet.stages.stage import BOUNDARY_WORDS, Certificate, Stage, parameters_of
 
-VERSION: int = 9
+VERSION: int = 10
 
 
 class Reconnect(Section):

@@ -82,7 +82,7 @@ def test_a_place_whose_boundary_a_search_spoils_stays_as_it_was():
         crossed = np.full((int(tries[-1]), 3), there, np.int32)
         return Flaws(crossed, np.zeros((0, 3), np.int32))
 
-    result, _ = searched(mesh, flaws, topology.boundary_surface(mesh)[0], 0.5, "fixed")
+    result, _ = searched(mesh, flaws, topology.boundary_surface(mesh)[0], 0.5, "fixed", most=200)
     after = worst_beside(result, 0.5)
     assert any(tries) and after[0] == before[0] and after[1] < before[1]
 
