@@ -26,12 +26,13 @@ from cortet.formats.ownership import guarded
 from cortet.formats.placement import placed
 from cortet.formats.tables import names
 from cortet.formats.volumes import Volume
+from cortet.geometry.limits import SHELL_MM, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate
-from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, region_names
 from cortet.pipeline import Meshed, Step, mesh_surface
 from cortet.solver_files.export import export
-from cortet.solver_files.label_surfaces import inner_surfaces
+from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.volumes import (
     TISSUE_COLUMNS,
@@ -192,6 +193,7 @@ class Mesh:
                 unit=self.config.export.carp_unit,
                 frame=self.surface.frame,
                 interior=self.config.transfer.interior,
+                holes=self.config.export.holes,
                 uncertified=force,
             )
         return path
@@ -216,6 +218,7 @@ def mesh(
     ga: float | None = None,
     hemi: Literal["L", "R"] | None = None,
     inner: Mapping[str, SurfaceLike] | None = None,
+    shell: float | None = None,
     fields: Mapping[str, Any] | None = None,
     volumes: Mapping[str, str | Path | Volume] | None = None,
     settings: Settings | None = None,
@@ -229,6 +232,7 @@ def mesh(
     ga : gestational age, weeks
     hemi : "L" or "R"; None: what the file says, if it does
     inner : closed surfaces inside, name of the region within -> surface, or labels of a volume: "dseg.nii.gz:5,6"
+    shell : mm, from the surface to a smooth one around it; what is between is meshed as the region `csf`
     fields : values per vertex (n,) or (n, k) by name, which the mesh gets, too
     volumes : images whose labels, numbers or tensors the tetrahedra get, by name: NIfTI or MGZ
     settings : a configuration file, or its keys by section: {"repair": {"enabled": True}}
@@ -250,8 +254,12 @@ def mesh(
     images = read_volumes(volumes or {})
     in_mm = placed(outer, config.placement())
     require_in_place(images, in_mm)
+    whole = nested(outer, {**within.surfaces, **others})
+    if shell is not None:
+        require_within(shell, SHELL_MM, "the distance of the shell in mm")
+        whole = with_shell(whole, shell, config.placement())
     made: Meshed = mesh_surface(
-        nested(outer, {**within.surfaces, **others}),
+        whole,
         config,
         gestational_age=ga,
         source=source,
@@ -408,9 +416,11 @@ def fold(
     from cortet.formats.tsv import read_tsv
     from cortet.simulation.fold import fold as folded
     from cortet.simulation.journal import TABLE, per_percent
+    from cortet.simulation.plausible import refuse_shell
     from cortet.simulation.state import Settings as FoldSettings
 
     if isinstance(made, Mesh):
+        refuse_shell(region_names(made.surface.inner), "the mesh")
         ga, hemi = made.ga if ga is None else ga, hemi or made.hemi
     if ga is None:
         raise InputError("the gestational age of the mesh is not known", remedy="give ga, in weeks")

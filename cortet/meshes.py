@@ -6,7 +6,7 @@ of an existing one are read-only. Quantities derived from the connectivity live 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -108,8 +108,41 @@ class CoordinateFrame:
 REGION = "region"
 #: name of region 0; the others are named as the inner surfaces around them
 OUTERMOST = "cortex"
+#: names of region 0 where the brain is an inner surface, and of that surface where no other lies in it
+AROUND, BRAIN = ("csf", "skull", "skin"), "brain"
+#: name of the set of faces that are walls of holes: of regions that a file leaves out
+HOLE_SURFACE = "hole_surface"
 #: name of the integer field of a repaired surface that is 1 on the cap of a filled hole
 FILLED = "filled"
+
+
+def region_names(inner: Iterable[str]) -> list[str]:
+    """Name of each region by its number, from the names of the inner surfaces.
+
+    Region 0 is the cortex. If an inner surface is the brain or its cortex (`brain`, `cortex`, `cortexL`), region 0 is
+    the space around it, `csf`, or the first of `AROUND` that no inner surface is named.
+
+    Raises
+    ------
+    InputError : an inner surface has a name of `AROUND`, but none is the brain, or all these names are taken
+    """
+    named = list(inner)
+    around = [name for name in named if name in AROUND]
+    if not any(is_brain(name) for name in named):
+        if around:
+            raise InputError(
+                f"the inner surface {around[0]} is named as what lies around the brain",
+                remedy="give it another name, ventricle for example",
+            )
+        return [OUTERMOST, *named]
+    if len(around) == len(AROUND):
+        raise InputError(f"inner surfaces have all the names {', '.join(AROUND)}", remedy="give one another name")
+    return [next(name for name in AROUND if name not in named), *named]
+
+
+def is_brain(region: str) -> bool:
+    """Whether the name of a region says that it is the brain or its cortex."""
+    return region == BRAIN or region.startswith(OUTERMOST)
 
 
 @dataclass(frozen=True, eq=False)

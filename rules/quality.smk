@@ -95,6 +95,7 @@ rule export:
             "solver": EXPORTED[wildcards.suffix],
             "uncertified": CONFIG.export.uncertified,
             "unit": CONFIG.export.carp_unit,
+            "holes": CONFIG.export.holes,
             "interior": CONFIG.transfer.interior,
         },
         version=version_of("solver_files.export"),

@@ -34,22 +34,30 @@ def settings_of(args: argparse.Namespace) -> dict[str, Any]:
         data["setting"] = args.setting
     if args.cell_size is not None:
         data["generate"] = {**(data.get("generate") or {}), "cell_size": args.cell_size}
+    if getattr(args, "hole", None):
+        data["export"] = {**(data.get("export") or {}), "holes": args.hole}
     return data
 
 
 def surface_of(args: argparse.Namespace, config: Config) -> tuple[TriSurface, dict[str, str]]:
-    """The surface that a command is given, with its inner ones and fields; and the file of each inner one, by name."""
+    """The surface that a command is given, with its inner ones, fields and shell; and the files by region."""
     from cortet.formats.gifti import read_surface
     from cortet.geometry.nesting import nested
+    from cortet.meshes import region_names
     from cortet.solver_files.fields import with_fields
-    from cortet.solver_files.label_surfaces import inner_surfaces
+    from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 
     finite = not config.enabled("repair")
     surface = with_fields(read_surface(args.surface, finite=finite), dict(args.field))
     found = inner_surfaces(dict(args.inner), surface, config.placement(), finite=finite)
     for line in found.told:
         print(line)
-    return nested(surface, found.surfaces), found.files
+    whole = nested(surface, found.surfaces)
+    if not args.shell:
+        return whole, {region_names(whole.inner)[0]: str(args.surface), **found.files}
+    shelled = with_shell(whole, args.shell, config.placement())
+    (brain,) = shelled.inner.keys() - whole.inner.keys()
+    return shelled, {brain: str(args.surface), **found.files}
 
 
 def sphere_of(args: argparse.Namespace) -> TriSurface | None:

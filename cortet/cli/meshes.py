@@ -49,9 +49,16 @@ def certify_command(args: argparse.Namespace) -> int:
     from cortet.config import Config
     from cortet.formats.atomic import write_json
     from cortet.solver_files.sets import with_regions
+    from cortet.solver_files.sidecar import read_sidecar
     from cortet.stages.separate import separate
 
     mesh, given = read_mesh(args.mesh), args.surface
+    if holes := (read_sidecar(args.mesh).get("made_from") or {}).get("holes"):
+        raise InputError(
+            f"is without the tetrahedra inside {', '.join(holes)}, and only a whole mesh can be judged",
+            file=args.mesh,
+            remedy="see the certificate beside it, or mesh again without holes",
+        )
     surface = _filled_surface(args.mesh, args)
     if surface.inner:
         mesh = with_regions(mesh, list(surface.inner))

@@ -27,10 +27,11 @@ def mesh_command(args: argparse.Namespace) -> int:
     from cortet.formats.placement import placed
     from cortet.formats.tables import printed, write_table
     from cortet.geometry.mending import measurable
-    from cortet.meshes import OUTERMOST
+    from cortet.meshes import region_names
     from cortet.pipeline import mesh_surface
     from cortet.solver_files.export import export
     from cortet.solver_files.fields import field_sources
+    from cortet.solver_files.holes import require_regions
     from cortet.solver_files.meshed import certificate_path, made_from, meshed_files, require_own_stem, write_meshed
     from cortet.solver_files.sets import named_sets
     from cortet.solver_files.sidecar import sidecar_path
@@ -44,14 +45,14 @@ def mesh_command(args: argparse.Namespace) -> int:
     record = certificate_path(args.output)
     config = config_of(args)
     size = config.generate.cell_size[0]
-    surface, inner = surface_of(args, config)
-    given = {OUTERMOST: args.surface} | inner
-    surfaces = meshed_files(given, args.output)
+    surface, given = surface_of(args, config)
+    surfaces = meshed_files(region_names(surface.inner), args.output)
     tissues = args.output.with_name(f"{stem_of(args.output)}.volumes.tsv")
     for file in (record, sidecar_path(args.output), *surfaces.values(), *([tissues] if args.volume else [])):
         may_write(file)
     if not args.force:
         require_own_stem(args.output, given, cell_size=size)
+    require_regions(config.export.holes, surface.inner)
     volumes = read_volumes(dict(args.volume))
     frame = placed(surface, config.placement()).frame
     require_in_place(volumes, placed(measurable(surface), config.placement()))
@@ -62,7 +63,7 @@ def mesh_command(args: argparse.Namespace) -> int:
         config,
         gestational_age=args.ga,
         source=args.surface,
-        inner_sources=inner,
+        inner_sources=given,
         sphere=sphere,
         sphere_source=args.sphere,
         case=stem_of(args.output),
@@ -93,6 +94,7 @@ def mesh_command(args: argparse.Namespace) -> int:
             frame=surface.frame,
             sources=sources,
             interior=config.transfer.interior,
+            holes=config.export.holes,
             made_from={
                 **made_from(surfaces, given, args.output.parent),
                 **({"volumes": sources_of_volumes(dict(args.volume))} if args.volume else {}),
@@ -115,7 +117,7 @@ def mesh_command(args: argparse.Namespace) -> int:
     print_verdict(certificate)
     print(f"{record}: every number beside its limit")
     if certificate.certified:
-        print(f"{args.output}: written, with the surface that was meshed: {surfaces[OUTERMOST].name}")
+        print(f"{args.output}: written, with the surface that was meshed: {next(iter(surfaces.values())).name}")
     else:
         print(f"{args.output}: not written")
     return 0 if certificate.certified else 1
@@ -167,7 +169,7 @@ def stages_command(args: argparse.Namespace) -> int:
     from cortet.report.stage_table import STAGE_COLUMNS, measured_stages
 
     config = config_of(args)
-    surface, inner = surface_of(args, config)
+    surface, given = surface_of(args, config)
     rows = []
     widths = [max(len(column.name) + 2, 12) for column in STAGE_COLUMNS]
     print("".join(f"{column.name:>{width}}" for column, width in zip(STAGE_COLUMNS, widths, strict=True)))
@@ -176,7 +178,7 @@ def stages_command(args: argparse.Namespace) -> int:
         config,
         gestational_age=args.ga,
         source=args.surface,
-        inner_sources=inner,
+        inner_sources=given,
         sphere=sphere_of(args),
         sphere_source=args.sphere,
     )

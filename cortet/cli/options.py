@@ -19,11 +19,27 @@ from cortet.cli.meshes import (
 )
 from cortet.cli.meshing import mesh_command, stages_command
 from cortet.cli.runs import config_command, doctor_command, fold_command, run_command, scan_command
-from cortet.cli.surfaces import gate_command, head_command, phantom_command, repair_command, resample_command
+from cortet.cli.surfaces import (
+    envelope_command,
+    gate_command,
+    head_command,
+    phantom_command,
+    repair_command,
+    resample_command,
+)
 from cortet.cli.values import Number, aged_file, inner_file, named_file
 from cortet.errors import CortetError
 from cortet.formats import FORMATS
-from cortet.geometry.limits import CELL_SIZE_MM, FOLD_AGES, PHANTOM_AGES, SCAN_AGES, SUBDIVISIONS, THICKNESS_MM
+from cortet.geometry.limits import (
+    CELL_SIZE_MM,
+    CLOSING_MM,
+    FOLD_AGES,
+    PHANTOM_AGES,
+    SCAN_AGES,
+    SHELL_MM,
+    SUBDIVISIONS,
+    THICKNESS_MM,
+)
 
 
 class OutputFile(type(Path())):  # type: ignore[misc]
@@ -79,6 +95,12 @@ def parser() -> argparse.ArgumentParser:
     )
 
     line = argparse.ArgumentParser(add_help=False, parents=[within])
+    line.add_argument(
+        "--shell",
+        type=Number(*SHELL_MM),
+        metavar="MM",
+        help="also mesh the space around the brain, a region csf, up to a smooth surface at least so far away",
+    )
     line.add_argument("surface", type=Path, metavar="SURFACE", help="closed surface, GIfTI, mm")
     line.add_argument(
         "--cell-size",
@@ -126,6 +148,12 @@ def parser() -> argparse.ArgumentParser:
         type=named_file,
         metavar="NAME=FILE",
         help="NIfTI or MGZ whose labels, numbers or tensors the tetrahedra get; FILE:KIND says which; repeatable",
+    )
+    mesh.add_argument(
+        "--hole",
+        action="append",
+        metavar="NAME",
+        help="write no tetrahedra inside the inner surface NAME, a ventricle for example; repeatable",
     )
     mesh.add_argument("--picture", type=OutputFile, metavar="PNG", help="also draw the mesh cut open, coloured by q")
     mesh.add_argument(
@@ -344,6 +372,27 @@ def parser() -> argparse.ArgumentParser:
     )
     head.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
     head.set_defaults(run=head_command)
+
+    around = commands.add_parser(
+        "envelope", parents=[writes], help="make a smooth closed surface around one or several others"
+    )
+    around.add_argument("surfaces", type=Path, nargs="+", metavar="SURFACE", help="closed surfaces of one head, mm")
+    around.add_argument(
+        "--distance",
+        type=Number(*SHELL_MM),
+        default=2.0,
+        metavar="MM",
+        help="from the surfaces, at least (default: 2)",
+    )
+    around.add_argument(
+        "--closing",
+        type=Number(*SHELL_MM),
+        default=CLOSING_MM,
+        metavar="MM",
+        help=f"half the width of the grooves that lie inside of it (default: {CLOSING_MM:g})",
+    )
+    around.add_argument("-o", "--output", type=OutputFile, required=True, metavar="GII")
+    around.set_defaults(run=envelope_command)
 
     growth = commands.add_parser(
         "growth", parents=[writes], help="measure how much each spot of a surface has grown until a later age"

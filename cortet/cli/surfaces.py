@@ -1,10 +1,10 @@
-"""Commands on surfaces: `gate`, `repair`, `resample`, `phantom`."""
+"""Commands on surfaces: `gate`, `repair`, `resample`, `phantom`, `head`, `envelope`."""
 
 from __future__ import annotations
 
 import argparse
 import logging
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -156,6 +156,20 @@ def head_command(args: argparse.Namespace) -> int:
     for row in sizes:
         print(f"{row['name']:<12}{row['volume_ml']:>8.3f} mL")
     print(f"{args.output}: written: {', '.join(file.name for file in files.values())}")
+    return 0
+
+
+def envelope_command(args: argparse.Namespace) -> int:
+    """Write a smooth closed surface around others."""
+    from cortet.formats.gifti import read_surface, write_surface
+    from cortet.geometry.envelope import envelope
+    from cortet.geometry.topology import enclosed_volume
+
+    given = [read_surface(file) for file in args.surfaces]
+    made = envelope(given, args.distance, closing=args.closing)
+    write_surface(replace(made, frame=given[0].frame), args.output)
+    volume = enclosed_volume(made.points, made.faces) / 1000
+    print(f"{args.output}: {len(made.points)} vertices, {volume:.1f} mL, at least {args.distance:g} mm away")
     return 0
 
 

@@ -49,13 +49,9 @@ def aged_file(text: str) -> tuple[float, str]:
 
 def inner_file(text: str) -> tuple[str, str]:
     """[NAME=]FILE of an inner surface."""
-    from cortet.meshes import OUTERMOST
-
     name, equals, file = text.rpartition("=")
     if not equals:
         return "white", text
-    if not (re.fullmatch("[A-Za-z][A-Za-z0-9]*", name) and file) or name == OUTERMOST:
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is not NAME=FILE, NAME of letters and digits, other than {OUTERMOST}"
-        )
+    if not (re.fullmatch("[A-Za-z][A-Za-z0-9]*", name) and file):
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE, NAME of letters and digits")
     return name, file

@@ -14,6 +14,8 @@ from typing import Any
 from cortet.cohort.jobs import Job, Jobs, Mesh, existing
 from cortet.cohort.layout import EXPORTED, beside, file_of, filled
 from cortet.cohort.sheet import PHANTOM, Case, folded
+from cortet.errors import InputError
+from cortet.meshes import OUTERMOST, region_names
 
 __all__ = ["AFTER_CERTIFICATE", "OVER_ALL_CASES", "Plan", "existing"]
 
@@ -44,9 +46,16 @@ class Plan(Jobs):
         Raises
         ------
         InputError
-            no case has a given name, the sheet lacks a given column, or a case has no age
+            no case has a given name, the sheet lacks a given column, a case has no age, or other regions lie around
+            the brain
         """
-        return {case.name for case in folded(list(self.cases.values()), self.config.fold.cases)}
+        asked = folded(list(self.cases.values()), self.config.fold.cases)
+        if shelled := [case.name for case in asked if region_names(case.inner)[0] != OUTERMOST]:
+            raise InputError(
+                f"{', '.join(shelled)}: to be folded, but other regions lie around the brain",
+                remedy="give the brain as column surface, or do not fold the case",
+            )
+        return {case.name for case in asked}
 
     def fold_runs(self) -> dict[str, dict[str, Any]]:
         """Requested folds: verdict file -> row of the folding table."""

@@ -26,7 +26,6 @@ from cortet.errors import InputError
 from cortet.formats.placement import UNITS
 from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
 from cortet.geometry.limits import SCAN_AGES
-from cortet.meshes import OUTERMOST
 from cortet.sections import Cases
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
@@ -336,7 +335,7 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
             yield f"column {column}: {named!r} is no name of {what} (use letters and digits only)"
         if len(_region(column)) > LONGEST_LABEL:
             yield f"column {column}: {len(_region(column))} characters are too many (use at most {LONGEST_LABEL})"
-        if _region(column) in (OUTERMOST, *_STANDING) and value not in _MISSING:
+        if _region(column) in _STANDING and value not in _MISSING:
             yield f"column {column}: {_region(column)!r} stands for another part of every mesh (use another name)"
         given = _region(column) and value not in _MISSING
         if given and PHANTOM in (value, row["surface"]) and (column != INNER or value != row["surface"]):

@@ -121,6 +121,8 @@ class Export(Section):
     """Field of the cohort, mm, that takes the place of cortex_depth, e.g. thickness."""
     medial_wall: dict[str, list[int]] = {}
     """Label fields and their keys that mark the medial wall, e.g. {parcellation: [0]}; the rest is cortical surface."""
+    holes: list[str] = []
+    """Inner regions without tetrahedra in the files, e.g. [ventricle]; their walls are the faces `hole_surface`."""
     label_shares: bool = False
     """true also writes the share of each label in each tetrahedron, for volumes of labels."""
     field_units: dict[str, str] = {}

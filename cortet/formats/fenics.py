@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import (
+    FIRST_INTERFACE,
     REGION_TAGS,
     SURFACE_TAGS,
     interface_sets,
@@ -49,7 +50,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
     """Write `path` (.xdmf) and the three files beside it, each complete or not at all."""
     mesh = with_surface(mesh)
     faces, interfaces = listed_faces(mesh), interface_sets(mesh)
-    tags = SURFACE_TAGS | {name: number for number, name in enumerate(interfaces, start=len(SURFACE_TAGS) + 1)}
+    tags = SURFACE_TAGS | {name: number for number, name in enumerate(interfaces, start=FIRST_INTERFACE)}
     arrays: dict[str, NDArray[Any]] = {
         "nodes": mesh.points,
         "mesh/topology": mesh.cells,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
-from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS, region_tags, with_surface
+from cortet.formats.surface_sets import CORTEX, REGION_TAGS, SURFACE_TAGS, region_tags, with_surface
 from cortet.formats.text import write_rows
 from cortet.formats.untrusted import content, sound
 from cortet.meshes import MeshSets, TetMesh
@@ -75,7 +75,7 @@ def read(path: str | Path) -> TetMesh:
         cells={
             name: np.flatnonzero(regions == tag).astype(np.int32)
             for name, tag in REGION_TAGS.items()
-            if set(REGION_TAGS.values()) <= set(regions)
+            if tag in regions and REGION_TAGS[CORTEX] in regions
         },
     )
     return sound(path, found.points, cells, sets=sets)

@@ -9,17 +9,21 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.geometry.topology import TET_FACES, boundary, boundary_faces, packed
-from cortet.meshes import IntArray, MeshSets, TetMesh
+from cortet.meshes import AROUND, HOLE_SURFACE, IntArray, MeshSets, TetMesh
 
-#: the two parts of the boundary; every boundary face belongs to one of them
+#: the two parts of the boundary of a brain; every boundary face belongs to one of them
 CORTICAL_SURFACE, MEDIAL_WALL = "cortical_surface", "medial_wall"
-#: the two parts of the tissue; every tetrahedron belongs to one of them
+#: the boundary of a mesh in which other regions lie around the brain
+OUTER_SURFACE = "outer_surface"
+#: the two parts of a brain; every tetrahedron belongs to one of them, or to a region around the brain
 CORTEX, CORE = "cortex", "core"
 #: end of the name of a set of faces between two regions; they are counter-clockwise seen from outside the inner region
 INTERFACE = "_interface"
 #: tags for formats that number parts instead of naming them
-SURFACE_TAGS = {CORTICAL_SURFACE: 1, MEDIAL_WALL: 2}
-REGION_TAGS = {CORE: 1, CORTEX: 2}
+SURFACE_TAGS = {CORTICAL_SURFACE: 1, MEDIAL_WALL: 2, OUTER_SURFACE: 100, HOLE_SURFACE: 101}
+REGION_TAGS = {CORE: 1, CORTEX: 2} | {name: tag for tag, name in enumerate(AROUND, start=3)}
+#: tag of the first interface, for formats that number these, too
+FIRST_INTERFACE = 3
 
 
 def with_surface(mesh: TetMesh) -> TetMesh:

@@ -24,6 +24,8 @@ SCAN_AGES = (12.0, 60.0)
 FOLD_AGES = (20.0, 60.0)
 #: bounds of a synthetic cortex: age, weeks, and thickness, mm
 PHANTOM_AGES, THICKNESS_MM = (21.0, 38.0), (0.1, 10.0)
+#: distance of a shell from the brain, mm; and half the width of the grooves that it spans
+SHELL_MM, CLOSING_MM = (0.5, 50.0), 15.0
 
 
 def require_within(value: float, bounds: tuple[float, float], what: str) -> None:

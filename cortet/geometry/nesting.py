@@ -15,7 +15,7 @@ import numpy as np
 from cortet.geometry.closest_point import ClosestPoints, SurfaceTree, closest_points, tree_of
 from cortet.geometry.remembering import once_per_object
 from cortet.geometry.topology import enclosed_volume, face_normals, packed, vertex_normals
-from cortet.meshes import OUTERMOST, FloatArray, IntArray, TriSurface
+from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: a barycentric weight below this is that of a point on the opposite edge
 _ON_EDGE = 1e-9
@@ -35,11 +35,6 @@ def sheets(surface: TriSurface) -> list[TriSurface]:
 @once_per_object
 def _outer(surface: TriSurface) -> TriSurface:
     return replace(surface, inner={})
-
-
-def region_names(surface: TriSurface) -> list[str]:
-    """Name of each region by its number."""
-    return [OUTERMOST, *surface.inner]
 
 
 @once_per_object

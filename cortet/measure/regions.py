@@ -14,7 +14,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from cortet.geometry.closest_point import closest_points, tree_of
-from cortet.geometry.nesting import joined, parents, region_boundary, region_names, sheets
+from cortet.geometry.nesting import joined, parents, region_boundary, sheets
 from cortet.geometry.topology import (
     SurfaceTopology,
     boundary_surface,
@@ -27,7 +27,7 @@ from cortet.geometry.topology import (
 from cortet.measure.fidelity import Distances, summary
 from cortet.measure.lost import distances_to
 from cortet.measure.quality import quality, signed_volumes
-from cortet.meshes import REGION, TetMesh, TriSurface
+from cortet.meshes import REGION, TetMesh, TriSurface, region_names
 
 #: how many thin spots are listed, and how far apart they are, mm
 _THIN_PLACES, _APART_MM = 5, 5.0
@@ -94,7 +94,7 @@ def region_records(mesh: TetMesh, surface: TriSurface) -> tuple[RegionRecord, ..
     volumes, q = signed_volumes(mesh.points, mesh.cells), quality(mesh.points, mesh.cells)
     around = parents(surface)
     records = []
-    for number, name in enumerate(region_names(surface)):
+    for number, name in enumerate(region_names(surface.inner)):
         mine = region == number
         bounds = region_boundary(surface, number)
         volume, given = float(volumes[mine].sum()) / 1000, enclosed_volume(bounds.points, bounds.faces) / 1000
@@ -118,7 +118,7 @@ def region_records(mesh: TetMesh, surface: TriSurface) -> tuple[RegionRecord, ..
 def interface_records(mesh: TetMesh, surface: TriSurface) -> tuple[InterfaceRecord, ...]:
     """One record for each inner surface. Without its interface in the mesh, distances are the size of the surface."""
     region = _region(mesh)
-    found, names, around = interfaces(mesh), region_names(surface), parents(surface)
+    found, names, around = interfaces(mesh), region_names(surface.inner), parents(surface)
     records = []
     for number, one in enumerate(sheets(surface)[1:], start=1):
         faces, nodes = sheet(mesh, number)

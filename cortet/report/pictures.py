@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import StageError
-from cortet.geometry.nesting import region_names
 from cortet.geometry.topology import boundary_surface, sheet, surface_topology
 from cortet.measure.lost import distances_to
-from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
+from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface, region_names
 from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
 from cortet.report.render import COLOUR_NAMES, cut_view, reddest, surface_view, webp
@@ -68,7 +67,7 @@ def _of_regions(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
     """The cut in the colours of the regions, and each inner surface in the colours of its distance to its interface."""
     if not meshed.inner or REGION not in mesh.cell_data:
         return []
-    names = region_names(meshed)
+    names = region_names(meshed.inner)
     colours = ", ".join(f"{name} {COLOUR_NAMES[i % len(COLOUR_NAMES)]}" for i, name in enumerate(names))
     return [
         captioned(cut_view(mesh, regions=True), "Regions", colours),

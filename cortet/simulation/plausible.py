@@ -6,13 +6,15 @@ than its cortex. A mesh that certainly is not is refused; a doubt is said.
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from cortet.errors import InputError
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary, face_areas, face_normals
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import FloatArray, TetMesh, require_measurable
+from cortet.meshes import AROUND, FloatArray, TetMesh, require_measurable
 from cortet.simulation.body import require_positive
 from cortet.simulation.growth import check_age
 from cortet.simulation.medial_wall import TOWARDS_MIDLINE
@@ -46,16 +48,31 @@ _TETS_PER_CUBE = 4.0
 _SIDES = {(axis, sign): f"{'+' if sign > 0 else '-'}{'xyz'[axis]}" for axis in range(3) for sign in (1, -1)}
 
 
+def refuse_shell(regions: Collection[str], where: str) -> None:
+    """Raise InputError where something lies around the brain: the model's cortex ends at the boundary.
+
+    Parameters
+    ----------
+    regions : names of regions, or of sets of tetrahedra
+    where : what has them
+    """
+    if around := [name for name in AROUND if name in regions]:
+        raise InputError(
+            f"{where} has the region {around[0]} around the brain", remedy="mesh the brain without a shell"
+        )
+
+
 def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
     """Doubts about a mesh, in sentences.
 
     Raises
     ------
     InputError
-        the age is impossible; the mesh cannot be measured, has an inverted element or is no brain in mm; or its medial
-        side is another than the hemisphere says
+        the age is impossible; the mesh cannot be measured, has an inverted element or is no brain in mm; other regions
+        lie around the brain; or its medial side is another than the hemisphere says
     """
     require_measurable(mesh)
+    refuse_shell(mesh.sets.cells, "the mesh")
     require_positive(signed_volumes(mesh.points, mesh.cells))
     check_age(settings.gestational_age)
     if settings.reference:

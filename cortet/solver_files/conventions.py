@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.formats.as_read import AsRead
-from cortet.formats.surface_sets import INTERFACE, REGION_TAGS, SURFACE_TAGS, surface_faces
+from cortet.formats.surface_sets import (
+    INTERFACE,
+    OUTER_SURFACE,
+    REGION_TAGS,
+    SURFACE_TAGS,
+    interface_sets,
+    surface_faces,
+)
 from cortet.geometry.filling import broken_body
 from cortet.geometry.topology import TET_FACES, boundary_faces, enclosed_volume, packed, surface_topology
 from cortet.measure.quality import signed_volumes
@@ -109,18 +116,20 @@ def _surface(file: AsRead) -> Iterator[str]:
     inward = np.flatnonzero(known)[~_same_turn(listed[known], partners)]
     if len(inward) and file.directs_faces:
         yield f"{len(inward)} triangles face inward, the first {file.face(int(inward[0]))}"
-    yield from _other_faces(mesh, true, boundary)
+    yield from _other_faces(mesh, boundary)
 
 
-def _other_faces(mesh: TetMesh, true: NDArray[np.int64], boundary: IntArray) -> Iterator[str]:
-    """Faces of the sets that do not divide the boundary."""
+def _other_faces(mesh: TetMesh, boundary: IntArray) -> Iterator[str]:
+    """Faces of the sets that do not divide the boundary; labels may lie on a brain inside of it."""
+    between = list(interface_sets(mesh).values()) if OUTER_SURFACE in mesh.sets.faces else []
+    known = np.concatenate([boundary, *between])
     for name, faces in mesh.sets.faces.items():
         if name.endswith(INTERFACE) and len(faces):
             if misplaced := _not_between_regions(mesh, faces):
                 yield f"face set {name} names {misplaced} faces that are not between two regions"
         elif name not in SURFACE_TAGS and len(faces):
-            both = packed(np.concatenate([boundary, faces]))
-            if strange := np.count_nonzero(~np.isin(both[len(true) :], both[: len(true)])):
+            both = packed(np.concatenate([known, faces]))
+            if strange := np.count_nonzero(~np.isin(both[-len(faces) :], both[: -len(faces)])):
                 yield f"face set {name} names {strange} faces that are not on the boundary"
 
 

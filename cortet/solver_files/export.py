@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
+from cortet.solver_files.holes import hollow
 from cortet.solver_files.meshed import moved
 from cortet.solver_files.names import ASCII, in_ascii, left_out
 from cortet.solver_files.sets import named_sets
@@ -27,7 +28,7 @@ from cortet.solver_files.sidecar import read_sidecar, sidecar, sidecar_path
 from cortet.solver_files.verify import problems
 from cortet.stages.solver_ready import surface_nodes_first
 
-VERSION: int = 4
+VERSION: int = 5
 
 
 def export(
@@ -42,6 +43,7 @@ def export(
     sources: Mapping[str, FieldSource] | None = None,
     interior: str | None = None,
     made_from: Mapping[str, Any] | None = None,
+    holes: Collection[str] = (),
 ) -> None:
     """Write `path`, the files that belong to it and its sidecar, complete and verified or not at all.
 
@@ -56,14 +58,19 @@ def export(
     sources : field -> where it came from
     interior : how interior nodes got their values
     made_from : which surfaces were meshed, from `meshed.made_from`
+    holes : inner regions whose tetrahedra are left out; the certificate is that of the whole mesh
 
     Raises
     ------
+    InputError
+        a region lies in a hole
     StageError
         the certificate is of another mesh, the mesh is not certified, or the written file breaks a convention of the
         solver
     """
     require_certified(mesh, certificate, path, uncertified=uncertified)
+    if len((hollowed := hollow(mesh, holes)).cells) < len(mesh.cells):
+        mesh, made_from = hollowed, {**(made_from or {}), "holes": list(holes)}
     _write_verified(
         mesh,
         path,

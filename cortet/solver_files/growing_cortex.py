@@ -11,6 +11,7 @@ from cortet.formats.surface_sets import CORTEX, MEDIAL_WALL
 from cortet.geometry.topology import boundary_nodes
 from cortet.meshes import FloatArray, IntArray, TetMesh
 from cortet.simulation.body import Scale, body_of
+from cortet.simulation.plausible import refuse_shell
 
 
 class Support(NamedTuple):
@@ -38,6 +39,7 @@ def growing(mesh: TetMesh, growth: float, *, most: float) -> tuple[IntArray, Flo
     if not 0 < growth <= most:
         strains = "small strains" if most < 1 else "strains of this size"
         raise InputError(f"growth is {growth:g}, but the material holds for {strains}", remedy=f"0.01 to {most:g}")
+    refuse_shell(mesh.sets.cells, "the mesh")
     cortex = mesh.sets.cells.get(CORTEX, np.zeros(0, np.int32))
     if not len(cortex):
         raise InputError("the mesh has no set `cortex`", remedy="read one that cortet exported")

@@ -1,4 +1,4 @@
-"""Inner surfaces by name, from files of surfaces or out of the labels of volumes."""
+"""Inner surfaces by name, from files of surfaces or out of the labels of volumes; and a shell around a brain."""
 
 from __future__ import annotations
 
@@ -11,10 +11,14 @@ import numpy as np
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
+from cortet.formats.placement import placed
 from cortet.formats.volumes import is_volume, read_labels, volume_file
+from cortet.geometry.envelope import envelope
 from cortet.geometry.label_surface import label_surfaces
+from cortet.geometry.mending import measurable
+from cortet.geometry.nesting import nested
 from cortet.geometry.topology import surface_topology
-from cortet.meshes import FloatArray, TriSurface, single_precision
+from cortet.meshes import BRAIN, OUTERMOST, FloatArray, TriSurface, is_brain, single_precision
 from cortet.solver_files.volumes import require_in_place
 
 
@@ -60,6 +64,32 @@ def inner_surfaces(
                 raise InputError(f"two inner surfaces would be named {own}", file=file, remedy="use another name")
             found.surfaces[own], found.files[own] = surface, volume_file(file)
     return found
+
+
+def with_shell(surface: TriSurface, distance: float, to_mm: Sequence[Sequence[float]] | None = None) -> TriSurface:
+    """An envelope of a surface, with the surface and its inner ones inside: as region `cortex`, or `brain` if alone.
+
+    Parameters
+    ----------
+    surface : as it was read; coordinates that are not finite are left out of the envelope
+    distance : mm, from the surface at least
+    to_mm : matrix of `formats.placement.matrix` for `surface`
+
+    Raises
+    ------
+    InputError : an inner surface is the brain or its cortex already
+    """
+    if taken := [name for name in surface.inner if is_brain(name)]:
+        raise InputError(
+            f"a shell makes the surface the region {OUTERMOST}, but an inner surface is named {taken[0]}",
+            remedy="name the inner surface otherwise, or leave the shell out",
+        )
+    own = replace(surface, inner={})
+    outer = envelope([placed(measurable(own), to_mm)], distance)
+    if to_mm is not None:
+        outer = single_precision(placed(outer, np.linalg.inv(np.array(to_mm)).tolist()))
+    name = OUTERMOST if surface.inner else BRAIN
+    return nested(replace(outer, frame=surface.frame), {name: own, **surface.inner})
 
 
 def _of_labels(

@@ -15,8 +15,8 @@ from cortet.errors import InputError
 from cortet.formats.gifti import hemisphere_of, read_surface, write_surface
 from cortet.formats.hashing import sha256
 from cortet.formats.ownership import json_of
-from cortet.geometry.nesting import nested, region_names, sheets
-from cortet.meshes import OUTERMOST, TriSurface
+from cortet.geometry.nesting import nested, sheets
+from cortet.meshes import BRAIN, OUTERMOST, TriSurface, region_names
 from cortet.solver_files.sidecar import read_sidecar, sidecar_path
 
 
@@ -28,16 +28,21 @@ def write_meshed(surface: TriSurface, mesh: Path) -> dict[str, Path]:
     surface : as `pipeline.Meshed.surface`; float32 coordinates in the files
     mesh : file of the mesh, whose stem the names begin with
     """
-    files = meshed_files(region_names(surface), mesh)
+    files = meshed_files(region_names(surface.inner), mesh)
     for region, one in zip(files, sheets(surface), strict=True):
         write_surface(one, files[region])
     return files
 
 
 def meshed_files(regions: Iterable[str], mesh: Path) -> dict[str, Path]:
-    """Names of the files of the surfaces that were meshed, by region; they begin with the stem of the mesh's file."""
+    """Names of the files of the surfaces that were meshed, by region; they begin with the stem of the mesh's file.
+
+    Parameters
+    ----------
+    regions : that inside the outer surface first
+    """
     stem = mesh.name.removesuffix(mesh.suffix)
-    named = {region: "" if region == OUTERMOST else f"-{region}" for region in regions}
+    named = {region: f"-{region}" if number else "" for number, region in enumerate(regions)}
     return {region: mesh.with_name(f"{stem}.meshed{of}.surf.gii") for region, of in named.items()}
 
 
@@ -93,7 +98,8 @@ def made_from(meshed: Mapping[str, Path], given: Mapping[str, str | Path], folde
     given : region -> file of the surface that the user gave
     folder : folder of the sidecar; names of files are relative to it
     """
-    hemisphere = hemisphere_of(given[OUTERMOST]) if OUTERMOST in given else None
+    brain = next((given[region] for region in (OUTERMOST, BRAIN) if region in given), None)
+    hemisphere = hemisphere_of(brain) if brain else None
     surfaces = {
         kind: {
             region: {"file": Path(os.path.relpath(file, folder)).as_posix(), "sha256": sha256(file)}
@@ -136,8 +142,8 @@ def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) ->
         no surface is given and no sidecar names one, or the surface that was meshed is missing or has changed
     """
     record = read_sidecar(mesh).get("made_from")
-    named = ({OUTERMOST: given} if given else {}) | dict(inner)
-    if record and OUTERMOST not in record["meshed"]:
+    named = ({region_names(inner)[0]: given} if given else {}) | dict(inner)
+    if record and not record["meshed"]:
         record = None
     if record and all(sha256(file) == record["given"].get(region, {}).get("sha256") for region, file in named.items()):
         files = {region: mesh.parent / one["file"] for region, one in record["meshed"].items()}
@@ -148,7 +154,7 @@ def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) ->
                     file=file,
                     remedy="put it back, or mesh the surface again",
                 )
-        given = files.pop(OUTERMOST)
+        given = files.pop(next(iter(files)))
         inner = files
     if given is None:
         raise InputError("no sidecar says which surface was meshed", file=mesh, remedy="name the surface, too")

@@ -1,8 +1,9 @@
 """Named sets of a mesh on its way to a solver: the parts of its surface, cortex and core, one set per label.
 
-The boundary is divided into `cortical_surface` and `medial_wall`, the tetrahedra into `cortex` and `core`. A label of
-the surface is a set of nodes of the surface, a set of faces, and a set of tetrahedra of the cortex, all of one name. A
-face or tetrahedron gets the label of most of its nodes, or that of its first node if there is no such label.
+The surface of the brain is divided into `cortical_surface` and `medial_wall`, its tetrahedra into `cortex` and `core`.
+It is the boundary of the mesh, or an interface if there is a region around the brain. A label of the surface is a set
+of nodes of the surface, a set of faces, and a set of tetrahedra of the cortex, all of one name. A face or tetrahedron
+gets the label of most of its nodes, or that of its first node if there is no such label.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL
+from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, OUTER_SURFACE
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, interfaces
-from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
+from cortet.meshes import AROUND, BRAIN, REGION, IntArray, MeshSets, TetMesh, is_brain, region_names
 
 #: some solvers refuse longer names
 _LONGEST_NAME = 80
@@ -46,14 +47,20 @@ def named_sets(
     label_names : label field -> key -> name, if there are names
     tissues : integer fields of tetrahedra; each label is a set `FIELD_NAME`, or `FIELD_KEY` where it has no name
     inner : names of the regions of the mesh from 1 on, if it has any. Then region 0 is the cortex, whatever its depth,
-        and the others are the core. If these are several, each is a set, too; so are the faces between two regions
+        and the others are the core. If these are several, each is a set, too; so are the faces between two regions.
+        Where the brain is among them (`meshes.region_names`), region 0 lies around it, neither cortex nor core, and the
+        boundary is the set of faces `outer_surface`
 
     Raises
     ------
     InputError
         the mesh lacks a named field, the field is of the wrong kind, or nothing is left of the cortical surface
     """
-    faces = boundary_faces(mesh)
+    number = mesh.cell_data.get(REGION) if inner else None
+    names_of = region_names(inner)
+    brain = [i for i, name in enumerate(names_of) if is_brain(name)]
+    whole = number is None or names_of[0] == CORTEX  # nothing lies around the brain
+    faces = boundary_faces(mesh) if whole else _outer_faces(mesh, brain)
     labels = {name: values for name, values in mesh.point_data.items() if _is_label(values)}
     wall = np.zeros(len(faces), bool)
     for name, keys in (medial_wall or {}).items():
@@ -62,25 +69,30 @@ def named_sets(
         wall |= np.isin(face_labels(labels[name], faces), list(keys))
     if wall.all():
         raise InputError("medial wall: every face belongs to it", remedy="name the keys of the medial wall only")
-    parts = {CORTICAL_SURFACE: faces[~wall], MEDIAL_WALL: faces[wall]}
-    parts = {name: part for name, part in parts.items() if len(part)}
+    outer = (
+        {CORTICAL_SURFACE: faces[~wall], MEDIAL_WALL: faces[wall]} if whole else {OUTER_SURFACE: boundary_faces(mesh)}
+    )
+    parts = {name: part for name, part in outer.items() if len(part)}
     sets = MeshSets({name: np.unique(part) for name, part in parts.items()}, parts, {})
     parcels = {
         name: _add_labels(sets, name, values, faces, (label_names or {}).get(name, {}))
         for name, values in labels.items()
     }
-    number = mesh.cell_data.get(REGION) if inner else None
-    if number is None:
-        cortex = _is_cortex(mesh, parts[CORTICAL_SURFACE], cortex_depth, cortex_thickness)
-    else:
-        cortex = number == 0
+    around = np.zeros(len(mesh.cells), bool)
+    if number is not None:
+        around = np.isin(number, [i for i, name in enumerate(names_of) if name in AROUND])
         _add_interfaces(sets, mesh, inner)
-    regions = {CORE: np.flatnonzero(~cortex).astype(np.int32), CORTEX: np.flatnonzero(cortex).astype(np.int32)}
+    if number is None or BRAIN in names_of:
+        cortex = ~around & _is_cortex(mesh, faces[~wall], cortex_depth, cortex_thickness)
+    else:
+        cortex = np.isin(number, brain)
+    core = ~cortex & ~around
+    regions = {CORE: np.flatnonzero(core).astype(np.int32), CORTEX: np.flatnonzero(cortex).astype(np.int32)}
     if number is not None:  # sets replace the numbers
         mesh = replace(mesh, cell_data={name: values for name, values in mesh.cell_data.items() if name != REGION})
-        if len(inner) > 1:
-            for i, name in enumerate(inner, start=1):
-                regions[set_name(name, regions)] = np.flatnonzero(number == i).astype(np.int32)
+        for i, name in enumerate(_region_sets(inner)):
+            if name not in (CORE, CORTEX):
+                regions[name] = np.flatnonzero(number == i).astype(np.int32)
     cells = regions[CORTEX]
     for field, sets_of in parcels.items():
         of_cells = cell_labels(labels[field], mesh.cells[cells])
@@ -110,7 +122,7 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
     if REGION in mesh.cell_data and not mesh.sets.cells:  # with sets it would be a tag of the format
         return mesh
     region = np.full(len(mesh.cells), -1, np.int32)
-    names = [CORTEX, *([CORE] if len(inner) == 1 else map(set_name, inner))]
+    names = _region_sets(inner)
     for number, name in enumerate(names):
         region[mesh.sets.cells.get(name, [])] = number
     if (region < 0).any():
@@ -121,6 +133,17 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
             remedy="give a mesh that was made with these inner surfaces",
         )
     return replace(mesh, cell_data={**mesh.cell_data, REGION: region})
+
+
+def _region_sets(inner: Sequence[str]) -> list[str]:
+    """Name of the set of each region by its number: a single one inside the cortex is the core."""
+    return [CORTEX, CORE] if len(inner) == 1 and not is_brain(inner[0]) else [*map(set_name, region_names(inner))]
+
+
+def _outer_faces(mesh: TetMesh, brain: Sequence[int]) -> IntArray:
+    """The faces between the brain, given by the numbers of its outermost regions, and what lies around it."""
+    found = interfaces(mesh)
+    return found.faces[np.isin(found.region, brain)]
 
 
 def _add_interfaces(sets: MeshSets, mesh: TetMesh, inner: Sequence[str]) -> None:

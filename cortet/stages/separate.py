@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from cortet.errors import InputError, place_mm
-from cortet.meshes import TriSurface
+from cortet.meshes import TriSurface, region_names
 from cortet.sections import Cost, Positive, Section
 from cortet.stages.stage import Stage
 
@@ -97,10 +97,10 @@ def separate(
     InputError
         a surface is not inside the one around it, or cannot be moved there; says where
     """
-    from cortet.geometry.nesting import parents, region_boundary, region_names, sheets
+    from cortet.geometry.nesting import parents, region_boundary, sheets
 
     around = parents(surface)
-    names = region_names(surface)
+    names = region_names(surface.inner)
     _check_volumes(surface)
     reports = []
     for number in range(1, len(names)):

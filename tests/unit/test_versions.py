@@ -39,6 +39,8 @@ from cortet.stages.transfer import transfer
 GOLDEN = Path(__file__).with_name("golden.json")
 #: relative; rounding that differs between processors stays below, a change of method does not
 TOLERANCE = 1e-5
+#: of a body that buckles, which amplifies rounding: with the BLAS kernels of four processors up to 4e-4
+TOLERANCE_OF = {"fold": 2e-3}
 
 
 def rough_ball() -> TriSurface:
@@ -136,7 +138,8 @@ def fingerprint(result: TriSurface | TetMesh) -> dict[str, float]:
 @pytest.mark.parametrize("stage", RESULTS)
 def test_a_stage_gives_what_its_version_gave(stage: str) -> None:
     golden = json.loads(GOLDEN.read_text())[stage]
-    same = fingerprint(RESULTS[stage]()) == pytest.approx(golden["fingerprint"], rel=TOLERANCE)
+    tolerance = TOLERANCE_OF.get(stage, TOLERANCE)
+    same = fingerprint(RESULTS[stage]()) == pytest.approx(golden["fingerprint"], rel=tolerance)
     raised = version(stage) != golden["version"]
     assert same or raised, f"{stage} gives another result: raise its VERSION, then run python {Path(__file__).name}"
     assert not raised, f"{stage} has a new VERSION: record its result with python {Path(__file__).name}"

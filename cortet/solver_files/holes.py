@@ -1,0 +1,86 @@
+"""Regions of a mesh that its files do not hold: a ventricle as a hole."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+
+import numpy as np
+
+from cortet.errors import InputError
+from cortet.formats.surface_sets import CORE, INTERFACE, SURFACE_TAGS
+from cortet.geometry.topology import boundary_faces, component_labels, numbers, packed, used_vertices
+from cortet.meshes import HOLE_SURFACE, IntArray, MeshSets, TetMesh
+from cortet.stages.solver_ready import surface_nodes_first
+
+
+def require_regions(holes: Collection[str], inner: Collection[str]) -> None:
+    """Raise InputError for a hole that is the name of no inner surface, nor of one out of several pieces of a label."""
+    for hole in holes:
+        if not regions_of(hole, inner):
+            raise InputError(
+                f"the hole {hole} is no region inside an inner surface",
+                remedy=f"name one of {', '.join(inner)}" if inner else "give the surface around it: --inner NAME=FILE",
+            )
+
+
+def regions_of(hole: str, inner: Collection[str]) -> list[str]:
+    """The inner surfaces that a hole names: that of its name, and the pieces NAME1, NAME2 of a label."""
+    return [name for name in inner if re.fullmatch(rf"{re.escape(hole)}\d*", name)]
+
+
+def hollow(mesh: TetMesh, holes: Collection[str]) -> TetMesh:
+    """The mesh without the tetrahedra of some regions, surface nodes first; their walls are the faces `hole_surface`.
+
+    A name that is no region of the mesh changes nothing: in a cohort not every case has it.
+
+    Parameters
+    ----------
+    mesh : with its sets (`sets.named_sets`)
+
+    Raises
+    ------
+    InputError : a region lies in a hole, or nothing would be left
+    """
+    inner = [name.removesuffix(INTERFACE) for name in mesh.sets.faces if name.endswith(INTERFACE)]
+    removed = [name for hole in holes for name in regions_of(hole, inner)]
+    if not removed:
+        return mesh
+    keep = np.ones(len(mesh.cells), bool)
+    for name in removed:  # a single inner region is the core
+        keep[mesh.sets.cells.get(name, mesh.sets.cells.get(CORE, []))] = False
+    cells = mesh.cells[keep]
+    if len(np.unique(component_labels(cells)[cells[:, 0]])) != 1:
+        raise InputError(
+            f"without {', '.join(removed)} the mesh is not in one piece", remedy="make what lies within a hole one, too"
+        )
+    nodes = used_vertices(cells, len(mesh.points))
+    new = numbers(nodes, len(mesh.points))
+    of_nodes = {name: new[some] for name, some in mesh.sets.nodes.items()}
+    faces = {name: some for name, some in mesh.sets.faces.items() if name.removesuffix(INTERFACE) not in removed}
+    number = np.cumsum(keep, dtype=np.int32) - 1
+    hollowed = TetMesh(
+        mesh.points[nodes],
+        new[cells],
+        {name: values[nodes] for name, values in mesh.point_data.items()},
+        {name: values[keep] for name, values in mesh.cell_data.items()},
+        MeshSets(
+            {name: some[some >= 0] for name, some in of_nodes.items() if name.removesuffix(INTERFACE) not in removed},
+            {name: new[some] for name, some in faces.items()},
+            {name: number[some[keep[some]]] for name, some in mesh.sets.cells.items() if keep[some].any()},
+        ),
+    )
+    wall = _walls(hollowed)
+    sets = hollowed.sets
+    sets = MeshSets({**sets.nodes, HOLE_SURFACE: np.unique(wall)}, {**sets.faces, HOLE_SURFACE: wall}, sets.cells)
+    return surface_nodes_first(TetMesh(hollowed.points, hollowed.cells, hollowed.point_data, hollowed.cell_data, sets))[
+        0
+    ]
+
+
+def _walls(mesh: TetMesh) -> IntArray:
+    """The boundary faces that no part of the surface has: (k, 3), counter-clockwise seen from inside the holes."""
+    every = boundary_faces(mesh)
+    known = [mesh.sets.faces[name] for name in SURFACE_TAGS if name in mesh.sets.faces]
+    keys = packed(np.concatenate([every, *known]))
+    return every[~np.isin(keys[: len(every)], keys[len(every) :])]
