@@ -46,12 +46,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _refuse_repeated(args: argparse.Namespace) -> None:
-    """Raise InputError where one name, or age, is given two files: of `--inner`, `--field`, `--volume`, `--real`."""
+    """Raise InputError where one name, or age, of an option that repeats is given twice."""
     for option, form in (
         ("inner", "NAME=FILE"),
         ("field", "NAME=FILE"),
         ("volume", "NAME=FILE"),
         ("real", "WEEKS=FILE"),
+        ("material", "SET=SHEAR"),
     ):
         names = [name for name, _ in getattr(args, option, [])]
         if twice := next((name for name in names if names.count(name) > 1), None):
@@ -63,7 +64,10 @@ def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None
     from cortet.formats.volumes import volume_file
 
     values = [one for value in vars(args).values() for one in (value if isinstance(value, list) else [value])]
-    paths = [Path(volume_file(value[1])) if isinstance(value, tuple) else value for value in values]
+    paths = [
+        Path(volume_file(value[1])) if isinstance(value, tuple) and isinstance(value[1], str) else value
+        for value in values
+    ]
     return guarded(
         [path for path in paths if isinstance(path, Path) and not isinstance(path, WRITTEN)],
         files=[path for path in paths if isinstance(path, OutputFile)],

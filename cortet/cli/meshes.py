@@ -188,13 +188,17 @@ def job_command(args: argparse.Namespace) -> int:
         "febio": ("febio_job", "febio4 -i job.feb"),
         "fenics": ("fenics_job", "python3 job.py"),
     }[args.solver]
-    mesh, more = read_mesh(args.mesh), {}
+    mesh, more = read_mesh(args.mesh), dict[str, object]()
     if args.surface is not None:
         if args.solver != "calculix":
             raise InputError(
                 f"--ten-nodes is not for {args.solver}", remedy="use it with --solver calculix, or leave it"
             )
         more["curved"] = quadratic(mesh, _filled_surface(args.mesh, args))
+    if args.material:
+        if args.solver == "febio":
+            raise InputError("--material is not for febio", remedy="use another solver, or edit <Material> in job.feb")
+        more["moduli"] = dict(args.material)
     import_module(f"cortet.solver_files.{module}").write_job(mesh, args.output, growth=args.growth, **more)
     print(f"{args.output}: written; run `{run}` in it")
     return 0

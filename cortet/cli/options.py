@@ -27,7 +27,7 @@ from cortet.cli.surfaces import (
     repair_command,
     resample_command,
 )
-from cortet.cli.values import Number, aged_file, inner_file, named_file
+from cortet.cli.values import Number, aged_file, inner_file, moduli, named_file
 from cortet.errors import CortetError
 from cortet.formats import FORMATS
 from cortet.geometry.limits import (
@@ -279,6 +279,14 @@ def parser() -> argparse.ArgumentParser:
     job.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
     job.add_argument("--solver", choices=["calculix", "febio", "fenics"], default="calculix", help="default: calculix")
     job.add_argument("--growth", type=Number(0, 1), default=0.05, metavar="G", help="along the cortex (default: 0.05)")
+    job.add_argument(
+        "--material",
+        action="append",
+        default=[],
+        type=moduli,
+        metavar="SET=SHEAR[,BULK]",
+        help="moduli of a set of tetrahedra, in units of the cortex's shear modulus; repeatable; CalculiX and FEniCS",
+    )
     job.add_argument(
         "--ten-nodes",
         type=Path,

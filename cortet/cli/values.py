@@ -47,6 +47,16 @@ def aged_file(text: str) -> tuple[float, str]:
     return Number(*FOLD_AGES)(age), file
 
 
+def moduli(text: str) -> tuple[str, tuple[float, float | None]]:
+    """SET=SHEAR[,BULK]."""
+    name, equals, values = text.rpartition("=")
+    shear, comma, bulk = values.partition(",")
+    if not (name and equals):
+        raise argparse.ArgumentTypeError(f"{text!r} is not SET=SHEAR or SET=SHEAR,BULK")
+    number = Number(1e-9, 1e9)
+    return name, (number(shear), number(bulk) if comma else None)
+
+
 def inner_file(text: str) -> tuple[str, str]:
     """[NAME=]FILE of an inner surface."""
     name, equals, file = text.rpartition("=")

@@ -10,6 +10,7 @@ References: CalculiX CrunchiX manual, *DISTRIBUTION, *ORIENTATION, *EXPANSION; T
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,8 @@ from cortet.formats.text import write_rows
 from cortet.geometry.quadratic import QuadraticMesh
 from cortet.meshes import TetMesh
 from cortet.simulation.body import Material
-from cortet.solver_files.growing_cortex import along, growing, supports, young_and_poisson
+from cortet.solver_files.growing_cortex import Part, along, growing, parts, supports, young_and_poisson
+from cortet.solver_files.sets import set_name
 from cortet.solver_files.ten_nodes import node_sets
 
 MESH, JOB, README = "mesh.inp", "job.inp", "README.txt"
@@ -32,24 +34,29 @@ def write_job(
     *,
     growth: float,
     material: Material | None = None,
+    moduli: Mapping[str, tuple[float, float | None]] | None = None,
     curved: QuadraticMesh | None = None,
 ) -> None:
     """Write a folder that `ccx job` runs in.
 
     Parameters
     ----------
-    mesh : mm, with the sets `cortex` and `core`; the nodes of a set `medial_wall` stay in their sagittal plane
+    mesh : mm, with the sets `cortex` and `core`, also within a shell; the nodes of a set `medial_wall` stay in their
+        sagittal plane
     folder : made if it is missing; its files `mesh.inp`, `job.inp` and `README.txt` are replaced
     growth : relative growth along the cortex at the end, above 0 and small: 0.05 is 5 %
     material : shear and bulk moduli, in units of the cortex's shear modulus; None takes those of the folding model
+    moduli : those of further sets of tetrahedra, as `growing_cortex.parts`
     curved : `geometry.quadratic.quadratic` of the mesh, for elements of ten nodes; None: of four
 
     Raises
     ------
-    InputError : growth is not above 0 and at most 0.1, or the mesh has no cortex
+    InputError
+        growth is not above 0 and at most 0.1, the mesh has no cortex or not the sets of `moduli`, or has tetrahedra
+        without a material
     """
     cortex, normals = growing(mesh, growth, most=0.1)
-    material = material or Material()
+    cortical, *others = parts(mesh, moduli or {}, material or Material())
     folder.mkdir(parents=True, exist_ok=True)
     if curved is None:
         abaqus.write(TetMesh(mesh.points, mesh.cells, sets=mesh.sets), folder / MESH)
@@ -61,12 +68,14 @@ def write_job(
         file.write("*DISTRIBUTION, NAME=along\n,1,0,0,0,1,0\n")
         write_rows(file, "%d,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g\n", cortex + 1, first, second)
         file.write("*ORIENTATION, NAME=cortical, SYSTEM=RECTANGULAR\nalong\n")
-        file.write(_elastic("grey", material.mu_cortex, material.bulk))
+        file.write(_elastic("grey", cortical))
         file.write(f"*EXPANSION, TYPE=ORTHO\n{growth:.9g},{growth:.9g},0.\n")
         file.write("*SOLID SECTION, ELSET=cortex, MATERIAL=grey, ORIENTATION=cortical\n")
-        if len(mesh.sets.cells.get("core", ())):
-            file.write(_elastic("white", material.mu_core, material.bulk))
-            file.write("*SOLID SECTION, ELSET=core, MATERIAL=white\n")
+        for one in others:
+            name = set_name(f"of_{one.name}", mesh.sets.cells)
+            file.write(f"*ELSET, ELSET={name}\n")
+            write_rows(file, "%d\n", one.cells + 1)
+            file.write(f"{_elastic(one.name, one)}*SOLID SECTION, ELSET={name}, MATERIAL={one.name}\n")
         file.write(f"*INITIAL CONDITIONS, TYPE=TEMPERATURE\n{abaqus.ALL_NODES},0.\n")
         file.write(f"*STEP, NLGEOM\n*STATIC\n0.5,1.\n*BOUNDARY\n{_supports(mesh)}")
         file.write(f"*TEMPERATURE\n{abaqus.ALL_NODES},1.\n")
@@ -82,9 +91,9 @@ def write_job(
         )
 
 
-def _elastic(name: str, shear: float, bulk: float) -> str:
+def _elastic(name: str, part: Part) -> str:
     """A material by its Young's modulus and Poisson's ratio."""
-    young, poisson = young_and_poisson(shear, bulk)
+    young, poisson = young_and_poisson(part.shear, part.bulk)
     return f"*MATERIAL, NAME={name}\n*ELASTIC\n{young:.9g},{poisson:.9g}\n"
 
 

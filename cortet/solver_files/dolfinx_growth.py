@@ -2,10 +2,10 @@
 
     python3 job.py
 
-It reads `mesh.xdmf`, `mesh_facets.xdmf`, `normals.npy` and `job.json` beside it, and writes `displacement.txt` (a row
-of x, y, z and the displacement for every node, mm) and `displacement.xdmf`. The law is that of cortet's folding model:
-with Fe = F Fg^-1 the energy per grown volume is mu / 2 (tr(Fe Fe^T) J^-2/3 - 3) + K / 2 (J - 1)^2, J = det Fe. cortet
-itself does not import this file.
+It reads `mesh.xdmf`, `mesh_facets.xdmf`, `normals.npy`, `moduli.npy` and `job.json` beside it, and writes
+`displacement.txt` (a row of x, y, z and the displacement for every node, mm) and `displacement.xdmf`. The law is that
+of cortet's folding model: with Fe = F Fg^-1 the energy per grown volume is mu / 2 (tr(Fe Fe^T) J^-2/3 - 3) +
+K / 2 (J - 1)^2, J = det Fe. cortet itself does not import this file.
 """
 
 from __future__ import annotations
@@ -61,17 +61,16 @@ def main() -> None:
     job = json.loads((HERE / "job.json").read_text())
     with XDMFFile(MPI.COMM_WORLD, str(HERE / "mesh.xdmf"), "r") as file:
         mesh = file.read_mesh(name="mesh")
-        region = file.read_meshtags(mesh, name="mesh")
     mesh.topology.create_connectivity(2, 3)
     with XDMFFile(MPI.COMM_WORLD, str(HERE / "mesh_facets.xdmf"), "r") as file:
         facets = file.read_meshtags(mesh, name="facets")
 
     # quantities that are constant in each element
-    directions = space(mesh, "DG", 0)
-    normal = fem.Function(directions)
     mine = np.asarray(mesh.topology.original_cell_index)
+    normal = fem.Function(space(mesh, "DG", 0))
     normal.x.array.reshape(-1, 3)[: len(mine)] = np.load(HERE / "normals.npy")[mine]
-    cells = ufl.Measure("dx", domain=mesh, subdomain_data=region)
+    material = fem.Function(space(mesh, "DG", 0))  # shear modulus, bulk modulus, nothing
+    material.x.array.reshape(-1, 3)[: len(mine), :2] = np.load(HERE / "moduli.npy")[mine]
 
     functions = space(mesh, "Lagrange", 1)
     u, test, change = fem.Function(functions), ufl.TestFunction(functions), ufl.TrialFunction(functions)
@@ -82,11 +81,9 @@ def main() -> None:
     grown = stretch * identity + (1 - stretch) * ufl.outer(normal, normal)
     elastic = (identity + ufl.grad(u)) * ufl.inv(grown)
     volume = ufl.det(elastic)
-    energy = 0
-    for tag, shear in job["shear"].items():
-        density = shear / 2 * (ufl.tr(elastic * elastic.T) * volume ** (-2 / 3) - 3)
-        density += job["bulk"] / 2 * (volume - 1) ** 2
-        energy += ufl.det(grown) * density * cells(int(tag))
+    density = material[0] / 2 * (ufl.tr(elastic * elastic.T) * volume ** (-2 / 3) - 3)
+    density += material[1] / 2 * (volume - 1) ** 2
+    energy = ufl.det(grown) * density * ufl.dx
     residual = ufl.derivative(energy, u, test)
     tangent = ufl.derivative(residual, u, change)
     fixed = held(job, functions, facets)

@@ -22,6 +22,7 @@ from cortet.formats.surface_sets import CORE, CORTEX, with_surface
 from cortet.formats.text import write_rows
 from cortet.meshes import FloatArray, MeshSets, TetMesh
 from cortet.simulation.body import Material
+from cortet.simulation.plausible import refuse_shell
 from cortet.solver_files.growing_cortex import Support, along, growing, supports, young_and_poisson
 
 JOB, README = "job.feb", "README.txt"
@@ -35,6 +36,7 @@ def write_job(mesh: TetMesh, folder: Path, *, growth: float, material: Material 
 
     Parameters and errors are those of the job for CalculiX, but growth may be up to 1: 100 %.
     """
+    refuse_shell(mesh.sets.cells, "the mesh")
     cortex, normals = growing(mesh, growth, most=1.0)
     material = material or Material()
     held = supports(mesh)

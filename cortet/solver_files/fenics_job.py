@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from cortet.formats import fenics
 from cortet.formats.atomic import atomic_path, write_json
-from cortet.formats.surface_sets import MEDIAL_WALL, REGION_TAGS, SURFACE_TAGS
+from cortet.formats.surface_sets import MEDIAL_WALL, SURFACE_TAGS
 from cortet.meshes import TetMesh
 from cortet.simulation.body import Material
-from cortet.solver_files.growing_cortex import growing, supports
+from cortet.solver_files.growing_cortex import growing, parts, supports
 
 MESH, JOB, README = "mesh.xdmf", "job.py", "README.txt"
 #: the program of the job; it is copied into the folder
@@ -20,26 +21,34 @@ PROGRAM = Path(__file__).with_name("dolfinx_growth.py")
 STEP = 0.02
 
 
-def write_job(mesh: TetMesh, folder: Path, *, growth: float, material: Material | None = None) -> None:
+def write_job(
+    mesh: TetMesh,
+    folder: Path,
+    *,
+    growth: float,
+    material: Material | None = None,
+    moduli: Mapping[str, tuple[float, float | None]] | None = None,
+) -> None:
     """Write a folder that `python3 job.py` runs in, where dolfinx is installed.
 
     Parameters and errors are those of the job for CalculiX, but growth may be up to 1: 100 %.
     """
     cortex, across = growing(mesh, growth, most=1.0)
-    material = material or Material()
+    every = parts(mesh, moduli or {}, material or Material())
     folder.mkdir(parents=True, exist_ok=True)
     fenics.write(TetMesh(mesh.points, mesh.cells, sets=mesh.sets), folder / MESH)
     normals = np.zeros((len(mesh.cells), 3))
     normals[cortex] = across
-    with atomic_path(folder / "normals.npy") as temporary, temporary.open("wb") as file:
-        np.save(file, normals)
-    shear = {"cortex": material.mu_cortex, "core": material.mu_core}
+    of_cells = np.zeros((len(mesh.cells), 2))
+    for part in every:
+        of_cells[part.cells] = part.shear, part.bulk
+    for name, values in (("normals", normals), ("moduli", of_cells)):
+        with atomic_path(folder / f"{name}.npy") as temporary, temporary.open("wb") as file:
+            np.save(file, values)
     write_json(
         {
             "growth": growth,
             "steps": int(np.ceil(growth / STEP)),
-            "bulk": material.bulk,
-            "shear": {str(tag): shear[name] for name, tag in REGION_TAGS.items() if len(mesh.sets.cells.get(name, ()))},
             "supports": [
                 {"axes": list(support.axes), "facets": SURFACE_TAGS[MEDIAL_WALL]}
                 if support.name == MEDIAL_WALL
@@ -56,7 +65,8 @@ def write_job(mesh: TetMesh, folder: Path, *, growth: float, material: Material 
             f"dolfinx: the cortex grows by {100 * growth:g} % along the surface, made by cortet.\n"
             f"Run it here with:  python3 {JOB}   (Debian: apt install python3-dolfinx; run with 0.5.2)\n"
             "displacement.xdmf shows in ParaView; displacement.txt has x, y, z and displacement (mm) of each node.\n"
-            "Growth, moduli and supports are in job.json, each element's direction across the cortex in normals.npy.\n"
+            "Growth and supports are in job.json, each element's direction across the cortex in normals.npy and its\n"
+            "shear and bulk moduli, in units of the shear modulus of the cortex, in moduli.npy.\n"
             "A cortex that presses on itself needs contact, which is not in this job: for folds, `cortet fold`.\n",
             encoding="ascii",
         )

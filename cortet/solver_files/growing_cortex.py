@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from cortet.errors import InputError
-from cortet.formats.surface_sets import CORTEX, MEDIAL_WALL
+from cortet.formats.surface_sets import CORE, CORTEX, INTERFACE, MEDIAL_WALL
 from cortet.geometry.topology import boundary_nodes
-from cortet.meshes import FloatArray, IntArray, TetMesh
-from cortet.simulation.body import Scale, body_of
-from cortet.simulation.plausible import refuse_shell
+from cortet.meshes import AROUND, FloatArray, IntArray, TetMesh, is_brain
+from cortet.simulation.body import Material, Scale, body_of
+from cortet.solver_files.holes import part
 
 
 class Support(NamedTuple):
@@ -39,11 +41,60 @@ def growing(mesh: TetMesh, growth: float, *, most: float) -> tuple[IntArray, Flo
     if not 0 < growth <= most:
         strains = "small strains" if most < 1 else "strains of this size"
         raise InputError(f"growth is {growth:g}, but the material holds for {strains}", remedy=f"0.01 to {most:g}")
-    refuse_shell(mesh.sets.cells, "the mesh")
     cortex = mesh.sets.cells.get(CORTEX, np.zeros(0, np.int32))
     if not len(cortex):
         raise InputError("the mesh has no set `cortex`", remedy="read one that cortet exported")
-    return cortex, body_of(mesh, Scale(np.zeros(3), 1.0)).normals[cortex]
+    inside = np.ones(len(mesh.cells), bool)
+    for name in AROUND:
+        inside[mesh.sets.cells.get(name, [])] = False
+    brain = mesh if inside.all() else part(mesh, inside)
+    faces = {name: some for name, some in brain.sets.faces.items() if not is_brain(name.removesuffix(INTERFACE))}
+    brain = replace(brain, sets=replace(brain.sets, faces=faces))  # the surface of the brain is the boundary now
+    return cortex, body_of(brain, Scale(np.zeros(3), 1.0)).normals[brain.sets.cells[CORTEX]]
+
+
+class Part(NamedTuple):
+    """Tetrahedra of one material."""
+
+    #: of the set of tetrahedra that it belongs to
+    name: str
+    #: (k,) int32
+    cells: IntArray
+    #: moduli, in units of the shear modulus of the cortex
+    shear: float
+    bulk: float
+
+
+def parts(mesh: TetMesh, moduli: Mapping[str, tuple[float, float | None]], material: Material) -> list[Part]:
+    """The materials of a mesh, each tetrahedron in one: the cortex first, then the core, then those that are given.
+
+    Parameters
+    ----------
+    moduli : set of tetrahedra -> shear and bulk modulus, in units of the cortex's shear modulus; bulk None is that of
+        `material`. Of two sets that share tetrahedra the later one has them, but what is cortex stays cortex
+
+    Raises
+    ------
+    InputError : the mesh has no such set, or a region around the brain has no moduli
+    """
+    sets = mesh.sets.cells
+    if unknown := [name for name in moduli if name not in sets]:
+        raise InputError(f"the mesh has no set of tetrahedra {unknown[0]}", remedy=f"name one of {', '.join(sets)}")
+    every = {CORTEX: (material.mu_cortex, None), CORE: (material.mu_core, None), **moduli}
+    owner = np.full(len(mesh.cells), -1)
+    for number, name in enumerate(every):
+        cells = sets.get(name, np.zeros(0, np.int32))
+        owner[cells if name == CORTEX else cells[owner[cells] != 0]] = number
+    if (bare := np.flatnonzero(owner < 0)).size:
+        name = next((name for name in AROUND if np.isin(bare, sets.get(name, ())).any()), "no set")
+        raise InputError(
+            f"{len(bare)} tetrahedra have no material: they are in {name}", remedy=f"give one: --material {name}=0.01"
+        )
+    found = [
+        Part(name, np.flatnonzero(owner == number).astype(np.int32), shear, material.bulk if bulk is None else bulk)
+        for number, (name, (shear, bulk)) in enumerate(every.items())
+    ]
+    return [one for one in found if len(one.cells)]
 
 
 def along(normals: FloatArray) -> tuple[FloatArray, FloatArray]:

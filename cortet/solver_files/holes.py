@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.surface_sets import CORE, INTERFACE, SURFACE_TAGS
@@ -49,33 +51,39 @@ def hollow(mesh: TetMesh, holes: Collection[str]) -> TetMesh:
     keep = np.ones(len(mesh.cells), bool)
     for name in removed:  # a single inner region is the core
         keep[mesh.sets.cells.get(name, mesh.sets.cells.get(CORE, []))] = False
-    cells = mesh.cells[keep]
-    if len(np.unique(component_labels(cells)[cells[:, 0]])) != 1:
+    rest = part(mesh, keep)
+    if len(np.unique(component_labels(rest.cells)[rest.cells[:, 0]])) != 1:
         raise InputError(
             f"without {', '.join(removed)} the mesh is not in one piece", remedy="make what lies within a hole one, too"
         )
+    nodes, faces = (
+        {name: some for name, some in sets.items() if name.removesuffix(INTERFACE) not in removed}
+        for sets in (rest.sets.nodes, rest.sets.faces)
+    )
+    wall = _walls(rest)
+    walled = MeshSets({**nodes, HOLE_SURFACE: np.unique(wall)}, {**faces, HOLE_SURFACE: wall}, rest.sets.cells)
+    return surface_nodes_first(replace(rest, sets=walled))[0]
+
+
+def part(mesh: TetMesh, keep: NDArray[np.bool_]) -> TetMesh:
+    """The mesh of some tetrahedra (m,), with their nodes and fields and what is left of each set."""
+    cells = mesh.cells[keep]
     nodes = used_vertices(cells, len(mesh.points))
-    new = numbers(nodes, len(mesh.points))
+    new, number = numbers(nodes, len(mesh.points)), np.cumsum(keep, dtype=np.int32) - 1
     of_nodes = {name: new[some] for name, some in mesh.sets.nodes.items()}
-    faces = {name: some for name, some in mesh.sets.faces.items() if name.removesuffix(INTERFACE) not in removed}
-    number = np.cumsum(keep, dtype=np.int32) - 1
-    hollowed = TetMesh(
+    of_faces = {name: new[some] for name, some in mesh.sets.faces.items()}
+    of_cells = {name: number[some[keep[some]]] for name, some in mesh.sets.cells.items()}
+    return TetMesh(
         mesh.points[nodes],
         new[cells],
         {name: values[nodes] for name, values in mesh.point_data.items()},
         {name: values[keep] for name, values in mesh.cell_data.items()},
         MeshSets(
-            {name: some[some >= 0] for name, some in of_nodes.items() if name.removesuffix(INTERFACE) not in removed},
-            {name: new[some] for name, some in faces.items()},
-            {name: number[some[keep[some]]] for name, some in mesh.sets.cells.items() if keep[some].any()},
+            {name: left for name, some in of_nodes.items() if len(left := some[some >= 0])},
+            {name: left for name, some in of_faces.items() if len(left := some[(some >= 0).all(axis=1)])},
+            {name: left for name, left in of_cells.items() if len(left)},
         ),
     )
-    wall = _walls(hollowed)
-    sets = hollowed.sets
-    sets = MeshSets({**sets.nodes, HOLE_SURFACE: np.unique(wall)}, {**sets.faces, HOLE_SURFACE: wall}, sets.cells)
-    return surface_nodes_first(TetMesh(hollowed.points, hollowed.cells, hollowed.point_data, hollowed.cell_data, sets))[
-        0
-    ]
 
 
 def _walls(mesh: TetMesh) -> IntArray:

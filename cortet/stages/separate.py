@@ -9,6 +9,7 @@ something between them it gives way less.
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -20,7 +21,7 @@ from cortet.meshes import TriSurface, region_names
 from cortet.sections import Cost, Positive, Section
 from cortet.stages.stage import Stage
 
-VERSION: int = 2
+VERSION: int = 3
 
 logger = logging.getLogger(__name__)
 
@@ -105,15 +106,21 @@ def separate(
     reports = []
     for number in range(1, len(names)):
         one = sheets(surface)[number]
-        alone = replace(surface, inner={k: v for k, v in surface.inner.items() if k != names[number]})
-        place = around[number] - (around[number] > number)
-        container = region_boundary(alone, place)
+        # what lies inside gives way later: a surface comes before those that it contains
+        others = [i for i in range(1, len(names)) if number not in _with_ancestors(i, around)]
+        without = replace(surface, inner={names[i]: surface.inner[names[i]] for i in others})
+        container = region_boundary(without, [0, *others].index(around[number]))
         moved, report = _moved_inside(
             one, container, name=names[number], gap=min_gap * cell_size, max_outside=max_outside
         )
         surface = replace(surface, inner={**surface.inner, names[number]: moved})
         reports.append(report)
     return surface, SeparateReport(tuple(reports))
+
+
+def _with_ancestors(number: int, around: Sequence[int]) -> list[int]:
+    """A surface and all surfaces around it."""
+    return [number, *_with_ancestors(around[number], around)] if number >= 0 else []
 
 
 def _check_volumes(surface: TriSurface) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,9 @@ import numpy as np
 import pytest
 from cubes import cube_mesh
 from growing_ball import INNER, OUTER, ball, by_calculix, by_cortet, exact, outward, surfaces
+from shapes import ball_surface
 
+import cortet
 from cortet.cli import main
 from cortet.errors import InputError
 from cortet.formats import vtu
@@ -64,6 +67,81 @@ def test_the_command_writes_a_job_of_ten_nodes(tmp_path: Path) -> None:
     assert main([*command, "-o", str(tmp_path / "job")]) == 0
     assert "*ELEMENT, TYPE=C3D10" in (tmp_path / "job/mesh.inp").read_text()
     assert main([*command, "--solver", "febio", "-o", str(tmp_path / "other")]) == 1
+
+
+def of_layers(radii: list[float], moduli: list[tuple[float, float]], grows: int, growth: float) -> np.ndarray:
+    """Displacements outward at the outside of each layer of a ball, mm: as `growing_ball.exact`, for any layers.
+
+    Each layer, from the middle outward, has u = B r + C / r^2, that which grows c r ln r beside it; neighbours share
+    displacement and radial stress, and the outside is free.
+    """
+    count = len(radii)
+    matrix, given = np.zeros((2 * count, 2 * count)), np.zeros(2 * count)
+    stiff = [bulk + 4 / 3 * shear for shear, bulk in moduli]
+    first = [bulk - 2 / 3 * shear for shear, bulk in moduli]
+    c = [-4 * moduli[i][0] * growth / (3 * stiff[i]) if i == grows else 0.0 for i in range(count)]
+
+    def moved(i: int, r: float) -> np.ndarray:
+        return np.array([r, 1 / r**2, c[i] * r * np.log(r)])
+
+    def pressed(i: int, r: float) -> np.ndarray:
+        free = 2 * first[i] * growth if i == grows else 0.0
+        slope = np.array([1, -2 / r**3, c[i] * (np.log(r) + 1)])
+        return stiff[i] * slope + 2 * first[i] * moved(i, r) / r - [0, 0, free]
+
+    matrix[0, 1] = 1.0  # nothing is infinite in the middle
+    for i in range(count - 1):
+        for row, of in ((2 * i + 1, moved), (2 * i + 2, pressed)):
+            below, above = of(i, radii[i]), of(i + 1, radii[i])
+            matrix[row, 2 * i : 2 * i + 2], matrix[row, 2 * i + 2 : 2 * i + 4] = below[:2], -above[:2]
+            given[row] = above[2] - below[2]
+    matrix[-1, -2:], given[-1] = pressed(count - 1, radii[-1])[:2], -pressed(count - 1, radii[-1])[2]
+    found = np.linalg.solve(matrix, given).reshape(count, 2)
+    return np.array([moved(i, radii[i]) @ [*found[i], 1] for i in range(count)])
+
+
+def test_two_layers_are_those_of_the_benchmark() -> None:
+    material = Material()
+    both = of_layers([INNER, OUTER], [(material.mu_cortex, material.bulk)] * 2, 1, 0.02)
+    assert both[::-1] == pytest.approx(exact(0.02, material), rel=1e-9)
+
+
+@pytest.mark.skipif(not shutil.which("ccx"), reason="CalculiX (calculix-ccx) is not installed")
+def test_four_tissues_have_a_material_each(tmp_path: Path) -> None:
+    """A soft ventricle in white matter, a cortex that grows, and fluid around it in a shell: beside the exact ball."""
+    radii, growth = [5.0, 9.0, 12.0], 0.02
+    inner, middle, outer = (ball_surface(4, radius) for radius in radii)
+    made = cortet.mesh(outer, 1.5, inner={"white": middle, "ventricle": inner}, shell=3.0, progress=False)
+    mesh = vtu.read(made.save(tmp_path / "head.vtu"))
+    command = ["job", str(tmp_path / "head.vtu"), "--growth", str(growth), "-o", str(tmp_path / "job")]
+    assert main(command) == 1, "csf has no material"
+    assert main([*command, "--material", "csf=0.05,0.5", "--material", "ventricle=0.2,1.0"]) == 0
+    subprocess.run(["ccx", "job"], cwd=tmp_path / "job", capture_output=True, check=True)
+    rows = [line.split() for line in (tmp_path / "job/job.dat").read_text().splitlines()]
+    moved = np.array([row[1:] for row in rows if len(row) == 4 and row[0].isdecimal()][-len(mesh.points) :], float)
+    length = np.linalg.norm(mesh.points, axis=1)
+    out = np.einsum("nc,nc->n", moved, mesh.points) / np.maximum(length, 1e-9)
+    shell = length[mesh.sets.nodes["outer_surface"]].mean()
+    moduli = [(0.2, 1.0), (Material().mu_core, 5.0), (1.0, 5.0), (0.05, 0.5)]
+    expected = of_layers([*radii, float(shell)], moduli, 2, growth)
+    names = ("ventricle_interface", "white_interface", "cortex_interface", "outer_surface")
+    found = np.array([out[mesh.sets.nodes[name]].mean() for name in names])
+    assert found == pytest.approx(expected, abs=0.05 * np.abs(expected).max())
+    job = (tmp_path / "job/job.inp").read_text()
+    assert job.count("*MATERIAL") == 4 == job.count("*SOLID SECTION")
+
+
+def test_materials_of_no_set_and_for_febio_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    vtu.write(named_sets(cube_mesh(3, side=6.0), cortex_depth=1.0), tmp_path / "cube.vtu")
+    command = ["job", str(tmp_path / "cube.vtu"), "-o", str(tmp_path / "job")]
+    assert main([*command, "--material", "tumour=2"]) == 1
+    assert "no set of tetrahedra tumour (name one of" in capsys.readouterr().err
+    assert main([*command, "--solver", "febio", "--material", "core=2"]) == 1
+    assert main([*command, "--solver", "fenics", "--material", "core=2,7"]) == 0
+    moduli = np.load(tmp_path / "job/moduli.npy")
+    assert sorted(set(map(tuple, moduli.tolist()))) == [(1.0, 5.0), (2.0, 7.0)]
+    with pytest.raises(SystemExit):
+        main([*command, "--material", "core=-1"])
 
 
 def test_the_folder_has_axes_for_each_cortical_element_and_says_what_it_is(tmp_path: Path) -> None:

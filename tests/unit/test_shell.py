@@ -20,9 +20,10 @@ from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_faces, enclosed_volume, face_normals, surface_topology
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import TriSurface, region_names
+from cortet.meshes import TriSurface, region_names, single_precision
 from cortet.solver_files.label_surfaces import with_shell
 from cortet.solver_files.sets import with_regions
+from cortet.stages.separate import separate
 
 H = 2.0
 
@@ -128,6 +129,15 @@ def test_coordinates_in_metres_get_a_shell_in_mm() -> None:
     assert outer.inner["brain"].points is not None and list(outer.inner) == ["brain"]
 
 
+def test_the_white_surface_gives_way_to_the_pial_one_also_within_a_shell() -> None:
+    pial, white = ball_surface(4, radius=10.0), ball_surface(4, radius=8.0)
+    white = TriSurface(white.points + np.array([1.95, 0, 0]), white.faces)  # 0.05 mm from it
+    apart, report = separate(with_shell(nested(pial, {"white": white}), 2.0), cell_size=1.0)
+    assert np.array_equal(apart.inner["cortex"].points, single_precision(pial).points)
+    moved = {one.name: one.moved_max_mm for one in report.surfaces}
+    assert moved["cortex"] < 1e-6 and moved["white"] > 0.4
+
+
 def test_what_a_shell_does_not_go_with_is_said(made: cortet.Mesh) -> None:
     with pytest.raises(InputError, match="an inner surface is named cortex"):
         with_shell(nested(ball_surface(3, radius=9), {"cortex": ball_surface(3)}), 2.0)
@@ -148,9 +158,11 @@ def test_the_command_makes_shell_hole_and_records_and_judges_again(
     assert main(["certify", "head.vtu"]) == 0
     judged = "certify head.vtu pial.surf.gii --inner white.surf.gii --inner ventricle=ventricle.surf.gii"
     assert main(judged.split()) == 0
-    for command in ("job head.vtu -o job", "fold head.vtu --ga 24 -o fold"):
+    for command in ("job head.vtu --solver febio -o job", "fold head.vtu --ga 24 -o fold"):
         assert main(command.split()) == 1
         assert "region csf around the brain (mesh the brain without a shell)" in capsys.readouterr().err
+    assert main(["job", "head.vtu", "-o", "job"]) == 1
+    assert "they are in csf (give one: --material csf=0.01)" in capsys.readouterr().err
     assert main([*given.split(), "--hole", "tumour", "-o", "hollow.vtu"]) == 1
     assert "the hole tumour is no region inside an inner surface" in capsys.readouterr().err
 
