@@ -14,11 +14,14 @@ from typing import Any, NamedTuple
 
 from cortet.config import Config, load
 from cortet.formats.placement import placed
+from cortet.formats.volumes import is_volume, read_labels, read_named
 from cortet.geometry.limits import SCAN_AGES, require_within
+from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
 from cortet.meshes import TetMesh, TriSurface
 from cortet.phantom import phantom
+from cortet.solver_files.volumes import require_in_place
 from cortet.stages import STAGES
 
 logger = logging.getLogger(__name__)
@@ -112,6 +115,10 @@ def run(
         "hemisphere": None,
     }
     surface = placed(surface, to_mm)
+    for text, size in config.generate.sizes.items():
+        if is_volume(text):
+            volume = read_named(f"{text}:numbers") if size is None else read_labels(text)[0]
+            require_in_place({text: volume}, measurable(surface))
     latest: dict[str, Any] = {"surface": nested(surface, surface.inner), "sphere": sphere}
     config.require_nesting(inner)
     names = stages(config, gestational_age=gestational_age, nested=inner, registered=sphere is not None)

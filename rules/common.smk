@@ -41,6 +41,7 @@ try:
     SHEET = read_sheet(CONFIG.cohort.sheet, CONFIG.cohort.fields)
     PLAN = Plan(SETTINGS, SHEET, FAILURES, MISSING)
     CASES, RESOLUTIONS, FOLDED = PLAN.cases, PLAN.resolutions, PLAN.folded
+    CONFIG.require_workflow()
     CONFIG.require_nesting(any(case.inner for case in CASES.values()))
 except CortetError as error:
     raise WorkflowError(str(error)) from None

@@ -53,6 +53,7 @@ def _refuse_repeated(args: argparse.Namespace) -> None:
         ("volume", "NAME=FILE"),
         ("real", "WEEKS=FILE"),
         ("material", "SET=SHEAR"),
+        ("size", "WHERE=MM"),
     ):
         names = [name for name, _ in getattr(args, option, [])]
         if twice := next((name for name in names if names.count(name) > 1), None):

@@ -27,7 +27,7 @@ from cortet.cli.surfaces import (
     repair_command,
     resample_command,
 )
-from cortet.cli.values import Number, aged_file, inner_file, moduli, named_file
+from cortet.cli.values import Number, aged_file, inner_file, moduli, named_file, size
 from cortet.errors import CortetError
 from cortet.formats import FORMATS
 from cortet.geometry.limits import (
@@ -95,6 +95,15 @@ def parser() -> argparse.ArgumentParser:
     )
 
     line = argparse.ArgumentParser(add_help=False, parents=[within])
+    line.add_argument(
+        "--size",
+        action="append",
+        default=[],
+        type=size,
+        metavar="WHERE=MM",
+        help="smaller cells at the surface of a region (white=0.5), inside labels of a volume (dseg.nii.gz:5=0.5), or "
+        "as the voxels of a volume say (sizes.nii.gz); repeatable",
+    )
     line.add_argument(
         "--shell",
         type=Number(*SHELL_MM),

@@ -7,7 +7,7 @@ import contextlib
 import re
 from dataclasses import dataclass
 
-from cortet.geometry.limits import FOLD_AGES
+from cortet.geometry.limits import CELL_SIZE_MM, FOLD_AGES
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,18 @@ def moduli(text: str) -> tuple[str, tuple[float, float | None]]:
         raise argparse.ArgumentTypeError(f"{text!r} is not SET=SHEAR or SET=SHEAR,BULK")
     number = Number(1e-9, 1e9)
     return name, (number(shear), number(bulk) if comma else None)
+
+
+def size(text: str) -> tuple[str, float | None]:
+    """WHERE=MM, or a volume of sizes."""
+    from cortet.formats.volumes import is_volume
+
+    where, equals, value = text.rpartition("=")
+    if not equals and is_volume(text):
+        return text, None
+    if not where:
+        raise argparse.ArgumentTypeError(f"{text!r} is not REGION=MM, VOLUME:LABELS=MM or a volume of sizes in mm")
+    return where, Number(*CELL_SIZE_MM)(value)
 
 
 def inner_file(text: str) -> tuple[str, str]:

@@ -122,6 +122,16 @@ class Config(_WithTheLine):
                     f"{key} knows no inner surfaces", remedy="use the setting `default` for cases that have some"
                 )
 
+    def require_workflow(self) -> None:
+        """Raise InputError for what one mesh can have and a cohort cannot."""
+        if volumes := [name for name in self.generate.sizes if "." in name]:
+            raise InputError(
+                f"generate.sizes: {volumes[0]} is a volume, and all cases would have the same",
+                remedy="name regions, or mesh each case with `cortet mesh`",
+            )
+        if self.export.holes and self.export.ten_nodes:
+            raise InputError("export.ten_nodes knows no export.holes", remedy="leave one of the two out")
+
     def notices(self) -> list[str]:
         """What a user should know before the line runs, in plain words."""
         said = (MESHERS[name].notice(self.generate) for name in self.generate.meshers)

@@ -22,7 +22,7 @@ from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tsv import read_tsv
 from cortet.formats.untrusted import LARGEST, check_file
-from cortet.meshes import FloatArray
+from cortet.meshes import CoordinateFrame, FloatArray
 
 #: labels: whole numbers; numbers: one of any kind per voxel; tensors: xx xy xz yy yz zz along the axes of the voxels,
 #: as FSL's dtifit writes them; mrtrix: xx yy zz xy xz yz along x, y and z, as MRtrix's dwi2tensor writes them
@@ -61,6 +61,12 @@ class Volume:
     def voxel(self) -> float:
         """The smallest width of a voxel, mm."""
         return float(np.linalg.norm(self.affine[:3, :3], axis=0).min())
+
+
+def to_scanner(points: FloatArray, frame: CoordinateFrame) -> FloatArray:
+    """Points (n, 3) of a surface in the space of volumes: the matrix of the frame leads there, mm."""
+    whole = np.reshape(frame.matrix, (4, 4))
+    return np.asarray(points @ whole[:3, :3].T + whole[:3, 3])
 
 
 def is_volume(text: str) -> bool:

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cortet.errors import InputError, StageError, place_mm
+from cortet.errors import StageError, place_mm
 from cortet.meshers.mesher import Attempt, Filled, Mesher, Refinement, Settings
-from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.sections import Cost
 
 if TYPE_CHECKING:
@@ -39,8 +39,9 @@ def fill(surface: TriSurface, settings: Settings) -> Filled:
     from cortet.geometry.topology import surface_topology
     from cortet.meshers._filled import log_attempt
     from cortet.meshers._nested import remesh_apart, wanted
+    from cortet.meshers._sizes import sizes_on
 
-    sizes = None if settings.size_field is None else _sizes_of(surface, settings.size_field, settings.cell_size)
+    sizes = sizes_on(surface, settings)
     attempts: list[Attempt] = []
     for fraction in settings.edge_length:
         began = time.perf_counter()
@@ -86,6 +87,7 @@ def _meshed(surface: TriSurface, made: Sequence[Remeshed], edge: float, settings
         core_depth=settings.core_depth,
         walls=joined(walls),
         plateau=across / 2 if across > 1 else 0,  # from both sides to the middle
+        sources=settings.sources._replace(sizes=edge / settings.cell_size * settings.sources.sizes),
     )
     points, cells = tetrahedralised(joined(walls), nodes)
     mesh, flat = well_ordered(points, cells, regions_of(points, cells, walls) if surface.inner else None)
@@ -93,34 +95,6 @@ def _meshed(surface: TriSurface, made: Sequence[Remeshed], edge: float, settings
     mesh = reconnected(mesh, surface, insert=False, cell_size=settings.cell_size).mesh
     attempt = judged(mesh, surface, edge_length=edge, flat=flat)
     return mesh, replace(attempt, problems=attempt.problems + _interface_problems(mesh, surface))
-
-
-def _sizes_of(surface: TriSurface, name: str, cell_size: float) -> list[FloatArray]:
-    """Values of a field of sizes on each sheet, (n,) mm; infinite on one that has none."""
-    from cortet.geometry.nesting import sheets
-    from cortet.meshers._remesh import SHORTEST
-
-    every = sheets(surface)
-    if not any(name in one.point_data for one in every):
-        known = ", ".join(surface.point_data) or "none"
-        raise InputError(
-            f"generate.size_field: the surface has no field {name} (it has: {known})",
-            remedy="name a field of the surface, or give it: `--field NAME=FILE`, in a sheet `cohort.fields`",
-        )
-    found = []
-    for one in every:
-        values = np.asarray(one.point_data.get(name, np.full(len(one.points), np.inf)), np.float64)
-        least = SHORTEST * cell_size
-        bad = ~(values >= least) if values.ndim == 1 else np.ones(1, np.bool_)
-        if bad.any():
-            what = f"{np.count_nonzero(bad)} values that are no cell size of at least {least:g} mm ({SHORTEST:g} h)"
-            shown = f", the first {values[bad.argmax()]} at vertex {bad.argmax()}"
-            raise InputError(
-                f"generate.size_field: {name} has {what}{shown}",
-                remedy="give one size in mm per vertex; where finer cells are wanted, choose a smaller cell size",
-            )
-        found.append(values)
-    return found
 
 
 def _interface_problems(mesh: TetMesh, surface: TriSurface) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from cortet.sections import Cost
 
 if TYPE_CHECKING:
     from cortet.geometry.topology import SurfaceTopology
+    from cortet.meshers._sizes import Sources
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,9 @@ class Settings:
     core_ratio: float
     core_depth: float
     size_field: str | None
+    sizes: Mapping[str, float | None]
+    #: of the volumes among `sizes`
+    sources: Sources
     elements_across: int
     #: minutes
     time_limit: float | None

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.formats.atomic import atomic_path
-from cortet.formats.volumes import Volume
+from cortet.formats.volumes import Volume, to_scanner
 from cortet.geometry.voxels import in_voxels
 from cortet.meshes import CoordinateFrame, FloatArray, IntArray, TetMesh
 from cortet.report.render import REGION_COLOURS
-from cortet.solver_files.volumes import to_scanner
 
 VERSION: int = 1
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError, place_mm
 from cortet.formats.hashing import sha256
 from cortet.formats.tables import Column
-from cortet.formats.volumes import Volume, matrices, read_named, six, volume_file
+from cortet.formats.volumes import Volume, matrices, read_named, six, to_scanner, volume_file
 from cortet.geometry.coverage import coverage
 from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
 from cortet.measure.quality import quality, signed_volumes
@@ -62,12 +62,6 @@ def read_volumes(given: Mapping[str, str | Path | Volume]) -> dict[str, Volume]:
                 remedy=f"use letters and digits, a letter first, and none of {', '.join(_TAKEN)}",
             )
     return {name: one if isinstance(one, Volume) else read_named(str(one)) for name, one in given.items()}
-
-
-def to_scanner(points: FloatArray, frame: CoordinateFrame) -> FloatArray:
-    """Points (n, 3) of a surface in the space of volumes: the matrix of the frame leads there, mm."""
-    whole = np.reshape(frame.matrix, (4, 4))
-    return np.asarray(points @ whole[:3, :3].T + whole[:3, 3])
 
 
 def require_in_place(volumes: Mapping[str, Volume], surface: TriSurface) -> None:

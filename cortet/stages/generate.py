@@ -87,6 +87,11 @@ class Generate(Section):
     """lattice: field of the surface that says the cell size at each vertex, mm, where it is to be smaller than h (down
     to 0.35 h); cells grow to h away from there."""
 
+    sizes: dict[str, Positive | None] = {}
+    """lattice: cell sizes, mm, at the surface of a region or inside labels of a volume, where they are to be smaller
+    than h (down to 0.35 h): {white: 0.5, dseg.nii.gz:thalamus: 0.4}; {sizes.nii.gz: null} takes them from the voxels.
+    Volumes for `cortet mesh` alone; cells grow to h away from there."""
+
     def knows_no_interfaces(self) -> str:
         """Not all meshers fill several regions."""
         able = all(MESHERS[name].regions for name in self.meshers)
@@ -143,6 +148,7 @@ def generate(
     core_ratio: float = DEFAULT.core_ratio,
     core_depth: float = DEFAULT.core_depth,
     size_field: str | None = DEFAULT.size_field,
+    sizes: Mapping[str, float | None] | None = None,
     elements_across: int = 1,
     time_limit: float | None = None,
 ) -> tuple[TetMesh, GenerateReport]:
@@ -171,6 +177,8 @@ def generate(
     core_depth : mm below the surface where the core begins
     size_field : of `surface` or its inner ones, (n,) mm per vertex: cell size there, where it is smaller, graded from
         there inward; ``lattice`` only
+    sizes : region -> mm at its surface, or volume -> mm inside its labels (`FILE:5,6`), or None for the values of its
+        voxels (`FILE`): cell size there, where it is smaller, graded from there; ``lattice`` only
     elements_across : tetrahedra between `surface` and those inside it, at least; edges become shorter for it, down to
         `meshers._remesh.SHORTEST` of what they are elsewhere
     time_limit : minutes that a mesher of another project may take; None for no limit
@@ -187,6 +195,7 @@ def generate(
         the backend failed, is not installed, or returned nothing
     """
     from cortet.geometry.orientation import random_rotation
+    from cortet.meshers._sizes import sources_of
 
     if unknown := {mesher, fallback} - {None, *MESHERS}:
         raise InputError(f"unknown mesher {unknown.pop()!r}", remedy=f"use {' or '.join(MESHERS)}")
@@ -197,7 +206,7 @@ def generate(
         raise InputError(f"facet distances {list(facet_distance)} are not positive fractions of the cell size")
     if not edge_length or min(edge_length) <= 0:
         raise InputError(f"edge lengths {list(edge_length)} are not positive fractions of the cell size")
-    _require_meshable(surface, MESHERS[mesher], size_field)
+    _require_meshable(surface, MESHERS[mesher], size_field, sizes)
     chosen = {"odt": odt, "lloyd": lloyd, "perturb": perturb, "exude": exude}
     settings = Settings(
         cell_size=cell_size,
@@ -213,12 +222,15 @@ def generate(
         core_ratio=core_ratio,
         core_depth=core_depth,
         size_field=size_field,
+        sizes=sizes or {},
+        sources=sources_of(sizes or {}, surface, cell_size),
         elements_across=elements_across,
         time_limit=time_limit,
     )
     turn = random_rotation(settings.seed)
     if settings.seed:
         surface = _turned(surface, turn)
+        settings = replace(settings, sources=settings.sources._replace(points=settings.sources.points @ turn))
     filled = MESHERS[mesher].fill(surface, settings)
     if MESHERS[mesher].may_change_topology and filled.attempts[-1].problems and fallback:
         again = MESHERS[fallback].fill(surface, settings)
@@ -246,7 +258,9 @@ def generate(
     )
 
 
-def _require_meshable(surface: TriSurface, mesher: Mesher, size_field: str | None) -> None:
+def _require_meshable(
+    surface: TriSurface, mesher: Mesher, size_field: str | None, sizes: Mapping[str, float | None] | None
+) -> None:
     """Refuse what is no closed manifold, and what this mesher does not know."""
     from cortet.geometry.topology import surface_topology
 
@@ -255,6 +269,7 @@ def _require_meshable(surface: TriSurface, mesher: Mesher, size_field: str | Non
         raise InputError(f"surface cannot be meshed: {'; '.join(topology.problems(int(topology.genus)))}")
     for asked, able, what in (
         (size_field is not None, "sizes", "generate.size_field"),
+        (bool(sizes), "sizes", "generate.sizes"),
         (bool(surface.inner), "regions", "inner surfaces"),
     ):
         if asked and not getattr(mesher, able):

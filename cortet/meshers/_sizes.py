@@ -1,0 +1,146 @@
+"""Where cells are to be smaller than elsewhere: by a field, on the surface of a region, in the voxels of a volume."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from cortet.errors import InputError
+from cortet.formats.volumes import is_volume, read_labels, read_named
+from cortet.geometry.nesting import sheets
+from cortet.meshers._remesh import GROWTH, SHORTEST
+from cortet.meshers.mesher import Settings
+from cortet.meshes import FloatArray, TriSurface, region_names
+
+_REMEDY = "where finer cells are wanted, choose a smaller cell size"
+#: most voxels that ask for smaller cells
+_MOST_VOXELS = 5_000_000
+
+
+class Sources(NamedTuple):
+    """Points inside that ask for a cell size, which grows to that of the mesh away from them."""
+
+    #: (k, 3) mm
+    points: FloatArray
+    #: (k,) mm
+    sizes: FloatArray
+
+
+def sources_of(sizes: Mapping[str, float | None], surface: TriSurface, cell_size: float) -> Sources:
+    """The voxels of the volumes among `sizes`, in the coordinates of a surface.
+
+    Parameters
+    ----------
+    sizes : `generate.sizes`
+    surface : in mm, in its frame
+
+    Raises
+    ------
+    InputError : a volume cannot be read, has no such label, or asks for cells that are too small
+    """
+    points, wanted = [np.zeros((0, 3))], [np.zeros(0)]
+    for text, size in sizes.items():
+        if not is_volume(text):
+            continue
+        if size is None:
+            volume = read_named(f"{text}:numbers")
+            values = np.asarray(volume.values, float)
+            chosen = np.isfinite(values) & (values > 0) & (values < cell_size)
+            mine = values[chosen]
+        else:
+            volume, keys = read_labels(text)
+            chosen = np.isin(volume.values, keys)
+            mine = np.full(int(chosen.sum()), float(size))
+        _check(mine, cell_size, text)
+        if len(mine) > _MOST_VOXELS:
+            raise InputError(
+                f"{len(mine)} voxels ask for smaller cells, more than {_MOST_VOXELS}",
+                file=volume.file,
+                remedy="choose a smaller cell size, or give a coarser volume",
+            )
+        voxels = np.argwhere(chosen)
+        points.append(voxels @ volume.affine[:3, :3].T + volume.affine[:3, 3])
+        wanted.append(mine)
+    whole = np.reshape(surface.frame.matrix, (4, 4))
+    back = np.linalg.inv(whole)
+    return Sources(np.concatenate(points) @ back[:3, :3].T + back[:3, 3], np.concatenate(wanted))
+
+
+def sizes_on(surface: TriSurface, settings: Settings) -> list[FloatArray] | None:
+    """The cell size at each vertex of each sheet, (n,) mm, infinite where nothing asks; None if nothing does anywhere.
+
+    Raises
+    ------
+    InputError : the surface lacks the field or a region, or a size is too small
+    """
+    every = sheets(surface)
+    if settings.size_field is None and not settings.sizes and not len(settings.sources.points):
+        return None
+    found = (
+        [np.full(len(one.points), np.inf) for one in every]
+        if settings.size_field is None
+        else _by_field(surface, settings.size_field, settings.cell_size)
+    )
+    names = region_names(surface.inner)
+    for name, size in settings.sizes.items():
+        if is_volume(name):
+            continue
+        if name not in names:
+            raise InputError(
+                f"generate.sizes: the mesh has no region {name}",
+                remedy=f"name one of {', '.join(names)}, or a volume as FILE:LABELS",
+            )
+        if size is None:
+            raise InputError(f"generate.sizes: the region {name} has no size", remedy="give one in mm")
+        _check(np.array([size]), settings.cell_size, name)
+        number = names.index(name)
+        found[number] = np.minimum(found[number], size)
+    return [np.minimum(size, _near(settings.sources, one.points)) for size, one in zip(found, every, strict=True)]
+
+
+def _near(sources: Sources, points: FloatArray) -> FloatArray:
+    """The smallest size at each point (n, 3) that a source asks for from where it is: (n,) mm."""
+    found = np.full(len(points), np.inf)
+    steps = np.round(np.log2(sources.sizes) * 8)  # one tree for sizes that differ by less than 9 %
+    for step in np.unique(steps):
+        mine = steps == step
+        distance, _ = KDTree(sources.points[mine]).query(points)
+        found = np.minimum(found, sources.sizes[mine].min() + GROWTH * distance)
+    return found
+
+
+def _by_field(surface: TriSurface, name: str, cell_size: float) -> list[FloatArray]:
+    """Values of a field of sizes on each sheet, (n,) mm; infinite on one that has none."""
+    every = sheets(surface)
+    if not any(name in one.point_data for one in every):
+        known = ", ".join(surface.point_data) or "none"
+        raise InputError(
+            f"generate.size_field: the surface has no field {name} (it has: {known})",
+            remedy="name a field of the surface, or give it: `--field NAME=FILE`, in a sheet `cohort.fields`",
+        )
+    found = []
+    for one in every:
+        values = np.asarray(one.point_data.get(name, np.full(len(one.points), np.inf)), np.float64)
+        least = SHORTEST * cell_size
+        bad = ~(values >= least) if values.ndim == 1 else np.ones(1, np.bool_)
+        if bad.any():
+            what = f"{np.count_nonzero(bad)} values that are no cell size of at least {least:g} mm ({SHORTEST:g} h)"
+            shown = f", the first {values[bad.argmax()]} at vertex {bad.argmax()}"
+            raise InputError(
+                f"generate.size_field: {name} has {what}{shown}", remedy=f"give one size in mm per vertex; {_REMEDY}"
+            )
+        found.append(values)
+    return found
+
+
+def _check(sizes: FloatArray, cell_size: float, name: str) -> None:
+    """Raise InputError for sizes that are below the smallest of this cell size."""
+    least = SHORTEST * cell_size
+    if len(sizes) and not sizes.min() >= least:
+        raise InputError(
+            f"generate.sizes: {name} asks for cells of {sizes.min():g} mm, less than {least:g} mm ({SHORTEST:g} h)",
+            remedy=_REMEDY,
+        )
