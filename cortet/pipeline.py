@@ -115,6 +115,10 @@ def run(
         "hemisphere": None,
     }
     surface = placed(surface, to_mm)
+    if config.generate.sizes:
+        from cortet.meshers._sizes import require_sizes
+
+        require_sizes(config.generate.sizes, surface, config.generate.cell_size[0])
     for text, size in config.generate.sizes.items():
         if is_volume(text):
             volume = read_named(f"{text}:numbers") if size is None else read_labels(text)[0]

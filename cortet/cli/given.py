@@ -34,7 +34,7 @@ def settings_of(args: argparse.Namespace) -> dict[str, Any]:
         data["setting"] = args.setting
     if args.cell_size is not None:
         data["generate"] = {**(data.get("generate") or {}), "cell_size": args.cell_size}
-    if args.size:
+    if getattr(args, "size", None):
         data["generate"] = {**(data.get("generate") or {}), "sizes": dict(args.size)}
     if getattr(args, "hole", None):
         data["export"] = {**(data.get("export") or {}), "holes": args.hole}

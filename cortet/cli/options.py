@@ -46,6 +46,13 @@ class OutputFile(type(Path())):  # type: ignore[misc]
     """A file that a command writes; any other path among its arguments is an input."""
 
 
+def output_surface(text: str) -> OutputFile:
+    """A surface that a command writes: GIfTI."""
+    if not text.endswith(".gii"):
+        raise argparse.ArgumentTypeError(f"{text!r} is no name of a GIfTI file; end it in .surf.gii")
+    return OutputFile(text)
+
+
 class CheckedOutput(type(Path())):  # type: ignore[misc]
     """A sheet, or a folder of `cortet run`: the command itself refuses one that is not its own."""
 
@@ -185,7 +192,7 @@ def parser() -> argparse.ArgumentParser:
     repair = commands.add_parser("repair", parents=[writes], help="repair a broken surface, within limits")
     repair.add_argument("surface", type=Path, metavar="IN", help="GIfTI or FreeSurfer surface")
     repair.add_argument(
-        "-o", "--output", type=OutputFile, required=True, metavar="OUT", help="GIfTI; the report is beside it"
+        "-o", "--output", type=output_surface, required=True, metavar="OUT", help="GIfTI; the report is beside it"
     )
     repair.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section repair holds the limits")
     repair.add_argument("--picture", type=OutputFile, metavar="PNG", help="also draw it before and after")
@@ -200,7 +207,7 @@ def parser() -> argparse.ArgumentParser:
     resample.add_argument("surface", type=Path, metavar="IN", help="GIfTI or FreeSurfer surface")
     resample.add_argument("--sphere", type=Path, required=True, metavar="FILE", help="registered sphere of IN")
     resample.add_argument(
-        "-o", "--output", type=OutputFile, required=True, metavar="OUT", help="GIfTI; the report is beside it"
+        "-o", "--output", type=output_surface, required=True, metavar="OUT", help="GIfTI; the report is beside it"
     )
     resample.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section resample says onto what")
     resample.add_argument(
@@ -362,14 +369,16 @@ def parser() -> argparse.ArgumentParser:
         "phantom", parents=[writes, made], help="make a synthetic cortex of any gestational age"
     )
     phantom.add_argument("--hemi", choices=["L", "R"], default="L")
-    phantom.add_argument("-o", "--output", type=OutputFile, required=True, metavar="GII")
+    phantom.add_argument("-o", "--output", type=output_surface, required=True, metavar="GII")
     phantom.add_argument(
         "--pial",
-        type=OutputFile,
+        type=output_surface,
         metavar="GII",
         help="write the synthetic cortex there, and to -o a white surface within it",
     )
-    phantom.add_argument("--sphere", type=OutputFile, metavar="GII", help="also write the sphere that it was made of")
+    phantom.add_argument(
+        "--sphere", type=output_surface, metavar="GII", help="also write the sphere that it was made of"
+    )
     phantom.add_argument(
         "--thickness",
         type=Number(*THICKNESS_MM),
@@ -408,7 +417,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="MM",
         help=f"half the width of the grooves that lie inside of it (default: {CLOSING_MM:g})",
     )
-    around.add_argument("-o", "--output", type=OutputFile, required=True, metavar="GII")
+    around.add_argument("-o", "--output", type=output_surface, required=True, metavar="GII")
     around.set_defaults(run=envelope_command)
 
     growth = commands.add_parser(

@@ -29,6 +29,29 @@ class Sources(NamedTuple):
     sizes: FloatArray
 
 
+def require_sizes(sizes: Mapping[str, float | None], surface: TriSurface, cell_size: float) -> None:
+    """Raise InputError for sizes that cannot be: of no region, too small, or of a volume that cannot be read.
+
+    Parameters
+    ----------
+    sizes : `generate.sizes`
+    surface : in mm, in its frame, with its inner surfaces
+    """
+    names = region_names(surface.inner)
+    for name, size in sizes.items():
+        if is_volume(name):
+            continue
+        if name not in names:
+            raise InputError(
+                f"generate.sizes: the mesh has no region {name}",
+                remedy=f"name one of {', '.join(names)}, or a volume as FILE:LABELS",
+            )
+        if size is None:
+            raise InputError(f"generate.sizes: the region {name} has no size", remedy="give one in mm")
+        _check(np.array([size]), cell_size, name)
+    sources_of(sizes, surface, cell_size)
+
+
 def sources_of(sizes: Mapping[str, float | None], surface: TriSurface, cell_size: float) -> Sources:
     """The voxels of the volumes among `sizes`, in the coordinates of a surface.
 
@@ -74,7 +97,7 @@ def sizes_on(surface: TriSurface, settings: Settings) -> list[FloatArray] | None
 
     Raises
     ------
-    InputError : the surface lacks the field or a region, or a size is too small
+    InputError : the surface lacks the field, or a size is too small
     """
     every = sheets(surface)
     if settings.size_field is None and not settings.sizes and not len(settings.sources.points):
@@ -86,18 +109,9 @@ def sizes_on(surface: TriSurface, settings: Settings) -> list[FloatArray] | None
     )
     names = region_names(surface.inner)
     for name, size in settings.sizes.items():
-        if is_volume(name):
-            continue
-        if name not in names:
-            raise InputError(
-                f"generate.sizes: the mesh has no region {name}",
-                remedy=f"name one of {', '.join(names)}, or a volume as FILE:LABELS",
-            )
-        if size is None:
-            raise InputError(f"generate.sizes: the region {name} has no size", remedy="give one in mm")
-        _check(np.array([size]), settings.cell_size, name)
-        number = names.index(name)
-        found[number] = np.minimum(found[number], size)
+        if name in names and size is not None:
+            number = names.index(name)
+            found[number] = np.minimum(found[number], size)
     return [np.minimum(size, _near(settings.sources, one.points)) for size, one in zip(found, every, strict=True)]
 
 

@@ -198,6 +198,9 @@ def test_an_envelope_from_the_command_is_the_outer_surface_of_two_halves(
     assert "at least 2 mm away" in capsys.readouterr().out
     skull = read_surface("skull.surf.gii")
     assert enclosed_volume(skull.points, skull.faces) > 2000
+    with pytest.raises(SystemExit):
+        main(["envelope", "L.surf.gii", "-o", "skull.vtu"])
+    assert "'skull.vtu' is no name of a GIfTI file" in capsys.readouterr().err
     command = "mesh skull.surf.gii --inner cortexL=L.surf.gii --inner cortexR=R.surf.gii --cell-size 1.5 -o head.inp"
     assert main(command.split()) == 0
     sets = FORMATS["abaqus"].read(tmp_path / "head.inp").sets.cells

@@ -99,6 +99,16 @@ def test_sizes_that_cannot_be_are_refused(spot: tuple[str, str], sizes: dict[str
     assert words in str(refused.value)
 
 
+def test_the_command_refuses_them_before_any_stage(
+    spot: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_surface(ball_surface(4, radius=10.0), tmp_path / "ball.surf.gii")
+    command = ["mesh", str(tmp_path / "ball.surf.gii"), "--cell-size", "2", "-o", str(tmp_path / "ball.vtu")]
+    for sizes in ("thalamus=1", f"{spot[0]}:7=0.3", f"{spot[0]}"):
+        assert main([*command, "--size", sizes]) == 1
+        assert "gate" not in capsys.readouterr().out
+
+
 def test_other_meshers_and_cohorts_refuse_them() -> None:
     with pytest.raises(InputError, match=r"mesher cgal knows no generate\.sizes"):
         generate(ball_surface(3), cell_size=1.0, mesher="cgal", sizes={"cortex": 0.5})
