@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from cortet.config import Config, load
 from cortet.formats.placement import placed
-from cortet.formats.volumes import is_volume, read_labels, read_named
+from cortet.formats.volumes import is_volume
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import nested
@@ -115,14 +115,7 @@ def run(
         "hemisphere": None,
     }
     surface = placed(surface, to_mm)
-    if config.generate.sizes:
-        from cortet.meshers._sizes import require_sizes
-
-        require_sizes(config.generate.sizes, surface, config.generate.cell_size[0])
-    for text, size in config.generate.sizes.items():
-        if is_volume(text):
-            volume = read_named(f"{text}:numbers") if size is None else read_labels(text)[0]
-            require_in_place({text: volume}, measurable(surface))
+    _require_sizes(surface, config)
     latest: dict[str, Any] = {"surface": nested(surface, surface.inner), "sphere": sphere}
     config.require_nesting(inner)
     names = stages(config, gestational_age=gestational_age, nested=inner, registered=sphere is not None)
@@ -150,6 +143,16 @@ def run(
             reported,
             seconds,
         )
+
+
+def _require_sizes(surface: TriSurface, config: Config) -> None:
+    """Raise InputError for smaller cells that cannot be made, before any stage runs."""
+    if config.generate.sizes:
+        from cortet.meshers._sizes import require_sizes, volume_of
+
+        require_sizes(config.generate.sizes, surface, config.generate.cell_size[0])
+        volumes = {text: volume_of(text, size)[0] for text, size in config.generate.sizes.items() if is_volume(text)}
+        require_in_place(volumes, measurable(surface))
 
 
 def warm_up() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from cortet.errors import InputError
-from cortet.formats.volumes import is_volume, read_labels, read_named
+from cortet.formats.volumes import Volume, is_volume, read_labels, read_named
 from cortet.geometry.nesting import sheets
 from cortet.meshers._remesh import GROWTH, SHORTEST
 from cortet.meshers.mesher import Settings
@@ -52,6 +52,23 @@ def require_sizes(sizes: Mapping[str, float | None], surface: TriSurface, cell_s
     sources_of(sizes, surface, cell_size)
 
 
+def volume_of(text: str, size: float | None) -> tuple[Volume, list[int]]:
+    """The volume that asks for a size, and its labels that do; none for a volume of sizes.
+
+    Raises
+    ------
+    InputError : as `read_labels`; or the volume is to hold sizes, but does not hold numbers
+    """
+    if size is not None:
+        return read_labels(text)
+    volume = read_named(text)
+    if volume.kind != "numbers":
+        raise InputError(
+            f"holds {volume.kind}, not cell sizes in mm", file=volume.file, remedy="name labels: FILE:5,6=MM"
+        )
+    return volume, []
+
+
 def sources_of(sizes: Mapping[str, float | None], surface: TriSurface, cell_size: float) -> Sources:
     """The voxels of the volumes among `sizes`, in the coordinates of a surface.
 
@@ -68,13 +85,12 @@ def sources_of(sizes: Mapping[str, float | None], surface: TriSurface, cell_size
     for text, size in sizes.items():
         if not is_volume(text):
             continue
+        volume, keys = volume_of(text, size)
         if size is None:
-            volume = read_named(f"{text}:numbers")
             values = np.asarray(volume.values, float)
             chosen = np.isfinite(values) & (values > 0) & (values < cell_size)
             mine = values[chosen]
         else:
-            volume, keys = read_labels(text)
             chosen = np.isin(volume.values, keys)
             mine = np.full(int(chosen.sum()), float(size))
         _check(mine, cell_size, text)

@@ -42,6 +42,7 @@ COMMANDS = {
     "mesh": [
         Command("x.surf.gii --cell-size 5 --config settings.yaml -o OUT", ".vtu"),
         Command("x.surf.gii --inner inner.surf.gii --cell-size 5 -o OUT", ".pts"),
+        Command("x.surf.gii --cell-size 5 --size x_dseg.nii.gz:1=4.9 -o OUT", ".vtu"),
         Command("x.surf.gii --cell-size 5 --field t=x.shape.gii -o fresh.mesh --picture OUT", ".png"),
         Command("x.surf.gii --cell-size 5 -o fresh.mesh --page OUT", ".html"),
         Command("x.surf.gii --cell-size 5 --volume t=x_dseg.nii.gz -o fresh.mesh --slices OUT", ".png"),
@@ -53,6 +54,7 @@ COMMANDS = {
         Command("x.surf.gii -o fresh.surf.gii --picture OUT", ".png"),
     ],
     "resample": [Command("sphere.surf.gii --sphere sphere.surf.gii --field t=x.shape.gii -o OUT", ".surf.gii")],
+    "envelope": [Command("x.surf.gii --distance 2 -o OUT", ".surf.gii")],
     "growth": [
         Command("x.surf.gii inner.surf.gii --ages 28 30 -o OUT", ".func.gii"),
         Command("x.surf.gii inner.surf.gii --ages 28 30 -o fresh.func.gii --picture OUT", ".png"),

@@ -106,7 +106,9 @@ def test_the_command_refuses_them_before_any_stage(
     command = ["mesh", str(tmp_path / "ball.surf.gii"), "--cell-size", "2", "-o", str(tmp_path / "ball.vtu")]
     for sizes in ("thalamus=1", f"{spot[0]}:7=0.3", f"{spot[0]}"):
         assert main([*command, "--size", sizes]) == 1
-        assert "gate" not in capsys.readouterr().out
+        said = capsys.readouterr()
+        assert "gate" not in said.out and said.err
+    assert "holds labels, not cell sizes in mm (name labels: FILE:5,6=MM)" in said.err
 
 
 def test_other_meshers_and_cohorts_refuse_them() -> None:
