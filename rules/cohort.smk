@@ -9,6 +9,7 @@ localrules:
     cohort_quality,
     cohort_summary,
     cohort_stages,
+    cohort_tissues,
     cohort_figure,
     cohort_status,
     cohort_page,
@@ -88,6 +89,26 @@ rule cohort_stages:
         "../scripts/cohort_stages.py"
 
 
+rule cohort_tissues:
+    """One row per mesh and label of the volumes of its case."""
+    input:
+        lambda _: list(PLAN.tissue_tables().values()),
+    output:
+        table=f"{OUT}/cohort/cohort_tissues.tsv",
+        sidecar=f"{OUT}/cohort/cohort_tissues.json",
+        view=report(
+            f"{OUT}/cohort/cohort_tissues.html",
+            caption="../reports/cohort_tissues.rst",
+            category="Cohort",
+            labels={"result": "table: tissues"},
+        ),
+    params:
+        meshes=lambda _: [PLAN.described(mesh) for mesh in PLAN.tissue_tables()],
+        version=[version_of("report.cohort_tissues"), version_of("report.table_files")],
+    script:
+        "../scripts/cohort_tissues.py"
+
+
 rule cohort_figure:
     """Element count, mean and worst q against gestational age."""
     input:
@@ -149,6 +170,7 @@ rule cohort_page:
         quality=lambda _: [*rules.cohort_quality.output[:2]] if PLAN.measured_certificates() else [],
         figure=lambda _: rules.cohort_figure.output[0] if PLAN.measured_certificates() else [],
         maps=lambda _: expand(rules.cohort_maps.output.picture, hemi=PLAN.mapped_hemispheres()),
+        tissues=lambda _: rules.cohort_tissues.output.table if PLAN.tissue_tables() else [],
         folding=lambda _: [rules.cohort_folding.output.table, rules.cohort_folding.output.figure] if FOLDED else [],
     output:
         page=LAYOUT.cohort_page,
@@ -195,6 +217,7 @@ COHORT_FILES = [
     *rules.cohort_quality.output,
     *rules.cohort_summary.output,
     *rules.cohort_stages.output,
+    *(rules.cohort_tissues.output if PLAN.has_volumes else []),
     *rules.cohort_figure.output,
     *rules.cohort_status.output,
     *rules.cohort_page.output,

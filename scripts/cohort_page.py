@@ -18,5 +18,6 @@ write_cohort_page(
     maps=dict(zip(job.params.hemispheres, map(Path, given.maps), strict=True)),
     folding=(Path(given.folding[0]), Path(given.folding[1])) if given.folding else None,
     folds=job.params.folds,
+    tissues=Path(given.tissues) if given.tissues else None,
     dataset=job.params.dataset,
 )

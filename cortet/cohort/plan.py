@@ -22,7 +22,7 @@ __all__ = ["AFTER_CERTIFICATE", "OVER_ALL_CASES", "Plan", "existing"]
 #: rules that read all finished meshes
 OVER_ALL_CASES = (
     *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "cohort_page", "citation"),
-    "cohort_maps",
+    *("cohort_maps", "cohort_tissues"),
     *("cohort_folding", "convergence", "prediction"),
     *("table_ablation", "table_resolution", "table_measures", "figure_pooled_quality", "figure_series", "methods"),
 )
@@ -172,6 +172,26 @@ class Plan(Jobs):
             pattern, _ = self.layout.ten_node_files([name])
             files.append((Path(filled(pattern, job)).name, f"{name}, ten nodes"))
         return {"files": files, "uncertified": self.config.export.uncertified}
+
+    @property
+    def has_volumes(self) -> bool:
+        """Whether any case has volumes."""
+        return any(case.volumes for case in self.cases.values())
+
+    def tissue_tables(self) -> dict[Mesh, str]:
+        """Tables of the tissue in the meshes of cases with volumes."""
+        return {
+            mesh: path
+            for mesh, path in self.each_case(self.layout.mesh("Solver", "volumes.tsv")).items()
+            if self.cases[mesh[0]].volumes
+            and self.is_measured(mesh)
+            and self.failures.get(mesh, {}).get("stage") != "volumes"
+        }
+
+    def described(self, mesh: Mesh) -> dict[str, Any]:
+        """Case, age, cell size and mesher of a mesh."""
+        case, res, mesher = mesh
+        return {"case": case, "scan_age": self.cases[case].scan_age, "cell_size_mm": res / 1000, "mesher": mesher}
 
     def mapped(self, hemi: str) -> list[str]:
         """Cases of a hemisphere that are resampled onto the common mesh."""

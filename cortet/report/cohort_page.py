@@ -88,6 +88,7 @@ def write_cohort_page(
     maps: Mapping[Literal["L", "R"], Path] | None = None,
     folding: tuple[Path, Path] | None = None,
     folds: Sequence[Mapping[str, Any]] = (),
+    tissues: Path | None = None,
     dataset: str = "",
 ) -> None:
     """Write the page.
@@ -102,6 +103,7 @@ def write_cohort_page(
     figure : SVG file of the cohort against age
     maps : hemisphere, L or R -> PNG file of its maps on the common mesh
     folding : `cohort_folding.tsv` and its SVG file; None if nothing is folded
+    tissues : `cohort_tissues.tsv`; None if no case has volumes
     folds : per run `case`, `variant`, `cell_size_mm`, `mesher` and `folder`, as seen from the page
     """
     rows, explained = read_tsv(status), sidecar(COLUMNS)
@@ -120,7 +122,7 @@ def write_cohort_page(
     if folding:
         drawn: Part = ("figure", {**_CURVES, "svg": _figure(folding[1], "folding")})
         panels.append(Panel("folds", "Folding", [drawn, _folds(folding[0], folds)]))
-    files = [file.name for file in (status, *(quality or ()), *(folding or ())[:1])]
+    files = [file.name for file in (status, *(quality or ()), *([tissues] if tissues else ()), *(folding or ())[:1])]
     outliers = int((rows["outlying"] != "").sum())
     pages.write(
         path,

@@ -40,10 +40,18 @@ def test_a_volume_of_a_case(tmp_path: Path) -> None:
     assert "In the volume" in study.files("sub-b*Solver_report.html")[0].read_text()
     assert "In the volume" not in study.files("sub-a*Solver_report.html")[0].read_text()
     assert study.files("sub-b*Solver_slices.png")
+    tissues = read_tsv(study.outputs / "cohort/cohort_tissues.tsv")
+    assert tissues[["case", "volume", "name"]].to_numpy().tolist() == [
+        ["sub-b_hemi-L", "tissue", "back"],
+        ["sub-b_hemi-L", "tissue", "front"],
+    ]
+    assert tissues["volume_ml"].tolist() == table["volume_ml"].tolist()
+    assert "cohort_tissues.tsv" in (study.outputs / "cohort/index.html").read_text()
 
     file.with_name("b_dseg.tsv").write_text("index\tname\n1\tback\n2\tfrontal\n")
     again = {rule for rule, case in study.jobs_of_run() if case == "sub-b"}
     assert again == {"volumes", "export", "case_page"}
+    assert "frontal" in read_tsv(study.outputs / "cohort/cohort_tissues.tsv")["name"].tolist()
     assert "tissue_frontal" in abaqus.read(study.files("sub-b*Solver_tetmesh.inp")[0]).sets.cells
 
     write_volume(np.where(front, 2, 1).astype(np.int16), affine + 100 * np.eye(4, k=3), file)
