@@ -110,7 +110,7 @@ REGION = "region"
 OUTERMOST = "cortex"
 #: names of region 0 where the brain is an inner surface, and of that surface where no other lies in it
 AROUND, BRAIN = ("csf", "skull", "skin"), "brain"
-#: name of the set of faces that are walls of holes: of regions that a file leaves out
+#: name of the set of faces that are walls of holes, which are regions that a file leaves out
 HOLE_SURFACE = "hole_surface"
 #: name of the integer field of a repaired surface that is 1 on the cap of a filled hole
 FILLED = "filled"
