@@ -158,6 +158,16 @@ class Mesh:
 
         return cut_view(self.mesh, regions=bool(self.surface.inner), size=size)
 
+    def named(self) -> TetMesh:
+        """The mesh with its named sets, as files hold it; they take the place of the numbers of regions."""
+        return named_sets(
+            self.mesh,
+            **self.config.export.sets,
+            inner=list(self.surface.inner),
+            label_names=self.label_names,
+            tissues=self.label_names,
+        )
+
     def save(self, path: str | Path, *, force: bool = False) -> Path:
         """Write the mesh in the format of the file's ending, verified, with its sidecar.
 
@@ -177,16 +187,9 @@ class Mesh:
                 file=path,
                 remedy="give force=True to write it anyway",
             )
-        named = named_sets(
-            self.mesh,
-            **self.config.export.sets,
-            inner=list(self.surface.inner),
-            label_names=self.label_names,
-            tissues=self.label_names,
-        )
         with guarded(self.inputs, files=[path], force=force):
             export(
-                named,
+                self.named(),
                 path,
                 solver=solver,
                 certificate=asdict(self.certificate),
@@ -428,9 +431,10 @@ def fold(
     place = Path(keeper.name if keeper else folder or "")
     values = load({"fold": settings}).arguments("fold", {"gestational_age": ga, "hemisphere": hemi})
     speak = progress if callable(progress) else per_percent(_say)
-    verdict = folded(
-        made.mesh if isinstance(made, Mesh) else made, place, FoldSettings(**values), speak if progress else None
-    )
+    mesh = made if isinstance(made, TetMesh) else made.mesh
+    if isinstance(made, Mesh) and any(isinstance(region, str) for region in values["core_regions"]):
+        mesh = made.named()
+    verdict = folded(mesh, place, FoldSettings(**values), speak if progress else None)
     table = read_tsv(place / TABLE).apply(pd.to_numeric, errors="coerce")
     return Folded(asdict(verdict), table, place, hemi, keeper)
 

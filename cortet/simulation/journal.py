@@ -91,7 +91,8 @@ class Checkpoint(NamedTuple):
 
 def fingerprint(mesh: TetMesh, parameters: dict[str, Any]) -> str:
     """SHA-256 of everything a run depends on."""
-    digest = hashlib.sha256(json.dumps(parameters, sort_keys=True, default=str).encode())
+    plain = json.loads(json.dumps(parameters, default=str))  # keys of one kind, which can be sorted
+    digest = hashlib.sha256(json.dumps(plain, sort_keys=True).encode())
     named: dict[str, NDArray[Any]] = {"points": mesh.points, "cells": mesh.cells}
     named |= {f"point field {name}": values for name, values in mesh.point_data.items()}
     named |= {f"cell field {name}": values for name, values in mesh.cell_data.items()}

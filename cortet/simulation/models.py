@@ -212,10 +212,28 @@ def labels_of(mesh: TetMesh, settings: Settings) -> tuple[IntArray | None, IntAr
         values = _named(node_field(mesh, LABEL_FIELD), settings.regions, f"field {LABEL_FIELD}", "fold.regions")
         laws = _numbered(values, settings.regions)
     if settings.core_regions:
-        of_cell = mesh.cell_data.get(REGION)
-        values = _named(of_cell, settings.core_regions, f"cell data {REGION}", "fold.core_regions")
-        regions = _numbered(values, settings.core_regions)
+        regions = _core_laws(mesh, list(settings.core_regions))
     return laws, regions
+
+
+def _core_laws(mesh: TetMesh, keys: Sequence[int | str]) -> IntArray:
+    """The place of the law of each tetrahedron among some regions, by number or by name of a set, from 1 on; else 0."""
+    law = np.zeros(len(mesh.cells), np.int32)
+    numbers = [key for key in keys if str(key).lstrip("-").isdecimal()]
+    if numbers:
+        of_cell = mesh.cell_data.get(REGION)
+        _named(of_cell, dict.fromkeys(map(int, numbers)), f"cell data {REGION}", "fold.core_regions")
+    for place, key in enumerate(keys, start=1):
+        if key in numbers:
+            law[mesh.cell_data[REGION] == int(key)] = place
+        elif key in mesh.sets.cells:
+            law[mesh.sets.cells[str(key)]] = place
+        else:
+            raise InputError(
+                f"growth differs in {key}, but the mesh has no such set of tetrahedra",
+                remedy=f"name one of {', '.join(mesh.sets.cells) or 'an exported mesh'}, or a region by its number",
+            )
+    return law
 
 
 def _named(values: FloatArray | None, labels: Mapping[int, object], what: str, key: str) -> FloatArray:

@@ -163,7 +163,11 @@ def _ordered(mesh: TetMesh) -> tuple[TetMesh, NDArray[np.int64], NDArray[np.int6
     cell = np.argsort(cells.min(axis=1), kind="stable")
     fields = {name: values[node] for name, values in mesh.point_data.items()}
     number = np.argsort(node).astype(np.int32)
-    sets = MeshSets(faces={name: number[faces] for name, faces in mesh.sets.faces.items()})
+    place = np.argsort(cell).astype(np.int32)
+    sets = MeshSets(
+        faces={name: number[faces] for name, faces in mesh.sets.faces.items()},
+        cells={name: np.sort(place[chosen]) for name, chosen in mesh.sets.cells.items()},
+    )
     of_cells = {name: values[cell] for name, values in mesh.cell_data.items() if name == REGION}
     return TetMesh(mesh.points[node], cells[cell], fields, of_cells, sets=sets), node, cell
 

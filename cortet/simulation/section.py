@@ -80,9 +80,10 @@ class Fold(Section):
     hull: dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Positive] | None = None
     """Of growing: volume of the convex hull at ages, {22: 25, 34: 106}; only ratios count. null: a law fitted to
     healthy hemispheres of 22 to 40 weeks."""
-    core_regions: dict[int, ByAge] = {}
-    """Of growing: region of the mesh, and how much more than the rest of the core its lengths grow, per week from 22
-    weeks on or since then at ages: a ventricle that shrinks has values below 0."""
+    core_regions: dict[int | str, ByAge] = {}
+    """Of growing: region of the mesh by its number, or of an exported mesh a set of tetrahedra by its name
+    (tissue_thalamus), and how much more than the rest of the core its lengths grow, per week from 22 weeks on or since
+    then at ages: a ventricle that shrinks has values below 0. Of two sets that share tetrahedra the later counts."""
     core_stiffness: Positive | None = None
     """Shear modulus of the core over that of the cortex. null: that of the model."""
     regions: dict[int, Annotated[list[Finite], Field(min_length=3, max_length=3)]] = {}

@@ -45,8 +45,8 @@ class Settings:
     envelope: bool | None = DEFAULT.envelope
     #: age -> volume of the convex hull, mL; None: the model's
     hull: Mapping[float, float] | None = DEFAULT.hull
-    #: region of the mesh -> how much more than the rest of the core its lengths grow
-    core_regions: Mapping[int, ByAge] = field(default_factory=dict)
+    #: region of the mesh, or set of tetrahedra -> how much more than the rest of the core its lengths grow
+    core_regions: Mapping[int | str, ByAge] = field(default_factory=dict)
     #: shear modulus of the core over that of the cortex; None: the model's
     core_stiffness: float | None = DEFAULT.core_stiffness
     #: label -> amplitude, rate and latency of a Gompertz law, which replaces `growth_rate` there

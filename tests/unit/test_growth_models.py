@@ -13,7 +13,7 @@ from shapes import ball_mesh
 
 from cortet.config import load
 from cortet.errors import InputError
-from cortet.meshes import REGION, TetMesh
+from cortet.meshes import REGION, MeshSets, TetMesh
 from cortet.simulation.fold import fold
 from cortet.simulation.growth import HULL, VOLUME, ages_of, by_age, times_of, usual
 from cortet.simulation.kernels import grown_volume_of
@@ -105,6 +105,11 @@ def test_a_region_of_the_core_may_grow_otherwise(ball: TetMesh) -> None:
     assert growth[:, CORE].tolist() == pytest.approx([0.0, -0.2])
     own = np.linalg.norm(run.mesh.points[run.body.cells].mean(axis=1), axis=1) < 4
     assert np.array_equal(run.body.label == 1, own)
+    by_name = replace(mesh, cell_data={}, sets=MeshSets(cells={"thalamus": np.flatnonzero(inner).astype(np.int32)}))
+    named = prepared(by_name, Settings(22.0, end=38.0, thickness=1.0, core_regions={"thalamus": -0.02}))
+    assert np.array_equal(named.body.label, run.body.label)
+    with pytest.raises(InputError, match=r"growth differs in pons, but the mesh has no such set .*thalamus"):
+        prepared(by_name, Settings(22.0, core_regions={"pons": 0.1}))
     with pytest.raises(InputError, match=r"regions 7, but the cell data region of the mesh has only 1, 4"):
         prepared(mesh, Settings(22.0, core_regions={7: 0.1}))
 
