@@ -16,7 +16,6 @@ from cortet.config import Config, load
 from cortet.formats.placement import placed
 from cortet.formats.volumes import is_volume
 from cortet.geometry.limits import SCAN_AGES, require_within
-from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
 from cortet.meshes import TetMesh, TriSurface
@@ -152,7 +151,7 @@ def _require_sizes(surface: TriSurface, config: Config) -> None:
 
         require_sizes(config.generate.sizes, surface, config.generate.cell_size[0])
         volumes = {text: volume_of(text, size)[0] for text, size in config.generate.sizes.items() if is_volume(text)}
-        require_in_place(volumes, measurable(surface))
+        require_in_place(volumes, surface)
 
 
 def warm_up() -> None:

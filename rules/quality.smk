@@ -63,6 +63,7 @@ rule volumes:
     input:
         mesh=LAYOUT.mesh("Solver"),
         surface=PLAN.meshed_surface,
+        inner=PLAN.inner_surfaces,
         volumes=PLAN.existing_volumes,
     output:
         mesh=intermediate(LAYOUT.mesh("Solver", "volumes.vtu")),

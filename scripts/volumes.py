@@ -11,7 +11,7 @@ from cortet.solver_files.volumes import TISSUE_COLUMNS, read_volumes, require_in
 
 volumes = read_volumes(job.params.volumes)
 job.require_unchanged_input()
-surface = gifti.read_surface(job.input.surface)
+surface = gifti.read_nested(job.input.surface, job.input.inner)
 require_in_place(volumes, surface)
 mesh, rows = with_volumes(vtu.read(job.input.mesh), volumes, frame=surface.frame, shares=job.params.shares)
 vtu.write(mesh, job.output.mesh)

@@ -26,7 +26,6 @@ def mesh_command(args: argparse.Namespace) -> int:
     """Mesh a surface, judge the mesh and write it with its companions."""
     from cortet.formats.placement import placed
     from cortet.formats.tables import printed, write_table
-    from cortet.geometry.mending import measurable
     from cortet.meshes import region_names
     from cortet.pipeline import mesh_surface
     from cortet.solver_files.export import export
@@ -55,7 +54,7 @@ def mesh_command(args: argparse.Namespace) -> int:
     require_regions(config.export.holes, surface.inner)
     volumes = read_volumes(dict(args.volume))
     frame = placed(surface, config.placement()).frame
-    require_in_place(volumes, placed(measurable(surface), config.placement()))
+    require_in_place(volumes, placed(surface, config.placement()))
     sphere = sphere_of(args)
     progress = Progress(config, args.ga, nested=bool(surface.inner), registered=sphere is not None)
     mesh, certificate, meshed = mesh_surface(

@@ -16,9 +16,11 @@ from cortet.formats.hashing import sha256
 from cortet.formats.tables import Column
 from cortet.formats.volumes import Volume, matrices, read_named, six, to_scanner, volume_file
 from cortet.geometry.coverage import coverage
+from cortet.geometry.mending import measurable
+from cortet.geometry.nesting import joined
 from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
 from cortet.measure.quality import quality, signed_volumes
-from cortet.meshes import REGION, CoordinateFrame, FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshes import REGION, CoordinateFrame, FloatArray, IntArray, TetMesh, TriSurface, is_brain
 
 VERSION: int = 1
 
@@ -65,13 +67,15 @@ def read_volumes(given: Mapping[str, str | Path | Volume]) -> dict[str, Volume]:
 
 
 def require_in_place(volumes: Mapping[str, Volume], surface: TriSurface) -> None:
-    """Raise InputError where a volume does not cover a closed surface, or its labels lie beside it.
+    """Raise InputError where a volume does not cover a brain, or its labels lie beside it.
 
     Parameters
     ----------
-    surface : in mm, in its frame
+    surface : of the brain, or with brains inside it; in mm, in its frame; coordinates need not be finite
     """
-    moved = replace(surface, points=to_scanner(surface.points, surface.frame), inner={})
+    inside = [one for name, one in surface.inner.items() if is_brain(name)] or [surface]
+    brain = joined([measurable(one) for one in inside])
+    moved = replace(brain, points=to_scanner(brain.points, surface.frame), inner={})
     for volume in volumes.values():
         _require_cover(volume, moved.points)
         if volume.kind == "labels":

@@ -14,6 +14,7 @@ from cortet.cli import main
 from cortet.errors import InputError
 from cortet.formats import FORMATS, vtu
 from cortet.formats.gifti import read_surface, write_surface
+from cortet.formats.volumes import write_volume
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.envelope import envelope
 from cortet.geometry.intersection import self_intersections
@@ -136,6 +137,21 @@ def test_the_white_surface_gives_way_to_the_pial_one_also_within_a_shell() -> No
     assert np.array_equal(apart.inner["cortex"].points, single_precision(pial).points)
     moved = {one.name: one.moved_max_mm for one in report.surfaces}
     assert moved["cortex"] < 1e-6 and moved["white"] > 0.4
+
+
+def test_a_volume_of_the_brain_alone_is_in_place_within_a_shell(tmp_path: Path) -> None:
+    ball = ball_surface(4, radius=10.0)
+    inside = np.linalg.norm(np.indices((21, 21, 21)) - 10, axis=0) < 10
+    affine = np.eye(4)
+    affine[:3, 3] = -10
+    write_volume(inside.astype(np.int16), affine, tmp_path / "dseg.nii.gz")
+    volumes = {"tissue": tmp_path / "dseg.nii.gz"}
+    made = cortet.mesh(ball, H, shell=3.0, volumes=volumes, progress=False)
+    rows = made.tissues().set_index("label")
+    assert rows.loc[1, "volume_ml"] == pytest.approx(4 / 3 * np.pi, rel=0.1)
+    write_volume(inside.astype(np.int16), affine + 6 * np.eye(4, k=3), tmp_path / "dseg.nii.gz")
+    with pytest.raises(InputError, match="outside the volume|shifted"):
+        cortet.mesh(ball, H, shell=3.0, volumes=volumes, progress=False)
 
 
 def test_what_a_shell_does_not_go_with_is_said(made: cortet.Mesh) -> None:
