@@ -423,7 +423,7 @@ def fold(
     from cortet.simulation.state import Settings as FoldSettings
 
     if isinstance(made, Mesh):
-        refuse_shell(region_names(made.surface.inner), "the mesh")
+        refuse_shell(region_names(made.surface.inner))
         ga, hemi = made.ga if ga is None else ga, hemi or made.hemi
     if ga is None:
         raise InputError("the gestational age of the mesh is not known", remedy="give ga, in weeks")

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 from cortet.config import Config, load
 from cortet.formats.placement import placed
-from cortet.formats.volumes import is_volume
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
@@ -147,10 +146,9 @@ def run(
 def _require_sizes(surface: TriSurface, config: Config) -> None:
     """Raise InputError for smaller cells that cannot be made, before any stage runs."""
     if config.generate.sizes:
-        from cortet.meshers._sizes import require_sizes, volume_of
+        from cortet.meshers._sizes import checked
 
-        require_sizes(config.generate.sizes, surface, config.generate.cell_size[0])
-        volumes = {text: volume_of(text, size)[0] for text, size in config.generate.sizes.items() if is_volume(text)}
+        _, volumes = checked(config.generate.sizes, surface, config.generate.cell_size[0])
         require_in_place(volumes, surface)
 
 

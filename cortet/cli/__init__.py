@@ -62,13 +62,13 @@ def _refuse_repeated(args: argparse.Namespace) -> None:
 
 def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None]:
     """The guard of a command, from the types of its arguments."""
-    from cortet.formats.volumes import volume_file
+    from cortet.formats.volumes import is_volume, volume_file
 
     values = [one for value in vars(args).values() for one in (value if isinstance(value, list) else [value])]
-    paths = [
-        Path(volume_file(value[1])) if isinstance(value, tuple) and isinstance(value[1], str) else value
-        for value in values
-    ]
+    pairs = [value for value in values if isinstance(value, tuple)]
+    named = [last for _, last in pairs if isinstance(last, str)]  # NAME=FILE
+    named += [first for first, last in pairs if not isinstance(last, str) and is_volume(first)]  # VOLUME=MM
+    paths = [*values, *(Path(volume_file(name)) for name in named)]
     return guarded(
         [path for path in paths if isinstance(path, Path) and not isinstance(path, WRITTEN)],
         files=[path for path in paths if isinstance(path, OutputFile)],

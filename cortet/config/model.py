@@ -124,7 +124,9 @@ class Config(_WithTheLine):
 
     def require_workflow(self) -> None:
         """Raise InputError for what one mesh can have and a cohort cannot."""
-        if volumes := [name for name in self.generate.sizes if "." in name]:
+        from cortet.formats.volumes import is_volume
+
+        if volumes := [name for name in self.generate.sizes if is_volume(name)]:
             raise InputError(
                 f"generate.sizes: {volumes[0]} is a volume, and all cases would have the same",
                 remedy="name regions, or mesh each case with `cortet mesh`",

@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from cortet.errors import InputError
 from cortet.geometry.closest_point import closest_points, tree_of
-from cortet.geometry.label_surface import cut_at_zero, largest_component
+from cortet.geometry.label_surface import cut_at_zero
 from cortet.geometry.limits import CLOSING_MM
 from cortet.geometry.nesting import joined
 from cortet.geometry.smoothing import taubin
@@ -55,9 +55,10 @@ def envelope(surfaces: Sequence[TriSurface], distance: float, *, closing: float 
         margin = distance + radius + 4 * voxel
         shape = np.ceil((highest - lowest + 2 * margin) / voxel).astype(int) + 1
         body = _closed(_filled(surfaces, lowest - margin, voxel, tuple(shape)), radius / voxel)
-        if ndimage.label(ndimage.distance_transform_edt(~body) <= distance / voxel)[1] > 1:
+        outside = ndimage.distance_transform_edt(~body)
+        if ndimage.label(outside <= distance / voxel)[1] > 1:
             continue
-        found = _around(body, distance / voxel)
+        found = _around(outside - ndimage.distance_transform_edt(body), distance / voxel)
         found = TriSurface(found.points * voxel + lowest - margin, found.faces)
         if surface_topology(found.faces).euler_number == 2:
             return single_precision(_moved_out(found, every, distance))
@@ -86,10 +87,9 @@ def _closed(body: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
     return np.asarray(ndimage.binary_fill_holes(ndimage.distance_transform_edt(grown) > radius) | body)
 
 
-def _around(body: NDArray[np.bool_], distance: float) -> TriSurface:
-    """The surface at a distance from a body, both in voxels."""
-    outside = ndimage.distance_transform_edt(~body) - ndimage.distance_transform_edt(body)
-    points, faces = largest_component(*cut_at_zero(distance - ndimage.gaussian_filter(outside, _WIDTH)))
+def _around(outside: FloatArray, distance: float) -> TriSurface:
+    """The surface at a distance from a body, whose signed distance each voxel has; all in voxels."""
+    points, faces = cut_at_zero(distance - ndimage.gaussian_filter(outside, _WIDTH))
     if enclosed_volume(points, faces) < 0:
         faces = faces[:, ::-1]
     return TriSurface(taubin(TriSurface(points, faces), steps=_STEPS, lambda_=_LAMBDA, mu=_MU), faces)

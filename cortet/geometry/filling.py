@@ -81,30 +81,30 @@ def flaws(mesh: TetMesh) -> tuple[Flaw, ...]:
     )
 
 
-def broken_body(mesh: TetMesh) -> list[str]:
+def broken_body(mesh: TetMesh, *, holes: bool = False) -> list[str]:
     """What keeps tetrahedra from filling bodies that a solver can run on, in plain words; empty if nothing does.
-
-    A void is none if all its faces are in the set `hole_surface`.
 
     Parameters
     ----------
     mesh : all its indices are those of nodes; it may consist of several bodies that do not touch
+    holes : whether voids are meant if all their faces are in the set `hole_surface`
     """
     found = (*flaws(mesh), *_touching(mesh))
-    if HOLE_SURFACE in mesh.sets.faces:
+    if holes and HOLE_SURFACE in mesh.sets.faces:
         unmeant = {flaw.name: flaw for flaw in _inside_others(mesh, mesh.sets.faces[HOLE_SURFACE])}
         found = tuple(unmeant.get(flaw.name, flaw) for flaw in found)
     return [flaw.sentence for flaw in found if flaw.count]
 
 
-def require_body(mesh: TetMesh, file: object = None) -> None:
+def require_body(mesh: TetMesh, file: object = None, *, holes: bool = False) -> None:
     """Raise InputError where tetrahedra do not fill bodies that a solver can run on.
 
     Parameters
     ----------
     file : the file that the mesh was read from; the message names it
+    holes : as of `broken_body`
     """
-    broken = broken_body(mesh)
+    broken = broken_body(mesh, holes=holes)
     if unused := len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))):
         broken.append(f"{unused} nodes belong to no tetrahedron")
     if broken:

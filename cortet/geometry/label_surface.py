@@ -74,7 +74,7 @@ def _surface(mask: NDArray[np.bool_], affine: FloatArray) -> LabelSurface:
     distance = _signed_distance(solid, widths)
     soft = ndimage.gaussian_filter(distance, _WIDTH * voxel / widths)
     soft = np.clip(soft, distance - _MOST_MOVED * voxel, distance + _MOST_MOVED * voxel)
-    points, faces = largest_component(*cut_at_zero(soft))
+    points, faces = cut_at_zero(soft)
     points = points @ affine[:3, :3].T + affine[:3, 3]
     if enclosed_volume(points, faces) < 0:
         faces = faces[:, ::-1]
@@ -97,17 +97,17 @@ def _signed_distance(solid: NDArray[np.bool_], widths: FloatArray) -> FloatArray
 
 
 def cut_at_zero(values: FloatArray) -> tuple[FloatArray, NDArray[Any]]:
-    """Vertices (n, 3), in voxels, and triangles (m, 3) of the surface on which values are 0."""
+    """Vertices (n, 3), in voxels, and triangles (m, 3) of the surface on which values are 0: its largest component."""
     import pyvista
 
     grid = pyvista.ImageData(dimensions=values.shape)
     grid.point_data["values"] = values.ravel(order="F")
     options = {"method": "flying_edges", "compute_normals": False, "compute_scalars": False}
     found = grid.contour([0.0], scalars="values", **options)
-    return np.asarray(found.points, float), np.asarray(found.regular_faces, np.int32)
+    return _largest(np.asarray(found.points, float), np.asarray(found.regular_faces, np.int32))
 
 
-def largest_component(points: FloatArray, faces: NDArray[Any]) -> tuple[FloatArray, NDArray[Any]]:
+def _largest(points: FloatArray, faces: NDArray[Any]) -> tuple[FloatArray, NDArray[Any]]:
     """The component of most triangles: smoothing may cut off what hangs by one voxel."""
     of_face = component_labels(faces)[faces[:, 0]]
     points, faces, _ = compact(points, faces[of_face == np.bincount(of_face).argmax()])

@@ -29,13 +29,19 @@ class Sources(NamedTuple):
     sizes: FloatArray
 
 
-def require_sizes(sizes: Mapping[str, float | None], surface: TriSurface, cell_size: float) -> None:
-    """Raise InputError for sizes that cannot be: of no region, too small, or of a volume that cannot be read.
+def checked(
+    sizes: Mapping[str, float | None], surface: TriSurface, cell_size: float
+) -> tuple[Sources, dict[str, Volume]]:
+    """The voxels of the volumes among `sizes`, in the coordinates of a surface; and these volumes.
 
     Parameters
     ----------
     sizes : `generate.sizes`
     surface : in mm, in its frame, with its inner surfaces
+
+    Raises
+    ------
+    InputError : a size is of no region, or too small, or a volume cannot be read or has no such label
     """
     names = region_names(surface.inner)
     for name, size in sizes.items():
@@ -49,10 +55,12 @@ def require_sizes(sizes: Mapping[str, float | None], surface: TriSurface, cell_s
         if size is None:
             raise InputError(f"generate.sizes: the region {name} has no size", remedy="give one in mm")
         _check(np.array([size]), cell_size, name)
-    sources_of(sizes, surface, cell_size)
+    volumes = {text: _volume_of(text, size) for text, size in sizes.items() if is_volume(text)}
+    sources = _sources_of(sizes, volumes, surface, cell_size)
+    return sources, {text: volume for text, (volume, _) in volumes.items()}
 
 
-def volume_of(text: str, size: float | None) -> tuple[Volume, list[int]]:
+def _volume_of(text: str, size: float | None) -> tuple[Volume, list[int]]:
     """The volume that asks for a size, and its labels that do; none for a volume of sizes.
 
     Raises
@@ -69,23 +77,16 @@ def volume_of(text: str, size: float | None) -> tuple[Volume, list[int]]:
     return volume, []
 
 
-def sources_of(sizes: Mapping[str, float | None], surface: TriSurface, cell_size: float) -> Sources:
-    """The voxels of the volumes among `sizes`, in the coordinates of a surface.
-
-    Parameters
-    ----------
-    sizes : `generate.sizes`
-    surface : in mm, in its frame
-
-    Raises
-    ------
-    InputError : a volume cannot be read, has no such label, or asks for cells that are too small
-    """
+def _sources_of(
+    sizes: Mapping[str, float | None],
+    volumes: Mapping[str, tuple[Volume, list[int]]],
+    surface: TriSurface,
+    cell_size: float,
+) -> Sources:
+    """The voxels of volumes, each with the labels that count, in the coordinates of a surface."""
     points, wanted = [np.zeros((0, 3))], [np.zeros(0)]
-    for text, size in sizes.items():
-        if not is_volume(text):
-            continue
-        volume, keys = volume_of(text, size)
+    for text, (volume, keys) in volumes.items():
+        size = sizes[text]
         if size is None:
             values = np.asarray(volume.values, float)
             chosen = np.isfinite(values) & (values > 0) & (values < cell_size)

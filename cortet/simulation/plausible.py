@@ -48,17 +48,16 @@ _TETS_PER_CUBE = 4.0
 _SIDES = {(axis, sign): f"{'+' if sign > 0 else '-'}{'xyz'[axis]}" for axis in range(3) for sign in (1, -1)}
 
 
-def refuse_shell(regions: Collection[str], where: str) -> None:
+def refuse_shell(regions: Collection[str]) -> None:
     """Raise InputError where something lies around the brain: the model's cortex ends at the boundary.
 
     Parameters
     ----------
-    regions : names of regions, or of sets of tetrahedra
-    where : what has them
+    regions : names of the regions of a mesh, or of its sets of tetrahedra
     """
     if around := [name for name in AROUND if name in regions]:
         raise InputError(
-            f"{where} has the region {around[0]} around the brain", remedy="mesh the brain without a shell"
+            f"the mesh has the region {around[0]} around the brain", remedy="mesh the brain without a shell"
         )
 
 
@@ -72,7 +71,7 @@ def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
         lie around the brain; or its medial side is another than the hemisphere says
     """
     require_measurable(mesh)
-    refuse_shell(mesh.sets.cells, "the mesh")
+    refuse_shell(mesh.sets.cells)
     require_positive(signed_volumes(mesh.points, mesh.cells))
     check_age(settings.gestational_age)
     if settings.reference:

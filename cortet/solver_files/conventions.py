@@ -48,7 +48,7 @@ def broken_conventions(file: AsRead, *, body: bool = True) -> list[str]:
     return [
         *file.problems,
         *_volumes(file),
-        *(broken_body(mesh) if body else ()),
+        *(broken_body(mesh, holes=True) if body else ()),
         *_surface(file),
         *_sets(mesh),
         *_fields(mesh.point_data, len(mesh.points), "nodes"),

@@ -185,7 +185,7 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
     else:
         options = {"unit": record.get("units", {}).get("coordinates", source_unit)} if read_from.has_unit else {}
         content = read_from.read(source, **options)
-        require_body(content, source)
+        require_body(content, source, holes=True)
         surface_nodes = boundary_nodes(content)
         if surface_nodes[-1] != len(surface_nodes) - 1:
             content = surface_nodes_first(content)[0]

@@ -36,7 +36,7 @@ def write_job(mesh: TetMesh, folder: Path, *, growth: float, material: Material 
 
     Parameters and errors are those of the job for CalculiX, but growth may be up to 1: 100 %.
     """
-    refuse_shell(mesh.sets.cells, "the mesh")
+    refuse_shell(mesh.sets.cells)
     cortex, normals = growing(mesh, growth, most=1.0)
     material = material or Material()
     held = supports(mesh)

@@ -195,7 +195,7 @@ def generate(
         the backend failed, is not installed, or returned nothing
     """
     from cortet.geometry.orientation import random_rotation
-    from cortet.meshers._sizes import require_sizes, sources_of
+    from cortet.meshers._sizes import checked
 
     if unknown := {mesher, fallback} - {None, *MESHERS}:
         raise InputError(f"unknown mesher {unknown.pop()!r}", remedy=f"use {' or '.join(MESHERS)}")
@@ -207,7 +207,7 @@ def generate(
     if not edge_length or min(edge_length) <= 0:
         raise InputError(f"edge lengths {list(edge_length)} are not positive fractions of the cell size")
     _require_meshable(surface, MESHERS[mesher], size_field, sizes)
-    require_sizes(sizes or {}, surface, cell_size)
+    sources, _ = checked(sizes or {}, surface, cell_size)
     chosen = {"odt": odt, "lloyd": lloyd, "perturb": perturb, "exude": exude}
     settings = Settings(
         cell_size=cell_size,
@@ -224,7 +224,7 @@ def generate(
         core_depth=core_depth,
         size_field=size_field,
         sizes=sizes or {},
-        sources=sources_of(sizes or {}, surface, cell_size),
+        sources=sources,
         elements_across=elements_across,
         time_limit=time_limit,
     )

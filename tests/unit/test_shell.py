@@ -196,6 +196,8 @@ def test_the_command_makes_shell_hole_and_records_and_judges_again(
     capsys.readouterr()
     assert main(["certify", "hollow.vtu"]) == 1
     assert "is without the tetrahedra inside ventricle, and only a whole mesh can be judged" in capsys.readouterr().err
+    assert main(["fold", "hollow.vtu", "--ga", "24", "-o", "folded"]) == 1, "around a hole would be taken for cortex"
+    capsys.readouterr()
     for name in FORMATS:
         suffix = FORMATS[name].suffix
         done = main(["convert", "hollow.vtu", f"other{suffix}"])
