@@ -432,7 +432,8 @@ def fold(
     values = load({"fold": settings}).arguments("fold", {"gestational_age": ga, "hemisphere": hemi})
     speak = progress if callable(progress) else per_percent(_say)
     mesh = made if isinstance(made, TetMesh) else made.mesh
-    if isinstance(made, Mesh) and any(isinstance(region, str) for region in values["core_regions"]):
+    regions = (*values["core_regions"], *values["region_stiffness"])
+    if isinstance(made, Mesh) and any(isinstance(region, str) for region in regions):
         mesh = made.named()
     verdict = folded(mesh, place, FoldSettings(**values), speak if progress else None)
     table = read_tsv(place / TABLE).apply(pd.to_numeric, errors="coerce")

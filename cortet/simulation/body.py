@@ -80,6 +80,8 @@ class Body(NamedTuple):
     mask: FloatArray
     #: (m,), how much of the tangential growth of its law the cortex takes part in
     amount: FloatArray
+    #: (m,), shear modulus of its core over `Material.mu_core`
+    stiffness: FloatArray
     #: (m,), thickness of the cortex at the start
     thickness: FloatArray
     #: (m,) int32, which growth law holds
@@ -179,6 +181,7 @@ def body_of(
         depth=cell_depth,
         mask=np.ones(len(cells)) if mask is None else mask[cells].mean(axis=1),
         amount=np.ones(len(cells)) if amount is None else amount[cells].mean(axis=1),
+        stiffness=np.ones(len(cells)),
         thickness=cell_thickness,
         label=np.take_along_axis(node_label[cells], nearest_corner, axis=1)[:, 0].astype(np.int32),
         held=np.zeros(len(points), bool) if held is None else held,
@@ -253,10 +256,12 @@ def _away_from(x: FloatArray, nodes: NDArray[np.integer], at: IntArray) -> Float
 def stable_time_step(altitude: float, material: Material) -> float:
     """Time step for a smallest altitude of the body as it is: 0.15 sqrt(rho / K) altitude.
 
-    About a sixth of the time that a pressure wave takes, for contact is stiffer than the body. A tetrahedron that
-    growth has flattened is stiffer, too, but as its altitude has fallen, its time step has.
+    About a sixth of the time that a pressure wave takes, for contact is stiffer than the body; of a body that resists
+    shear far more than compression, a third. A tetrahedron that growth has flattened is stiffer, too, but as its
+    altitude has fallen, its time step has.
     """
-    return 0.15 * float(np.sqrt(material.density / material.bulk)) * altitude
+    usual = 0.15 * float(np.sqrt(material.density / material.bulk)) * altitude
+    return min(usual, largest_time_step(altitude, material) / 3)
 
 
 def largest_time_step(altitude: float, material: Material) -> float:

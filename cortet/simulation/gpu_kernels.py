@@ -114,7 +114,7 @@ _dot, _cross, _deformation = on_device(law.dot), on_device(law.cross), on_device
 _growth_share, _grown_volume = on_device(law.growth_share), on_device(law.grown_volume)
 _own_growth = on_device(law.own_growth)
 _volume_between, _stress = on_device(law.volume_between), on_device(law.stress)
-_shear_modulus, _forces_on_corners = on_device(law.shear_modulus), on_device(law.forces_on_corners)
+_own_modulus, _forces_on_corners = on_device(kernels.own_modulus), on_device(law.forces_on_corners)
 _may_be_degenerate, _phi = on_device(law.may_be_degenerate), on_device(law.phi)
 _stretches, _degenerate_stress = on_device(law.turned_stretches), on_device(law.turned_stress)
 _own_gradients, _put_forces = on_device(kernels.own_gradients), on_device(kernels.put_forces)
@@ -163,7 +163,8 @@ def _stretched(patches, patch, e, x, ratio, material, growth, thickening):  # ty
     share, alpha, beta, grown = _growth(patches, patch, e, growth, thickening)
     gradients = _own_gradients(patches.constants[patch], e, alpha, beta)
     mean = (ratio[nodes[0]] + ratio[nodes[1]] + ratio[nodes[2]] + ratio[nodes[3]]) / 4
-    moduli = grown * _shear_modulus(material, share), grown * material.bulk * (mean - 1)
+    shear = _own_modulus(patches.constants[patch], material, e, share)
+    moduli = grown * shear, grown * material.bulk * (mean - 1)
     return _deformation(u, v, w, gradients[0], gradients[1], gradients[2]), gradients, moduli
 
 
@@ -204,7 +205,7 @@ def _deviatoric_energy(patches, patch, e, x, material, growth, thickening):  # t
         factor = _phi(stretch[0])[0] * _phi(stretch[1])[0] * _phi(stretch[2])[0]
     else:
         factor = j ** (-2 / 3)
-    return grown * _shear_modulus(material, share) / 2 * (factor * trace - 3)
+    return grown * _own_modulus(patches.constants[patch], material, e, share) / 2 * (factor * trace - 3)
 
 
 # --- a block of threads ----------------------------------------------------------------------------------------------

@@ -57,6 +57,7 @@ from cortet.simulation.patches import (
     MASK,
     NORMAL,
     SIZE,
+    STIFFNESS,
     THICKNESS,
     VOLUME,
     Patches,
@@ -190,13 +191,19 @@ def own_gradients(constants, e, alpha, beta):  # type: ignore[no-untyped-def]
     return grown_gradients(a, b, c, _at(constants, NORMAL, e), constants[ISOTROPIC * SIZE + e], alpha, beta)
 
 
+@inlined
+def own_modulus(constants, material, e, share):  # type: ignore[no-untyped-def]
+    """Shear modulus of element e of a patch."""
+    return shear_modulus(material, share, constants[STIFFNESS * SIZE + e])
+
+
 @fast
 def _own_stress(rows, constants, material):  # type: ignore[no-untyped-def]
     """Forces on the corners 1, 2 and 3 of each element of a patch in place of its edges, as if none were degenerate."""
     for e in range(SIZE):
         a, b, c = own_gradients(constants, e, rows[_ALPHA * SIZE + e], rows[_BETA * SIZE + e])
         f0, f1, f2 = deformation(_at(rows, _EDGES, e), _at(rows, _EDGES + 3, e), _at(rows, _EDGES + 6, e), a, b, c)
-        grown, mu = rows[_GROWN * SIZE + e], shear_modulus(material, rows[_SHARE * SIZE + e])
+        grown, mu = rows[_GROWN * SIZE + e], own_modulus(constants, material, e, rows[_SHARE * SIZE + e])
         pressure = grown * material.bulk * (rows[_MEAN * SIZE + e] - 1)
         p0, p1, p2, j, trace = stress(f0, f1, f2, grown * mu, pressure)
         put_forces(rows, e, forces_on_corners(p0, p1, p2, a, b, c))
@@ -225,7 +232,8 @@ def _open_degenerate(rows, constants, material, e, x, corners):  # type: ignore[
     if not stretch[2] < SMALLEST_STRETCH:
         return False
     grown = rows[_GROWN * SIZE + e]
-    s0, s1, s2 = degenerate_stress(left, stretch, right, grown * shear_modulus(material, rows[_SHARE * SIZE + e]))
+    mu = own_modulus(constants, material, e, rows[_SHARE * SIZE + e])
+    s0, s1, s2 = degenerate_stress(left, stretch, right, grown * mu)
     q = grown * material.bulk * (_mean_ratio(x, corners, e) - 1)
     p0, p1, p2 = (
         combined(1.0, s0, q, cross(f1, f2)),
@@ -545,5 +553,5 @@ def _deviatoric_energy(body, material, x, work, growth):  # type: ignore[no-unty
         if may_be_degenerate(j, trace):
             stretch = stretches(f0, f1, f2)[1]
             factor = phi(stretch[0])[0] * phi(stretch[1])[0] * phi(stretch[2])[0]
-        energy[e] = work.grown[e] * shear_modulus(material, share) / 2 * (factor * trace - 3)
+        energy[e] = work.grown[e] * shear_modulus(material, share, body.stiffness[e]) / 2 * (factor * trace - 3)
     return energy

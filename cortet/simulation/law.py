@@ -143,9 +143,9 @@ def inverse_cube_root(j):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def shear_modulus(material, share):  # type: ignore[no-untyped-def]
-    """Shear modulus of an element that takes part in the growth of the surface by `share`."""
-    return material.mu_core * (1 - share) + material.mu_cortex * share
+def shear_modulus(material, share, stiffness):  # type: ignore[no-untyped-def]
+    """Shear modulus of an element that is cortex by `share`, and the rest core, `stiffness` times as stiff as usual."""
+    return material.mu_core * stiffness * (1 - share) + material.mu_cortex * share
 
 
 @inlined

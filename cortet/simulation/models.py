@@ -212,17 +212,29 @@ def labels_of(mesh: TetMesh, settings: Settings) -> tuple[IntArray | None, IntAr
         values = _named(node_field(mesh, LABEL_FIELD), settings.regions, f"field {LABEL_FIELD}", "fold.regions")
         laws = _numbered(values, settings.regions)
     if settings.core_regions:
-        regions = _core_laws(mesh, list(settings.core_regions))
+        regions = _places(mesh, list(settings.core_regions), "fold.core_regions")
     return laws, regions
 
 
-def _core_laws(mesh: TetMesh, keys: Sequence[int | str]) -> IntArray:
-    """The place of the law of each tetrahedron among some regions, by number or by name of a set, from 1 on; else 0."""
+def stiffness_of(mesh: TetMesh, settings: Settings) -> FloatArray:
+    """Shear modulus of the core of each tetrahedron over that of the core as a whole: (m,).
+
+    Raises
+    ------
+    InputError : the settings name a region that the mesh does not have
+    """
+    usual, chosen = constants(settings).core_stiffness, settings.region_stiffness
+    moduli = np.array([usual, *chosen.values()])
+    return moduli[_places(mesh, list(chosen), "fold.region_stiffness")] / usual
+
+
+def _places(mesh: TetMesh, keys: Sequence[int | str], setting: str) -> IntArray:
+    """The place of each tetrahedron among some regions, by number or by name of a set, from 1 on; else 0."""
     law = np.zeros(len(mesh.cells), np.int32)
     numbers = [key for key in keys if str(key).lstrip("-").isdecimal()]
     if numbers:
         of_cell = mesh.cell_data.get(REGION)
-        _named(of_cell, dict.fromkeys(map(int, numbers)), f"cell data {REGION}", "fold.core_regions")
+        _named(of_cell, dict.fromkeys(map(int, numbers)), f"cell data {REGION}", setting)
     for place, key in enumerate(keys, start=1):
         if key in numbers:
             law[mesh.cell_data[REGION] == int(key)] = place
@@ -230,7 +242,7 @@ def _core_laws(mesh: TetMesh, keys: Sequence[int | str]) -> IntArray:
             law[mesh.sets.cells[str(key)]] = place
         else:
             raise InputError(
-                f"growth differs in {key}, but the mesh has no such set of tetrahedra",
+                f"{setting} names {key}, but the mesh has no such set of tetrahedra",
                 remedy=f"name one of {', '.join(mesh.sets.cells) or 'an exported mesh'}, or a region by its number",
             )
     return law
@@ -240,7 +252,7 @@ def _named(values: FloatArray | None, labels: Mapping[int, object], what: str, k
     """Values that hold all of some labels; InputError where there are none, or a label is not among them."""
     if values is None:
         raise InputError(
-            f"growth differs by region, but the mesh has no {what}",
+            f"{key} names regions, but the mesh has no {what}",
             remedy=f"carry one to the mesh, or leave out {key}",
         )
     there = np.unique(values)
@@ -248,7 +260,7 @@ def _named(values: FloatArray | None, labels: Mapping[int, object], what: str, k
         shown = ", ".join(f"{label:g}" for label in there[:_MOST_LABELS])
         shown += ", ..." if len(there) > _MOST_LABELS else ""
         raise InputError(
-            f"growth differs in regions {', '.join(missing)}, but the {what} of the mesh has only {shown}",
+            f"{key} names {', '.join(missing)}, but the {what} of the mesh has only {shown}",
             remedy=f"name labels that the mesh has in {key}",
         )
     return values

@@ -23,8 +23,8 @@ from cortet.simulation.body import Body
 #: elements of a patch; the last patch is filled up with copies of the last element, whose results are not used
 SIZE = 512
 #: first rows of `Patches.constants`, and how many there are
-GRADIENTS, NORMAL, VOLUME, DEPTH, THICKNESS, MASK, AMOUNT, ISOTROPIC = 0, 9, 12, 13, 14, 15, 16, 17
-ROWS = 18
+GRADIENTS, NORMAL, VOLUME, DEPTH, THICKNESS, MASK, AMOUNT, STIFFNESS, ISOTROPIC = 0, 9, 12, 13, 14, 15, 16, 17, 18
+ROWS = 19
 
 
 class Patches(NamedTuple):
@@ -36,8 +36,8 @@ class Patches(NamedTuple):
     nodes: IntArray
     #: (b, 4 SIZE), rows of the four corners of each element, as slots of the patch counted from 0
     corners: NDArray[np.uint16]
-    #: (b, 18 SIZE), rows of what does not change: gradients of the shape functions 1, 2 and 3, normal n, reference
-    #: volume, depth, thickness, mask, amount, and 1 - n n
+    #: (b, 19 SIZE), rows of what does not change: gradients of the shape functions 1, 2 and 3, normal n, reference
+    #: volume, depth, thickness, mask, amount, stiffness, and 1 - n n
     constants: FloatArray
     #: (b, SIZE), which growth each element follows
     label: IntArray
@@ -88,7 +88,7 @@ def _renew(constants, gradients, amount, volumes):  # type: ignore[no-untyped-de
 
 def _rows(body: Body, filled: NDArray[np.int64], count: int) -> FloatArray:
     isotropic = 1 - (body.normals**2).sum(axis=1)
-    scalars = (body.volumes, body.depth, body.thickness, body.mask, body.amount, isotropic)
+    scalars = (body.volumes, body.depth, body.thickness, body.mask, body.amount, body.stiffness, isotropic)
     columns = [*body.gradients.reshape(-1, 9).T, *body.normals.T, *scalars]
     rows = np.empty((count, ROWS, SIZE))
     for row, values in enumerate(columns):

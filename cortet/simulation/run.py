@@ -15,6 +15,7 @@ from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import REGION, FloatArray, MeshSets, TetMesh
 from cortet.simulation.altitude import smallest_altitude
 from cortet.simulation.body import (
+    Body,
     Material,
     amount_of_growth,
     body_of,
@@ -32,7 +33,7 @@ from cortet.simulation.growth import age_of, check_age, time_of
 from cortet.simulation.kernels import INVERTED, LIST_OUTDATED, Motion, workspace
 from cortet.simulation.measurements import Measurements, shape
 from cortet.simulation.medial_wall import medial_wall
-from cortet.simulation.models import check_model, constants, labels_of, model_of, thickness_at_start
+from cortet.simulation.models import check_model, constants, labels_of, model_of, stiffness_of, thickness_at_start
 from cortet.simulation.state import Moment, Run, Settings, Stepper
 from cortet.simulation.stepper import OnCpu
 
@@ -81,11 +82,13 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     body = body_of(mesh, scale, thickness=thickness, mask=mask, amount=amount, labels=labels, held=held)
     if regions is not None:
         body = body._replace(label=body.label * (len(settings.core_regions) + 1) + regions)
+    if settings.region_stiffness:
+        body = body._replace(stiffness=stiffness_of(mesh, settings))
     altitude, bound = smallest_altitude(mesh.points, mesh.cells) / scale.length, settings.time_step
-    if bound is not None and not 0 < bound <= largest_time_step(altitude, material):
+    limit = largest_time_step(altitude, _stiffest(material, body))
+    if bound is not None and not 0 < bound <= limit:
         raise InputError(
-            f"time step {bound:g} is not above 0 and at most {largest_time_step(altitude, material):.3g}, "
-            "the limit of stability",
+            f"time step {bound:g} is not above 0 and at most {limit:.3g}, the limit of stability",
             remedy="leave time_step out, or choose a smaller one",
         )
     side = _SIDE[settings.hemisphere]
@@ -110,6 +113,11 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     )
 
 
+def _stiffest(material: Material, body: Body) -> Material:
+    """The material of that core which is stiffest: the time step is that of it."""
+    return material._replace(mu_core=material.mu_core * float(body.stiffness.max()))
+
+
 def _check_numbers(settings: Settings) -> None:
     """Raise InputError for a setting that is no finite number, or not above 0 where it must be."""
     for name in _POSITIVE:
@@ -117,6 +125,12 @@ def _check_numbers(settings: Settings) -> None:
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(
                 f"{name} = {value:g} is not a finite number above 0", remedy="mend the settings of the fold"
+            )
+    for region, stiffness in settings.region_stiffness.items():
+        if not (np.isfinite(stiffness) and stiffness > 0):
+            raise InputError(
+                f"the stiffness of region {region} is {stiffness:g}, not a finite number above 0",
+                remedy="mend the settings of the fold",
             )
     for label, law in settings.regions.items():
         if not np.isfinite(law).all():
@@ -220,9 +234,10 @@ def time_step_of(run: Run, moment: Moment) -> float:
     A time step that the user has chosen holds until the limit of stability falls below it.
     """
     altitude = smallest_altitude(moment.state.x, run.mesh.cells)
+    material = _stiffest(run.material, run.body)
     if run.time_step is not None:
-        return min(run.time_step, largest_time_step(altitude, run.material))
-    return stable_time_step(altitude, run.material)
+        return min(run.time_step, largest_time_step(altitude, material))
+    return stable_time_step(altitude, material)
 
 
 def _advance_over(

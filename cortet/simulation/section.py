@@ -86,6 +86,10 @@ class Fold(Section):
     then at ages: a ventricle that shrinks has values below 0. Of two sets that share tetrahedra the later counts."""
     core_stiffness: Positive | None = None
     """Shear modulus of the core over that of the cortex. null: that of the model."""
+    region_stiffness: dict[int | str, Positive] = {}
+    """Shear modulus of single regions of the core over that of the cortex, as `core_stiffness` is that of the rest: a
+    region by its number, or a set of tetrahedra by its name, as in `core_regions`. How much a region resists a change
+    of its volume stays that of the whole body."""
     regions: dict[int, Annotated[list[Finite], Field(min_length=3, max_length=3)]] = {}
     """Growth of single regions: value of the field label, then amplitude, rate and latency of a Gompertz law."""
     thickness: Positive | None = None

@@ -49,6 +49,8 @@ class Settings:
     core_regions: Mapping[int | str, ByAge] = field(default_factory=dict)
     #: shear modulus of the core over that of the cortex; None: the model's
     core_stiffness: float | None = DEFAULT.core_stiffness
+    #: region of the mesh, or set of tetrahedra -> shear modulus of its core over that of the cortex
+    region_stiffness: Mapping[int | str, float] = field(default_factory=dict)
     #: label -> amplitude, rate and latency of a Gompertz law, which replaces `growth_rate` there
     regions: Mapping[int, Sequence[float]] = field(default_factory=dict)
     #: of the cortex at the start, mm; None takes the model's; a field of the mesh replaces it

@@ -89,6 +89,7 @@ def test_a_body_that_grows_by_two_laws_slides_along_a_plane_and_fills_its_envelo
     mesh = cube_mesh(2, jitter=0.2)
     labels = (mesh.points[:, 1] > 0.4).astype(np.int32)
     body = body_of(mesh, UNIT, thickness=0.3, labels=labels, held=mesh.points[:, 0] == 0)
+    body = body._replace(stiffness=np.linspace(0.1, 3.0, len(mesh.cells)))
     assert len(set(body.label.tolist())) == 2
     growth = np.linspace(0, 0.4, 100)[:, None, None] * [[1.0, -0.3, 0.2], [0.5, 0.1, -0.1]]
     planes = planes_of(ConvexHull(mesh.points))

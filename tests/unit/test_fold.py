@@ -353,7 +353,7 @@ def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh, model: Model) ->
         (
             Settings(22.0, regions={1: (1.0, 1.0, 1.0), 9: (1.0, 1.0, 1.0)}),
             {"label": 1},
-            "in regions 9, but the field label of the mesh has only 1",
+            "fold.regions names 9, but the field label of the mesh has only 1",
         ),
         (Settings(22.0, regions={1: (np.nan, 1.0, 1.0)}), {"label": 1}, "growth law of region 1 is"),
         (Settings(22.0, core_regions={2: -0.01}), {}, "no cell data region"),

@@ -100,6 +100,7 @@ def test_forces_are_the_gradient_of_the_energy(growth: tuple[float, float, float
     mesh = ball_mesh(2)
     amount = np.linspace(0.2, 1.5, len(mesh.points))
     body = body_of(mesh, UNIT, thickness=0.3, amount=amount)
+    body = body._replace(stiffness=np.linspace(0.1, 3.0, len(mesh.cells)))
     assert_forces_follow_from_energy(body, mesh.points * [1.1, 1.0, 0.9], growth)
 
 
@@ -250,6 +251,7 @@ def test_the_compiled_loops_compute_what_the_formulas_say(cells: int) -> None:
     """On 6 elements of one patch, and on 1,296 of three: to rounding."""
     mesh = cube_mesh(cells, jitter=0.2)
     body = body_of(mesh, UNIT, thickness=0.3, amount=np.linspace(0.2, 1.5, len(mesh.points)))
+    body = body._replace(stiffness=np.linspace(0.1, 3.0, len(mesh.cells)))
     work, (along, across, core) = workspace(body), (0.4, -0.3, 0.1)
     x = mesh.points * [1.1, 1.0, 0.9] + 0.01 * np.sin(5 * mesh.points[:, ::-1])
     elastic_forces(MATERIAL, x, work, np.array([[along, across, core]]), 0.0)
@@ -263,7 +265,7 @@ def test_the_compiled_loops_compute_what_the_formulas_say(cells: int) -> None:
     f = (x[mesh.cells[:, 1:]] - x[mesh.cells[:, :1]]).transpose(0, 2, 1) @ gradients
     volume = body.volumes * np.linalg.det(grown)
     nodal = [np.bincount(mesh.cells.ravel(), np.repeat(v, 4)) for v in (np.linalg.det(f) * volume, volume)]
-    mu = MATERIAL.mu_core * (1 - share) + MATERIAL.mu_cortex * share
+    mu = MATERIAL.mu_core * body.stiffness * (1 - share) + MATERIAL.mu_cortex * share
     p = first_piola_of_elements(f, (nodal[0] / nodal[1])[mesh.cells].mean(axis=1), mu)
     on_corners = -volume[:, None, None] * (gradients @ p.transpose(0, 2, 1))
     expected = np.zeros_like(x)

@@ -20,7 +20,7 @@ from cortet.simulation.kernels import grown_volume_of
 from cortet.simulation.law import ACROSS, ALONG, CORE
 from cortet.simulation.measurements import Measurements
 from cortet.simulation.models import CONSTANTS, hidden_growth
-from cortet.simulation.run import prepared
+from cortet.simulation.run import beginning, prepared, time_step_of
 from cortet.simulation.state import Settings
 
 AGES = np.array([22.0, 25.0, 28.5, 34.0, 38.0])
@@ -108,10 +108,28 @@ def test_a_region_of_the_core_may_grow_otherwise(ball: TetMesh) -> None:
     by_name = replace(mesh, cell_data={}, sets=MeshSets(cells={"thalamus": np.flatnonzero(inner).astype(np.int32)}))
     named = prepared(by_name, Settings(22.0, end=38.0, thickness=1.0, core_regions={"thalamus": -0.02}))
     assert np.array_equal(named.body.label, run.body.label)
-    with pytest.raises(InputError, match=r"growth differs in pons, but the mesh has no such set .*thalamus"):
+    with pytest.raises(InputError, match=r"fold.core_regions names pons, but the mesh has no such set .*thalamus"):
         prepared(by_name, Settings(22.0, core_regions={"pons": 0.1}))
-    with pytest.raises(InputError, match=r"regions 7, but the cell data region of the mesh has only 1, 4"):
+    with pytest.raises(InputError, match=r"fold.core_regions names 7, but the cell data region of the mesh has only 1, 4"):
         prepared(mesh, Settings(22.0, core_regions={7: 0.1}))
+
+
+def test_a_region_of_the_core_may_be_softer_or_stiffer(ball: TetMesh) -> None:
+    centres = ball.points[ball.cells].mean(axis=1)
+    inner = np.linalg.norm(centres, axis=1) < 4
+    mesh = TetMesh(ball.points, ball.cells, cell_data={REGION: np.where(inner, 4, 1)})
+    by_name = replace(mesh, sets=MeshSets(cells={"ventricle": np.flatnonzero(inner).astype(np.int32)}))
+    chosen = Settings(22.0, end=38.0, core_stiffness=0.2)
+    for given, key in ((mesh, 4), (by_name, "ventricle")):
+        run = prepared(given, replace(chosen, region_stiffness={key: 0.05}))
+        own = np.linalg.norm(run.mesh.points[run.body.cells].mean(axis=1), axis=1) < 4
+        assert run.body.stiffness == pytest.approx(np.where(own, 0.25, 1.0))
+        assert run.material.mu_core == 0.2
+    for wrong, words in (({"pons": 0.1}, "fold.region_stiffness names pons"), ({4: 0.0}, "region 4 is 0, not a")):
+        with pytest.raises(InputError, match=words):
+            prepared(mesh, replace(chosen, region_stiffness=wrong))
+    stiff = prepared(mesh, replace(chosen, region_stiffness={4: 100.0}))
+    assert time_step_of(stiff, beginning(stiff)) < time_step_of(run, beginning(run)) / 1.5
 
 
 def rows_of(mesh: TetMesh, folder: Path, settings: Settings) -> list[Measurements]:
