@@ -252,7 +252,7 @@ def mesh(
     if fields:
         outer = replace(outer, point_data={**outer.point_data, **fields})
     from_files = {name: str(one) for name, one in (inner or {}).items() if isinstance(one, str | Path)}
-    within = inner_surfaces(from_files, outer, config.placement())
+    within = inner_surfaces(from_files, outer, config.placement(), handles=config.handles())
     others = {name: surface(one) for name, one in (inner or {}).items() if name not in from_files}
     images = read_volumes(volumes or {})
     in_mm = placed(outer, config.placement())

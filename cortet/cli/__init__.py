@@ -68,6 +68,7 @@ def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None
     pairs = [value for value in values if isinstance(value, tuple)]
     named = [last for _, last in pairs if isinstance(last, str)]  # NAME=FILE
     named += [first for first, last in pairs if not isinstance(last, str) and is_volume(first)]  # VOLUME=MM
+    named += [value for value in values if isinstance(value, str) and is_volume(value)]
     paths = [*values, *(Path(volume_file(name)) for name in named)]
     return guarded(
         [path for path in paths if isinstance(path, Path) and not isinstance(path, WRITTEN)],

@@ -51,7 +51,7 @@ def surface_of(args: argparse.Namespace, config: Config) -> tuple[TriSurface, di
 
     finite = not config.enabled("repair")
     surface = with_fields(read_surface(args.surface, finite=finite), dict(args.field))
-    found = inner_surfaces(dict(args.inner), surface, config.placement(), finite=finite)
+    found = inner_surfaces(dict(args.inner), surface, config.placement(), finite=finite, handles=config.handles())
     for line in found.told:
         print(line)
     whole = nested(surface, found.surfaces)

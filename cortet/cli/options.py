@@ -23,6 +23,7 @@ from cortet.cli.surfaces import (
     envelope_command,
     gate_command,
     head_command,
+    labels_command,
     phantom_command,
     repair_command,
     resample_command,
@@ -419,6 +420,27 @@ def parser() -> argparse.ArgumentParser:
     )
     around.add_argument("-o", "--output", type=output_surface, required=True, metavar="GII")
     around.set_defaults(run=envelope_command)
+
+    labels = commands.add_parser(
+        "labels", parents=[writes], help="make a closed surface around labels of a volume, without the steps of voxels"
+    )
+    labels.add_argument("labels", metavar="VOLUME:LABELS", help="NIfTI or MGZ, and labels: dseg.nii.gz:3,4")
+    labels.add_argument(
+        "--handles",
+        type=Number(0, 10_000, whole=True),
+        default=0,
+        metavar="N",
+        help="so many may stay; where there are more, they are cut or closed on the voxels (default: 0)",
+    )
+    labels.add_argument(
+        "-o",
+        "--output",
+        type=output_surface,
+        required=True,
+        metavar="GII",
+        help="of several components, NAME1.surf.gii and so on, the largest first",
+    )
+    labels.set_defaults(run=labels_command)
 
     growth = commands.add_parser(
         "growth", parents=[writes], help="measure how much each spot of a surface has grown until a later age"

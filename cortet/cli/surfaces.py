@@ -1,4 +1,4 @@
-"""Commands on surfaces: `gate`, `repair`, `resample`, `phantom`, `head`, `envelope`."""
+"""Commands on surfaces: `gate`, `repair`, `resample`, `phantom`, `head`, `envelope`, `labels`."""
 
 from __future__ import annotations
 
@@ -170,6 +170,26 @@ def envelope_command(args: argparse.Namespace) -> int:
     write_surface(replace(made, frame=given[0].frame), args.output)
     volume = enclosed_volume(made.points, made.faces) / 1000
     print(f"{args.output}: {len(made.points)} vertices, {volume:.1f} mL, at least {args.distance:g} mm away")
+    return 0
+
+
+def labels_command(args: argparse.Namespace) -> int:
+    """Write closed surfaces around labels."""
+    from cortet.formats.gifti import write_surface
+    from cortet.formats.volumes import read_labels
+    from cortet.geometry.label_surface import Handles
+    from cortet.solver_files.label_surfaces import surfaces_of_labels
+
+    name = args.output.name.partition(".")[0]
+    volume, keys = read_labels(args.labels)
+    made, told = surfaces_of_labels(name, volume, keys, Handles(args.handles))
+    files = {own: args.output.with_name(args.output.name.replace(name, own, 1)) for own in made}
+    for file in files.values():
+        may_write(file)
+    for own, surface in made.items():
+        write_surface(surface, files[own])
+    print(*told, sep="\n")
+    print(f"{', '.join(map(str, files.values()))}: written")
     return 0
 
 

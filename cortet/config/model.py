@@ -14,6 +14,7 @@ from pydantic import create_model
 from cortet.config.sections import Cohort, Experiments, Export, Phantom, Quality, Setting
 from cortet.errors import InputError
 from cortet.formats.placement import matrix
+from cortet.geometry.label_surface import AS_THEY_ARE, Handles
 from cortet.measure.limits import Certify
 from cortet.meshers import MESHERS
 from cortet.sections import Positive, Section
@@ -87,6 +88,12 @@ class Config(_WithTheLine):
     def enabled(self, stage: str) -> bool:
         """Whether the line of stages contains `stage`."""
         return bool(getattr(getattr(self, stage, None), "enabled", True))
+
+    def handles(self) -> Handles:
+        """What is done about handles of labels, which are mended on the voxels: nothing where nothing is repaired."""
+        if not self.enabled("repair"):
+            return AS_THEY_ARE
+        return Handles(self.gate.allow_genus, self.repair.max_volume_change)
 
     def line(self, *, nested: bool = False, registered: bool = False, aged: bool = True) -> list[Stage]:
         """The stages that run, in their order.

@@ -12,12 +12,11 @@ import numpy as np
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.formats.placement import placed
-from cortet.formats.volumes import is_volume, read_labels, volume_file
+from cortet.formats.volumes import Volume, is_volume, read_labels, volume_file
 from cortet.geometry.envelope import envelope
-from cortet.geometry.label_surface import label_surfaces
+from cortet.geometry.label_surface import AS_THEY_ARE, Handles, LabelSurface, label_surfaces
 from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import nested
-from cortet.geometry.topology import surface_topology
 from cortet.meshes import BRAIN, OUTERMOST, FloatArray, TriSurface, is_brain, single_precision
 from cortet.solver_files.volumes import require_in_place
 
@@ -38,6 +37,7 @@ def inner_surfaces(
     to_mm: Sequence[Sequence[float]] | None = None,
     *,
     finite: bool = True,
+    handles: Handles = AS_THEY_ARE,
 ) -> InnerSurfaces:
     """The inner surfaces of `NAME -> FILE`, a surface, or `NAME -> VOLUME:5,6`, labels.
 
@@ -48,6 +48,7 @@ def inner_surfaces(
     outer : the surface around them, as it was read; surfaces out of labels get its frame and unit
     to_mm : matrix of `formats.placement.matrix` for `outer`
     finite : whether coordinates must be finite
+    handles : what is done about those of labels
 
     Raises
     ------
@@ -56,7 +57,7 @@ def inner_surfaces(
     found = InnerSurfaces({}, {}, [])
     for name, file in given.items():
         if is_volume(file):
-            made = _of_labels(name, file, outer, to_mm, found.told)
+            made = _of_labels(name, file, outer, to_mm, found.told, handles)
         else:
             made = {name: read_surface(file, finite=finite)}
         for own, surface in made.items():
@@ -93,7 +94,12 @@ def with_shell(surface: TriSurface, distance: float, to_mm: Sequence[Sequence[fl
 
 
 def _of_labels(
-    name: str, text: str, outer: TriSurface, to_mm: Sequence[Sequence[float]] | None, told: list[str]
+    name: str,
+    text: str,
+    outer: TriSurface,
+    to_mm: Sequence[Sequence[float]] | None,
+    told: list[str],
+    handles: Handles,
 ) -> dict[str, TriSurface]:
     """The surfaces of labels, in the coordinates of `outer`."""
     volume, keys = read_labels(text)
@@ -101,7 +107,30 @@ def _of_labels(
     moved = replace(outer, points=_mapped(to_scanner, outer.points), inner={})
     if np.isfinite(moved.points).all():
         require_in_place({name: volume}, replace(moved, frame=type(outer.frame)()))
-    parts, specks = label_surfaces(np.isin(volume.values, keys), volume.affine)
+    made, words = surfaces_of_labels(name, volume, keys, handles)
+    told += words
+    back = np.linalg.inv(to_scanner)
+    turned = np.linalg.det(back[:3, :3]) < 0
+    return {
+        own: single_precision(
+            TriSurface(_mapped(back, part.points), part.faces[:, ::-1] if turned else part.faces, frame=outer.frame)
+        )
+        for own, part in made.items()
+    }
+
+
+def surfaces_of_labels(
+    name: str, volume: Volume, keys: Sequence[int], handles: Handles = AS_THEY_ARE
+) -> tuple[dict[str, TriSurface], list[str]]:
+    """The closed surface of each component of labels, mm in the frame of the volume, by name; and what they are.
+
+    Several components are NAME1, NAME2 and so on, the largest first.
+
+    Raises
+    ------
+    InputError : no component has enough voxels
+    """
+    parts, specks = label_surfaces(np.isin(volume.values, keys), volume.affine, handles=handles)
     labels = ", ".join(map(str, keys))
     if not parts:
         raise InputError(
@@ -110,23 +139,22 @@ def _of_labels(
             remedy="leave the surface out, or give a finer volume",
         )
     names = [name] if len(parts) == 1 else [f"{name}{number}" for number in range(1, len(parts) + 1)]
-    back = np.linalg.inv(to_scanner)
-    turned = np.linalg.det(back[:3, :3]) < 0
-    result = {}
-    for own, part in zip(names, parts, strict=True):
-        points, faces = _mapped(back, part.surface.points), part.surface.faces
-        result[own] = single_precision(TriSurface(points, faces[:, ::-1] if turned else faces, frame=outer.frame))
-        genus = (2 - surface_topology(faces).euler_number) // 2
-        words = [
-            f"{own}: {len(points)} vertices around label {labels}, {part.volume / 1000:.3f} mL, "
-            f"at most {part.furthest:.2f} voxels from its boundary"
-        ]
-        words += [f"{genus} handles"] if genus else []
-        words += [f"{part.filled} voxels of cavities filled"] if part.filled else []
-        told.append("; ".join(words))
+    told = [_told(own, part, labels) for own, part in zip(names, parts, strict=True)]
     if specks:
         told.append(f"{name}: {len(specks)} pieces of at most {max(specks)} voxels are left out")
-    return result
+    return {own: part.surface for own, part in zip(names, parts, strict=True)}, told
+
+
+def _told(name: str, part: LabelSurface, labels: str) -> str:
+    """What a surface of labels is, in one line."""
+    words = [
+        f"{name}: {len(part.surface.points)} vertices around label {labels}, {part.volume / 1000:.3f} mL, "
+        f"at most {part.furthest:.2f} voxels from its boundary"
+    ]
+    words += [f"{part.handles} handles cut or closed by changing {part.changed} voxels"] if part.changed else []
+    words += [f"{part.left} handles"] if part.left else []
+    words += [f"{part.filled} voxels of cavities filled"] if part.filled else []
+    return "; ".join(words)
 
 
 def _mapped(matrix: FloatArray, points: FloatArray) -> FloatArray:

@@ -110,7 +110,7 @@ def test_a_region_of_the_core_may_grow_otherwise(ball: TetMesh) -> None:
     assert np.array_equal(named.body.label, run.body.label)
     with pytest.raises(InputError, match=r"fold.core_regions names pons, but the mesh has no such set .*thalamus"):
         prepared(by_name, Settings(22.0, core_regions={"pons": 0.1}))
-    with pytest.raises(InputError, match=r"fold.core_regions names 7, but the cell data region of the mesh has only 1, 4"):
+    with pytest.raises(InputError, match=r"names 7, but the cell data region of the mesh has only 1, 4"):
         prepared(mesh, Settings(22.0, core_regions={7: 0.1}))
 
 

@@ -55,6 +55,7 @@ COMMANDS = {
     ],
     "resample": [Command("sphere.surf.gii --sphere sphere.surf.gii --field t=x.shape.gii -o OUT", ".surf.gii")],
     "envelope": [Command("x.surf.gii --distance 2 -o OUT", ".surf.gii")],
+    "labels": [Command("x_dseg.nii.gz:1 -o OUT", ".surf.gii")],
     "growth": [
         Command("x.surf.gii inner.surf.gii --ages 28 30 -o OUT", ".func.gii"),
         Command("x.surf.gii inner.surf.gii --ages 28 30 -o fresh.func.gii --picture OUT", ".png"),

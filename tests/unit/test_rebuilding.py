@@ -10,9 +10,10 @@ import trimesh
 
 from cortet.errors import InputError
 from cortet.geometry import rebuilding
+from cortet.geometry.grid_topology import skin
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import joined
-from cortet.geometry.rebuilding import rebuilt, skin
+from cortet.geometry.rebuilding import rebuilt
 from cortet.geometry.topology import enclosed_volume, surface_topology
 from cortet.geometry.winding import winding_numbers
 from cortet.measure.lost import distances_to

@@ -24,7 +24,7 @@ from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.tsv import read_tsv
 from cortet.formats.volumes import Volume, label_names, matrices, read_labels, read_named, read_volume, six
 from cortet.geometry.icosphere import icosphere
-from cortet.geometry.label_surface import label_surfaces
+from cortet.geometry.label_surface import Handles, label_surfaces
 from cortet.geometry.topology import enclosed_volume, surface_topology
 from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
 from cortet.geometry.winding import winding_numbers
@@ -403,6 +403,23 @@ def test_topology_of_labels_stays_as_it_is() -> None:
     assert [surface_topology(one.surface.faces).euler_number for one in made] == [0, 2]
     assert [one.filled > 0 for one in made] == [False, True]
     assert specks == [1]
+
+
+@pytest.mark.parametrize(("ring", "left"), [(4.5, 0), (1.6, 0)])
+def test_handles_of_labels_are_cut_on_the_voxels(ring: float, left: int) -> None:
+    """A ball with a ring through it, and a ball with a narrow tunnel: what changes fewer voxels."""
+    x, y, z = np.indices((44, 44, 36)) - np.array([20, 20, 18]).reshape(3, 1, 1, 1)
+    mask = (np.hypot(np.hypot(x - 8, z) - 9, y) < ring) | (x**2 + y**2 + z**2 < 100)
+    mask &= np.hypot(x + 3, y) > 1.1
+    (as_it_is,), _ = label_surfaces(mask, np.eye(4))
+    assert (as_it_is.handles, as_it_is.left, as_it_is.changed) == (2, 2, 0)
+    (made,), _ = label_surfaces(mask, np.eye(4), handles=Handles(0))
+    assert surface_topology(made.surface.faces).problems(genus=0) == []
+    assert (made.handles, made.left) == (2, left)
+    assert 0 < made.changed < 5 * 20 + 4 * np.pi * ring**2  # a plug in the tunnel, a slice of the ring
+    for kept in (Handles(2), Handles(0, changed=1e-4)):
+        (same,), _ = label_surfaces(mask, np.eye(4), handles=kept)
+        assert np.array_equal(same.surface.points, as_it_is.surface.points)
 
 
 def test_inner_surfaces_of_labels_are_named(tmp_path: Path, ball: TriSurface, labels: NDArray[np.int16]) -> None:
