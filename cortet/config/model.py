@@ -14,7 +14,6 @@ from pydantic import create_model
 from cortet.config.sections import Cohort, Experiments, Export, Phantom, Quality, Setting
 from cortet.errors import InputError
 from cortet.formats.placement import matrix
-from cortet.geometry.label_surface import AS_THEY_ARE, Handles
 from cortet.measure.limits import Certify
 from cortet.meshers import MESHERS
 from cortet.sections import Positive, Section
@@ -55,6 +54,7 @@ class _BeforeTheLine(Section):
 
 
 if TYPE_CHECKING:
+    from cortet.geometry.label_surface import Handles
 
     class _WithTheLine(_BeforeTheLine):
         def __getattr__(self, section: str) -> Any: ...
@@ -91,6 +91,8 @@ class Config(_WithTheLine):
 
     def handles(self) -> Handles:
         """What is done about handles of labels, which are mended on the voxels: nothing where nothing is repaired."""
+        from cortet.geometry.label_surface import AS_THEY_ARE, Handles
+
         if not self.enabled("repair"):
             return AS_THEY_ARE
         return Handles(self.gate.allow_genus, self.repair.max_volume_change)

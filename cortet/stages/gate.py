@@ -26,7 +26,7 @@ EXTENT_MM = (15.0, 220.0)
 #: of an unplaced surface in micrometres; beyond it a file is damaged
 LARGEST_COORDINATE = 1e9
 #: enclosed volume, mL
-VOLUME_ML = (1.0, 2000.0)
+VOLUME_ML = (1.0, 3000.0)
 #: share of the triangles that may cross others and still count as "a few"
 MAX_CROSSING = 0.001
 #: furthest that a vertex may move in the repair of crossing triangles, mm
