@@ -47,12 +47,16 @@ from cortet.errors import CortetError
 from cortet.formats import FORMATS
 from cortet.formats.gifti import read_fields, read_label_names, read_surface, write_surface
 from cortet.formats.placement import matrix, placed
+from cortet.formats.volumes import read_volume
+from cortet.geometry.label_surface import Handles
 from cortet.meshes import TetMesh, TriSurface
 from cortet.phantom import phantom
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.fields import with_fields
+from cortet.solver_files.label_surfaces import surfaces_of_labels
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import verify
+from cortet.solver_files.volumes import require_in_place
 from cortet.stages.gate import gate
 from cortet.stages.generate import generate
 from cortet.stages.repair import repair
@@ -295,6 +299,7 @@ def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
     write_surface(replace(surface, points=surface.points), folder / "fields" / "s.shape.gii")
     found["fields"] = (folder / "fields" / "s.shape.gii", lambda path: read_all_fields(path, surface))
     found |= of_other_programs(surface, folder)
+    found |= volumes(surface, folder)
     (folder / "sheet").mkdir()
     cases = [Case(f"0{n}", "1", "L", 24.5, folder / f"s{n}.surf.gii", extra={"site": "x"}) for n in range(4)]
     cases[2] = replace(cases[2], include=False, exclude_reason="motion", fields={"sulc": folder / "s.gii"})
@@ -339,6 +344,43 @@ def of_other_programs(surface: TriSurface, folder: Path) -> dict[str, tuple[Path
         fill_ctab=True,
     )
     return found
+
+
+def volumes(surface: TriSurface, folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
+    """Images around the surface: labels with their names, of 8 bits and compressed, measured numbers, and tensors."""
+    low, shape = surface.points.min(axis=0) - 5, np.ceil((np.ptp(surface.points, axis=0) + 10) / 5).astype(int)
+    affine = np.diag([5.0, 5.0, 5.0, 1.0])
+    affine[:3, 3] = low
+    labels = 1 + (np.indices(shape)[0] > shape[0] // 2).astype(np.int16)
+    tensors = np.broadcast_to(np.array([1.0, 0.1, 0.1, 1.1, 0.1, 1.2], np.float32), (*shape, 6))
+    images = {
+        "dseg.nii": nibabel.Nifti1Image(labels, affine),
+        "aseg.mgz": nibabel.MGHImage(labels.astype(np.uint8), affine),
+        "fa.nii.gz": nibabel.Nifti1Image(np.random.default_rng(0).random(shape, np.float32), affine),
+        "dti.nii": nibabel.Nifti1Image(tensors, affine),
+    }
+    found: dict[str, tuple[Path, Callable[[Path], Any]]] = {}
+    for name, image in images.items():
+        kind = name.partition(".")[0]
+        path = folder / kind / name
+        path.parent.mkdir()
+        nibabel.save(image, path)
+        found[kind] = (path, lambda path: read_and_use_volume(path, surface))
+    (folder / "dseg" / "dseg.tsv").write_text("index\tname\n1\tleft\n2\tright\n")
+    return found
+
+
+def read_and_use_volume(path: Path, surface: TriSurface) -> Any:
+    """What is made of a volume: it lies around the surface, and labels give surfaces without handles."""
+    volume = read_volume(path)
+    require_in_place({"v": volume}, surface)
+    if volume.kind == "labels":
+        largest = int(np.bincount(volume.values[volume.values > 0]).argmax())
+        for made in surfaces_of_labels("v", volume, [largest], Handles(0))[0].values():
+            check(made)
+    elif not np.isfinite(volume.values).any():
+        raise ValueError("no value is finite")
+    return volume
 
 
 def repaired(path: Path) -> TriSurface:

@@ -38,8 +38,9 @@ from cortet.solver_files.export import convert, export, write
 from cortet.solver_files.sidecar import sidecar_path
 from cortet.solver_files.verify import verify
 
+VOLUMES = ["dseg", "aseg", "fa", "dti"]
 KINDS = [*FORMATS, "gate", "repair", "affine", "fields", "sheet", "config", "release"]
-KINDS += ["text_stl", "ply", "text_ply", "obj", "lh_thickness", "lh_aparc_annot"]
+KINDS += ["text_stl", "ply", "text_ply", "obj", "lh_thickness", "lh_aparc_annot", *VOLUMES]
 XML = {"vtu": "m.vtu", "febio": "m.feb", "fenics": "m.xdmf", "gifti": "m.surf.gii"}
 
 
