@@ -71,7 +71,15 @@ _CUT = {1: ((0, 1), (0, 2), (0, 3)), 2: ((0, 2), (0, 3), (1, 3), (1, 2)), 3: ((0
 
 
 def as_ball(depth: FloatArray, spacing: float, grid: Grid = TETRAHEDRA) -> FloatArray:
-    """Depths (a, b, c) after changes that make the inside a ball; the border of the grid must be outside."""
+    """Depths after changes that make the inside a ball.
+
+    Parameters
+    ----------
+    depth : (a, b, c), positive inside, never 0; outside on the border of the grid. The larger its size, the later a
+        point changes sides
+    spacing : of the points, in the unit of the depths
+    grid : which points are joined
+    """
     joined, apart = _mask(grid, 0), _mask(grid, 1)
     inside = _largest(depth > 0, joined)
     steps = np.array([np.ravel_multi_index(tuple(1 + step), depth.shape) for step in grid.steps])

@@ -151,10 +151,16 @@ def _told(name: str, part: LabelSurface, labels: str) -> str:
         f"{name}: {len(part.surface.points)} vertices around label {labels}, {part.volume / 1000:.3f} mL, "
         f"at most {part.furthest:.2f} voxels from its boundary"
     ]
-    words += [f"{part.handles} handles cut or closed by changing {part.changed} voxels"] if part.changed else []
-    words += [f"{part.left} handles"] if part.left else []
+    if part.changed:
+        words.append(f"{_handles(part.handles)} cut or closed by changing {part.changed} voxels")
+    if part.left:
+        words.append(f"{_handles(part.left)} left")
     words += [f"{part.filled} voxels of cavities filled"] if part.filled else []
     return "; ".join(words)
+
+
+def _handles(count: int) -> str:
+    return f"{count} handle{'' if count == 1 else 's'}"
 
 
 def _mapped(matrix: FloatArray, points: FloatArray) -> FloatArray:
