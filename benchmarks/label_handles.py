@@ -4,8 +4,8 @@
 
 One row per component of at least 1,000 voxels. `furthest` is how far the surface is from the boundary of the voxels, in
 voxels, and `as they are` that of the surface with its handles; CPU seconds are those of all threads. With `--mni152`,
-the labels 1 (grey) and 2 (white) of MNI152 are written first, each above one half of the templates at 1 mm that nilearn
-ships: `pip install --no-deps nilearn`.
+the labels of MNI152 are written first, from the templates at 1 mm that nilearn ships (`pip install --no-deps nilearn`):
+1 grey and 2 white matter, each above one half, and 3 what else is inside the brain.
 """
 
 from __future__ import annotations
@@ -27,17 +27,21 @@ COLUMNS = ("labels", "voxels", "handles", "left", "changed", "changed_share", "f
 COLUMNS += ("faces", "faces_as_they_are", "cpu_seconds", "cpu_seconds_as_they_are")
 #: components of fewer voxels are left out
 SMALLEST = 1000
+#: templates of nilearn: amounts of grey and white matter, and the image of the brain without skull
+_TISSUES = ("gm", "wm", "t1")
+#: share of the brightest voxel above which nilearn takes the image for brain
+_BRAIN = 0.2
 
 
 def write_mni152(path: Path) -> None:
-    """Grey (1) and white matter (2) of MNI152, at 1 mm; nilearn need not be able to run."""
+    """Grey (1) and white matter (2) of MNI152, and what else is brain (3), at 1 mm; nilearn need not be able to run."""
     spec = importlib.util.find_spec("nilearn")
     if spec is None or not spec.submodule_search_locations:
         sys.exit("nilearn is not installed: pip install --no-deps nilearn")
     folder = Path(spec.submodule_search_locations[0]) / "datasets/data"
-    images = [nib.load(folder / f"mni_icbm152_{tissue}_tal_nlin_sym_09a_converted.nii.gz") for tissue in ("gm", "wm")]
-    grey, white = (image.get_fdata() / image.get_fdata().max() for image in images)
-    labels = np.where(white > 0.5, 2, np.where(grey + white > 0.5, 1, 0))
+    images = [nib.load(folder / f"mni_icbm152_{tissue}_tal_nlin_sym_09a_converted.nii.gz") for tissue in _TISSUES]
+    grey, white, brain = (image.get_fdata() / image.get_fdata().max() for image in images)
+    labels = np.where(white > 0.5, 2, np.where(grey + white > 0.5, 1, np.where(brain > _BRAIN, 3, 0)))
     write_volume(labels.astype(np.uint8), images[0].affine, path)
 
 
