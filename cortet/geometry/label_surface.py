@@ -108,14 +108,14 @@ def _surface(mask: NDArray[np.bool_], affine: FloatArray, handles: Handles) -> L
     soft = ndimage.gaussian_filter(distance, _WIDTH * voxel / widths)
     soft = np.clip(soft, distance - _MOST_MOVED * voxel, distance + _MOST_MOVED * voxel)
     points, faces = cut_at_zero(soft)
-    found = left = _genus(faces)
+    found = left = int(surface_topology(faces).genus)
     changed = 0
     if handles.most is not None and found > handles.most:
         ball = as_ball(soft, voxel, CUBES)
         differing = int(((ball > 0) != solid).sum())
         if differing <= handles.changed * solid.sum():
             points, faces = cut_at_zero(ball)
-            solid, left, changed = ball > 0, _genus(faces), differing
+            solid, left, changed = ball > 0, int(surface_topology(faces).genus), differing
     points = points @ affine[:3, :3].T + affine[:3, 3]
     if enclosed_volume(points, faces) < 0:
         faces = faces[:, ::-1]
@@ -127,10 +127,6 @@ def _surface(mask: NDArray[np.bool_], affine: FloatArray, handles: Handles) -> L
     where = (points - affine[:3, 3]) @ np.linalg.inv(affine[:3, :3]).T
     furthest = float(np.abs(ndimage.map_coordinates(distance, where.T, order=1)).max() / voxel)
     return LabelSurface(TriSurface(points, faces), volume, filled, found, left, changed, furthest)
-
-
-def _genus(faces: NDArray[Any]) -> int:
-    return int(2 - surface_topology(faces).euler_number) // 2
 
 
 def _signed_distance(solid: NDArray[np.bool_], widths: FloatArray) -> FloatArray:

@@ -230,22 +230,22 @@ def stiffness_of(mesh: TetMesh, settings: Settings) -> FloatArray:
 
 def _places(mesh: TetMesh, keys: Sequence[int | str], setting: str) -> IntArray:
     """The place of each tetrahedron among some regions, by number or by name of a set, from 1 on; else 0."""
-    law = np.zeros(len(mesh.cells), np.int32)
+    places = np.zeros(len(mesh.cells), np.int32)
     numbers = [key for key in keys if str(key).lstrip("-").isdecimal()]
     if numbers:
         of_cell = mesh.cell_data.get(REGION)
         _named(of_cell, dict.fromkeys(map(int, numbers)), f"cell data {REGION}", setting)
     for place, key in enumerate(keys, start=1):
         if key in numbers:
-            law[mesh.cell_data[REGION] == int(key)] = place
+            places[mesh.cell_data[REGION] == int(key)] = place
         elif key in mesh.sets.cells:
-            law[mesh.sets.cells[str(key)]] = place
+            places[mesh.sets.cells[str(key)]] = place
         else:
             raise InputError(
                 f"{setting} names {key}, but the mesh has no such set of tetrahedra",
                 remedy=f"name one of {', '.join(mesh.sets.cells) or 'an exported mesh'}, or a region by its number",
             )
-    return law
+    return places
 
 
 def _named(values: FloatArray | None, labels: Mapping[int, object], what: str, key: str) -> FloatArray:

@@ -57,7 +57,8 @@ def inner_surfaces(
     found = InnerSurfaces({}, {}, [])
     for name, file in given.items():
         if is_volume(file):
-            made = _of_labels(name, file, outer, to_mm, found.told, handles)
+            made, told = _of_labels(name, file, outer, to_mm, handles)
+            found.told.extend(told)
         else:
             made = {name: read_surface(file, finite=finite)}
         for own, surface in made.items():
@@ -98,17 +99,15 @@ def _of_labels(
     text: str,
     outer: TriSurface,
     to_mm: Sequence[Sequence[float]] | None,
-    told: list[str],
     handles: Handles,
-) -> dict[str, TriSurface]:
-    """The surfaces of labels, in the coordinates of `outer`."""
+) -> tuple[dict[str, TriSurface], list[str]]:
+    """The surfaces of labels, in the coordinates of `outer`, by name; and what they are."""
     volume, keys = read_labels(text)
     to_scanner = np.array(to_mm) if to_mm is not None else np.reshape(outer.frame.matrix, (4, 4))
     moved = replace(outer, points=_mapped(to_scanner, outer.points), inner={})
     if np.isfinite(moved.points).all():
         require_in_place({name: volume}, replace(moved, frame=type(outer.frame)()))
-    made, words = surfaces_of_labels(name, volume, keys, handles)
-    told += words
+    made, told = surfaces_of_labels(name, volume, keys, handles)
     back = np.linalg.inv(to_scanner)
     turned = np.linalg.det(back[:3, :3]) < 0
     return {
@@ -116,7 +115,7 @@ def _of_labels(
             TriSurface(_mapped(back, part.points), part.faces[:, ::-1] if turned else part.faces, frame=outer.frame)
         )
         for own, part in made.items()
-    }
+    }, told
 
 
 def surfaces_of_labels(

@@ -405,9 +405,9 @@ def test_topology_of_labels_stays_as_it_is() -> None:
     assert specks == [1]
 
 
-@pytest.mark.parametrize(("ring", "left"), [(4.5, 0), (1.6, 0)])
-def test_handles_of_labels_are_cut_on_the_voxels(ring: float, left: int) -> None:
-    """A ball with a ring through it, and a ball with a narrow tunnel: what changes fewer voxels."""
+@pytest.mark.parametrize("ring", [4.5, 1.6])
+def test_handles_of_labels_are_cut_on_the_voxels(ring: float) -> None:
+    """A ball with a handle, thick or thin, and with a narrow tunnel: each is mended where that changes fewer voxels."""
     x, y, z = np.indices((44, 44, 36)) - np.array([20, 20, 18]).reshape(3, 1, 1, 1)
     mask = (np.hypot(np.hypot(x - 8, z) - 9, y) < ring) | (x**2 + y**2 + z**2 < 100)
     mask &= np.hypot(x + 3, y) > 1.1
@@ -415,7 +415,7 @@ def test_handles_of_labels_are_cut_on_the_voxels(ring: float, left: int) -> None
     assert (as_it_is.handles, as_it_is.left, as_it_is.changed) == (2, 2, 0)
     (made,), _ = label_surfaces(mask, np.eye(4), handles=Handles(0))
     assert surface_topology(made.surface.faces).problems(genus=0) == []
-    assert (made.handles, made.left) == (2, left)
+    assert (made.handles, made.left) == (2, 0)
     assert 0 < made.changed < 5 * 20 + 4 * np.pi * ring**2  # a plug in the tunnel, a slice of the ring
     for kept in (Handles(2), Handles(0, changed=1e-4)):
         (same,), _ = label_surfaces(mask, np.eye(4), handles=kept)
