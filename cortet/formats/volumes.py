@@ -99,7 +99,9 @@ def read_labels(text: str) -> tuple[Volume, list[int]]:
     InputError : as `read_volume`; no label is given, or the volume has no such label
     """
     match = _SPELLING.fullmatch(text)
-    if match is None or not match["what"]:
+    if match is None:
+        raise InputError("is no volume", file=text, remedy="give NIfTI or MGZ, and labels: FILE.nii.gz:5,6")
+    if not match["what"]:
         raise InputError("is a volume, not a surface", file=text, remedy="say which labels to take: FILE:5 or FILE:5,6")
     volume = read_volume(match["file"], "labels")
     by_name: dict[str, list[int]] = {}

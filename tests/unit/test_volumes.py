@@ -422,6 +422,11 @@ def test_handles_of_labels_are_cut_on_the_voxels(ring: float) -> None:
         assert np.array_equal(same.surface.points, as_it_is.surface.points)
 
 
+def test_labels_of_a_surface_are_refused() -> None:
+    with pytest.raises(InputError, match=r"pial.surf.gii:1: is no volume"):
+        read_labels("pial.surf.gii:1")
+
+
 def test_inner_surfaces_of_labels_are_named(tmp_path: Path, ball: TriSurface, labels: NDArray[np.int16]) -> None:
     deep = np.where(labels > 0, 1, 0).astype(np.int16)
     deep[10:14, 13:18, 13:18], deep[18:23, 13:18, 13:18] = 5, 6
