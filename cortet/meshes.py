@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+
+T = TypeVar("T")
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
@@ -108,6 +110,8 @@ class CoordinateFrame:
 REGION = "region"
 #: name of region 0; the others are named as the inner surfaces around them
 OUTERMOST = "cortex"
+#: name of all that lies inside the cortex
+INNERMOST = "core"
 #: names of region 0 where the brain is an inner surface, and of that surface where no other lies in it
 AROUND, BRAIN = ("csf", "skull", "skin"), "brain"
 #: name of the set of faces that are walls of holes, which are regions that a file leaves out
@@ -124,9 +128,21 @@ def region_names(inner: Iterable[str]) -> list[str]:
 
     Raises
     ------
-    InputError : an inner surface has a name of `AROUND`, but none is the brain, or all these names are taken
+    InputError : an inner surface has a name of `AROUND`, but none is the brain, or all these names are taken; or two
+        regions have one name, of which upper and lower case are not told apart, as in some solvers, or that of the core
     """
-    named = list(inner)
+    names = _region_names(list(inner))
+    known = {INNERMOST: "all that lies inside the cortex"}
+    for name in names:
+        if (other := known.setdefault(name.lower(), f"the region {name}")) != f"the region {name}":
+            raise InputError(
+                f"an inner surface would be named {name}, and {other} is, too",
+                remedy="give it another name; case does not count",
+            )
+    return names
+
+
+def _region_names(named: list[str]) -> list[str]:
     around = [name for name in named if name in AROUND]
     if not any(is_brain(name) for name in named):
         if around:
@@ -138,6 +154,11 @@ def region_names(inner: Iterable[str]) -> list[str]:
     if len(around) == len(AROUND):
         raise InputError(f"inner surfaces have all the names {', '.join(AROUND)}", remedy="give one another name")
     return [next(name for name in AROUND if name not in named), *named]
+
+
+def by_region(outer: T, inner: Mapping[str, T]) -> dict[str, T]:
+    """What belongs to the outer surface, and to each inner one, by the region inside it."""
+    return dict(zip(region_names(inner), (outer, *inner.values()), strict=True))
 
 
 def is_brain(region: str) -> bool:

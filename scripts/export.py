@@ -9,7 +9,7 @@ job = start(snakemake)
 
 from _exported import with_sets
 
-from cortet.meshes import region_names
+from cortet.meshes import by_region
 from cortet.solver_files.export import export
 from cortet.solver_files.meshed import made_from
 from cortet.solver_files.volumes import sources as sources_of_volumes
@@ -18,7 +18,7 @@ job.require_unchanged_input()
 mesh, surface, sources = with_sets(job.input, job.params)
 certificate = json.loads(Path(job.input.certificate).read_text(encoding="utf-8"))
 inner = dict(zip(job.params.inner, map(Path, job.input.inner), strict=True))
-meshed = dict(zip(region_names(inner), (Path(job.input.surface), *inner.values()), strict=True))
+meshed = by_region(Path(job.input.surface), inner)
 target = Path(job.output.mesh)
 export(
     mesh,

@@ -45,7 +45,7 @@ def surface_of(args: argparse.Namespace, config: Config) -> tuple[TriSurface, di
     """The surface that a command is given, with its inner ones, fields and shell; and the files by region."""
     from cortet.formats.gifti import read_surface
     from cortet.geometry.nesting import nested
-    from cortet.meshes import region_names
+    from cortet.meshes import by_region
     from cortet.solver_files.fields import with_fields
     from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 
@@ -56,7 +56,7 @@ def surface_of(args: argparse.Namespace, config: Config) -> tuple[TriSurface, di
         print(line)
     whole = nested(surface, found.surfaces)
     if not args.shell:
-        return whole, {region_names(whole.inner)[0]: str(args.surface), **found.files}
+        return whole, by_region(str(args.surface), {name: found.files[name] for name in whole.inner})
     shelled = with_shell(whole, args.shell, config.placement())
     (brain,) = shelled.inner.keys() - whole.inner.keys()
     return shelled, {brain: str(args.surface), **found.files}

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from cortet.cli.given import config_of, draw, sphere_of, stem_of, surface_of
 from cortet.cli.meshes import print_verdict
 from cortet.errors import InputError
-from cortet.formats import format_of
+from cortet.formats import format_of, require_holes
 from cortet.formats.ownership import delete_made, may_write, record_of
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def mesh_command(args: argparse.Namespace) -> int:
     solver = format_of(args.output).name
     record = certificate_path(args.output)
     config = config_of(args)
+    require_holes(config.export.holes, solver)
     size = config.generate.cell_size[0]
     surface, given = surface_of(args, config)
     surfaces = meshed_files(region_names(surface.inner), args.output)

@@ -21,7 +21,7 @@ from cortet.config import Config
 from cortet.errors import InputError
 from cortet.formats.volumes import label_table, volume_file
 from cortet.meshers import BASELINES
-from cortet.meshes import region_names
+from cortet.meshes import by_region
 from cortet.stages import STAGES, Stage
 
 #: wildcards of a job
@@ -220,7 +220,7 @@ class Jobs:
     def given_surfaces(self, job: Job) -> dict[str, str]:
         """The user's surfaces of a case by region; empty for a phantom."""
         case = self.case(job)
-        named = dict(zip(region_names(case.inner), (case.surface, *case.inner.values()), strict=True))
+        named = by_region(case.surface, case.inner)
         return {region: str(path) for region, path in named.items() if path != PHANTOM}
 
     def input_sha256(self, job: Job) -> dict[str, str | None]:

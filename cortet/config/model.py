@@ -13,6 +13,7 @@ from pydantic import create_model
 
 from cortet.config.sections import Cohort, Experiments, Export, Phantom, Quality, Setting
 from cortet.errors import InputError
+from cortet.formats import require_holes
 from cortet.formats.placement import matrix
 from cortet.measure.limits import Certify
 from cortet.meshers import MESHERS
@@ -142,6 +143,8 @@ class Config(_WithTheLine):
             )
         if self.export.holes and self.export.ten_nodes:
             raise InputError("export.ten_nodes knows no export.holes", remedy="leave one of the two out")
+        for solver in self.export.formats:
+            require_holes(self.export.holes, solver)
 
     def notices(self) -> list[str]:
         """What a user should know before the line runs, in plain words."""

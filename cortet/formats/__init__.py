@@ -6,6 +6,7 @@ first used, so that naming formats costs nothing.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -34,6 +35,8 @@ class Format:
     has_unit: bool = False
     #: whether it holds only the boundary, as a TriSurface
     is_surface: bool = False
+    #: whether it holds named sets of faces
+    names_faces: bool = True
 
     def read(self, path: Path, **options: Any) -> Any:
         """The TetMesh of a file, or the boundary as a TriSurface; raises InputError if the file cannot be read."""
@@ -64,7 +67,7 @@ FORMATS: dict[str, Format] = {
     for form in (
         Format("vtu", ".vtu", "vtu"),
         Format("vtk", ".vtk", "vtk"),
-        Format("braingrowth", ".mesh", "braingrowth"),
+        Format("braingrowth", ".mesh", "braingrowth", names_faces=False),
         Format("abaqus", ".inp", "abaqus"),
         Format("febio", ".feb", "febio"),
         Format("fenics", ".xdmf", "fenics"),
@@ -73,8 +76,8 @@ FORMATS: dict[str, Format] = {
         Format("nastran", ".bdf", "nastran"),
         Format("carp", ".pts", "carp", has_unit=True),
         Format("carp_binary", ".bpts", "carp", "_binary", has_unit=True),
-        Format("stl", ".stl", "stl", is_surface=True),
-        Format("gifti", ".surf.gii", "gifti", "_surface", is_surface=True),
+        Format("stl", ".stl", "stl", is_surface=True, names_faces=False),
+        Format("gifti", ".surf.gii", "gifti", "_surface", is_surface=True, names_faces=False),
     )
 }
 
@@ -92,3 +95,13 @@ def format_of(path: Path) -> Format:
             return form
     endings = ", ".join(form.suffix for form in FORMATS.values())
     raise InputError("is of no known mesh format", file=path, remedy=f"use a name ending in {endings}")
+
+
+def require_holes(holes: Collection[str], solver: str) -> None:
+    """Raise InputError for holes in a format that names no faces: there, a hole would pass for a void."""
+    if holes and not FORMATS[solver].names_faces:
+        able = ", ".join(form.suffix for form in FORMATS.values() if form.names_faces)
+        raise InputError(
+            f"{FORMATS[solver].suffix} files cannot tell the hole {next(iter(holes))} from a void",
+            remedy=f"write a file that ends in {able}, or leave the hole out",
+        )

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.geometry.topology import TET_FACES, boundary, boundary_faces, packed
-from cortet.meshes import AROUND, HOLE_SURFACE, IntArray, MeshSets, TetMesh
+from cortet.meshes import AROUND, HOLE_SURFACE, INNERMOST, OUTERMOST, IntArray, MeshSets, TetMesh
 
 #: the two parts of the boundary of a brain; every boundary face belongs to one of them
 CORTICAL_SURFACE, MEDIAL_WALL = "cortical_surface", "medial_wall"
 #: the boundary of a mesh in which other regions lie around the brain
 OUTER_SURFACE = "outer_surface"
 #: the two parts of a brain; every tetrahedron belongs to one of them, or to a region around the brain
-CORTEX, CORE = "cortex", "core"
+CORTEX, CORE = OUTERMOST, INNERMOST
 #: end of the name of a set of faces between two regions; they are counter-clockwise seen from outside the inner region
 INTERFACE = "_interface"
 #: tags for formats that number parts instead of naming them

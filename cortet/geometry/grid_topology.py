@@ -103,9 +103,9 @@ def as_ball(depth: FloatArray, spacing: float, grid: Grid = TETRAHEDRA) -> Float
 
     ball = cut(inside)
     for size in _SMALL:
+        inside = inside & ~_pieces(inside & ~ball, size, joined)
         if np.array_equal(ball, inside):
             break
-        inside = inside & ~_pieces(inside & ~ball, size, joined)
         inside = inside | _pieces(filled(inside) & ~inside, size, apart)
         ball = cut(inside)
     else:

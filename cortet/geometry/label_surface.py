@@ -105,17 +105,17 @@ def _surface(mask: NDArray[np.bool_], affine: FloatArray, handles: Handles) -> L
     widths = np.linalg.norm(affine[:3, :3], axis=0)
     voxel = float(widths.min())
     distance = _signed_distance(solid, widths)
-    soft = ndimage.gaussian_filter(distance, _WIDTH * voxel / widths)
-    soft = np.clip(soft, distance - _MOST_MOVED * voxel, distance + _MOST_MOVED * voxel)
-    points, faces = cut_at_zero(soft)
+    soft = _smoothed(distance, widths)
+    points, faces = cut_at_zero(_thin_as_voxels(soft, distance))
     found = left = int(surface_topology(faces).genus)
     changed = 0
     if handles.most is not None and found > handles.most:
-        ball = as_ball(soft, voxel, CUBES)
-        differing = int(((ball > 0) != solid).sum())
+        ball = as_ball(soft, voxel, CUBES) > 0
+        differing = int((ball != solid).sum())
         if differing <= handles.changed * solid.sum():
-            points, faces = cut_at_zero(ball)
-            solid, left, changed = ball > 0, int(surface_topology(faces).genus), differing
+            changed_distance = _signed_distance(ball, widths)
+            points, faces = cut_at_zero(_thin_as_voxels(_smoothed(changed_distance, widths), changed_distance))
+            solid, left, changed = ball, int(surface_topology(faces).genus), differing
     points = points @ affine[:3, :3].T + affine[:3, 3]
     if enclosed_volume(points, faces) < 0:
         faces = faces[:, ::-1]
@@ -135,6 +135,25 @@ def _signed_distance(solid: NDArray[np.bool_], widths: FloatArray) -> FloatArray
     outside = ndimage.distance_transform_edt(~solid, widths)
     half = widths.min() / 2
     return np.asarray(np.where(solid, inside - half, half - outside))
+
+
+def _smoothed(distance: FloatArray, widths: FloatArray) -> FloatArray:
+    """A signed distance to voxels, smoothed by less than half a voxel, so that every sign stays."""
+    most = _MOST_MOVED * widths.min()
+    soft = ndimage.gaussian_filter(distance, _WIDTH * widths.min() / widths)
+    return np.asarray(np.clip(soft, distance - most, distance + most))
+
+
+def _thin_as_voxels(soft: FloatArray, distance: FloatArray) -> FloatArray:
+    """The smoothed values, but those of the voxels where these, or the gap between them, are one voxel wide.
+
+    Smoothed from both sides, what is so thin would be next to nothing, and no tetrahedra of use could fill it.
+    """
+    block = np.ones((2, 2, 2), np.bool_)
+    thin = np.zeros(distance.shape, np.bool_)
+    for side in (distance > 0, distance < 0):
+        thin |= side & ~ndimage.binary_opening(side, block)
+    return np.asarray(np.where(ndimage.binary_dilation(thin), distance, soft))
 
 
 def cut_at_zero(values: FloatArray) -> tuple[FloatArray, NDArray[Any]]:

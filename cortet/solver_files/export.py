@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cortet.errors import InputError, StageError
-from cortet.formats import FORMATS, format_of
+from cortet.formats import FORMATS, format_of, require_holes
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.hashing import mesh_sha256
@@ -63,11 +63,12 @@ def export(
     Raises
     ------
     InputError
-        a region lies in a hole
+        a region lies in a hole, or the format knows no holes
     StageError
         the certificate is of another mesh, the mesh is not certified, or the written file breaks a convention of the
         solver
     """
+    require_holes(holes, solver)
     require_certified(mesh, certificate, path, uncertified=uncertified)
     if len((hollowed := hollow(mesh, holes)).cells) < len(mesh.cells):
         mesh, made_from = hollowed, {**(made_from or {}), "holes": list(holes)}

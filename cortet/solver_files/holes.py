@@ -27,8 +27,10 @@ def require_regions(holes: Collection[str], inner: Collection[str]) -> None:
 
 
 def regions_of(hole: str, inner: Collection[str]) -> list[str]:
-    """The inner surfaces that a hole names: that of its name, and the pieces NAME1, NAME2 of a label."""
-    return [name for name in inner if re.fullmatch(rf"{re.escape(hole)}\d*", name)]
+    """The inner surfaces that a hole names: that of its name, else the pieces NAME1, NAME2 of a label."""
+    if hole in inner or f"{hole}1" not in inner:
+        return [name for name in inner if name == hole]
+    return [name for name in inner if re.fullmatch(rf"{re.escape(hole)}\d+", name)]
 
 
 def hollow(mesh: TetMesh, holes: Collection[str]) -> TetMesh:

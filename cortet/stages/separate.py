@@ -103,16 +103,20 @@ def separate(
     around = parents(surface)
     names = region_names(surface.inner)
     _check_volumes(surface)
-    reports = []
+    given, reports = surface, []
+
+    def around_it(whole: TriSurface, number: int) -> TriSurface:
+        """The boundary of the region that a surface lies in, without what lies in that surface, which moves later."""
+        others = [i for i in range(1, len(names)) if number not in _with_ancestors(i, around)]
+        without = replace(whole, inner={names[i]: whole.inner[names[i]] for i in others})
+        return region_boundary(without, [0, *others].index(around[number]))
+
     for number in range(1, len(names)):
         one = sheets(surface)[number]
-        # what lies inside gives way later: a surface comes before those that it contains
-        others = [i for i in range(1, len(names)) if number not in _with_ancestors(i, around)]
-        without = replace(surface, inner={names[i]: surface.inner[names[i]] for i in others})
-        container = region_boundary(without, [0, *others].index(around[number]))
-        moved, report = _moved_inside(
-            one, container, name=names[number], gap=min_gap * cell_size, max_outside=max_outside
-        )
+        # a surface comes before those that it contains; where it has moved, these may lie outside it through no fault
+        _require_inside(one, around_it(given, number), name=names[number], max_outside=max_outside)
+        container = around_it(surface, number)
+        moved, report = _moved_inside(one, container, name=names[number], gap=min_gap * cell_size)
         surface = replace(surface, inner={**surface.inner, names[number]: moved})
         reports.append(report)
     return surface, SeparateReport(tuple(reports))
@@ -136,9 +140,22 @@ def _check_volumes(surface: TriSurface) -> None:
             )
 
 
-def _moved_inside(
-    surface: TriSurface, container: TriSurface, *, name: str, gap: float, max_outside: float
-) -> tuple[TriSurface, Separated]:
+def _require_inside(surface: TriSurface, container: TriSurface, *, name: str, max_outside: float) -> None:
+    from cortet.geometry.closest_point import tree_of
+    from cortet.geometry.nesting import depths
+
+    depth, _, _ = depths(tree_of(container), container, surface.points)
+    worst = int(depth.argmin())
+    if depth[worst] < -max_outside:
+        raise InputError(
+            f"the inner surface {name} lies up to {-depth[worst]:.2f} mm outside the one around it, at "
+            f"{place_mm(surface.points[worst])}, {(depth < -max_outside).mean():.1%} of its vertices by more than "
+            f"{max_outside:g} mm",
+            remedy="check that both are of one subject, in one space; where that is right, set regions.max_outside",
+        )
+
+
+def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap: float) -> tuple[TriSurface, Separated]:
     from cortet.geometry.closest_point import tree_of
     from cortet.geometry.intersection import self_intersections
     from cortet.geometry.nesting import depths, joined
@@ -148,14 +165,6 @@ def _moved_inside(
     tree = tree_of(container)
     gaps = gaps_to_keep(container, tree, gap)
     depth, _, _ = depths(tree, container, surface.points)
-    worst = int(depth.argmin())
-    if depth[worst] < -max_outside:
-        raise InputError(
-            f"the inner surface {name} lies up to {-depth[worst]:.2f} mm outside the one around it, at "
-            f"{place_mm(surface.points[worst])}, {(depth < -max_outside).mean():.1%} of its vertices by more than "
-            f"{max_outside:g} mm",
-            remedy="check that both are of one subject, in one space; where that is right, set regions.max_outside",
-        )
     crossing = len(self_intersections(joined([surface, container])))
     moved, remaining = kept_apart(surface, container, tree, gaps, gap)
     points = moved.points
@@ -178,7 +187,7 @@ def _moved_inside(
         name=name,
         min_gap_mm=gap,
         crossing_faces_before=crossing,
-        outside_max_mm=float(max(-depth[worst], 0)),
+        outside_max_mm=float(max(-depth.min(), 0)),
         vertices=len(points),
         vertices_moved=int((distance > 0).sum()),
         moved_mean_mm=float(distance.mean()),

@@ -16,7 +16,7 @@ from cortet.formats import FORMATS
 from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closest_points, forest, surface_tree
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.nesting import depths, joined, nested, parents, region_boundary
+from cortet.geometry.nesting import depths, joined, nested, parents, region_boundary, sheets
 from cortet.geometry.separation import taken_back
 from cortet.geometry.topology import enclosed_volume, interfaces, sheet, surface_topology
 from cortet.measure.certify import certify
@@ -208,6 +208,15 @@ def test_apart_surfaces_stay_as_they_are(pair):
 def test_surfaces_that_do_not_belong_together_are_refused(outer, inner, words):
     with pytest.raises(InputError, match=words):
         separate(nested(outer, {"white": inner}), cell_size=1.0)
+
+
+def test_a_surface_may_lie_outside_one_that_has_moved():
+    """White gives way to the pial surface by 3 mm, and the ventricle within it, which was inside, follows."""
+    inner = {"white": ball(13.8), "ventricle": ball(11.6)}
+    surface, report = separate(nested(ball(14.0), inner), cell_size=6.0)
+    assert report.surfaces[1].outside_max_mm > 0.5
+    radii = [np.linalg.norm(one.points, axis=1) for one in surface.inner.values()]
+    assert radii[1].max() < radii[0].min() - 2.5 and not len(self_intersections(joined(sheets(surface))))
 
 
 def test_an_inner_surface_with_a_hole_is_refused_by_name():

@@ -11,8 +11,9 @@ from shapes import ball_surface, horseshoe
 
 import cortet
 from cortet.cli import main
+from cortet.config import load
 from cortet.errors import InputError
-from cortet.formats import FORMATS, vtu
+from cortet.formats import FORMATS, require_holes, vtu
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.volumes import write_volume
 from cortet.geometry.closest_point import closest_points, tree_of
@@ -22,6 +23,7 @@ from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_faces, enclosed_volume, face_normals, surface_topology
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import TriSurface, region_names, single_precision
+from cortet.solver_files.holes import regions_of
 from cortet.solver_files.label_surfaces import with_shell
 from cortet.solver_files.sets import with_regions
 from cortet.stages.separate import separate
@@ -70,6 +72,40 @@ def test_region_0_is_named_after_what_lies_in_it() -> None:
     assert region_names(["csf", "brain"]) == ["skull", "csf", "brain"]
     with pytest.raises(InputError, match="the inner surface csf is named as what lies around the brain"):
         region_names(["csf", "white"])
+
+
+@pytest.mark.parametrize(
+    ("inner", "words"),
+    [
+        (["white", "WHITE"], "would be named WHITE, and the region white is, too"),
+        (["Cortex"], "would be named Cortex, and the region cortex is, too"),
+        (["white", "CSF", "cortexL"], "would be named CSF, and the region csf is, too"),
+        (["core", "white"], "would be named core, and all that lies inside the cortex is, too"),
+    ],
+)
+def test_no_two_regions_share_a_name(inner: list[str], words: str) -> None:
+    """Abaqus and others do not tell upper from lower case."""
+    with pytest.raises(InputError, match=words):
+        region_names(inner)
+
+
+def test_a_hole_is_the_surface_of_its_name_or_else_the_pieces_of_a_label() -> None:
+    assert regions_of("deep", ["white", "deep", "deep2"]) == ["deep"]
+    assert regions_of("deep", ["white", "deep1", "deep2", "deeper"]) == ["deep1", "deep2"]
+    assert regions_of("deep", ["white", "deep2"]) == []
+
+
+def test_holes_and_formats_that_cannot_tell_them_are_refused_together() -> None:
+    for name, form in FORMATS.items():
+        if form.names_faces:
+            require_holes(["ventricle"], name)
+        else:
+            with pytest.raises(InputError, match=f"{form.suffix} files cannot tell the hole ventricle from a void"):
+                require_holes(["ventricle"], name)
+        require_holes([], name)
+    config = load({"export": {"formats": ["vtu", "stl"], "holes": ["ventricle"]}})
+    with pytest.raises(InputError, match=r"\.stl files cannot tell the hole ventricle from a void"):
+        config.require_workflow()
 
 
 def test_the_shell_is_a_certified_region_around_the_cortex(made: cortet.Mesh) -> None:
@@ -181,6 +217,11 @@ def test_the_command_makes_shell_hole_and_records_and_judges_again(
     assert "they are in csf (give one: --material csf=0.01)" in capsys.readouterr().err
     assert main([*given.split(), "--hole", "tumour", "-o", "hollow.vtu"]) == 1
     assert "the hole tumour is no region inside an inner surface" in capsys.readouterr().err
+
+    capsys.readouterr()
+    assert main([*given.split(), "--hole", "ventricle", "-o", "hollow.stl"]) == 1
+    refused = capsys.readouterr()
+    assert ".stl files cannot tell the hole ventricle from a void" in refused.err and not refused.out  # before any work
 
     assert main([*given.split(), "--hole", "ventricle", "-o", "hollow.vtu"]) == 0
     whole, hollow = vtu.read(tmp_path / "head.vtu"), vtu.read(tmp_path / "hollow.vtu")

@@ -23,9 +23,11 @@ from cortet.formats import abaqus, vtu
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.tsv import read_tsv
 from cortet.formats.volumes import Volume, label_names, matrices, read_labels, read_named, read_volume, six
+from cortet.geometry.closest_point import tree_of
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.label_surface import Handles, label_surfaces
-from cortet.geometry.topology import enclosed_volume, surface_topology
+from cortet.geometry.thickness import thickness
+from cortet.geometry.topology import enclosed_volume, surface_topology, vertex_normals
 from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
 from cortet.geometry.winding import winding_numbers
 from cortet.measure.quality import signed_volumes
@@ -420,6 +422,24 @@ def test_handles_of_labels_are_cut_on_the_voxels(ring: float) -> None:
     for kept in (Handles(2), Handles(0, changed=1e-4)):
         (same,), _ = label_surfaces(mask, np.eye(4), handles=kept)
         assert np.array_equal(same.surface.points, as_it_is.surface.points)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.6])
+def test_sheets_and_gaps_of_one_voxel_keep_their_width(slope: float) -> None:
+    """A sheet in the open, and a gap of the same shape in a ball: neither is smoothed away from both sides."""
+    x, y, z = np.indices((40, 40, 40)) - 20.0
+    plane = np.abs(z - slope * x) < (0.9 if slope else 0.5)
+    ball = x**2 + y**2 + z**2 < 15**2
+    held = x < -2
+    for mask, inside in ((ball & (plane | held), True), (ball & (~plane | held), False)):
+        (made,), _ = label_surfaces(mask, np.eye(4))
+        surface = made.surface
+        where = surface.points - 20
+        normals = vertex_normals(surface.points, surface.faces)
+        on = (np.hypot(where[:, 0] - 6, where[:, 1]) < 5) & (np.abs(where[:, 2] - slope * where[:, 0]) < 3)
+        width = thickness(tree_of(surface), surface.points[on], normals[on], 8.0, inside=inside)
+        assert width.min() > 0.7
+        assert made.furthest < 0.5
 
 
 def test_labels_of_a_surface_are_refused() -> None:
