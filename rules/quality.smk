@@ -30,6 +30,7 @@ rule case_page:
         unpack(PLAN.shown_on_page),
     output:
         page=LAYOUT.case_page,
+        thumbnail=LAYOUT.thumbnail,
     params:
         about=PLAN.about,
         failure=PLAN.failure,

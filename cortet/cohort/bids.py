@@ -30,6 +30,7 @@ IGNORED = (
     "*_quality.json",
     "*_certificate.json",
     "*_report.html",
+    "*_thumbnail.webp",
     "*_white.json",
     "*.surf.gii",
     "mesh",

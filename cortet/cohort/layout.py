@@ -91,6 +91,11 @@ class Layout:
         return self.mesh("Solver", "report.html")
 
     @property
+    def thumbnail(self) -> str:
+        """Pattern of the small picture of a mesh that the page of all cases shows."""
+        return self.mesh("Solver", "thumbnail.webp")
+
+    @property
     def cohort_page(self) -> str:
         """The page of all cases."""
         return self.cohort("index.html")

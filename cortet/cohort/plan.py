@@ -239,6 +239,7 @@ class Plan(Jobs):
 
     def listed_on_page(self) -> list[dict[str, Any]]:
         """The meshes that the page of all cases lists."""
+        thumbnails = self.each_case(self.layout.thumbnail)
         return [
             {
                 "case": case,
@@ -247,6 +248,7 @@ class Plan(Jobs):
                 "cell_size_mm": res / 1000,
                 "mesher": mesher,
                 "page": beside(page, self.layout.cohort_page),
+                "thumbnail": beside(thumbnails[case, res, mesher], self.layout.cohort_page),
             }
             for (case, res, mesher), page in self.each_case(self.layout.case_page).items()
         ]

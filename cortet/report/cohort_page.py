@@ -99,7 +99,8 @@ def write_cohort_page(
     status : `cohort_status.tsv`
     quality : `cohort_quality.tsv` and its sidecar; None if no mesh was measured
     meshes : per mesh `case`, `cell_size_mm`, `mesher` and `page`, the address of its page as seen from this page; also
-        `scan_age` and `hemi`, so that meshes that were not measured show them, too
+        `thumbnail`, the address of a small picture, if there is one; and `scan_age` and `hemi`, so that meshes that
+        were not measured show them, too
     figure : SVG file of the cohort against age
     maps : hemisphere, L or R -> PNG file of its maps on the common mesh
     folding : `cohort_folding.tsv` and its SVG file; None if nothing is folded
@@ -180,7 +181,8 @@ def _cases(rows: pd.DataFrame, explained: Mapping[str, Any], states: Sequence[st
 def _shown(row: Row) -> dict[str, Any]:
     """A row with the cells of the case and its state."""
     told = [row[name] for name in ("stage", "reason") if row["reason"] != MISSING and row[name] != MISSING]
-    case = {"text": row["case"], "page": "" if row["page"] == MISSING else row["page"]}
+    links = {name: "" if row.get(name, MISSING) == MISSING else row[name] for name in ("page", "thumbnail")}
+    case = {"text": row["case"], **links}
     state = {"text": row["state"], "why": ": ".join(told), "outlying": row["outlying"]}
     return {**row, "case": ("case", case), "state": ("state", state)}
 

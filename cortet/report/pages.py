@@ -28,7 +28,7 @@ from cortet.formats.tsv import MISSING
 from cortet.report.colours import BLUE
 
 #: version of the pages of cases and of the cohort, and of their templates
-VERSION: int = 5
+VERSION: int = 6
 
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("cortet.report", "templates"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import StageError
+from cortet.geometry.mending import measurable
 from cortet.geometry.topology import boundary_surface, sheet, surface_topology
 from cortet.measure.lost import distances_to
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface, region_names
@@ -18,6 +20,9 @@ from cortet.report.boundary_view import colour_scale
 from cortet.report.render import COLOUR_NAMES, cut_view, reddest, surface_view, webp
 
 Picture = dict[str, Any]
+
+#: pixels of a thumbnail, width and height: twice those on the page, for fine screens
+_THUMBNAIL = (192, 144)
 
 #: sides of the head that a surface is drawn from
 SIDES: dict[Literal["L", "R"], str] = {"L": "left", "R": "right"}
@@ -44,6 +49,15 @@ def shown(draw: Callable[[], list[Picture]], *, scaled: bool = False) -> list[pa
         return [("pictures", draw()), *([("scale", colour_scale())] if scaled else [])]
     except StageError as error:
         return [("note", f"Without pictures: {error}")]
+
+
+def thumbnail(surface: TriSurface | None, hemi: Literal["L", "R"] | None) -> bytes:
+    """A small WebP picture of a surface from the outer side of its hemisphere; empty if it cannot be drawn."""
+    image = np.zeros((*_THUMBNAIL[::-1], 4), np.uint8)
+    if surface is not None and len((drawable := measurable(surface)).faces):
+        with contextlib.suppress(StageError):
+            image = surface_view(drawable, side=hemi or "L", size=_THUMBNAIL)
+    return webp(image)
 
 
 def of_input(surface: TriSurface) -> list[Picture]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import io
 import re
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import PIL.Image
 import pytest
 from shapes import ball_mesh, ball_surface
 
@@ -17,6 +19,7 @@ from cortet.measure.certify import certify
 from cortet.meshes import TriSurface
 from cortet.report.case_page import about, split_remedy, write_case_page, write_failure_page
 from cortet.report.pages import embedded
+from cortet.report.pictures import thumbnail
 from cortet.stages.repair import repair
 from cortet.stages.resample import resample
 
@@ -54,6 +57,16 @@ def failure_page(folder: Path, surface: TriSurface | None = None, **more: Any) -
 def visible(page: str) -> str:
     """What a reader sees of a page, roughly."""
     return re.sub(r"<[^>]*>", " ", re.sub(r"<(script|style).*?</\1>", "", page, flags=re.DOTALL))
+
+
+@pytest.mark.parametrize("drawn", [True, False])
+def test_a_thumbnail_shows_the_surface_and_is_empty_where_there_is_none(drawn: bool) -> None:
+    broken = np.full((3, 3), np.nan)
+    content = thumbnail(ball_surface(2) if drawn else TriSurface(broken, [[0, 1, 2]]), None)
+    assert len(content) < 10_000
+    alpha = np.asarray(PIL.Image.open(io.BytesIO(content)).convert("RGBA"))[..., 3]
+    assert (alpha > 0).any() == drawn
+    assert thumbnail(None, "L") == thumbnail(TriSurface(broken, [[0, 1, 2]]), "R")
 
 
 def test_every_number_of_the_certificate_stands_beside_its_limit(page: str, certificate: dict[str, Any]) -> None:
