@@ -45,7 +45,7 @@ try:
     CONFIG.require_nesting(any(case.inner for case in CASES.values()))
 except CortetError as error:
     raise WorkflowError(str(error)) from None
-for notice in [*CONFIG.notices(), *ageless_notice(list(CASES.values()))]:
+for notice in [*CONFIG.notices(), *PLAN.notices(), *ageless_notice(list(CASES.values()))]:
     logger.warning(notice)
 
 # scripts/_job.py keeps to it; no parameter of a rule, since another limit makes no other result

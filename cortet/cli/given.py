@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -74,12 +75,29 @@ def stem_of(path: Path) -> str:
     return path.name.removesuffix(path.suffix)
 
 
-def read_mesh(path: Path) -> TetMesh:
-    """A mesh of any format; an InputError for a file that holds a surface."""
+def read_mesh(path: Path, *, whole: bool = False) -> TetMesh:
+    """A mesh of any format; says so if its file was changed after cortet wrote it.
+
+    Raises
+    ------
+    InputError
+        the file holds a surface, or must be `whole` but is without the tetrahedra of a hole
+    """
+    from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar
+
     form = format_of(path)
     if form.is_surface:
         raise InputError("holds a surface, not a mesh", file=path)
-    return form.read(path)
+    if whole and (holes := (read_sidecar(path).get("made_from") or {}).get("holes")):
+        raise InputError(
+            f"is without the tetrahedra inside {', '.join(holes)}, and this takes a whole mesh",
+            file=path,
+            remedy="mesh again without holes",
+        )
+    mesh = form.read(path)
+    if changed_since(path):
+        print(f"{path}: {CHANGED}", file=sys.stderr)
+    return mesh
 
 
 def draw(mesh: TetMesh, path: Path, place: Callable[[Path], Path] = lambda path: path) -> None:

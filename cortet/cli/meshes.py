@@ -49,16 +49,9 @@ def certify_command(args: argparse.Namespace) -> int:
     from cortet.config import Config
     from cortet.formats.atomic import write_json
     from cortet.solver_files.sets import with_regions
-    from cortet.solver_files.sidecar import read_sidecar
     from cortet.stages.separate import separate
 
-    mesh, given = read_mesh(args.mesh), args.surface
-    if holes := (read_sidecar(args.mesh).get("made_from") or {}).get("holes"):
-        raise InputError(
-            f"is without the tetrahedra inside {', '.join(holes)}, and only a whole mesh can be judged",
-            file=args.mesh,
-            remedy="see the certificate beside it, or mesh again without holes",
-        )
+    mesh, given = read_mesh(args.mesh, whole=True), args.surface
     surface = _filled_surface(args.mesh, args)
     if surface.inner:
         mesh = with_regions(mesh, list(surface.inner))
@@ -162,7 +155,7 @@ def quadratic_command(args: argparse.Namespace) -> int:
     from cortet.geometry.quadratic import quadratic
     from cortet.solver_files.ten_nodes import write_ten_nodes
 
-    mesh = read_mesh(args.mesh)
+    mesh = read_mesh(args.mesh, whole=True)
     limit = args.max_boundary_distance
     surface = _filled_surface(args.mesh, args)
     curved = quadratic(mesh, surface, max_boundary_distance=None if limit == math.inf else limit)
@@ -188,7 +181,7 @@ def job_command(args: argparse.Namespace) -> int:
         "febio": ("febio_job", "febio4 -i job.feb"),
         "fenics": ("fenics_job", "python3 job.py"),
     }[args.solver]
-    mesh, more = read_mesh(args.mesh), dict[str, object]()
+    mesh, more = read_mesh(args.mesh, whole=args.surface is not None), dict[str, object]()
     if args.surface is not None:
         if args.solver != "calculix":
             raise InputError(

@@ -62,6 +62,13 @@ class FolderOfFiles(type(Path())):  # type: ignore[misc]
     """A folder in which a command writes some files; each of them is guarded by itself."""
 
 
+def output_picture(text: str) -> OutputFile:
+    """A file to write that ends in .png."""
+    if not text.lower().endswith(".png"):
+        raise argparse.ArgumentTypeError(f"{text!r} does not end in .png")
+    return OutputFile(text)
+
+
 WRITTEN = (OutputFile, CheckedOutput, FolderOfFiles)
 
 
@@ -172,9 +179,14 @@ def parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help="write no tetrahedra inside the inner surface NAME, a ventricle for example; repeatable",
     )
-    mesh.add_argument("--picture", type=OutputFile, metavar="PNG", help="also draw the mesh cut open, coloured by q")
     mesh.add_argument(
-        "--slices", type=OutputFile, metavar="PNG", help="also draw slices of the first volume with the mesh in them"
+        "--picture", type=output_picture, metavar="PNG", help="also draw the mesh cut open, coloured by q"
+    )
+    mesh.add_argument(
+        "--slices",
+        type=output_picture,
+        metavar="PNG",
+        help="also draw slices of the first volume with the mesh in them",
     )
     mesh.add_argument("--page", type=OutputFile, metavar="HTML", help="also write a page on the mesh for a browser")
     mesh.set_defaults(run=mesh_command)
@@ -196,7 +208,7 @@ def parser() -> argparse.ArgumentParser:
         "-o", "--output", type=output_surface, required=True, metavar="OUT", help="GIfTI; the report is beside it"
     )
     repair.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section repair holds the limits")
-    repair.add_argument("--picture", type=OutputFile, metavar="PNG", help="also draw it before and after")
+    repair.add_argument("--picture", type=output_picture, metavar="PNG", help="also draw it before and after")
     repair.add_argument(
         "--field", action="append", default=[], type=named_file, metavar="NAME=FILE", help="per-vertex field, GIfTI"
     )
@@ -302,7 +314,8 @@ def parser() -> argparse.ArgumentParser:
         default=[],
         type=moduli,
         metavar="SET=SHEAR[,BULK]",
-        help="moduli of a set of tetrahedra, in units of the cortex's shear modulus; repeatable; CalculiX and FEniCS",
+        help="moduli of a set of tetrahedra, in units of the cortex's shear modulus; repeatable, and the last one "
+        "counts where sets overlap; CalculiX and FEniCS",
     )
     job.add_argument(
         "--ten-nodes",
@@ -315,7 +328,7 @@ def parser() -> argparse.ArgumentParser:
 
     picture = commands.add_parser("picture", parents=[writes], help="draw a mesh cut open, coloured by q")
     picture.add_argument("mesh", type=Path, metavar="MESH")
-    picture.add_argument("-o", "--output", type=OutputFile, required=True, metavar="PNG")
+    picture.add_argument("-o", "--output", type=output_picture, required=True, metavar="PNG")
     picture.set_defaults(run=picture_command)
 
     fold = commands.add_parser("fold", parents=[writes], help="grow the cortex of a mesh until it folds")
@@ -463,7 +476,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="MM",
         help="full width at half maximum of the smoothing along the surface (default: as much as noise asks for)",
     )
-    growth.add_argument("--picture", type=OutputFile, metavar="PNG", help="also draw the ratio of the areas")
+    growth.add_argument("--picture", type=output_picture, metavar="PNG", help="also draw the ratio of the areas")
     growth.add_argument(
         "-o",
         "--output",

@@ -56,7 +56,7 @@ def fold_command(args: argparse.Namespace) -> int:
             )
     live = sys.stdout.isatty()
     verdict = fold(
-        read_mesh(args.mesh),
+        read_mesh(args.mesh, whole=True),
         args.output,
         Settings(**values),
         lambda *progress: print(

@@ -190,6 +190,13 @@ def labels_command(args: argparse.Namespace) -> int:
         write_surface(surface, files[own])
     print(*told, sep="\n")
     print(f"{', '.join(map(str, files.values()))}: written")
+    ending = args.output.name.removeprefix(name)
+    beside = (
+        file for file in args.output.parent.iterdir() if file.name.startswith(name) and file.name.endswith(ending)
+    )
+    earlier = sorted(file.name for file in beside if file.name.removeprefix(name).removesuffix(ending).isdigit())
+    if others := [file for file in earlier if file not in {path.name for path in files.values()}]:
+        print(f"{', '.join(others)}: not of this run, left as they are")
     return 0
 
 

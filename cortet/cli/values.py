@@ -71,8 +71,8 @@ def size(text: str) -> tuple[str, float | None]:
 
 def inner_file(text: str) -> tuple[str, str]:
     """[NAME=]FILE of an inner surface."""
-    name, equals, file = text.rpartition("=")
-    if not equals:
+    name, equals, file = text.partition("=")
+    if not equals or "/" in name:  # an = of a path
         return "white", text
     if not (re.fullmatch("[A-Za-z][A-Za-z0-9]*", name) and file):
         raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE, NAME of letters and digits")

@@ -37,6 +37,17 @@ AFTER_CERTIFICATE = (
 class Plan(Jobs):
     """A whole run: its jobs, its folds, its failures, and the files over all cases."""
 
+    def notices(self) -> list[str]:
+        """What a user should know of these cases before they run, in plain words."""
+        if not self.config.export.holes:
+            return []
+        from cortet.solver_files.holes import regions_of
+
+        names = sorted({name for case in self.sheet for name in case.inner})
+        absent = [hole for hole in self.config.export.holes if not regions_of(hole, names)]
+        known = f"they have {', '.join(names)}" if names else "they have none"
+        return [f"export.holes: no case has an inner surface {hole}, {known}" for hole in absent]
+
     # --- folding -------------------------------------------------------------------------------------------------
 
     @cached_property

@@ -1,6 +1,7 @@
 """The few places of a mesh where its worst tetrahedra are, cut out, so that much can be tried there at little cost.
 
-Every place is judged alone: of all that was tried, each keeps what made its own worst tetrahedron best.
+Every place is judged alone: of all that was tried, each keeps what made its own worst tetrahedron best, unless more
+tetrahedra than before would be beyond hope for it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: the tetrahedra around the worst ones, then those around these, and so on, that belong to a place
 RINGS = 4
+#: q above which a tetrahedron counts beside the worst one: no mesh that has some is certified
+BEYOND_HOPE = 0.6
 #: fields of the part: the number of each node in the whole mesh, the number of the place of each tetrahedron
 _NODE, _PLACE = "node of the whole", "place"
 
@@ -73,10 +76,12 @@ def nodes_near(part: Part, points: FloatArray) -> IntArray:
 def better_of_each(first: TetMesh, second: TetMesh) -> TetMesh:
     """For each place the one of two tries whose worst tetrahedron there is better, the first where they are alike.
 
-    The second try may lack places; the first one's stay there.
+    What tetrahedra exceed `BEYOND_HOPE` by, all together, may not grow for it; if that shrinks, the worst may stay. The
+    second try may lack places; the first one's stay there.
     """
     count = _count(first)
-    return mixed(first, second, _worst(second, count) < _worst(first, count))
+    (before, much), (after, less) = _judged(first, count), _judged(second, count)
+    return mixed(first, second, (after <= before) & (less <= much) & ((after < before) | (less < much)))
 
 
 def mixed(first: TetMesh, second: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh:
@@ -158,11 +163,13 @@ def _count(mesh: TetMesh) -> int:
     return int(mesh.cell_data[_PLACE].max(initial=-1)) + 1
 
 
-def _worst(mesh: TetMesh, count: int) -> FloatArray:
-    """Largest q in each of so many places; infinite where the mesh lacks one."""
-    worst = np.full(count, -np.inf)
-    np.maximum.at(worst, mesh.cell_data[_PLACE], quality(mesh.points, mesh.cells))
-    return np.where(worst < 0, np.inf, worst)
+def _judged(mesh: TetMesh, count: int) -> tuple[FloatArray, FloatArray]:
+    """Largest q in each of so many places, infinite where the mesh lacks one; sum of what exceeds `BEYOND_HOPE`."""
+    worst, place, q = np.full(count, -np.inf), mesh.cell_data[_PLACE], quality(mesh.points, mesh.cells)
+    np.maximum.at(worst, place, q)
+    much = np.zeros(count)
+    np.add.at(much, place, np.maximum(q - BEYOND_HOPE, 0))
+    return np.where(worst < 0, np.inf, worst), much
 
 
 def _joined(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:

@@ -24,7 +24,7 @@ from cortet.solver_files.holes import hollow
 from cortet.solver_files.meshed import moved
 from cortet.solver_files.names import ASCII, in_ascii, left_out
 from cortet.solver_files.sets import named_sets
-from cortet.solver_files.sidecar import read_sidecar, sidecar, sidecar_path
+from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar, sidecar_path
 from cortet.solver_files.verify import problems
 from cortet.stages.solver_ready import surface_nodes_first
 
@@ -178,7 +178,7 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
     """
     read_from, written_as = format_of(source), format_of(target)
     record = read_sidecar(source)
-    done = []
+    done = [f"{source.name} was {CHANGED}"] if changed_since(source) else []
     if read_from.is_surface:
         if not written_as.is_surface:
             raise InputError("holds a surface, not a mesh", file=source, remedy="`cortet mesh` fills it")

@@ -75,7 +75,7 @@ def parts(mesh: TetMesh, moduli: Mapping[str, tuple[float, float | None]], mater
 
     Raises
     ------
-    InputError : the mesh has no such set, or a region around the brain has no moduli
+    InputError : the mesh has no such set, or others have all of its tetrahedra; or a region around the brain has none
     """
     sets = mesh.sets.cells
     if unknown := [name for name in moduli if name not in sets]:
@@ -85,6 +85,14 @@ def parts(mesh: TetMesh, moduli: Mapping[str, tuple[float, float | None]], mater
     for number, name in enumerate(every):
         cells = sets.get(name, np.zeros(0, np.int32))
         owner[cells if name == CORTEX else cells[owner[cells] != 0]] = number
+    for name in moduli:
+        number, cells = list(every).index(name), sets[name]
+        if not (owner[cells] == number).any():
+            others = ", ".join(list(every)[other] for other in np.unique(owner[cells]))
+            raise InputError(
+                f"no tetrahedron gets the material of {name}: all are in {others}, too",
+                remedy="name the smaller set last; what is cortex has the material of the cortex",
+            )
     if (bare := np.flatnonzero(owner < 0)).size:
         name = next((name for name in AROUND if np.isin(bare, sets.get(name, ())).any()), "no set")
         raise InputError(

@@ -127,8 +127,10 @@ def surfaces_of_labels(
 
     Raises
     ------
-    InputError : no component has enough voxels
+    InputError : no component has enough voxels, or label 0 is among them
     """
+    if 0 in keys:
+        raise InputError("label 0 is what no label covers", file=Path(volume.file), remedy="name other labels")
     parts, specks = label_surfaces(np.isin(volume.values, keys), volume.affine, handles=handles)
     labels = ", ".join(map(str, keys))
     if not parts:

@@ -9,6 +9,7 @@ gets the label of most of its nodes, or that of its first node if there is no su
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
@@ -101,7 +102,7 @@ def named_sets(
         names = (label_names or {}).get(field, {})
         for key in np.unique(mesh.cell_data[field]).tolist():
             same = np.flatnonzero(mesh.cell_data[field] == key).astype(np.int32)
-            regions[set_name(f"{field}_{names.get(key, key)}", regions)] = same
+            regions[_label_name(field, key, names, regions)] = same
     return replace(
         mesh, sets=MeshSets(sets.nodes, sets.faces, {name: cells for name, cells in regions.items() if len(cells)})
     )
@@ -169,13 +170,14 @@ def cell_labels(values: NDArray[np.integer], cells: IntArray) -> NDArray[np.inte
 
 
 def set_name(text: str, taken: Collection[str] = ()) -> str:
-    """A name that every solver accepts, made from any text: letters, digits, - and _, a letter first.
+    """A name that every solver accepts, made from any text: letters without accents, digits, - and _, a letter first.
 
     Parameters
     ----------
     taken : names from which it must differ in more than upper and lower case, which some solvers do not tell apart
     """
-    name = re.sub(r"[^A-Za-z0-9_-]+", "_", text).strip("_")
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", plain).strip("_")
     if not name[:1].isalpha():
         name = f"set_{name}"
     name = name[:_LONGEST_NAME]
@@ -195,12 +197,18 @@ def _add_labels(
     nodes = np.unique(faces)
     found = {}
     for key in np.unique(values[nodes]).tolist():
-        name = set_name(f"{field}_{names.get(key, key)}", [*sets.nodes, *sets.faces])
+        name = _label_name(field, key, names, [*sets.nodes, *sets.faces])
         sets.nodes[name] = nodes[values[nodes] == key]
         found[key] = name
         if len(mine := faces[of_face == key]):
             sets.faces[name] = mine
     return found
+
+
+def _label_name(field: str, key: int, names: Mapping[int, str], taken: Collection[str]) -> str:
+    """The name of the sets of a label: that of the field and its own, or its key if no letter of that can be kept."""
+    own = names.get(key, str(key))
+    return set_name(f"{field}_{own if set_name(own) != set_name('') else key}", taken)
 
 
 def _is_cortex(mesh: TetMesh, faces: IntArray, depth: float, thickness: str | None) -> NDArray[np.bool_]:

@@ -26,6 +26,8 @@ from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
 
+#: what is said of a file that is not as its sidecar records it
+CHANGED = "changed after cortet wrote it: no certificate beside it is of it"
 #: most bytes of a sidecar
 _LONGEST_FILE = 10_000_000
 
@@ -152,6 +154,12 @@ def read_sidecar(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise InputError(f"is no sidecar: {error}", file=file, remedy="export the mesh again") from error
     return record
+
+
+def changed_since(path: Path) -> bool:
+    """Whether a file is not as its sidecar records it, so that no certificate beside it is of it."""
+    recorded = read_sidecar(path).get("files", {}).get(path.name)
+    return recorded is not None and recorded != sha256(path)
 
 
 def stale(path: Path, as_read: TetMesh | TriSurface) -> Iterator[str]:

@@ -22,6 +22,7 @@ from cortet.geometry.quadratic import quadratic
 from cortet.meshes import MeshSets, TriSurface
 from cortet.simulation.body import Material
 from cortet.solver_files.calculix import write_job
+from cortet.solver_files.growing_cortex import parts
 from cortet.solver_files.sets import named_sets
 from cortet.stages.generate import generate
 
@@ -142,6 +143,18 @@ def test_materials_of_no_set_and_for_febio_are_refused(tmp_path: Path, capsys: p
     assert sorted(set(map(tuple, moduli.tolist()))) == [(1.0, 5.0), (2.0, 7.0)]
     with pytest.raises(SystemExit):
         main([*command, "--material", "core=-1"])
+
+
+def test_a_material_that_no_tetrahedron_would_have_is_refused() -> None:
+    """One set lies in another that comes later, or in the cortex."""
+    cube = named_sets(cube_mesh(3, side=6.0), cortex_depth=1.0)
+    some = cube.sets.cells["core"][:5]
+    cells = {**cube.sets.cells, "deep": some, "whole": cube.sets.cells["core"]}
+    mesh = replace(cube, sets=replace(cube.sets, cells=cells))
+    found = {one.name: len(one.cells) for one in parts(mesh, {"whole": (2, None), "deep": (3, None)}, Material())}
+    assert found["deep"] == 5 and "core" not in found
+    with pytest.raises(InputError, match="no tetrahedron gets the material of deep: all are in whole, too"):
+        parts(mesh, {"deep": (3, None), "whole": (2, None)}, Material())
 
 
 def test_the_folder_has_axes_for_each_cortical_element_and_says_what_it_is(tmp_path: Path) -> None:

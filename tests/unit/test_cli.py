@@ -10,6 +10,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from cubes import cube_mesh
 from shapes import ball_mesh, ball_surface
 
 from cortet.cli import Number, main, parser
+from cortet.cli.values import inner_file
 from cortet.cohort.sheet import read_sheet
 from cortet.config import load
 from cortet.formats import braingrowth, vtu
@@ -324,6 +326,28 @@ def test_convert_writes_the_format_of_the_name_and_verify_reads_it_as_any_solver
     assert main(["verify", str(target), "--solver", "febio"]) == 1
     assert "not well-formed XML" in capsys.readouterr().out
     assert main(["convert", str(target), str(tmp_path / "cube.obj")]) == 1
+
+
+def test_a_mesh_that_was_changed_after_cortet_wrote_it_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    vtu.write(cube_mesh(2), tmp_path / "a.vtu")
+    exported = tmp_path / "cube.vtu"
+    assert main(["convert", str(tmp_path / "a.vtu"), str(exported)]) == main(["quality", str(exported)]) == 0
+    assert "changed after" not in "".join(capsys.readouterr())
+    mesh = vtu.read(exported)
+    vtu.write(replace(mesh, points=1.01 * mesh.points), exported)
+    assert main(["convert", str(exported), str(tmp_path / "cube.inp")]) == main(["quality", str(exported)]) == 0
+    told = capsys.readouterr()
+    assert "cube.vtu was changed after cortet wrote it: no certificate beside it is of it" in told.out
+    assert "cube.vtu: changed after cortet wrote it" in told.err
+
+
+def test_a_path_may_have_an_equals_sign() -> None:
+    assert inner_file("white=/a=1/white.surf.gii") == ("white", "/a=1/white.surf.gii")
+    assert inner_file("/a=1/white.surf.gii") == ("white", "/a=1/white.surf.gii")
+    with pytest.raises(argparse.ArgumentTypeError, match="is not NAME=FILE"):
+        inner_file("my white=white.surf.gii")
 
 
 def test_convert_scales_carp_files_as_asked(tmp_path: Path) -> None:

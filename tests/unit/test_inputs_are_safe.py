@@ -132,7 +132,7 @@ def everything_that_is_written() -> Iterator[tuple[str, Command]]:
 
 def test_the_volume_of_a_size_is_an_input(given: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = (given / "x_dseg.nii.gz").read_bytes()
-    words = "mesh x.surf.gii --cell-size 5 --size x_dseg.nii.gz:1=4.9 --picture x_dseg.nii.gz --force -o fresh.vtu"
+    words = "mesh x.surf.gii --cell-size 5 --size x_dseg.nii.gz:1=4.9 --page x_dseg.nii.gz --force -o fresh.vtu"
     assert run(words, given, monkeypatch) == 1
     assert (given / "x_dseg.nii.gz").read_bytes() == before
 

@@ -10,7 +10,17 @@ from cortet.geometry import topology
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh
 from cortet.optimise.insertion import insert_vertices
-from cortet.optimise.places import better_of_each, cut_out, mixed, only, places_at, promising, put_back, rim_of
+from cortet.optimise.places import (
+    BEYOND_HOPE,
+    better_of_each,
+    cut_out,
+    mixed,
+    only,
+    places_at,
+    promising,
+    put_back,
+    rim_of,
+)
 
 
 @pytest.fixture
@@ -49,6 +59,26 @@ def test_a_part_that_is_put_back_as_it_was_gives_the_same_mesh_in_another_order(
     same = put_back(mesh, part, part.mesh)
     assert np.array_equal(same.points, mesh.points) and same.point_data.keys() == mesh.point_data.keys()
     assert {tuple(cell) for cell in same.cells.tolist()} == {tuple(cell) for cell in mesh.cells.tolist()}
+
+
+def flattened(*heights: float) -> TetMesh:
+    """One place of tetrahedra that share no vertex, regular but for their heights."""
+    regular = np.array([[0, 0, 0], [1, 0, 0], [0.5, 0.75**0.5, 0], [0.5, 0.75**0.5 / 3, (2 / 3) ** 0.5]])
+    points = np.concatenate([regular * [1, 1, height] + [3 * i, 0, 0] for i, height in enumerate(heights)])
+    cells = np.arange(len(points), dtype=np.int32).reshape(-1, 4)
+    node, place = np.arange(len(points)), np.zeros(len(cells), np.int32)
+    return TetMesh(points, cells, {"node of the whole": node}, {"place": place})
+
+
+def test_a_better_worst_tetrahedron_is_not_bought_with_more_that_are_beyond_hope():
+    once, often, better = flattened(0.1, 1.0, 1.0), flattened(0.12, 0.12, 0.12), flattened(0.12, 0.3, 1.0)
+    assert quality(once.points, once.cells).max() > quality(often.points, often.cells).max() > BEYOND_HOPE
+    assert better_of_each(once, often) is once and better_of_each(often, once) is often
+    assert np.array_equal(better_of_each(once, better).points, better.points)
+    fewer = flattened(0.12, 1.0, 1.0)
+    assert np.array_equal(better_of_each(often, fewer).points, fewer.points), "with the same worst one"
+    fine, finer = flattened(0.5, 1.0), flattened(0.6, 0.6)
+    assert np.array_equal(better_of_each(fine, finer).points, finer.points), "none is beyond hope: the worst decides"
 
 
 def test_each_place_keeps_the_try_that_was_better_there(mesh, seeds):

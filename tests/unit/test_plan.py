@@ -126,6 +126,12 @@ def test_pictures_of_a_fold_show_the_real_brains_of_its_hemisphere() -> None:
     assert "real_surfaces" not in asked.arguments("fold", mesh_job(GOOD))
 
 
+def test_a_hole_that_no_case_has_is_told() -> None:
+    (notice,) = plan(export={"formats": ["vtu"], "holes": ["white", "ventrcle"]}).notices()
+    assert notice == "export.holes: no case has an inner surface ventrcle, they have white"
+    assert plan().notices() == []
+
+
 def test_maps_are_of_a_hemispheres_resampled_cases() -> None:
     assert list(plan().maps("L")) == ["sub-made_hemi-L"] and plan().mapped_hemispheres() == ["L"]
 

@@ -111,10 +111,17 @@ def test_a_face_has_the_label_of_two_nodes_or_else_of_the_first():
         ("12", [], "set_12"),
         ("aparc_v1", ["aparc_V1"], "aparc_v1_2"),
         ("a" * 100, [], "a" * 80),
+        ("tissue_Großhirn äö", [], "tissue_Grohirn_ao"),
     ],
 )
 def test_names_are_such_that_every_solver_takes_them(text, taken, name):
     assert set_name(text, taken) == name
+
+
+def test_a_label_whose_name_has_no_letter_for_solvers_is_named_by_its_key(ball):
+    labelled = replace(ball, point_data={"area": (ball.points[:, 0] > 0) + 3})
+    faces = named_sets(labelled, label_names={"area": {3: "皮質", 4: "V1"}}).sets.faces
+    assert {"area_3", "area_V1"} <= faces.keys()
 
 
 @pytest.mark.parametrize(

@@ -463,12 +463,29 @@ def test_inner_surfaces_of_labels_are_named(tmp_path: Path, ball: TriSurface, la
     np.testing.assert_allclose(
         moved.surfaces["left"].points + np.array([3, 0, 0]), straight.surfaces["left"].points, atol=1e-5
     )
+    with pytest.raises(InputError, match="label 0 is what no label covers"):
+        inner_surfaces({"left": f"{file}:0"}, ball)
     deep[10:14] = 0
     deep[12, 15, 15] = 5
     with pytest.raises(InputError, match="label 5 has 1 voxels in 1 pieces, too few for a surface"):
         inner_surfaces({"left": f"{written(file, deep)}:5"}, ball)
     with pytest.raises(InputError, match="is a volume, not a surface"):
         inner_surfaces({"left": str(file)}, ball)
+
+
+def test_pieces_of_an_earlier_run_are_told(
+    tmp_path: Path, labels: NDArray[np.int16], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    two = np.where(labels > 0, 1, 0).astype(np.int16)
+    two[15:17] = 0
+    written(tmp_path / "two.nii.gz", two)
+    written(tmp_path / "one.nii.gz", labels)
+    (tmp_path / "vault.surf.gii").touch()  # another name that begins alike
+    assert main(["labels", "two.nii.gz:1", "-o", "v.surf.gii"]) == 0
+    assert "not of this run" not in capsys.readouterr().out
+    assert main(["labels", "one.nii.gz:1,2", "-o", "v.surf.gii"]) == 0
+    assert capsys.readouterr().out.endswith("v1.surf.gii, v2.surf.gii: not of this run, left as they are\n")
 
 
 # --- a whole head -------------------------------------------------------------------------------------------------

@@ -1,0 +1,68 @@
+"""cortet's formats for others who read meshes: PyVista finds its reader by an entry point, meshio once it is told.
+
+Both get a mesh with the fields and sets that a VTU file of cortet has.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from cortet.errors import InputError
+from cortet.formats import FORMATS, format_of, vtu
+from cortet.formats.untrusted import check_file
+
+if TYPE_CHECKING:
+    import meshio
+    import pyvista
+
+#: formats that meshio lacks, or reads without what cortet keeps in them
+_FOR_MESHIO = ("braingrowth", "febio", "carp", "carp_binary")
+
+T = TypeVar("T")
+
+
+def read_with_pyvista(path: str | Path, **_: Any) -> pyvista.DataObject:
+    """A mesh in a format of cortet as PyVista's grid; `.mesh` files of Medit go on to meshio, as without cortet.
+
+    Raises
+    ------
+    InputError : the file cannot be read
+    """
+    import pyvista
+
+    if Path(path).name.endswith(FORMATS["braingrowth"].suffix) and not _begins_with_a_number(Path(path)):
+        return pyvista.read_meshio(path)
+    return _as_vtu(Path(path), pyvista.read)
+
+
+def register_with_meshio() -> None:
+    """Let `meshio.read` open BrainGrowth's `.mesh`, FEBio's `.feb` and CARP files; Medit's `.mesh` stays as it is."""
+    import meshio
+
+    def read(path: str) -> meshio.Mesh:
+        try:
+            return _as_vtu(Path(path), meshio.read)
+        except InputError as error:
+            raise meshio.ReadError(str(error)) from error
+
+    for name in _FOR_MESHIO:
+        meshio.register_format(f"cortet-{name}", [FORMATS[name].suffix], read, {})
+
+
+def _begins_with_a_number(path: Path) -> bool:
+    """Whether the first word of a file is a whole number, as BrainGrowth writes and Medit does not."""
+    check_file(path)
+    with path.open("rb") as file:
+        words = file.read(100).split()
+    return bool(words) and words[0].isdigit()
+
+
+def _as_vtu(path: Path, read: Callable[[str], T]) -> T:
+    """What another reader makes of a mesh, written as VTU."""
+    mesh = format_of(path).read(path)
+    with tempfile.TemporaryDirectory() as folder:
+        vtu.write(mesh, file := Path(folder) / "mesh.vtu")
+        return read(str(file))
