@@ -31,7 +31,7 @@ COSTS = {stage.name: stage.cost for stage in STAGES.values()} | {
     "certify": Cost((250, 420), (3, 3)),
     "case_page": Cost((560, 120), (5, 3)),
     "case_maps": Cost((250, 420), (5, 3)),
-    "volumes": Cost((700, 900), (12, 25)),
+    "volumes": Cost((1500, 900), (20, 70)),
     "export": Cost((270, 170), (3, 5)),
     "ten_nodes": Cost((400, 1500), (4, 30)),
     "convergence_run": Cost((500, 1200), (90, 4000)),

@@ -11,6 +11,7 @@ from itertools import permutations
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -42,6 +43,11 @@ class Labelled(NamedTuple):
     shares: NDArray[np.float32] | None
 
 
+def distinct(values: NDArray[np.integer]) -> NDArray[np.integer]:
+    """The different values of an array, ascending: without the copies of it that sorting takes."""
+    return np.sort(pd.unique(values.ravel()))
+
+
 def in_voxels(affine: FloatArray, points: FloatArray) -> FloatArray:
     """Points (n, 3) mm as positions in voxels, whose centres have whole numbers: (n, 3)."""
     inverse = np.linalg.inv(affine)
@@ -60,13 +66,13 @@ def labels_inside(
     affine : (4, 4) from voxels to mm
     shares : whether to return the share of every label
     """
-    keys, number = np.unique(np.append(labels.ravel(), 0), return_inverse=True)
-    outside = number[-1]
+    keys = np.union1d(distinct(labels), [0])
+    outside, values = int(np.searchsorted(keys, 0)), labels.ravel()
     every = np.zeros((len(cells), len(keys)), np.float32) if shares else None
     label, other = np.zeros(len(cells), np.int32), np.zeros(len(cells), np.int32)
     share, other_share, zero = (np.zeros(len(cells), np.float32) for _ in range(3))
     for chosen, voxel in _samples(points, cells, affine, labels.shape):
-        found = np.where(voxel < 0, outside, number[voxel])
+        found = np.where(voxel < 0, outside, np.searchsorted(keys, values[voxel]))
         flat = np.arange(len(chosen))[:, None] * len(keys) + found
         count = np.bincount(flat.ravel(), minlength=len(chosen) * len(keys)).reshape(-1, len(keys))
         part = count / np.float32(voxel.shape[1])
@@ -91,13 +97,13 @@ def means_inside(
     values : (i, j, k) or (i, j, k, c); voxels with a number that is not finite have no value
     """
     held = np.isfinite(values).reshape(*values.shape[:3], -1).all(axis=-1)
-    table = np.where(held.reshape(-1, 1), values.reshape(held.size, -1), 0).astype(float)
+    table = np.where(held.reshape(-1, 1), values.reshape(held.size, -1), 0)
     has = held.ravel()
     result, empty = np.zeros((len(cells), table.shape[1])), np.zeros(len(cells), np.bool_)
     for chosen, voxel in _samples(points, cells, affine, values.shape[:3]):
         valid = (voxel >= 0) & has[voxel]
         count = valid.sum(axis=1)
-        total = (table[voxel] * valid[:, :, None]).sum(axis=1)
+        total = (table[voxel].astype(float) * valid[:, :, None]).sum(axis=1)
         result[chosen] = total / np.maximum(count, 1)[:, None]
         empty[chosen] = count == 0
     if empty.any():
