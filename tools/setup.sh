@@ -22,8 +22,8 @@ run_packages=(libglu1-mesa libgl1 libopengl0 libegl1 libxrender1 libxcursor1 lib
 # What compiling pygalmesh takes, besides the headers of Python.
 build_packages=(g++ libcgal-dev libeigen3-dev)
 # Programs that tests call: a solver for exported files, the browser for pages, Connectome Workbench, and a SLURM with its
-# database for a cluster of one machine. A test without its own is skipped.
-test_packages=(calculix-ccx chromium connectome-workbench
+# database for a cluster of one machine, and what builds a container without a registry. A test without its own is skipped.
+test_packages=(calculix-ccx chromium connectome-workbench buildah mmdebstrap
     slurm-wlm slurmdbd munge mariadb-server-core mariadb-client-core)
 
 say() { printf 'set-up: %s\n' "$*" >&2; }
