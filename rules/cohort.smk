@@ -171,6 +171,7 @@ rule cohort_page:
         figure=lambda _: rules.cohort_figure.output[0] if PLAN.measured_certificates() else [],
         maps=lambda _: expand(rules.cohort_maps.output.picture, hemi=PLAN.mapped_hemispheres()),
         tissues=lambda _: rules.cohort_tissues.output.table if PLAN.tissue_tables() else [],
+        thumbnails=lambda _: list(PLAN.thumbnails().values()),
         folding=lambda _: [rules.cohort_folding.output.table, rules.cohort_folding.output.figure] if FOLDED else [],
     output:
         page=LAYOUT.cohort_page,

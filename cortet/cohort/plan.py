@@ -248,9 +248,13 @@ class Plan(Jobs):
             "mesher": job["mesher"],
         }
 
+    def thumbnails(self) -> dict[Mesh, str]:
+        """The small pictures that the page of all cases shows, by mesh; those whose page failed have none."""
+        every = self.each_case(self.layout.thumbnail)
+        return {mesh: file for mesh, file in every.items() if self.failures.get(mesh, {}).get("stage") != "case_page"}
+
     def listed_on_page(self) -> list[dict[str, Any]]:
         """The meshes that the page of all cases lists."""
-        thumbnails = self.each_case(self.layout.thumbnail)
         return [
             {
                 "case": case,
@@ -259,7 +263,7 @@ class Plan(Jobs):
                 "cell_size_mm": res / 1000,
                 "mesher": mesher,
                 "page": beside(page, self.layout.cohort_page),
-                "thumbnail": beside(thumbnails[case, res, mesher], self.layout.cohort_page),
+                "pictured": (case, res, mesher) in self.thumbnails(),
             }
             for (case, res, mesher), page in self.each_case(self.layout.case_page).items()
         ]

@@ -99,7 +99,7 @@ def write_cohort_page(
     status : `cohort_status.tsv`
     quality : `cohort_quality.tsv` and its sidecar; None if no mesh was measured
     meshes : per mesh `case`, `cell_size_mm`, `mesher` and `page`, the address of its page as seen from this page; also
-        `thumbnail`, the address of a small picture, if there is one; and `scan_age` and `hemi`, so that meshes that
+        `thumbnail`, a small picture as a `data:` address, or None; and `scan_age` and `hemi`, so that meshes that
         were not measured show them, too
     figure : SVG file of the cohort against age
     maps : hemisphere, L or R -> PNG file of its maps on the common mesh

@@ -32,6 +32,10 @@ def other(case: str, state: str) -> dict[str, str]:
     return {"case": case, "state": state, "cell_size_mm": "0.6", "mesher": "cgal"}
 
 
+#: a picture of no pixel
+DOT = "data:image/webp;base64,"
+
+
 def written(folder: Path, rows: list[dict[str, Any]], quality: list[dict[str, Any]] | None = None) -> str:
     """The page of a cohort of these rows of the status and of the quality table."""
     write_tsv(rows, names(COLUMNS), folder / "status.tsv")
@@ -41,7 +45,7 @@ def written(folder: Path, rows: list[dict[str, Any]], quality: list[dict[str, An
         write_tsv(quality, list(quality[0]), tables[0])
         write_json({"q_max": {"Description": "Largest q", "Threshold": "< 0.6"}}, tables[1])
     pages = [
-        {**row, "cell_size_mm": 0.6, "scan_age": 26.0, "page": f"../{row['case']}.html"}
+        {**row, "cell_size_mm": 0.6, "scan_age": 26.0, "page": f"../{row['case']}.html", "thumbnail": DOT}
         for row in rows
         if row["state"] != "excluded"
     ]
@@ -179,3 +183,8 @@ def test_maps_on_the_common_mesh_are_part_of_the_page(tmp_path: Path) -> None:
     write_cohort_page(tmp_path / "status.tsv", None, page, meshes=[], maps={"R": picture})
     (shown,) = re.findall(r'<img src="data:image/png;base64,(.*?)" width="6" height="4" alt="(.*?)">', page.read_text())
     assert base64.b64decode(shown[0]) == picture.read_bytes() and "right hemispheres" in shown[1]
+
+
+def test_a_case_has_its_thumbnail_and_an_excluded_one_has_none(tmp_path: Path) -> None:
+    page = written(tmp_path, [other("sub-a", "failed"), other("sub-b", "excluded")])
+    assert re.findall(r'<img class="thumbnail" src="([^"]*)"', page) == [DOT]
