@@ -3,7 +3,7 @@
 CORES ?= 2
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
-.PHONY: help setup published cohort test check docs gallery notebook benchmark wheel doctor format lock clean
+.PHONY: help setup published cohort test check docs gallery figures notebook benchmark wheel doctor format lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -29,6 +29,10 @@ docs: setup ## make the pages of the documentation in .cache/docs
 
 gallery: setup ## run the examples, and put their pictures into the documentation
 	tools/gallery.sh
+
+figures: setup ## make the other pictures of README and documentation anew, from the demo cohort
+	@tools/setup.sh test
+	python tools/figures.py
 
 notebook: setup ## run the notebook of examples/ into .cache/tour.html
 	tools/notebook.sh

@@ -1,0 +1,159 @@
+"""Makes the pictures of README and documentation anew, from synthetic surfaces alone: `make figures`, half an hour.
+
+The folded hemisphere and the pages come from the demo cohort, with two broken surfaces and an excluded one more.
+The pictures of the gallery are `make gallery`.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import PIL.Image
+from playwright.sync_api import sync_playwright
+
+from cortet.cli import main as cortet
+from cortet.formats import vtu
+from cortet.formats.gifti import write_surface
+from cortet.formats.tsv import read_tsv, write_tsv
+from cortet.geometry.nesting import joined
+from cortet.meshes import TriSurface
+from cortet.phantom import phantom
+from cortet.report.render import cut_view
+from cortet.solver_files.sets import with_regions
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+#: pixels: width of a picture in the documentation, height of the three pages
+WIDTH, HEIGHT = 1000, 760
+#: browser windows: width, height, colours, and the pixels per point
+DESK, DARK, PHONE = (1180, 1560, "light", 1), (1100, 1560, "dark", 1), (390, 1230, "light", 2)
+
+
+def run(*words: object) -> None:
+    """A command of cortet, which must succeed."""
+    if cortet([str(word) for word in words]):
+        sys.exit(f"failed: cortet {' '.join(map(str, words))}")
+
+
+def save(pixels: np.ndarray | PIL.Image.Image, name: str, width: int = WIDTH) -> None:
+    """A picture of at most so many pixels, on white."""
+    image = pixels if isinstance(pixels, PIL.Image.Image) else PIL.Image.fromarray(pixels)
+    image = PIL.Image.alpha_composite(PIL.Image.new("RGBA", image.size, "white"), image.convert("RGBA")).convert("RGB")
+    image.thumbnail((width, 10 * width))
+    image.quantize(256, PIL.Image.Quantize.MAXCOVERAGE, dither=PIL.Image.Dither.NONE).save(DOCS / name, optimize=True)
+    print(f"docs/{name}: {image.width} x {image.height}")
+
+
+def one_surface() -> None:
+    """cut.png, as in docs/start.md."""
+    run("phantom", "--ga", 28, "-o", "x.surf.gii")
+    run("mesh", "x.surf.gii", "--ga", 28, "--cell-size", 1.6, "-o", "x.vtu", "--picture", "x.png")
+    save(PIL.Image.open("x.png"), "cut.png")
+
+
+def head() -> None:
+    """slices.png, as in docs/volumes.md, and shell.png, as in docs/regions.md."""
+    run("head", "--ga", 24, "-o", "head")
+    inner = ("--inner", "white=head/white.surf.gii", "--inner", "ventricle=head/dseg.nii.gz:3,4")
+    more = ("--inner", "thalamus=head/thalamus.surf.gii", "--volume", "tissue=head/dseg.nii.gz")
+    mesh = ("mesh", "head/pial.surf.gii")
+    run(*mesh, *inner, *more, "--cell-size", 1.5, "-o", "head.vtu", "--slices", "slices.png")
+    save(PIL.Image.open("slices.png"), "slices.png", width=1640)
+    run(*mesh, "--inner", "white=head/white.surf.gii", "--shell", 2, "--cell-size", 2, "-o", "shell.vtu")
+    save(cut_view(with_regions(vtu.read("shell.vtu"), ["cortex", "white"]), regions=True), "shell.png")
+
+
+def cohort() -> None:
+    """folded_phantom.png and pages.png, of the demo cohort with two broken surfaces."""
+    good = phantom(26, subdivisions=5)
+    apart = joined([good, TriSurface(good.points + np.array([90.0, 0, 0]), good.faces)])
+    write_surface(apart, "double.surf.gii")
+    write_surface(good, "whole.surf.gii")
+    Path("truncated.surf.gii").write_bytes(Path("whole.surf.gii").read_bytes()[:20_000])
+    demo = read_tsv(ROOT / "demo/cohort.tsv")
+    broken = [
+        {
+            **demo.iloc[0],
+            "participant_id": f"sub-{name}26",
+            "scan_age": "26",
+            "surface": f"{name}.surf.gii",
+            "fold": "no",
+        }
+        for name in ("double", "truncated")
+    ]
+    left_out = {
+        **demo.iloc[0],
+        "participant_id": "sub-motion31",
+        "include": "no",
+        "exclude_reason": "motion",
+        "fold": "no",
+    }
+    write_tsv(pd.concat([demo, pd.DataFrame([*broken, left_out])]).to_dict("records"), list(demo), Path("cohort.tsv"))
+    command = [
+        "snakemake",
+        "--snakefile",
+        ROOT / "Snakefile",
+        "--directory",
+        ".",
+        "--configfile",
+        ROOT / "config.yaml",
+        "--cores",
+        "2",
+        "--logger",
+        "cortet",
+    ]
+    done = subprocess.run([*command, "--config", "cohort={sheet: cohort.tsv}", "output=out"], check=False)
+    if done.returncode not in (0, 1):  # two cases fail
+        sys.exit("the demo cohort failed")
+    (folded,) = Path("out").rglob("folded.png")
+    save(PIL.Image.open(folded), "folded_phantom.png", width=1440)
+    pages = [("out/cohort/index.html", DESK)]
+    pages += [
+        (str(next(Path("out").rglob(f"sub-{name}*_report.html"))), window)
+        for name, window in (("phantom34", DARK), ("double26", PHONE))
+    ]
+    save(beside([screenshot(*page) for page in pages]), "pages.png", width=1400)
+
+
+def screenshot(page: str, window: tuple[int, int, str, int]) -> PIL.Image.Image:
+    """The top of a page in a browser window."""
+    width, height, colours, scale = window
+    program = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(
+            executable_path=program, args=["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        )
+        opened = browser.new_context(
+            viewport={"width": width, "height": height}, color_scheme=colours, device_scale_factor=scale
+        ).new_page()
+        opened.goto(Path(page).absolute().as_uri())
+        opened.wait_for_timeout(3000)  # the boundary in three dimensions is drawn
+        opened.screenshot(path="page.png")
+        browser.close()
+    return PIL.Image.open("page.png").copy()
+
+
+def beside(images: list[PIL.Image.Image]) -> PIL.Image.Image:
+    """Pictures of one height in a row, with a gap."""
+    scaled = [image.resize((round(image.width * HEIGHT / image.height), HEIGHT)) for image in images]
+    row = PIL.Image.new("RGBA", (sum(image.width for image in scaled) + 12 * (len(scaled) - 1), HEIGHT), "#c4ccd4")
+    left = 0
+    for image in scaled:
+        row.paste(image, (left, 0))
+        left += image.width + 12
+    return row
+
+
+if __name__ == "__main__":
+    chosen = sys.argv[1:] or ["one_surface", "head", "cohort"]
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        for name in chosen:
+            {"one_surface": one_surface, "head": head, "cohort": cohort}[name]()
