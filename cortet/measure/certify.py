@@ -41,6 +41,7 @@ from cortet.measure.checks import (
     Check,
     bank_checks,
     boundary_checks,
+    for_cell_size,
     for_mesher,
     interface_checks,
     judged,
@@ -67,7 +68,7 @@ from cortet.measure.regions import (
 from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound, worst_elements
 from cortet.meshes import FloatArray, TetMesh, TriSurface, require_measurable
 
-VERSION: int = 5
+VERSION: int = 6
 
 #: relative difference allowed between the sum of volumes and the volume inside the boundary
 VOLUME_TOLERANCE = 1e-9
@@ -245,7 +246,7 @@ def certify(
         *interface_checks(interfaces, nodes=max_boundary_distance, largest=largest, mean=mean, area=max_area_change),
     )
     mesher = reports.get("generate", {}).get("mesher")
-    checks = tuple(for_mesher(check, mesher) for check in checks)
+    checks = tuple(for_cell_size(for_mesher(check, mesher), cell_size) for check in checks)
     lost: list[LostPlace] = []
     if largest is not None and faithful.surface_to_boundary_mm.max > largest:
         lost = lost_places(boundary, surface, limit=largest)

@@ -28,6 +28,8 @@ _WORDS: dict[Comparison, str] = {
 }
 
 SURFACE_DISTANCE = "distance of the surface to the boundary, at most"
+#: words of remedies, and the share of a cell size that is tried next
+_SMALLER, _FINER = "a smaller cell size", 0.75
 LOSS_REMEDY = "use a smaller cell size, or the mesher `lattice`, whose edges follow the shape"
 BANKS = "smallest gap between banks of the boundary, over that of the surface"
 _NATIVE_REMEDY = "smooth the surface less (`smooth_surface`), or use a smaller cell size"
@@ -77,6 +79,14 @@ def for_mesher(check: Check, mesher: str | None) -> Check:
     else:
         return check
     return replace(check, remedy=fitting.get(check.remedy, check.remedy))
+
+
+def for_cell_size(check: Check, cell_size: float | None) -> Check:
+    """The check with a size in mm where its remedy is a smaller one, if it failed and the size of the mesh is known."""
+    if check.passed or cell_size is None:
+        return check
+    size = f"{_SMALLER} ({_FINER * cell_size:.2g} mm)"
+    return replace(check, remedy=check.remedy.replace(_SMALLER, size, 1))
 
 
 def bank_checks(found: Banks, *, share: float | None) -> Iterator[Check]:

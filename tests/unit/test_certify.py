@@ -17,7 +17,7 @@ from cortet.errors import InputError
 from cortet.geometry.banks import banks, gaps
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import Certificate, certify
-from cortet.measure.checks import LOSS_REMEDY, for_mesher, judged
+from cortet.measure.checks import LOSS_REMEDY, for_cell_size, for_mesher, judged
 from cortet.meshes import TetMesh, TriSurface
 
 
@@ -263,6 +263,14 @@ def test_a_remedy_fits_what_filled_the_surface(mesher: str | None, says: str, no
     assert says in remedy and not_says not in remedy
     other = judged("worst q", 0.7, "<", 0.6, remedy="move it")
     assert for_mesher(other, mesher).remedy == "move it"
+
+
+def test_a_smaller_cell_size_is_named_where_that_of_the_mesh_is_known() -> None:
+    failed = judged("distance", 2.0, "<=", 1.0, remedy=LOSS_REMEDY)
+    assert for_cell_size(failed, 1.5).remedy.startswith("use a smaller cell size (1.1 mm), or the mesher")
+    assert for_cell_size(failed, None) == failed
+    passed = judged("distance", 0.5, "<=", 1.0, remedy=LOSS_REMEDY)
+    assert for_cell_size(passed, 1.5) == passed
 
 
 @pytest.mark.parametrize("size", [1e308, 0.0, -1.0, np.nan, np.inf])
