@@ -255,6 +255,7 @@ class Plan(Jobs):
 
     def listed_on_page(self) -> list[dict[str, Any]]:
         """The meshes that the page of all cases lists."""
+        thumbnails = self.thumbnails()
         return [
             {
                 "case": case,
@@ -263,7 +264,7 @@ class Plan(Jobs):
                 "cell_size_mm": res / 1000,
                 "mesher": mesher,
                 "page": beside(page, self.layout.cohort_page),
-                "pictured": (case, res, mesher) in self.thumbnails(),
+                "pictured": (case, res, mesher) in thumbnails,
             }
             for (case, res, mesher), page in self.each_case(self.layout.case_page).items()
         ]

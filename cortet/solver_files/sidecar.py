@@ -19,7 +19,7 @@ from pydantic import BaseModel, Field, ValidationError
 
 from cortet.errors import InputError
 from cortet.formats.hashing import array_sha256, sha256
-from cortet.formats.ownership import record_of
+from cortet.formats.ownership import files_of, record_of
 from cortet.formats.untrusted import content
 from cortet.geometry.topology import boundary_faces, face_areas
 from cortet.measure.quality import signed_volumes
@@ -158,7 +158,7 @@ def read_sidecar(path: Path) -> dict[str, Any]:
 
 def changed_since(path: Path) -> bool:
     """Whether a file is not as its sidecar records it, so that no certificate beside it is of it."""
-    recorded = read_sidecar(path).get("files", {}).get(path.name)
+    recorded = files_of(sidecar_path(path)).get(path.name)
     return recorded is not None and recorded != sha256(path)
 
 

@@ -339,6 +339,8 @@ def test_a_mesh_that_was_changed_after_cortet_wrote_it_is_told(
     vtu.write(replace(mesh, points=1.01 * mesh.points), exported)
     assert main(["convert", str(exported), str(tmp_path / "cube.inp")]) == main(["quality", str(exported)]) == 0
     told = capsys.readouterr()
+    (tmp_path / "a.vtu.json").write_text("[1, 2]")  # of another program
+    assert main(["quality", str(tmp_path / "a.vtu")]) == 0
     assert "cube.vtu was changed after cortet wrote it: no certificate beside it is of it" in told.out
     assert "cube.vtu: changed after cortet wrote it" in told.err
 
