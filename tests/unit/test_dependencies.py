@@ -1,6 +1,8 @@
 """Each dependency is asked for once, pinned, proved by the doctor and part of the conda environment."""
 
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -43,3 +45,9 @@ def test_the_conda_environment_has_every_runtime_dependency():
     by_pip = names(entries[-1]["pip"])
     # CGAL comes as pygalmesh there, which conda-forge has compiled
     assert {conda.get(name, name) for name in installed} | by_pip >= RUNTIME - {"cgal"}
+
+
+def test_windows_is_refused_in_words():
+    code = "import sys; sys.platform = 'win32'; import cortet"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "not on Windows: use the Windows Subsystem for Linux" in done.stderr
