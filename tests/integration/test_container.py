@@ -19,7 +19,7 @@ missing = [name for name in ("buildah", "mmdebstrap") if not shutil.which(name)]
 def test_it_is_built_and_meshes() -> None:
     done = subprocess.run([ROOT / "tools/container.sh"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    size, unit = re.search(r"cortet ([\d.]+) (MB|GB)", done.stdout).groups()  # type: ignore[union-attr]
+    size, unit = re.search(r"cortet\s+([\d.]+) (MB|GB)", done.stdout).groups()  # type: ignore[union-attr]
     assert unit == "MB" or float(size) < 3
     assert "user cortet\n" in done.stdout and "the image cannot be written to\n" in done.stdout
     assert "\ncertified\n" in done.stdout
