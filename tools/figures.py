@@ -1,6 +1,6 @@
-"""Makes the pictures of README and documentation anew, from synthetic surfaces alone: `make figures`, half an hour.
+"""Makes the pictures of README and documentation anew, from synthetic surfaces alone: `make figures`.
 
-The folded hemisphere and the pages come from the demo cohort, with two broken surfaces and an excluded one more.
+The pages are those of the demo cohort, with two broken surfaces and an excluded one more.
 The pictures of the gallery are `make gallery`.
 """
 
@@ -70,8 +70,16 @@ def head() -> None:
     save(cut_view(with_regions(vtu.read("shell.vtu"), ["cortex", "white"]), regions=True), "shell.png")
 
 
+def folded() -> None:
+    """folded_phantom.png: cells half as large as those of the demo cohort, whose folds are shallow."""
+    run("phantom", "--ga", 22, "-o", "early.surf.gii")
+    run("mesh", "early.surf.gii", "--ga", 22, "--cell-size", 0.8, "-o", "early.vtu")
+    run("fold", "early.vtu", "--ga", 22, "--hemi", "L", "--end", 36, "-o", "folded")
+    save(PIL.Image.open("folded/folded.png"), "folded_phantom.png", width=1440)
+
+
 def cohort() -> None:
-    """folded_phantom.png and pages.png, of the demo cohort with two broken surfaces."""
+    """pages.png, of the demo cohort with two broken surfaces."""
     good = phantom(26, subdivisions=5)
     apart = joined([good, TriSurface(good.points + np.array([90.0, 0, 0]), good.faces)])
     write_surface(apart, "double.surf.gii")
@@ -112,8 +120,6 @@ def cohort() -> None:
     done = subprocess.run([*command, "--config", "cohort={sheet: cohort.tsv}", "output=out"], check=False)
     if done.returncode not in (0, 1):  # two cases fail
         sys.exit("the demo cohort failed")
-    (folded,) = Path("out").rglob("folded.png")
-    save(PIL.Image.open(folded), "folded_phantom.png", width=1440)
     pages = [("out/cohort/index.html", DESK)]
     pages += [
         (str(next(Path("out").rglob(f"sub-{name}*_report.html"))), window)
@@ -152,8 +158,8 @@ def beside(images: list[PIL.Image.Image]) -> PIL.Image.Image:
 
 
 if __name__ == "__main__":
-    chosen = sys.argv[1:] or ["one_surface", "head", "cohort"]
+    figures = {made.__name__: made for made in (one_surface, head, folded, cohort)}
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
-        for name in chosen:
-            {"one_surface": one_surface, "head": head, "cohort": cohort}[name]()
+        for name in sys.argv[1:] or figures:
+            figures[name]()
