@@ -7,6 +7,7 @@ result is saved. The command line and the workflow do the same with files.
 from __future__ import annotations
 
 import html
+import re
 import sys
 import tempfile
 from base64 import b64encode
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from cortet.config import Config, load, read
 from cortet.errors import InputError
 from cortet.formats import format_of
-from cortet.formats.gifti import hemisphere_of, read_surface
+from cortet.formats.gifti import hemisphere_of, read_surface, surface_of
 from cortet.formats.ownership import guarded
 from cortet.formats.placement import placed
 from cortet.formats.tables import names
@@ -29,7 +30,7 @@ from cortet.formats.volumes import Volume
 from cortet.geometry.limits import SHELL_MM, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate
-from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, region_names
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, region_names, require_measurable
 from cortet.pipeline import Meshed, Step, mesh_surface
 from cortet.solver_files.export import export
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
@@ -70,10 +71,7 @@ def surface(shape: SurfaceLike) -> TriSurface:
     if isinstance(shape, str | Path):
         return read_surface(shape)
     if hasattr(shape, "agg_data") and hasattr(shape, "darrays"):  # nibabel.gifti.GiftiImage
-        points, faces = (shape.agg_data(f"NIFTI_INTENT_{name}") for name in ("POINTSET", "TRIANGLE"))
-        if not (isinstance(points, np.ndarray) and isinstance(faces, np.ndarray)):
-            raise InputError("the image holds no surface", remedy="give one with a pointset and triangles")
-        return TriSurface(points, faces)
+        return surface_of(shape)
     if hasattr(shape, "regular_faces"):  # pyvista.PolyData
         if not shape.is_all_triangles:
             raise InputError("the PolyData has faces that are no triangles", remedy="call its triangulate() before")
@@ -249,6 +247,12 @@ def mesh(
     if cell_size is not None:
         data["generate"] = {**(data.get("generate") or {}), "cell_size": cell_size}
     config, outer, source = load(data), surface(shape), shape if isinstance(shape, str | Path) else None
+    require_measurable(outer)
+    if hemi not in ("L", "R", None):
+        raise InputError(f"{hemi!r} is no hemisphere", remedy='use "L", "R" or None')
+    if not isinstance(inner, Mapping | None):
+        raise InputError("the inner surfaces have no names", remedy='give them by name: {"white": surface}')
+    _require_fields(fields or {})
     if fields:
         outer = replace(outer, point_data={**outer.point_data, **fields})
     from_files = {name: str(one) for name, one in (inner or {}).items() if isinstance(one, str | Path)}
@@ -275,6 +279,15 @@ def mesh(
     files = tuple(Path(file) for file in given if file is not None)
     side = hemi or (hemisphere_of(source) if source else None)
     return Mesh(filled, *made[1:], ga, side, config, files, tuple(rows), label_names(images))
+
+
+def _require_fields(fields: Mapping[str, Any]) -> None:
+    """Raise InputError for fields that no file could hold."""
+    for name, values in fields.items():
+        if not (isinstance(name, str) and re.fullmatch(r"\w[\w .-]*", name)):
+            raise InputError(f"{name!r} is no name of a field", remedy="use letters, digits, _ and -")
+        if (kind := np.asarray(values).dtype).kind not in "fiub":
+            raise InputError(f"the field {name} holds values of type {kind}", remedy="give real numbers")
 
 
 def _told(step: Step) -> None:

@@ -345,6 +345,24 @@ def _frame(element: ElementTree.Element) -> CoordinateFrame:
     return CoordinateFrame(dataspace, xformspace, matrix)
 
 
+def surface_of(image: Any) -> TriSurface:
+    """The surface of a NiBabel image (`nibabel.gifti.GiftiImage`), in its frame.
+
+    Raises
+    ------
+    InputError : the image holds no surface, or its coordinates are not mm
+    """
+    points, faces = (image.get_arrays_from_intent(f"NIFTI_INTENT_{name}") for name in ("POINTSET", "TRIANGLE"))
+    if not (points and faces):
+        raise InputError("the image holds no surface", remedy="give one with a pointset and triangles")
+    frame, system = CoordinateFrame(), points[0].coordsys
+    if system is not None:
+        dataspace, xformspace = (str(xform_codes.niistring[code]) for code in (system.dataspace, system.xformspace))
+        frame = CoordinateFrame(dataspace, xformspace, tuple(np.asarray(system.xform, float).ravel().tolist()))
+    _check_frame(frame, "the image")
+    return TriSurface(points[0].data, faces[0].data, frame=frame)
+
+
 def _check_frame(frame: CoordinateFrame, path: str | Path) -> None:
     """Raise InputError if the matrix of the coordinates says that they are not mm.
 

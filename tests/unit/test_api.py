@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.geometry.topology import boundary_surface
-from cortet.meshes import TriSurface
+from cortet.meshes import CoordinateFrame, TriSurface
 
 COARSE = 2.5
 
@@ -68,6 +70,36 @@ def test_a_surface_may_come_from_anything_that_holds_one(ball: TriSurface, tmp_p
 def test_what_holds_none_is_refused_in_words(held: Any, words: str) -> None:
     with pytest.raises(InputError, match=words):
         cortet.surface(held)
+
+
+def test_an_image_keeps_its_frame_as_its_file_does(ball: TriSurface, tmp_path: Path) -> None:
+    shift = (1, 0, 0, 7, 0, 1, 0, 8, 0, 0, 1, 9, 0, 0, 0, 1)
+    frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_SCANNER_ANAT", shift)
+    write_surface(replace(ball, frame=frame), tmp_path / "ball.surf.gii")
+    assert cortet.surface(nib.load(tmp_path / "ball.surf.gii")).frame == frame
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"hemi": "X"}, "'X' is no hemisphere"),
+        ({"inner": ["white.surf.gii"]}, "the inner surfaces have no names"),
+        ({"fields": {3: np.zeros(642)}}, "3 is no name of a field"),
+        ({"fields": {"a/../b": np.zeros(642)}}, "is no name of a field"),
+        ({"fields": {"a": ["x"] * 642}}, "the field a holds values of type <U1"),
+        ({"fields": {"a": np.zeros(642, complex)}}, "the field a holds values of type complex128"),
+    ],
+)
+def test_what_no_mesh_can_take_is_refused_in_words(ball: TriSurface, more: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=re.escape(words)):
+        cortet.mesh(ball, 6.0, progress=False, **more)
+
+
+def test_arrays_with_a_coordinate_that_is_not_finite_are_refused_as_their_file_is(ball: TriSurface) -> None:
+    points = ball.points.copy()
+    points[5, 1] = np.nan
+    with pytest.raises(InputError, match="have coordinates that are not finite"):
+        cortet.mesh((points, ball.faces), 6.0, progress=False)
 
 
 def test_a_mesh_has_its_arrays_its_certificate_and_its_fields(made: cortet.Mesh) -> None:
