@@ -151,7 +151,7 @@ class Mesh:
         return grid
 
     def plot(self, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
-        """A picture of the mesh, cut open: (height, width, 3), drawn without a display."""
+        """A picture of the mesh, cut open, transparent around it: (height, width, 4), drawn without a display."""
         from cortet.report.render import cut_view
 
         return cut_view(self.mesh, regions=bool(self.surface.inner), size=size)
@@ -335,8 +335,28 @@ def growth(
     return {field_of(ages[1]): found.tensors}, found
 
 
+def _tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
+    """The tetrahedral mesh of whatever holds one.
+
+    Raises
+    ------
+    InputError : a file holds no mesh, or it is of no kind that is known
+    """
+    if isinstance(made, str | Path):
+        form = format_of(Path(made))
+        if form.is_surface:
+            raise InputError("holds a surface, not a mesh", file=made, remedy="give a mesh of tetrahedra")
+        return form.read(Path(made))
+    if isinstance(made, Mesh | TetMesh):
+        return made.mesh if isinstance(made, Mesh) else made
+    raise InputError(f"a {type(made).__name__} is no mesh", remedy="give a file, or what `cortet.mesh` returns")
+
+
 def certify(
-    made: TetMesh | Mesh, shape: SurfaceLike, cell_size: float | None = None, settings: Settings | None = None
+    made: TetMesh | Mesh | str | Path,
+    shape: SurfaceLike,
+    cell_size: float | None = None,
+    settings: Settings | None = None,
 ) -> Certificate:
     """Judge any tetrahedral mesh against the surface that it should fill.
 
@@ -348,7 +368,7 @@ def certify(
 
     config = load(settings if settings is not None else {})
     limits = config.arguments("certify", {"cell_size": cell_size})
-    return judged(made.mesh if isinstance(made, Mesh) else made, surface(shape), **limits)
+    return judged(_tetrahedra(made), surface(shape), **limits)
 
 
 def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSurface, dict[str, Any]]:
@@ -361,12 +381,16 @@ def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSur
     return result, asdict(report)
 
 
-def compare(meshes: Mapping[str, TetMesh | Mesh], shape: SurfaceLike, cell_size: float | None = None) -> pd.DataFrame:
+def compare(
+    meshes: Mapping[str, TetMesh | Mesh | str | Path], shape: SurfaceLike, cell_size: float | None = None
+) -> pd.DataFrame:
     """The numbers of several meshes of one surface side by side: a row per number, a column per mesh."""
     import pandas as pd
 
     from cortet.report.comparison_page import comparison_rows
 
+    if not isinstance(meshes, Mapping):
+        raise InputError("the meshes have no names", remedy='give them by name: {"mine": mesh}')
     rows = comparison_rows({name: asdict(certify(one, shape, cell_size)) for name, one in meshes.items()})
     values = [[value for value, _ in row["values"]] for row in rows]
     return pd.DataFrame(values, index=[row["name"] for row in rows], columns=list(meshes))

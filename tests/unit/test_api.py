@@ -173,6 +173,17 @@ def test_meshes_are_compared_number_by_number(ball: TriSurface, made: cortet.Mes
     assert (table["a"] == table["b"]).all()
 
 
+def test_a_mesh_of_a_file_is_judged_and_what_is_none_is_said(
+    ball: TriSurface, made: cortet.Mesh, tmp_path: Path
+) -> None:
+    file = made.save(tmp_path / "ball.vtu")
+    assert cortet.certify(file, ball, 3.0).quality.tets == len(made.cells)
+    with pytest.raises(InputError, match=r"a NoneType is no mesh .*what `cortet.mesh` returns"):
+        cortet.certify(None, ball)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="the meshes have no names"):
+        cortet.compare([made], ball)  # type: ignore[arg-type]
+
+
 def test_a_mesh_folds_from_the_age_it_was_made_at(made: cortet.Mesh, tmp_path: Path) -> None:
     said: list[float] = []
     folded = cortet.fold(made, end=24.2, thickness=3.0, progress=lambda row, part, _: said.append(part))
