@@ -33,7 +33,7 @@ def read_with_pyvista(path: str | Path, **_: Any) -> pyvista.DataObject:
     """
     import pyvista
 
-    if Path(path).name.endswith(FORMATS["braingrowth"].suffix) and not _begins_with_a_number(Path(path)):
+    if Path(path).name.endswith(FORMATS["braingrowth"].suffix) and _is_of_medit(Path(path)):
         return pyvista.read_meshio(path)
     return _as_vtu(Path(path), pyvista.read)
 
@@ -52,12 +52,12 @@ def register_with_meshio() -> None:
         meshio.register_format(f"cortet-{name}", [FORMATS[name].suffix], read, {})
 
 
-def _begins_with_a_number(path: Path) -> bool:
-    """Whether the first word of a file is a whole number, as BrainGrowth writes and Medit does not."""
+def _is_of_medit(path: Path) -> bool:
+    """Whether a file begins as Medit's do, with a word or a comment; of any other meshio would end the program."""
     check_file(path)
     with path.open("rb") as file:
         words = file.read(100).split()
-    return bool(words) and words[0].isdigit()
+    return bool(words) and words[0].startswith((b"MeshVersionFormatted", b"#"))
 
 
 def _as_vtu(path: Path, read: Callable[[str], T]) -> T:

@@ -62,8 +62,9 @@ def test_meshio_reads_them_once_it_is_told(folder: Path) -> None:
 
 
 def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
-    (tmp_path / "a.mesh").write_text("4 0 0 0")
-    with pytest.raises(InputError, match=r"a\.mesh"):
-        read_with_pyvista(tmp_path / "a.mesh")
+    for content in (b"4 0 0 0", b"", b"\xff\xfe\x00junk"):
+        (tmp_path / "a.mesh").write_bytes(content)
+        with pytest.raises(InputError, match=r"a\.mesh"):
+            read_with_pyvista(tmp_path / "a.mesh")
     with pytest.raises(InputError, match="cannot be read"):
         read_with_pyvista(tmp_path / "none.mesh")
