@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from cortet.config import Config, load, read
 from cortet.errors import InputError
-from cortet.formats import format_of
+from cortet.formats import format_of, read_mesh
 from cortet.formats.gifti import hemisphere_of, read_surface, surface_of
 from cortet.formats.ownership import guarded
 from cortet.formats.placement import placed
@@ -343,10 +343,7 @@ def _tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
     InputError : a file holds no mesh, or it is of no kind that is known
     """
     if isinstance(made, str | Path):
-        form = format_of(Path(made))
-        if form.is_surface:
-            raise InputError("holds a surface, not a mesh", file=made, remedy="give a mesh of tetrahedra")
-        return form.read(Path(made))
+        return read_mesh(Path(made))
     if isinstance(made, Mesh | TetMesh):
         return made.mesh if isinstance(made, Mesh) else made
     raise InputError(f"a {type(made).__name__} is no mesh", remedy="give a file, or what `cortet.mesh` returns")

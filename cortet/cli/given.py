@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cortet import formats
 from cortet.errors import InputError
-from cortet.formats import format_of
 
 if TYPE_CHECKING:
     from cortet.config import Config
@@ -85,16 +85,13 @@ def read_mesh(path: Path, *, whole: bool = False) -> TetMesh:
     """
     from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar
 
-    form = format_of(path)
-    if form.is_surface:
-        raise InputError("holds a surface, not a mesh", file=path)
     if whole and (holes := (read_sidecar(path).get("made_from") or {}).get("holes")):
         raise InputError(
             f"is without the tetrahedra inside {', '.join(holes)}, and this takes a whole mesh",
             file=path,
             remedy="mesh again without holes",
         )
-    mesh = form.read(path)
+    mesh = formats.read_mesh(path)
     if changed_since(path):
         print(f"{path}: {CHANGED}", file=sys.stderr)
     return mesh

@@ -97,6 +97,15 @@ def format_of(path: Path) -> Format:
     raise InputError("is of no known mesh format", file=path, remedy=f"use a name ending in {endings}")
 
 
+def read_mesh(path: Path) -> TetMesh:
+    """The mesh of a file, by the end of its name; InputError if it holds a surface, or cannot be read."""
+    form = format_of(path)
+    if form.is_surface:
+        raise InputError("holds a surface, not a mesh", file=path)
+    mesh: TetMesh = form.read(path)
+    return mesh
+
+
 def require_holes(holes: Collection[str], solver: str) -> None:
     """Raise InputError for holes in a format that names no faces: there, a hole would pass for a void."""
     if holes and not FORMATS[solver].names_faces:

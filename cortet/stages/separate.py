@@ -113,9 +113,10 @@ def separate(
 
     for number in range(1, len(names)):
         one = sheets(surface)[number]
-        # a surface comes before those that it contains; where it has moved, these may lie outside it through no fault
-        _require_inside(one, around_it(given, number), name=names[number], max_outside=max_outside)
         container = around_it(surface, number)
+        # a surface comes before those that it contains; where it has moved, these may lie outside it through no fault
+        before = around_it(given, number) if around[number] > 0 else container
+        _require_inside(one, before, name=names[number], max_outside=max_outside)
         moved, report = _moved_inside(one, container, name=names[number], gap=min_gap * cell_size)
         surface = replace(surface, inner={**surface.inner, names[number]: moved})
         reports.append(report)
