@@ -101,7 +101,7 @@ def read_mesh(path: Path) -> TetMesh:
     """The mesh of a file, by the end of its name; InputError if it holds a surface, or cannot be read."""
     form = format_of(path)
     if form.is_surface:
-        raise InputError("holds a surface, not a mesh", file=path)
+        raise InputError("holds a surface, not a mesh", file=path, remedy="give a mesh of tetrahedra")
     mesh: TetMesh = form.read(path)
     return mesh
 
