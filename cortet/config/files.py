@@ -138,7 +138,7 @@ _OF_A_UNION = re.compile(r"float$|int$|str$|(dict|list|constrained|literal)\b.*|
 
 def _complaint(problem: Any) -> str:
     """One finding of pydantic in the user's words."""
-    *parents, last = [str(part) for part in problem["loc"] if not _OF_A_UNION.match(str(part))]
+    *parents, last = _path(problem["loc"])
     name = ".".join([*parents, last])
     if problem["type"] != "extra_forbidden":
         return f"{name} = {reprlib.repr(problem['input'])}: {problem['msg']}"
@@ -151,6 +151,14 @@ def _complaint(problem: Any) -> str:
             suggestion = ".".join([*parents, nearest[0]]) if known is here else everywhere[nearest[0]]
             return f"unknown key {name}; did you mean {suggestion}?"
     return f"unknown key {name}; known here: {', '.join(here)}"
+
+
+def _path(loc: tuple[str | int, ...]) -> Iterator[str]:
+    """The keys in the place that pydantic names, without indices into lists: the value tells which is meant."""
+    for before, part in zip(("", *loc), loc, strict=False):
+        is_index = isinstance(part, int) and not str(before).startswith("dict")
+        if not (is_index or _OF_A_UNION.match(str(part))):
+            yield str(part)
 
 
 def _keys(model: type[BaseModel], parents: str = "") -> Iterator[str]:

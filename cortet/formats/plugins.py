@@ -10,7 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from cortet.errors import InputError
 from cortet.formats import FORMATS, format_of, vtu
 from cortet.formats.untrusted import check_file
 
@@ -20,6 +19,9 @@ if TYPE_CHECKING:
 
 #: formats that meshio lacks, or reads without what cortet keeps in them
 _FOR_MESHIO = ("braingrowth", "febio", "carp", "carp_binary")
+
+#: bytes of a file within which its first word stands
+_BEGINNING = 10_000
 
 T = TypeVar("T")
 
@@ -43,21 +45,19 @@ def register_with_meshio() -> None:
     import meshio
 
     def read(path: str) -> meshio.Mesh:
-        try:
-            return _as_vtu(Path(path), meshio.read)
-        except InputError as error:
-            raise meshio.ReadError(str(error)) from error
+        return _as_vtu(Path(path), meshio.read)  # no ReadError: for one of its own, meshio ends the program
 
     for name in _FOR_MESHIO:
         meshio.register_format(f"cortet-{name}", [FORMATS[name].suffix], read, {})
 
 
 def _is_of_medit(path: Path) -> bool:
-    """Whether a file begins as Medit's do, with a word or a comment; of any other meshio would end the program."""
+    """Whether a file begins as Medit's do, after comments perhaps; of any other meshio would end the program."""
     check_file(path)
     with path.open("rb") as file:
-        words = file.read(100).split()
-    return bool(words) and words[0].startswith((b"MeshVersionFormatted", b"#"))
+        lines = [line.strip() for line in file.read(_BEGINNING).splitlines()]
+    words = [line for line in lines if line and not line.startswith(b"#")]
+    return bool(words) and words[0].startswith(b"MeshVersionFormatted")
 
 
 def _as_vtu(path: Path, read: Callable[[str], T]) -> T:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import gzip
 import os
 import re
-import warnings
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,9 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.tsv import read_tsv
 from cortet.formats.untrusted import LARGEST, check_file
 from cortet.meshes import CoordinateFrame, FloatArray
+
+if TYPE_CHECKING:
+    from nibabel.spatialimages import SpatialImage
 
 #: labels: whole numbers; numbers: one of any kind per voxel; tensors: xx xy xz yy yz zz along the axes of the voxels,
 #: as FSL's dtifit writes them; mrtrix: xx yy zz xy xz yz along x, y and z, as MRtrix's dwi2tensor writes them
@@ -136,20 +140,19 @@ def read_volume(path: str | Path, kind: Kind | None = None) -> Volume:
         the file cannot be read; it holds more volumes than one, or no number but 0; it is not in mm; or it does not
         say where its voxels are; what it holds does not fit the kind, or fits several
     """
-    values, affine, order = _loaded(path)
-    tensors = values.ndim == 4
-    if tensors != (kind in ("tensors", "mrtrix")) and kind is not None:
-        there = "six numbers" if tensors else "one number"
-        remedy = "name it NAME=FILE:tensors" if tensors else "a tensor has six numbers"
-        raise InputError(f"holds {there} per voxel, which are no {kind}", file=path, remedy=remedy)
-    if not np.nan_to_num(values).any():
-        what = "every voxel is 0" if not np.isnan(values).any() else "no voxel holds a number but 0"
-        raise InputError(f"is empty: {what}", file=path, remedy="export it again")
-    if tensors:
-        return Volume(_tensors(values, affine, order or kind or "tensors", path), affine, "tensors", file=str(path))
-    if kind == "labels" or (kind is None and _are_labels(values, path)):
-        return Volume(_whole(values, path), affine, "labels", label_names(path), str(path))
-    return Volume(values.astype(np.float32), affine, "numbers", file=str(path))
+    import nibabel
+
+    if not str(path).endswith(_ENDINGS):
+        raise InputError("is no volume", file=path, remedy=f"give a file that ends in {', '.join(_ENDINGS)}")
+    check_file(path)
+    with _readable(path):
+        image: Any = nibabel.load(path, mmap=False)  # a map of a file that is cut short later ends the program
+    return _volume(image, path, kind)
+
+
+def volume_of(image: SpatialImage) -> Volume:
+    """A volume of an image of NiBabel; raises InputError as `read_volume`. Its file names labels, if it has one."""
+    return _volume(image, image.get_filename() or "the image", None)
 
 
 def label_table(path: str | Path) -> Path | None:
@@ -186,28 +189,33 @@ def label_names(path: str | Path) -> dict[int, str]:
     return names
 
 
-def _loaded(path: str | Path) -> tuple[NDArray[Any], FloatArray, str]:
-    """Values (i, j, k) or (i, j, k, 6), affine, and the order of tensors if the header states it."""
+def _volume(image: SpatialImage, path: str | Path, kind: Kind | None) -> Volume:
+    """A volume of what NiBabel read from a file."""
+    values, affine, order = _content(image, path)
+    tensors = values.ndim == 4
+    if tensors != (kind in ("tensors", "mrtrix")) and kind is not None:
+        there = "six numbers" if tensors else "one number"
+        remedy = "name it NAME=FILE:tensors" if tensors else "a tensor has six numbers"
+        raise InputError(f"holds {there} per voxel, which are no {kind}", file=path, remedy=remedy)
+    if not np.nan_to_num(values).any():
+        what = "every voxel is 0" if not np.isnan(values).any() else "no voxel holds a number but 0"
+        raise InputError(f"is empty: {what}", file=path, remedy="export it again")
+    if tensors:
+        return Volume(_tensors(values, affine, order or kind or "tensors", path), affine, "tensors", file=str(path))
+    if kind == "labels" or (kind is None and _are_labels(values, path)):
+        known = label_names(path) if os.path.isfile(path) else {}  # noqa: PTH113, as in label_table
+        return Volume(_whole(values, path), affine, "labels", known, str(path))
+    return Volume(values.astype(np.float32), affine, "numbers", file=str(path))
+
+
+@contextmanager
+def _readable(path: str | Path) -> Iterator[None]:
+    """What NiBabel raises for files that are damaged, as InputError."""
     import nibabel
     import nibabel.freesurfer.mghformat
 
-    if not str(path).endswith(_ENDINGS):
-        raise InputError("is no volume", file=path, remedy=f"give a file that ends in {', '.join(_ENDINGS)}")
-    check_file(path)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            image: Any = nibabel.load(path, mmap=False)  # a map of a file that is cut short later ends the program
-            shape = tuple(int(count) for count in image.shape)
-            order = _shape_is_usable(shape, path)
-            if int(np.prod(shape, dtype=object)) * 8 > LARGEST:
-                what = f"has {shape} voxels, more than are read"
-                raise InputError(what, file=path, remedy="crop it to the brain, or give a coarser one")
-            affine = np.asarray(image.affine, float)
-            _require_placed(image, affine, path)
-            values = np.asarray(image.dataobj)
-    except InputError:
-        raise
+        yield
     except (OSError, EOFError, ValueError, TypeError, KeyError, ArithmeticError, AttributeError, zlib.error) as error:
         raise InputError(f"cannot be read as a volume: {error}", file=path, remedy="export it again") from None
     except (
@@ -218,6 +226,19 @@ def _loaded(path: str | Path) -> tuple[NDArray[Any], FloatArray, str]:
         nibabel.freesurfer.mghformat.MGHError,
     ) as error:
         raise InputError(f"cannot be read as a volume: {error}", file=path, remedy="export it again") from None
+
+
+def _content(image: SpatialImage, path: str | Path) -> tuple[NDArray[Any], FloatArray, str]:
+    """Values (i, j, k) or (i, j, k, 6), affine, and the order of tensors if the header states it."""
+    with _readable(path):
+        shape = tuple(int(count) for count in image.shape)
+        order = _shape_is_usable(shape, path)
+        if int(np.prod(shape, dtype=object)) * 8 > LARGEST:
+            what = f"has {shape} voxels, more than are read"
+            raise InputError(what, file=path, remedy="crop it to the brain, or give a coarser one")
+        affine = np.asarray(image.affine, float)
+        _require_placed(image, affine, path)
+        values = np.asarray(image.dataobj)
     if values.dtype.kind not in "iuf":
         raise InputError(f"holds values of type {values.dtype}", file=path, remedy="export it as numbers")
     return values.reshape(shape[:3] if order is None else (*shape[:3], _TENSOR)), affine, order or ""

@@ -13,7 +13,7 @@ import numpy as np
 import pyvista
 from numpy.typing import NDArray
 
-from cortet.errors import StageError
+from cortet.errors import InputError, StageError
 from cortet.formats.atomic import atomic_path
 from cortet.geometry.topology import boundary_surface, compact
 from cortet.measure.quality import quality
@@ -41,6 +41,9 @@ SCALE = {
 
 #: margin around the mesh, and the share of the width beside the scale
 MARGIN, ROOM = 1.05, 0.7
+
+#: width or height of the largest picture, which graphics libraries limit
+_MOST_PIXELS = 16384
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 
@@ -221,8 +224,12 @@ def off_screen(size: tuple[int, int]) -> Iterator[pyvista.Plotter]:
 
     Raises
     ------
+    InputError : there is no picture of this size
     StageError : the graphics library cannot draw here
     """
+    if not all(isinstance(pixels, int | np.integer) and 1 <= pixels <= _MOST_PIXELS for pixels in size):
+        what = f"a picture of {' x '.join(map(str, size))} pixels cannot be drawn"
+        raise InputError(what, remedy=f"give width and height, whole numbers from 1 to {_MOST_PIXELS}")
     try:
         with pyvista.vtk_verbosity("error"):  # without a display VTK first warns, then draws without one
             plotter = pyvista.Plotter(off_screen=True, window_size=list(size))

@@ -52,15 +52,26 @@ def with_fields(surface: TriSurface, files: Mapping[str, str | Path]) -> TriSurf
                     file=file,
                     remedy="give a field of this very surface",
                 )
-            bad = np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))
-            if len(bad):
-                raise InputError(
-                    f"the field {field} is not finite at {len(bad)} vertices, the first is vertex {bad[0]}",
-                    file=file,
-                    remedy="give these vertices a value, such as 0 on the medial wall: no solver reads NaN",
-                )
+            require_finite(values, f"the field {field}", file)
             fields[field] = values
     return replace(surface, point_data=fields)
+
+
+def require_finite(values: NDArray[Any], what: str, file: str | Path | None = None) -> None:
+    """Raise InputError for values (n,) or (n, k) of vertices that are not all finite.
+
+    Parameters
+    ----------
+    what, file : which values, as the message says
+    """
+    per_vertex = np.isfinite(values).reshape(len(values), -1) if values.size else np.empty((0, 1), bool)
+    bad = np.flatnonzero(~per_vertex.all(axis=1))
+    if len(bad):
+        raise InputError(
+            f"{what} is not finite at {len(bad)} vertices, the first is vertex {bad[0]}",
+            file=file,
+            remedy="give these vertices a value, such as 0 on the medial wall: no solver reads NaN",
+        )
 
 
 def field_sources(files: Mapping[str, str | Path], units: Mapping[str, str] | None = None) -> dict[str, FieldSource]:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 from cortet.errors import InputError, place_mm
 from cortet.formats.hashing import sha256
 from cortet.formats.tables import Column
-from cortet.formats.volumes import Volume, matrices, read_named, six, to_scanner, volume_file
+from cortet.formats.volumes import Volume, matrices, read_named, six, to_scanner, volume_file, volume_of
 from cortet.geometry.coverage import coverage
 from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import joined
 from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import REGION, CoordinateFrame, FloatArray, IntArray, TetMesh, TriSurface, is_brain
+
+if TYPE_CHECKING:
+    from nibabel.spatialimages import SpatialImage
 
 VERSION: int = 1
 
@@ -50,8 +53,8 @@ TISSUE_COLUMNS = (
 )
 
 
-def read_volumes(given: Mapping[str, str | Path | Volume]) -> dict[str, Volume]:
-    """The volumes of `NAME -> FILE` or `NAME -> FILE:KIND`; those that were read stay as they are.
+def read_volumes(given: Mapping[str, str | Path | SpatialImage | Volume]) -> dict[str, Volume]:
+    """The volumes of `NAME -> FILE`, `NAME -> FILE:KIND` or `NAME -> image`; those that were read stay as they are.
 
     Raises
     ------
@@ -63,7 +66,18 @@ def read_volumes(given: Mapping[str, str | Path | Volume]) -> dict[str, Volume]:
                 f"{name!r} cannot be the name of a volume",
                 remedy=f"use letters and digits, a letter first, and none of {', '.join(_TAKEN)}",
             )
-    return {name: one if isinstance(one, Volume) else read_named(str(one)) for name, one in given.items()}
+    return {name: _volume(name, one) for name, one in given.items()}
+
+
+def _volume(name: str, given: Any) -> Volume:
+    if isinstance(given, Volume):
+        return given
+    if isinstance(given, str | Path):
+        return read_named(str(given))
+    if hasattr(given, "affine") and hasattr(given, "dataobj"):  # nibabel's SpatialImage
+        return volume_of(given)
+    what = f"the volume {name} is a {type(given).__name__}, which does not say where its voxels are"
+    raise InputError(what, remedy="give a file, or an image of NiBabel")
 
 
 def require_in_place(volumes: Mapping[str, Volume], surface: TriSurface) -> None:

@@ -63,6 +63,8 @@ def test_a_surface_may_come_from_anything_that_holds_one(ball: TriSurface, tmp_p
         (3.0, "a float is no surface .*give a file, a NiBabel image"),
         (nib.GiftiImage(), "the image holds no surface"),
         (pyvista.Plane(), "faces that are no triangles .*triangulate"),
+        (pyvista.PolyData(), "the PolyData has 0 points and no faces"),
+        ((np.ma.masked_array(np.zeros((4, 3)), np.eye(4, 3)), [[0, 1, 2]]), "the vertices: 3 values are masked"),
         ((np.zeros((3, 3)), [[0, 1, 7]]), "but vertices run from 0 to 2"),
         (np.zeros((4, 3)), "a ndarray is no surface"),
     ],
@@ -88,11 +90,34 @@ def test_an_image_keeps_its_frame_as_its_file_does(ball: TriSurface, tmp_path: P
         ({"fields": {"a/../b": np.zeros(642)}}, "is no name of a field"),
         ({"fields": {"a": ["x"] * 642}}, "the field a holds values of type <U1"),
         ({"fields": {"a": np.zeros(642, complex)}}, "the field a holds values of type complex128"),
+        ({"fields": {"a": np.full(642, np.nan)}}, "the field a is not finite at 642 vertices, the first is vertex 0"),
+        ({"fields": {"a": np.ma.masked_equal(np.arange(642), 7)}}, "the field a: 1 values are masked"),
+        ({"volumes": {"t": np.zeros((4, 4, 4))}}, "the volume t is a ndarray, which does not say where its voxels"),
     ],
 )
 def test_what_no_mesh_can_take_is_refused_in_words(ball: TriSurface, more: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=re.escape(words)):
         cortet.mesh(ball, 6.0, progress=False, **more)
+
+
+def test_a_surface_in_memory_brings_fields_that_are_judged_as_well(ball: TriSurface) -> None:
+    height = ball.points[:, 2].copy()
+    height[3] = np.nan
+    with pytest.raises(InputError, match="the field height is not finite at 1 vertices, the first is vertex 3"):
+        cortet.mesh(replace(ball, point_data={"height": height}), 6.0, progress=False)
+
+
+def test_an_image_in_memory_is_a_volume_as_its_file_is(ball: TriSurface, tmp_path: Path) -> None:
+    labels = np.full((16, 16, 16), 3, np.int16)
+    image = nib.Nifti1Image(labels, np.diag([2.0, 2, 2, 1]) + np.array([[0, 0, 0, -15.0]] * 3 + [[0] * 4]))
+    nib.save(image, file := tmp_path / "tissue_dseg.nii.gz")
+    (tmp_path / "dseg.tsv").write_text("index\tname\n3\tgrey\n")
+    tables = [
+        cortet.mesh(ball, 4.0, volumes={"tissue": given}, progress=False).tissues()
+        for given in (file, nib.load(file), image)
+    ]
+    assert tables[0].equals(tables[1]) and list(tables[0]["name"]) == ["grey"]
+    assert list(tables[2]["tetrahedra"]) == list(tables[0]["tetrahedra"])  # a file of its own names its labels
 
 
 def test_arrays_with_a_coordinate_that_is_not_finite_are_refused_as_their_file_is(ball: TriSurface) -> None:
@@ -124,6 +149,12 @@ def test_pyvista_gets_every_field_and_the_quality(made: cortet.Mesh) -> None:
     assert grid.volume == pytest.approx(4 / 3 * np.pi * 1000, rel=0.05)
 
 
+@pytest.mark.parametrize("size", [(0, 0), (-3, 5), (3.5, 2), (100_000, 5)])
+def test_a_picture_of_no_size_is_refused(made: cortet.Mesh, size: Any) -> None:
+    with pytest.raises(InputError, match="pixels cannot be drawn .*from 1 to"):
+        made.plot(size)
+
+
 def test_a_notebook_shows_verdict_picture_and_checks(made: cortet.Mesh) -> None:
     page = made._repr_html_()
     assert "tetrahedra, worst q" in page and "data:image/webp;base64," in page and page.count("✓") == len(made.checks())
@@ -150,6 +181,11 @@ def test_no_file_of_others_is_replaced_unless_forced_and_no_input_ever(ball: Tri
     assert theirs.read_text() == "mine"
     made.save(theirs, force=True)
     assert len(vtu.read(theirs).cells) == len(made.cells)
+
+
+def test_what_cannot_be_written_is_said_with_its_file(made: cortet.Mesh) -> None:
+    with pytest.raises(InputError, match=r"/proc/none/x.vtu: cannot be written: .*folder"):
+        made.save("/proc/none/x.vtu")
 
 
 def test_a_mesh_that_is_not_certified_is_saved_only_if_forced(ball: TriSurface, tmp_path: Path) -> None:
@@ -182,6 +218,8 @@ def test_a_mesh_of_a_file_is_judged_and_what_is_none_is_said(
         cortet.certify(None, ball)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="the meshes have no names"):
         cortet.compare([made], ball)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="no meshes are given"):
+        cortet.compare({}, ball)
 
 
 def test_a_mesh_folds_from_the_age_it_was_made_at(made: cortet.Mesh, tmp_path: Path) -> None:
@@ -201,6 +239,8 @@ def test_a_mesh_folds_from_the_age_it_was_made_at(made: cortet.Mesh, tmp_path: P
 
 def test_the_interface_is_listed_and_nothing_else_is_public() -> None:
     assert set(cortet.__all__) <= set(dir(cortet))
-    assert {getattr(cortet, name).__module__ for name in cortet.__all__} == {"cortet.api", "cortet.errors"}
+    from cortet import api, errors
+
+    assert {name for name in cortet.__all__ if not hasattr(errors, name)} == set(api.__all__)
     with pytest.raises(AttributeError, match="no attribute 'meshing'"):
         _ = cortet.meshing  # type: ignore[attr-defined]

@@ -56,13 +56,16 @@ def test_meshio_reads_them_once_it_is_told(folder: Path) -> None:
             if file.suffix in (*READERS, ".pts"):
                 assert len(meshio.read(file).cells_dict["tetra"]) == len(format_of(file).read(file).cells)
         assert len(meshio.read(folder / "medit.mesh").cells_dict["tetra"]) == 1
+        (folder / "cut.feb").write_text("<febio_spec")
+        with pytest.raises(InputError, match="cut.feb"):  # and the program goes on
+            meshio.read(folder / "cut.feb")
     finally:
         for name in [name for name in _helpers.reader_map if name.startswith("cortet-")]:
             meshio.deregister_format(name)
 
 
 def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
-    for content in (b"4 0 0 0", b"", b"\xff\xfe\x00junk"):
+    for content in (b"4 0 0 0", b"", b"\xff\xfe\x00junk", b"#\x00\x01junk"):
         (tmp_path / "a.mesh").write_bytes(content)
         with pytest.raises(InputError, match=r"a\.mesh"):
             read_with_pyvista(tmp_path / "a.mesh")

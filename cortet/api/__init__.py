@@ -1,0 +1,12 @@
+"""cortet in a few calls: `mesh`, `fold`, `growth`, `certify`, `repair`, `compare`, from files or arrays to results.
+
+Surfaces may be files, NiBabel images, meshes of PyVista or trimesh, or pairs of arrays. Nothing is written unless a
+result is saved. The command line and the workflow do the same with files.
+"""
+
+from cortet.api.folding import Folded, fold, growth
+from cortet.api.given import surface
+from cortet.api.judging import certify, compare, repair
+from cortet.api.meshing import Mesh, mesh
+
+__all__ = ["Folded", "Mesh", "certify", "compare", "fold", "growth", "mesh", "repair", "surface"]

@@ -1,0 +1,141 @@
+"""`fold`, what it returns, and `growth`, which a fold may take."""
+
+from __future__ import annotations
+
+import html
+import tempfile
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.api.given import SurfaceLike, surface
+from cortet.api.meshing import Mesh, image, say, tetrahedra
+from cortet.config import load
+from cortet.errors import InputError
+from cortet.meshes import TetMesh, region_names
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from cortet.measure.surface_growth import Growth
+
+
+def growth(
+    early: SurfaceLike,
+    later: SurfaceLike,
+    ages: tuple[float, float],
+    *,
+    spheres: tuple[SurfaceLike, SurfaceLike] | None = None,
+    smooth: float | None = None,
+) -> tuple[dict[str, NDArray[Any]], Growth]:
+    """How much each spot of a surface has grown until a later age.
+
+    Parameters
+    ----------
+    ages : gestational ages of the two, weeks
+    spheres : registered spheres of the two, through which their vertices correspond; None: they do by their numbers
+    smooth : full width at half maximum of the smoothing along the surface, mm; None: as much as noise asks for
+
+    Returns
+    -------
+    fields for `mesh`, by which a mesh of `early` grows when it is folded; and what was measured
+
+    Raises
+    ------
+    InputError : the vertices do not correspond, or the ages do not rise
+    """
+    from cortet.measure.surface_growth import measured, through_spheres
+    from cortet.simulation.growth_map import field_of
+
+    if not ages[0] < ages[1]:
+        raise InputError(f"the later age, {ages[1]:g} weeks, is not after the early one", remedy="give both, rising")
+    first, last = surface(early), surface(later)
+    if spheres:
+        last = through_spheres(last, surface(spheres[1]), surface(spheres[0]))
+    found = measured(first, last, smooth)
+    return {field_of(ages[1]): found.tensors}, found
+
+
+@dataclass(frozen=True, eq=False)
+class Folded:
+    """A fold: how it ended, its table, and the folder that holds its frames."""
+
+    #: as `verdict.json`
+    verdict: dict[str, Any]
+    #: a row per `record_interval`, as `fold.tsv`
+    table: pd.DataFrame
+    folder: Path
+    hemi: Literal["L", "R"] | None
+    #: removes the folder once nobody holds the fold any more, where the user named none
+    _keeper: Any = field(default=None, repr=False)
+
+    def at(self, ga: float) -> TetMesh:
+        """The mesh of the frame nearest to an age, weeks."""
+        from cortet.formats import vtu
+        from cortet.report.fold_figures import series
+        from cortet.simulation.journal import SERIES
+
+        frames = series(self.folder / SERIES)
+        return vtu.read(min(frames, key=lambda frame: abs(frame[1] - ga))[0])
+
+    def plot(self) -> NDArray[np.uint8]:
+        """The surface at the end, seen from its side: (height, width, 3)."""
+        from cortet.report.fold_figures import series, views
+        from cortet.simulation.journal import SERIES
+
+        return next(views([series(self.folder / SERIES)[-1][0]], self.hemi))
+
+    def _repr_html_(self) -> str:
+        return f"<p>{html.escape(self.verdict['reason'])}</p>{image(self.plot())}"
+
+
+def fold(
+    made: TetMesh | Mesh | str | Path,
+    ga: float | None = None,
+    hemi: Literal["L", "R"] | None = None,
+    *,
+    folder: str | Path | None = None,
+    progress: bool | Callable[..., None] = True,
+    **settings: Any,
+) -> Folded:
+    """Let a mesh grow and fold.
+
+    Parameters
+    ----------
+    ga : gestational age of the mesh, weeks; None: that with which it was made
+    hemi : "L" or "R" for half a brain; None: that of the mesh
+    folder : gets table and frames, and a run that was killed goes on there; None: a folder that goes with the result
+    settings : keys of the section `fold`: end, thickness, model, ...
+
+    Raises
+    ------
+    InputError : the age is not known, or the mesh cannot be folded
+    """
+    import pandas as pd
+
+    from cortet.formats.tsv import read_tsv
+    from cortet.simulation.fold import fold as folded
+    from cortet.simulation.journal import TABLE, per_percent
+    from cortet.simulation.plausible import refuse_shell
+    from cortet.simulation.state import Settings as FoldSettings
+
+    if isinstance(made, Mesh):
+        refuse_shell(region_names(made.surface.inner))
+        ga, hemi = made.ga if ga is None else ga, hemi or made.hemi
+    if ga is None:
+        raise InputError("the gestational age of the mesh is not known", remedy="give ga, in weeks")
+    keeper = tempfile.TemporaryDirectory(prefix="cortet-fold-") if folder is None else None
+    place = Path(keeper.name if keeper else folder or "")
+    values = load({"fold": settings}).arguments("fold", {"gestational_age": ga, "hemisphere": hemi})
+    speak = progress if callable(progress) else per_percent(say)
+    mesh = tetrahedra(made)
+    regions = (*values["core_regions"], *values["region_stiffness"])
+    if isinstance(made, Mesh) and any(isinstance(region, str) for region in regions):
+        mesh = made.named()
+    verdict = folded(mesh, place, FoldSettings(**values), speak if progress else None)
+    table = read_tsv(place / TABLE).apply(pd.to_numeric, errors="coerce")
+    return Folded(asdict(verdict), table, place, hemi, keeper)

@@ -1,0 +1,77 @@
+"""What a caller may give: surfaces, fields and settings in memory or as files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cortet.errors import InputError
+from cortet.formats.gifti import read_surface, surface_of
+from cortet.meshes import TriSurface
+from cortet.solver_files.fields import require_finite
+
+#: a file of any format that is read, `TriSurface`, NiBabel's `GiftiImage`, PyVista's `PolyData`, trimesh's `Trimesh`,
+#: or vertices (n, 3) in mm and faces (m, 3)
+SurfaceLike = Any
+#: a file, or keys of the configuration by section
+Settings = str | Path | Mapping[str, Any]
+
+
+def surface(shape: SurfaceLike) -> TriSurface:
+    """A surface from whatever holds one.
+
+    Raises
+    ------
+    InputError : it holds no triangles, hides some of its values, or is of no kind that is known
+    """
+    if isinstance(shape, TriSurface):
+        return shape
+    if isinstance(shape, str | Path):
+        return read_surface(shape)
+    if hasattr(shape, "agg_data") and hasattr(shape, "darrays"):  # nibabel.gifti.GiftiImage
+        return surface_of(shape)
+    if hasattr(shape, "regular_faces"):  # pyvista.PolyData
+        return _of_polydata(shape)
+    if hasattr(shape, "vertices") and hasattr(shape, "faces"):  # trimesh.Trimesh
+        return _of_arrays(shape.vertices, shape.faces)
+    if isinstance(shape, tuple | list) and len(shape) == 2:
+        return _of_arrays(*shape)
+    raise InputError(
+        f"a {type(shape).__name__} is no surface",
+        remedy="give a file, a NiBabel image, a mesh of PyVista or trimesh, or vertices and faces",
+    )
+
+
+def require_fields(fields: Mapping[str, Any]) -> None:
+    """Raise InputError for fields that no file could hold, and for values that no solver reads."""
+    for name, values in fields.items():
+        if not (isinstance(name, str) and re.fullmatch(r"\w[\w .-]*", name)):
+            raise InputError(f"{name!r} is no name of a field", remedy="use letters, digits, _ and -")
+        _require_unmasked(values, f"the field {name}")
+        if (kind := np.asarray(values).dtype).kind not in "fiub":
+            raise InputError(f"the field {name} holds values of type {kind}", remedy="give real numbers")
+        require_finite(np.asarray(values), f"the field {name}")
+
+
+def _of_polydata(shape: Any) -> TriSurface:
+    if not shape.n_cells:
+        raise InputError(f"the PolyData has {shape.n_points} points and no faces", remedy="give one with triangles")
+    if not shape.is_all_triangles:
+        raise InputError("the PolyData has faces that are no triangles", remedy="call its triangulate() before")
+    return TriSurface(shape.points, shape.regular_faces, dict(shape.point_data))
+
+
+def _of_arrays(vertices: Any, faces: Any) -> TriSurface:
+    for name, values in (("the vertices", vertices), ("the faces", faces)):
+        _require_unmasked(values, name)
+    return TriSurface(vertices, faces)
+
+
+def _require_unmasked(values: Any, name: str) -> None:
+    """Raise InputError for a masked array with masked values, which `np.asarray` would bring back."""
+    if hidden := int(np.ma.getmaskarray(values).sum()) if isinstance(values, np.ma.MaskedArray) else 0:
+        raise InputError(f"{name}: {hidden} values are masked", remedy="give them values with filled()")

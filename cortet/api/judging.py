@@ -1,0 +1,64 @@
+"""`certify`, `compare` and `repair`: judge meshes, mend surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cortet.api.given import Settings, SurfaceLike, surface
+from cortet.api.meshing import Mesh, tetrahedra
+from cortet.config import load
+from cortet.errors import InputError
+from cortet.formats.gifti import read_surface
+from cortet.measure.certify import Certificate
+from cortet.meshes import TetMesh, TriSurface
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def certify(
+    made: TetMesh | Mesh | str | Path,
+    shape: SurfaceLike,
+    cell_size: float | None = None,
+    settings: Settings | None = None,
+) -> Certificate:
+    """Judge any tetrahedral mesh against the surface that it should fill.
+
+    Parameters
+    ----------
+    cell_size : mm, by which distances are judged; None: taken from the mesh
+    """
+    from cortet.measure.certify import certify as judged
+
+    config = load(settings if settings is not None else {})
+    limits = config.arguments("certify", {"cell_size": cell_size})
+    return judged(tetrahedra(made), surface(shape), **limits)
+
+
+def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSurface, dict[str, Any]]:
+    """Mend a surface that is open, not manifold, turned inside out or crosses itself; also says what was done."""
+    from cortet.stages.repair import repair as mended
+
+    given = read_surface(shape, finite=False) if isinstance(shape, str | Path) else surface(shape)
+    config = load(settings if settings is not None else {"repair": {"enabled": True}})
+    result, report = mended(given, **config.arguments("repair", {"source": None, "inside": False}))
+    return result, asdict(report)
+
+
+def compare(
+    meshes: Mapping[str, TetMesh | Mesh | str | Path], shape: SurfaceLike, cell_size: float | None = None
+) -> pd.DataFrame:
+    """The numbers of several meshes of one surface side by side: a row per number, a column per mesh."""
+    import pandas as pd
+
+    from cortet.report.comparison_page import comparison_rows
+
+    if not (isinstance(meshes, Mapping) and meshes):
+        what = "no meshes are given" if isinstance(meshes, Mapping) else "the meshes have no names"
+        raise InputError(what, remedy='give them by name: {"mine": mesh}')
+    rows = comparison_rows({name: asdict(certify(one, shape, cell_size)) for name, one in meshes.items()})
+    values = [[value for value, _ in row["values"]] for row in rows]
+    return pd.DataFrame(values, index=[row["name"] for row in rows], columns=list(meshes))

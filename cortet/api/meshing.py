@@ -1,0 +1,280 @@
+"""`mesh` and what it returns."""
+
+from __future__ import annotations
+
+import html
+import sys
+from base64 import b64encode
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.api.given import Settings, SurfaceLike, require_fields, surface
+from cortet.config import Config, load, read
+from cortet.errors import InputError
+from cortet.formats import format_of, read_mesh
+from cortet.formats.gifti import hemisphere_of
+from cortet.formats.ownership import guarded
+from cortet.formats.placement import placed
+from cortet.formats.tables import names
+from cortet.formats.volumes import Volume
+from cortet.geometry.limits import SHELL_MM, require_within
+from cortet.geometry.nesting import nested
+from cortet.measure.certify import Certificate
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, require_measurable
+from cortet.pipeline import Meshed, Step, mesh_surface
+from cortet.solver_files.export import export
+from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
+from cortet.solver_files.sets import named_sets
+from cortet.solver_files.volumes import (
+    TISSUE_COLUMNS,
+    label_names,
+    read_volumes,
+    require_in_place,
+    with_volumes,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyvista
+    from nibabel.spatialimages import SpatialImage
+
+#: width and height of the picture in a notebook, pixels
+_PICTURE = (640, 480)
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A mesh with its certificate and the surface that was meshed."""
+
+    mesh: TetMesh
+    certificate: Certificate
+    #: that was meshed: the one given, mended and smoothed
+    surface: TriSurface
+    #: gestational age, weeks, and hemisphere, where they are known
+    ga: float | None = None
+    hemi: Literal["L", "R"] | None = None
+    config: Config = field(default_factory=Config)
+    #: files that it was made from, which nothing is written to
+    inputs: tuple[Path, ...] = ()
+    #: a row for each label of each volume, as `solver_files.volumes.TISSUE_COLUMNS`
+    tissue_rows: tuple[Mapping[str, Any], ...] = ()
+    #: volume -> label -> name
+    label_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+
+    @property
+    def points(self) -> FloatArray:
+        """Nodes: (n, 3) mm."""
+        return self.mesh.points
+
+    @property
+    def cells(self) -> IntArray:
+        """Tetrahedra: (m, 4)."""
+        return self.mesh.cells
+
+    @property
+    def certified(self) -> bool:
+        """Whether the mesh passed every check."""
+        return self.certificate.certified
+
+    @property
+    def quality(self) -> FloatArray:
+        """q of each tetrahedron, 0 for the regular one: (m,)."""
+        from cortet.measure.quality import quality
+
+        return quality(self.points, self.cells)
+
+    def checks(self) -> pd.DataFrame:
+        """The checks of the certificate: name, whether passed, finding."""
+        import pandas as pd
+
+        return pd.DataFrame([asdict(check) for check in self.certificate.checks])
+
+    def tissues(self) -> pd.DataFrame:
+        """What of the mesh has each label of its volumes: tetrahedra, mL, worst q, mean share inside."""
+        import pandas as pd
+
+        return pd.DataFrame(list(self.tissue_rows), columns=names(TISSUE_COLUMNS))
+
+    def to_pyvista(self) -> pyvista.UnstructuredGrid:
+        """The mesh for PyVista, with its fields and the quality q of each tetrahedron."""
+        import pyvista
+
+        grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: self.cells}, self.points)
+        for name, values in self.mesh.point_data.items():
+            grid.point_data[name] = values
+        for name, values in (*self.mesh.cell_data.items(), ("q", self.quality)):
+            grid.cell_data[name] = values
+        return grid
+
+    def plot(self, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
+        """A picture of the mesh, cut open, transparent around it: (height, width, 4), drawn without a display."""
+        from cortet.report.render import cut_view
+
+        return cut_view(self.mesh, regions=bool(self.surface.inner), size=size)
+
+    def named(self) -> TetMesh:
+        """The mesh with its named sets, as files hold it; they take the place of the numbers of regions."""
+        return named_sets(
+            self.mesh,
+            **self.config.export.sets,
+            inner=list(self.surface.inner),
+            label_names=self.label_names,
+            tissues=self.label_names,
+        )
+
+    def save(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write the mesh in the format of the file's ending, verified, with its sidecar.
+
+        Parameters
+        ----------
+        force : write also a mesh that is not certified, and over a file that cortet did not make, but never over one
+            that was given by its name; NiBabel's images of surfaces do not know theirs
+
+        Raises
+        ------
+        InputError : the mesh is not certified, or a file stands there that cortet did not make
+        """
+        path = Path(path)
+        solver = format_of(path).name
+        if not self.certified and not force:
+            raise InputError(
+                f"is not written, as the mesh is not certified: {'; '.join(self.certificate.reasons)}",
+                file=path,
+                remedy="give force=True to write it anyway",
+            )
+        try:
+            with guarded(self.inputs, files=[path], force=force):
+                export(
+                    self.named(),
+                    path,
+                    solver=solver,
+                    certificate=asdict(self.certificate),
+                    unit=self.config.export.carp_unit,
+                    frame=self.surface.frame,
+                    interior=self.config.transfer.interior,
+                    holes=self.config.export.holes,
+                    uncertified=force,
+                )
+        except OSError as error:
+            what, remedy = (
+                f"cannot be written: {error.strerror or error}",
+                "give a folder with space that you may write to",
+            )
+            raise InputError(what, file=path, remedy=remedy) from error
+        return path
+
+    def __repr__(self) -> str:
+        verdict = "certified" if self.certified else f"NOT certified: {'; '.join(self.certificate.reasons)}"
+        return f"<Mesh: {len(self.cells):,} tetrahedra, worst q {self.certificate.quality.q.max:.3f}, {verdict}>"
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{'✓' if check.passed else '✗'}</td>"
+            f'<td style="text-align: left">{html.escape(check.finding)}</td></tr>'
+            for check in self.certificate.checks
+        )
+        return f"<p>{html.escape(repr(self)[1:-1])}</p>{image(self.plot(_PICTURE))}<table>{rows}</table>"
+
+
+def mesh(
+    shape: SurfaceLike,
+    cell_size: float | None = None,
+    *,
+    ga: float | None = None,
+    hemi: Literal["L", "R"] | None = None,
+    inner: Mapping[str, SurfaceLike] | None = None,
+    shell: float | None = None,
+    fields: Mapping[str, Any] | None = None,
+    volumes: Mapping[str, str | Path | SpatialImage | Volume] | None = None,
+    settings: Settings | None = None,
+    progress: bool | Callable[[Step], None] = True,
+) -> Mesh:
+    """Mesh the inside of a closed surface.
+
+    Parameters
+    ----------
+    cell_size : edge length of the tetrahedra, mm; None: that of the settings
+    ga : gestational age, weeks
+    hemi : "L" or "R"; None: what the file says, if it does
+    inner : closed surfaces inside, name of the region within -> surface, or labels of a volume: "dseg.nii.gz:5,6"
+    shell : mm, from the surface to a smooth one around it; what is between is meshed as the region `csf`
+    fields : values per vertex (n,) or (n, k) by name, which the mesh gets, too
+    volumes : images whose labels, numbers or tensors the tetrahedra get, by name: NIfTI or MGZ, or NiBabel's images
+    settings : a configuration file, or its keys by section: {"repair": {"enabled": True}}
+    progress : False is silent; a function is called after every stage
+
+    Raises
+    ------
+    InputError : the surface cannot be meshed, a volume does not lie around it, or a setting is impossible
+    """
+    data = dict(settings) if isinstance(settings, Mapping) else read(Path(settings)) if settings is not None else {}
+    if cell_size is not None:
+        data["generate"] = {**(data.get("generate") or {}), "cell_size": cell_size}
+    config, outer, source = load(data), surface(shape), shape if isinstance(shape, str | Path) else None
+    require_measurable(outer)
+    if hemi not in ("L", "R", None):
+        raise InputError(f"{hemi!r} is no hemisphere", remedy='use "L", "R" or None')
+    if not isinstance(inner, Mapping | None):
+        raise InputError("the inner surfaces have no names", remedy='give them by name: {"white": surface}')
+    of_vertices = {**outer.point_data, **(fields or {})}
+    require_fields(of_vertices)
+    outer = replace(outer, point_data=of_vertices)
+    from_files = {name: str(one) for name, one in (inner or {}).items() if isinstance(one, str | Path)}
+    within = inner_surfaces(from_files, outer, config.placement(), handles=config.handles())
+    others = {name: surface(one) for name, one in (inner or {}).items() if name not in from_files}
+    images = read_volumes(volumes or {})
+    in_mm = placed(outer, config.placement())
+    require_in_place(images, in_mm)
+    whole = nested(outer, {**within.surfaces, **others})
+    if shell is not None:
+        require_within(shell, SHELL_MM, "the distance of the shell in mm")
+        whole = with_shell(whole, shell, config.placement())
+    made: Meshed = mesh_surface(
+        whole,
+        config,
+        gestational_age=ga,
+        source=source,
+        inner_sources=within.files,
+        case=Path(source).name.partition(".")[0] if source else "",
+        progress=progress if callable(progress) else _told if progress else lambda _: None,
+    )
+    filled, rows = with_volumes(made.mesh, images, frame=in_mm.frame, shares=config.export.label_shares)
+    given = (source, *within.files.values(), *(volume.file for volume in images.values()))
+    files = tuple(Path(file) for file in given if file)
+    side = hemi or (hemisphere_of(source) if source else None)
+    return Mesh(filled, *made[1:], ga, side, config, files, tuple(rows), label_names(images))
+
+
+def _told(step: Step) -> None:
+    say(f"{step.stage}: {step.seconds:.1f} s")
+
+
+def say(line: str) -> None:
+    """Put a line where a terminal and a notebook show it apart from results."""
+    sys.stderr.write(f"{line}\n")
+
+
+def tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
+    """The tetrahedral mesh of whatever holds one.
+
+    Raises
+    ------
+    InputError : a file holds no mesh, or it is of no kind that is known
+    """
+    if isinstance(made, str | Path):
+        return read_mesh(Path(made))
+    if isinstance(made, Mesh | TetMesh):
+        return made.mesh if isinstance(made, Mesh) else made
+    raise InputError(f"a {type(made).__name__} is no mesh", remedy="give a file, or what `cortet.mesh` returns")
+
+
+def image(pixels: NDArray[np.uint8]) -> str:
+    """A picture as an element of a page."""
+    from cortet.report.render import webp
+
+    return f'<img src="data:image/webp;base64,{b64encode(webp(pixels)).decode()}" alt="">'
