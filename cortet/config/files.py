@@ -36,7 +36,7 @@ def load(source: Path | str | Mapping[str, Any]) -> Config:
     try:
         return Config.model_validate(data)
     except ValidationError as error:
-        lines = [_complaint(problem) for problem in error.errors(include_url=False)]
+        lines = [_complaint(problem, data) for problem in error.errors(include_url=False)]
         raise InputError("; ".join(lines), file=place) from None
 
 
@@ -136,9 +136,9 @@ def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any
 _OF_A_UNION = re.compile(r"float$|int$|str$|(dict|list|constrained|literal)\b.*|\[key\]$")
 
 
-def _complaint(problem: Any) -> str:
+def _complaint(problem: Any, data: Mapping[str, Any]) -> str:
     """One finding of pydantic in the user's words."""
-    *parents, last = _path(problem["loc"])
+    *parents, last = _keys_on_the_way(problem["loc"], data)
     name = ".".join([*parents, last])
     if problem["type"] != "extra_forbidden":
         return f"{name} = {reprlib.repr(problem['input'])}: {problem['msg']}"
@@ -153,12 +153,14 @@ def _complaint(problem: Any) -> str:
     return f"unknown key {name}; known here: {', '.join(here)}"
 
 
-def _path(loc: tuple[str | int, ...]) -> Iterator[str]:
-    """The keys in the place that pydantic names, without indices into lists: the value tells which is meant."""
-    for before, part in zip(("", *loc), loc, strict=False):
-        is_index = isinstance(part, int) and not str(before).startswith("dict")
-        if not (is_index or _OF_A_UNION.match(str(part))):
+def _keys_on_the_way(loc: tuple[str | int, ...], data: Any) -> Iterator[str]:
+    """The keys on the way to a value, without indices into lists: the value itself tells which is meant."""
+    for part in loc:
+        if _OF_A_UNION.match(str(part)):
+            continue
+        if isinstance(data, Mapping) or not isinstance(part, int):
             yield str(part)
+        data = data.get(part) if isinstance(data, Mapping) else None
 
 
 def _keys(model: type[BaseModel], parents: str = "") -> Iterator[str]:

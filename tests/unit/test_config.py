@@ -146,7 +146,7 @@ def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
         ({"generate": {"cell_size": 0.001}}, "Input should be greater than or equal to 0.05"),
         ({"fold": {"real_surfaces": {2: "x"}}}, "fold.real_surfaces.2"),
         ({"fold": {"end": 400}}, "fold.end = 400: Input should be less than or equal to 60"),
-        ({"fold": {"regions": {1: [1, float("nan"), 1]}}}, "fold.regions.1.1 = nan: Input should be a finite number"),
+        ({"fold": {"regions": {1: [1, float("nan"), 1]}}}, "fold.regions.1 = nan: Input should be a finite number"),
         ({"generate": {"facet_angle": float("nan")}}, "generate.facet_angle = nan"),
         ({"setting": "paper"}, "setting = 'paper': Input should be 'default', 'cgal' or 'published'"),
     ],
