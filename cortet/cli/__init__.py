@@ -10,12 +10,23 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cortet.cli.options import WRITTEN, CheckedOutput, FolderOfFiles, OutputFile, parser
-from cortet.cli.values import Number
+from cortet import __version__
+from cortet.cli import growth, meshes, meshing, runs, surfaces
+from cortet.cli.values import WRITTEN, CheckedOutput, FolderOfFiles, Number, OutputFile
 from cortet.errors import CortetError, InputError
 from cortet.formats.ownership import guarded
 
 __all__ = ["Number", "main", "parser"]
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command's arguments, which the modules beside this one add by command."""
+    top = argparse.ArgumentParser(prog="cortet", description="Certified tetrahedral meshes of cortical surfaces.")
+    top.add_argument("--version", action="version", version=f"cortet {__version__}")
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
+    for module in (meshing, surfaces, meshes, growth, runs):
+        module.add_commands(commands)
+    return top
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

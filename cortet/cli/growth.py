@@ -4,11 +4,55 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cortet.cli.given import stem_of
 from cortet.cli.meshing import recorded
+from cortet.cli.shared import writes
+from cortet.cli.values import Number, OutputFile, output_picture
 from cortet.errors import InputError
 from cortet.formats.ownership import may_write
+from cortet.geometry.limits import FOLD_AGES
+
+
+def add_commands(commands: Commands) -> None:
+    """Add `growth`."""
+    growth = commands.add_parser(
+        "growth", parents=[writes()], help="measure how much each spot of a surface has grown until a later age"
+    )
+    growth.add_argument("early", type=Path, metavar="EARLY", help="surface, GIfTI")
+    growth.add_argument("later", type=Path, metavar="LATER", help="surface whose vertices correspond to those of EARLY")
+    growth.add_argument(
+        "--ages", type=Number(*FOLD_AGES), nargs=2, required=True, metavar="WEEKS", help="gestational ages of the two"
+    )
+    growth.add_argument(
+        "--spheres",
+        type=Path,
+        nargs=2,
+        metavar="GII",
+        help="registered spheres of EARLY and LATER, through which their vertices correspond",
+    )
+    growth.add_argument(
+        "--smooth",
+        type=Number(0, 50),
+        metavar="MM",
+        help="full width at half maximum of the smoothing along the surface (default: as much as noise asks for)",
+    )
+    growth.add_argument("--picture", type=output_picture, metavar="PNG", help="also draw the ratio of the areas")
+    growth.add_argument(
+        "-o",
+        "--output",
+        type=OutputFile,
+        required=True,
+        metavar="GII",
+        help="growth, six numbers per vertex: .func.gii",
+    )
+    growth.set_defaults(run=growth_command)
+
+
+if TYPE_CHECKING:
+    from cortet.cli.shared import Commands
 
 
 def growth_command(args: argparse.Namespace) -> int:

@@ -11,12 +11,105 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cortet.cli.given import draw, read_mesh, stem_of
+from cortet.cli.shared import common, inner, limits, writes
+from cortet.cli.values import FolderOfFiles, Number, OutputFile, moduli, output_picture
 from cortet.errors import InputError
-from cortet.formats import format_of
+from cortet.formats import FORMATS, format_of
 
 if TYPE_CHECKING:
+    from cortet.cli.shared import Commands
     from cortet.measure.certify import Certificate
     from cortet.meshes import TetMesh, TriSurface
+
+
+def add_commands(commands: Commands) -> None:
+    """Add the commands on meshes."""
+    quality = commands.add_parser("quality", parents=[common()], help="measure the elements of a mesh")
+    quality.add_argument("mesh", type=Path, metavar="MESH")
+    quality.add_argument("--json", action="store_true", help="every number, the histogram too, as JSON")
+    quality.set_defaults(run=quality_command)
+
+    certify = commands.add_parser(
+        "certify", parents=[writes(), inner(), limits()], help="judge a mesh against the surface it was made from"
+    )
+    certify.add_argument("mesh", type=Path, metavar="MESH")
+    certify.add_argument(
+        "surface", type=Path, nargs="?", metavar="SURFACE", help="default: the surface that was meshed, by the sidecar"
+    )
+    certify.add_argument("-o", "--output", type=OutputFile, metavar="JSON", help="also write the certificate there")
+    certify.set_defaults(run=certify_command)
+
+    compare = commands.add_parser(
+        "compare", parents=[writes(), limits()], help="set meshes of one surface side by side, whatever made them"
+    )
+    compare.add_argument("meshes", type=Path, nargs="+", metavar="MESH")
+    compare.add_argument(
+        "--surface", type=Path, metavar="SURFACE", help="the surface they fill (default: by the sidecar of the first)"
+    )
+    compare.add_argument("-o", "--output", type=OutputFile, required=True, metavar="HTML", help="page for a browser")
+    compare.add_argument("--table", type=OutputFile, metavar="TSV", help="also write the numbers there")
+    compare.set_defaults(run=compare_command)
+
+    verify = commands.add_parser(
+        "verify", parents=[common()], help="check a solver file against its solver's conventions"
+    )
+    verify.add_argument("file", type=Path, metavar="FILE")
+    verify.add_argument("--solver", choices=list(FORMATS), help="solver that will read it (default: by the suffix)")
+    verify.set_defaults(run=verify_command)
+
+    convert = commands.add_parser("convert", parents=[writes()], help="write a mesh file in another solver's format")
+    convert.add_argument("source", type=Path, metavar="IN")
+    convert.add_argument("target", type=OutputFile, metavar="OUT", help="its suffix says for which solver")
+    convert.add_argument("--unit", choices=["mm", "um"], default="um", help="of a CARP file that is written")
+    convert.add_argument("--source-unit", choices=["mm", "um"], default="um", help="of a CARP file without a sidecar")
+    convert.set_defaults(run=convert_command)
+
+    quadratic = commands.add_parser(
+        "quadratic", parents=[writes()], help="write a mesh as ten-node tetrahedra, midside nodes on the surface"
+    )
+    quadratic.add_argument("mesh", type=Path, metavar="MESH")
+    quadratic.add_argument(
+        "surface", type=Path, nargs="?", metavar="SURFACE", help="default: the surface that was meshed, by the sidecar"
+    )
+    quadratic.add_argument(
+        "--max-boundary-distance",
+        type=Number(0, 1000, endless=True),
+        default=1e-3,
+        metavar="MM",
+        help="limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit)",
+    )
+    quadratic.add_argument(
+        "-o", "--output", type=OutputFile, required=True, metavar="OUT", help=".inp, .feb, .msh, .vtu or .xdmf"
+    )
+    quadratic.set_defaults(run=quadratic_command)
+
+    job = commands.add_parser("job", parents=[writes()], help="write a folder in which a solver lets the cortex grow")
+    job.add_argument("mesh", type=Path, metavar="MESH", help="with the sets that cortet exports")
+    job.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
+    job.add_argument("--solver", choices=["calculix", "febio", "fenics"], default="calculix", help="default: calculix")
+    job.add_argument("--growth", type=Number(0, 1), default=0.05, metavar="G", help="along the cortex (default: 0.05)")
+    job.add_argument(
+        "--material",
+        action="append",
+        default=[],
+        type=moduli,
+        metavar="SET=SHEAR[,BULK]",
+        help="moduli of a set of tetrahedra, in units of the cortex's shear modulus; repeatable, and the last one "
+        "counts where sets overlap; CalculiX and FEniCS",
+    )
+    job.add_argument(
+        "--ten-nodes",
+        type=Path,
+        metavar="SURFACE",
+        dest="surface",
+        help="elements of ten nodes that follow this surface, from which the mesh was made (CalculiX only)",
+    )
+    job.set_defaults(run=job_command, inner=[])
+
+    picture = commands.add_parser("picture", parents=[writes()], help="draw a mesh cut open, coloured by q")
+    picture.add_argument("mesh", type=Path, metavar="MESH")
+    picture.add_argument("-o", "--output", type=output_picture, required=True, metavar="PNG")
+    picture.set_defaults(run=picture_command)
 
 
 def quality_command(args: argparse.Namespace) -> int:

@@ -12,14 +12,109 @@ from typing import TYPE_CHECKING, Any
 
 from cortet.cli.given import config_of, draw, sphere_of, stem_of, surface_of
 from cortet.cli.meshes import print_verdict
+from cortet.cli.shared import inner, writes
+from cortet.cli.values import Number, OutputFile, named_file, output_picture, size
 from cortet.errors import InputError
 from cortet.formats import format_of, require_holes
 from cortet.formats.ownership import delete_made, may_write, record_of
+from cortet.geometry.limits import CELL_SIZE_MM, SCAN_AGES, SHELL_MM
 
 if TYPE_CHECKING:
+    from cortet.cli.shared import Commands
     from cortet.config import Config
     from cortet.meshes import TetMesh, TriSurface
     from cortet.pipeline import Step
+
+
+def add_commands(commands: Commands) -> None:
+    """Add `mesh` and `stages`."""
+    line = argparse.ArgumentParser(add_help=False, parents=[inner()])
+    line.add_argument(
+        "--size",
+        action="append",
+        default=[],
+        type=size,
+        metavar="WHERE=MM",
+        help="smaller cells at the surface of a region (white=0.5), inside labels of a volume (dseg.nii.gz:5=0.5), or "
+        "as the voxels of a volume say (sizes.nii.gz); repeatable",
+    )
+    line.add_argument(
+        "--shell",
+        type=Number(*SHELL_MM),
+        metavar="MM",
+        help="also mesh the space around the brain, a region csf, up to a smooth surface at least so far away",
+    )
+    line.add_argument("surface", type=Path, metavar="SURFACE", help="closed surface, GIfTI, mm")
+    line.add_argument(
+        "--cell-size",
+        type=Number(*CELL_SIZE_MM),
+        metavar="MM",
+        help="cell size h (default: 0.6, or what --config says)",
+    )
+    line.add_argument(
+        "--ga",
+        type=Number(*SCAN_AGES),
+        metavar="WEEKS",
+        help="gestational age, by which the setting published smooths the surface",
+    )
+    line.add_argument(
+        "--setting",
+        choices=["default", "cgal", "published"],
+        help="our line, the paper's mesher with our boundary, or all choices of the paper",
+    )
+    line.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see `cortet config`")
+    line.add_argument(
+        "--field",
+        action="append",
+        default=[],
+        type=named_file,
+        metavar="NAME=FILE",
+        help="per-vertex field to carry to the mesh, GIfTI; repeatable",
+    )
+    line.add_argument(
+        "--sphere", type=Path, metavar="FILE", help="sphere of SURFACE, through which it is put onto the common mesh"
+    )
+
+    mesh = commands.add_parser("mesh", parents=[writes(), line], help="mesh one surface and certify the mesh")
+    mesh.add_argument(
+        "-o",
+        "--output",
+        type=OutputFile,
+        required=True,
+        metavar="OUT",
+        help="mesh file; its suffix says for which solver",
+    )
+    mesh.add_argument(
+        "--volume",
+        action="append",
+        default=[],
+        type=named_file,
+        metavar="NAME=FILE",
+        help="NIfTI or MGZ whose labels, numbers or tensors the tetrahedra get; FILE:KIND says which; repeatable",
+    )
+    mesh.add_argument(
+        "--hole",
+        action="append",
+        metavar="NAME",
+        help="write no tetrahedra inside the inner surface NAME, a ventricle for example; repeatable",
+    )
+    mesh.add_argument(
+        "--picture", type=output_picture, metavar="PNG", help="also draw the mesh cut open, coloured by q"
+    )
+    mesh.add_argument(
+        "--slices",
+        type=output_picture,
+        metavar="PNG",
+        help="also draw slices of the first volume with the mesh in them",
+    )
+    mesh.add_argument("--page", type=OutputFile, metavar="HTML", help="also write a page on the mesh for a browser")
+    mesh.set_defaults(run=mesh_command)
+
+    table = commands.add_parser(
+        "stages", parents=[writes(), line], help="run the line and tabulate what each stage does"
+    )
+    table.add_argument("-o", "--output", type=OutputFile, metavar="TSV", help="also write the table there")
+    table.set_defaults(run=stages_command)
 
 
 def mesh_command(args: argparse.Namespace) -> int:

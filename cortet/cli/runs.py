@@ -5,11 +5,114 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from cortet.cli.given import read_mesh, settings_of
-from cortet.errors import InputError
+from cortet.cli.shared import common, writes
+from cortet.cli.values import CheckedOutput, FolderOfFiles, Number, aged_file
+from cortet.errors import CortetError, InputError
 from cortet.formats.ownership import may_write
+from cortet.geometry.limits import CELL_SIZE_MM, FOLD_AGES
+
+
+def add_commands(commands: Commands) -> None:
+    """Add the long runs, and what is asked before them."""
+    fold = commands.add_parser("fold", parents=[writes()], help="grow the cortex of a mesh until it folds")
+    fold.add_argument("mesh", type=Path, metavar="MESH")
+    fold.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
+    fold.add_argument(
+        "--ga", type=Number(*FOLD_AGES), required=True, metavar="WEEKS", help="gestational age of the mesh"
+    )
+    fold.add_argument("--hemi", choices=["L", "R"], help="half a brain, beside its other half")
+    fold.add_argument(
+        "--end", type=Number(*FOLD_AGES), metavar="WEEKS", help="gestational age at the end (default: 40)"
+    )
+    fold.add_argument(
+        "--time-step", type=Number(0, 1), metavar="DT", help="dimensionless (default: from smallest altitude)"
+    )
+    fold.add_argument("--device", choices=["cpu", "cuda"], help="what takes the steps: cuda is a GPU (default: cpu)")
+    fold.add_argument(
+        "--real",
+        action="append",
+        default=[],
+        type=aged_file,
+        metavar="WEEKS=FILE",
+        help="surface of a real brain of this age, shown beside the simulated one; repeatable",
+    )
+    fold.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section fold says the rest")
+    fold.add_argument(
+        "--threads",
+        type=Number(1, 10_000, whole=True),
+        metavar="N",
+        help="default: one per core; the result is the same",
+    )
+    fold.add_argument("--status", action=_FoldStatus, metavar="DIR", help="say how far the run in a folder is, and end")
+    fold.set_defaults(run=fold_command)
+
+    cohort = commands.add_parser("cohort", help="work on cohort sheets").add_subparsers(
+        required=True, metavar="COMMAND"
+    )
+    scan = cohort.add_parser("scan", parents=[common()], help="make a cohort sheet of a data release")
+    scan.add_argument("folder", type=Path, metavar="DIR")
+    scan.add_argument("-o", "--output", type=CheckedOutput, required=True, metavar="TSV")
+    scan.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose cohort.scan says where surfaces are")
+    scan.add_argument("--pial", action="store_true", help="two regions: the pial surface, and the white one inside")
+    existing = scan.add_mutually_exclusive_group()
+    existing.add_argument("--update", action="store_true", help="add new cases to an existing sheet, keep its rows")
+    existing.add_argument("--force", action="store_true", help="replace an existing sheet")
+    scan.set_defaults(run=scan_command)
+
+    run = commands.add_parser("run", parents=[common()], help="mesh the surfaces of a BIDS dataset (a BIDS App)")
+    run.add_argument("bids_dir", type=Path, metavar="BIDS_DIR", help="dataset, or derivatives of one, with surfaces")
+    run.add_argument("output_dir", type=CheckedOutput, metavar="OUTPUT_DIR", help="where the derivatives go")
+    run.add_argument(
+        "level",
+        choices=["participant", "group"],
+        metavar="{participant,group}",
+        help="single cases, or tables and figures over all",
+    )
+    for words, name, of in (
+        (("--participant-label", "--participant_label"), "participants", "participants"),
+        (("--session-label", "--session_label"), "sessions", "sessions"),
+    ):
+        run.add_argument(*words, dest=name, nargs="+", default=[], metavar="LABEL", help=f"only these {of}")
+    run.add_argument("--hemi", choices=["L", "R"], help="only this hemisphere")
+    run.add_argument(
+        "--cell-size",
+        type=Number(*CELL_SIZE_MM),
+        metavar="MM",
+        help="cell size h (default: 0.6, or what --config says)",
+    )
+    run.add_argument("--setting", choices=["default", "cgal", "published"], help="as of `cortet mesh`")
+    run.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see `cortet config`")
+    run.add_argument("--pial", action="store_true", help="two regions: the pial surface, and the white one inside")
+    run.add_argument("--cores", type=Number(1, 10_000, whole=True), metavar="N", help="default: all")
+    run.add_argument("--profile", metavar="NAME", help="profile of Snakemake: slurm, or a folder")
+    run.add_argument("-n", "--dry-run", action="store_true", help="say what would be done")
+    run.add_argument(
+        "-w",
+        "--work-dir",
+        type=CheckedOutput,
+        metavar="DIR",
+        help="cohort sheet, configuration and what Snakemake remembers",
+    )
+    run.set_defaults(run=run_command)
+
+    settings = commands.add_parser(
+        "config", parents=[common()], help="print every parameter, with its unit and meaning"
+    )
+    settings.add_argument("--setting", choices=["default", "cgal", "published"], default="default", help="as of `run`")
+    settings.set_defaults(run=config_command)
+
+    doctor = commands.add_parser(
+        "doctor", parents=[common()], help="prove that everything needed is installed and works"
+    )
+    doctor.set_defaults(run=doctor_command)
+
+
+if TYPE_CHECKING:
+    from cortet.cli.shared import Commands
 
 
 def fold_command(args: argparse.Namespace) -> int:
@@ -142,3 +245,17 @@ def doctor_command(_: argparse.Namespace) -> int:
     from cortet import doctor
 
     return doctor.run()
+
+
+class _FoldStatus(argparse.Action):
+    """Says how far a run has come; no mesh is needed then."""
+
+    def __call__(self, parser: argparse.ArgumentParser, _: object, folder: object, *__: object) -> None:
+        """Print it and end the program."""
+        from cortet.simulation.journal import reached
+
+        try:
+            print(reached(Path(str(folder))))
+        except CortetError as error:
+            parser.error(str(error))
+        parser.exit()

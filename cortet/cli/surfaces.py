@@ -10,11 +10,145 @@ from typing import TYPE_CHECKING
 
 from cortet.cli.given import stem_of
 from cortet.cli.meshing import recorded
+from cortet.cli.shared import common, writes
+from cortet.cli.values import FolderOfFiles, Number, named_file, output_picture, output_surface
 from cortet.errors import CortetError
 from cortet.formats.ownership import may_write
+from cortet.geometry.limits import CLOSING_MM, PHANTOM_AGES, SHELL_MM, SUBDIVISIONS, THICKNESS_MM
 
 if TYPE_CHECKING:
+    from cortet.cli.shared import Commands
     from cortet.stages.gate import GateReport
+
+
+def add_commands(commands: Commands) -> None:
+    """Add the commands on surfaces."""
+    gate = commands.add_parser("gate", parents=[common()], help="say of each surface whether it can be meshed")
+    gate.add_argument("surfaces", type=Path, nargs="+", metavar="SURFACE")
+    gate.add_argument(
+        "--allow-genus", type=Number(0, 10_000, whole=True), default=0, metavar="N", help="accept up to N handles"
+    )
+    gate.set_defaults(run=gate_command)
+
+    repair = commands.add_parser("repair", parents=[writes()], help="repair a broken surface, within limits")
+    repair.add_argument("surface", type=Path, metavar="IN", help="GIfTI or FreeSurfer surface")
+    repair.add_argument(
+        "-o", "--output", type=output_surface, required=True, metavar="OUT", help="GIfTI; the report is beside it"
+    )
+    repair.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section repair holds the limits")
+    repair.add_argument("--picture", type=output_picture, metavar="PNG", help="also draw it before and after")
+    repair.add_argument(
+        "--field", action="append", default=[], type=named_file, metavar="NAME=FILE", help="per-vertex field, GIfTI"
+    )
+    repair.set_defaults(run=repair_command)
+
+    resample = commands.add_parser(
+        "resample", parents=[writes()], help="put a surface onto the common mesh, through its sphere"
+    )
+    resample.add_argument("surface", type=Path, metavar="IN", help="GIfTI or FreeSurfer surface")
+    resample.add_argument("--sphere", type=Path, required=True, metavar="FILE", help="registered sphere of IN")
+    resample.add_argument(
+        "-o", "--output", type=output_surface, required=True, metavar="OUT", help="GIfTI; the report is beside it"
+    )
+    resample.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section resample says onto what")
+    resample.add_argument(
+        "--field", action="append", default=[], type=named_file, metavar="NAME=FILE", help="per-vertex field, GIfTI"
+    )
+    resample.set_defaults(run=resample_command)
+
+    around = commands.add_parser(
+        "envelope", parents=[writes()], help="make a smooth closed surface around one or several others"
+    )
+    around.add_argument("surfaces", type=Path, nargs="+", metavar="SURFACE", help="closed surfaces of one head, mm")
+    around.add_argument(
+        "--distance",
+        type=Number(*SHELL_MM),
+        default=2.0,
+        metavar="MM",
+        help="from the surfaces, at least (default: 2)",
+    )
+    around.add_argument(
+        "--closing",
+        type=Number(*SHELL_MM),
+        default=CLOSING_MM,
+        metavar="MM",
+        help=f"half the width of the grooves that lie inside of it (default: {CLOSING_MM:g})",
+    )
+    around.add_argument("-o", "--output", type=output_surface, required=True, metavar="GII")
+    around.set_defaults(run=envelope_command)
+
+    labels = commands.add_parser(
+        "labels",
+        parents=[writes()],
+        help="make a closed surface around labels of a volume, without the steps of voxels",
+    )
+    labels.add_argument("labels", metavar="VOLUME:LABELS", help="NIfTI or MGZ, and labels: dseg.nii.gz:3,4")
+    labels.add_argument(
+        "--handles",
+        type=Number(0, 10_000, whole=True),
+        default=0,
+        metavar="N",
+        help="so many may stay; where there are more, they are cut or closed on the voxels (default: 0)",
+    )
+    labels.add_argument(
+        "-o",
+        "--output",
+        type=output_surface,
+        required=True,
+        metavar="GII",
+        help="of several components, NAME1.surf.gii and so on, the largest first",
+    )
+    labels.set_defaults(run=labels_command)
+
+    made = argparse.ArgumentParser(add_help=False)
+    made.add_argument("--ga", type=Number(*PHANTOM_AGES), required=True, metavar="WEEKS", help="gestational age")
+    made.add_argument(
+        "--subdivisions",
+        type=Number(*SUBDIVISIONS, whole=True),
+        default=5,
+        metavar="N",
+        help="of the icosahedron (default: 5)",
+    )
+    made.add_argument(
+        "--seed",
+        type=Number(0, 2**32 - 1, whole=True),
+        default=0,
+        metavar="N",
+        help="of the individual variation (default: 0)",
+    )
+    phantom = commands.add_parser(
+        "phantom", parents=[writes(), made], help="make a synthetic cortex of any gestational age"
+    )
+    phantom.add_argument("--hemi", choices=["L", "R"], default="L")
+    phantom.add_argument("-o", "--output", type=output_surface, required=True, metavar="GII")
+    phantom.add_argument(
+        "--pial",
+        type=output_surface,
+        metavar="GII",
+        help="write the synthetic cortex there, and to -o a white surface within it",
+    )
+    phantom.add_argument(
+        "--sphere", type=output_surface, metavar="GII", help="also write the sphere that it was made of"
+    )
+    phantom.add_argument(
+        "--thickness",
+        type=Number(*THICKNESS_MM),
+        default=1.5,
+        metavar="MM",
+        help="of the cortex between the two (default: 1.5)",
+    )
+    phantom.set_defaults(run=phantom_command)
+
+    head = commands.add_parser(
+        "head",
+        parents=[writes(), made],
+        help="make a synthetic hemisphere with ventricles, a thalamus and volumes of them",
+    )
+    head.add_argument(
+        "--voxel", type=Number(0.1, 5), default=0.5, metavar="MM", help="width of the voxels (default: 0.5)"
+    )
+    head.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
+    head.set_defaults(run=head_command)
 
 
 def gate_command(args: argparse.Namespace) -> int:

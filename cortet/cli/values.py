@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 from cortet.geometry.limits import CELL_SIZE_MM, FOLD_AGES
 
@@ -77,3 +78,32 @@ def inner_file(text: str) -> tuple[str, str]:
     if not (re.fullmatch("[A-Za-z][A-Za-z0-9]*", name) and file):
         raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE, NAME of letters and digits")
     return name, file
+
+
+class OutputFile(type(Path())):  # type: ignore[misc]
+    """A file that a command writes; any other path among its arguments is an input."""
+
+
+def output_surface(text: str) -> OutputFile:
+    """A surface that a command writes: GIfTI."""
+    if not text.endswith(".gii"):
+        raise argparse.ArgumentTypeError(f"{text!r} is no name of a GIfTI file; end it in .surf.gii")
+    return OutputFile(text)
+
+
+class CheckedOutput(type(Path())):  # type: ignore[misc]
+    """A sheet, or a folder of `cortet run`: the command itself refuses one that is not its own."""
+
+
+class FolderOfFiles(type(Path())):  # type: ignore[misc]
+    """A folder in which a command writes some files; each of them is guarded by itself."""
+
+
+def output_picture(text: str) -> OutputFile:
+    """A file to write that ends in .png."""
+    if not text.lower().endswith(".png"):
+        raise argparse.ArgumentTypeError(f"{text!r} does not end in .png")
+    return OutputFile(text)
+
+
+WRITTEN = (OutputFile, CheckedOutput, FolderOfFiles)
