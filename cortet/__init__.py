@@ -10,6 +10,8 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from cortet.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from cortet.api import Folded, Mesh, certify, compare, fold, growth, mesh, repair, surface
     from cortet.errors import CortetError, InputError
@@ -29,8 +31,6 @@ os.environ.setdefault(
 )
 if "numba" in sys.modules:  # it has read its environment already
     sys.modules["numba"].config.reload_config()
-
-__version__ = "0.2.0"
 
 #: everything else is for those who build on the parts
 __all__ = ["CortetError", "Folded", "InputError", "Mesh"]

@@ -22,7 +22,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from cortet import __version__
+from cortet.version import __version__
 
 if TYPE_CHECKING:
     from cortet.meshes import TetMesh, TriSurface

@@ -10,11 +10,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cortet import __version__
 from cortet.cli import growth, meshes, meshing, runs, surfaces
 from cortet.cli.values import WRITTEN, CheckedOutput, FolderOfFiles, Number, OutputFile
 from cortet.errors import CortetError, InputError
 from cortet.formats.ownership import guarded
+from cortet.version import __version__
 
 __all__ = ["Number", "main", "parser"]
 

@@ -17,7 +17,6 @@ from typing import IO, Any, Literal
 
 import yaml
 
-import cortet
 from cortet.cohort.bids import is_own_output, require_own_output
 from cortet.cohort.lock import HELD_BY, hold
 from cortet.cohort.scan import scan
@@ -32,6 +31,7 @@ from cortet.formats.ownership import MARKER, mark
 LEVELS = {"participant": "participants", "group": "cohort"}
 #: folder of Snakemake's own files, below the output folder
 _WORK = "work"
+_PACKAGE = Path(__file__).parents[1]
 #: Snakemake says so before it asks any logger
 _PROFILE = "for setting default command line arguments"
 
@@ -78,11 +78,10 @@ def workflow() -> Path:
     InputError
         there is none
     """
-    package = Path(cortet.__file__).parent
-    for folder in (package / "workflow", package.parent):
+    for folder in (_PACKAGE / "workflow", _PACKAGE.parent):
         if (folder / "Snakefile").is_file():
             return folder
-    raise InputError("no Snakefile in the package", file=package, remedy="install cortet from its wheel or a checkout")
+    raise InputError("no Snakefile in the package", file=_PACKAGE, remedy="install cortet from its wheel or a checkout")
 
 
 def lock(dataset: Path, output: Path) -> IO[str]:
@@ -173,7 +172,7 @@ def snakemake(
         command.append("--dry-run")
     command.append(LEVELS[level])
     # Snakemake looks for its plugins on the path, and ours lies beside the package
-    path = os.pathsep.join([str(Path(cortet.__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])
+    path = os.pathsep.join([str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
     locked = os.environ | {HELD_BY: str(os.getpid()), "PYTHONPATH": path}
     with subprocess.Popen(
         command,

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-import cortet
 from cortet.cohort.lock import NAME as LOCK
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.tsv import write_tsv
+from cortet.version import __version__
 
 if TYPE_CHECKING:
     from cortet.config import Config
@@ -129,7 +129,7 @@ def write_dataset_description(description: Path, ignore: Path, links: Mapping[st
             "Name": "cortet: certified tetrahedral meshes of cortical surfaces",
             "BIDSVersion": BIDS_VERSION,
             "DatasetType": "derivative",
-            "GeneratedBy": [{"Name": "cortet", "Version": cortet.__version__}],
+            "GeneratedBy": [{"Name": "cortet", "Version": __version__}],
             **({"SourceDatasets": sources, "DatasetLinks": named} if links else {}),
             "ReferencesAndLinks": [PAPER],
         },

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from cortet import __version__
 from cortet.errors import InputError, StageError, place_mm
 from cortet.formats.hashing import mesh_sha256, sha256
 from cortet.geometry.banks import Banks, banks
@@ -67,6 +66,7 @@ from cortet.measure.regions import (
 )
 from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound, worst_elements
 from cortet.meshes import FloatArray, TetMesh, TriSurface, require_measurable
+from cortet.version import __version__
 
 VERSION: int = 6
 

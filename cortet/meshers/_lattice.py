@@ -24,7 +24,7 @@ from cortet.meshers._remesh import GROWTH
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
 if TYPE_CHECKING:
-    from cortet.meshers._sizes import Sources
+    from cortet.meshers.mesher import Sources
 
 #: side of the lattice's cubes over the cell size: circumradii are sqrt(5) / 4 of it, 0.86 of the cell size
 CONSTANT = 1.54

@@ -16,7 +16,7 @@ from cortet.geometry.topology import compact, edges, face_areas
 from cortet.meshers import _half_edges as half_edges
 from cortet.meshers import _triangles as triangles
 from cortet.meshers._half_edges import FLAT, Work
-from cortet.meshers._triangles import Limits
+from cortet.meshers._samples import Limits
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: rounds of splits, collapses, flips and smoothing; more would change little

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -12,21 +11,12 @@ from cortet.errors import InputError
 from cortet.formats.volumes import Volume, is_volume, read_labels, read_named
 from cortet.geometry.nesting import sheets
 from cortet.meshers._remesh import GROWTH, SHORTEST
-from cortet.meshers.mesher import Settings
+from cortet.meshers.mesher import Settings, Sources
 from cortet.meshes import FloatArray, TriSurface, region_names
 
 _REMEDY = "where finer cells are wanted, choose a smaller cell size"
 #: most voxels that ask for smaller cells
 _MOST_VOXELS = 5_000_000
-
-
-class Sources(NamedTuple):
-    """Points inside that ask for a cell size, which grows to that of the mesh away from them."""
-
-    #: (k, 3) mm
-    points: FloatArray
-    #: (k,) mm
-    sizes: FloatArray
 
 
 def checked(

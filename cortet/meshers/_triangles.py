@@ -17,12 +17,9 @@ as its half-edge.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numba
 import numpy as np
 
-from cortet.geometry.closest_point import closest_point, on_triangle, triangle_normal
 from cortet.meshers._half_edges import (
     MOST_FACES,
     corners_of,
@@ -39,6 +36,7 @@ from cortet.meshers._half_edges import (
     share_an_edge,
     valence_of,
 )
+from cortet.meshers._samples import attach, measure, onto_surface
 
 #: an edge is split or collapsed when it is longer or shorter than these multiples of the target (Botsch and Kobbelt)
 LONG, SHORT = 4 / 3, 4 / 5
@@ -50,71 +48,6 @@ _SMOOTHING_TRIES = 2
 _LEAST_VALENCE = 4
 #: a flip must not make the shape of the worse of its two triangles worse than this, nor halve it
 _MIN_SHAPE = 0.3
-
-
-class Limits(NamedTuple):
-    """Mean squared distances (mm2) of the samples around an operation."""
-
-    #: up to this an operation is made without asking whether another would be closer
-    free: float
-    #: above this it is refused
-    most: float
-
-
-@numba.njit(cache=True)
-def _measure(w, s, olds, news, most):  # type: ignore[no-untyped-def]
-    """Find the new triangle nearest to each sample of the old faces.
-
-    Returns the number of samples and the sum of squared distances, infinite when one is beyond its limit or the mean
-    is above `most` and above what it was.
-    """
-    count, total, before = 0, 0.0, 0.0
-    for k in range(olds):
-        i = w.first[s.old[k]]
-        while i >= 0:
-            x, y, z = w.samples[i, 0], w.samples[i, 1], w.samples[i, 2]
-            best, nearest = np.inf, -1
-            for j in range(news):
-                c = s.new[j]
-                u, v, t = on_triangle(c, x, y, z)
-                dx = u * c[0] + v * c[3] + t * c[6] - x
-                dy = u * c[1] + v * c[4] + t * c[7] - y
-                dz = u * c[2] + v * c[5] + t * c[8] - z
-                d = dx * dx + dy * dy + dz * dz
-                if d < best:
-                    best, nearest = d, j
-            if best > w.limit2[i]:
-                return count, np.inf
-            s.sample[count], s.nearest[count], s.distance2[count] = i, nearest, best
-            total += best
-            before += w.distance2[i]
-            count += 1
-            i = w.after[i]
-    if total > max(before, most * count):
-        return count, np.inf
-    return count, total
-
-
-@numba.njit(cache=True)
-def _attach(w, s, olds, count, face_of):  # type: ignore[no-untyped-def]
-    """Hand the samples that were measured to the faces that `face_of` names for the new triangles."""
-    for k in range(olds):
-        w.first[s.old[k]] = -1
-    for k in range(count):
-        i, f = s.sample[k], face_of[s.nearest[k]]
-        w.distance2[i] = s.distance2[k]
-        w.after[i] = w.first[f]
-        w.first[f] = i
-
-
-@numba.njit(cache=True)
-def _onto_surface(tree, x, y, z, hint, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """Nearest point of the surface and its triangle; triangle -1 where it lies on the opposite bank of n."""
-    px, py, pz, place, _, _, _ = closest_point(tree, x, y, z, hint)
-    mx, my, mz = triangle_normal(tree.corners[place])
-    if not nx * mx + ny * my + nz * mz > 0:
-        place = -1
-    return px, py, pz, place
 
 
 @numba.njit(cache=True)
@@ -135,7 +68,7 @@ def split_long(w, tree, s, limits):  # type: ignore[no-untyped-def]
         k = g // 3
         n, m = normal_of(w, f), normal_of(w, k)
         middle = 0.5 * (w.points[a] + w.points[b])
-        px, py, pz, place = _onto_surface(
+        px, py, pz, place = onto_surface(
             tree, middle[0], middle[1], middle[2], w.place[a], n[0] + m[0], n[1] + m[1], n[2] + m[2]
         )
         if place < 0:
@@ -154,7 +87,7 @@ def split_long(w, tree, s, limits):  # type: ignore[no-untyped-def]
             or has_turned(s.new[3], two)
         ):
             continue
-        count, total = _measure(w, s, 2, 4, limits.most)
+        count, total = measure(w, s, 2, 4, limits.most)
         if total == np.inf:
             continue
         v, p, q = w.used[0], w.used[1], w.used[1] + 1
@@ -180,7 +113,7 @@ def split_long(w, tree, s, limits):  # type: ignore[no-untyped-def]
         w.leaving[c], w.leaving[d] = 3 * p + 2, 3 * q + 2
         w.first[p] = w.first[q] = -1
         face_of[0], face_of[1], face_of[2], face_of[3] = f, p, k, q
-        _attach(w, s, 2, count, face_of)
+        attach(w, s, 2, count, face_of)
         done += 1
     return done
 
@@ -262,7 +195,7 @@ def collapse_short(w, tree, s, limits, floor):  # type: ignore[no-untyped-def]
         places[1], places[2] = w.points[a], w.points[b]
         middle = 0.5 * (w.points[a] + w.points[b])
         place[1], place[2] = w.place[a], w.place[b]
-        px, py, pz, place[0] = _onto_surface(
+        px, py, pz, place[0] = onto_surface(
             tree, middle[0], middle[1], middle[2], w.place[a], n[0] + m[0], n[1] + m[1], n[2] + m[2]
         )
         places[0, 0], places[0, 1], places[0, 2] = px, py, pz
@@ -275,7 +208,7 @@ def collapse_short(w, tree, s, limits, floor):  # type: ignore[no-untyped-def]
             olds = _collapsed(w, s, a, b, x, y, z, f, k)
             if olds == 0:
                 continue
-            count, total = _measure(w, s, olds, olds - 2, most)
+            count, total = measure(w, s, olds, olds - 2, most)
             far |= total == np.inf
             if total < best:
                 best, chosen = total, trial
@@ -288,10 +221,10 @@ def collapse_short(w, tree, s, limits, floor):  # type: ignore[no-untyped-def]
             continue
         x, y, z = places[chosen]
         olds = _collapsed(w, s, a, b, x, y, z, f, k)
-        count, _ = _measure(w, s, olds, olds - 2, most)
+        count, _ = measure(w, s, olds, olds - 2, most)
         for i in range(olds - 2):
             face_of[i] = s.old[i + 2]
-        _attach(w, s, olds, count, face_of)
+        attach(w, s, olds, count, face_of)
         _collapse(w, h)
         w.points[b, 0], w.points[b, 1], w.points[b, 2] = x, y, z
         w.place[b], w.size[b] = place[chosen], min(w.size[a], w.size[b])
@@ -356,7 +289,7 @@ def flip(w, s, limits):  # type: ignore[no-untyped-def]
         if turned:
             continue
         s.old[0], s.old[1] = f, k
-        count, total = _measure(w, s, 2, 2, limits.most if worst < POOR and shape > worst else limits.free)
+        count, total = measure(w, s, 2, 2, limits.most if worst < POOR and shape > worst else limits.free)
         if total == np.inf:
             continue
         bc, ca, ad, db = (
@@ -374,7 +307,7 @@ def flip(w, s, limits):  # type: ignore[no-untyped-def]
         pair(w, 3 * k + 1, bc)
         w.leaving[a], w.leaving[d], w.leaving[c], w.leaving[b] = 3 * f, 3 * f + 1, 3 * f + 2, 3 * k + 1
         face_of[0], face_of[1] = f, k
-        _attach(w, s, 2, count, face_of)
+        attach(w, s, 2, count, face_of)
         done += 1
     return done
 
@@ -422,7 +355,7 @@ def smooth(w, tree, s, limits):  # type: ignore[no-untyped-def]
             corners_of(w, s.old[i], -1, ox, oy, oz, row)
             worst = min(worst, shape_of(row))
         for _ in range(_SMOOTHING_TRIES):
-            x, y, z, place = _onto_surface(tree, ox + dx, oy + dy, oz + dz, w.place[v], nx, ny, nz)
+            x, y, z, place = onto_surface(tree, ox + dx, oy + dy, oz + dz, w.place[v], nx, ny, nz)
             dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
             if place < 0:
                 continue
@@ -436,10 +369,10 @@ def smooth(w, tree, s, limits):  # type: ignore[no-untyped-def]
                 continue
             if shape < min(worst, POOR):
                 continue
-            count, total = _measure(w, s, olds, olds, limits.most if worst < POOR else limits.free)
+            count, total = measure(w, s, olds, olds, limits.most if worst < POOR else limits.free)
             if total == np.inf:
                 continue
-            _attach(w, s, olds, count, s.old.copy())
+            attach(w, s, olds, count, s.old.copy())
             w.points[v, 0], w.points[v, 1], w.points[v, 2] = x, y, z
             w.place[v] = place
             moved += 1

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cortet.meshes import TetMesh, TriSurface
+from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.sections import Cost
 
 if TYPE_CHECKING:
     from cortet.geometry.topology import SurfaceTopology
-    from cortet.meshers._sizes import Sources
+
+
+class Sources(NamedTuple):
+    """Points inside that ask for a cell size, which grows to that of the mesh away from them."""
+
+    #: (k, 3) mm
+    points: FloatArray
+    #: (k,) mm
+    sizes: FloatArray
 
 
 @dataclass(frozen=True)

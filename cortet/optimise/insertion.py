@@ -23,8 +23,8 @@ from cortet.geometry.closest_point import closest_point, tree_of
 from cortet.geometry.topology import TET_FACES, neighbours, numbers, used_vertices
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.optimise.cavities import EDGE_FRAMES, MAX_RING, replace_cells, ring_around, unit_normal
+from cortet.optimise.star import fill_row, newton_step, row_derivatives, row_energy, row_mu2
 from cortet.optimise.swaps import live_cells, swappable
-from cortet.optimise.vertices import fill_row, newton_step, row_derivatives, row_energy, row_mu2
 
 #: tetrahedra in a cavity, at most
 _MOST = 60

@@ -29,8 +29,9 @@ from cortet.optimise.places import (
     put_back,
     rim_of,
 )
+from cortet.optimise.star import mu2_of
 from cortet.optimise.swaps import NO_SWAPS, SwapCount, improve, live_cells, swappable
-from cortet.optimise.vertices import KEPT, Pass, interface_places, move_vertices, mu2_of
+from cortet.optimise.vertices import KEPT, Pass, interface_places, move_vertices
 from cortet.sections import Boundary
 
 _ROUNDS = 4

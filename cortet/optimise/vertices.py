@@ -5,9 +5,6 @@ a Newton step with the positive-definite part of the Hessian and backtracking; a
 kept only if E falls and every volume stays positive. Large p approaches min-max. A boundary vertex that slides takes
 its step in the tangent plane of the input surface and is put back onto that surface before E is compared.
 
-With d = grad log mu = 1.5 grad S / S - grad V' / V' (S mean squared edge, V' = 6V), grad E = sum of p mu^p d, and the
-Hessian used is the sum of p mu^p (1.5 I / S + grad V' grad V'^T / V'^2 + p d d^T).
-
 Vertices are visited in runs of consecutive indices. Runs that share no tetrahedron have one colour and are visited at
 the same time; neither reads what the other writes, so the bits of a result are the same for any number of threads.
 """
@@ -28,6 +25,7 @@ from cortet.geometry import topology
 from cortet.geometry.closest_point import SurfaceTree, closest_point, first_triangles, triangle_normal
 from cortet.measure.quality import quality
 from cortet.meshes import FloatArray, IntArray, TetMesh
+from cortet.optimise.star import fill_row, mu2_of, newton_step, q_of, row_derivatives, row_energy, row_mu2, tangent_step
 from cortet.sections import Boundary
 
 #: while the mean improves, no element may rise above this q, and worse ones may not get worse; a lower value costs mean
@@ -77,38 +75,12 @@ class State(NamedTuple):
     stale: np.ndarray
 
 
-def mu2_of(q: FloatArray | float) -> FloatArray | float:
-    """mu^2 = (1 - q)^-2."""
-    return (1.0 - q) ** -2.0
-
-
-def q_of(mu2: FloatArray) -> FloatArray:
-    """q = 1 - 1 / mu."""
-    return 1 - 1 / np.sqrt(mu2)
-
-
 @numba.njit(parallel=True, cache=True)
 def _locate(points, tree, freedom, place):  # type: ignore[no-untyped-def]
     """Find the surface triangle under every sliding vertex; `place` holds a triangle of its surface, -1 the first."""
     for v in numba.prange(len(points)):
         if freedom[v] == SLIDING:
             place[v] = closest_point(SurfaceTree(*tree), points[v, 0], points[v, 1], points[v, 2], place[v])[3]
-
-
-@numba.njit(cache=True, inline="always")
-def fill_row(row, ax, ay, az, bx, by, bz, cx, cy, cz):  # type: ignore[no-untyped-def]
-    """Describe tetrahedron (v, a, b, c) with v at the origin, for `row_mu2` and what is below."""
-    ux, uy, uz = bx - ax, by - ay, bz - az
-    vx, vy, vz = cx - ax, cy - ay, cz - az
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    wx, wy, wz = cx - bx, cy - by, cz - bz
-    row[0], row[1], row[2] = nx, ny, nz
-    row[3] = nx * ax + ny * ay + nz * az
-    row[4], row[5], row[6] = ax + bx + cx, ay + by + cy, az + bz + cz
-    row[7] = (
-        ux * ux + uy * uy + uz * uz + vx * vx + vy * vy + vz * vz + wx * wx + wy * wy + wz * wz
-        + ax * ax + ay * ay + az * az + bx * bx + by * by + bz * bz + cx * cx + cy * cy + cz * cz
-    )  # fmt: skip
 
 
 @numba.njit(cache=True)
@@ -136,91 +108,6 @@ def _gather(points, p, v, star):  # type: ignore[no-untyped-def]
         fill_row(star[size], ax, ay, az, bx, by, bz, cx, cy, cz)
         size += 1
     return size
-
-
-@numba.njit(cache=True, inline="always")
-def row_mu2(row, x, y, z):  # type: ignore[no-untyped-def]
-    """mu^2 of the tetrahedron of one row with v at (x, y, z); infinite unless its volume is positive."""
-    v6 = row[3] - (row[0] * x + row[1] * y + row[2] * z)
-    if v6 <= 0:
-        return np.inf
-    s = (3 * (x * x + y * y + z * z) - 2 * (row[4] * x + row[5] * y + row[6] * z) + row[7]) / 6
-    return s * s * s / (2 * v6 * v6)
-
-
-@numba.njit(cache=True)
-def row_energy(star, size, x, y, z, half_power, cap):  # type: ignore[no-untyped-def]
-    """Sum of mu^p with v at (x, y, z); infinite if some mu^2 exceeds `cap` or a volume is not positive."""
-    total = 0.0
-    for i in range(size):
-        t = row_mu2(star[i], x, y, z)
-        if not t <= cap:
-            return np.inf
-        total += t**half_power
-    return total
-
-
-@numba.njit(cache=True)
-def row_derivatives(star, size, half_power):  # type: ignore[no-untyped-def]
-    """Gradient and positive-definite Hessian at the origin: gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz."""
-    gx = gy = gz = hxx = hxy = hxz = hyy = hyz = hzz = 0.0
-    for i in range(size):
-        row = star[i]
-        v6, s = row[3], row[7] / 6
-        t = s * s * s / (2 * v6 * v6)
-        power = 2.0 * half_power
-        weight = power * t**half_power
-        nx, ny, nz = row[0] / v6, row[1] / v6, row[2] / v6
-        dx, dy, dz = nx - 0.5 * row[4] / s, ny - 0.5 * row[5] / s, nz - 0.5 * row[6] / s
-        gx += weight * dx
-        gy += weight * dy
-        gz += weight * dz
-        r = 1.5 / s
-        hxx += weight * (r + nx * nx + power * dx * dx)
-        hyy += weight * (r + ny * ny + power * dy * dy)
-        hzz += weight * (r + nz * nz + power * dz * dz)
-        hxy += weight * (nx * ny + power * dx * dy)
-        hxz += weight * (nx * nz + power * dx * dz)
-        hyz += weight * (ny * nz + power * dy * dz)
-    return gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz
-
-
-@numba.njit(cache=True)
-def newton_step(d):  # type: ignore[no-untyped-def]
-    """-H^-1 g for symmetric positive-definite H, by cofactors."""
-    gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz = d
-    cxx, cxy, cxz = hyy * hzz - hyz * hyz, hxz * hyz - hxy * hzz, hxy * hyz - hxz * hyy
-    cyy, cyz, czz = hxx * hzz - hxz * hxz, hxy * hxz - hxx * hyz, hxx * hyy - hxy * hxy
-    det = hxx * cxx + hxy * cxy + hxz * cxz
-    if not det > 0:
-        return 0.0, 0.0, 0.0
-    return (
-        -(cxx * gx + cxy * gy + cxz * gz) / det,
-        -(cxy * gx + cyy * gy + cyz * gz) / det,
-        -(cxz * gx + cyz * gy + czz * gz) / det,
-    )
-
-
-@numba.njit(cache=True)
-def _tangent_step(d, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """Newton step within the plane of unit normal n: the 2 x 2 system in an orthonormal basis u, w of that plane."""
-    gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz = d
-    if abs(nx) < 0.6:
-        ux, uy, uz = 0.0, nz, -ny
-    else:
-        ux, uy, uz = -nz, 0.0, nx
-    length = np.sqrt(ux * ux + uy * uy + uz * uz)
-    ux, uy, uz = ux / length, uy / length, uz / length
-    wx, wy, wz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-    hux, huy, huz = hxx * ux + hxy * uy + hxz * uz, hxy * ux + hyy * uy + hyz * uz, hxz * ux + hyz * uy + hzz * uz
-    hwx, hwy, hwz = hxx * wx + hxy * wy + hxz * wz, hxy * wx + hyy * wy + hyz * wz, hxz * wx + hyz * wy + hzz * wz
-    a, b, c = ux * hux + uy * huy + uz * huz, ux * hwx + uy * hwy + uz * hwz, wx * hwx + wy * hwy + wz * hwz
-    gu, gw = ux * gx + uy * gy + uz * gz, wx * gx + wy * gy + wz * gz
-    det = a * c - b * b
-    if not det > 0:
-        return 0.0, 0.0, 0.0
-    su, sw = -(c * gu - b * gw) / det, -(a * gw - b * gu) / det
-    return su * ux + sw * wx, su * uy + sw * wy, su * uz + sw * wz
 
 
 @numba.njit(cache=True)
@@ -251,7 +138,7 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
     if sliding:
         nx, ny, nz = triangle_normal(tree.corners[place])
         lowest = min(_MIN_FACE_COSINE, _lowest_cosine(points, p, v, ox, oy, oz, nx, ny, nz))
-        sx, sy, sz = _tangent_step(derivatives, nx, ny, nz)
+        sx, sy, sz = tangent_step(derivatives, nx, ny, nz)
     else:
         sx, sy, sz = newton_step(derivatives)
     scale = 1.0

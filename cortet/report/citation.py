@@ -10,15 +10,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import cortet
 from cortet.formats.atomic import atomic_path
 from cortet.report import DATA, pages
+from cortet.version import __version__
 
 VERSION: int = 3
 
 #: key -> BibTeX entry, in the order of the list; the key of a program is its name in the versions of a certificate
 REFERENCES = {
-    found[1]: found[0].replace("VERSION", cortet.__version__)
+    found[1]: found[0].replace("VERSION", __version__)
     for found in re.finditer(
         r"@\w+\{(\w+),\n.*?\n\}\n",
         (DATA / "references.bib").read_text(encoding="utf-8"),

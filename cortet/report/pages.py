@@ -21,11 +21,11 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 import jinja2
 
-from cortet import __version__
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tables import Column, Row
 from cortet.formats.tsv import MISSING
 from cortet.report.colours import BLUE
+from cortet.version import __version__
 
 #: version of the pages of cases and of the cohort, and of their templates
 VERSION: int = 6

@@ -10,28 +10,26 @@ One kernel does many steps. The whole grid waits between the phases of a step (a
 returns to the host and nothing is launched per step; and as all threads read the same verdict on a step before any node
 moves, all stop at the same one, with everything that moves as it was when the step began.
 
-What is computed in an element and at a node is what `law`, `contact` and `kernels` say, compiled for the device. Only
-the stretches of degenerate elements are found in another way, as a GPU has no LAPACK.
+What is computed in an element is in `gpu_elements`; what is computed at a node is what `contact` and `kernels` say,
+compiled for the device.
 """
 # This module is imported where a GPU is asked for, and nowhere else: it makes Numba look for CUDA.
 
 from __future__ import annotations
 
-from functools import cache
-from types import FunctionType
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numba import cuda
-from numba.core.dispatcher import Dispatcher
 
 from cortet.meshes import FloatArray, IntArray
 from cortet.simulation import contact as contacts
 from cortet.simulation import kernels, law
 from cortet.simulation.device import is_simulated
+from cortet.simulation.gpu_elements import deviatoric_energy, edges, growth_of, on_device, put_degenerate, put_element
 from cortet.simulation.kernels import DONE, INVERTED, LIST_OUTDATED
-from cortet.simulation.patches import AMOUNT, DEPTH, ISOTROPIC, MASK, SIZE, THICKNESS, VOLUME
+from cortet.simulation.patches import SIZE
 
 #: threads of a block, a power of two; nodes whose energies are added up at a time
 THREADS = 128
@@ -91,121 +89,11 @@ class Scratch(NamedTuple):
     external: FloatArray
 
 
-@cache
-def on_device(function: Dispatcher) -> Any:
-    """A function that is compiled for CPUs, and what it calls, compiled for the device.
-
-    Called as they are, Numba would compile them for it with all of `fastmath` where the CPU has the contraction of
-    multiply-adds alone. That would take NaN for impossible, and rounding in `law.exponential` for nothing. The device
-    contracts multiply-adds without being told.
-    """
-    plain = function.py_func
-    callees = {
-        name: on_device(value)
-        for name, value in plain.__globals__.items()
-        if name in plain.__code__.co_names and isinstance(value, Dispatcher)
-    }
-    own = FunctionType(plain.__code__, {**plain.__globals__, **callees}, plain.__name__, plain.__defaults__)
-    return cuda.jit(device=True)(own)
-
-
-_combined, _vector = on_device(law.combined), on_device(law.vector)
-_dot, _cross, _deformation = on_device(law.dot), on_device(law.cross), on_device(law.deformation)
-_growth_share, _grown_volume = on_device(law.growth_share), on_device(law.grown_volume)
-_own_growth = on_device(law.own_growth)
-_volume_between, _stress = on_device(law.volume_between), on_device(law.stress)
-_own_modulus, _forces_on_corners = on_device(kernels.own_modulus), on_device(law.forces_on_corners)
-_may_be_degenerate, _phi = on_device(law.may_be_degenerate), on_device(law.phi)
-_stretches, _degenerate_stress = on_device(law.turned_stretches), on_device(law.turned_stress)
-_own_gradients, _put_forces = on_device(kernels.own_gradients), on_device(kernels.put_forces)
+_vector, _dot, _volume_between = on_device(law.vector), on_device(law.dot), on_device(law.volume_between)
 _least = on_device(kernels.least)
 _ratios, _move = on_device(kernels.ratios), on_device(kernels.move)
 _has_moved_too_far, _touch = on_device(contacts.has_moved_too_far), on_device(contacts.touch)
 _plane_force, _envelope_force = on_device(contacts.plane_force), on_device(contacts.envelope_force)
-
-
-# --- an element ------------------------------------------------------------------------------------------------------
-
-
-@cuda.jit(device=True)
-def _edges(patches, patch, e, x):  # type: ignore[no-untyped-def]
-    """The nodes of an element of a patch, and its three edges from corner 0."""
-    first = patches.offsets[patch]
-    a = patches.nodes[first + patches.corners[patch, e]]
-    b = patches.nodes[first + patches.corners[patch, SIZE + e]]
-    c = patches.nodes[first + patches.corners[patch, 2 * SIZE + e]]
-    d = patches.nodes[first + patches.corners[patch, 3 * SIZE + e]]
-    origin = _vector(x, a)
-    return (
-        (a, b, c, d),
-        _combined(1.0, _vector(x, b), -1.0, origin),
-        _combined(1.0, _vector(x, c), -1.0, origin),
-        _combined(1.0, _vector(x, d), -1.0, origin),
-    )
-
-
-@cuda.jit(device=True)
-def _growth(patches, patch, e, growth, thickening):  # type: ignore[no-untyped-def]
-    """Share of the cortex, growth along and across it, and grown volume of an element of a patch."""
-    constants = patches.constants[patch]
-    thickness = constants[THICKNESS * SIZE + e] + thickening
-    share = _growth_share(constants[DEPTH * SIZE + e], thickness, constants[MASK * SIZE + e])
-    along, across, core = _vector(growth, patches.label[patch, e])
-    alpha, beta = _own_growth(share, constants[AMOUNT * SIZE + e], along, across, core)
-    grown = _grown_volume(constants[VOLUME * SIZE + e], alpha, beta, constants[ISOTROPIC * SIZE + e])
-    return share, alpha, beta, grown
-
-
-@cuda.jit(device=True)
-def _stretched(patches, patch, e, x, ratio, material, growth, thickening):  # type: ignore[no-untyped-def]
-    """Rows of F of an element, its grown gradients, and its moduli for `law.stress`."""
-    nodes, u, v, w = _edges(patches, patch, e, x)
-    share, alpha, beta, grown = _growth(patches, patch, e, growth, thickening)
-    gradients = _own_gradients(patches.constants[patch], e, alpha, beta)
-    mean = (ratio[nodes[0]] + ratio[nodes[1]] + ratio[nodes[2]] + ratio[nodes[3]]) / 4
-    shear = _own_modulus(patches.constants[patch], material, e, share)
-    moduli = grown * shear, grown * material.bulk * (mean - 1)
-    return _deformation(u, v, w, gradients[0], gradients[1], gradients[2]), gradients, moduli
-
-
-@cuda.jit(device=True)
-def _put_element(shared, patches, patch, e, x, ratio, material, growth, thickening):  # type: ignore[no-untyped-def]
-    """Forces of an element as if it were not degenerate; returns its J, and whether it may be."""
-    f, gradients, moduli = _stretched(patches, patch, e, x, ratio, material, growth, thickening)
-    p0, p1, p2, j, trace = _stress(f[0], f[1], f[2], moduli[0], moduli[1])
-    _put_forces(shared, e, _forces_on_corners(p0, p1, p2, gradients[0], gradients[1], gradients[2]))
-    return j, _may_be_degenerate(j, trace)
-
-
-@cuda.jit(device=True)
-def _put_degenerate(shared, patches, patch, e, x, ratio, material, growth, thickening):  # type: ignore[no-untyped-def]
-    """Forces of an element that may be in the degenerate branch; returns whether it is."""
-    f, gradients, moduli = _stretched(patches, patch, e, x, ratio, material, growth, thickening)
-    left, stretch, right = _stretches(f[0], f[1], f[2])
-    if not stretch[2] < law.SMALLEST_STRETCH:
-        return False
-    s0, s1, s2 = _degenerate_stress(left, stretch, right, moduli[0])
-    p0 = _combined(1.0, s0, moduli[1], _cross(f[1], f[2]))
-    p1 = _combined(1.0, s1, moduli[1], _cross(f[2], f[0]))
-    p2 = _combined(1.0, s2, moduli[1], _cross(f[0], f[1]))
-    _put_forces(shared, e, _forces_on_corners(p0, p1, p2, gradients[0], gradients[1], gradients[2]))
-    return True
-
-
-@cuda.jit(device=True)
-def _deviatoric_energy(patches, patch, e, x, material, growth, thickening):  # type: ignore[no-untyped-def]
-    """mu / 2 (J^(-2/3) tr B - 3) times the grown volume of an element."""
-    _, u, v, w = _edges(patches, patch, e, x)
-    share, alpha, beta, grown = _growth(patches, patch, e, growth, thickening)
-    a, b, c = _own_gradients(patches.constants[patch], e, alpha, beta)
-    f0, f1, f2 = _deformation(u, v, w, a, b, c)
-    j, trace = _dot(f0, _cross(f1, f2)), _dot(f0, f0) + _dot(f1, f1) + _dot(f2, f2)
-    if _may_be_degenerate(j, trace):
-        stretch = _stretches(f0, f1, f2)[1]
-        factor = _phi(stretch[0])[0] * _phi(stretch[1])[0] * _phi(stretch[2])[0]
-    else:
-        factor = j ** (-2 / 3)
-    return grown * _own_modulus(patches.constants[patch], material, e, share) / 2 * (factor * trace - 3)
 
 
 # --- a block of threads ----------------------------------------------------------------------------------------------
@@ -248,9 +136,9 @@ def _add_volumes(shared, patches, lists, x, growth, thickening, elements, slot_v
     for patch in range(cuda.blockIdx.x, len(patches.corners), cuda.gridDim.x):
         cuda.syncthreads()  # until all have used what the patch before has left
         for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
-            _, u, v, w = _edges(patches, patch, e, x)
+            _, u, v, w = edges(patches, patch, e, x)
             shared[e] = _volume_between(u, v, w)
-            shared[SIZE + e] = _growth(patches, patch, e, growth, thickening)[3]
+            shared[SIZE + e] = growth_of(patches, patch, e, growth, thickening)[3]
         cuda.syncthreads()
         for slot in range(patches.offsets[patch] + cuda.threadIdx.x, patches.offsets[patch + 1], THREADS):
             current, grown = 0.0, 0.0
@@ -284,11 +172,11 @@ def _add_forces(shared, patches, lists, x, material, growth, thickening, element
         cuda.syncthreads()
         least, flat, degenerate = np.inf, False, 0.0
         for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
-            j, doubtful = _put_element(shared, patches, patch, e, x, scratch.ratio, material, growth, thickening)
+            j, doubtful = put_element(shared, patches, patch, e, x, scratch.ratio, material, growth, thickening)
             least, flat = _least(least, j), flat or doubtful
         if flat:  # rarely: apart, for it takes many registers, and with fewer of them a device runs more blocks
             for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
-                if _put_degenerate(shared, patches, patch, e, x, scratch.ratio, material, growth, thickening):
+                if put_degenerate(shared, patches, patch, e, x, scratch.ratio, material, growth, thickening):
                     degenerate += 1.0
         cuda.syncthreads()
         for slot in range(patches.offsets[patch] + cuda.threadIdx.x, patches.offsets[patch + 1], THREADS):
@@ -458,7 +346,7 @@ def energies(patches, material, state, lists, growth, thickening, elements, scra
     for patch in range(cuda.blockIdx.x, len(tallies.patch_least), cuda.gridDim.x):
         energy = 0.0
         for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
-            energy += _deviatoric_energy(patches, patch, e, state.x, material, growth, thickening)
+            energy += deviatoric_energy(patches, patch, e, state.x, material, growth, thickening)
         energy = _total(shared, energy)
         if cuda.threadIdx.x == 0:
             tallies.patch_least[patch] = energy

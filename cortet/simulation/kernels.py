@@ -3,15 +3,11 @@
 No loop adds into what another iteration writes: see `patches`. Loops run over blocks of fixed size, so that what the
 compiler makes of a block's end cannot depend on the number of threads either: the bits are the same for any.
 
-In a patch, loops that gather and add go from element to element; those in between have the same arithmetic for every
-element and no branch, and the compiler makes vector instructions of them (`docs/design.md` has what they take). So
-elements in the degenerate branch, which are rare, are computed once more, one by one.
-
 `advance` is the seam: arrays in, arrays changed in place, nothing else of the package is called from the loop in time.
-What happens in an element is in `law`, which `gpu_kernels` shares, as it does the functions here on single nodes.
+What happens in the elements of a patch is in `elements`. `gpu_kernels` shares the functions here on single nodes.
 """
 # Numba's parallel loops take no named tuples: these become plain ones on the way in and get their names back in each
-# block. Rows of a patch lie in one array at places that are constants: so the compiler sees that they do not overlap.
+# block.
 
 from __future__ import annotations
 
@@ -24,18 +20,26 @@ from numpy.typing import NDArray
 from cortet.meshes import FloatArray
 from cortet.simulation.body import Body, Material
 from cortet.simulation.contact import contact_forces, moved_too_far
+from cortet.simulation.elements import (
+    CURRENT,
+    GROWN,
+    MEAN,
+    OWN_ROWS,
+    SHARE,
+    TRACE,
+    J,
+    edges_of_elements,
+    grow_elements,
+    mean_ratio,
+    open_degenerate,
+    stress_elements,
+)
 from cortet.simulation.law import (
-    ACROSS,
-    ALONG,
-    CORE,
-    SMALLEST_STRETCH,
     combined,
     cross,
     deformation,
-    degenerate_stress,
     dot,
     fast,
-    forces_on_corners,
     grown_gradients,
     grown_volume,
     growth_share,
@@ -44,22 +48,11 @@ from cortet.simulation.law import (
     own_growth,
     phi,
     shear_modulus,
-    stress,
     stretches,
     vector,
-    volume_between,
 )
 from cortet.simulation.patches import (
-    AMOUNT,
-    DEPTH,
-    GRADIENTS,
-    ISOTROPIC,
-    MASK,
-    NORMAL,
     SIZE,
-    STIFFNESS,
-    THICKNESS,
-    VOLUME,
     Patches,
     patches_of,
 )
@@ -68,11 +61,6 @@ from cortet.simulation.patches import (
 DONE, INVERTED, LIST_OUTDATED = 0, 1, 2
 #: nodes of a block
 _BLOCK = 256
-#: rows of a patch's own memory, few, so that the cache holds them: edges from corner 0, in whose place forces on the
-#: corners 1, 2 and 3 come; share of the cortex, growth along and across it, grown volume; current volume, in whose
-#: place J comes; and the mean ratio of the nodal volumes, where growth of the core is before and tr B comes after
-_EDGES, _SHARE, _ALPHA, _BETA, _GROWN, _CURRENT, _MEAN, _OWN_ROWS = 0, 9, 10, 11, 12, 13, 14, 15
-_J, _TRACE = _CURRENT, _MEAN
 
 
 class Motion(NamedTuple):
@@ -131,7 +119,7 @@ def workspace(body: Body) -> Work:
         slot_volumes=np.zeros((len(patches.nodes), 2)),
         slot_forces=np.zeros((len(patches.nodes), 3)),
         external=np.zeros((n, 3)),
-        own_rows=np.zeros((threads, _OWN_ROWS * SIZE)),
+        own_rows=np.zeros((threads, OWN_ROWS * SIZE)),
         own_nodes=np.zeros((threads, int(np.diff(patches.offsets).max()), 8)),
         block_min=np.full(len(patches.corners), np.inf),
         block_degenerate=np.zeros(len(patches.corners), np.int64),
@@ -140,108 +128,6 @@ def workspace(body: Body) -> Work:
         block_energy=np.zeros((-(-n // _BLOCK), 2)),
         energy=np.zeros(2),
     )
-
-
-@inlined
-def _at(rows, row, e):  # type: ignore[no-untyped-def]
-    """The vector of element e of a patch whose components are in three rows from `row` on."""
-    return rows[row * SIZE + e], rows[(row + 1) * SIZE + e], rows[(row + 2) * SIZE + e]
-
-
-@inlined
-def _put(rows, row, e, a):  # type: ignore[no-untyped-def]
-    rows[row * SIZE + e], rows[(row + 1) * SIZE + e], rows[(row + 2) * SIZE + e] = a
-
-
-@fast
-def _own_edges(rows, corners, x):  # type: ignore[no-untyped-def]
-    """The three edges from corner 0 of each element of a patch, from the positions of its own nodes."""
-    for e in range(SIZE):
-        origin = vector(x, corners[e])
-        for k in range(3):
-            _put(rows, _EDGES + 3 * k, e, combined(1.0, vector(x, corners[(k + 1) * SIZE + e]), -1.0, origin))
-
-
-@fast
-def _own_growth(rows, constants, label, growth, thickening):  # type: ignore[no-untyped-def]
-    """Growth, grown and current volume of each element of a patch."""
-    for e in range(SIZE):
-        rows[_ALPHA * SIZE + e] = growth[label[e], ALONG]
-        rows[_BETA * SIZE + e] = growth[label[e], ACROSS]
-        rows[_MEAN * SIZE + e] = growth[label[e], CORE]
-    for e in range(SIZE):
-        thickness = constants[THICKNESS * SIZE + e] + thickening
-        share = growth_share(constants[DEPTH * SIZE + e], thickness, constants[MASK * SIZE + e])
-        along, across, core = rows[_ALPHA * SIZE + e], rows[_BETA * SIZE + e], rows[_MEAN * SIZE + e]
-        alpha, beta = own_growth(share, constants[AMOUNT * SIZE + e], along, across, core)
-        rows[_SHARE * SIZE + e] = share
-        rows[_ALPHA * SIZE + e] = alpha
-        rows[_BETA * SIZE + e] = beta
-        volume, isotropic = constants[VOLUME * SIZE + e], constants[ISOTROPIC * SIZE + e]
-        rows[_GROWN * SIZE + e] = grown_volume(volume, alpha, beta, isotropic)
-        rows[_CURRENT * SIZE + e] = volume_between(
-            _at(rows, _EDGES, e), _at(rows, _EDGES + 3, e), _at(rows, _EDGES + 6, e)
-        )
-
-
-@inlined
-def own_gradients(constants, e, alpha, beta):  # type: ignore[no-untyped-def]
-    """Grown gradients of element e of a patch."""
-    a, b, c = _at(constants, GRADIENTS, e), _at(constants, GRADIENTS + 3, e), _at(constants, GRADIENTS + 6, e)
-    return grown_gradients(a, b, c, _at(constants, NORMAL, e), constants[ISOTROPIC * SIZE + e], alpha, beta)
-
-
-@inlined
-def own_modulus(constants, material, e, share):  # type: ignore[no-untyped-def]
-    """Shear modulus of element e of a patch."""
-    return shear_modulus(material, share, constants[STIFFNESS * SIZE + e])
-
-
-@fast
-def _own_stress(rows, constants, material):  # type: ignore[no-untyped-def]
-    """Forces on the corners 1, 2 and 3 of each element of a patch in place of its edges, as if none were degenerate."""
-    for e in range(SIZE):
-        a, b, c = own_gradients(constants, e, rows[_ALPHA * SIZE + e], rows[_BETA * SIZE + e])
-        f0, f1, f2 = deformation(_at(rows, _EDGES, e), _at(rows, _EDGES + 3, e), _at(rows, _EDGES + 6, e), a, b, c)
-        grown, mu = rows[_GROWN * SIZE + e], own_modulus(constants, material, e, rows[_SHARE * SIZE + e])
-        pressure = grown * material.bulk * (rows[_MEAN * SIZE + e] - 1)
-        p0, p1, p2, j, trace = stress(f0, f1, f2, grown * mu, pressure)
-        put_forces(rows, e, forces_on_corners(p0, p1, p2, a, b, c))
-        rows[_J * SIZE + e] = j
-        rows[_TRACE * SIZE + e] = trace
-
-
-@inlined
-def put_forces(rows, e, forces):  # type: ignore[no-untyped-def]
-    """Forces of an element on its corners 1, 2 and 3."""
-    _put(rows, _EDGES, e, forces[0])
-    _put(rows, _EDGES + 3, e, forces[1])
-    _put(rows, _EDGES + 6, e, forces[2])
-
-
-@numba.njit(cache=True)
-def _open_degenerate(rows, constants, material, e, x, corners):  # type: ignore[no-untyped-def]
-    """Forces of an element that may be in the degenerate branch; returns whether it is."""
-    origin = vector(x, corners[e])
-    u = combined(1.0, vector(x, corners[SIZE + e]), -1.0, origin)
-    v = combined(1.0, vector(x, corners[2 * SIZE + e]), -1.0, origin)
-    w = combined(1.0, vector(x, corners[3 * SIZE + e]), -1.0, origin)
-    a, b, c = own_gradients(constants, e, rows[_ALPHA * SIZE + e], rows[_BETA * SIZE + e])
-    f0, f1, f2 = deformation(u, v, w, a, b, c)
-    left, stretch, right = stretches(f0, f1, f2)
-    if not stretch[2] < SMALLEST_STRETCH:
-        return False
-    grown = rows[_GROWN * SIZE + e]
-    mu = own_modulus(constants, material, e, rows[_SHARE * SIZE + e])
-    s0, s1, s2 = degenerate_stress(left, stretch, right, grown * mu)
-    q = grown * material.bulk * (_mean_ratio(x, corners, e) - 1)
-    p0, p1, p2 = (
-        combined(1.0, s0, q, cross(f1, f2)),
-        combined(1.0, s1, q, cross(f2, f0)),
-        combined(1.0, s2, q, cross(f0, f1)),
-    )
-    put_forces(rows, e, forces_on_corners(p0, p1, p2, a, b, c))
-    return True
 
 
 @fast
@@ -260,10 +146,10 @@ def _volumes(patch, patches, x, growth, thickening, elements, slot_volumes, rows
     patches = Patches(*patches)
     corners, slot = patches.corners[patch], patches.offsets[patch]
     _fetch(patches, patch, x, own)
-    _own_edges(rows, corners, own)
-    _own_growth(rows, patches.constants[patch], patches.label[patch], growth, thickening)
+    edges_of_elements(rows, corners, own)
+    grow_elements(rows, patches.constants[patch], patches.label[patch], growth, thickening)
     for e in range(min(SIZE, elements - patch * SIZE)):
-        current, grown = rows[_CURRENT * SIZE + e], rows[_GROWN * SIZE + e]
+        current, grown = rows[CURRENT * SIZE + e], rows[GROWN * SIZE + e]
         for k in range(4):
             corner = corners[k * SIZE + e]
             own[corner, 4] += current
@@ -279,12 +165,12 @@ def _record(work, x, growth, thickening):  # type: ignore[no-untyped-def]
     for patch in range(len(patches.corners)):
         first = patch * SIZE
         _fetch(patches, patch, x, own)
-        _own_edges(rows, patches.corners[patch], own)
-        _own_growth(rows, patches.constants[patch], patches.label[patch], growth, thickening)
+        edges_of_elements(rows, patches.corners[patch], own)
+        grow_elements(rows, patches.constants[patch], patches.label[patch], growth, thickening)
         for e in range(min(SIZE, len(work.share) - first)):
-            work.share[first + e] = rows[_SHARE * SIZE + e]
-            work.current[first + e] = rows[_CURRENT * SIZE + e]
-            work.grown[first + e] = rows[_GROWN * SIZE + e]
+            work.share[first + e] = rows[SHARE * SIZE + e]
+            work.current[first + e] = rows[CURRENT * SIZE + e]
+            work.grown[first + e] = rows[GROWN * SIZE + e]
 
 
 @fast
@@ -311,16 +197,16 @@ def _forces(patch, patches, material, x, growth, thickening, elements, ratio, sl
     _fetch(patches, patch, x, own)
     for i in range(nodes):
         own[i, 3] = ratio[patches.nodes[slot + i]]
-    _own_edges(rows, corners, own)
-    _own_growth(rows, constants, patches.label[patch], growth, thickening)
+    edges_of_elements(rows, corners, own)
+    grow_elements(rows, constants, patches.label[patch], growth, thickening)
     for e in range(SIZE):
-        rows[_MEAN * SIZE + e] = _mean_ratio(own, corners, e)
-    _own_stress(rows, constants, material)
+        rows[MEAN * SIZE + e] = mean_ratio(own, corners, e)
+    stress_elements(rows, constants, material)
     smallest, degenerate = np.inf, 0
     for e in range(count):
-        j = rows[_J * SIZE + e]
-        if may_be_degenerate(j, rows[_TRACE * SIZE + e]):
-            degenerate += _open_degenerate(rows, constants, material, e, own, corners)
+        j = rows[J * SIZE + e]
+        if may_be_degenerate(j, rows[TRACE * SIZE + e]):
+            degenerate += open_degenerate(rows, constants, material, e, own, corners)
         smallest = least(smallest, j)
     _add_forces(rows, corners, count, own)
     for i in range(nodes):
@@ -333,13 +219,6 @@ def _forces(patch, patches, material, x, growth, thickening, elements, ratio, sl
 def least(smallest, j):  # type: ignore[no-untyped-def]
     """The smaller of two numbers; a NaN stays."""
     return j if j < smallest or j != j else smallest
-
-
-@inlined
-def _mean_ratio(own, corners, e):  # type: ignore[no-untyped-def]
-    """Mean over the corners of an element of the ratio of current to grown volume around them."""
-    a, b, c, d = corners[e], corners[SIZE + e], corners[2 * SIZE + e], corners[3 * SIZE + e]
-    return (own[a, 3] + own[b, 3] + own[c, 3] + own[d, 3]) / 4
 
 
 @fast

@@ -14,14 +14,13 @@ from cortet.meshes import TetMesh
 from cortet.simulation.altitude import smallest_altitude
 from cortet.simulation.body import Body, Material, Scale, body_of, stable_time_step
 from cortet.simulation.contact import Contact, contact_of
+from cortet.simulation.elements import OWN_ROWS, stress_elements
 from cortet.simulation.growth import Course
 from cortet.simulation.kernels import (
-    _OWN_ROWS,
     DONE,
     INVERTED,
     Motion,
     Work,
-    _own_stress,
     advance,
     elastic_energy,
     elastic_forces,
@@ -286,8 +285,8 @@ def test_functions_without_calls_are_those_of_the_library() -> None:
 
 def test_the_loop_of_the_law_is_made_of_vector_instructions() -> None:
     """One call that is left in it would make it ten times slower, and nothing else would tell."""
-    fresh = numba.njit(fastmath={"contract"}, error_model="numpy")(_own_stress.py_func)
-    fresh(np.zeros(_OWN_ROWS * SIZE), np.zeros(ROWS * SIZE), MATERIAL)
+    fresh = numba.njit(fastmath={"contract"}, error_model="numpy")(stress_elements.py_func)
+    fresh(np.zeros(OWN_ROWS * SIZE), np.zeros(ROWS * SIZE), MATERIAL)
     (assembly,) = fresh.inspect_asm().values()
     scalar, packed = assembly.count("mulsd"), assembly.count("mulpd")
     assert packed > 20 and packed >= scalar  # what is scalar is the remainder of the loop

@@ -10,7 +10,7 @@ from cortet.geometry import topology
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh, TriSurface
 from cortet.optimise.insertion import insert_vertices
-from cortet.optimise.vertices import mu2_of
+from cortet.optimise.star import mu2_of
 
 #: four tetrahedra around a long edge: whatever swaps do with the six points, they stay long
 SPINDLE = np.array([[0, 0, -2.0], [0, 0, 2.0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])

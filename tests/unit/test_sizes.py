@@ -17,7 +17,8 @@ from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.geometry.nesting import nested
 from cortet.measure.quality import signed_volumes
-from cortet.meshers._sizes import Sources, _near
+from cortet.meshers._sizes import _near
+from cortet.meshers.mesher import Sources
 from cortet.meshes import FloatArray, TetMesh
 from cortet.stages.generate import generate
 

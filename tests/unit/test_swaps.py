@@ -8,8 +8,8 @@ from cortet.geometry import topology
 from cortet.geometry.closest_point import surface_tree
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh
+from cortet.optimise.star import mu2_of
 from cortet.optimise.swaps import improve, live_cells, swappable
-from cortet.optimise.vertices import mu2_of
 
 SPHERE = ball_surface(2, 1.0)
 TREE = surface_tree(SPHERE.points, SPHERE.faces)

@@ -1,0 +1,80 @@
+"""Samples of a given surface, attached to the triangles of one that must stay near it (compiled).
+
+They are the vertices of the given surface and the centres of its faces, each attached to the nearest triangle. An
+operation on triangles asks how far the samples around it would be, and attaches them anew. The idea is that of Hu et
+al., Error-bounded and feature preserving surface remeshing with minimal angle improvement, TVCG 2017.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from cortet.geometry.closest_point import closest_point, on_triangle, triangle_normal
+
+
+class Limits(NamedTuple):
+    """Mean squared distances (mm2) of the samples around an operation."""
+
+    #: up to this an operation is made without asking whether another would be closer
+    free: float
+    #: above this it is refused
+    most: float
+
+
+@numba.njit(cache=True)
+def measure(w, s, olds, news, most):  # type: ignore[no-untyped-def]
+    """Find the new triangle nearest to each sample of the old faces.
+
+    Returns the number of samples and the sum of squared distances, infinite when one is beyond its limit or the mean
+    is above `most` and above what it was.
+    """
+    count, total, before = 0, 0.0, 0.0
+    for k in range(olds):
+        i = w.first[s.old[k]]
+        while i >= 0:
+            x, y, z = w.samples[i, 0], w.samples[i, 1], w.samples[i, 2]
+            best, nearest = np.inf, -1
+            for j in range(news):
+                c = s.new[j]
+                u, v, t = on_triangle(c, x, y, z)
+                dx = u * c[0] + v * c[3] + t * c[6] - x
+                dy = u * c[1] + v * c[4] + t * c[7] - y
+                dz = u * c[2] + v * c[5] + t * c[8] - z
+                d = dx * dx + dy * dy + dz * dz
+                if d < best:
+                    best, nearest = d, j
+            if best > w.limit2[i]:
+                return count, np.inf
+            s.sample[count], s.nearest[count], s.distance2[count] = i, nearest, best
+            total += best
+            before += w.distance2[i]
+            count += 1
+            i = w.after[i]
+    if total > max(before, most * count):
+        return count, np.inf
+    return count, total
+
+
+@numba.njit(cache=True)
+def attach(w, s, olds, count, face_of):  # type: ignore[no-untyped-def]
+    """Hand the samples that were measured to the faces that `face_of` names for the new triangles."""
+    for k in range(olds):
+        w.first[s.old[k]] = -1
+    for k in range(count):
+        i, f = s.sample[k], face_of[s.nearest[k]]
+        w.distance2[i] = s.distance2[k]
+        w.after[i] = w.first[f]
+        w.first[f] = i
+
+
+@numba.njit(cache=True)
+def onto_surface(tree, x, y, z, hint, nx, ny, nz):  # type: ignore[no-untyped-def]
+    """Nearest point of the surface and its triangle; triangle -1 where it lies on the opposite bank of n."""
+    px, py, pz, place, _, _, _ = closest_point(tree, x, y, z, hint)
+    mx, my, mz = triangle_normal(tree.corners[place])
+    if not nx * mx + ny * my + nz * mz > 0:
+        place = -1
+    return px, py, pz, place
