@@ -20,8 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
-import numpy as np
-from rows import in_own_process, print_row
+from rows import in_own_process, print_power, print_row
 
 from cortet.config import load
 from cortet.errors import CortetError
@@ -157,10 +156,7 @@ def main() -> None:
     for row in rows:
         print_row(MESH_COLUMNS, row)
     for chain in options.chains:
-        done = [row for row in rows if row["chain"] == chain and "tets" in row]
-        if len({row["tets"] for row in done}) > 1:
-            cells, seconds = ([row[key] for row in done] for key in ("tets", "cpu_seconds"))
-            print(f"{chain}: CPU seconds grow as tets^{np.polyfit(np.log(cells), np.log(seconds), 1)[0]:.2f}")
+        print_power(chain, (row for row in rows if row["chain"] == chain), y="cpu_seconds")
 
 
 if __name__ == "__main__":

@@ -17,7 +17,6 @@ its own loops bring from memory and back.
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
 import time
 from types import SimpleNamespace
@@ -26,6 +25,7 @@ from typing import Any
 import numba
 import numpy as np
 from cubes import cube_mesh
+from rows import in_own_process, print_power, print_row
 
 from cortet.geometry.ordering import ordered_along_curve
 from cortet.geometry.topology import boundary_faces
@@ -43,6 +43,10 @@ from cortet.simulation.patches import ROWS, VOLUME
 from cortet.simulation.state import Moment
 from cortet.simulation.stepper import OnCpu
 
+COLUMNS = (
+    *("tets", "threads", "wall_s", "cpu_s", "million_element_steps_per_s", "per_cpu_s", "bytes", "GB_per_cpu_s"),
+    *("GFLOP_per_cpu_s", "GB_per_s", "peak_MB", "MB_per_million_tets"),
+)
 #: growth at every step: enough that no term of the forces is zero
 _GROWTH = 1e-3
 #: additions, multiplications and divisions per element and step, counted in the source: edges 2 x 9, growth and volumes
@@ -80,14 +84,14 @@ def measure(cells: float, threads: int | None, steps: int, answer: Any) -> None:
         {
             "tets": len(mesh.cells),
             "threads": threads or "gpu",
-            "wall_s": round(wall, 2),
-            "cpu_s": round(cpu, 3),
-            "million_element_steps_per_s": round(work / wall, 2),
-            "per_cpu_s": round(work / cpu, 2),
+            "wall_s": wall,
+            "cpu_s": cpu,
+            "million_element_steps_per_s": work / wall,
+            "per_cpu_s": work / cpu,
             "bytes": round(bytes_moved),
-            "GB_per_cpu_s": round(bytes_moved * work / cpu / 1e3, 1),
-            "GFLOP_per_cpu_s": round(OPERATIONS * work / cpu / 1e3, 1),
-            "GB_per_s": round(bytes_moved * work / wall / 1e3, 1),
+            "GB_per_cpu_s": bytes_moved * work / cpu / 1e3,
+            "GFLOP_per_cpu_s": OPERATIONS * work / cpu / 1e3,
+            "GB_per_s": bytes_moved * work / wall / 1e3,
             "peak_MB": peak,
             "MB_per_million_tets": round((peak - before) / len(mesh.cells) * 1e6),
         }
@@ -156,11 +160,6 @@ def _multiply_add(n, x):  # type: ignore[no-untyped-def]
     return values.sum()
 
 
-def exponent(rows: list[dict[str, Any]]) -> float:
-    """Power of the number of tetrahedra with which CPU seconds grow (least squares of the logarithms)."""
-    return float(np.polyfit(np.log([row["tets"] for row in rows]), np.log([row["cpu_s"] for row in rows]), 1)[0])
-
-
 def main() -> None:
     """Measure and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -172,25 +171,15 @@ def main() -> None:
     if options.device == "cuda":
         print(device_name())
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that wait do not count as work
-    context = multiprocessing.get_context("spawn")
-    header, rows = "", []
     print(f"{machine()}; {OPERATIONS} operations per element-step")
+    print(*COLUMNS, sep="\t")
+    rows = []
     for cells in options.cells:
         for threads in [*options.threads, *([None] if options.device == "cuda" else [])]:
-            receive, send = context.Pipe(duplex=False)
-            process = context.Process(target=measure, args=(cells, threads, options.steps, send))
-            process.start()
-            send.close()
-            row = receive.recv()
-            process.join()
-            rows.append(row)
-            if not header:
-                print(header := "  ".join(row))
-            print("  ".join(f"{value:{len(name)}}" for name, value in row.items()), flush=True)
-    if len(options.cells) > 1:
-        for threads in options.threads:
-            power = exponent([row for row in rows if row["threads"] == threads])
-            print(f"{threads} threads: CPU seconds grow with tetrahedra^{power:.2f}")
+            rows.append(in_own_process(measure, cells, threads, options.steps))
+            print_row(COLUMNS, rows[-1])
+    for threads in options.threads:
+        print_power(f"{threads} threads", (row for row in rows if row["threads"] == threads))
 
 
 if __name__ == "__main__":

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import argparse
 import cProfile
-import multiprocessing
 import pstats
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
+from rows import in_own_process, print_power, print_row
 
 from cortet.formats import gifti, vtu
 from cortet.geometry.topology import enclosed_volume
@@ -31,6 +30,8 @@ from cortet.stages.reconnect import reconnect
 
 #: tetrahedra per cube of the cell size after refinement (measured)
 CELLS_PER_CUBE = 4.6
+
+COLUMNS = ("run", "tets", "cpu_s", "tets_per_cpu_s", "MB_per_million_tets", "q_mean", "q_max")
 
 RUNS: dict[str, Callable[[TetMesh, TriSurface], tuple[TetMesh, object]]] = {
     "clean, slide": clean,
@@ -50,7 +51,17 @@ def measure(run: str, small: Path, mesh_file: Path, surface_file: Path, answer) 
     before, start = peak_memory_mb() or 0, time.process_time()
     _, report = RUNS[run](mesh, surface)
     seconds, megabytes = time.process_time() - start, (peak_memory_mb() or 0) - before
-    answer.send((seconds, megabytes, report.q_mean, report.q_max))
+    answer.send(
+        {
+            "run": run,
+            "tets": len(mesh.cells),
+            "cpu_s": seconds,
+            "tets_per_cpu_s": len(mesh.cells) / seconds,
+            "MB_per_million_tets": megabytes / len(mesh.cells) * 1e6,
+            "q_mean": report.q_mean,
+            "q_max": report.q_max,
+        }
+    )
 
 
 def refinement(surface: TriSurface, cells: float) -> TetMesh:
@@ -70,18 +81,6 @@ def profile(mesh: TetMesh, surface: TriSurface) -> None:
         pstats.Stats(profiler).sort_stats("tottime").print_stats(10)
 
 
-def in_own_process(*args: object) -> tuple[float, float, float, float]:
-    """Run `measure` in a fresh process."""
-    context = multiprocessing.get_context("spawn")
-    receive, send = context.Pipe(duplex=False)
-    process = context.Process(target=measure, args=(*args, send))
-    process.start()
-    send.close()
-    result = receive.recv()
-    process.join()
-    return result
-
-
 def main() -> None:
     """Measure all runs and print the table, then the exponent of the growth of time for each run."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -96,34 +95,18 @@ def main() -> None:
         files = []
         for cells in [2e4, *options.cells]:
             mesh = refinement(surface, cells)
-            files.append((len(mesh.cells), Path(folder) / f"{len(mesh.cells)}.vtu"))
-            vtu.write(mesh, files[-1][1])
-        for count, file in files[1:]:
+            files.append(Path(folder) / f"{len(mesh.cells)}.vtu")
+            vtu.write(mesh, files[-1])
+        print(*COLUMNS, sep="\t")
+        for file in files[1:]:
             for run in RUNS:
-                seconds, megabytes, q_mean, q_max = in_own_process(run, files[0][1], file, surface_file)
-                rows.append(
-                    {
-                        "run": run,
-                        "tets": count,
-                        "cpu_seconds": round(seconds, 2),
-                        "tets_per_second": round(count / seconds),
-                        "MB_per_million_tets": round(megabytes / count * 1e6),
-                        "q_mean": round(q_mean, 4),
-                        "q_max": round(q_max, 4),
-                    }
-                )
-                print(*rows[-1].values(), sep="\t", flush=True)
+                rows.append(in_own_process(measure, run, files[0], file, surface_file))
+                print_row(COLUMNS, rows[-1])
         for run in RUNS.values():
-            run(vtu.read(files[0][1]), surface)  # compile before profiling
-        profile(vtu.read(files[-1][1]), surface)
-    print("\t".join(rows[0]))
-    for row in rows:
-        print("\t".join(map(str, row.values())))
+            run(vtu.read(files[0]), surface)  # compile before profiling
+        profile(vtu.read(files[-1]), surface)
     for name in RUNS:
-        part = [row for row in rows if row["run"] == name]
-        if len(part) > 1:
-            cells, seconds = ([row[key] for row in part] for key in ("tets", "cpu_seconds"))
-            print(f"{name}: CPU seconds grow as tets^{np.polyfit(np.log(cells), np.log(seconds), 1)[0]:.2f}")
+        print_power(name, (row for row in rows if row["run"] == name))
 
 
 if __name__ == "__main__":

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
+
+import numpy as np
 
 
 def in_own_process(measure: Callable[..., None], *args: object) -> dict[str, Any]:
@@ -26,3 +28,11 @@ def print_row(columns: Sequence[str], row: dict[str, Any]) -> None:
     """One line of tab-separated values."""
     values = (row.get(column, "") for column in columns)
     print(*(f"{value:.4g}" if isinstance(value, float) else value for value in values), sep="\t", flush=True)
+
+
+def print_power(name: str, rows: Iterable[dict[str, Any]], x: str = "tets", y: str = "cpu_s") -> None:
+    """With which power of `x` the values `y` of some rows grow (least squares of the logarithms), from two sizes on."""
+    known = [row for row in rows if x in row]
+    if len({row[x] for row in known}) > 1:
+        sizes, values = ([row[key] for row in known] for key in (x, y))
+        print(f"{name}: {y} grows as {x}^{np.polyfit(np.log(sizes), np.log(values), 1)[0]:.2f}")
