@@ -36,6 +36,13 @@ class InputError(CortetError):
     """A file, table row or parameter given by the user cannot be used."""
 
 
+class DamagedFileError(InputError):
+    """A file is incomplete, or not what its name says."""
+
+    def __init__(self, what: str, *, file: object) -> None:
+        super().__init__(what, file=file, remedy="export it again: it is damaged, or of another format")
+
+
 class StageError(CortetError):
     """A stage could not produce a valid result from valid input."""
 

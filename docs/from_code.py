@@ -32,7 +32,7 @@ from cortet.sections import Section
 from cortet.stages import STAGES, Stage
 
 PACKAGE = Path(__file__).resolve().parents[1] / "cortet"
-ERRORS = ("InputError", "StageError", "WorkflowError")
+ERRORS = ("InputError", "DamagedFileError", "StageError", "WorkflowError")
 #: functions whose strings are messages though they raise none
 SPEAKERS = {
     "cohort.ages": ("_in_words",),

@@ -20,7 +20,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.numbering import indices, whole
@@ -130,7 +130,7 @@ def read(path: str | Path) -> TetMesh:
                 node_sets.add(options.get("NSET", ALL_NODES), whole(node_rows[-1][:, 0], "node", path))
             elif keyword == "ELEMENT":
                 if options.get("TYPE") != "C3D4":
-                    raise InputError(f"line {line}: elements of type {options.get('TYPE')}, not C3D4", file=path)
+                    raise DamagedFileError(f"line {line}: elements of type {options.get('TYPE')}, not C3D4", file=path)
                 element_rows.append(read_rows(data, 5, np.int64, delimiter=","))
                 cell_sets.add(options.get("ELSET", ALL_ELEMENTS), element_rows[-1][:, 0])
             elif keyword in ("NSET", "ELSET"):
@@ -140,18 +140,18 @@ def read(path: str | Path) -> TetMesh:
                 sides_of = data.replace(b"S", b"").replace(b"s", b"")
                 surfaces.add(options["NAME"], read_rows(sides_of, 2, np.int64, delimiter=","))
         except BadRowError as error:
-            raise InputError(f"line {_line_of(error.row, data, line)} {error}", file=path) from error
+            raise DamagedFileError(f"line {_line_of(error.row, data, line)} {error}", file=path) from error
         except (KeyError, ValueError, OverflowError) as error:
-            raise InputError(f"line {line}: *{keyword} cannot be read: {error}", file=path) from error
+            raise DamagedFileError(f"line {line}: *{keyword} cannot be read: {error}", file=path) from error
     nodes, elements = np.concatenate(node_rows), np.concatenate(element_rows)
     if not len(nodes) or not len(elements):
-        raise InputError("holds no nodes or no elements", file=path)
+        raise DamagedFileError("holds no nodes or no elements", file=path)
     number_of_node, number_of_cell = whole(nodes[:, 0], "node", path), elements[:, 0]
     cells = indices(elements[:, 1:], number_of_node, "node", path)
     faces = {}
     for name, rows in surfaces.joined().items():
         if len(rows) and not (rows[:, 1].min() >= 1 and rows[:, 1].max() <= 4):
-            raise InputError(f"*SURFACE {name} names a side that is not S1 to S4", file=path)
+            raise DamagedFileError(f"*SURFACE {name} names a side that is not S1 to S4", file=path)
         owners = indices(rows[:, 0], number_of_cell, "element", path)
         faces[name] = faces_of_sides(cells, owners, _OPPOSITE[rows[:, 1]])
     sets = MeshSets(
@@ -270,15 +270,15 @@ def _read_fields(path: Path, number_of_node: NDArray[np.int64]) -> dict[str, NDA
     for keyword, options, data, line in _blocks(path):
         found = names.get(options.get("VARIABLE", "").encode())
         if keyword != "INITIAL CONDITIONS" or options.get("TYPE") != "FIELD" or found is None:
-            raise InputError(f"line {line}: not a field variable that a comment names", file=path)
+            raise DamagedFileError(f"line {line}: not a field variable that a comment names", file=path)
         integer = found[5] == b"integer"
         try:
             rows = read_rows(data, 2, float, delimiter=",")
         except BadRowError as error:
-            raise InputError(f"line {_line_of(error.row, data, line)} {error}", file=path) from error
+            raise DamagedFileError(f"line {_line_of(error.row, data, line)} {error}", file=path) from error
         name = found[2].decode(errors="replace")
         if not np.array_equal(rows[:, 0], number_of_node):
-            raise InputError(
+            raise DamagedFileError(
                 f"field {name} has {len(rows)} values for {len(number_of_node)} nodes, or other nodes", file=path
             )
         values = rows[:, 1]

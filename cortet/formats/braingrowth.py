@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import CORTICAL_SURFACE, surface_faces
@@ -78,20 +78,24 @@ def read_tables(path: str | Path) -> Tables:
             for kind, fields, dtype in [("node", 3, float), ("tetrahedron", 5, np.int64), ("triangle", 4, np.int64)]:
                 stated = file.readline()
                 if not re.fullmatch(r"\s*\d{1,12}\s*", stated):
-                    raise InputError(f"line {start}: the number of {kind} lines is missing", file=path)
+                    raise DamagedFileError(f"line {start}: the number of {kind} lines is missing", file=path)
                 count = int(stated)
                 try:
                     tables.append(read_rows(file, fields, dtype, rows=count))
                 except BadRowError as error:
                     line = f"line {start + 1 + error.row}: a {kind} line {error}"
-                    raise InputError(f"{line} ({count} lines of {fields} fields belong there)", file=path) from error
+                    raise DamagedFileError(
+                        f"{line} ({count} lines of {fields} fields belong there)", file=path
+                    ) from error
                 start += 1 + count
             if file.read().strip():
-                raise InputError(f"line {start}: more than the three tables", file=path)
+                raise DamagedFileError(f"line {start}: more than the three tables", file=path)
     except OSError as error:
-        raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
+        raise InputError(
+            f"cannot be opened: {error.strerror}", file=path, remedy="check the path and its permissions"
+        ) from error
     except UnicodeDecodeError as error:
-        raise InputError("is not a text file", file=path) from error
+        raise DamagedFileError("is not a text file", file=path) from error
     return Tables(*tables)
 
 
@@ -116,5 +120,5 @@ def _cells(tables: Tables, path: str | Path) -> IntArray:
     """Nodes of the tetrahedra, from 0, the last two swapped; InputError if there are none, or a node does not exist."""
     nodes = tables.tetrahedra[:, [1, 2, 4, 3]]
     if len(nodes) == 0 or nodes.min() < 1 or nodes.max() > len(tables.points):
-        raise InputError(f"has no tetrahedra, or node indices outside 1..{len(tables.points)}", file=path)
+        raise DamagedFileError(f"has no tetrahedra, or node indices outside 1..{len(tables.points)}", file=path)
     return (nodes - 1).astype(np.int32)

@@ -20,7 +20,7 @@ from typing import IO, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
@@ -131,10 +131,10 @@ def read_binary(path: str | Path, *, unit: Unit = "um") -> TetMesh:
     elements = _values(_beside(path, ".belem"), "<i4", 6)
     fibres = _values(_beside(path, ".blon"), "<f4", 3)
     if (elements[:, 0] != _TETRAHEDRON).any():
-        raise InputError("holds elements that are not tetrahedra", file=_beside(path, ".belem"))
+        raise DamagedFileError("holds elements that are not tetrahedra", file=_beside(path, ".belem"))
     cells = in_range(elements[:, 1:5], len(points), "node", _beside(path, ".belem"))
     if len(fibres) != len(elements):
-        raise InputError(f"has {len(fibres)} fibres for {len(elements)} elements", file=_beside(path, ".blon"))
+        raise DamagedFileError(f"has {len(fibres)} fibres for {len(elements)} elements", file=_beside(path, ".blon"))
     return _mesh(path, points / _PER_MM[unit], cells, elements[:, 5], fibres.astype(float))
 
 
@@ -195,7 +195,9 @@ def _text(
         try:
             expected = int(head) if rows is None else rows
         except ValueError as error:
-            raise InputError(f"is not a CARP file: {error}", file=path) from error
+            raise DamagedFileError(
+                "is not a CARP file: its first line is not the number of its rows", file=path
+            ) from error
     else:
         expected = rows or 0
     for _ in range(skip):
@@ -204,14 +206,16 @@ def _text(
         count = text.count(b"\n" + kind + b" ") + text.startswith(kind + b" ")
         lines = text.count(b"\n") + (len(text) > 0 and not text.endswith(b"\n"))
         if count != lines:
-            raise InputError(f"holds elements of other types than {kind.decode()}", file=path)
+            raise DamagedFileError(f"holds elements of other types than {kind.decode()}", file=path)
         text = text.replace(kind, b"")
     try:
         table = read_rows(text, columns, dtype)
     except BadRowError as error:
-        raise InputError(f"is not a CARP file: line {error.row + 1 + headed + skip} {error}", file=path) from error
+        raise DamagedFileError(
+            f"is not a CARP file: line {error.row + 1 + headed + skip} {error}", file=path
+        ) from error
     if len(table) != expected:
-        raise InputError(f"is not complete: {len(table)} lines instead of {expected}", file=path)
+        raise DamagedFileError(f"is not complete: {len(table)} lines instead of {expected}", file=path)
     return table
 
 
@@ -220,12 +224,12 @@ def _values(path: Path, dtype: str, columns: int) -> NDArray[Any]:
     data = content(path)
     words = data[:_HEADER_BYTES].split(b"\0")[0].split()
     if len(data) < _HEADER_BYTES or len(words) < 3 or not all(word.isdigit() for word in words):
-        raise InputError("is not a binary CARP file", file=path)
+        raise DamagedFileError("is not a binary CARP file", file=path)
     count = int(words[-3])
     values = np.frombuffer(data, np.uint8, offset=_HEADER_BYTES)
     expected = count * columns * np.dtype(dtype).itemsize
     if len(values) != expected:
-        raise InputError(f"is not complete: {len(values)} bytes instead of {expected}", file=path)
+        raise DamagedFileError(f"is not complete: {len(values)} bytes instead of {expected}", file=path)
     return values.view(dtype).reshape(count, columns)
 
 

@@ -20,7 +20,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
@@ -196,14 +196,14 @@ def read(path: str | Path) -> TetMesh:
     ids, cells = [], []
     for part in root.iterfind("Mesh/Elements"):
         if part.get("type") != "tet4":
-            raise InputError(f"elements of type {part.get('type')}, not tet4", file=path)
+            raise DamagedFileError(f"elements of type {part.get('type')}, not tet4", file=path)
         rows = _table(part, tables, 5, np.int64, path)
         name = part.get("name", "")
         parts[name] = np.concatenate([parts[name], rows[:, 0]]) if name in parts else rows[:, 0]
         ids.append(rows[:, 0])
         cells.append(rows[:, 1:])
     if not len(points) or not cells:
-        raise InputError("holds no nodes or no elements", file=path)
+        raise DamagedFileError("holds no nodes or no elements", file=path)
     cell_ids = np.concatenate(ids)
     order = np.argsort(cell_ids, kind="stable")
     cell_ids = cell_ids[order]
@@ -257,7 +257,9 @@ def read_xml(path: str | Path) -> tuple[ElementTree.Element, list[bytes]]:
         begin = end
     root = xml_root(b"".join([*around, text[begin:]]), path)
     if root.tag != "febio_spec" or root.get("version") != "4.0":
-        raise InputError(f"is <{root.tag} version={root.get('version')}>, not <febio_spec version=4.0>", file=path)
+        raise DamagedFileError(
+            f"is <{root.tag} version={root.get('version')}>, not <febio_spec version=4.0>", file=path
+        )
     return root, tables
 
 
@@ -268,7 +270,7 @@ def _table(
     if not element.text:
         return np.empty((0, columns), dtype)
     if not re.fullmatch(r"\d{1,9}", element.text) or int(element.text) >= len(tables):
-        raise InputError(f"<{element.tag} {element.get('name', '')}> is no list", file=path)
+        raise DamagedFileError(f"<{element.tag} {element.get('name', '')}> is no list", file=path)
     given, (tag, number) = tables[int(element.text)], _LISTS[element.tag]
     rows = given.replace(f'<{tag} {number}="'.encode(), b"").replace(b'">', b",").replace(f"</{tag}>".encode(), b"\n")
     if b"<" in rows:  # not written in the usual way
@@ -277,7 +279,7 @@ def _table(
         return read_rows(rows, columns, dtype, delimiter=",")
     except BadRowError as error:
         name = f"{element.tag} {element.get('name', '')}".strip()
-        raise InputError(f"<{name}>: entry {error.row + 1} {error}", file=path) from error
+        raise DamagedFileError(f"<{name}>: entry {error.row + 1} {error}", file=path) from error
 
 
 def _nodes(
@@ -319,17 +321,19 @@ def _numbers(element: ElementTree.Element, path: str | Path) -> NDArray[np.int64
     try:
         return np.array((element.text or "").replace(",", " ").split(), np.int64)
     except (ValueError, OverflowError) as error:
-        raise InputError(f"<{element.tag} {element.get('name')}>: {error}", file=path) from error
+        raise DamagedFileError(f"<{element.tag} {element.get('name')}>: {error}", file=path) from error
 
 
 def _field(data: ElementTree.Element, tables: list[bytes], path: str | Path) -> NDArray[Any]:
     """Values of a NodeData on all nodes, in their order."""
     columns = {"scalar": 1, "vec3": 3}.get(data.get("data_type", ""))
     if columns is None or data.get("node_set") != ALL_NODES:
-        raise InputError(f"<NodeData {data.get('name')}> is not a scalar or vec3 on {ALL_NODES}", file=path)
+        raise DamagedFileError(f"<NodeData {data.get('name')}> is not a scalar or vec3 on {ALL_NODES}", file=path)
     rows = _table(data, tables, 1 + columns, float, path)
     if not np.array_equal(np.sort(rows[:, 0]), np.arange(1, len(rows) + 1)):
-        raise InputError(f"<NodeData {data.get('name')}> does not number its values from 1 to {len(rows)}", file=path)
+        raise DamagedFileError(
+            f"<NodeData {data.get('name')}> does not number its values from 1 to {len(rows)}", file=path
+        )
     values = rows[np.argsort(rows[:, 0], kind="stable"), 1:]
     return values[:, 0] if columns == 1 else values
 

@@ -25,7 +25,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import (
     FIRST_INTERFACE,
@@ -161,7 +161,7 @@ def read(path: str | Path) -> TetMesh:
     cells = _grid(Path(path), "mesh", "Tetrahedron")
     facets = _grid(facets_path(path), "facets", "Triangle")
     if not np.array_equal(cells.points, facets.points):
-        raise InputError("has other nodes than the tetrahedra", file=facets_path(path))
+        raise DamagedFileError("has other nodes than the tetrahedra", file=facets_path(path))
     regions = _tags(cells, "region", path)
     surface = _tags(facets, "surface", facets_path(path))
     faces = {name: facets.topology[surface == tag] for name, tag in SURFACE_TAGS.items() if (surface == tag).any()}
@@ -204,24 +204,26 @@ def _grid(path: Path, name: str, kind: str) -> _Grid:
     topology = grid.find("Topology") if grid is not None else None
     geometry = grid.find("Geometry") if grid is not None else None
     if grid is None or topology is None or geometry is None:
-        raise InputError(f"has no grid {name} with a topology and a geometry", file=path)
+        raise DamagedFileError(f"has no grid {name} with a topology and a geometry", file=path)
     if topology.get("TopologyType") != kind:
-        raise InputError(f"grid {name} holds {topology.get('TopologyType')}, not {kind}", file=path)
+        raise DamagedFileError(f"grid {name} holds {topology.get('TopologyType')}, not {kind}", file=path)
     found = _Grid()
     found.points, found.topology = _values(geometry, path), _values(topology, path)
     for element, values, columns in ((geometry, found.points, 3), (topology, found.topology, _CORNERS[kind])):
         if values.ndim != 2 or values.shape[1] != columns:
-            raise InputError(f"<{element.tag}> has shape {values.shape}, not (n, {columns})", file=path)
+            raise DamagedFileError(f"<{element.tag}> has shape {values.shape}, not (n, {columns})", file=path)
     if found.topology.dtype.kind != "i":
-        raise InputError(f"<{topology.tag}> holds {found.topology.dtype}, not integers", file=path)
+        raise DamagedFileError(f"<{topology.tag}> holds {found.topology.dtype}, not integers", file=path)
     at = {"Node": (found.nodes_of, len(found.points)), "Cell": (found.cells_of, len(found.topology))}
     for attribute in grid.iterfind("Attribute"):
         called, centre, values = attribute.get("Name", ""), attribute.get("Center", ""), _values(attribute, path)
         if centre not in at:
-            raise InputError(f"attribute {called} is at {centre!r}, neither Node nor Cell", file=path)
+            raise DamagedFileError(f"attribute {called} is at {centre!r}, neither Node nor Cell", file=path)
         where, count = at[centre]
         if len(values) != count:
-            raise InputError(f"attribute {called} has {len(values)} values for {count} {centre.lower()}s", file=path)
+            raise DamagedFileError(
+                f"attribute {called} has {len(values)} values for {count} {centre.lower()}s", file=path
+            )
         where[called] = values
     return found
 
@@ -230,10 +232,10 @@ def _values(element: ElementTree.Element, path: Path) -> NDArray[Any]:
     """Values of the HDF5 dataset that the DataItem of an element names."""
     item = element.find("DataItem")
     if item is None:
-        raise InputError(f"<{element.tag} {element.get('Name', '')}> has no DataItem", file=path)
+        raise DamagedFileError(f"<{element.tag} {element.get('Name', '')}> has no DataItem", file=path)
     file, _, key = (item.text or "").strip().partition(":")
     if file != data_path(path).name and file != data_path(path.with_name(f"{_first(path)}.xdmf")).name:
-        raise InputError(f"names the data file `{file}`, not one beside it of its own name", file=path)
+        raise DamagedFileError(f"names the data file `{file}`, not one beside it of its own name", file=path)
     source = path.with_name(file)
     check_file(source)
     try:
@@ -248,9 +250,11 @@ def _values(element: ElementTree.Element, path: Path) -> NDArray[Any]:
     ) as error:  # what h5py raises for damaged files
         raise InputError(f"cannot be read: {error}", file=source, remedy="export the mesh again") from error
     except KeyError as error:
-        raise InputError(f"has no dataset {key}", file=source) from error
+        raise DamagedFileError(f"has no dataset {key}", file=source) from error
     if item.get("Dimensions", "").split() != [str(size) for size in values.shape]:
-        raise InputError(f"says that {key} has {item.get('Dimensions')} values, but it has {values.shape}", file=path)
+        raise DamagedFileError(
+            f"says that {key} has {item.get('Dimensions')} values, but it has {values.shape}", file=path
+        )
     return values
 
 
@@ -268,11 +272,11 @@ def _dataset(data: h5py.File, key: str, source: Path) -> NDArray[Any]:
         raise KeyError(key)
     dataset = data[key]
     if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind not in _XDMF_TYPES or not dataset.shape:
-        raise InputError(f"{key} is no array of numbers", file=source)
+        raise DamagedFileError(f"{key} is no array of numbers", file=source)
     if dataset.external or dataset.is_virtual or dataset.compression or dataset.scaleoffset is not None:
-        raise InputError(f"the values of {key} are compressed, or in another file", file=source)
+        raise DamagedFileError(f"the values of {key} are compressed, or in another file", file=source)
     if dataset.nbytes > dataset.id.get_storage_size():
-        raise InputError(f"{key} declares {dataset.nbytes:,} bytes, which the file does not hold", file=source)
+        raise DamagedFileError(f"{key} declares {dataset.nbytes:,} bytes, which the file does not hold", file=source)
     values: NDArray[Any] = dataset[()]
     return values
 
@@ -286,7 +290,7 @@ def _faces_among(faces: IntArray, subset: IntArray) -> NDArray[np.bool_]:
 def _tags(grid: _Grid, name: str, path: Path | str) -> NDArray[Any]:
     """The attribute that says what each cell of a grid is; it is removed from the grid."""
     if name not in grid.cells_of:
-        raise InputError(f"has no attribute {name} of its cells", file=path)
+        raise DamagedFileError(f"has no attribute {name} of its cells", file=path)
     return _of_each(grid.cells_of.pop(name), name, path)
 
 
@@ -299,5 +303,5 @@ def _taken(attributes: dict[str, NDArray[Any]], prefix: str, path: Path | str) -
 def _of_each(values: NDArray[Any], name: str, path: Path | str) -> NDArray[Any]:
     """The same values, after a check that there is one number per row."""
     if values.ndim != 1:
-        raise InputError(f"attribute {name} has shape {values.shape}, not one number each", file=path)
+        raise DamagedFileError(f"attribute {name} has shape {values.shape}, not one number each", file=path)
     return values

@@ -25,7 +25,9 @@ def sha256(path: str | Path) -> str:
         with Path(path).open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+        raise InputError(
+            f"cannot be read: {error.strerror}", file=path, remedy="check the path and its permissions"
+        ) from error
 
 
 def array_sha256(values: NDArray[Any]) -> str:

@@ -28,7 +28,7 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.formats import child, gmsh_reader
 from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
@@ -214,10 +214,10 @@ def read(path: str | Path) -> TetMesh:
     order = np.argsort(arrays["node_tags"])
     tags = arrays["node_tags"][order].astype(np.int64)
     if len(tags) == 0:
-        raise InputError("holds no nodes", file=path)
+        raise DamagedFileError("holds no nodes", file=path)
     (face_tags, faces), (cell_tags, cells) = (_elements(kind, arrays, tags, path) for kind in KINDS)
     if len(cells) == 0:
-        raise InputError("holds no tetrahedra", file=path)
+        raise DamagedFileError("holds no tetrahedra", file=path)
     groups = {
         kind: {
             name: indices(tags_of, known, kind, path)
@@ -262,7 +262,9 @@ def check_version(path: str | Path) -> None:
         with Path(path).open("rb") as file:
             first, second = file.readline(100).strip(), file.readline(100).split()
     except OSError as error:
-        raise InputError(f"cannot be opened: {error.strerror}", file=path) from error
+        raise InputError(
+            f"cannot be opened: {error.strerror}", file=path, remedy="check the path and its permissions"
+        ) from error
     if first != b"$MeshFormat" or second[:1] not in ([b"4.1"], [b"2.2"]):
         raise InputError("is not a Gmsh file of version 4.1 or 2.2", file=path, remedy="save it as version 4.1 in Gmsh")
 
@@ -281,7 +283,7 @@ def _read_by_gmsh(path: str | Path) -> tuple[dict[str, NDArray[Any]], dict[str, 
             raise InputError(reason, file=path, remedy="it is damaged: save it again in Gmsh")
         if done.returncode:
             said = (done.stderr.strip() or "no message").splitlines()[-1]
-            raise InputError(f"Gmsh cannot read it: {said}", file=path)
+            raise DamagedFileError(f"Gmsh cannot read it: {said}", file=path)
         with np.load(target) as arrays:
             found = dict(arrays)
     return found, json.loads(str(found.pop("names")))

@@ -15,7 +15,7 @@ import numpy as np
 from meshio import CellBlock, ReadError, nastran
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import CORTEX, REGION_TAGS, SURFACE_TAGS, region_tags, with_surface
 from cortet.formats.text import write_rows
@@ -69,7 +69,7 @@ def read(path: str | Path) -> TetMesh:
     cells, regions = _of_kind("tetra", found.cells, tags, 4)
     faces, parts = _of_kind("triangle", found.cells, tags, 3)
     if not len(cells):
-        raise InputError("holds no tetrahedra of four nodes", file=path)
+        raise DamagedFileError("holds no tetrahedra of four nodes", file=path)
     sets = MeshSets(
         faces={name: faces[parts == _SHELLS + tag] for name, tag in SURFACE_TAGS.items() if _SHELLS + tag in parts},
         cells={

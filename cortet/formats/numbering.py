@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.meshes import IntArray
 
 
@@ -34,13 +34,13 @@ def indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, pat
     else:
         order = np.argsort(known, kind="stable")
         if (np.diff(known[order]) == 0).any():
-            raise InputError(
+            raise DamagedFileError(
                 f"two {kind}s have the number {known[order][1:][np.diff(known[order]) == 0][0]}", file=path
             )
         place = order[np.minimum(np.searchsorted(known, numbers, sorter=order), count - 1)]
         outside = known[place] != numbers
     if outside.any():
-        raise InputError(f"{kind} {numbers[outside][0]} is named but not defined", file=path)
+        raise DamagedFileError(f"{kind} {numbers[outside][0]} is named but not defined", file=path)
     return place.astype(np.int32)
 
 
@@ -60,5 +60,5 @@ def whole(values: NDArray[np.float64], kind: str, path: str | Path) -> NDArray[n
     """Whole numbers that were read as real ones. Raises InputError for fractions, and for numbers of ten digits."""
     bad = ~(np.abs(values) < 2**31) | (values != np.round(values))
     if bad.any():
-        raise InputError(f"{values[bad][0]:g} is no number of a {kind}", file=path)
+        raise DamagedFileError(f"{values[bad][0]:g} is no number of a {kind}", file=path)
     return values.astype(np.int64)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.untrusted import content
 from cortet.geometry.topology import face_normals
@@ -59,7 +59,7 @@ def read(path: str | Path) -> TriSurface:
     start = _HEADER_BYTES + 4
     count = int(np.frombuffer(data[_HEADER_BYTES:start].ljust(4, b"\0"), "<u4")[0])
     if len(data) != start + count * _TRIANGLE.itemsize:
-        raise InputError(f"is no binary STL file of {count} triangles: it has {len(data)} bytes", file=path)
+        raise DamagedFileError(f"is no binary STL file of {count} triangles: it has {len(data)} bytes", file=path)
     return merged(np.frombuffer(data, _TRIANGLE, offset=start)["corners"].reshape(-1, 3), path)
 
 
@@ -72,7 +72,9 @@ def _of_text(data: bytes, path: str | Path) -> TriSurface:
     except ValueError as error:
         raise InputError(f"is no readable STL: {error}", file=path, remedy="export it again") from error
     if len(corners) != 3 * len(_FACET.findall(data)) or not _END.search(data):
-        raise InputError("is no complete STL: a facet does not have three corners, or its end is missing", file=path)
+        raise DamagedFileError(
+            "is no complete STL: a facet does not have three corners, or its end is missing", file=path
+        )
     return merged(corners, path)
 
 
@@ -85,7 +87,7 @@ def merged(corners: NDArray[Any], path: str | Path) -> TriSurface:
         a coordinate is not finite
     """
     if not np.isfinite(corners).all():
-        raise InputError("has corners whose coordinates are not finite", file=path)
+        raise DamagedFileError("has corners whose coordinates are not finite", file=path)
     points, first, vertex = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     number = np.empty(len(order), np.int32)

@@ -21,7 +21,7 @@ from xml.parsers import expat
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.formats.ownership import has_read
 from cortet.meshes import MeshSets, TetMesh, TriSurface
 
@@ -64,7 +64,9 @@ def content(path: str | Path, largest: int = LARGEST) -> bytes:
     try:
         return Path(path).read_bytes()
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+        raise InputError(
+            f"cannot be read: {error.strerror}", file=path, remedy="check the path and its permissions"
+        ) from error
 
 
 def refuse_declarations(parts: Iterable[bytes], path: str | Path) -> None:
@@ -100,7 +102,7 @@ def xml_root(text: bytes, path: str | Path) -> ElementTree.Element:
     try:
         return ElementTree.fromstring(text)
     except XML_ERRORS as error:
-        raise InputError(f"is not well-formed XML: {error}", file=path) from error
+        raise DamagedFileError(f"is not well-formed XML: {error}", file=path) from error
 
 
 def inflated(data: bytes, size: int) -> bytes:
@@ -153,7 +155,7 @@ def in_range(indices: NDArray[Any], count: int, what: str, path: str | Path) -> 
     """Indices as int32; InputError unless all are from 0 to below `count`."""
     outside = (indices < 0) | (indices >= count)
     if outside.any():
-        raise InputError(f"{what} {indices[outside][0]} is not among the {count:,} there are", file=path)
+        raise DamagedFileError(f"{what} {indices[outside][0]} is not among the {count:,} there are", file=path)
     return indices.astype(np.int32)
 
 

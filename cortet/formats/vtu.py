@@ -21,7 +21,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.set_arrays import with_sets, without_sets
@@ -101,7 +101,7 @@ def _piece(piece: ElementTree.Element, path: str | Path, file: _File) -> TetMesh
     kinds = np.unique(_values(arrays["types"], cells, file))
     if kinds.tolist() != [_TETRAHEDRON]:
         names = ", ".join(_OTHERS.get(int(kind), str(kind)) for kind in kinds)
-        raise InputError(f"holds cells of type {names or 'none'}, not only tetrahedra", file=path)
+        raise DamagedFileError(f"holds cells of type {names or 'none'}, not only tetrahedra", file=path)
     if not np.array_equal(_values(arrays["offsets"], cells, file), 4 * np.arange(1, cells + 1)):
         raise ValueError("its offsets are not those of tetrahedra")
     corners = _values(arrays["connectivity"], 4 * cells, file)
