@@ -13,6 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import PIL.Image
@@ -20,12 +21,13 @@ from playwright.sync_api import sync_playwright
 
 from cortet.cli import main as cortet
 from cortet.formats import vtu
-from cortet.formats.gifti import write_surface
+from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.tsv import read_tsv, write_tsv
+from cortet.geometry.icosphere import icosphere
 from cortet.geometry.nesting import joined
 from cortet.meshes import TriSurface
 from cortet.phantom import phantom
-from cortet.report.render import cut_view
+from cortet.report.render import cut_view, surface_view
 from cortet.solver_files.sets import with_regions
 
 ROOT = Path(__file__).parents[1]
@@ -42,12 +44,13 @@ def run(*words: object) -> None:
         sys.exit(f"failed: cortet {' '.join(map(str, words))}")
 
 
-def save(pixels: np.ndarray | PIL.Image.Image, name: str, width: int = WIDTH) -> None:
-    """A picture of at most so many pixels, on white."""
+def save(pixels: np.ndarray | PIL.Image.Image, name: str, width: int = WIDTH, *, shaded: bool = False) -> None:
+    """A picture of at most so many pixels, on white, in 256 colours unless it is `shaded`."""
     image = pixels if isinstance(pixels, PIL.Image.Image) else PIL.Image.fromarray(pixels)
     image = PIL.Image.alpha_composite(PIL.Image.new("RGBA", image.size, "white"), image.convert("RGBA")).convert("RGB")
     image.thumbnail((width, 10 * width))
-    image.quantize(256, PIL.Image.Quantize.MAXCOVERAGE, dither=PIL.Image.Dither.NONE).save(DOCS / name, optimize=True)
+    few = image if shaded else image.quantize(256, PIL.Image.Quantize.MAXCOVERAGE, dither=PIL.Image.Dither.NONE)
+    few.save(DOCS / name, optimize=True)
     print(f"docs/{name}: {image.width} x {image.height}")
 
 
@@ -76,6 +79,24 @@ def folded() -> None:
     run("mesh", "early.surf.gii", "--ga", 22, "--cell-size", 0.8, "-o", "early.vtu")
     run("fold", "early.vtu", "--ga", 22, "--hemi", "L", "--end", 36, "-o", "folded")
     save(PIL.Image.open("folded/folded.png"), "folded_phantom.png", width=1440)
+
+
+def common() -> None:
+    """common.png, of docs/stages/resample.md: three ages on the common mesh, whose vertices have twelve colours."""
+    sphere = icosphere(6)
+    corners = sphere.points[np.bincount(sphere.faces.ravel()) == 5]  # of the icosahedron
+    patches = np.argmax(sphere.points @ corners.T, axis=1)
+    row, axes = plt.subplots(1, 3, figsize=(10.8, 3), layout="constrained")
+    for ax, age, subdivisions in zip(axes, (24, 28, 34), (5, 6, 5), strict=True):
+        run("phantom", "--ga", age, "--subdivisions", subdivisions, "--sphere", "sphere.surf.gii", "-o", "x.surf.gii")
+        run("resample", "x.surf.gii", "--sphere", "sphere.surf.gii", "-o", "common.surf.gii")
+        surface = read_surface("common.surf.gii")
+        of_faces = np.sort(patches[surface.faces], axis=1)[:, 1]  # the patch of two or three vertices
+        ax.imshow(surface_view(surface, side="L", distances=of_faces, lowest=-0.5, darkest=11.5, colours="Paired"))
+        ax.set_title(f"{age} weeks, {read_surface('x.surf.gii').points.shape[0]:,} vertices", fontsize=11)
+        ax.set_axis_off()
+    row.savefig("common.png", dpi=100)
+    save(PIL.Image.open("common.png"), "common.png", width=1080, shaded=True)
 
 
 def cohort() -> None:
@@ -158,7 +179,7 @@ def beside(images: list[PIL.Image.Image]) -> PIL.Image.Image:
 
 
 if __name__ == "__main__":
-    figures = {made.__name__: made for made in (one_surface, head, folded, cohort)}
+    figures = {made.__name__: made for made in (one_surface, head, folded, common, cohort)}
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         for name in sys.argv[1:] or figures:
