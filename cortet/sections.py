@@ -5,9 +5,14 @@ Every job loads all these declarations to read the configuration, so this module
 
 from __future__ import annotations
 
+import ast
+import inspect
+import sys
+import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import pairwise
 from math import isfinite
 from pkgutil import iter_modules
 from types import ModuleType
@@ -66,7 +71,7 @@ Cases = Literal["all"] | NonNegativeInt | list[str] | Column
 class Section(BaseModel):
     """A part of the configuration; unknown keys are errors, values never change after loading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
     #: keys that choose what is run, and are no arguments of the function that the section is about
     choices: ClassVar[frozenset[str]] = frozenset({"enabled", "cases"})
@@ -82,6 +87,18 @@ class Section(BaseModel):
     def knows_no_interfaces(self) -> str:
         """The key, and its value, with which the stage cannot take inner surfaces; "" where it can."""
         return ""
+
+    @classmethod
+    def meanings(cls) -> dict[str, str]:
+        """Key -> the docstring below it; from the source, since no job should read it just to have the keys."""
+        found: dict[str, str] = {}
+        for base in reversed(cls.__mro__):
+            if issubclass(base, Section) and base.__qualname__ in vars(sys.modules[base.__module__]):
+                body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0].body  # type: ignore[attr-defined]
+                for key, below in pairwise(body):
+                    if isinstance(key, ast.AnnAssign) and isinstance(below, ast.Expr):
+                        found[key.target.id] = inspect.cleandoc(below.value.value)  # type: ignore[attr-defined,union-attr]
+        return found
 
 
 @dataclass(frozen=True)

@@ -176,14 +176,14 @@ def _is_section(info: FieldInfo) -> bool:
 
 
 def _rendered(
-    model: type[BaseModel],
+    model: type[Section],
     data: Mapping[str, Any],
     settings: Mapping[str, Mapping[str, Any]],
     *,
     indent: int,
     commented: bool,
 ) -> Iterator[str]:
-    pad = " " * indent
+    pad, meanings = " " * indent, model.meanings()
     for name, info in model.model_fields.items():
         given = data.get(name)
         hidden = "# " if commented or name not in data else ""
@@ -193,7 +193,7 @@ def _rendered(
             below = {setting: values.get(name, {}) for setting, values in settings.items()}
             yield from _rendered(section, given or {}, below, indent=indent + 2, commented=bool(hidden))
             continue
-        text = " ".join((info.description or "").split())
+        text = " ".join(meanings.get(name, "").split())
         text += "".join(f" {setting}: {_yaml(values[name])}" for setting, values in settings.items() if name in values)
         yield "\n" if indent == 0 else ""
         yield textwrap.indent(textwrap.fill(text, 118 - indent, break_long_words=False), f"{pad}# ") + "\n"

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from pydantic import BaseModel
 
 from cortet import config
 from cortet.errors import InputError
+from cortet.sections import Section
 from cortet.simulation.state import Settings
 from cortet.stages import STAGES
 
@@ -50,11 +50,12 @@ def test_refreshing_a_file_keeps_what_is_set(tmp_path: Path) -> None:
     assert path.read_text() == config.render({"generate": {"cell_size": 0.8}})
 
 
-def undescribed(model: type[BaseModel]) -> Iterator[str]:
+def undescribed(model: type[Section]) -> Iterator[str]:
+    meanings = model.meanings()
     for name, info in model.model_fields.items():
-        if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
+        if isinstance(info.annotation, type) and issubclass(info.annotation, Section):
             yield from undescribed(info.annotation)
-        elif not info.description:
+        elif not meanings.get(name):
             yield f"{model.__name__}.{name}"
 
 
