@@ -61,6 +61,7 @@ os.environ.update(CORTET_OUTPUT=OUT, CORTET_RAW=RAW)
 wildcard_constraints:
     **WILDCARDS,
     variant=f"({'|'.join(name.capitalize() for name in CONFIG.fold.variants)})?",
+    changed=f"({'|'.join(name.capitalize() for name in CONFIG.experiments.prediction.variants)})?",
     setting="|".join(["", *SETTINGS]),  # an empty expression alone would be none
     suffix="|".join(map(re.escape, EXPORTED)),
 

@@ -93,18 +93,19 @@ rule prediction_run:
     resources:
         gpu=PLAN.gpus,
     params:
-        arguments=partial(PLAN.arguments, "fold"),
+        arguments=lambda wildcards: PLAN.arguments("fold", wildcards)
+        | {key: value for key, value in PLAN.changed(wildcards).items() if key not in ("cell_size", "seed")},
         line=lambda wildcards: realisation_of(
             {
                 "case": wildcards.case,
-                "res": round(1000 * EXPERIMENTS.prediction.cell_size),
+                "res": round(1000 * PLAN.changed(wildcards).get("cell_size", EXPERIMENTS.prediction.cell_size)),
                 "mesher": MESHER_OF[""],
-                "seed": CONFIG.generate.seed,
+                "seed": PLAN.changed(wildcards).get("seed", CONFIG.generate.seed),
             }
         ),
-        options=EXPERIMENTS.prediction.model_dump(mode="json", exclude={"participants", "cell_size", "kinds"}),
+        options=EXPERIMENTS.prediction.model_dump(mode="json", include={"until", "rounds", "smoothing", "seed"}),
         ages=lambda wildcards: list(PLAN.prediction_series()[wildcards.case]),
-        origin=lambda wildcards: {"case": wildcards.case, "kind": wildcards.kind},
+        origin=lambda wildcards: {"case": wildcards.case, "kind": wildcards.kind, "variant": wildcards.changed.lower()},
         input_sha256=lambda wildcards: content(
             {path: path for path in PLAN.surfaces_of_series(wildcards.case) + PLAN.spheres_of_series(wildcards.case)}
         ),
@@ -120,18 +121,18 @@ rule prediction_run:
 rule prediction_views:
     """Predicted brains beside the real ones, and where they are too shallow or too deep."""
     input:
-        record=LAYOUT.prediction("record.json"),
+        record=LAYOUT.prediction("record.json", changed=""),
         surfaces=lambda wildcards: PLAN.surfaces_of_series(wildcards.case),
         spheres=lambda wildcards: PLAN.spheres_of_series(wildcards.case),
     output:
         picture=report(
-            LAYOUT.prediction("predicted.png"),
+            LAYOUT.prediction("predicted.png", changed=""),
             caption="../reports/table_prediction.rst",
             category="Folding",
             labels={"case": "{case} {kind}", "figure": "predicted and real"},
         ),
         errors=report(
-            LAYOUT.prediction("errors.png"),
+            LAYOUT.prediction("errors.png", changed=""),
             caption="../reports/table_prediction.rst",
             category="Folding",
             labels={"case": "{case} {kind}", "figure": "error of depth"},
@@ -146,13 +147,39 @@ rule prediction_views:
         "../scripts/prediction_views.py"
 
 
+rule prediction_spread:
+    """How far predictions lie apart under other cells, stiffness and thickness, and whether the truth is among them."""
+    input:
+        records=lambda wildcards: existing_files(PLAN.varied_predictions(wildcards)),
+        surfaces=lambda wildcards: PLAN.surfaces_of_series(wildcards.case),
+        spheres=lambda wildcards: PLAN.spheres_of_series(wildcards.case),
+    output:
+        record=LAYOUT.prediction("spread.json", changed=""),
+        maps=LAYOUT.prediction("spread.shape.gii", changed=""),
+        picture=report(
+            LAYOUT.prediction("spread.png", changed=""),
+            caption="../reports/table_prediction.rst",
+            category="Folding",
+            labels={"case": "{case} {kind}", "figure": "how sure"},
+        ),
+    params:
+        placement=CONFIG.placement(),
+        hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
+        ages=lambda wildcards: list(PLAN.prediction_series()[wildcards.case]),
+        input_sha256=lambda wildcards: content({path: path for path in PLAN.surfaces_of_series(wildcards.case)}),
+        version=[version_of("study.prediction_spread")],
+    script:
+        "../scripts/prediction_spread.py"
+
+
 rule prediction:
     """Predictions of later brains beside the real ones."""
     input:
-        records=existing_files(PLAN.prediction_runs()),
+        records=existing_files(PLAN.prediction_files("record.json")),
+        spreads=existing_files(PLAN.prediction_spreads()),
         pictures=[
             str(Path(record).with_name(name))
-            for record in existing_files(PLAN.prediction_runs())
+            for record in existing_files(PLAN.prediction_files("record.json"))
             for name in ("predicted.png", "errors.png")
         ],
     output:

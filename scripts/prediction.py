@@ -8,4 +8,4 @@ job = start(snakemake)
 
 from cortet.study.prediction_tables import write_prediction
 
-write_prediction([Path(path) for path in job.input.records], job.output)
+write_prediction([*map(Path, job.input.records)], [*map(Path, job.input.spreads)], job.output)

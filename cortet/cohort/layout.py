@@ -1,7 +1,8 @@
 """Names of all files of an output folder, BIDS-derivative style. Nothing else builds a path there.
 
 A pattern is a name with Snakemake's wildcards: `folder` and `case` of the sheet, `res` (cell size in µm), `mesher`,
-`setting` (empty for the line's own), `inner` (region of an inner surface), `variant` (of a fold), `seed`, `suffix`.
+`setting` (empty for the line's own), `inner` (region of an inner surface), `variant` (of a fold), `kind` (of a
+prediction) and `changed` (its variant), `seed`, `suffix`.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ WILDCARDS = {
     "seed": r"[0-9]+",
     "inner": r"[A-Za-z][A-Za-z0-9]*",
     "mesher": r"[a-z0-9]+",
+    "kind": r"[a-z]+",
 }
 
 
@@ -72,9 +74,9 @@ class Layout:
         run = "{case}_res-{res}um_desc-{mesher}_seed-{seed}"
         return f"{self.output}/{{folder}}/convergence/{run}/{name}"
 
-    def prediction(self, name: str) -> str:
+    def prediction(self, name: str, changed: str = "{changed}") -> str:
         """Pattern of a file of the experiment on prediction; a series lies with its first case."""
-        return f"{self.output}/{{folder}}/prediction/{{case}}_desc-{{kind}}/{name}"
+        return f"{self.output}/{{folder}}/prediction/{{case}}_desc-{{kind}}{changed}/{name}"
 
     def cohort(self, name: str) -> str:
         """A file over all cases."""
@@ -128,7 +130,8 @@ class Layout:
         known = {
             "res": "res-{res}um",
             "mesher": f"desc-{{mesher}}{''.join(f'{{{key}}}' for key in ('setting', 'variant') if key in found)}",
-            **{key: f"{key}-{{{key}}}" for key in ("seed", "inner", "hemi", "reference", "kind")},
+            **{key: f"{key}-{{{key}}}" for key in ("seed", "inner", "hemi", "reference")},
+            "kind": f"kind-{{kind}}{'{changed}' if 'changed' in found else ''}",
             "suffix": "{suffix}",
         }
         parts = [name, *(text for key, text in known.items() if key in found)]

@@ -5,7 +5,7 @@ The rules ask a `Plan` and hold no logic of their own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -29,7 +29,7 @@ OVER_ALL_CASES = (
 #: rules after the certificate: the mesh is measured even if they fail
 AFTER_CERTIFICATE = (
     *("volumes", "export", "ten_nodes", "case_page", "case_maps"),
-    *("fold", "fold_figures", "convergence_run", "prediction_run", "prediction_views"),
+    *("fold", "fold_figures", "convergence_run", "prediction_run", "prediction_views", "prediction_spread"),
 )
 
 
@@ -126,14 +126,31 @@ class Plan(Jobs):
             if isinstance(path, str) and len(paths) == len(cases)
         ]
 
-    def prediction_runs(self) -> list[str]:
-        """Records of all runs of the experiment on prediction."""
-        return [
-            self.layout.prediction("record.json").format(folder=self.cases[case].folder, case=case, kind=kind)
-            for case in self.prediction_series()
-            for kind in self.config.experiments.prediction.kinds
-            if kind != "shuffled" or self.spheres_of_series(case)
-        ]
+    def predictions(self, kinds: Iterable[str]) -> Iterator[Job]:
+        """Series and kinds that are predicted, of some kinds."""
+        for case in self.prediction_series():
+            for kind in kinds:
+                if kind != "shuffled" or self.spheres_of_series(case):
+                    yield {"folder": self.cases[case].folder, "case": case, "kind": kind}
+
+    def prediction_files(self, name: str) -> list[str]:
+        """A file of each prediction, without those under variants."""
+        pattern = self.layout.prediction(name, changed="")
+        return [pattern.format(**job) for job in self.predictions(self.config.experiments.prediction.kinds)]
+
+    def prediction_spreads(self) -> list[str]:
+        """Records of how far predictions under the variants lie apart."""
+        pattern = self.layout.prediction("spread.json", changed="")
+        return [pattern.format(**job) for job in self.predictions(self.config.experiments.prediction.uncertain)]
+
+    def varied_predictions(self, job: Job) -> list[str]:
+        """Records of a prediction, and of the same under each of the variants."""
+        names = ["", *(name.capitalize() for name in self.config.experiments.prediction.variants)]
+        return [self.layout.prediction("record.json").format(**{**job, "changed": name}) for name in names]
+
+    def changed(self, job: Job) -> dict[str, Any]:
+        """What a variant changes of a prediction: cell_size, seed, and keys of fold."""
+        return self.config.experiments.prediction.variants.get(job["changed"].lower(), {})
 
     def real_surfaces(self, job: Job) -> dict[str, str]:
         """The real brains that the pictures of a fold show, by their ages."""

@@ -37,6 +37,7 @@ COSTS = {stage.name: stage.cost for stage in STAGES.values()} | {
     "convergence_run": Cost((500, 1200), (90, 4000)),
     "prediction_run": Cost((700, 1300), (300, 16000)),
     "prediction_views": Cost((900, 0), (60, 0)),
+    "prediction_spread": Cost((900, 0), (90, 0)),
     "fold": Cost((500, 1200), (90, 4000)),
     "fold_figures": Cost((500, 800), (60, 120)),
 }

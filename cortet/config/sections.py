@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationError, model_validator
 
 from cortet.formats import FORMATS
 from cortet.geometry.limits import FOLD_AGES
 from cortet.meshers import MESHERS
 from cortet.sections import Cases, CellSize, NonNegativeInt, Positive, PositiveInt, Section, Subdivisions
+from cortet.simulation.section import Fold
 from cortet.stages import MESH_STAGES
 
 Setting = Literal["default", "cgal", "published"]
@@ -211,6 +212,32 @@ class Prediction(Section):
     for."""
     seed: NonNegativeInt = 0
     """Of the random rotation of shuffled."""
+    uncertain: list[PredictionKind] = []
+    """Kinds that are predicted once more under each of variants. How far these predictions lie apart is a map, and
+    whether the truth lies among them are columns of the table."""
+    variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {
+        "coarser": {"cell_size": 1.0},
+        "turned": {"seed": 1},
+        "softer": {"core_stiffness": 0.1875},
+        "stiffer": {"core_stiffness": 0.125},
+        "thinner": {"thickness": 1.0},
+        "thicker": {"thickness": 1.5},
+    }
+    """Variants, name: what differs, cell_size, seed (of generate: the direction in which the mesh is made), or keys of
+    fold. By default stiffness and thickness of the cortex are 20 % lower and higher."""
+
+    @model_validator(mode="after")
+    def _variants_are_valid(self) -> Prediction:
+        if unfolded := {"path", "nothing"} & set(self.uncertain):
+            raise ValueError(f"uncertain: {unfolded.pop()} is not folded, so it has no variants")
+        for name, changed in self.variants.items():
+            own = {key: value for key, value in changed.items() if key in ("cell_size", "seed")}
+            try:
+                Prediction(**own, variants={}), Fold(**{key: changed[key] for key in changed.keys() - own.keys()})
+            except ValidationError as error:
+                first = error.errors()[0]
+                raise ValueError(f"variant {name}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        return self
 
 
 class Experiments(Section):

@@ -137,7 +137,8 @@ def view(
     size: tuple[int, int],
     pixels_per_mm: float,
     *,
-    limit: float = CURVATURE,
+    span: tuple[float, float] = (-CURVATURE, CURVATURE),
+    colours: str = COLOURS,
 ) -> Image:
     """A brain from a side in parallel projection: (height, width, 3).
 
@@ -145,7 +146,7 @@ def view(
     ----------
     focus : mm (3,), what is in the middle
     size : pixels, width and height
-    limit : colours span values between minus and plus this
+    span, colours : values that the colours span, and their name
 
     Raises
     ------
@@ -159,8 +160,8 @@ def view(
         plotter.add_mesh(
             shell,
             scalars="curvature",
-            cmap=COLOURS,
-            clim=(-limit, limit),
+            cmap=colours,
+            clim=span,
             nan_color=WALL_COLOUR,
             smooth_shading=True,
             split_sharp_edges=False,

@@ -71,6 +71,10 @@ PREDICTION = Table(
             )
             for which, whose in (("", "predicted"), ("real_", "real"))
         ),
+        _column(
+            "depth_sd_mm", "Standard deviation of the predicted depth over the variants, mean", "mm", "sd (mm)", ".2f"
+        ),
+        _column("among", "Share of the area where the real depth is within two of them of the mean", "", "sure", ".2f"),
         Column("residual", "Measured less simulated growth after the last round: logarithm of the area, rms"),
         Column("outcome", "How the fold ended"),
     ),
@@ -175,15 +179,35 @@ def prediction_views(series: Series, points: Mapping[float, FloatArray], hemisph
 
 def error_views(series: Series, points: Mapping[float, FloatArray], hemisphere: str | None) -> Figure:
     """Where predictions are too shallow (blue) or too deep (red), on the real brains, from three sides."""
-    seen, ages = sides(hemisphere), sorted(points)
+    return map_views(
+        series,
+        {age: depth_below_hull(laid) - depth_below_hull(series.at(age).points) for age, laid in points.items()},
+        hemisphere,
+        span=(-_DEPTH_ERROR_MM, _DEPTH_ERROR_MM),
+        colours="RdBu_r",
+        label="depth below the hull, predicted less real (mm)",
+    )
+
+
+def map_views(
+    series: Series,
+    values: Mapping[float, FloatArray],
+    hemisphere: str | None,
+    *,
+    span: tuple[float, float],
+    colours: str,
+    label: str,
+) -> Figure:
+    """Values of the vertices on the real brains of their ages, from three sides; the medial wall is grey.
+
+    Parameters
+    ----------
+    values : age -> (n,)
+    span, colours, label : of the scale of colours
+    """
+    seen, ages = sides(hemisphere), sorted(values)
     brains = [
-        _brain(series, series.at(age).points)._replace(
-            curvature=np.where(
-                series.weights > 0,
-                depth_below_hull(points[age]) - depth_below_hull(series.at(age).points),
-                np.nan,
-            )
-        )
+        _brain(series, series.at(age).points)._replace(curvature=np.where(series.weights > 0, values[age], np.nan))
         for age in ages
     ]
     widest = max(float(extent(brain, side).max()) for brain in brains for side in seen)
@@ -192,11 +216,13 @@ def error_views(series: Series, points: Mapping[float, FloatArray], hemisphere: 
         for row, age, brain in zip(axes, ages, brains, strict=True):
             for axis, side in zip(row, seen, strict=True):
                 size = (_PIXELS, _PIXELS * 3 // 4)
-                axis.imshow(view(brain, side, centre(brain), size, size[0] / widest / _ROOM, limit=_DEPTH_ERROR_MM))
+                axis.imshow(
+                    view(brain, side, centre(brain), size, size[0] / widest / _ROOM, span=span, colours=colours)
+                )
                 axis.set(xticks=[], yticks=[], frame_on=False, title=f"{age:g} weeks, {side.name}")
-        colours = mpl.cm.ScalarMappable(mpl.colors.Normalize(-_DEPTH_ERROR_MM, _DEPTH_ERROR_MM), "RdBu_r")
-        bar = figure.colorbar(colours, ax=axes, orientation="horizontal", shrink=0.4, aspect=40, extend="both")
-        bar.set_label("depth below the hull, predicted less real (mm)")
+        scale = mpl.cm.ScalarMappable(mpl.colors.Normalize(*span), colours)
+        bar = figure.colorbar(scale, ax=axes, orientation="horizontal", shrink=0.4, aspect=40, extend="both")
+        bar.set_label(label)
     return figure
 
 
@@ -219,17 +245,19 @@ def write_run(prediction: Prediction, series: Series, folder: Path) -> dict[str,
     }
 
 
-def prediction_table(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """A row per series, kind and age from the records of runs."""
+def prediction_table(records: Sequence[Mapping[str, Any]], spreads: Sequence[Mapping[str, Any]] = ()) -> pd.DataFrame:
+    """A row per series, kind and age from the records of runs, and from those of how far they lie apart."""
+    known = {(one["series"], one["kind"], row["gestational_age"]): row for one in spreads for row in one["ages"]}
     rows = []
     for record in records:
         left = record["residuals"][-1] if record["residuals"] else {}
         for row in record["scores"]:
             outcome = record["verdict"]["outcome"] if record["verdict"] else None
             residual = left.get(f"rms_{row['gestational_age']:g}")
-            rows.append(
-                {"series": record["series"], "kind": record["kind"], **row, "residual": residual, "outcome": outcome}
-            )
+            which = {"series": record["series"], "kind": record["kind"]}
+            apart = known.get((*which.values(), row["gestational_age"]), {})
+            sure = {name: apart.get(name) for name in ("depth_sd_mm", "among")}
+            rows.append({**which, **row, **sure, "residual": residual, "outcome": outcome})
     return pd.DataFrame(rows, columns=names(PREDICTION.columns))
 
 
@@ -239,9 +267,10 @@ def predicted_surfaces(folder: Path) -> dict[float, FloatArray]:
     return {age: read_surface(path).points for age, path in sorted(files.items())}
 
 
-def write_prediction(records: Sequence[Path], outputs: Sequence[str | Path]) -> None:
-    """Write table and figure of the records of some runs, each in the form of the path's suffix."""
-    table = prediction_table([json.loads(path.read_text(encoding="utf-8")) for path in records])
+def write_prediction(records: Sequence[Path], spreads: Sequence[Path], outputs: Sequence[str | Path]) -> None:
+    """Write table and figure of the records of some runs, and of their spreads, in the form of each path's suffix."""
+    found = ([json.loads(path.read_text(encoding="utf-8")) for path in paths] for paths in (records, spreads))
+    table = prediction_table(*found)
     figures = [path for path in map(Path, outputs) if path.suffix in (".svg", ".pdf", ".png")]
     write(PREDICTION, table, *(path for path in map(Path, outputs) if path not in figures))
     save(prediction_figure(table), *figures)

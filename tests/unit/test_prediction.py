@@ -35,6 +35,7 @@ from cortet.study.prediction import (
     shuffled_growth,
     uniform_growth,
 )
+from cortet.study.prediction_spread import judged, spreads
 from cortet.study.prediction_tables import correlation, scores, write_prediction, write_run
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -184,6 +185,30 @@ def test_kinds_that_need_no_fold_are_what_they_say() -> None:
         predict(series, mesh, "path", Path(), settings=SETTINGS, until=22.5)
 
 
+# --- how sure they are
+
+
+def test_runs_that_differ_in_size_lie_apart_by_their_sizes() -> None:
+    series = balls()
+    points, sizes = series.first.points, np.array([0.9, 1.0, 1.3])
+    turned = [{24.0: size * points @ TURN.T + 7.0} for size in sizes]  # a place in the file means nothing
+    spread = spreads(series, turned)[24.0]
+    radius = np.linalg.norm(points - np.average(points, axis=0, weights=series.weights), axis=1)
+    assert spread.position_sd == pytest.approx(radius * sizes.std(ddof=1), rel=1e-6)
+    with pytest.raises(InputError, match="one run has no spread"):
+        spreads(series, turned[:1])
+
+
+def test_the_truth_is_among_predictions_that_lie_around_it_and_not_among_others() -> None:
+    series = balls()  # whose bumps are 0.2 high at 24 weeks
+    around, beside = (
+        judged(series, spreads(series, [{24.0: bumpy(2.2, height).points} for height in heights]))[0]
+        for heights in ((0.15, 0.2, 0.25), (0.4, 0.41, 0.42))
+    )
+    assert around["among"] > 0.9 > 0.6 > beside["among"]
+    assert around["depth_sd_mm"] > beside["depth_sd_mm"] and around["depth_error_mm"] < beside["depth_error_mm"]
+
+
 def test_the_table_has_a_row_per_prediction_and_age_and_the_figure_is_drawn(tmp_path: Path) -> None:
     series, records = balls(), []
     for kind in ("path", "nothing"):
@@ -194,7 +219,10 @@ def test_the_table_has_a_row_per_prediction_and_age_and_the_figure_is_drawn(tmp_
         records[-1].write_text(json.dumps(record))
         assert (tmp_path / kind / "predicted_24.surf.gii").exists()
     outputs = [tmp_path / f"table.{suffix}" for suffix in ("tsv", "json", "tex", "md", "html", "svg")]
-    write_prediction(records, outputs)
+    spread = tmp_path / "spread.json"
+    sure = {"gestational_age": 24.0, "depth_sd_mm": 0.5, "among": 0.9}
+    spread.write_text(json.dumps({"series": "a", "kind": "path", "ages": [sure]}))
+    write_prediction(records, [spread], outputs)
     table = pd.read_csv(tmp_path / "table.tsv", sep="\t", na_values="n/a")
     assert list(zip(table["kind"], table["gestational_age"], strict=True)) == [
         ("path", 23.0),
@@ -203,5 +231,6 @@ def test_the_table_has_a_row_per_prediction_and_age_and_the_figure_is_drawn(tmp_
         ("nothing", 24.0),
     ]
     assert table["gained_depth"].iloc[0] == pytest.approx(1)
+    assert table["among"].tolist() == pytest.approx([np.nan, 0.9, np.nan, np.nan], nan_ok=True)
     assert set(table["kind"]) < set(KINDS)
     assert all(path.stat().st_size for path in outputs)
