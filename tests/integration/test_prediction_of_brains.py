@@ -18,7 +18,7 @@ def test_later_surfaces_of_a_series_are_predicted_and_compared(study: Study) -> 
     study.config["fold"] = {"end": 25.0, "thickness": 3.0, "frame_interval": 0.1}
     study.config["experiments"] = {
         "prediction": {"cell_size": 4.0, "rounds": 2, "until": 24.5, "kinds": ["mechanics", "path", "nothing"]}
-        | {"uncertain": ["mechanics"], "variants": {"coarser": {"cell_size": 5.0}, "soft": {"core_stiffness": 0.3}}}
+        | {"uncertain": ["mechanics"], "variants": {"coarser": {"cell_size": 5.0, "core_stiffness": 0.3}}}
     }
     jobs = study.jobs_of_run("prediction")
     assert ("prediction", "-") in jobs
@@ -26,7 +26,7 @@ def test_later_surfaces_of_a_series_are_predicted_and_compared(study: Study) -> 
     records = {
         path.parent.name.split("desc-")[1]: json.loads(path.read_text()) for path in folder.glob("*/record.json")
     }
-    assert set(records) == {"mechanics", "mechanicsCoarser", "mechanicsSoft", "path", "nothing"}
+    assert set(records) == {"mechanics", "mechanicsCoarser", "path", "nothing"}
     assert records["mechanics"]["verdict"]["outcome"] == "folded"
     assert [len(records[kind]["residuals"]) for kind in ("mechanics", "path", "nothing")] == [2, 0, 0]
     with (study.outputs / "cohort/table-prediction.tsv").open(newline="") as file:
@@ -35,6 +35,6 @@ def test_later_surfaces_of_a_series_are_predicted_and_compared(study: Study) -> 
     assert (study.outputs / "cohort/figure-prediction.png").exists()
     assert len([*folder.glob("*/predicted.png"), *folder.glob("*/errors.png")]) == 2 * 3  # none of the variants
     spread = json.loads((folder / "sub-series_ses-early_hemi-L_desc-mechanics/spread.json").read_text())
-    assert len(spread["runs"]) == 3 and spread["ages"][0]["depth_sd_mm"] > 0
+    assert len(spread["runs"]) == 2 and spread["ages"][0]["depth_sd_mm"] > 0
     assert float(table["mechanics"]["depth_sd_mm"]) > 0 and table["path"]["depth_sd_mm"] == "n/a"
     assert study.jobs_of_run("prediction") == set()  # nothing is left to do
