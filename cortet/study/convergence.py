@@ -330,7 +330,8 @@ def _draw_places(axis: Axes, table: pd.DataFrame) -> None:
         for pair, style in styles.items():
             axis.plot(rows["h_over_thickness"], rows[f"correlation_{pair}"], style, color=colour, marker=marker, ms=2)
     for pair, style in styles.items():
-        axis.plot([], [], style, color="black", label=pair)
+        if measured[f"correlation_{pair}"].notna().any():
+            axis.plot([], [], style, color="black", label=pair)
     axis.set(xlabel="h / thickness", ylabel="correlation of gained depth", ylim=(None, 1.005), xlim=(-0.03, None))
     axis.legend(loc="lower left")
 
