@@ -37,7 +37,8 @@ ERRORS = ("InputError", "DamagedFileError", "StageError", "WorkflowError")
 SPEAKERS = {
     "cohort.ages": ("_in_words",),
     "cohort.scan": ("scan",),
-    "cohort.sheet": ("_row_problems", "ageless_notice", "read_sheet"),
+    "cohort.sheet": ("_row_problems", "read_sheet"),
+    "cohort.selection": ("ageless_notice",),
     "config.files": ("_complaint",),
     "sections": ("_whole_micrometres",),
     "formats.tsv": ("_miscounted",),

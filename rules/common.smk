@@ -13,7 +13,8 @@ from cortet.cohort.bids import Places, descriptions
 from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, Layout, beside, file_of
 from cortet.cohort.plan import OVER_ALL_CASES, Plan, existing
 from cortet.cohort.receipts import content
-from cortet.cohort.sheet import ageless_notice, read_sheet
+from cortet.cohort.selection import ageless_notice
+from cortet.cohort.sheet import read_sheet
 from cortet.config import load, read, version_of
 from cortet.errors import CortetError
 from cortet.meshers import OWN

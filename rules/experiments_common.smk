@@ -2,7 +2,7 @@
 
 import json
 
-from cortet.cohort.sheet import chosen, folded
+from cortet.cohort.selection import chosen, folded
 from cortet.study.ablated import ABLATED
 
 EXPERIMENTS = CONFIG.experiments

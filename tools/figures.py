@@ -114,6 +114,7 @@ def cohort() -> None:
             "scan_age": "26",
             "surface": f"{name}.surf.gii",
             "fold": "no",
+            "cell_size": "n/a",
         }
         for name in ("double", "truncated")
     ]
@@ -123,6 +124,7 @@ def cohort() -> None:
         "include": "no",
         "exclude_reason": "motion",
         "fold": "no",
+        "cell_size": "n/a",
     }
     write_tsv(pd.concat([demo, pd.DataFrame([*broken, left_out])]).to_dict("records"), list(demo), Path("cohort.tsv"))
     command = [

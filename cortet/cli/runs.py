@@ -176,7 +176,8 @@ def fold_command(args: argparse.Namespace) -> int:
 def scan_command(args: argparse.Namespace) -> int:
     """Write the cohort sheet of a data release."""
     from cortet.cohort.scan import scan
-    from cortet.cohort.sheet import add_to_sheet, ageless_notice, read_header, write_sheet
+    from cortet.cohort.selection import ageless_notice
+    from cortet.cohort.sheet import add_to_sheet, read_header, write_sheet
     from cortet.config import Scan, load
 
     if not args.folder.is_dir():
@@ -206,7 +207,7 @@ def scan_command(args: argparse.Namespace) -> int:
 def run_command(args: argparse.Namespace) -> int:
     """Run the workflow over a data release."""
     from cortet.cohort import app
-    from cortet.cohort.sheet import ageless_notice
+    from cortet.cohort.selection import ageless_notice
 
     settings, selection = settings_of(args), app.Selection(args.participants, args.sessions, args.hemi)
     if args.pial:

@@ -68,8 +68,12 @@ class Jobs:
 
     @cached_property
     def resolutions(self) -> list[int]:
-        """Cell sizes, µm."""
+        """Cell sizes of cases that have none of their own, µm."""
         return [round(1000 * size) for size in self.config.generate.cell_size]
+
+    def resolutions_of(self, case: Case) -> list[int]:
+        """Cell sizes of a case, µm: its own one, or those of the configuration."""
+        return [round(1000 * case.cell_size)] if case.cell_size else self.resolutions
 
     @cached_property
     def compared_meshers(self) -> list[str]:
@@ -82,7 +86,7 @@ class Jobs:
         return {
             (case.name, res, mesher): file_of(pattern, case, res, mesher)
             for case in self.cases.values()
-            for res in self.resolutions
+            for res in self.resolutions_of(case)
             for mesher in self.config.generate.meshers
         }
 

@@ -13,7 +13,8 @@ from typing import Any
 
 from cortet.cohort.jobs import Job, Jobs, Mesh, existing
 from cortet.cohort.layout import EXPORTED, beside, file_of, filled
-from cortet.cohort.sheet import PHANTOM, Case, folded
+from cortet.cohort.selection import folded
+from cortet.cohort.sheet import PHANTOM, Case
 from cortet.errors import InputError
 from cortet.meshes import OUTERMOST, region_names
 
@@ -229,7 +230,10 @@ class Plan(Jobs):
     def maps(self, hemi: str) -> dict[str, str]:
         """Maps of the finished cases of a hemisphere, by case, for the first cell size and the first mesher."""
         files = self.each_case(self.layout.mesh("Solver", "maps.surf.gii"))
-        meshes = [(name, self.resolutions[0], self.config.generate.meshers[0]) for name in self.mapped(hemi)]
+        meshes = [
+            (name, self.resolutions_of(self.cases[name])[0], self.config.generate.meshers[0])
+            for name in self.mapped(hemi)
+        ]
         return {mesh[0]: files[mesh] for mesh in meshes if self.is_measured(mesh)}
 
     def mapped_hemispheres(self) -> list[str]:

@@ -2,7 +2,7 @@
 
 A sheet is a table of tab-separated values, one hemisphere (or whole brain) per row:
 
-    participant_id  session_id  hemi  scan_age  surface  include  exclude_reason  [inner]  [sphere]  [fold]  [more]
+    participant_id  session_id  hemi  scan_age  surface  include  exclude_reason  [inner]  [cell_size]  [more]
 
 Missing values are `n/a`, as in BIDS. Labels stay strings: participant `007` is not 7.
 
@@ -25,8 +25,7 @@ from cortet.cohort.ages import number
 from cortet.errors import InputError
 from cortet.formats.placement import UNITS
 from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
-from cortet.geometry.limits import SCAN_AGES
-from cortet.sections import Cases
+from cortet.geometry.limits import CELL_SIZE_MM, SCAN_AGES
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
 #: value that stands, in column `surface`, for a synthetic cortex of the row's age and hemisphere, in column `inner` for
@@ -39,8 +38,9 @@ VOLUME_PREFIX = "volume_"
 INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
 #: column of the sphere through which a surface is resampled
 SPHERE = "sphere"
-#: columns for coordinates that are not mm (`gate.unit`, `gate.affine`), and of the cases that are folded
-UNIT, AFFINE, FOLD = "unit", "affine", "fold"
+#: columns for coordinates that are not mm (`gate.unit`, `gate.affine`), of the cases that are folded, and of their own
+#: cell size
+UNIT, AFFINE, FOLD, CELL_SIZE = "unit", "affine", "fold", "cell_size"
 #: most characters of a label: a file name holds two labels and more, and has at most 255 characters
 LONGEST_LABEL = 40
 
@@ -48,9 +48,10 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 #: words for a hemisphere, in lower case -> letter in file names
 HEMISPHERES = {"l": "L", "left": "L", "lh": "L", "r": "R", "right": "R", "rh": "R"}
 _MISSING = {"", "n/a"}
-#: most names of cases that a message lists; names of sets that every mesh for a solver has
-_MOST_NAMES, _STANDING = 5, ("core", "tissue")
-_YES, _NO = {"yes", "true", "1"}, {"no", "false", "0"}
+#: names of sets that every mesh for a solver has
+_STANDING = ("core", "tissue")
+#: words of a decision, in lower case
+YES, NO = {"yes", "true", "1"}, {"no", "false", "0"}
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,8 @@ class Case:
     #: unit of the coordinates, and an image with the voxel-to-mm affine; None: as the configuration says
     unit: str | None = None
     affine: Path | None = None
+    #: cell size, mm; None: those of the configuration
+    cell_size: float | None = None
     #: further columns of the sheet, carried through
     extra: dict[str, str] = field(default_factory=dict)
 
@@ -170,79 +173,6 @@ def _check_header(header: Sequence[str], path: Path) -> None:
         )
 
 
-def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:
-    """Some of the cases: all, those that are named, a number of them spread evenly over the order of ages, or those for
-    which a column says yes.
-
-    Raises
-    ------
-    InputError : no case has a given name, the sheet lacks a given column, or a cell is neither yes nor no
-    """
-    if which == "all":
-        return list(cases)
-    if isinstance(which, Mapping):
-        return [case for case in cases if _says_yes(case, which["column"])]
-    if isinstance(which, int):
-        by_age = sorted(cases, key=lambda case: (case.scan_age or 0, case.name))
-        count = min(which, len(by_age))
-        places = [round(i * (len(by_age) - 1) / max(count - 1, 1)) for i in range(count)]
-        return [by_age[place] for place in places]
-    known = {case.name: case for case in cases}
-    if unknown := [name for name in which if name not in known]:
-        raise InputError(
-            f"no included case is named {', '.join(unknown)}", remedy=f"the sheet has {', '.join(known) or 'none'}"
-        )
-    return [known[name] for name in which]
-
-
-def _says_yes(case: Case, column: str) -> bool:
-    """Whether a column of the sheet says yes for a case."""
-    if column not in case.extra:
-        raise InputError(
-            f"the sheet has no column {column} that says yes or no",
-            remedy=f"add it; further columns are {', '.join(case.extra) or 'none'}",
-        )
-    value = case.extra[column]
-    if value.lower() not in _YES | _NO:
-        raise InputError(f"column {column} of {case.name}: {value!r} is no decision", remedy="use yes or no")
-    return value.lower() in _YES
-
-
-def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
-    """The cases that are folded: the configuration chooses them, or else the column `fold` if there is one.
-
-    A fold starts at an age, so cases without an age are skipped unless they are asked for by name or column.
-
-    Raises
-    ------
-    InputError : as `chosen`; or a case that is asked for has no age
-    """
-    if which is None:
-        which = {"column": FOLD} if any(FOLD in case.extra for case in cases) else []
-    if isinstance(which, (str, int)):
-        return chosen(aged(cases), which)
-    asked = chosen(cases, which)
-    if ageless := [case.name for case in asked if case.scan_age is None]:
-        raise InputError(
-            f"{', '.join(ageless)}: to be folded, but without an age, at which the fold would start",
-            remedy="give the age in column scan_age of the cohort sheet, gestational weeks, or do not fold the case",
-        )
-    return asked
-
-
-def aged(cases: Sequence[Case]) -> list[Case]:
-    """The cases whose age is known."""
-    return [case for case in cases if case.scan_age is not None]
-
-
-def ageless_notice(cases: Sequence[Case]) -> list[str]:
-    """What becomes of the cases of unknown age, in words; empty if all ages are known."""
-    names = [case.name for case in cases if case.scan_age is None]
-    shown = ", ".join([*names[:_MOST_NAMES], *(["..."] if len(names) > _MOST_NAMES else [])])
-    told = f"{len(names)} without an age (column scan_age), not smoothed by age and not folded: {shown}"
-    return [told] if names else []
-
-
 def write_sheet(cases: Sequence[Case], path: Path) -> None:
     """Write cases as a cohort sheet, complete or not at all.
 
@@ -253,7 +183,7 @@ def write_sheet(cases: Sequence[Case], path: Path) -> None:
     inner = (_inner_column(name) for case in cases for name in case.inner)
     volumes = (VOLUME_PREFIX + name for case in cases for name in case.volumes)
     extra = (name for case in cases for name in case.extra)
-    own = (name for name in (SPHERE, UNIT, AFFINE) if any(name in row for row in rows))
+    own = (name for name in (SPHERE, UNIT, AFFINE, CELL_SIZE) if any(name in row for row in rows))
     write_tsv(rows, list(dict.fromkeys([*COLUMNS, *inner, *own, *fields, *volumes, *extra])), path)
 
 
@@ -290,6 +220,7 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
         **({SPHERE: _relative(case.sphere, folder)} if case.sphere else {}),
         **({UNIT: case.unit} if case.unit else {}),
         **({AFFINE: _relative(case.affine, folder)} if case.affine else {}),
+        **({CELL_SIZE: case.cell_size} if case.cell_size else {}),
         **{FIELD_PREFIX + name: _relative(file, folder) for name, file in case.fields.items()},
         **{VOLUME_PREFIX + name: _relative(file, folder) for name, file in case.volumes.items()},
         **case.extra,
@@ -309,9 +240,9 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
         yield f"column hemi: {row['hemi']!r} is no hemisphere (use L, R, or n/a for a whole brain)"
     if row["surface"] == PHANTOM and row["hemi"] in _MISSING:
         yield f"column hemi: {row['hemi']!r}, but a {PHANTOM} is one hemisphere (use L or R)"
-    if row["include"].lower() not in _YES | _NO:
+    if row["include"].lower() not in YES | NO:
         yield f"column include: {row['include']!r} is no decision (use yes or no)"
-    if row["include"].lower() in _NO and row["exclude_reason"] in _MISSING:
+    if row["include"].lower() in NO and row["exclude_reason"] in _MISSING:
         yield f"column exclude_reason: {row['exclude_reason']!r} does not say why the row is excluded (give a reason)"
     youngest, oldest = SCAN_AGES
     if row["scan_age"] in _MISSING:
@@ -350,6 +281,12 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
             )
         if column == UNIT and value not in (*UNITS, *_MISSING):
             yield f"column {column}: {value!r} is no unit (use {', '.join(UNITS)})"
+        if column == CELL_SIZE and value not in _MISSING and not _is_cell_size(number(value)):
+            smallest, largest = CELL_SIZE_MM
+            yield (
+                f"column {column}: {value!r} is no cell size (use a number from {smallest:g} to {largest:g}, mm, a "
+                "multiple of 0.001, or n/a for the sizes of the configuration)"
+            )
         is_file = (
             column in ("surface", SPHERE, AFFINE) or _region(column) or column.startswith((FIELD_PREFIX, VOLUME_PREFIX))
         )
@@ -371,6 +308,13 @@ def _inner_column(region: str) -> str:
     return INNER if region == WHITE else INNER_PREFIX + region
 
 
+def _is_cell_size(value: float | None) -> bool:
+    """Whether a number is a cell size that names of files can tell, mm."""
+    if value is None or not CELL_SIZE_MM[0] <= value <= CELL_SIZE_MM[1]:
+        return False
+    return abs(1000 * value - round(1000 * value)) < 1e-6
+
+
 def _is_file_name(text: str) -> bool:
     """Whether a file of this name can be an input of the workflow."""
     if re.search(r"[{}*?]", text) or _CONTROL.search(text):
@@ -388,11 +332,11 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
         for name, value in row.items()
         if name.startswith(VOLUME_PREFIX) and value not in _MISSING
     }
-    known = {*COLUMNS, *own, *inner, SPHERE, UNIT, AFFINE}
+    known = {*COLUMNS, *own, *inner, SPHERE, UNIT, AFFINE, CELL_SIZE}
     fields = {name: filled_in(pattern, row) for name, pattern in field_patterns.items()}
     fields |= {column.removeprefix(FIELD_PREFIX): value for column, value in own.items()}
     session, hemi = row["session_id"].removeprefix("ses-"), row["hemi"]
-    include = row["include"].lower() in _YES
+    include = row["include"].lower() in YES
     return Case(
         participant=row["participant_id"].removeprefix("sub-"),
         session=None if session in _MISSING else session,
@@ -411,6 +355,7 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
         sphere=_sphere(row.get(SPHERE, ""), folder),
         unit=None if row.get(UNIT, "") in _MISSING else row[UNIT],
         affine=None if row.get(AFFINE, "") in _MISSING else _located(row[AFFINE], folder),
+        cell_size=number(row.get(CELL_SIZE, "n/a")),
         extra={name: value for name, value in row.items() if name not in known and not name.startswith(VOLUME_PREFIX)},
     )
 

@@ -8,16 +8,8 @@ from pathlib import Path
 import pytest
 
 from cortet.cohort.scan import scan
-from cortet.cohort.sheet import (
-    COLUMNS,
-    Case,
-    add_to_sheet,
-    ageless_notice,
-    chosen,
-    folded,
-    read_sheet,
-    write_sheet,
-)
+from cortet.cohort.selection import ageless_notice, chosen, folded
+from cortet.cohort.sheet import COLUMNS, Case, add_to_sheet, read_sheet, write_sheet
 from cortet.config import Scan, load
 from cortet.errors import InputError
 
@@ -60,6 +52,17 @@ def test_unit_and_affine_are_those_of_the_row(tmp_path: Path) -> None:
     assert read_sheet(tmp_path / "again.tsv") == cases
     with pytest.raises(InputError, match=r"column unit: 'inch' is no unit \(use mm, m, um\)"):
         read_sheet(sheet(tmp_path, GOOD + "\tinch", extra="\tunit"))
+
+
+def test_a_row_may_have_a_cell_size_of_its_own(tmp_path: Path) -> None:
+    rows = (GOOD + "\t1.001", GOOD.replace("007", "008") + "\tn/a")
+    cases = read_sheet(sheet(tmp_path, *rows, extra="\tcell_size"))
+    assert [case.cell_size for case in cases] == [1.001, None]
+    write_sheet(cases, tmp_path / "again.tsv")
+    assert read_sheet(tmp_path / "again.tsv") == cases
+    for wrong in ("0", "-1", "fine", "0.80001", "1e9", "nan"):
+        with pytest.raises(InputError, match=rf"column cell_size: '{wrong}' is no cell size \(use a number from"):
+            read_sheet(sheet(tmp_path, GOOD + f"\t{wrong}", extra="\tcell_size"))
 
 
 def test_fields_come_from_the_configured_pattern_and_the_row_has_the_last_word(tmp_path: Path) -> None:

@@ -42,6 +42,14 @@ def test_every_included_case_is_asked_for_at_every_size_by_every_mesher() -> Non
     assert len(meshes) == 3 * 2 * 2 and ("sub-out_hemi-L", 2000, "lattice") not in meshes
 
 
+def test_a_case_with_a_cell_size_of_its_own_is_meshed_at_that_size_alone() -> None:
+    fine = replace(GOOD, participant="fine", cell_size=0.8)
+    asked = plan(GOOD, fine, generate={"cell_size": [2.0, 1.5]}, fold={"cases": "all"})
+    meshes = asked.each_case(asked.layout.certificate)
+    assert {mesh[:2] for mesh in meshes} == {(GOOD.name, 2000), (GOOD.name, 1500), (fine.name, 800)}
+    assert [row["cell_size_mm"] for row in asked.fold_runs().values() if row["case"] == fine.name] == [0.8]
+
+
 def test_the_line_of_a_case_follows_from_its_row() -> None:
     def line(case: Case, **more: str) -> list[str]:
         return [stage.name for stage in plan().line(mesh_job(case, **more))]

@@ -1,0 +1,85 @@
+"""Which cases of a sheet are chosen: by name, number or column, and those that are folded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from cortet.cohort.sheet import FOLD, NO, YES, Case
+from cortet.errors import InputError
+from cortet.sections import Cases
+
+#: most names of cases that a message lists
+_MOST_NAMES = 5
+
+
+def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:
+    """Some of the cases: all, those that are named, a number of them spread evenly over the order of ages, or those for
+    which a column says yes.
+
+    Raises
+    ------
+    InputError : no case has a given name, the sheet lacks a given column, or a cell is neither yes nor no
+    """
+    if which == "all":
+        return list(cases)
+    if isinstance(which, Mapping):
+        return [case for case in cases if _says_yes(case, which["column"])]
+    if isinstance(which, int):
+        by_age = sorted(cases, key=lambda case: (case.scan_age or 0, case.name))
+        count = min(which, len(by_age))
+        places = [round(i * (len(by_age) - 1) / max(count - 1, 1)) for i in range(count)]
+        return [by_age[place] for place in places]
+    known = {case.name: case for case in cases}
+    if unknown := [name for name in which if name not in known]:
+        raise InputError(
+            f"no included case is named {', '.join(unknown)}", remedy=f"the sheet has {', '.join(known) or 'none'}"
+        )
+    return [known[name] for name in which]
+
+
+def _says_yes(case: Case, column: str) -> bool:
+    """Whether a column of the sheet says yes for a case."""
+    if column not in case.extra:
+        raise InputError(
+            f"the sheet has no column {column} that says yes or no",
+            remedy=f"add it; further columns are {', '.join(case.extra) or 'none'}",
+        )
+    value = case.extra[column]
+    if value.lower() not in YES | NO:
+        raise InputError(f"column {column} of {case.name}: {value!r} is no decision", remedy="use yes or no")
+    return value.lower() in YES
+
+
+def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
+    """The cases that are folded: the configuration chooses them, or else the column `fold` if there is one.
+
+    A fold starts at an age, so cases without an age are skipped unless they are asked for by name or column.
+
+    Raises
+    ------
+    InputError : as `chosen`; or a case that is asked for has no age
+    """
+    if which is None:
+        which = {"column": FOLD} if any(FOLD in case.extra for case in cases) else []
+    if isinstance(which, (str, int)):
+        return chosen(aged(cases), which)
+    asked = chosen(cases, which)
+    if ageless := [case.name for case in asked if case.scan_age is None]:
+        raise InputError(
+            f"{', '.join(ageless)}: to be folded, but without an age, at which the fold would start",
+            remedy="give the age in column scan_age of the cohort sheet, gestational weeks, or do not fold the case",
+        )
+    return asked
+
+
+def aged(cases: Sequence[Case]) -> list[Case]:
+    """The cases whose age is known."""
+    return [case for case in cases if case.scan_age is not None]
+
+
+def ageless_notice(cases: Sequence[Case]) -> list[str]:
+    """What becomes of the cases of unknown age, in words; empty if all ages are known."""
+    names = [case.name for case in cases if case.scan_age is None]
+    shown = ", ".join([*names[:_MOST_NAMES], *(["..."] if len(names) > _MOST_NAMES else [])])
+    told = f"{len(names)} without an age (column scan_age), not smoothed by age and not folded: {shown}"
+    return [told] if names else []
