@@ -1,7 +1,7 @@
 """File formats of tetrahedral meshes and of their boundary, by name. Each is one module, and none knows another.
 
-The configuration, the command line, export and verification all read this list. A module is loaded when its format is
-first used, so that naming formats costs nothing.
+The configuration, the command line, export and verification all read this list. A module loads when its format is first
+used, so naming formats costs nothing.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Format:
-    """A format. Its module has the functions `read`, `write` and, if its solver sees more than a mesh, `as_read`."""
+    """A format, whose module has the functions `read`, `write` and, if its solver sees more than a mesh, `as_read`."""
 
     name: str
-    #: end of the file name by which the format is known, with the dot
+    #: end of the file name that identifies the format, with the dot
     suffix: str
-    #: module below `cortet.formats`
+    #: module in `cortet.formats`
     module: str
-    #: ending of the names of its functions, if the module has several formats
+    #: suffix of the names of its functions, if the module has several formats
     variant: str = ""
-    #: whether reading and writing take a `unit` of the coordinates, mm or um, that the file does not state
+    #: whether `read` and `write` take a `unit` of the coordinates, mm or um, because the file does not state it
     has_unit: bool = False
     #: whether it holds only the boundary, as a TriSurface
     is_surface: bool = False
@@ -98,7 +98,7 @@ def format_of(path: Path) -> Format:
 
 
 def read_mesh(path: Path) -> TetMesh:
-    """The mesh of a file, by the end of its name; InputError if it holds a surface, or cannot be read."""
+    """The mesh of a file, in the format of its suffix; InputError if it holds a surface, or cannot be read."""
     form = format_of(path)
     if form.is_surface:
         raise InputError("holds a surface, not a mesh", file=path, remedy="give a mesh of tetrahedra")
@@ -107,7 +107,7 @@ def read_mesh(path: Path) -> TetMesh:
 
 
 def require_holes(holes: Collection[str], solver: str) -> None:
-    """Raise InputError for holes in a format that names no faces: there, a hole would pass for a void."""
+    """Raise InputError for holes in a format that names no faces, where a hole would be mistaken for a void."""
     if holes and not FORMATS[solver].names_faces:
         able = ", ".join(form.suffix for form in FORMATS.values() if form.names_faces)
         raise InputError(

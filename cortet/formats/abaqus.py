@@ -5,8 +5,8 @@ side: S1 = 1-2-3, S2 = 1-4-2, S3 = 2-4-3, S4 = 3-4-1 (Abaqus Elements Guide, "Th
 There is no material and no step: a job includes the file (`*INCLUDE, INPUT=mesh.inp`) and adds both. Coordinates have
 12 significant digits, since CalculiX reads 20 characters of a number.
 
-Fields of nodes are in a file of their own, `<name>_fields.inp`, as `*INITIAL CONDITIONS, TYPE=FIELD`. Abaqus reads it,
-CalculiX does not. A field of k components takes k variables, and a comment before each variable names it.
+Fields of nodes are in a separate file, `<name>_fields.inp`, as `*INITIAL CONDITIONS, TYPE=FIELD`. Abaqus reads it,
+CalculiX does not. A field of k components takes k variables; a comment before each variable names it.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ from cortet.formats.text import BadRowError, read_rows, write_rows, write_wrappe
 from cortet.formats.untrusted import content, require_ascii, sound
 from cortet.meshes import FloatArray, IntArray, MeshSets, TetMesh
 
-#: sets of everything
+#: names of the sets of all nodes and of all elements
 ALL_NODES, ALL_ELEMENTS = "all_nodes", "all_elements"
-#: number of the side opposite each corner; the same table leads back
+#: number of the side opposite each corner; the table is its own inverse
 _SIDE = np.array([3, 4, 2, 1])
 _OPPOSITE = np.array([-1, 3, 2, 0, 1])
 _PER_LINE = 16
-#: names that Abaqus accepts (Analysis User's Guide, "Input syntax rules"); it does not tell upper from lower case
+#: names that Abaqus accepts (Analysis User's Guide, "Input syntax rules"); it ignores case
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,79}$")
 
-#: keywords that add or move nodes or elements in ways that are not read
+#: keywords that add or move nodes or elements in ways that `read` does not support
 _ELSEWHERE = {
     "INCLUDE": "takes lines from another file",
     "SYSTEM": "changes the coordinate system",
     **dict.fromkeys(("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"), "makes nodes or elements of others"),
 }
-#: most numbers that the ranges of one block may stand for
+#: most numbers that the ranges of one block may expand to
 _MOST_GENERATED = 2**24
 _COMMENT = re.compile(rb"^\*\*[^\n]*", re.MULTILINE)
 _FIELD = re.compile(rb"^\*\* variable (\d+): (\S+), component (\d+) of (\d+), (\w+)$", re.MULTILINE)
@@ -113,12 +113,12 @@ def _write_fields(file: IO[str], fields: dict[str, NDArray[Any]]) -> None:
 def read(path: str | Path) -> TetMesh:
     """Read a mesh of C3D4 elements with its sets, and with its fields if their file is beside it.
 
-    Tetrahedra come as they are in the file, positive or not; node and element numbers may be any.
+    Tetrahedra are returned as they are in the file, positive or not; any node and element numbers are allowed.
 
     Raises
     ------
     InputError
-        the file is missing, holds other elements, names nodes or elements it lacks, or a line cannot be read
+        the file is missing, holds other elements, or names nodes or elements it lacks; or a line cannot be read
     """
     node_rows, element_rows = [np.empty((0, 4))], [np.empty((0, 5), np.int64)]
     node_sets, cell_sets, surfaces = _Sets(), _Sets(), _Sets()
@@ -171,7 +171,7 @@ def read(path: str | Path) -> TetMesh:
 
 
 def _line_of(row: int, data: bytes, line: int) -> int:
-    """Line of a row of the data below line `line`; blank lines are no rows."""
+    """Line number of a row of the data below line `line`; blank lines are no rows."""
     filled = (number for number, text in enumerate(data.split(b"\n"), start=1) if text.strip())
     return line + next(itertools.islice(filled, row, None), 1)
 
@@ -187,7 +187,7 @@ class _Sets:
         self._parts.setdefault(name, []).append(members)
 
     def joined(self) -> dict[str, NDArray[np.int64]]:
-        """All members of each set, each once where several blocks list them."""
+        """All members of each set, without repetitions even if several blocks list them."""
         return {
             name: parts[0] if len(parts) == 1 else np.unique(np.concatenate(parts), axis=0)
             for name, parts in self._parts.items()
@@ -195,7 +195,7 @@ class _Sets:
 
 
 def _refuse_unread(keyword: str, options: Mapping[str, str], data: bytes, line: int, path: str | Path) -> None:
-    """Raise InputError if a block says more of the mesh than `read` understands: the result would be another mesh."""
+    """Raise InputError if a block says more about the mesh than `read` understands: the result would be wrong."""
     where, remedy = f"line {line}: *{keyword}", "export the mesh as plain *NODE, *ELEMENT, *NSET, *ELSET and *SURFACE"
     if keyword in _ELSEWHERE:
         raise InputError(f"{where}, which {_ELSEWHERE[keyword]}, is not read", file=path, remedy=remedy)
@@ -216,7 +216,7 @@ def _refuse_unread(keyword: str, options: Mapping[str, str], data: bytes, line: 
 def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:
     """Keyword, options, data lines and line number of every block; comments become blank lines.
 
-    Keywords are in capitals, and so are options and the values that Abaqus knows; names of sets keep their case.
+    Keywords, options and the values that Abaqus knows are in capitals; names of sets keep their case.
     """
     text = _COMMENT.sub(b"", content(path).replace(b"\r\n", b"\n"))
     starts = [0] if text.startswith(b"*") else []

@@ -16,7 +16,7 @@ from cortet.formats.ownership import about_to_write, may_write, temporary_beside
 def atomic_path(path: str | Path) -> Iterator[Path]:
     """A temporary name beside `path`, with its suffixes, that is renamed to `path` when the block ends without error.
 
-    A missing folder is made. After an error the temporary file is deleted, and `path` is as it was.
+    A missing folder is created. After an error the temporary file is deleted and `path` is unchanged.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 def atomic_folder(path: str | Path) -> Iterator[Path]:
     """A temporary folder beside `path`, whose files move to the folder of `path` when the block ends without error.
 
-    Formats of several files that name each other need it: in this folder the files have their final names.
+    Formats whose files name each other need this: in this folder the files have their final names.
 
     Raises
     ------

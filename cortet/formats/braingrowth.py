@@ -25,7 +25,7 @@ from cortet.meshes import FloatArray, IntArray, MeshSets, TetMesh
 
 
 class Tables(NamedTuple):
-    """The numbers of a file, without interpretation."""
+    """The numbers of a file, uninterpreted."""
 
     #: (n, 3) mm
     points: FloatArray
@@ -117,7 +117,7 @@ def as_read(path: Path) -> AsRead:
 
 
 def _cells(tables: Tables, path: str | Path) -> IntArray:
-    """Nodes of the tetrahedra, from 0, the last two swapped; InputError if there are none, or a node does not exist."""
+    """0-based nodes of the tetrahedra, the last two swapped; InputError if there are none or a node does not exist."""
     nodes = tables.tetrahedra[:, [1, 2, 4, 3]]
     if len(nodes) == 0 or nodes.min() < 1 or nodes.max() > len(tables.points):
         raise DamagedFileError(f"has no tetrahedra, or node indices outside 1..{len(tables.points)}", file=path)

@@ -2,13 +2,13 @@
 
 openCARP expects micrometres, meshtool takes millimetres; the files do not say which. Text: openCARP user's manual,
 section "Mesh files" (https://opencarp.org/manual). Region tags come from the mesh's regions (1 core, 2 cortex), else
-from the cell field `region`, else all are 1. Fibres come from the cell field `fibre`, else all are the x axis. Beside
-these files, each set of nodes has a file `<name>.<set>.vtx`, each set of faces `<name>.<set>.surf`, and each field of
-nodes `<name>.<field>.dat` (scalars) or `.vec` (three components). A field of another number k of components becomes k
+from the cell field `region`, else all are 1. Fibres come from the cell field `fibre`, else all are the x axis. Each set
+of nodes has its own file `<name>.<set>.vtx`, each set of faces `<name>.<set>.surf`, and each field of nodes
+`<name>.<field>.dat` (scalars) or `.vec` (three components). A field with any other number k of components becomes k
 scalars `<field>_1` to `<field>_k`.
 
 Binary files (`.bpts`, `.belem`, `.blon`) have a text header of 1024 bytes and then float32 or int32 in little-endian
-order, as meshtool and openCARP write them; coordinates are rounded to 24 bits there.
+order, as meshtool and openCARP write them; this rounds coordinates to 24 bits.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ Unit = Literal["mm", "um"]
 _PER_MM = {"mm": 1.0, "um": 1000.0}
 
 _HEADER_BYTES = 1024
-#: end of a binary header, after the counts: little-endian, and a number by which readers recognise the file
+#: end of a binary header, after the counts: little-endian, and a number that identifies the file to readers
 _ENDIANNESS_AND_CHECKSUM = "0 666"
-#: number of the element type tetrahedron in binary files
+#: number of the tetrahedron's element type in binary files
 _TETRAHEDRON = 0
 
 
@@ -45,7 +45,7 @@ def write(mesh: TetMesh, path: str | Path, *, unit: Unit = "um") -> None:
 
     Parameters
     ----------
-    unit : unit of the coordinates in the file; ``mm`` keeps every bit of them
+    unit : unit of the coordinates in the file; ``mm`` keeps every bit
     """
     with ExitStack() as files:
         pts, elem, lon = (_opened(files, _beside(path, suffix)) for suffix in (".pts", ".elem", ".lon"))
@@ -108,9 +108,9 @@ def _fibres(mesh: TetMesh) -> NDArray[Any]:
 
 
 def read(path: str | Path, *, unit: Unit = "um") -> TetMesh:
-    """Read what `write` writes; tetrahedra come as they are in the file, positive or not.
+    """Read what `write` writes; tetrahedra are returned as they are in the file, positive or not.
 
-    The cell field `region` holds the tags. If these are 1 and 2, they also name the regions.
+    The cell field `region` holds the tags. Tags 1 and 2 also name the regions.
 
     Raises
     ------
@@ -234,7 +234,7 @@ def _values(path: Path, dtype: str, columns: int) -> NDArray[Any]:
 
 
 def as_read(path: Path) -> AsRead:
-    """The file as openCARP sees it. Surfaces are files beside it, and may be missing."""
+    """The file as openCARP sees it. Surfaces are in separate files, which may be missing."""
     return _as_read(read(path))
 
 

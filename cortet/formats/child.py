@@ -1,4 +1,4 @@
-"""Programs that this process starts. None of them outlives it, however it ends."""
+"""Child processes, none of which outlives this process, however it ends."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _libc = ctypes.CDLL(None) if sys.platform == "linux" else None
 
 
 def end_with_parent() -> None:
-    """Let the system kill this process when its parent ends (Linux); other systems ignore it."""
+    """Let the system kill this process when its parent ends (Linux); no effect on other systems."""
     if _libc is not None:
         _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def run(command: Sequence[str], **options: Any) -> subprocess.CompletedProcess[str]:
-    """Run a program that ends with this process; its output is captured as text, its exit code is not checked.
+    """Run a program that ends with this process; captures its output as text, and does not check its exit code.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Fields of any number of components, for formats that allow only certain numbers."""
+"""Fields with any number of components, for formats that allow only certain numbers."""
 
 from __future__ import annotations
 

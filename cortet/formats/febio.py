@@ -2,9 +2,9 @@
 
 Nodes and elements count from 1 in the order of the mesh; `tet4` elements have positive volume, `tri3` facets face
 outward. Every region is an `Elements` part with a `SolidDomain` and a material of its own. The materials are
-neo-Hookean with a shear modulus of 1 and a bulk modulus of 5, the ratio of the folding model (Tallinen et al. 2016):
-replace them by yours, and add `Control`, `Boundary`, `Loads` and `Output` to run the file. Fields of nodes are
-`MeshData`. FEBio allows scalars and vectors of three components there; a field of another number k of components
+neo-Hookean with a shear modulus of 1 and a bulk modulus of 5, the ratio of the folding model (Tallinen et al. 2016).
+To run the file, replace them by yours and add `Control`, `Boundary`, `Loads` and `Output`. Fields of nodes are
+`MeshData`, where FEBio allows scalars and vectors of three components; a field with any other number k of components
 becomes k scalars `<name>_1` to `<name>_k`.
 """
 
@@ -58,7 +58,7 @@ SECTIONS = (
 )
 REQUIRED = ("Module", "Material", "Mesh", "MeshDomains")
 
-#: long lists of a file, with the element of a row and its number: they are read as tables, the rest as XML
+#: long lists of a file, with the element of a row and its number; these are read as tables, the rest as XML
 _LISTS = {
     "Nodes": ("node", "id"),
     "Elements": ("elem", "id"),
@@ -98,8 +98,8 @@ def write_elements(
     node_sets : name -> nodes
     faces : name -> (f, 3), or (f, 6) whose midside nodes are in the order 1-2, 2-3, 3-1
     fields : name -> (n,) or (n, k) values of the nodes
-    sections : name -> content, for a file that can be run; `Material` replaces the placeholders. The other names are
-        those of `SECTIONS` that the mesh does not fill, and `MeshData` if there are no fields
+    sections : name -> content, for a file that can be run. `Material` replaces the placeholders; other names are those
+        of `SECTIONS` that the mesh does not fill, and `MeshData` if there are no fields
     """
     require_ascii([*node_sets, *faces, *fields, *mesh.sets.cells], path)
     parts, more = _parts(mesh), sections or {}
@@ -141,7 +141,7 @@ def _placeholders(parts: Iterable[str]) -> str:
 
 
 def _write_sections(file: IO[str], sections: Mapping[str, str], *, before: str = "", after: str = "") -> None:
-    """Write, in their order, the sections that come before, or after, a certain section."""
+    """Write, in order, the sections before or after a certain section."""
     place = SECTIONS.index(before or after)
     for name in SECTIONS[:place] if before else SECTIONS[place + 1 :]:
         if name in sections:
@@ -149,12 +149,12 @@ def _write_sections(file: IO[str], sections: Mapping[str, str], *, before: str =
 
 
 def _row(tag: str, nodes: int) -> str:
-    """Template of an element's line."""
+    """Template of the line of one element."""
     return f'<{tag} id="%d">{",".join(["%d"] * nodes)}</{tag}>\n'
 
 
 def _parts(mesh: TetMesh) -> dict[str, IntArray]:
-    """Elements of each part: of each region, or all elements if there are no regions."""
+    """Elements of each part: one part per region, or a single one if there are no regions."""
     regions = {name: mesh.sets.cells[name] for name in REGION_TAGS if name in mesh.sets.cells}
     return {name: cells for name, cells in regions.items() if len(cells)} or {
         TISSUE: np.arange(len(mesh.cells), dtype=np.int32)
@@ -180,9 +180,9 @@ def _write_fields(file: IO[str], fields: Mapping[str, NDArray[Any]], ids: NDArra
 
 
 def read(path: str | Path) -> TetMesh:
-    """Read the mesh of a file: `tet4` parts, sets and fields of nodes, which are real numbers here.
+    """Read the mesh of a file: `tet4` parts, sets, and fields of nodes as real numbers.
 
-    Tetrahedra come as they are in the file, positive or not, in the order of their ids. Parts become sets of
+    Tetrahedra are returned as they are in the file, positive or not, in the order of their ids. Parts become sets of
     tetrahedra, except the part that `write` makes for a mesh without regions.
 
     Raises
@@ -238,7 +238,7 @@ def read(path: str | Path) -> TetMesh:
 
 
 def read_xml(path: str | Path) -> tuple[ElementTree.Element, list[bytes]]:
-    """The XML of a file and the contents of its long lists; in the XML, the number of its content stands for each list.
+    """The XML of a file and the contents of its long lists; in the XML, an index into the contents replaces each list.
 
     Raises
     ------
@@ -266,14 +266,14 @@ def read_xml(path: str | Path) -> tuple[ElementTree.Element, list[bytes]]:
 def _table(
     element: ElementTree.Element, tables: list[bytes], columns: int, dtype: Any, path: str | Path
 ) -> NDArray[Any]:
-    """Rows of a long list: the id, then the values."""
+    """Rows of a long list: each has the id, then the values."""
     if not element.text:
         return np.empty((0, columns), dtype)
     if not re.fullmatch(r"\d{1,9}", element.text) or int(element.text) >= len(tables):
         raise DamagedFileError(f"<{element.tag} {element.get('name', '')}> is no list", file=path)
     given, (tag, number) = tables[int(element.text)], _LISTS[element.tag]
     rows = given.replace(f'<{tag} {number}="'.encode(), b"").replace(b'">', b",").replace(f"</{tag}>".encode(), b"\n")
-    if b"<" in rows:  # not written in the usual way
+    if b"<" in rows:  # the rows are not written in the usual way
         rows = _ANY_AFTER.sub(b"\n", _ANY_BEFORE.sub(rb"\1,", given))
     try:
         return read_rows(rows, columns, dtype, delimiter=",")
@@ -291,7 +291,7 @@ def _nodes(
 
 
 def _sets(elements: Iterable[ElementTree.Element], path: str | Path) -> dict[str, NDArray[np.int64]]:
-    """Ids of each set; a set that comes twice has the members of both."""
+    """Ids of each set; a set that occurs twice has the members of both."""
     found: dict[str, NDArray[np.int64]] = {}
     for element in elements:
         name, numbers = str(element.get("name")), _numbers(element, path)
@@ -302,7 +302,7 @@ def _sets(elements: Iterable[ElementTree.Element], path: str | Path) -> dict[str
 def _surfaces(
     elements: Iterable[ElementTree.Element], tables: list[bytes], path: str | Path
 ) -> dict[str, NDArray[np.int64]]:
-    """Corners of the triangles of each surface; a surface that comes twice has the triangles of both."""
+    """Corners of the triangles of each surface; a surface that occurs twice has the triangles of both."""
     found: dict[str, NDArray[np.int64]] = {}
     for element in elements:
         name, corners = str(element.get("name")), _table(element, tables, 4, np.int64, path)[:, 1:]

@@ -150,13 +150,13 @@ def _item(parent: ElementTree.Element, values: NDArray[Any], where: str) -> None
 
 
 def read(path: str | Path) -> TetMesh:
-    """Read the four files; tetrahedra come as they are there, positive or not.
+    """Read the four files; tetrahedra are returned as they are there, positive or not.
 
     Raises
     ------
     InputError
-        a file is missing or truncated, an XDMF file has another grid or another shape than its data, or the two files
-        have different nodes
+        a file is missing or truncated, an XDMF file has another grid or a shape that differs from that of its data, or
+        the two files have different nodes
     """
     cells = _grid(Path(path), "mesh", "Tetrahedron")
     facets = _grid(facets_path(path), "facets", "Triangle")
@@ -247,7 +247,7 @@ def _values(element: ElementTree.Element, path: Path) -> NDArray[Any]:
         ValueError,
         TypeError,
         AttributeError,
-    ) as error:  # what h5py raises for damaged files
+    ) as error:  # h5py raises these for damaged files
         raise InputError(f"cannot be read: {error}", file=source, remedy="export the mesh again") from error
     except KeyError as error:
         raise DamagedFileError(f"has no dataset {key}", file=source) from error
@@ -259,14 +259,14 @@ def _values(element: ElementTree.Element, path: Path) -> NDArray[Any]:
 
 
 def _first(path: Path) -> str:
-    """Name, without suffix, of the file of the tetrahedra that belongs to a file of facets."""
+    """Name, without suffix, of the tetrahedra's file that belongs to a file of facets."""
     return path.name.removesuffix(".xdmf").removesuffix("_facets")
 
 
 def _dataset(data: h5py.File, key: str, source: Path) -> NDArray[Any]:
-    """The numbers of a dataset, after a check that they are in this very file.
+    """The numbers of a dataset, after a check that this file itself stores them.
 
-    Links and external storage lead out of the file. A dataset without storage would take its whole size in memory.
+    Links and external storage lead out of the file. A dataset without storage would take up its full size in memory.
     """
     if not isinstance(data.get(key, getlink=True), h5py.HardLink):
         raise KeyError(key)
@@ -282,26 +282,26 @@ def _dataset(data: h5py.File, key: str, source: Path) -> NDArray[Any]:
 
 
 def _faces_among(faces: IntArray, subset: IntArray) -> NDArray[np.bool_]:
-    """Which of `faces` are in `subset`, whatever the order of their nodes."""
+    """Which of `faces` are in `subset`, regardless of the order of their nodes."""
     key = packed(np.concatenate([faces, subset]))
     return np.isin(key[: len(faces)], key[len(faces) :])
 
 
 def _tags(grid: _Grid, name: str, path: Path | str) -> NDArray[Any]:
-    """The attribute that says what each cell of a grid is; it is removed from the grid."""
+    """The attribute that tags each cell of a grid; it is removed from the grid."""
     if name not in grid.cells_of:
         raise DamagedFileError(f"has no attribute {name} of its cells", file=path)
     return _of_each(grid.cells_of.pop(name), name, path)
 
 
 def _taken(attributes: dict[str, NDArray[Any]], prefix: str, path: Path | str) -> dict[str, NDArray[Any]]:
-    """The attributes whose name begins with `prefix`, by the rest of their name; they are removed from `attributes`."""
+    """The attributes whose names begin with `prefix`, by the rest of the name; they are removed from `attributes`."""
     names = [name for name in attributes if name.startswith(prefix)]
     return {name.removeprefix(prefix): _of_each(attributes.pop(name), name, path) for name in names}
 
 
 def _of_each(values: NDArray[Any], name: str, path: Path | str) -> NDArray[Any]:
-    """The same values, after a check that there is one number per row."""
+    """The given values, after a check that there is one number per row."""
     if values.ndim != 1:
         raise DamagedFileError(f"attribute {name} has shape {values.shape}, not one number each", file=path)
     return values

@@ -1,4 +1,4 @@
-"""Files that are no GIfTI, recognised by their first bytes: which of them are read, and what the others are called."""
+"""Files other than GIfTI, recognised by their first bytes: readers for some, names for the others."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cortet.formats import freesurfer, obj, ply, stl
 from cortet.meshes import TriSurface
 
-#: bytes that are looked at; an OBJ file may begin with comments
+#: number of bytes examined; an OBJ file may begin with comments
 _HEAD = 1 << 16
 _OBJ = re.compile(rb"^v[ \t]+[-+.\d]", re.MULTILINE)
 #: first bytes and kind of files that are not read; a remedy, if there is one, follows in brackets
@@ -39,7 +39,7 @@ _NAMES: tuple[tuple[bytes, str], ...] = (
 
 
 def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
-    """The reader of a surface that is no GIfTI, `read(path, finite=...)`; None if the first bytes are not known."""
+    """The reader of a surface that is not GIfTI, `read(path, finite=...)`; None if the first bytes are unknown."""
     head, size = _beginning(path)
     if head.startswith(freesurfer.SURFACE):
         return freesurfer.read_surface
@@ -53,7 +53,7 @@ def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
 
 
 def fields_of(path: Path) -> dict[str, NDArray[Any]] | None:
-    """Per-vertex values of a FreeSurfer file, by its name; None if the file is none."""
+    """Per-vertex values of a FreeSurfer file, by its name; None if it is no such file."""
     head, size = _beginning(path)
     if head.startswith(freesurfer.VALUES):
         return freesurfer.read_values(path)
@@ -61,7 +61,7 @@ def fields_of(path: Path) -> dict[str, NDArray[Any]] | None:
 
 
 def label_names_of(path: Path) -> dict[int, str] | None:
-    """Key -> name of the labels of a FreeSurfer file, which only an annotation has; None if the file is none."""
+    """Key -> name of the labels of a FreeSurfer annotation; empty for FreeSurfer values; None for any other file."""
     head, size = _beginning(path)
     if head.startswith(freesurfer.VALUES):
         return {}
@@ -69,7 +69,7 @@ def label_names_of(path: Path) -> dict[int, str] | None:
 
 
 def name_of(path: Path) -> str:
-    """What a file is that is read neither as a surface nor as a field; empty if its first bytes are not known."""
+    """Kind of a file that can be read neither as a surface nor as a field; empty if its first bytes are unknown."""
     head, size = _beginning(path)
     known = [name for begin, name in _NAMES if head.lstrip().startswith(begin) or head.startswith(begin)]
     if known:
@@ -82,7 +82,7 @@ def name_of(path: Path) -> str:
 
 
 def _always_finite(read: Callable[[Path], TriSurface]) -> Callable[..., TriSurface]:
-    """A reader that always refuses coordinates that are not finite, whatever `finite` says."""
+    """A reader that refuses coordinates that are not finite, whatever `finite` says."""
 
     def reader(path: Path, *, finite: bool = True) -> TriSurface:  # noqa: ARG001
         return read(path)

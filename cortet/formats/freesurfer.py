@@ -1,9 +1,10 @@
-"""FreeSurfer's files: surfaces (`lh.white`), values (`lh.thickness`) and annotations (`lh.aparc.annot`) of vertices.
+"""FreeSurfer files: surfaces (`lh.white`), and values (`lh.thickness`) and annotations (`lh.aparc.annot`) of vertices.
 
-nibabel reads surfaces. Values and annotations are read here, since it reserves whatever memory a damaged file states.
+nibabel reads surfaces. This module reads values and annotations, since nibabel reserves whatever memory a damaged file
+states.
 
-Coordinates are in the tool's own space ("surface RAS", mm); the translation to the scanner's, where the file has it,
-becomes the matrix of the coordinate frame (https://surfer.nmr.mgh.harvard.edu/fswiki/CoordinateSystems).
+Coordinates are in the tool's own space ("surface RAS", mm). The translation to the scanner's space, if the file has
+it, becomes the matrix of the coordinate frame (https://surfer.nmr.mgh.harvard.edu/fswiki/CoordinateSystems).
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from cortet.meshes import CoordinateFrame, TriSurface
 #: first bytes of a file of triangles, and of a file of values
 SURFACE, VALUES = b"\xff\xff\xfe", b"\xff\xff\xff"
 _REMEDY = "run recon-all again, or export it as GIfTI (mris_convert)"
-#: annotations: key of vertices without a label, most labels, and most characters of a name
+#: annotations: key of unlabelled vertices, most labels, and most characters of a name
 _NONE, _MOST_LABELS, _LONGEST_NAME = -1, 100_000, 10_000
 
 
@@ -79,7 +80,7 @@ def read_values(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def is_annotation(head: bytes, size: int) -> bool:
-    """Whether a file of `size` bytes that begins with `head` is an annotation, which counts its vertices from 0."""
+    """Whether a file of `size` bytes that begins with `head` is an annotation, whose vertices count from 0."""
     count = int(np.frombuffer(head[:4].ljust(4, b"\0"), ">i4")[0])
     if not (count > 0 and 4 + 8 * count <= size):
         return False
@@ -136,11 +137,11 @@ class _Words:
 
 
 def _table(words: _Words) -> tuple[dict[int, str], NDArray[np.int64]]:
-    """Name of each entry of the table, and the number that its colour makes."""
+    """Name of each entry of the table, and the number that encodes its colour."""
     if words.number() != 1:
         raise ValueError("it has no table of labels")
     first = words.number()
-    if first > 0:  # the older version: the number of entries itself
+    if first > 0:  # older version: this is the number of entries
         words.text()
         count = first
     elif first == -2:

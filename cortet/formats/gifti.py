@@ -60,7 +60,7 @@ _TYPES = {
 }
 #: deflate cannot shrink data more than this (https://zlib.net/zlib_tech.html), so no array claims more per stored byte
 _MAX_COMPRESSION = 1032
-#: most bytes of all arrays of a file; 40 million vertices with their triangles have less
+#: most bytes of all arrays of a file; 40 million vertices with their triangles need less
 _MAX_BYTES = 2**31
 #: most dimensions of an array (GIfTI 1.0, section 5)
 _MAX_DIMENSIONS = 6
@@ -88,7 +88,7 @@ def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
     A surface of FreeSurfer (`lh.white`), STL, PLY or OBJ is read as well; its first bytes tell what it is.
     Any valid GIfTI will do: arrays in either order, row- or column-major, either endianness, ASCII, base64, compressed
     or in an external file, integer triangles of any type. Memory is bounded by what the file can hold, and by 2 GiB of
-    values; names of fields that no file could be named by are changed (`untrusted.safe_name`).
+    values. Names of fields that cannot be part of a file name are changed (`untrusted.safe_name`).
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def hemisphere_of(path: str | Path) -> Literal["L", "R"] | None:
 
 
 def read_nested(path: str | Path, inner: Iterable[str | Path], fields: str | Path | None = None) -> TriSurface:
-    """Read a surface and its inner surfaces; their files are named `..._inner-NAME_...` after the regions inside them.
+    """Read a surface and its inner surfaces, whose files are named `..._inner-NAME_...` after the regions inside them.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def write_surface(surface: TriSurface, path: str | Path) -> None:
 
 
 def write_fields(fields: Mapping[str, NDArray[Any]], path: str | Path) -> None:
-    """Write per-vertex fields without a surface (.shape.gii, .func.gii), by their names; float32, labels int32."""
+    """Write named per-vertex fields without a surface (.shape.gii, .func.gii); float32, labels int32."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(GiftiImage(darrays=_arrays(fields)).to_xml())
 
@@ -221,7 +221,7 @@ def _geometry(arrays: list[_Array], intent: str, path: str | Path) -> _Array:
 
 
 def _fields(arrays: list[_Array], path: str | Path, count: int | None = None) -> dict[str, NDArray[Any]]:
-    """Arrays that are not geometry, all with one value (or row) for each of `count` vertices."""
+    """Arrays that are not geometry, each with one value (or row) for each of `count` vertices."""
     fields = []
     for array in arrays:
         if array.intent in _GEOMETRY:
@@ -364,11 +364,11 @@ def surface_of(image: Any) -> TriSurface:
 
 
 def _check_frame(frame: CoordinateFrame, path: str | Path) -> None:
-    """Raise InputError if the matrix of the coordinates says that they are not mm.
+    """Raise InputError if the matrix of the coordinates implies that they are not mm.
 
-    Coordinates stay as they are stored, in the space of the data; the matrix leads from there to another space (GIfTI
-    1.0, section 2.3.4). A rigid motion changes no length. A matrix to a template does, but the stored brain is in mm.
-    Any other matrix says that the stored coordinates must be scaled or sheared to become mm.
+    Coordinates stay as they are stored, in the space of the data; the matrix maps them to another space (GIfTI 1.0,
+    section 2.3.4). A rigid motion changes no length. A matrix to a template does, but the stored brain is in mm. Any
+    other matrix implies that the stored coordinates must be scaled or sheared to become mm.
     """
     linear = np.reshape(frame.matrix, (4, 4))[:3, :3]
     stretches = np.linalg.svd(linear, compute_uv=False)

@@ -1,6 +1,6 @@
-"""Gmsh reads a file in a process of its own: a damaged file can crash it, or make it take any memory and time.
+"""Read a file with Gmsh in a separate process, since a damaged file can crash Gmsh, or take unbounded memory and time.
 
-`cortet.formats.msh` runs this module as a program. It imports no other module of cortet, so that it starts at once.
+`cortet.formats.msh` runs this module as a program. It imports no other module of cortet, so it starts at once.
 Arrays go into an .npz file; names of groups and fields go beside them as JSON.
 """
 
@@ -56,7 +56,7 @@ def arrays_of(path: str) -> dict[str, NDArray[Any]]:
             kind, tags, values, _, components = gmsh.view.getHomogeneousModelData(view, 0)
             if kind in FIELDS:
                 order = np.argsort(tags)
-                if kind == "ElementData":  # triangles may have values, too
+                if kind == "ElementData":  # triangles may also have values
                     order = order[np.isin(tags[order], arrays["tetrahedron_tags"])]
                 arrays[f"{kind}_{len(names[kind])}"] = values.reshape(-1, components)[order]
                 names[kind].append(gmsh.view.option.getString(view, "Name"))
@@ -71,7 +71,7 @@ def limit(kind: int, most: int) -> None:
 
 
 def main(source: str, target: str, memory: str, seconds: str) -> None:
-    """Read one file and write the other, within so many bytes of address space and seconds of processor time."""
+    """Read one file and write the other, within limits on address space (bytes) and processor time (s)."""
     limit(resource.RLIMIT_AS, int(memory))
     limit(resource.RLIMIT_CPU, int(seconds))
     limit(resource.RLIMIT_CORE, 0)

@@ -1,4 +1,4 @@
-"""SHA-256 of files and arrays, which identifies inputs, fields and meshes."""
+"""SHA-256 of files and arrays, to identify inputs, fields and meshes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def sha256(path: str | Path) -> str:
 
 def array_sha256(values: NDArray[Any]) -> str:
     """Hash of numbers as float64, row by row, little-endian."""
-    import numpy as np  # files are hashed before anything heavy is loaded
+    import numpy as np  # imported here: files are hashed before anything heavy is loaded
 
     return hashlib.sha256(np.ascontiguousarray(values, "<f8").tobytes()).hexdigest()
 

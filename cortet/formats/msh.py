@@ -1,17 +1,17 @@
 """Gmsh `.msh` 4.1 and 2.2, binary: a mesh with physical groups (https://gmsh.info/doc/texinfo, file formats).
 
 Nodes have the tags 1 to n in the order of the mesh, triangles and then tetrahedra the tags 1 to m in the order of the
-file. Each set of faces or tetrahedra is a physical group of its name. Where sets overlap, Gmsh wants an entity for
-every combination of sets, which belongs to several groups. Sets of nodes are not written: the nodes of a part of the
-surface follow from its faces, and the nodes of a label from the field. In version 2.2, for SimNIBS and older programs,
-an element belongs to one group: the parts of the surface and the regions are groups there, other sets are left out.
-(meshio 5.3 fails on any file of that version with a field of elements: give it version 4.1.)
+file. Each set of faces or tetrahedra is a physical group of the same name. Where sets overlap, Gmsh needs one entity
+for each combination of sets; that entity belongs to several groups. Sets of nodes are not written: the nodes of a part
+of the surface follow from its faces, and the nodes of a label from the field. In version 2.2, for SimNIBS and older
+programs, an element belongs to one group: the parts of the surface and the regions are groups, and other sets are left
+out. (meshio 5.3 fails on any file of that version with a field of elements: give it version 4.1.)
 
-Fields are `$NodeData` and `$ElementData` of 1, 3 or 9 components. A field of another number k of components becomes k
-fields `<name>_1` to `<name>_k`. Fields are read as real numbers. A field of the tetrahedra has values for the triangles
-of the file, too: those of the tetrahedra behind them. meshio, which PyVista reads with, wants one value per element,
-and tags that rise by one from the first element of the file to the last. So where a mesh has several entities, its
-tetrahedra change their order; the field `number_in_mesh` keeps the old one, and `read` restores it.
+Fields are `$NodeData` and `$ElementData` of 1, 3 or 9 components. A field with any other number k of components becomes
+k fields `<name>_1` to `<name>_k`. Fields are read as real numbers. A field of the tetrahedra also has values for the
+triangles of the file: those of the tetrahedra behind them. meshio, which PyVista uses, needs one value per element, and
+tags that rise by one from the first element of the file to the last. So the tetrahedra of a mesh with several entities
+change their order; the field `number_in_mesh` keeps the old one, and `read` restores it.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ __all__ = ["TISSUE", "check_version", "read", "read_v2", "session", "write", "wr
 TISSUE = "tissue"
 #: field of the numbers that tetrahedra had before they changed their order
 _NUMBER = "number_in_mesh"
-#: numbers of components of a field that the format knows
+#: numbers of components that the format allows for a field
 _WIDTHS = (1, 3, 9)
-#: bytes of address space and seconds of processor time that Gmsh may take, and more for a larger file
+#: bytes of address space and seconds of processor time that Gmsh may take, with extra for larger files
 _MEMORY, _MEMORY_PER_BYTE = 2**32, 100
 _SECONDS, _BYTES_PER_SECOND = 30, 500_000
 
@@ -97,7 +97,7 @@ def write_v2(mesh: TetMesh, path: str | Path) -> None:
 
 
 def _elements_v2(kind: int, elements: IntArray, groups: NDArray[np.integer[Any]], first: int) -> bytes:
-    """Elements of one kind: their kind, number, and two tags; then of each its tag, group, entity, and nodes."""
+    """Elements of one kind: their kind, number and two tags; then the tag, group, entity and nodes of each."""
     head = np.array([kind, len(elements), 2], "<i4")
     rows = np.column_stack([np.arange(first, first + len(elements)), groups, groups, elements + 1])
     return head.tobytes() + rows.astype("<i4").tobytes()
@@ -125,7 +125,7 @@ def _behind(faces: IntArray, mesh: TetMesh) -> NDArray[np.int64]:
 
 
 def _write_field(file: BinaryIO, kind: str, name: str, values: NDArray[Any]) -> None:
-    """Write a field, (n, k), of the tags 1 to n: its name, the time 0, and its place in time, components and length."""
+    """Write a field, (n, k), of the tags 1 to n: its name, the time 0, its time step, components and length."""
     rows = np.empty(len(values), [("tag", "<i4"), ("values", "<f8", (values.shape[1],))])
     rows["tag"], rows["values"] = np.arange(1, len(values) + 1), values
     quoted = name.replace('"', "'")
@@ -134,7 +134,7 @@ def _write_field(file: BinaryIO, kind: str, name: str, values: NDArray[Any]) -> 
 
 
 def _face_groups(mesh: TetMesh) -> dict[str, NDArray[np.bool_]]:
-    """Name -> which of the listed faces belong to it: parts of the surface by order, other sets by their nodes."""
+    """Name -> which of the listed faces belong to it: parts of the surface by order, other sets by nodes."""
     parts = [name for name in SURFACE_TAGS if name in mesh.sets.faces]
     faces = listed_faces(mesh)
     part = np.full(len(faces), -1)
@@ -167,7 +167,7 @@ def _add_entities(
     placed: NDArray[np.bool_],
     boundary: list[int],
 ) -> tuple[list[int], NDArray[np.int64]]:
-    """Add a discrete entity for each combination of groups, with the nodes that none has yet (`placed`).
+    """Add a discrete entity for each combination of groups, with the nodes that are not yet `placed` in one.
 
     Returns
     -------
@@ -200,9 +200,9 @@ def _add_entities(
 
 
 def read(path: str | Path) -> TetMesh:
-    """Read a file with Gmsh; tetrahedra come as they are in the file, positive or not, in the order of their tags.
+    """Read a file with Gmsh; tetrahedra are returned as they are in the file, positive or not, in the order of tags.
 
-    Gmsh runs in a process of its own, in an empty folder: it would also read `<name>.msh.opt`, which may hold commands.
+    Gmsh runs in a separate process, in an empty folder: it would also read `<name>.msh.opt`, which may hold commands.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def read(path: str | Path) -> TetMesh:
 def _in_old_order(
     cells: IntArray, fields: dict[str, NDArray[Any]], sets: MeshSets
 ) -> tuple[IntArray, dict[str, NDArray[Any]], MeshSets]:
-    """Tetrahedra, their fields and their sets in the order that `write` noted down, if it did."""
+    """Tetrahedra, their fields and their sets in the order that `write` recorded, if it did."""
     noted = fields.get(_NUMBER)
     if noted is None or not np.array_equal(np.sort(noted), np.arange(len(cells))):
         return cells, fields, sets
@@ -251,7 +251,7 @@ def _in_old_order(
     )
 
 
-#: a file of version 2.2 is read as any other
+#: a file of version 2.2 is read like any other
 read_v2 = read
 
 

@@ -1,8 +1,8 @@
 """Nastran bulk data (`.bdf`): `GRID*`, `CTETRA`, and `CTRIA3` for the faces of the surface.
 
-Property numbers tell parts apart: 1 and 2 are the regions core and cortex, 11 and 12 the cortical surface and the
-medial wall. Comments at the beginning name them. Numbers count from 1 in the order of the mesh. The user adds the cards
-of properties and materials. Other sets, and fields, are not written. meshio reads the file. Source: MSC Nastran Quick
+Property numbers identify parts: 1 and 2 are the regions core and cortex, 11 and 12 the cortical surface and the medial
+wall. Comments at the beginning name them. Numbers count from 1 in the order of the mesh. The user adds the cards of
+properties and materials. Other sets and fields are not written. meshio reads the file. Source: MSC Nastran Quick
 Reference Guide, "Bulk Data Entries".
 """
 
@@ -22,9 +22,9 @@ from cortet.formats.text import write_rows
 from cortet.formats.untrusted import content, sound
 from cortet.meshes import MeshSets, TetMesh
 
-#: property numbers of parts of the surface begin above this one, since no property may be of solids and shells at once
+#: property numbers of parts of the surface begin above this one, since a property may not hold both solids and shells
 _SHELLS = 10
-#: what meshio raises for files that are damaged, or none of Nastran
+#: errors that meshio raises for files that are damaged or not of Nastran
 _DAMAGED = (ReadError, RuntimeError, AssertionError, ValueError, KeyError, IndexError, TypeError, OverflowError)
 
 

@@ -1,4 +1,4 @@
-"""From the numbers by which files name nodes and elements to the indices that meshes in memory use."""
+"""Conversion of the numbers that files give nodes and elements to the indices that meshes in memory use."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, pat
 
 
 def in_32_bits(values: NDArray[Any], what: str, path: str | Path | None = None) -> NDArray[np.int32]:
-    """Whole numbers as int32. Raises InputError for a number that is too large: it would become another number."""
+    """Whole numbers as int32. Raises InputError for a number that is too large, which would wrap to another number."""
     outside = ~((values >= -(2**31)) & (values < 2**31))
     if outside.any():
         raise InputError(
@@ -57,7 +57,7 @@ def in_32_bits(values: NDArray[Any], what: str, path: str | Path | None = None) 
 
 
 def whole(values: NDArray[np.float64], kind: str, path: str | Path) -> NDArray[np.int64]:
-    """Whole numbers that were read as real ones. Raises InputError for fractions, and for numbers of ten digits."""
+    """Whole numbers that were read as real numbers. Raises InputError for fractions and for numbers of ten digits."""
     bad = ~(np.abs(values) < 2**31) | (values != np.round(values))
     if bad.any():
         raise DamagedFileError(f"{values[bad][0]:g} is no number of a {kind}", file=path)

@@ -21,7 +21,7 @@ _REMEDY = "export the surface again as GIfTI (.surf.gii)"
 
 
 def read(path: str | Path) -> TriSurface:
-    """Read a surface, mm; a face of more than three corners is divided into triangles that share the first corner.
+    """Read a surface, mm; a face with more than three corners is split into triangles that share the first corner.
 
     Raises
     ------

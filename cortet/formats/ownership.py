@@ -4,7 +4,7 @@ A command runs within `guarded`. Every function of cortet that replaces or delet
 and every reader calls `has_read`. Every file that a command has read is an input, even if no argument names it, such as
 a sidecar. A hidden manifest in the folder lists each file that the command writes, with its SHA-256. A file belongs to
 the user if the manifest does not list it, or if it changed since. The workflow has no guard: its rules name their
-outputs, and none of them is a file of the user. Its working folder has a marker instead.
+outputs, none of which is a file of the user. Its working folder has a marker instead.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from cortet.formats.hashing import sha256
 MARKER = ".cortet"
 #: file that lists what commands wrote to its folder: name -> the last SHA-256
 MANIFEST = ".cortet.json"
-#: hashes that a manifest keeps per file: the present one, and the one it replaces, in case the command is killed
+#: hashes that a manifest keeps per file: the current one and, in case the command is killed, the one it replaces
 _HASHES = 2
-#: key and value that tell a record from other JSON files
+#: key and value that distinguish a record from other JSON files
 _SIGNATURE = {"made_by": "cortet"}
 #: most bytes of a record or a manifest
 _LONGEST_RECORD = 100_000_000
@@ -39,7 +39,7 @@ _LONGEST_RECORD = 100_000_000
 class _Guard:
     """What a command may write to."""
 
-    #: device and inode of each input -> the path it was named by; files that are read later are added
+    #: device and inode of each input -> the path that named it; files that are read later are added
     inputs: dict[tuple[int, int], Path]
     #: files that the command is told to write
     files: tuple[Path, ...]
@@ -67,13 +67,13 @@ def guarded(
     folders: Iterable[Path] = (),
     force: bool = False,
 ) -> Iterator[None]:
-    """Run a command that reads some files and writes others; refuse it at once if it would harm files of the user.
+    """Run a command that reads some files and writes others; refuses at once if it would harm files of the user.
 
     Parameters
     ----------
     inputs : files that the command only reads
     files : files that it is told to write
-    shared : folders in which it writes single files, each guarded by itself
+    shared : folders in which it writes single files, each guarded individually
     folders : other folders, below which it may write
     force : existing files may be replaced, but never an input
 
@@ -124,7 +124,7 @@ def mark(folder: Path) -> None:
 
 
 def has_read(path: Path) -> None:
-    """Note that the command reads a file: it is an input from now on, unless it lies where the command may write.
+    """Record that the command reads a file: it is an input from now on, unless it lies where the command may write.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def has_read(path: Path) -> None:
 
 
 def about_to_write(temporary: Path, path: Path) -> None:
-    """Note that a file is about to get its name. The manifest lists it first, so that a kill does no harm."""
+    """Record that a file is about to get its name. The manifest lists it first, so that a kill does no harm."""
     guard = _guard.get()
     if guard is None:
         return
@@ -162,7 +162,7 @@ def temporary_beside(path: Path) -> Path:
 
 
 def is_ours(path: Path) -> bool:
-    """Whether the manifest of its folder lists a file with the SHA-256 that it has now."""
+    """Whether the manifest of its folder lists a file with its current SHA-256."""
     if not path.is_file() or path.is_symlink():
         return False
     listed = _manifest(path.parent).get(path.name)
@@ -178,7 +178,7 @@ def delete(*paths: Path) -> None:
 
 
 def record_of(paths: Iterable[Path]) -> dict[str, Any]:
-    """The entries by which a JSON file records the files that were made with it."""
+    """The entries with which a JSON file records the files that were made with it."""
     return {**_SIGNATURE, "files": {path.name: sha256(path) for path in paths}}
 
 
@@ -202,7 +202,7 @@ def delete_made(record: Path) -> None:
 
 
 def json_of(file: Path) -> dict[str, Any]:
-    """Content of a JSON file; empty if it is none."""
+    """Content of a JSON file; empty if it is no JSON file."""
     try:
         data = json.loads(file.read_text("utf-8")) if file.stat().st_size < _LONGEST_RECORD else None
     except (OSError, ValueError, RecursionError):

@@ -1,4 +1,5 @@
-"""Coordinates that are not mm: in another unit, or in voxels of an image. The user names the unit; nothing guesses."""
+"""Coordinates that are not mm: in another unit, or in voxels of an image. The user names the unit; it is never guessed.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from cortet.meshes import CoordinateFrame, TriSurface
 #: unit of coordinates -> mm
 UNITS = {"mm": 1.0, "m": 1000.0, "um": 0.001}
 
-#: a matrix flattens space if its determinant, over the product of its columns' lengths, is at most this
+#: a matrix is singular if its determinant, over the product of its columns' lengths, is at most this
 _SINGULAR = 1e-6
 
 
@@ -25,7 +26,7 @@ def matrix(unit: str, affine: Sequence[Sequence[float]] | str | Path | None) -> 
 
     Parameters
     ----------
-    unit : unit of the coordinates, after the affine if there is one; one of `UNITS`
+    unit : one of `UNITS`, the unit of the coordinates after the affine if there is one
     affine : 4 x 4, or an image (NIfTI, MGH) whose voxel indices the coordinates are
 
     Raises

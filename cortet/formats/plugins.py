@@ -1,6 +1,6 @@
-"""cortet's formats for others who read meshes: PyVista finds its reader by an entry point, meshio once it is told.
+"""cortet's formats in other programs: PyVista finds its reader by an entry point, meshio after it is registered.
 
-Both get a mesh with the fields and sets that a VTU file of cortet has.
+Both get a mesh with the fields and sets of a VTU file of cortet.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 #: formats that meshio lacks, or reads without what cortet keeps in them
 _FOR_MESHIO = ("braingrowth", "febio", "carp", "carp_binary")
 
-#: bytes of a file within which its first word stands
+#: bytes of a file within which its first word must stand
 _BEGINNING = 10_000
 
 T = TypeVar("T")
 
 
 def read_with_pyvista(path: str | Path, **_: Any) -> pyvista.DataObject:
-    """A mesh in a format of cortet as PyVista's grid; `.mesh` files of Medit go on to meshio, as without cortet.
+    """A mesh in a format of cortet as a PyVista grid; meshio still reads `.mesh` files of Medit, as without cortet.
 
     Raises
     ------
@@ -45,14 +45,14 @@ def register_with_meshio() -> None:
     import meshio
 
     def read(path: str) -> meshio.Mesh:
-        return _as_vtu(Path(path), meshio.read)  # no ReadError: for one of its own, meshio ends the program
+        return _as_vtu(Path(path), meshio.read)  # no ReadError here: meshio answers its own by ending the program
 
     for name in _FOR_MESHIO:
         meshio.register_format(f"cortet-{name}", [FORMATS[name].suffix], read, {})
 
 
 def _is_of_medit(path: Path) -> bool:
-    """Whether a file begins as Medit's do, after comments perhaps; of any other meshio would end the program."""
+    """Whether a file begins like one of Medit, perhaps after comments; for any other, meshio would end the program."""
     check_file(path)
     with path.open("rb") as file:
         lines = [line.strip() for line in file.read(_BEGINNING).splitlines()]
@@ -61,7 +61,7 @@ def _is_of_medit(path: Path) -> bool:
 
 
 def _as_vtu(path: Path, read: Callable[[str], T]) -> T:
-    """What another reader makes of a mesh, written as VTU."""
+    """The result of another reader for a mesh that is written as VTU."""
     mesh = format_of(path).read(path)
     with tempfile.TemporaryDirectory() as folder:
         vtu.write(mesh, file := Path(folder) / "mesh.vtu")

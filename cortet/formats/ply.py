@@ -24,7 +24,7 @@ _TYPES = {
     **dict.fromkeys(("double", "float64"), "f8"),
 }
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
-#: name of any list but that of the corners of faces
+#: name of any list other than the corners of faces
 _LIST = "another list"
 #: most bytes of a file, and of its header
 _LARGEST, _LONGEST_HEADER = 2**29, 1 << 16
@@ -34,7 +34,7 @@ _REMEDY = "export the surface again as GIfTI (.surf.gii)"
 class _Element(NamedTuple):
     name: str
     number: int
-    #: name and type of each property; the list of a face is its `length` and then its three `vertices`
+    #: name and type of each property; the list of a face has its `length`, then its three `vertices`
     properties: list[tuple[str, str]]
 
 
@@ -62,7 +62,7 @@ def read(path: str | Path) -> TriSurface:
 
 
 def _described(header: str) -> tuple[str, list[_Element]]:
-    """The byte order, empty for text, and the elements up to the faces."""
+    """The byte order (empty for text), and the elements up to the faces."""
     order, elements = None, list[_Element]()
     for words in map(str.split, header.splitlines()):
         if words[:1] == ["format"]:
@@ -107,7 +107,7 @@ def _of_bytes(body: bytes, elements: list[_Element], order: str) -> dict[str, di
 
 
 def _of_text(body: bytes, elements: list[_Element]) -> dict[str, dict[str, NDArray[Any]]]:
-    """The same of a text file."""
+    """The values of each element of a text file; ValueError as for a binary file."""
     values, start, found = numbers(body.decode("ascii"), np.dtype(float)), 0, {}
     for element in elements:
         width = sum(3 if name == "vertices" else 1 for name, _ in element.properties)

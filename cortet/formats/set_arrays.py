@@ -1,7 +1,7 @@
-"""Named sets as arrays, for formats that hold arrays only: VTU and VTK legacy.
+"""Named sets as arrays, for formats that hold only arrays: VTU and VTK legacy.
 
-Sets of nodes and tetrahedra are arrays of 0 and 1. A set of faces is an array with one value per tetrahedron; its bit k
-says that the face opposite corner k belongs to the set. `region` is 1 in the core and 2 in the cortex.
+Sets of nodes and tetrahedra are arrays of 0 and 1. A set of faces is an array with one value per tetrahedron, whose bit
+k says that the face opposite corner k belongs to the set. `region` is 1 in the core and 2 in the cortex.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from cortet.formats.surface_sets import faces_of_sides, members, region_tags, si
 from cortet.formats.untrusted import sound
 from cortet.meshes import FloatArray, IntArray, MeshSets, TetMesh
 
-#: beginnings of the names of arrays that hold a set
+#: prefixes of the names of arrays that hold a set
 _NODE_SET, _FACE_SET, _CELL_SET = "node_set_", "face_set_", "cell_set_"
 
 Arrays = dict[str, NDArray[Any]]
@@ -32,7 +32,7 @@ def with_sets(mesh: TetMesh) -> tuple[Arrays, Arrays]:
 
 
 def without_sets(path: str | Path, points: FloatArray, cells: IntArray, of_nodes: Arrays, of_cells: Arrays) -> TetMesh:
-    """The mesh with its fields and sets, out of the arrays that `with_sets` makes.
+    """The mesh with its fields and sets, from the arrays that `with_sets` makes.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """STL, binary and text: the triangles of a surface, each with its normal and its corners, float32 (3D Systems, 1989).
 
-STL has no vertices, only corners. On reading, corners of the same coordinates become one vertex.
+STL has no vertices, only corners. On reading, corners with equal coordinates become one vertex.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def begins(head: bytes, size: int) -> bool:
 
 
 def read(path: str | Path) -> TriSurface:
-    """Read an STL file; vertices come in the order in which the triangles name them.
+    """Read an STL file; vertices are in the order in which the triangles name them.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def _of_text(data: bytes, path: str | Path) -> TriSurface:
 
 
 def merged(corners: NDArray[Any], path: str | Path) -> TriSurface:
-    """The surface of triangles whose corners (3 m, 3) follow each other; equal corners become one vertex.
+    """The surface of triangles with consecutive corners (3 m, 3); equal corners become one vertex.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The faces a file lists as the surface of a mesh: its named parts, or all boundary faces of a mesh without any."""
+"""The faces that a file lists as the surface of a mesh: its named parts or, without any, all boundary faces."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ CORTICAL_SURFACE, MEDIAL_WALL = "cortical_surface", "medial_wall"
 OUTER_SURFACE = "outer_surface"
 #: the two parts of a brain; every tetrahedron belongs to one of them, or to a region around the brain
 CORTEX, CORE = OUTERMOST, INNERMOST
-#: end of the name of a set of faces between two regions; they are counter-clockwise seen from outside the inner region
+#: suffix of the name of a set of faces between two regions, counter-clockwise seen from outside the inner region
 INTERFACE = "_interface"
 #: tags for formats that number parts instead of naming them
 SURFACE_TAGS = {CORTICAL_SURFACE: 1, MEDIAL_WALL: 2, OUTER_SURFACE: 100, HOLE_SURFACE: 101}
 REGION_TAGS = {CORE: 1, CORTEX: 2} | {name: tag for tag, name in enumerate(AROUND, start=3)}
-#: tag of the first interface, for formats that number these, too
+#: tag of the first interface, for formats that also number interfaces
 FIRST_INTERFACE = 3
 
 
@@ -73,7 +73,7 @@ def members(count: int, indices: IntArray) -> NDArray[np.uint8]:
 def sides(mesh: TetMesh, faces: IntArray) -> tuple[IntArray, IntArray]:
     """The tetrahedron that each face belongs to, and its corner opposite the face: (k,), (k,) int32.
 
-    Of the two tetrahedra of a face inside the mesh, it is the one from whose outside the face is counter-clockwise.
+    A face inside the mesh belongs to the tetrahedron from whose outside it is counter-clockwise.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def sides(mesh: TetMesh, faces: IntArray) -> tuple[IntArray, IntArray]:
 def _owners(
     known: IntArray, owners: IntArray, asked: IntArray, *, directed: bool = False
 ) -> tuple[IntArray, NDArray[np.bool_]]:
-    """The owner of each `asked` face, looked up among the `known` faces, and which of the asked faces are not known."""
+    """The owner of each `asked` face, looked up among the `known` faces, and which `asked` faces are not known."""
     both = np.concatenate([known, asked])
     key = np.unique(both, axis=0, return_inverse=True)[1].ravel() if directed else packed(both)
     order = np.argsort(key[: len(known)], kind="stable")

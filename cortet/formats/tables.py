@@ -1,6 +1,6 @@
-"""One description of a column serves the file, its sidecar, printed tables and pages.
+"""Descriptions of columns, each of which serves the file, its sidecar, printed tables and pages.
 
-The file is a TSV (`cortet.formats.tsv`), the sidecar a JSON file that explains its columns, as in BIDS.
+The file is a TSV (`cortet.formats.tsv`); the sidecar is a JSON file that explains its columns, as in BIDS.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ class Column:
     name: str
     description: str = ""
     units: str = ""
-    #: value -> its meaning, for a column of few values
+    #: value -> its meaning, for a column with few possible values
     levels: Mapping[str, str] = field(default_factory=dict)
     #: nested keys under which a record holds the value, joined by dots; empty: the name of the column
     place: str = ""
     #: name of the certificate's check that judges it, and the limit of that check in words
     check: str = ""
     limit: str = ""
-    #: what readers see above the column; a column without a heading is in the file only
+    #: what readers see above the column; a column without a heading is only in the file
     heading: str = ""
-    #: how readers see a value: a number format (`.3f`), or a function of the row; empty: as in the file
+    #: how readers see a value: by a number format (`.3f`) or a function of the row; empty: as in the file
     form: str | Callable[[Row], str] = ""
 
     def text(self, row: Row) -> str:
@@ -55,7 +55,7 @@ class Column:
 
     @property
     def entry(self) -> dict[str, Any]:
-        """What a sidecar says of the column."""
+        """What a sidecar says about the column."""
         said = {"Units": self.units, "Threshold": self.limit, "Levels": dict(self.levels)}
         return {"Description": self.description} | {key: value for key, value in said.items() if value}
 
@@ -66,12 +66,12 @@ def names(columns: Iterable[Column]) -> list[str]:
 
 
 def sidecar(columns: Iterable[Column]) -> dict[str, dict[str, Any]]:
-    """What the JSON file beside a table says of its columns."""
+    """What the JSON file beside a table says about its columns."""
     return {column.name: column.entry for column in columns}
 
 
 def printed(columns: Iterable[Column], rows: Iterable[Row]) -> str:
-    """The columns that have a heading, as text for a terminal, a line per row."""
+    """The columns that have a heading, as text for a terminal, one line per row."""
     seen = headed(columns)
     lines = [[column.heading for column in seen], *([column.text(row) for column in seen] for row in rows)]
     widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
@@ -94,7 +94,7 @@ def described(entry: Mapping[str, Any], keys: Iterable[str] = ("Units", "Thresho
 
 
 def read_columns(path: Path) -> tuple[Column, ...]:
-    """Columns from a table with one column per line; its header names fields of `Column` that are texts."""
+    """Columns from a table with one column per line; its header names text fields of `Column`."""
     rows: list[dict[str, str]] = read_tsv(path).replace(MISSING, "").to_dict("records")
     return tuple(Column(**row) for row in rows)  # type: ignore[arg-type]  # `levels` is no text, and not among them
 
@@ -108,7 +108,7 @@ def values(columns: Sequence[Column], records: Sequence[Mapping[str, Any]]) -> p
 
 
 def write_table(columns: Sequence[Column], rows: pd.DataFrame | Iterable[Row], *paths: str | Path) -> None:
-    """Write some columns of a table once per path, by its suffix: the TSV, or the JSON file that explains it."""
+    """Write some columns of a table to each path; its suffix selects the TSV or the JSON file that explains it."""
     for path in map(Path, paths):
         if path.suffix == ".json":
             write_json(sidecar(columns), path)

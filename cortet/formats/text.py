@@ -1,4 +1,4 @@
-"""Numbers as text, fast: the solvers' formats are long tables."""
+"""Fast reading and writing of numbers as text: the solvers' formats are long tables."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-#: rows formatted at a time, which bounds the memory
+#: rows formatted at a time, to bound memory
 _CHUNK = 100_000
 
 
@@ -20,7 +20,7 @@ def write_rows(file: IO[str], template: str, *columns: NDArray[Any]) -> None:
     Whole chunks go through one %-format: 1 to 2 million lines of integers per second.
     """
     for first in range(0, len(columns[0]), _CHUNK):
-        # integers beside floats become floats, which %d prints as they were
+        # integers beside floats become floats; %d prints them as integers again
         rows = np.column_stack([column[first : first + _CHUNK] for column in columns])
         file.write(template * len(rows) % tuple(rows.ravel().tolist()))
 
@@ -57,7 +57,7 @@ def read_rows(
     source = io.BytesIO(lines) if isinstance(lines, bytes) else lines
     if rows is None:
         return _next_rows(source, columns, dtype, None, delimiter, 0)
-    # NumPy reserves memory for all rows before it reads one, and a file may state any number of rows
+    # NumPy reserves memory for all rows before it reads any, and a file may state any number of rows
     parts: list[NDArray[Any]] = []
     done = 0
     while done < rows:
@@ -74,7 +74,7 @@ def _next_rows(
     """Read at most `most` rows, or all; `done` rows were read before."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # the caller reports a file without lines
+            warnings.simplefilter("ignore", UserWarning)  # the caller reports an empty file
             table = np.loadtxt(source, dtype, comments=None, delimiter=delimiter, max_rows=most, ndmin=2)
     except ValueError as error:
         raise _bad_row(str(error), done) from error
@@ -84,7 +84,7 @@ def _next_rows(
 
 
 def _bad_row(message: str, done: int) -> BadRowError:
-    """A complaint of NumPy in our words."""
+    """An error message of NumPy in our words."""
     if found := re.search(r"changed from (\d+) to (\d+) at row (\d+)", message):
         return BadRowError(done + int(found[3]) - 1, f"has {found[2]} fields instead of {found[1]}")
     if found := re.search(r"could not convert string ' *(.*)' to \w+ at row (\d+)", message):

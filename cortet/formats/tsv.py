@@ -1,8 +1,8 @@
 """Tables of tab-separated values (TSV), as in BIDS: a header line, and `n/a` for a missing value.
 
-Nothing is quoted: a quotation mark is a character like any other. A tab or a line end in a cell is written as a blank.
+Nothing is quoted: a quotation mark is an ordinary character. A tab or a line end in a cell is written as a blank.
 
-pandas is imported where a table is read or written, not above, so that stages start without it.
+pandas is imported only where a table is read or written, so that stages start without it.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _LARGEST, _MOST_COLUMNS, _MOST_PROBLEMS = 100_000_000, 10_000, 100
 
 
 def read_tsv(path: Path) -> pd.DataFrame:
-    """The rows of a table, all cells as strings, without the white space around them; `n/a` stays `n/a`.
+    """The rows of a table, all cells as strings without surrounding white space; `n/a` stays `n/a`.
 
-    The index of the frame holds the number of each row's line in the file. Blank lines are skipped.
+    The index of the frame holds the line number of each row. Blank lines are skipped.
 
     Raises
     ------
@@ -44,14 +44,14 @@ def read_tsv(path: Path) -> pd.DataFrame:
 
 
 def read_uneven_tsv(path: Path) -> tuple[pd.DataFrame, dict[int, str]]:
-    """As `read_tsv`, for tables that cortet has not written: rows with more or fewer values than the header are kept.
+    """Like `read_tsv`, for tables not written by cortet: rows with more or fewer values than the header are kept.
 
     Missing values at the end of such a row are empty; surplus values are dropped.
 
     Returns
     -------
     frame : all rows
-    wrong : line -> what is wrong with the number of its values, and what to do
+    wrong : line -> what is wrong with the number of its values, and the remedy
 
     Raises
     ------
@@ -73,7 +73,7 @@ def read_uneven_tsv(path: Path) -> tuple[pd.DataFrame, dict[int, str]]:
         na_filter=False,
         quoting=csv.QUOTE_NONE,
         lineterminator="\n",
-        skip_blank_lines=False,  # a blank line is an empty cell of a single column; blank lines of the file are gone
+        skip_blank_lines=False,  # blank lines of the file are gone; any left is an empty cell of a single column
     ).map(str.strip)
     frame = cells[1:].set_axis(cells.iloc[0].tolist(), axis="columns").set_axis(list(counts)[1:], axis="index")
     return frame, {number: _miscounted(count, width) for number, count in counts.items() if count != width}
@@ -84,7 +84,7 @@ def write_tsv(rows: pd.DataFrame | Iterable[Mapping[str, Any]], columns: Sequenc
 
     Parameters
     ----------
-    rows : a frame, or one mapping from column to value per row; what a row lacks is missing
+    rows : a frame, or one mapping from column to value per row; columns that a row lacks count as missing
     """
     import pandas as pd
 

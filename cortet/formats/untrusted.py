@@ -1,8 +1,8 @@
-"""Reading files of unknown origin: the memory they may take, and the checks before their content is used.
+"""Reading files of unknown origin: limits on their memory, and checks before their content is used.
 
-A file has at most `LARGEST` bytes, and so have the data unpacked from it. Both sizes are checked before anything is
-read or unpacked. An XML file may declare nothing: entities and default attributes turn a few bytes into many, and they
-can only stand in the part of a DOCTYPE that is refused here. Nothing outside the file is ever fetched.
+A file has at most `LARGEST` bytes, and so has the data unpacked from it. Both sizes are checked before anything is read
+or unpacked. An XML file may declare nothing: entities and default attributes turn a few bytes into many. They can only
+stand in the part of a DOCTYPE that is refused here. Nothing outside the file is ever fetched.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from cortet.errors import DamagedFileError, InputError
 from cortet.formats.ownership import has_read
 from cortet.meshes import MeshSets, TetMesh, TriSurface
 
-#: most bytes of a file, and of the data unpacked from it: a mesh of 50 million tetrahedra has less
+#: most bytes of a file, and of the data unpacked from it; a mesh of 50 million tetrahedra needs less
 LARGEST = 2**32
 #: most XML elements of a file; the long lists of these formats hold no elements, or are read separately
 MOST_ELEMENTS = 5_000_000
@@ -106,7 +106,7 @@ def xml_root(text: bytes, path: str | Path) -> ElementTree.Element:
 
 
 def inflated(data: bytes, size: int) -> bytes:
-    """The `size` bytes that zlib or gzip data unpack to; ValueError or zlib.error if the size is another."""
+    """The `size` bytes that zlib or gzip data unpack to; ValueError or zlib.error if the size differs."""
     unpacked = zlib.decompressobj(wbits=47).decompress(data, size + 1)
     if len(unpacked) != size:
         raise ValueError(f"declares {size:,} bytes, holds {'more' if len(unpacked) > size else f'{len(unpacked):,}'}")
@@ -123,12 +123,12 @@ def numbers(text: str, dtype: np.dtype[Any]) -> NDArray[Any]:
 
 
 def safe_name(text: str) -> str:
-    """A name of a field or set that may become part of a file's name: without slashes, `..` and control characters."""
+    """A name of a field or set, safe as part of a file name: without slashes, `..` and control characters."""
     return re.sub(r"[\x00-\x1f\x7f/\\\u2028\u2029\ud800-\udfff]+|\.\.+", "_", text).strip()[:_LONGEST_NAME] or "unnamed"
 
 
 def safely_named(values: Mapping[str, _T] | Iterable[tuple[str, _T]]) -> dict[str, _T]:
-    """The same values by safe names; if a name is taken, a later value gets a number behind it."""
+    """The same values by safe names; if a name is taken, a later value gets a number appended to it."""
     result: dict[str, _T] = {}
     times: Counter[str] = Counter()
     for text, value in values.items() if isinstance(values, Mapping) else values:
@@ -142,7 +142,7 @@ def safely_named(values: Mapping[str, _T] | Iterable[tuple[str, _T]]) -> dict[st
 
 @contextmanager
 def naming(path: str | Path) -> Iterator[None]:
-    """Add the file that arrays were read from to an InputError about these arrays."""
+    """Name the file that arrays were read from in an InputError about these arrays."""
     try:
         yield
     except InputError as error:
@@ -152,7 +152,7 @@ def naming(path: str | Path) -> Iterator[None]:
 
 
 def in_range(indices: NDArray[Any], count: int, what: str, path: str | Path) -> NDArray[np.int32]:
-    """Indices as int32; InputError unless all are from 0 to below `count`."""
+    """Indices as int32; InputError unless all are at least 0 and below `count`."""
     outside = (indices < 0) | (indices >= count)
     if outside.any():
         raise DamagedFileError(f"{what} {indices[outside][0]} is not among the {count:,} there are", file=path)
@@ -202,8 +202,8 @@ def sound(
     Raises
     ------
     InputError
-        a coordinate is not finite; an array has another shape than `TetMesh` says; a field has not one value per node
-        or tetrahedron; a tetrahedron or set names a node or tetrahedron that does not exist
+        a coordinate is not finite; the shape of an array is not that of `TetMesh`; a field does not have one value per
+        node or tetrahedron; a tetrahedron or set names a node or tetrahedron that does not exist
     """
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):

@@ -35,11 +35,11 @@ Kind = Literal["labels", "numbers", "tensors", "mrtrix"]
 _ENDINGS = (".nii", ".nii.gz", ".mgz", ".mgh")
 #: names of files that hold labels
 _LABELLED = re.compile(r"(^|[_.-])(d?seg|aseg|aparc.*|labels?|parc)\.(nii|nii\.gz|mgz|mgh)$")
-#: most labels of a volume: atlases have some hundreds
+#: most labels of a volume; atlases have a few hundred
 _MOST_LABELS = 2000
-#: voxels of images of brains are so wide, mm
+#: bounds of the voxel widths of brain images, mm
 _NARROWEST, _WIDEST = 0.01, 20.0
-#: a matrix flattens space if its determinant, over the product of its columns' lengths, is at most this
+#: a matrix is singular if its determinant, over the product of its columns' lengths, is at most this
 _SINGULAR = 1e-6
 #: numbers of a tensor, and where xx, yy, zz, xy, yz, xz stand in each order
 _TENSOR = 6
@@ -58,7 +58,7 @@ class Volume:
     kind: Literal["labels", "numbers", "tensors"]
     #: names of labels
     names: dict[int, str] = field(default_factory=dict)
-    #: that messages name
+    #: the file that messages name
     file: str = ""
 
     @property
@@ -68,13 +68,13 @@ class Volume:
 
 
 def to_scanner(points: FloatArray, frame: CoordinateFrame) -> FloatArray:
-    """Points (n, 3) of a surface in the space of volumes: the matrix of the frame leads there, mm."""
+    """Points (n, 3), mm, of a surface, mapped to the space of volumes by the matrix of the frame."""
     whole = np.reshape(frame.matrix, (4, 4))
     return np.asarray(points @ whole[:3, :3].T + whole[:3, 3])
 
 
 def is_volume(text: str) -> bool:
-    """Whether a text names a volume, with or without what of it is meant."""
+    """Whether a text names a volume, with or without a kind or labels after it."""
     return _SPELLING.fullmatch(text) is not None
 
 
@@ -96,7 +96,7 @@ def read_named(text: str) -> Volume:
 
 
 def read_labels(text: str) -> tuple[Volume, list[int]]:
-    """The volume and the labels that `FILE:5` or `FILE:5,6` names; a label may be named by its name, too.
+    """The volume and the labels that `FILE:5` or `FILE:5,6` names; a label may also be given by its name.
 
     Raises
     ------
@@ -131,14 +131,14 @@ def read_volume(path: str | Path, kind: Kind | None = None) -> Volume:
 
     Parameters
     ----------
-    kind : None: six numbers per voxel are tensors; whole numbers are labels if the file holds integers, or is named
-        as segmentations are (`*_dseg.nii.gz`, `aseg.mgz`); others are numbers
+    kind : None: six numbers per voxel are tensors; whole numbers are labels if the file holds integers or is named
+        like a segmentation (`*_dseg.nii.gz`, `aseg.mgz`); all else are numbers
 
     Raises
     ------
     InputError
-        the file cannot be read; it holds more volumes than one, or no number but 0; it is not in mm; or it does not
-        say where its voxels are; what it holds does not fit the kind, or fits several
+        the file cannot be read; it holds more than one volume, or only zeros; it is not in mm; it does not say where
+        its voxels are; its content does not fit the kind, or fits several
     """
     import nibabel
 
@@ -146,12 +146,12 @@ def read_volume(path: str | Path, kind: Kind | None = None) -> Volume:
         raise InputError("is no volume", file=path, remedy=f"give a file that ends in {', '.join(_ENDINGS)}")
     check_file(path)
     with _readable(path):
-        image: Any = nibabel.load(path, mmap=False)  # a map of a file that is cut short later ends the program
+        image: Any = nibabel.load(path, mmap=False)  # if a mapped file is truncated later, the program dies
     return _volume(image, path, kind)
 
 
 def volume_of(image: SpatialImage) -> Volume:
-    """A volume of an image of NiBabel; raises InputError as `read_volume`. Its file names labels, if it has one."""
+    """The volume of a NiBabel image, with label names if it has a file; raises InputError as `read_volume`."""
     return _volume(image, image.get_filename() or "the image", None)
 
 
@@ -166,7 +166,7 @@ def label_table(path: str | Path) -> Path | None:
 def label_names(path: str | Path) -> dict[int, str]:
     """Names of the labels of a volume, from the table beside it: key -> name; empty if there is none.
 
-    The table is named as the volume, or `dseg.tsv` for all volumes of the folder.
+    The table has the name of the volume, or is `dseg.tsv` for all volumes of the folder.
 
     Raises
     ------
@@ -190,7 +190,7 @@ def label_names(path: str | Path) -> dict[int, str]:
 
 
 def _volume(image: SpatialImage, path: str | Path, kind: Kind | None) -> Volume:
-    """A volume of what NiBabel read from a file."""
+    """The volume of an image that NiBabel read from a file."""
     values, affine, order = _content(image, path)
     tensors = values.ndim == 4
     if tensors != (kind in ("tensors", "mrtrix")) and kind is not None:
@@ -210,7 +210,7 @@ def _volume(image: SpatialImage, path: str | Path, kind: Kind | None) -> Volume:
 
 @contextmanager
 def _readable(path: str | Path) -> Iterator[None]:
-    """What NiBabel raises for files that are damaged, as InputError."""
+    """Turn the errors that NiBabel raises for damaged files into InputError."""
     import nibabel
     import nibabel.freesurfer.mghformat
 
@@ -245,7 +245,7 @@ def _content(image: SpatialImage, path: str | Path) -> tuple[NDArray[Any], Float
 
 
 def _shape_is_usable(shape: tuple[int, ...], path: str | Path) -> str | None:
-    """None for one volume, else the order of the six of a tensor, empty if the header does not state it."""
+    """None for a single volume; for tensors the order of their six numbers, empty if the header does not state it."""
     more = [count for count in shape[3:] if count != 1]
     if len(shape) < 3 or 0 in shape:
         remedy = "give a volume with three axes"
@@ -289,7 +289,7 @@ def _require_placed(image: Any, affine: FloatArray, path: str | Path) -> None:
 
 
 def _are_labels(values: NDArray[Any], path: str | Path) -> bool:
-    """Whether voxels hold labels; InputError if that cannot be told from the file."""
+    """Whether voxels hold labels; InputError if the file leaves that open."""
     if _LABELLED.search(Path(path).name):
         return True
     if values.dtype.kind != "f":
@@ -311,7 +311,7 @@ def _are_labels(values: NDArray[Any], path: str | Path) -> bool:
 
 
 def _whole(values: NDArray[Any], path: str | Path) -> NDArray[np.int32]:
-    """Labels as whole numbers of 32 bits."""
+    """Labels as 32-bit integers."""
     if values.dtype.kind == "f":
         broken = ~(values == np.floor(values))
         if broken.any():
@@ -334,7 +334,7 @@ def _whole(values: NDArray[Any], path: str | Path) -> NDArray[np.int32]:
 def _tensors(values: NDArray[Any], affine: FloatArray, order: str, path: str | Path) -> NDArray[np.float32]:
     """Tensors as xx, yy, zz, xy, yz, xz in x, y and z: (i, j, k, 6); NaN where a voxel holds none.
 
-    FSL's tensors are along the axes of the voxels, the first of which is turned round where these are right-handed
+    FSL's tensors are along the axes of the voxels; the first axis is reversed if these are right-handed
     (https://fsl.fmrib.ox.ac.uk/fsl/docs/#/diffusion/fdt: vectors of a radiological image). MRtrix's, and those whose
     header states the intent of NIfTI, are in x, y and z.
     """
@@ -354,7 +354,7 @@ def _tensors(values: NDArray[Any], affine: FloatArray, order: str, path: str | P
         if np.linalg.det(axes) > 0:
             axes[:, 0] *= -1
         left, _, right = np.linalg.svd(axes)
-        turn = left @ right  # the rotation next to the affine, without its scales and shears
+        turn = left @ right  # the rotation nearest to the affine, without its scales and shears
         full = turn @ full @ turn.T
     result[held] = six(full)
     return result

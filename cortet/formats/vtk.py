@@ -1,4 +1,4 @@
-"""Legacy VTK (`.vtk`), which programs older than VTU read, too.
+"""Legacy VTK (`.vtk`), which programs older than VTU also read.
 
 https://docs.vtk.org/en/latest/vtk_file_formats/vtk_legacy_file_format.html. Files are written in version 4.2, binary.
 They are read in versions up to 5.1, binary or text, if they hold an unstructured grid. Sets are arrays (`set_arrays`).
@@ -81,7 +81,7 @@ def read(path: str | Path) -> TetMesh:
 
 
 class _Grid:
-    """What the sections of a file hold; ValueError, KeyError or IndexError if they are none of VTK's."""
+    """Content of the sections of a file; ValueError, KeyError or IndexError if they are not those of VTK."""
 
     def __init__(self, text: bytes) -> None:
         self.text, self.at = text, 0
@@ -160,7 +160,7 @@ class _Grid:
         self.fields[unquote(name)] = values if width == 1 else values.reshape(-1, width)
 
     def _values(self, count: int, type_of: str) -> NDArray[Any]:
-        """The next numbers of the file, in this machine's order of bytes."""
+        """The next numbers of the file, in this machine's byte order."""
         dtype = np.dtype(_TYPES[type_of.lower()])
         if self.binary:
             end = self.at + count * dtype.itemsize

@@ -1,7 +1,7 @@
 """VTU (VTK XML unstructured grid): the interchange file between stages.
 
-Binary, zlib-compressed, float64: every array comes back bit for bit, fields included, and ParaView opens the file at
-every stage. A VTU file has no sets: they are arrays (`set_arrays`).
+Binary, zlib-compressed, float64: every array, fields included, comes back bit for bit, and ParaView opens the file at
+every stage. A VTU file has no sets; arrays stand for them (`set_arrays`).
 
 Files are written in VTK's default form: raw data behind the XML. They are read in every form that VTK writes (text,
 base64 or raw, in place or appended, with zlib or not; https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html),
@@ -153,7 +153,7 @@ def _values(array: ElementTree.Element, rows: int, file: _File) -> NDArray[Any]:
 
 
 def _decoded(data: bytes, size: int, dtype: np.dtype[Any], file: _File, *, raw: bool) -> NDArray[Any]:
-    """The `size` bytes behind a header at the beginning of the data, as numbers."""
+    """The `size` bytes after a header at the beginning of the data, as numbers."""
     width = file.header.itemsize
     count = int(np.frombuffer(_bytes(data, width, raw), file.header)[0])
     if file.compressed:
@@ -238,7 +238,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
 
 
 def _stored(values: NDArray[Any]) -> bytes:
-    """An array as compressed blocks behind their header; compression levels above 1 take longer and save nothing."""
+    """An array as a header and compressed blocks; compression levels above 1 take longer and save nothing."""
     raw = np.ascontiguousarray(values, values.dtype.newbyteorder("<")).tobytes()
     blocks = [zlib.compress(raw[at : at + _BLOCK], 1) for at in range(0, len(raw), _BLOCK)]
     header = [len(blocks), _BLOCK, len(raw) % _BLOCK, *map(len, blocks)]

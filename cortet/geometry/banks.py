@@ -1,9 +1,9 @@
-"""How near banks of a mesh's boundary come to each other, measured outside the mesh, beside the banks of its surface.
+"""Gaps between the banks of a mesh's boundary, measured outside the mesh and compared with those of its surface.
 
-A slit one element deep can have banks that almost touch, although all its nodes lie on the surface and the topology is
-right. So the gap in front of each boundary face is measured: the diameter of the largest ball outside that touches the
-boundary at the centre of the face (the shrinking ball of Ma, Bae and Choi, The Visual Computer 28, 2012). A narrow gap
-is compared with the gap of the surface at the nearest point.
+The banks of a slit one element deep can almost touch although all nodes lie on the surface and the topology is right.
+So this module measures the gap in front of each boundary face: the diameter of the largest ball outside that touches
+the boundary at the centre of the face (the shrinking ball of Ma, Bae and Choi, The Visual Computer 28, 2012). It
+compares a narrow gap with the gap of the surface at the nearest point.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.topology import edges, face_normals
 from cortet.meshes import FloatArray, TriSurface
 
-#: rounds in which balls shrink, at most; after a few rounds they do not change any more
+#: most rounds in which balls shrink; they stop changing after a few
 _ROUNDS = 20
 #: a ball reaches into the body if its radius exceeds the distance to the nearest point by this share
 _TOUCHES = 1e-6
@@ -24,9 +24,9 @@ _TOUCHES = 1e-6
 
 @dataclass(frozen=True)
 class Banks:
-    """Where the gap between banks of the boundary is smallest, compared with the gap of the surface."""
+    """The smallest gap between banks of the boundary, relative to the gap of the surface."""
 
-    #: gap of the boundary over the gap of the surface at this location; a gap counts as `widest_mm` at most
+    #: gap of the boundary over the gap of the surface at this location; wider gaps count as `widest_mm`
     least_share: float
     #: gap of the boundary there, mm
     gap_mm: float
@@ -62,13 +62,13 @@ def banks(boundary: TriSurface, surface: TriSurface) -> Banks:
 
 
 def gaps(surface: TriSurface, places: FloatArray, normals: FloatArray, widest: float) -> FloatArray:
-    """Diameters of the largest balls outside a surface that touch it at given points of it: (k,) mm.
+    """Diameters of the largest balls outside a surface that touch it at given points: (k,) mm.
 
     Parameters
     ----------
     places : (k, 3) mm, on the surface
     normals : (k, 3), unit, outward at these points
-    widest : mm, diameter of the largest ball that is tried
+    widest : mm, largest diameter to try
     """
     tree = tree_of(surface)
     radius = np.full(len(places), widest / 2)
@@ -89,5 +89,5 @@ def gaps(surface: TriSurface, places: FloatArray, normals: FloatArray, widest: f
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    """Vectors (k, 3) over their lengths; vectors of length 0 stay."""
+    """Vectors (k, 3) scaled to unit length; vectors of length 0 stay as they are."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny)

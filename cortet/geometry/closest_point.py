@@ -1,7 +1,7 @@
 """Exact closest points on a triangulated surface, by a bounding-volume tree that kernels can walk.
 
-The tree is a plain tuple of arrays, so that the vertex optimiser can project single points inside its loops; with the
-distance to a nearby triangle as first bound a query visits a handful of boxes.
+The tree is a plain tuple of arrays, so the vertex optimiser can project single points inside its loops. A query that
+starts with the distance to a nearby triangle as its bound visits a handful of boxes.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ class SurfaceTree(NamedTuple):
 
     #: (m, 9) float64, corner coordinates of the triangles in tree order
     corners: FloatArray
-    #: (m,) int32, index of each of them in the surface
+    #: (m,) int32, index of each of these triangles in the surface
     faces: IntArray
     #: (b, 6) float64, lower and upper corner of each box
     boxes: FloatArray
-    #: (b,) int32, first child of an inner box, first triangle of a leaf
+    #: (b,) int32, first child of an inner box or first triangle of a leaf
     child: IntArray
     #: (b,) int32, number of triangles of a leaf, 0 for an inner box
     size: IntArray
-    #: (m,) int32, topmost box of the surface that each triangle belongs to; the first surface's is 0
+    #: (m,) int32, root box of the surface that each triangle belongs to; 0 for the first surface
     root: IntArray
 
 
 class ClosestPoints(NamedTuple):
-    """For each of k queries, the nearest point of the surface."""
+    """The nearest point of the surface to each of k queries."""
 
     #: (k, 3) float64 mm
     points: FloatArray
@@ -61,10 +61,10 @@ def surface_tree(points: FloatArray, faces: IntArray) -> SurfaceTree:
 
 
 def forest(surface: TriSurface) -> SurfaceTree:
-    """The trees of a surface and of its inner surfaces in one.
+    """One tree for a surface and its inner surfaces.
 
-    A search that begins from a triangle stays on the surface of that triangle; any other search is on the first
-    surface. The faces of each surface are numbered after those of the surfaces before it.
+    A search that starts from a triangle stays on the surface of that triangle. Any other search is on the first
+    surface. Faces are numbered consecutively, surface by surface.
     """
     trees = [tree_of(one) for one in (surface, *surface.inner.values())]
     if len(trees) == 1:
@@ -89,7 +89,7 @@ def forest(surface: TriSurface) -> SurfaceTree:
 
 
 def first_triangles(tree: SurfaceTree) -> NDArray[np.int64]:
-    """A triangle, in tree order, of each surface of a forest: (surfaces,)."""
+    """One triangle, in tree order, of each surface of a forest: (surfaces,)."""
     return np.unique(tree.root, return_index=True)[1]
 
 
@@ -148,7 +148,7 @@ def _build(corners: NDArray[np.float64]):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _partition(order, centroids, axis, lo, hi, middle):  # type: ignore[no-untyped-def]
-    """Arrange order[lo:hi] so that no centroid before `middle` is greater than one from there on (Hoare, FIND)."""
+    """Arrange order[lo:hi] so that no centroid before `middle` exceeds one at or after it (Hoare, FIND)."""
     hi -= 1
     while lo < hi:
         pivot = centroids[order[(lo + hi) // 2], axis]
@@ -182,7 +182,7 @@ def _box_distance2(boxes, box, x, y, z):  # type: ignore[no-untyped-def]
 def on_triangle(c, x, y, z):  # type: ignore[no-untyped-def]
     """Barycentric weights of the point of triangle `c` (9 coordinates) closest to (x, y, z).
 
-    By the Voronoi regions of the triangle's corners and sides (Ericson, Real-Time Collision Detection, 5.1.5).
+    Uses the Voronoi regions of the triangle's corners and sides (Ericson, Real-Time Collision Detection, 5.1.5).
     """
     abx, aby, abz = c[3] - c[0], c[4] - c[1], c[5] - c[2]
     acx, acy, acz = c[6] - c[0], c[7] - c[1], c[8] - c[2]
@@ -210,7 +210,7 @@ def on_triangle(c, x, y, z):  # type: ignore[no-untyped-def]
     if va <= 0 and d4 >= d3 and d5 >= d6:
         t = (d4 - d3) / ((d4 - d3) + (d5 - d6)) if (d4 - d3) + (d5 - d6) > 0 else 0.0
         return 0.0, 1 - t, t
-    if va + vb + vc == 0:  # a line, and rounding
+    if va + vb + vc == 0:  # the triangle is a line, or rounding makes it one
         return 1.0, 0.0, 0.0
     scale = 1 / (va + vb + vc)
     v, w = vb * scale, vc * scale
@@ -231,8 +231,8 @@ def triangle_normal(c):  # type: ignore[no-untyped-def]
 def closest_point(tree, x, y, z, hint):  # type: ignore[no-untyped-def]
     """Nearest point of the surface to (x, y, z).
 
-    `hint` is a triangle (in tree order) that is probably near, or -1. It bounds the search, and says on which surface
-    of a forest to search.
+    `hint` is a triangle (in tree order) that is probably near, or -1. It bounds the search and selects the surface of
+    a forest.
     Returns px, py, pz, triangle in tree order, and the three weights.
     """
     corners, boxes, child, size = tree.corners, tree.boxes, tree.child, tree.size

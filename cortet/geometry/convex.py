@@ -1,4 +1,4 @@
-"""Convex hulls as sets of planes, and where points lie between them."""
+"""Convex hulls as sets of planes, and distances of points beyond them."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from cortet.meshes import FloatArray
 
 
 def planes_of(hull: ConvexHull) -> FloatArray:
-    """The planes of a convex hull, each once: (p, 4), outward unit normal n and offset o; n x + o < 0 is within."""
-    return np.unique(hull.equations, axis=0)  # the hull has one for each triangle, and flat parts have many
+    """The distinct planes of a convex hull: (p, 4), outward unit normal n and offset o; n x + o < 0 is inside."""
+    return np.unique(hull.equations, axis=0)  # the hull has one plane per triangle, and a flat side has many triangles
 
 
 @numba.njit(cache=True)
 def beyond(planes: FloatArray, points: FloatArray, size: float = 1.0) -> tuple[FloatArray, NDArray[np.int32]]:
-    """How far points lie beyond the planes of a hull, and beyond which plane the farthest.
+    """How far points lie beyond the planes of a hull: the largest distance of each point, and its plane.
 
     Parameters
     ----------
     planes : (p, 4), `planes_of`
     points : (n, 3)
-    size : of the hull, scaled about the origin
+    size : factor by which the hull is scaled about the origin
 
     Returns
     -------
-    distance (n,), below 0 within; plane (n,)
+    distance (n,), negative inside; plane (n,)
     """
     distance, plane = np.full(len(points), -np.inf), np.full(len(points), -1, np.int32)
     for i in range(len(points)):

@@ -1,4 +1,4 @@
-"""What surrounds each vertex and each tetrahedron, by counting instead of sorting: linear in the number of cells."""
+"""Cells around each vertex and neighbours of each tetrahedron, by counting instead of sorting: O(cells)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 @numba.njit(cache=True)
 def cells_around(cells, vertex_count):  # type: ignore[no-untyped-def]
-    """Offsets (n + 1,), cells and corners (total,) of `topology.Incidence` for cells (m, k)."""
+    """The arrays of `topology.Incidence` for cells (m, k): offsets (n + 1,), cells and corners (total,)."""
     offsets = np.zeros(vertex_count + 1, np.int64)
     for cell in range(len(cells)):
         for corner in range(cells.shape[1]):
@@ -68,17 +68,17 @@ def _sorted(cells, faces, e, k):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def wrong_faces(points, cells, faces, behind):  # type: ignore[no-untyped-def]
-    """What is wrong with the face opposite each corner: (m, 4) int8, 0: nothing, 1: folded, 2: in over two tetrahedra.
+    """Fault of the face opposite each corner: (m, 4) int8, 0: none, 1: folded, 2: in more than two tetrahedra.
 
-    A folded face has both its tetrahedra on one side; it is flagged in the first of them. Of a face in more than two
-    tetrahedra, all but two flag it: the search of `behind_faces` pairs only the last two with each other.
+    A folded face has both its tetrahedra on one side; it is flagged in the first of them. If a face is in more than
+    two tetrahedra, all but two of them flag it: `behind_faces` pairs only the last two with each other.
 
     Parameters
     ----------
-    points : (n, 3), which tell inverted tetrahedra from others
+    points : (n, 3); they show which tetrahedra are inverted
     cells : (m, 4) int32
     faces : (4, 3), corners of the face opposite each corner, outward
-    behind : of `behind_faces`
+    behind : result of `behind_faces`
     """
     wrong = np.zeros((len(cells), 4), np.int8)
     for e in range(len(cells)):
@@ -111,6 +111,6 @@ def _is_inverted(points, cells, e):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, inline="always")
 def _is_odd(cells, faces, e, k):  # type: ignore[no-untyped-def]
-    """Whether the corners of a face come in an order that takes an odd number of swaps to sort."""
+    """Whether it takes an odd number of swaps to sort the corners of a face."""
     a, b, c = cells[e, faces[k, 0]], cells[e, faces[k, 1]], cells[e, faces[k, 2]]
     return (a > b) ^ (b > c) ^ (a > c)

@@ -1,4 +1,4 @@
-"""Whether the labels of a volume lie where a surface is; and where they would have to lie instead."""
+"""Whether the labels of a volume lie inside a surface, and which shift or flip would bring them there."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from cortet.geometry.voxels import in_voxels
 from cortet.geometry.winding import winding_numbers
 from cortet.meshes import FloatArray, TriSurface
 
-#: most voxels along an axis of the coarse grid on which both are compared
+#: most voxels along an axis of the coarse grid on which labels and surface are compared
 _FINEST = 80
-#: shifts whose coverage is so close to the best one are as good
+#: shifts whose coverage is this close to the best count as equally good
 _AS_GOOD = 0.01
 
 
 class Coverage(NamedTuple):
     """Shares of the inside of a surface that have a label."""
 
-    #: as the volume lies
+    #: with the volume as it lies
     here: float
-    #: at most, from the volume of the labels
+    #: upper bound, from the volume of the labels
     possible: float
     #: the best after a shift, and the shortest shift of the labels that reaches it, (3,) mm
     shifted: float
@@ -32,7 +32,7 @@ class Coverage(NamedTuple):
 
 
 def coverage(surface: TriSurface, labelled: NDArray[np.bool_], affine: FloatArray) -> Coverage:
-    """How much of the inside of a closed surface voxels of a label cover, and would cover if they were moved.
+    """The share of the inside of a closed surface that labelled voxels cover, as they lie and after moves.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def coverage(surface: TriSurface, labelled: NDArray[np.bool_], affine: FloatArra
 
 
 def _averaged(labelled: NDArray[np.bool_], step: int) -> FloatArray:
-    """Means over blocks of `step` voxels along each axis; what hangs over counts as without a label."""
+    """Means over blocks of `step` voxels along each axis; blocks that overhang are padded with unlabelled voxels."""
     shape = [-(-count // step) for count in labelled.shape]
     padded = np.pad(labelled, [(0, step * n - count) for n, count in zip(shape, labelled.shape, strict=True)])
     return np.asarray(padded.reshape(shape[0], step, shape[1], step, shape[2], step).mean(axis=(1, 3, 5)))

@@ -1,4 +1,4 @@
-"""Where a triangulated surface is flat or not a manifold; `topology.surface_topology` only counts such defects."""
+"""Where a triangulated surface has flat faces or is no manifold; `topology.surface_topology` only counts defects."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def defective_vertices(faces: IntArray) -> NDArray[np.int64]:
 
 
 def flat_faces(points: FloatArray, faces: IntArray) -> IntArray:
-    """Faces without area, to within the rounding of coordinates to float32; (k,) int32, ascending."""
+    """Faces whose area is zero within the rounding of coordinates to float32; (k,) int32, ascending."""
     points = points.astype(np.float32).astype(np.float64)
     corners = points[faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)

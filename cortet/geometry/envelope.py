@@ -1,8 +1,8 @@
-"""A smooth closed surface around others, at least some distance away from them: the space around a brain.
+"""A smooth closed surface around given surfaces, at least some distance away from them: the space around a brain.
 
-The others are filled on a grid and closed: grown by a radius and shrunk by it again, which bridges sulci and the
-fissure between hemispheres. The distance to the closed body is smoothed and cut by flying edges, and vertices of the
-surface that lie too near are moved outward.
+The given surfaces are filled on a grid. The filled body is closed morphologically: grown by a radius and shrunk by it
+again, which bridges sulci and the fissure between hemispheres. Flying edges contour the smoothed distance to the closed
+body, and vertices of the contour that lie too near are moved outward.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from cortet.geometry.topology import enclosed_volume, neighbour_means, surface_t
 from cortet.geometry.winding import winding_numbers
 from cortet.meshes import FloatArray, TriSurface, single_precision
 
-#: how much more a body is closed that is left with holes or handles, and how often
+#: factor by which the closing radius grows if holes or handles are left, and the most attempts
 _LARGER, _ATTEMPTS = 1.6, 3
-#: voxel: share of the distance, and most of them along the longest side
+#: voxel width as a share of the distance, and most voxels along the longest side
 _VOXEL, _MOST_VOXELS = 0.5, 160
-#: width of the Gaussian, voxels; steps of Taubin's filter and its factors
+#: width of the Gaussian, voxels; steps and factors of Taubin's filter
 _WIDTH, _STEPS, _LAMBDA, _MU = 1.5, 20, 0.5, -0.53
-#: rounds of moving outward; how much farther than asked, as a share; how near is near enough
+#: most rounds of moving outward; how much farther than asked, as a share; share of the distance that is enough
 _ROUNDS, _FARTHER, _ENOUGH = 20, 0.02, 0.999
 
 
 def envelope(surfaces: Sequence[TriSurface], distance: float, *, closing: float = CLOSING_MM) -> TriSurface:
-    """A closed surface without handles around some closed ones, triangles outward, float32 coordinates.
+    """A closed surface without handles around closed surfaces, triangles outward, float32 coordinates.
 
     Parameters
     ----------
     surfaces : mm; they may touch and cross each other
-    distance : mm, from the surfaces at least
-    closing : mm; what is narrower than twice that lies inside the envelope
+    distance : mm, least distance from the surfaces
+    closing : mm; gaps narrower than twice this lie inside the envelope
 
     Raises
     ------
@@ -82,13 +82,13 @@ def _filled(
 
 
 def _closed(body: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
-    """The body grown and shrunk by a radius, voxels, its cavities filled."""
+    """The body grown and shrunk by a radius (voxels), with its cavities filled."""
     grown = ndimage.distance_transform_edt(~body) <= radius
     return np.asarray(ndimage.binary_fill_holes(ndimage.distance_transform_edt(grown) > radius) | body)
 
 
 def _around(outside: FloatArray, distance: float) -> TriSurface:
-    """The surface at a distance from a body, whose signed distance each voxel has; all in voxels."""
+    """The surface at a distance from a body, given the signed distance of each voxel; all in voxels."""
     points, faces = cut_at_zero(distance - ndimage.gaussian_filter(outside, _WIDTH))
     if enclosed_volume(points, faces) < 0:
         faces = faces[:, ::-1]
@@ -96,7 +96,7 @@ def _around(outside: FloatArray, distance: float) -> TriSurface:
 
 
 def _moved_out(surface: TriSurface, inside: TriSurface, distance: float) -> TriSurface:
-    """The surface with vertices moved along its normals until they and the faces' centres are far enough away."""
+    """The surface after vertices move along its normals until they and the centres of faces are far enough away."""
     tree, points, faces = tree_of(inside), surface.points, surface.faces
     for _ in range(_ROUNDS):
         of_points = closest_points(tree, points).distances

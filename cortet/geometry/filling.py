@@ -1,8 +1,8 @@
-"""Whether tetrahedra fill one body, and every point of it exactly once.
+"""Whether tetrahedra fill one body, each point of it exactly once.
 
-It is not enough that the volumes add up to the volume inside the boundary. An element that is listed twice makes up for
-a void; its faces, which then are in two tetrahedra, make up for the boundary of the void. So faces, nodes and parts of
-the boundary are counted.
+Volumes that add up to the volume inside the boundary prove too little. An element that is listed twice makes up for a
+void, and its faces, which are then in two tetrahedra, make up for the boundary of the void. So this module counts
+faces, nodes and parts of the boundary.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from cortet.geometry.topology import (
 from cortet.geometry.winding import winding_numbers
 from cortet.meshes import HOLE_SURFACE, FloatArray, IntArray, TetMesh
 
-#: a part of the boundary is a slit without width if its volume, over that inside the whole boundary, is at most this
+#: a part of the boundary is a slit without width if it encloses at most this share of the volume inside the boundary
 _NO_VOLUME = 1e-12
 #: how many locations of a flaw are listed
 PLACES = 10
@@ -44,9 +44,9 @@ _VOIDS, _OVERLAPPING = "voids inside the mesh", "bodies that reach into another"
 
 @dataclass(frozen=True)
 class Flaw:
-    """One way not to fill a body, and how often it occurs."""
+    """One way in which tetrahedra fail to fill a body, and how often it occurs."""
 
-    #: what is counted, in the words that follow the count: "3 tetrahedra listed twice"
+    #: what is counted, worded to follow the count: "3 tetrahedra listed twice"
     name: str
     count: int
     #: (k, 3) mm, the first few locations
@@ -60,11 +60,11 @@ class Flaw:
 
 @once_per_object
 def flaws(mesh: TetMesh) -> tuple[Flaw, ...]:
-    """Every kind of flaw, also those that do not occur; an inverted tetrahedron counts as if it were turned.
+    """Every kind of flaw, including those that do not occur; an inverted tetrahedron counts as if it were turned.
 
     Parameters
     ----------
-    mesh : all its indices are those of nodes
+    mesh : all its indices are valid
     """
     wrong = wrong_faces(mesh.points, mesh.cells, TET_FACES, neighbours(mesh))
     doubled = _doubled_nodes(mesh.cells)
@@ -82,12 +82,12 @@ def flaws(mesh: TetMesh) -> tuple[Flaw, ...]:
 
 
 def broken_body(mesh: TetMesh, *, holes: bool = False) -> list[str]:
-    """What keeps tetrahedra from filling bodies that a solver can run on, in plain words; empty if nothing does.
+    """Reasons, in plain words, why tetrahedra fill no bodies that a solver can run on; empty if they do.
 
     Parameters
     ----------
-    mesh : all its indices are those of nodes; it may consist of several bodies that do not touch
-    holes : whether voids are meant if all their faces are in the set `hole_surface`
+    mesh : all its indices are valid; it may consist of several bodies that do not touch
+    holes : whether a void is intended if all its faces are in the set `hole_surface`
     """
     found = (*flaws(mesh), *_touching(mesh))
     if holes and HOLE_SURFACE in mesh.sets.faces:
@@ -97,12 +97,12 @@ def broken_body(mesh: TetMesh, *, holes: bool = False) -> list[str]:
 
 
 def require_body(mesh: TetMesh, file: object = None, *, holes: bool = False) -> None:
-    """Raise InputError where tetrahedra do not fill bodies that a solver can run on.
+    """Raise InputError if tetrahedra fill no bodies that a solver can run on.
 
     Parameters
     ----------
     file : the file that the mesh was read from; the message names it
-    holes : as of `broken_body`
+    holes : as in `broken_body`
     """
     broken = broken_body(mesh, holes=holes)
     if unused := len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))):
@@ -116,12 +116,12 @@ def require_body(mesh: TetMesh, file: object = None, *, holes: bool = False) -> 
 
 
 def folded_faces(mesh: TetMesh) -> int:
-    """Faces with both their tetrahedra on one side; a mesh that fills space once has none."""
+    """Number of faces with both their tetrahedra on one side; a mesh that fills space once has none."""
     return int(np.count_nonzero(wrong_faces(mesh.points, mesh.cells, TET_FACES, neighbours(mesh)) == _FOLDED))
 
 
 def _wrong_faces(mesh: TetMesh, flagged: NDArray[np.bool_], name: str) -> Flaw:
-    """A face counts once, however many tetrahedra flag it."""
+    """The flaw of flagged faces; each face counts once, however many tetrahedra flag it."""
     cell, corner = np.nonzero(flagged)
     faces = mesh.cells[cell[:, None], TET_FACES[corner]]
     first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]
@@ -141,7 +141,7 @@ def _repeated(cells: IntArray) -> NDArray[np.int64]:
 
 
 def _inside_others(mesh: TetMesh, meant: IntArray | None = None) -> tuple[Flaw, ...]:
-    """Parts of the boundary that enclose voids, and bodies that reach into others; none if the boundary is one part.
+    """Parts of the boundary that enclose voids, and bodies that overlap others; none if the boundary is one part.
 
     The boundary of a void faces inward; that of a closed slit encloses nothing. Where bodies overlap, the boundary
     winds more than once around a point.
@@ -177,7 +177,7 @@ def _nodes_at_one_place(points: FloatArray) -> Flaw:
 
 
 def _touching(mesh: TetMesh) -> Iterator[Flaw]:
-    """Edges and nodes at which parts of the boundary touch: they are hinges, however good the elements are."""
+    """Edges and nodes at which parts of the boundary touch: hinges, however good the elements are."""
     boundary, _ = boundary_surface(mesh)
     topology = surface_topology(boundary.faces)
     if topology.nonmanifold_edges or topology.pinched_vertices:

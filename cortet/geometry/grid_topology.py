@@ -1,17 +1,17 @@
 """Sets of grid points with the topology of a ball, and the surfaces around them.
 
-The grid is cut into tetrahedra, six for each of its cubes, all along the same diagonal (Freudenthal). A point may join
-a set of grid points if its neighbours inside the set hang together, and its neighbours outside the set, too. They then
-part the sphere of its 14 neighbours into two discs, and the set keeps its topology. On cubes, where points inside and
-outside are joined in different ways, the same holds of those neighbours that touch the point (Bertrand and Malandain,
-Pattern Recognition Letters 15, 1994). So a set that grows from one point by such points alone, the deepest first, stays
-a ball; handles are cut where they are thinnest. If the outside grows instead, tunnels are closed where they are
-narrowest, and cavities are filled. The idea is that of topology-preserving fast marching (Bazin and Pham, Medical Image
-Analysis 11, 2007).
+Each cube of the grid is cut into six tetrahedra, all along the same diagonal (Freudenthal). A point may join a set of
+grid points if its neighbours inside the set are connected, and so are its neighbours outside. They then split the
+sphere of its 14 neighbours into two discs, and the set keeps its topology. On cubes, points inside and outside are
+joined in different ways; there the same holds of those neighbours that touch the point (Bertrand and Malandain, Pattern
+Recognition Letters 15, 1994). So a set that grows from one point by such points alone, the deepest first, stays a ball:
+handles are cut where they are thinnest. If the outside grows instead, tunnels are closed where they are narrowest, and
+cavities are filled. The idea is that of topology-preserving fast marching (Bazin and Pham, Medical Image Analysis 11,
+2007).
 
 Each handle should be mended in the way that changes fewer points. So cuts and fillings of few points are made first,
 and larger ones only where they are still needed (after Han et al., IEEE Transactions on Medical Imaging 21, 2002). Of
-several pieces, the largest is taken.
+several pieces, the largest is kept.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from scipy.ndimage import label
 
 from cortet.meshes import FloatArray, IntArray
 
-#: points of the cuts and fillings that are made first; of those that are larger, all together are the fewer
+#: most points of the cuts and fillings of each early round; of the larger, the kind that changes fewer points is made
 _SMALL = (4, 32, 256)
-#: distance to the surface, in spacings, of a point that changes sides for the topology's sake
+#: distance to the surface, in spacings, given to a point that changes sides to correct the topology
 _CHANGED = 0.25
-#: the surface cuts an edge of the grid no closer to its ends, so that no triangle is flat
+#: least distance, as a share of an edge of the grid, of the surface's cut from the ends; so no triangle is flat
 _CLOSEST = 0.1
 
 #: corners of a cube, x fastest, and its tetrahedra
@@ -40,7 +40,7 @@ _TETS = np.array([[0, a, a | b, 7] for a, b, _ in permutations((1, 2, 4))])
 
 
 class Grid(NamedTuple):
-    """Which of the k neighbours of a grid point hang together, as bits: 1 << j for neighbour j."""
+    """Which of the k neighbours of a grid point are joined to each other, as bits: 1 << j for neighbour j."""
 
     #: (k, 3), from the point to each
     steps: NDArray[np.int64]
@@ -62,11 +62,11 @@ def _grid(steps: NDArray[np.int64], inside: NDArray[np.int64], outside: NDArray[
 
 _AROUND = np.array([step for step in product((-1, 0, 1), repeat=3) if any(step)])
 _DISTANCE = np.abs(_AROUND).sum(axis=1)
-#: cubes cut into the tetrahedra above, around which `skin` goes
+#: cubes cut into the tetrahedra above, which `skin` contours
 TETRAHEDRA = _grid(*[np.concatenate([_CORNERS[1:], -_CORNERS[1:]])] * 3)
-#: cubes as VTK's flying edges part them: inside, points are joined along edges; outside, across the faces, too
+#: cubes as VTK's flying edges split them: inside, points are joined along edges; outside, across faces as well
 CUBES = _grid(_AROUND, _AROUND[_DISTANCE == 1], _AROUND[_DISTANCE <= 2])
-#: edges of a tetrahedron that the surface cuts, in cyclic order, by the number of corners inside, which come first
+#: edges of a tetrahedron that the surface cuts, in cyclic order, by the number of inside corners (numbered first)
 _CUT = {1: ((0, 1), (0, 2), (0, 3)), 2: ((0, 2), (0, 3), (1, 3), (1, 2)), 3: ((0, 3), (1, 3), (2, 3))}
 
 
@@ -75,8 +75,8 @@ def as_ball(depth: FloatArray, spacing: float, grid: Grid = TETRAHEDRA) -> Float
 
     Parameters
     ----------
-    depth : (a, b, c), positive inside, never 0; outside on the border of the grid. The larger its size, the later a
-        point changes sides
+    depth : (a, b, c), positive inside, never 0; outside on the border of the grid. Points of larger magnitude change
+        sides later
     spacing : of the points, in the unit of the depths
     grid : which points are joined
     """
@@ -89,14 +89,14 @@ def as_ball(depth: FloatArray, spacing: float, grid: Grid = TETRAHEDRA) -> Float
     own, other = zip(grid.joined, grid.near, strict=True)
 
     def cut(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Without what closes its handles."""
+        """The set without the points that close its handles."""
         value = np.where(inside, np.abs(depth), -1.0)
         start = np.zeros(depth.shape, np.bool_)
         start.flat[value.argmax()] = True
         return np.asarray(_grown(start.ravel(), value.ravel(), border.ravel(), steps, own, other)).reshape(depth.shape)
 
     def filled(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """With what closes its tunnels and cavities."""
+        """The set with the points that close its tunnels and cavities."""
         value = np.where(inside, -1.0, np.abs(depth))
         outside = _grown(border.ravel(), value.ravel(), border.ravel(), steps, other, own)
         return ~np.asarray(outside).reshape(depth.shape)
@@ -122,7 +122,7 @@ def _mask(grid: Grid, side: int) -> NDArray[np.bool_]:
 
 
 def _pieces(points: NDArray[np.bool_], size: int, joined: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Those connected pieces of a set of points that have at most so many."""
+    """The connected pieces of at most `size` points of a set."""
     piece, _ = label(points, joined)
     few = np.bincount(piece.ravel()) <= size
     few[0] = False
@@ -137,7 +137,7 @@ def _largest(inside: NDArray[np.bool_], joined: NDArray[np.bool_]) -> NDArray[np
 
 @numba.njit(cache=True)
 def _grown(start, value, border, steps, own, other):  # type: ignore[no-untyped-def]
-    """A set grown from one point: points of positive value join, the highest first, if its topology does not change.
+    """A set grown from one point: points of positive value join, the highest first, if the topology stays.
 
     `own` and `other` are a row of `Grid.joined` and an item of `Grid.near` each: of this set, and of what is left.
     """
@@ -173,10 +173,10 @@ def _grown(start, value, border, steps, own, other):  # type: ignore[no-untyped-
 
 @numba.njit(cache=True)
 def _hangs_together(members, joined, near):  # type: ignore[no-untyped-def]
-    """Whether those of some neighbours, as bits, that touch the point are at least one, and hang together.
+    """Whether at least one of some neighbours (bits) touches the point, and all that touch it are connected.
 
-    They may do so by others that are at most two steps away from them, which matters where points inside are joined
-    along edges alone: farther ones do not fill the loop that they close.
+    They may be connected through others at most two steps away from them. The limit matters where points inside are
+    joined along edges alone: farther ones do not fill the loop that they close.
     """
     touching = members & near
     close = touching
@@ -192,7 +192,7 @@ def _hangs_together(members, joined, near):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _joined_to(some, members, joined):  # type: ignore[no-untyped-def]
-    """Some of the members, and those that they are joined to."""
+    """`some` of the members, and all members that they are joined to."""
     more = some
     for k in range(len(joined)):
         if some >> k & 1:
@@ -201,7 +201,7 @@ def _joined_to(some, members, joined):  # type: ignore[no-untyped-def]
 
 
 def skin(depth: FloatArray) -> tuple[FloatArray, IntArray]:
-    """The zero level of depths (a, b, c), linear in the tetrahedra of a grid: points, in spacings, and faces.
+    """The zero level of depths (a, b, c) that are linear in each tetrahedron: points, in spacings, and faces.
 
     Faces are outward. Marching tetrahedra: Doi and Koide, IEICE Transactions E74, 1991.
     """
@@ -226,7 +226,7 @@ def skin(depth: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def _outward(ends: IntArray, shape: tuple[int, ...]) -> IntArray:
-    """Turn triangles, given by edges of the grid (k, 3, 2) from inside to outside, so that they face outside."""
+    """Turn triangles so that they face outside; edges of the grid (k, 3, 2), from inside to outside, give them."""
     places = np.stack(np.unravel_index(ends, shape), axis=-1).astype(np.float64)
     middle, out = places.mean(axis=2), (places[:, :, 1] - places[:, :, 0]).sum(axis=1)
     normal = np.cross(middle[:, 1] - middle[:, 0], middle[:, 2] - middle[:, 0])

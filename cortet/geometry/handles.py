@@ -1,4 +1,4 @@
-"""Handles and tunnels of a closed surface: the surface is cut open along short loops around them."""
+"""Removal of handles and tunnels of a closed surface, which is cut open along short loops around them."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from cortet.geometry.mending import Triangles, as_surface, compacted, faces_at, 
 from cortet.geometry.topology import TRI_EDGES, enclosed_volume, packed, surface_topology
 from cortet.meshes import FloatArray, IntArray
 
-#: a handle ends where the rim of what is cut away is this many times the loop, or after this many rings at the latest
+#: a handle ends where the rim of what is cut away is this many times the loop, at the latest after this many rings
 _FLARE, _MOST_RINGS = 1.5, 200
-#: rings of triangles that are removed beyond a handle or a tunnel; the numbers are tried in turn
+#: rings of triangles to remove beyond a handle or a tunnel, tried in turn
 _WIDER = (1, 0, 2, 4)
-#: shorter loops are looked for around so many loops, from so many vertices of each, in so many rounds
+#: search for shorter loops: number of loops to start from, vertices of each, and rounds
 _TRIED, _ROOTS, _ROUNDS = 3, 8, 4
 
 
@@ -35,14 +35,14 @@ class Cuts(NamedTuple):
 
 
 def without_handles(work: Triangles, *, keep: int, max_loop: float, max_piece: float) -> Cuts:
-    """The triangles after handles are cut or tunnels closed, one after the other; each change moves least volume.
+    """The triangles after handles are cut or tunnels closed one by one; each change is the one of least volume.
 
     Parameters
     ----------
     work : one closed, oriented manifold
     keep : number of handles that may stay
     max_loop : mm, length of the longest loop along which the surface may be cut
-    max_piece : as of `holes.replaced`
+    max_piece : as in `holes.replaced`
 
     Raises
     ------
@@ -77,7 +77,7 @@ def without_handles(work: Triangles, *, keep: int, max_loop: float, max_piece: f
 
 
 def _cut(work: Triangles, loop: IntArray, max_piece: float, genus: int, crossing: int) -> Triangles | None:
-    """The triangles cut along a loop and closed on both sides; None if that is no sound surface.
+    """The triangles cut along a loop and closed on both sides; None if the result is no sound surface.
 
     A sound one has one handle less than `genus`, and no more crossing triangles than `crossing`.
     """
@@ -101,7 +101,7 @@ def _cut(work: Triangles, loop: IntArray, max_piece: float, genus: int, crossing
 
 
 def short_loops(points: FloatArray, faces: IntArray) -> list[IntArray]:
-    """A loop around a handle or a tunnel that is nearly the shortest of all, and others through its vertices.
+    """Nearly the shortest loop around a handle or a tunnel, and others through its vertices.
 
     A tree of shortest paths from a vertex, and a tree of faces that does not cross it, give a basis of the homology:
     loops through that vertex (Erickson and Whittlesey, Greedy optimal homotopy and homology generators, SODA 2005).
@@ -115,7 +115,7 @@ def short_loops(points: FloatArray, faces: IntArray) -> list[IntArray]:
 
     Returns
     -------
-    the vertices of each loop, in their order, the shortest first; none for a sphere
+    the vertices of each loop, in order; the shortest loop first; none for a sphere
     """
     links = _Links(points, faces)
     if not links.genus:
@@ -175,7 +175,7 @@ class _Links:
         return sorted(loops, key=self.length)
 
     def _not_in_cotree(self, edges: NDArray[np.int64], through: FloatArray) -> NDArray[np.int64]:
-        """The given edges without those across which a tree joins all faces; the tree prefers the longest edges."""
+        """The given edges except those crossed by the tree that joins all faces; the tree prefers the longest edges."""
         first, second = self.behind[edges].T
         # ranks that all differ, so that the tree is the same on every machine
         rank = np.empty(len(edges))
@@ -205,11 +205,11 @@ class _Links:
 
 
 def cut_open(faces: IntArray, loop: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """Faces cut open along a loop: copies of its vertices, numbered from `count`, are on its left; and these numbers.
+    """Faces cut open along a loop, with copies of its vertices on its left; and their numbers, which begin at `count`.
 
     Parameters
     ----------
-    loop : vertices of a closed path of edges, each of them once
+    loop : vertices of a closed path of edges, each once
     """
     ahead = set(zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True))
     on = np.zeros(count, np.bool_)
@@ -243,10 +243,10 @@ def cut_open(faces: IntArray, loop: IntArray, count: int) -> tuple[IntArray, Int
 
 
 def back_to_the_feet(points: FloatArray, faces: IntArray, sides: tuple[IntArray, IntArray]) -> IntArray:
-    """Vertices, ascending, whose faces are removed on both sides of a cut: up to where the rest of a handle ends.
+    """Vertices, ascending, whose faces go on both sides of a cut: as far as the rest of the handle reaches.
 
-    A cut through a handle leaves two stumps, a cut around a tunnel leaves two pits. Their girth is that of the loop, up
-    to their feet, where it grows. Where the two sides meet before that, as on a ring, only the loop is removed.
+    A cut through a handle leaves two stumps; a cut around a tunnel leaves two pits. Their girth is that of the loop as
+    far as their feet, where it grows. If the two sides meet before that, as on a ring, only the loop is removed.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ def back_to_the_feet(points: FloatArray, faces: IntArray, sides: tuple[IntArray,
 
 
 def _rim_of(points: FloatArray, faces: IntArray, gone: NDArray[np.bool_]) -> float:
-    """Length of the rim that is left, mm, once the faces at the vertices `gone` (n,) are removed."""
+    """Length, mm, of the rim that remains once the faces at the vertices `gone` (n,) are removed."""
     touched = faces[faces_at(faces, gone)]
     sides = touched[:, TRI_EDGES].reshape(-1, 2)
     rim = sides[~gone[sides].any(axis=1)]

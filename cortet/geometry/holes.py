@@ -29,7 +29,7 @@ _AROUND = 3
 
 
 def rims(faces: IntArray) -> list[IntArray]:
-    """Vertices of the rim of each hole, in the order in which the triangles of a cap run; the longest rim comes first.
+    """Vertices of the rim of each hole, in the direction in which a cap's triangles run; longest rim first.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def replaced(work: Triangles, vertices: IntArray, max_piece: float) -> Triangles
 
     Parameters
     ----------
-    max_piece : a piece that comes loose is dropped if its share of the area is at most this
+    max_piece : largest share of the area of a piece that comes loose and is dropped
 
     Raises
     ------
@@ -156,7 +156,7 @@ def faired(points: FloatArray, faces: IntArray, free: NDArray[np.int64]) -> Floa
 
 
 def _around(work: Triangles, rim: IntArray) -> tuple[Triangles, IntArray]:
-    """A few rings of triangles around a hole as a manifold of their own, and the number in `work` of each vertex."""
+    """A few rings of triangles around a hole as their own manifold, and the number in `work` of each vertex."""
     marked = np.zeros(len(work.points), np.bool_)
     marked[rim] = True
     near = rings(work.faces, marked, _AROUND - 1)

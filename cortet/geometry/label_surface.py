@@ -1,11 +1,11 @@
-"""Closed surfaces around voxels of one label, without the stair steps of the voxels.
+"""Closed, smooth surfaces around the voxels of one label.
 
 The signed distance to the voxels' boundary is smoothed by a Gaussian, kept within half a voxel of what it was, and cut
 at zero by flying edges (Schroeder et al., IEEE LDAV 2015; in VTK), whose surfaces are closed and manifold. The surface
 is then moved along its normals until it encloses the volume of the voxels, since smoothing shrinks what is round.
 
 Noise leaves handles: white matter at 1 mm has more than a hundred. They are cut, or their tunnels closed, on the voxels
-(`grid_topology`), where it takes seconds, before there is a surface.
+(`grid_topology`) before there is a surface; there it takes seconds.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from cortet.meshes import FloatArray, TriSurface
 
 #: width of the Gaussian, and how far smoothing may move the boundary, voxels
 _WIDTH, _MOST_MOVED = 1.0, 0.45
-#: voxels around the label
+#: width of the empty border around the label, voxels
 _MARGIN = 4
 #: steps of Taubin's filter, its factors, and rounds of restoring the volume
 _STEPS, _LAMBDA, _MU, _ROUNDS = 10, 0.5, -0.53, 2
@@ -39,13 +39,13 @@ _STEPS, _LAMBDA, _MU, _ROUNDS = 10, 0.5, -0.53, 2
 class Handles(NamedTuple):
     """What is done about the handles of a label."""
 
-    #: a component that has more becomes a ball; None: all stay
+    #: a component with more handles becomes a ball; None: all stay
     most: int | None = None
     #: share of a component's voxels that may change sides for it; else its handles stay
     changed: float = 1.0
 
 
-#: what voxels say
+#: the topology of the voxels stays as it is
 AS_THEY_ARE = Handles()
 
 
@@ -53,7 +53,7 @@ class LabelSurface(NamedTuple):
     """One component of a label."""
 
     surface: TriSurface
-    #: of its voxels, mm3, without cavities
+    #: volume of its voxels, mm3, without cavities
     volume: float
     #: voxels of cavities that were filled
     filled: int
@@ -72,7 +72,7 @@ def label_surfaces(
     smallest: int = 30,
     handles: Handles = AS_THEY_ARE,
 ) -> tuple[list[LabelSurface], list[int]]:
-    """The closed surface of each component of some voxels, the largest first, in mm.
+    """The closed surface, in mm, of each component of some voxels, the largest first.
 
     Parameters
     ----------
@@ -145,9 +145,9 @@ def _smoothed(distance: FloatArray, widths: FloatArray) -> FloatArray:
 
 
 def _thin_as_voxels(soft: FloatArray, distance: FloatArray) -> FloatArray:
-    """The smoothed values, but those of the voxels where these, or the gap between them, are one voxel wide.
+    """The smoothed values; where the body or a gap is one voxel wide, the values of the voxels.
 
-    Smoothed from both sides, what is so thin would be next to nothing, and no tetrahedra of use could fill it.
+    Smoothing from both sides would leave next to nothing of such a thin body, and no useful tetrahedra could fill it.
     """
     block = np.ones((2, 2, 2), np.bool_)
     thin = np.zeros(distance.shape, np.bool_)
@@ -173,7 +173,7 @@ def contour(values: FloatArray) -> tuple[FloatArray, NDArray[Any]]:
 
 
 def _largest(points: FloatArray, faces: NDArray[Any]) -> tuple[FloatArray, NDArray[Any]]:
-    """The component of most triangles: smoothing may cut off what hangs by one voxel."""
+    """The component with the most triangles: smoothing may cut off what hangs by one voxel."""
     of_face = component_labels(faces)[faces[:, 0]]
     points, faces, _ = compact(points, faces[of_face == np.bincount(of_face).argmax()])
     return points, faces

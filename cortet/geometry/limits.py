@@ -1,4 +1,4 @@
-"""Bounds of parameters. Beyond them a value makes no sense or takes all memory. The command, the configuration and the
+"""Bounds of parameters, beyond which a value makes no sense or takes all memory. The command, the configuration and the
 functions share them.
 
 This module imports nothing heavy: the command and the configuration read it to name their bounds.
@@ -14,7 +14,7 @@ from cortet.errors import InputError
 CELL_SIZE_MM = (0.05, 20.0)
 #: subdivisions of an icosahedron, 10 * 4**n + 2 vertices: 2 has 162, 7 has 163,842
 SUBDIVISIONS = (2, 7)
-#: gap of a boundary over the gap of its surface: below this it is a slit; good meshes have 0.16 and more on fine real
+#: least gap of a boundary over the gap of its surface; below it is a slit. Good meshes have 0.16 and more on fine real
 #: surfaces, 0.07 on coarse ones
 LEAST_BANK_GAP = 0.03
 #: plausible ages of a surface, gestational weeks: below there is no cortical plate to mesh, above lies infancy

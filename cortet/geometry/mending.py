@@ -1,7 +1,7 @@
-"""Steps that turn triangles into one closed manifold, by their indices and coinciding vertices alone.
+"""Steps that turn triangles into one closed manifold, using only their indices and coinciding vertices.
 
-Each step takes and returns `Triangles`. They remember for every vertex which vertex of the file it was, so that fields
-can follow, and for every triangle whether it was in the file.
+Each step takes and returns `Triangles`. They remember which vertex of the file each vertex was, so that fields can
+follow, and whether each triangle was in the file.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def collapsed(work: Triangles, tolerance: float) -> tuple[Triangles, IntArray]:
 
 
 def without_lines(work: Triangles) -> tuple[Triangles, IntArray]:
-    """The triangles without faces that have a vertex twice; returns also the numbers of these faces."""
+    """The triangles without faces that name a vertex twice; returns also the numbers of these faces."""
     a, b, c = work.faces.T
     line = (a == b) | (b == c) | (c == a)
     return chosen_faces(work, ~line), np.flatnonzero(line).astype(np.int32)
@@ -129,8 +129,8 @@ def without_lines(work: Triangles) -> tuple[Triangles, IntArray]:
 def without_duplicates(work: Triangles) -> tuple[Triangles, IntArray]:
     """The triangles with at most one face on the same three vertices; returns also the numbers of removed faces.
 
-    Two faces that look in opposite directions part two bodies, and both go. If more faces look one way, the first of
-    them stays.
+    Two faces in opposite directions separate two bodies, and both go. If more faces point one way, the first of them
+    stays.
     """
     key = packed(work.faces)
     order = np.argsort(key, kind="stable")
@@ -141,7 +141,7 @@ def without_duplicates(work: Triangles) -> tuple[Triangles, IntArray]:
     first_of = order[starts][group]
     same_side = _follows(work.faces) == _follows(work.faces)[first_of]
     balance = np.bincount(group, np.where(same_side, 1, -1))
-    # the first face of the direction that has more; none if both have as many
+    # the first face of the direction that has more; none in a tie
     wanted = np.flatnonzero(np.where(balance[group] > 0, same_side, ~same_side) & (balance[group] != 0))
     stays = np.zeros(len(order), np.bool_)
     stays[wanted[np.unique(group[wanted], return_index=True)[1]]] = True
@@ -158,7 +158,7 @@ def _follows(faces: IntArray) -> NDArray[np.bool_]:
 def split_fans(work: Triangles) -> tuple[Triangles, IntArray]:
     """The triangles after each fan of faces gets a vertex of its own; returns also the vertices that were split.
 
-    Edges of exactly two faces hold a fan together, so this also parts surfaces that touch along an edge.
+    Edges of exactly two faces hold a fan together, so this also separates surfaces that touch along an edge.
     """
     faces = work.faces
     fan = fans(faces)
@@ -182,7 +182,7 @@ def split_fans(work: Triangles) -> tuple[Triangles, IntArray]:
 
 
 def without_branches(work: Triangles) -> tuple[Triangles, FloatArray, IntArray]:
-    """The triangles without edges in more than two faces. Surfaces that touch are parted; faces at a slit are removed.
+    """The triangles without edges in more than two faces: touching surfaces are separated, faces at a slit removed.
 
     Returns also the centres (k, 3) of the edges that were in more than two faces, and the vertices of the removed faces
     by their number in the file.
@@ -201,7 +201,7 @@ def without_branches(work: Triangles) -> tuple[Triangles, FloatArray, IntArray]:
 
 
 def pieces(work: Triangles) -> tuple[IntArray, FloatArray]:
-    """Number of the connected piece of each face (m,), the largest being 0, and the area of each piece, mm2."""
+    """The connected piece of each face (m,), 0 for the largest, and the area of each piece, mm2."""
     label = np.unique(component_labels(work.faces)[work.faces[:, 0]], return_inverse=True)[1]
     area = np.bincount(label, face_areas(work.points, work.faces)).astype(np.float64)
     order = np.argsort(-area, kind="stable")
@@ -218,9 +218,9 @@ def rings(faces: IntArray, marked: NDArray[np.bool_], count: int) -> NDArray[np.
 
 
 def measurable(surface: TriSurface) -> TriSurface:
-    """The triangles of a surface that have finite coordinates and an area, without fields; vertices keep their numbers.
+    """A surface's triangles of finite coordinates and nonzero area, without fields; vertices keep their numbers.
 
-    A vertex without finite coordinates is at 0, and in no triangle.
+    A vertex without finite coordinates is moved to 0 and is in no triangle.
     """
     points = np.where(finite(surface.points)[:, None], surface.points, 0)
     kept = ~faces_at(surface.faces, ~finite(surface.points))

@@ -1,7 +1,7 @@
 """Surfaces inside surfaces: which contains which, and the boundaries of the regions between them.
 
 A surface with inner surfaces stands for a list: number 0 is the outer surface, number i the i-th inner surface.
-Region i lies inside surface i and outside all surfaces within it. A surface comes before those that it contains.
+Region i lies inside surface i and outside all surfaces within it. A surface precedes those that it contains.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from cortet.geometry.remembering import once_per_object
 from cortet.geometry.topology import enclosed_volume, face_normals, packed, vertex_normals
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
-#: a barycentric weight below this is that of a point on the opposite edge
+#: a point with a barycentric weight below this lies on the opposite edge
 _ON_EDGE = 1e-9
 
 
 def nested(surface: TriSurface, inner: Mapping[str, TriSurface]) -> TriSurface:
-    """The surface with its inner surfaces by enclosed volume, largest first, so that each precedes what it contains."""
+    """The surface with inner surfaces in order of enclosed volume, largest first; so each precedes what it contains."""
     volumes = {name: abs(enclosed_volume(one.points, one.faces)) for name, one in inner.items()}
     return replace(surface, inner={name: inner[name] for name in sorted(inner, key=lambda name: -volumes[name])})
 
@@ -41,7 +41,7 @@ def _outer(surface: TriSurface) -> TriSurface:
 def parents(surface: TriSurface) -> list[int]:
     """The number of the smallest surface around each surface; -1 for the outer surface.
 
-    The majority of the vertices decides, so surfaces that touch or cross here and there have an order, too.
+    The majority of the vertices decides, so surfaces that touch or cross here and there still have an order.
     """
     every = sheets(surface)
     around = [-1]
@@ -52,7 +52,7 @@ def parents(surface: TriSurface) -> list[int]:
 
 
 def region_boundary(surface: TriSurface, number: int) -> TriSurface:
-    """All triangles around a region, counter-clockwise seen from outside of it; those of surfaces within are turned.
+    """All triangles around a region, counter-clockwise seen from outside it; those of surfaces within are turned.
 
     The vertices of the region's own surface come first, then those of the surfaces within, in their order.
     """
@@ -74,7 +74,7 @@ def joined(surfaces: Sequence[TriSurface]) -> TriSurface:
 
 
 def depths(tree: SurfaceTree, surface: TriSurface, points: FloatArray) -> tuple[FloatArray, FloatArray, ClosestPoints]:
-    """How deep points lie below a closed manifold whose triangles point outward, negative outside.
+    """Depth of points below a closed manifold whose triangles point outward; negative outside.
 
     The pseudonormal of the nearest face, edge or vertex tells inside from outside. It is always right if the surface
     does not cross itself (Baerentzen and Aanaes, IEEE Transactions on Visualization and Computer Graphics 11, 2005).
@@ -99,9 +99,9 @@ class _Normals(NamedTuple):
     faces: FloatArray
     #: (m, 3) the face behind the edge opposite each corner
     across: IntArray
-    #: (n, 3) sums over the faces around, weighted by their angles
+    #: (n, 3) sums over the faces around each vertex, weighted by angle
     vertices: FloatArray
-    #: (n, 3) unit, means over the faces around, weighted by their areas
+    #: (n, 3) unit, means over the faces around each vertex, weighted by area
     smooth: FloatArray
 
 
@@ -114,7 +114,7 @@ def _normals(surface: TriSurface) -> _Normals:
 
 
 def _pseudonormals(surface: TriSurface, found: ClosestPoints) -> FloatArray:
-    """Normal of the face, sum of the normals of the edge's faces, or sum weighted by angle at a vertex: (k, 3)."""
+    """Normal of the face, sum over the two faces of an edge, or angle-weighted sum at a vertex: (k, 3)."""
     normals = _normals(surface)
     off = found.barycentric < _ON_EDGE
     result = normals.faces[found.faces]

@@ -1,7 +1,7 @@
 """Number nodes and tetrahedra so that neighbours in space are neighbours in memory.
 
 Meshers number nodes in the order of insertion. Every later step walks from a node to the tetrahedra around it and to
-their nodes. If all are numbered along a space-filling curve, these lie in the same cache lines.
+their nodes. Numbered along a space-filling curve, these lie in the same cache lines.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cortet.meshes import FloatArray, IntArray
 
-#: cells of the curve along each axis, as a power of two; three axes fill 60 of the 63 bits of a key
+#: log2 of the cells of the curve along each axis; three axes fill 60 of the 63 bits of a key
 _BITS = 20
 
 

@@ -14,8 +14,8 @@ def outward(points: FloatArray, faces: IntArray) -> IntArray:
     """Turn triangles so that neighbours agree and the enclosed volume is positive; (m, 3) int32.
 
     Every triangle gives two nodes of a graph: as it is, and turned. An edge of two triangles links the states that run
-    through it in opposite directions. A connected surface then makes two components, one the reverse of the other. A
-    surface that cannot be oriented makes only one component, and keeps edges at which its triangles disagree.
+    through it in opposite directions. A connected surface then gives two components, one the reverse of the other. A
+    surface that cannot be oriented gives only one, and keeps edges at which its triangles disagree.
     """
     directed = faces[:, TRI_EDGES].reshape(-1, 2)
     order = np.argsort(packed(directed), kind="stable")
@@ -34,7 +34,7 @@ def outward(points: FloatArray, faces: IntArray) -> IntArray:
 
 
 def random_rotation(seed: int) -> FloatArray:
-    """A rotation (3, 3), any of them equally likely (Mezzadri, Notices of the AMS 54, 2007)."""
+    """A uniformly distributed random rotation (3, 3) (Mezzadri, Notices of the AMS 54, 2007)."""
     q, r = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
     q *= np.sign(np.diag(r))
     return q * np.linalg.det(q)

@@ -1,8 +1,8 @@
-"""Ten-node tetrahedra: midside nodes on the surface, where the elements stay valid.
+"""Ten-node tetrahedra with midside nodes on the surface wherever the elements stay valid.
 
 The Jacobian determinant of a ten-node tetrahedron is a cubic polynomial. Its 20 Bernstein coefficients bound it from
-both sides over the whole element (Johnen, Remacle, Geuzaine, J. Comput. Phys. 233, 2013). So a least coefficient above
-zero proves more than positive values at nodes and quadrature points.
+both sides over the whole element (Johnen, Remacle, Geuzaine, J. Comput. Phys. 233, 2013). So a positive least
+coefficient proves more than positive values at nodes and quadrature points.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _PARTS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 class QuadraticMesh:
     """A mesh of ten-node tetrahedra."""
 
-    #: (n + k, 3) mm: the corners as they were, then one node per edge
+    #: (n + k, 3) mm: the unchanged corners, then one node per edge
     points: FloatArray
     #: (m, 10) int32: four corners, then the middles of `EDGES`
     cells: IntArray
@@ -44,28 +44,28 @@ class QuadraticMesh:
     ends: IntArray
     #: (k,) whether the edge lies on the boundary or an interface
     on_surface: NDArray[np.bool_]
-    #: edges with their middle on the surface; edges left straight for an element, and edges left straight for crossing
-    #: faces
+    #: edges with their middle on the surface; edges left straight to keep an element valid; edges left straight to keep
+    #: faces from crossing
     curved: int
     straightened_for_elements: int
     straightened_for_crossings: int
     #: lower bound of the Jacobian determinant over all elements, as a fraction of that of the straight element
     least_jacobian: float
-    #: mm, largest distance of a midside node to the middle of its edge
+    #: mm, largest distance of a midside node from the middle of its edge
     largest_move_mm: float
 
 
 def quadratic(mesh: TetMesh, surface: TriSurface, *, max_boundary_distance: float | None = 1e-3) -> QuadraticMesh:
-    """Give every edge of a mesh a node in its middle, and move those of the boundary and the interfaces to the surface.
+    """Give every edge of a mesh a midside node, and move those of the boundary and the interfaces to the surface.
 
-    An edge stays straight if the curved faces would cross, or if anywhere in an element around it the Jacobian
-    determinant would fall below `LEAST_JACOBIAN` of that of the straight element.
+    An edge stays straight if the curved faces would cross, or if the Jacobian determinant would fall below
+    `LEAST_JACOBIAN` of that of the straight element anywhere in an element around it.
 
     Parameters
     ----------
     mesh : with positive volumes
     surface : the surface that was meshed, on which the boundary lies, with the inner surfaces of the regions
-    max_boundary_distance : mm, largest distance of a node of the boundary or an interface to its surface; None: any
+    max_boundary_distance : mm, largest distance of a node of the boundary or an interface from its surface; None: any
 
     Returns
     -------
@@ -137,13 +137,13 @@ def jacobian_bounds(corners: FloatArray, middles: FloatArray) -> FloatArray:
     -------
     (m,), fractions of the size of the determinant of the straight element; 1 for a straight one, -1 for an inverted one
     """
-    # control points of the quadratic map: at corners they are the nodes, at edges they are not
+    # control points of the quadratic map: they equal the nodes at corners, but not at edges
     control = np.empty((len(corners), 4, 4, 3))
     for corner in range(4):
         control[:, corner, corner] = corners[:, corner]
     for number, (i, j) in enumerate(EDGES):
         control[:, i, j] = control[:, j, i] = 2 * middles[:, number] - (corners[:, i] + corners[:, j]) / 2
-    # derivatives along the edges from corner 0 are linear: `slopes[:, a, b]` is that towards corner a + 1, at corner b
+    # derivatives along the edges from corner 0 are linear: `slopes[:, a, b]` points to corner a + 1, taken at corner b
     slopes = 2 * (control[:, 1:] - control[:, :1])
     least = np.full(len(corners), np.inf)
     for powers in combinations_with_replacement(range(4), 3):
@@ -195,7 +195,7 @@ def _require_banks_apart(mesh: TetMesh, surface: TriSurface) -> None:
 
 
 def _walls(mesh: TetMesh, surface: TriSurface) -> Iterator[tuple[IntArray, TriSurface]]:
-    """Faces of the boundary, then of each interface, by nodes of the mesh; and the surface on which they lie."""
+    """Faces of the boundary, then of each interface, as nodes of the mesh, with the surface on which they lie."""
     for number, target in enumerate((surface, *surface.inner.values())):
         wall, nodes = sheet(mesh, number)
         yield nodes[wall.faces], target
@@ -213,7 +213,7 @@ class _Shape(NamedTuple):
     moved: NDArray[np.bool_]
 
     def straighten_elements(self) -> int:
-        """Straighten the edges of elements that are distorted too much; returns how many."""
+        """Straighten the edges of overly distorted elements; returns how many."""
         count = 0
         suspects = np.flatnonzero(self.moved[self.of_cells].any(axis=1))
         while len(suspects):
@@ -225,7 +225,7 @@ class _Shape(NamedTuple):
         return count
 
     def straighten_crossings(self, faces: IntArray, of_faces: IntArray) -> int:
-        """Straighten the edges of faces (f, 3) of which one of the four triangles crosses another; returns how many."""
+        """Straighten the edges of faces (f, 3) with a triangle, of four, that crosses another; returns how many."""
         count = 0
         corners = np.concatenate([faces, of_faces + len(self.mesh.points)], axis=1)
         used, parts = np.unique(corners[:, _PARTS].reshape(-1, 3), return_inverse=True)

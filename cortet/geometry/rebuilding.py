@@ -1,4 +1,4 @@
-"""A surface made anew on a grid: it encloses what triangles wind around, and has the topology of a sphere."""
+"""A surface rebuilt on a grid: it encloses what triangles wind around, and has the topology of a sphere."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MARGIN, _FARTHEST = 3, 2.0
 
 
 def rebuilt(surface: TriSurface, spacing: float) -> tuple[TriSurface, float]:
-    """A sphere around all points that triangles wind around more than half a time, and the volume of these points.
+    """A topological sphere around all points of winding number above one half, and the volume of these points.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def rebuilt(surface: TriSurface, spacing: float) -> tuple[TriSurface, float]:
 
     Returns
     -------
-    the surface; and the volume inside before the topology is set right, mm3
+    the surface; and the volume inside before the topology is corrected, mm3
 
     Raises
     ------

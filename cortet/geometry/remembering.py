@@ -1,4 +1,4 @@
-"""Results that are computed once for each object, and kept as long as the object lives."""
+"""Results that are computed once per object and kept as long as the object lives."""
 
 from __future__ import annotations
 

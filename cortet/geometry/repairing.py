@@ -1,4 +1,4 @@
-"""Steps that repair a broken surface, in the order that changes least; the stage `repair` runs them."""
+"""Steps that repair a broken surface, in the order that changes it least; the stage `repair` runs them."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from cortet.geometry.topology import enclosed_volume, neighbour_means, surface_t
 from cortet.geometry.uncrossing import uncrossed
 from cortet.meshes import FILLED, FloatArray, IntArray, TriSurface, single_precision
 
-#: how many locations of one kind are listed, and how far from each other they are, mm
+#: most locations listed of one kind, and their least distance from each other, mm
 PLACES, APART_MM = 10, 5.0
-#: vertices of open edges coincide within this share of the longest side, the rounding of single precision
+#: vertices of open edges coincide within this share of the longest side: the rounding of single precision
 _ROUNDING = 1e-6
-#: a vertex is a spike if it is farther from the middle of its neighbours than this many mean edges around it
+#: a vertex is a spike if its distance from the middle of its neighbours exceeds this many mean edges around it
 _SPIKE = 5.0
-#: the parts of a split vertex move this share of the way to the middle of their neighbours, so that they part
+#: the copies of a split vertex move this share of the way to the middle of their neighbours, so that they separate
 _PARTED = 0.1
 
 
@@ -75,7 +75,7 @@ def has_flaw(surface: TriSurface, allow_genus: int) -> bool:
 
 
 def _spikes(points: FloatArray, faces: IntArray) -> IntArray:
-    """Vertices that are far from the middle of their neighbours, compared with the edges between these."""
+    """Vertices that are far from the middle of their neighbours, relative to the edges between the neighbours."""
     away = np.linalg.norm(points - neighbour_means(points, faces), axis=1)
     corners = points[faces]
     opposite = np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1), axis=2)
@@ -91,7 +91,7 @@ class BrokenSurface:
         self.given, self.limits = surface, limits
         points = surface.points.astype(np.float32).astype(np.float64)
         self.work = mending.triangles(points, surface.faces)
-        #: (n,), vertices of the file whose faces this repair removed; a hole there is ours
+        #: (n,), vertices of the file whose faces this repair removed: a hole there is not in the file
         self.touched = np.zeros(len(points), np.bool_)
         self.steps: list[RepairStep] = []
         #: mm, how far crossing triangles were moved
@@ -182,13 +182,13 @@ class BrokenSurface:
         self._part(count)
 
     def _part(self, count: int) -> None:
-        """Move the parts of split vertices a little towards their own triangles; they are numbered from `count`."""
+        """Move the copies of split vertices, numbered from `count`, a little towards their own triangles."""
         copies = np.arange(count, len(self.work.points))
         parted = np.flatnonzero(np.isin(self.work.origin, self.work.origin[copies]))
         if len(parted):
             points = self.work.points.copy()
             points[parted] += _PARTED * (neighbour_means(points, self.work.faces)[parted] - points[parted])
-            points[~np.isfinite(points)] = 0  # vertices that no triangle uses any more
+            points[~np.isfinite(points)] = 0  # no triangle uses these vertices any more
             self.work = self.work._replace(points=points)
 
     def _small_pieces(self) -> None:
@@ -282,7 +282,7 @@ class BrokenSurface:
             )
 
     def _fields(self, made: TriSurface) -> dict[str, NDArray[Any]]:
-        """The file's values at its vertices; at a new vertex, the value at the nearest point of the file."""
+        """The file's values at its vertices; at a new vertex, those of the nearest point of the file."""
         fields: dict[str, NDArray[Any]] = {}
         new = np.flatnonzero(self.work.origin < 0)
         if self.given.point_data and len(new):

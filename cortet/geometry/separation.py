@@ -1,4 +1,4 @@
-"""Move a surface inward, smoothly and no farther than needed, until it keeps a distance from the surface around it."""
+"""Move a surface inward, smoothly and no farther than needed, until it keeps its distance to the surface around it."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
 
 #: largest share of the thickness of a blade that the gap may take on each of its sides
 SHARE_OF_BLADE = 0.25
-#: by how much a point may miss the gap, as a share of the gap; most steps towards it
+#: how far a point may fall short of the gap, as a share of the gap; most steps towards it
 TOLERANCE, _STEPS = 0.02, 40
-#: share of each step that comes from the mean of the neighbours' steps, and how often that mean is taken
+#: weight of the mean of the neighbours' steps in each step, and how often that mean is taken
 _SMOOTH, _SMOOTHINGS = 0.3, 2
-#: rounds of smoothing where triangles still cross; share of the gap by which each round pushes vertices there
+#: rounds of smoothing where triangles still cross; how far each round pushes vertices there, as a share of the gap
 _ROUNDS, _NUDGE = 15, 0.2
 
 
@@ -49,7 +49,7 @@ def kept_apart(
 
 
 def _pushed(surface: TriSurface, container: TriSurface, tree: SurfaceTree, gaps: FloatArray) -> FloatArray:
-    """Positions of the vertices of `surface` at which it keeps the `gaps` of the container's vertices."""
+    """Positions of the vertices of `surface`, moved until it keeps the `gaps` of the container's vertices."""
     links = edges(surface.faces)
     points = surface.points.copy()
     corners, weights = _samples(surface, spacing=float(gaps.max()))
@@ -90,7 +90,7 @@ def _samples(surface: TriSurface, *, spacing: float) -> tuple[IntArray, FloatArr
 def _smoothed_apart(
     surface: TriSurface, container: TriSurface, tree: SurfaceTree, gap: float
 ) -> tuple[TriSurface, IntArray]:
-    """Smooth and push inward the vertices of triangles that still cross others, with ever more vertices around them."""
+    """Smooth and push inward the vertices of triangles that still cross, and ever more vertices around them."""
 
     def smoothed(surface: TriSurface, chosen: NDArray[np.bool_], _: int) -> FloatArray:
         depth, normal, _found = depths(tree, container, surface.points[chosen])
@@ -104,9 +104,9 @@ def _smoothed_apart(
 
 
 def taken_back(pushed: TriSurface, given: TriSurface, container: TriSurface) -> tuple[TriSurface, IntArray]:
-    """Move the vertices of triangles that cross others, with ever more around them, back to their given positions.
+    """Move the vertices of crossing triangles, and ever more around them, back to their given positions.
 
-    Where an inner surface is too thin to give way on both sides, the gap stays smaller than asked for. Returns also
+    Where an inner surface is too thin to give way on both sides, the gap stays smaller than requested. Returns also
     the triangles that still cross.
     """
 
@@ -129,7 +129,7 @@ def _largest(corners: IntArray, lengths: FloatArray, directions: FloatArray, cou
 
 
 def _smoothed(links: IntArray, steps: FloatArray) -> FloatArray:
-    """Steps (n, 3) mixed with the mean of the steps around, so that moved and unmoved parts join smoothly."""
+    """Steps (n, 3) mixed with the mean of the steps around them, so that moved and unmoved vertices join smoothly."""
     asked = (steps != 0).any(axis=1)
     smooth = steps
     for _ in range(_SMOOTHINGS):

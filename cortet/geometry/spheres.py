@@ -19,7 +19,7 @@ from cortet.meshes import FloatArray, TriSurface
 
 #: mm, the radius to which spheres are scaled, as in Workbench
 RADIUS = 100.0
-#: least distance of a sphere's vertex to its centre, over the largest; bounds of its volume, over that of a ball
+#: least over largest distance of a sphere's vertices from its centre; bounds of its volume over that of a ball
 _ROUND, _FULL = 0.9, (0.5, 1.01)
 
 #: (new vertices, old vertices), rows of sum 1
@@ -52,7 +52,7 @@ def same_triangles(one: TriSurface, other: TriSurface) -> bool:
 
 
 def barycentric(old: TriSurface, new: TriSurface) -> Weights:
-    """Weights of the corners of the triangle of `old` that is nearest to each vertex of `new`; both of one radius."""
+    """Weights of the corners of the nearest triangle of `old` to each vertex of `new`; both have the same radius."""
     found = closest_points(surface_tree(old.points, old.faces), new.points)
     rows = np.repeat(np.arange(len(new.points)), 3)
     weights = (found.barycentric.ravel(), (rows, old.faces[found.faces].ravel()))
@@ -62,15 +62,15 @@ def barycentric(old: TriSurface, new: TriSurface) -> Weights:
 
 
 def area_corrected(old: TriSurface, new: TriSurface, old_areas: FloatArray, new_areas: FloatArray) -> Weights:
-    """Weights by which every vertex of `old` counts in proportion to its area.
+    """Weights with which every vertex of `old` counts in proportion to its area.
 
     A vertex of `new` gathers from the triangle of `old` in which it lies. If that would leave out vertices of `old` in
     the triangles around it, it gathers from these vertices instead.
 
     Parameters
     ----------
-    old, new : spheres of one radius
-    old_areas, new_areas : (n,) and (k,), of the vertices of the surfaces that belong to the spheres
+    old, new : spheres of the same radius
+    old_areas, new_areas : (n,) and (k,), vertex areas of the surfaces that belong to the spheres
     """
     forward = barycentric(old, new)
     back = barycentric(new, old).T.tocsr()
@@ -85,13 +85,13 @@ def area_corrected(old: TriSurface, new: TriSurface, old_areas: FloatArray, new_
 
 
 def vertex_areas(surface: TriSurface) -> FloatArray:
-    """A third of the area of the triangles around each vertex: (n,) mm2."""
+    """Area of each vertex, a third of that of the triangles around it: (n,) mm2."""
     areas: FloatArray = np.repeat(face_areas(surface.points, surface.faces) / 3, 3)
     return np.bincount(surface.faces.ravel(), areas, minlength=len(surface.points)).astype(np.float64)
 
 
 def carried(weights: Weights, values: NDArray[Any]) -> NDArray[Any]:
-    """A field at the new vertices: the weighted mean; for an integer field (labels), the value of largest weight.
+    """A field at the new vertices: the weighted mean; for an integer field (labels), the value with the largest weight.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def carried(weights: Weights, values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _of_largest_weight(weights: Weights, labels: NDArray[Any]) -> NDArray[Any]:
-    """The label (n,) of largest weight at each new vertex; among equals, the smallest label."""
+    """The label (n,) with the largest weight at each new vertex; the smallest label in a tie."""
     keys, number = np.unique(labels, return_inverse=True)
     chosen = sparse.csr_matrix((np.ones(len(labels)), (np.arange(len(labels)), number)), shape=(len(labels), len(keys)))
     most: NDArray[Any] = keys[np.asarray((weights @ chosen).argmax(axis=1)).ravel()]

@@ -1,4 +1,4 @@
-"""How thick a body is below each point of its surface, and how wide the gap above: edges have to follow both."""
+"""Thickness of a body below each point of its surface, and width of the gap above; edge lengths follow both."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from cortet.meshes import FloatArray
 _MOST_STEPS = 30
 #: a ball that shrinks by less than this share of its radius has converged
 _SETTLED = 0.01
-#: if the normals at a ball's two points of contact have a cosine above this, the second point is not on an opposite
-#: side, but on the same side, which is bent or rough there
+#: if the normals at a ball's two points of contact have a cosine above this, both points are on the same side, which is
+#: bent or rough there
 _SAME_SIDE = 0.5
 
 
 def thickness(tree: SurfaceTree, points: FloatArray, normals: FloatArray, most: float, *, inside: bool) -> FloatArray:
-    """Diameter of the largest ball, inside or outside, that touches a closed surface at each given point of it.
+    """Diameter of the largest ball, inside or outside, that touches a closed surface at each given point.
 
     Parameters
     ----------
     tree : of the surface
-    points, normals : (n, 3) mm, on the surface; (n, 3) unit normals of the faces there, taken to point outward
+    points, normals : (n, 3) mm, on the surface; (n, 3) unit normals of the faces there, assumed to point outward
     most : mm, the diameter at which the search begins
     inside : True measures the thickness of blades, False the width of sulci
 

@@ -1,7 +1,7 @@
 """Connectivity: boundary faces, incidence, Euler number and manifold checks.
 
-Only the few functions that take `points` depend on more than indices. Results that belong to one mesh (its boundary
-faces, say) are computed on first use and kept as long as the mesh lives.
+Only the few functions that take `points` use more than indices. Results that belong to one mesh (such as its boundary
+faces) are computed on first use and kept as long as the mesh lives.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ class BoundaryFaces(NamedTuple):
 
 
 class Interfaces(NamedTuple):
-    """Faces between tetrahedra of two regions. A surface comes before those that it contains, so a face stands for the
-    surface with the higher number of the two.
+    """Faces between tetrahedra of two regions. A surface precedes those that it contains, so each face belongs to the
+    surface with the higher of the two numbers.
     """
 
     #: (k, 3) int32, counter-clockwise seen from outside the region with the higher number
@@ -89,7 +89,7 @@ class Interfaces(NamedTuple):
 
 @dataclass(frozen=True)
 class SurfaceTopology:
-    """What the connectivity of a triangulated surface says about it; coordinates play no part."""
+    """Topology of a triangulated surface, from its connectivity alone; coordinates play no role."""
 
     components: int
     #: V - E + F over used vertices; 2 for a sphere
@@ -137,7 +137,7 @@ def packed(simplices: NDArray[np.integer]) -> NDArray[np.int64]:
     """One int64 key per simplex (row), the same for any order of its 2 or 3 vertices."""
     rows = np.sort(simplices, axis=1).astype(np.int64)
     base = int(rows.max(initial=0)) + 1
-    if base ** rows.shape[1] >= 2**63:  # over two million nodes: number the leading edges first, then pack two values
+    if base ** rows.shape[1] >= 2**63:  # more than two million nodes: number the leading edges, then pack two values
         leading = np.unique(rows[:, 0] * base + rows[:, 1], return_inverse=True)[1]
         return leading * base + rows[:, 2]
     key = rows[:, 0]
@@ -186,7 +186,7 @@ def used_vertices(simplices: IntArray, vertex_count: int) -> IntArray:
 
 
 def numbers(chosen: NDArray[np.integer], count: int) -> IntArray:
-    """Position of each of `count` indices in `chosen` (k,): (count,) int32, -1 for an index that is not chosen."""
+    """Position in `chosen` (k,) of each of `count` indices: (count,) int32, -1 for an index that is not chosen."""
     place = np.full(count, -1, np.int32)
     place[chosen] = np.arange(len(chosen), dtype=np.int32)
     return place
@@ -207,7 +207,7 @@ def interfaces(mesh: TetMesh) -> Interfaces:
 
 
 def sheet(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
-    """The faces that stand for one of the given surfaces, and the mesh node of each of their vertices.
+    """The faces that represent one of the given surfaces, and the mesh node of each of their vertices.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def components(simplices: IntArray) -> int:
 
 
 def component_labels(simplices: IntArray) -> IntArray:
-    """Component of every vertex up to the largest used index: (n,) int32; an unused vertex is one of its own."""
+    """Component of every vertex up to the largest used index: (n,) int32; each unused vertex is its own component."""
     count = int(simplices.max(initial=-1)) + 1
     first, last = np.repeat(simplices[:, 0], simplices.shape[1] - 1), simplices[:, 1:].ravel()
     graph = coo_matrix((np.ones(len(first), np.int8), (first, last)), shape=(count, count))
@@ -268,14 +268,14 @@ def surface_topology(faces: IntArray) -> SurfaceTopology:
 
 
 class _Sides(NamedTuple):
-    """The sides of faces, 3 f + i for that from corner i of face f to corner i + 1, and the edges they make."""
+    """The sides of faces and the edges they form; side 3 f + i runs from corner i of face f to corner i + 1."""
 
     #: (e,) faces at each edge
     counts: NDArray[np.int64]
     #: (k,) both sides of each edge of exactly two faces
     first: NDArray[np.int64]
     second: NDArray[np.int64]
-    #: (k,) whether they run the same way, so that the two faces disagree
+    #: (k,) whether both sides run the same way, so that the two faces disagree
     same: NDArray[np.bool_]
 
 
@@ -291,9 +291,9 @@ def _sides(faces: IntArray) -> _Sides:
 
 
 def fans(faces: IntArray, sides: _Sides | None = None) -> NDArray[np.int64]:
-    """Number of the fan that each corner of each face belongs to: (3 m,), corner i of face f at 3 f + i.
+    """The fan that each corner of each face belongs to: (3 m,), corner i of face f at 3 f + i.
 
-    The two faces of an edge link their corners at both of its ends; the fans of a vertex are the connected components
+    The two faces of an edge link their corners at both of its ends. The fans of a vertex are the connected components
     of its corners. Edges of one face, or of more than two, link none.
     """
     first, second, same = (sides or _sides(faces))[1:]

@@ -1,7 +1,7 @@
 """Which triangles of a surface meet outside a shared vertex or edge: the compiled part of `intersection`.
 
-Points of intersection are computed and then located in the triangle. The usual test, by the signs of five determinants,
-fails in flat areas: all five are rounding noise there, and neighbours that merely share a vertex seem to cross.
+The kernel computes points of intersection and then locates them in the triangle. The usual test, by the signs of five
+determinants, fails in flat areas: all five are rounding noise, and neighbours that merely share a vertex seem to cross.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def _overlap(box, low, high):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _meet(one, other, a, b):  # type: ignore[no-untyped-def]
-    """Whether two triangles, of vertices `one` and `other` and coordinates `a` and `b`, meet beyond what they share.
+    """Whether two triangles (vertices `one`, `other`; coordinates `a`, `b`) meet beyond what they share.
 
     If two triangles meet, an edge of one meets the other; if they share a vertex, an edge opposite to it does. If they
     share an edge, they overlap when one is folded flat onto the other.
@@ -96,7 +96,7 @@ def _meet(one, other, a, b):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _folded(a, b, apex_a, apex_b):  # type: ignore[no-untyped-def]
-    """Whether triangles that share the edge opposite to these corners lie in one plane on the same side of the edge."""
+    """Whether triangles that share the edge opposite these corners lie in one plane on the same side of the edge."""
     start = 3 * ((apex_a + 1) % 3)
     end = 3 * ((apex_a + 2) % 3)
     ex, ey, ez = a[end] - a[start], a[end + 1] - a[start + 1], a[end + 2] - a[start + 2]
@@ -129,7 +129,7 @@ def _edge_meets(a, start, end, t):  # type: ignore[no-untyped-def]
     first, last = 0.0, 1.0
     if p_height != q_height:
         first = last = p_height / (p_height - q_height)
-    # the part of the edge that is on the inner side of all sides of the triangle: p + s d for s in [first, last]
+    # the part of the edge inside all sides of the triangle: p + s d for s in [first, last]
     for k in range(3):
         if k == 0:
             ax, ay, az, sx, sy, sz = 0.0, 0.0, 0.0, ux, uy, uz

@@ -19,21 +19,21 @@ from cortet.geometry.nesting import joined
 from cortet.geometry.topology import component_labels, neighbour_means
 from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
 
-#: rounds of smoothing around crossing triangles, and of replacing them
+#: most rounds of smoothing around crossing triangles, and of replacing them
 _SMOOTHINGS, _REPLACINGS = 12, 8
-#: in the first half of the rounds of smoothing, vertices go this share of the way to the middle of their neighbours
+#: in the first half of the smoothing rounds, vertices move this share of the way to the middle of their neighbours
 _GENTLY = 0.3
 
 
 class Uncrossed(NamedTuple):
-    """Triangles of which none crosses another."""
+    """Triangles none of which crosses another."""
 
     work: Triangles
     #: (k, 3) mm, centres of the triangles that crossed before
     centres: FloatArray
     #: whether triangles had to be replaced
     replaced: bool
-    #: mm, largest distance between the surface before and the surface after, of both directions; and its location
+    #: mm, largest distance, in both directions, between the surface before and after; and its location
     displacement: float
     place: FloatArray
 
@@ -45,7 +45,7 @@ def uncrossed(work: Triangles, *, max_displacement: float, max_piece: float) -> 
     ----------
     work : one closed, oriented manifold
     max_displacement : mm, largest distance that smoothing may move a vertex
-    max_piece : as of `holes.replaced`
+    max_piece : as in `holes.replaced`
 
     Raises
     ------
@@ -79,13 +79,13 @@ def moved_apart(
     rounds: int,
     beside: TriSurface | None = None,
 ) -> tuple[TriSurface, IntArray]:
-    """Move the vertices of crossing triangles, and of a ring more around them every third round, until none cross.
+    """Move vertices of crossing triangles, plus one more ring around them every third round, until none cross.
 
     Parameters
     ----------
     surface : mm; its vertices and triangles keep their numbers, so fields stay valid
     moved : new positions of all vertices (n, 3), given the surface, the vertices chosen (n,) and the round's number
-    rounds : most rounds
+    rounds : the most rounds
     beside : another surface, which does not move; its triangles are obstacles
 
     Returns
@@ -108,7 +108,7 @@ def moved_apart(
 def _smoothed_apart(work: Triangles, crossing: IntArray, limit: float) -> Triangles:
     """Move vertices of crossing triangles, and ever more around them, towards the middle of their neighbours.
 
-    Where that needs more than the limit, mm, or does not help, the surface stays as it was.
+    Where that takes more than the limit, mm, or does not help, the surface stays as it was.
     """
     used, faces = _near(work, crossing, limit)
     fixed = np.isin(np.arange(len(used)), border_vertices(faces))
@@ -123,7 +123,7 @@ def _smoothed_apart(work: Triangles, crossing: IntArray, limit: float) -> Triang
     points = moved_apart(TriSurface(given, faces), towards_neighbours, rounds=_SMOOTHINGS)[0].points
     away = np.linalg.norm(points - given, axis=1)
     wrong = (away > limit) | np.isin(np.arange(len(points)), faces[self_intersections(TriSurface(points, faces))])
-    # the whole component goes back, not a part of it
+    # the whole component goes back, not just part of it
     component = np.full(len(points), -1)
     label = component_labels(faces[faces_at(faces, away > 0)])
     component[: len(label)] = label
@@ -133,7 +133,7 @@ def _smoothed_apart(work: Triangles, crossing: IntArray, limit: float) -> Triang
 
 
 def _near(work: Triangles, crossing: IntArray, limit: float) -> tuple[IntArray, IntArray]:
-    """Vertices (k,) within reach of crossing faces while these move apart; and their faces, numbered by these."""
+    """Vertices (k,) within reach of crossing faces while these move apart; and their faces, as indices into these."""
     corners = work.points[work.faces[crossing]]
     edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max()
     reach = 3 * limit + 3 * float(edge)
@@ -143,7 +143,7 @@ def _near(work: Triangles, crossing: IntArray, limit: float) -> tuple[IntArray, 
 
 
 def _farthest(before: TriSurface, after: TriSurface) -> tuple[float, FloatArray]:
-    """Largest distance of a vertex of either surface to the other surface, mm, and that vertex."""
+    """Largest distance, mm, from a vertex of either surface to the other surface, and that vertex."""
     there = closest_points(tree_of(after), before.points).distances
     back = closest_points(tree_of(before), after.points).distances
     if there.max() > back.max():

@@ -1,7 +1,7 @@
-"""What the voxels of a volume hold inside tetrahedra: found by points spread evenly in each of them.
+"""Values of a volume's voxels inside tetrahedra, sampled at points spread evenly in each tetrahedron.
 
-A tetrahedron whose edges are cut into k parts is cut into k^3 of one volume; the points are the centroids of these. k
-grows with the longest edge in voxels, so that the points are about half a voxel apart.
+Cutting the edges of a tetrahedron into k parts cuts it into k^3 parts of equal volume; the points are their centroids.
+k grows with the longest edge in voxels, so that the points are about half a voxel apart.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from cortet.meshes import FloatArray, IntArray
 
-#: parts of an edge: least, for a tetrahedron within one voxel, and most
+#: parts of an edge: least (for a tetrahedron within one voxel) and most
 _FEWEST, _MOST = 2, 8
 #: distance of the points, voxels
 _SPACING = 0.5
@@ -30,11 +30,11 @@ class Labelled(NamedTuple):
 
     #: (l,) the labels of the volume, ascending
     keys: NDArray[np.int32]
-    #: (m,) the label of the largest share; of two equal ones the smaller
+    #: (m,) the label with the largest share; the smaller one in a tie
     label: NDArray[np.int32]
     #: (m,) that share
     share: NDArray[np.float32]
-    #: (m,) the label other than 0 of the largest share, 0 if there is none, and that share
+    #: (m,) the label other than 0 with the largest share, 0 if there is none, and that share
     other: NDArray[np.int32]
     other_share: NDArray[np.float32]
     #: (m,) share of 0
@@ -44,12 +44,12 @@ class Labelled(NamedTuple):
 
 
 def distinct(values: NDArray[np.integer]) -> NDArray[np.integer]:
-    """The different values of an array, ascending: without the copies of it that sorting takes."""
+    """The distinct values of an array, ascending, without the copies that sorting it would make."""
     return np.sort(pd.unique(values.ravel()))
 
 
 def in_voxels(affine: FloatArray, points: FloatArray) -> FloatArray:
-    """Points (n, 3) mm as positions in voxels, whose centres have whole numbers: (n, 3)."""
+    """Points (n, 3) mm as voxel coordinates, which are whole numbers at voxel centres: (n, 3)."""
     inverse = np.linalg.inv(affine)
     return np.asarray(points @ inverse[:3, :3].T + inverse[:3, 3])
 
@@ -57,7 +57,7 @@ def in_voxels(affine: FloatArray, points: FloatArray) -> FloatArray:
 def labels_inside(
     points: FloatArray, cells: IntArray, labels: NDArray[np.int32], affine: FloatArray, *, shares: bool = False
 ) -> Labelled:
-    """The label of each tetrahedron: that which most of its inside has. Outside the volume it is 0.
+    """The label of each tetrahedron: the one that fills most of it. Outside the volume it is 0.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def means_inside(
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
     """The mean of the voxels inside each tetrahedron, (m,) or (m, c), and which tetrahedra hold no value.
 
-    Those get the value of the nearest voxel that has one.
+    A tetrahedron that holds none gets the value of the nearest voxel that has one.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def means_inside(
 def _samples(
     points: FloatArray, cells: IntArray, affine: FloatArray, shape: tuple[int, ...]
 ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Some tetrahedra (c,), and the number of the voxel at each of their points (c, s), -1 outside the volume."""
+    """Batches of tetrahedra (c,) and the voxel number at each of their points (c, s), -1 outside the volume."""
     where = in_voxels(affine, points)
     longest = np.zeros(len(cells))
     for one, other in ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)):
@@ -136,7 +136,7 @@ def _samples(
 
 
 def _centroids(k: int) -> FloatArray:
-    """Barycentric coordinates of the centroids of k^3 parts of a tetrahedron, all of one volume: (k^3, 4).
+    """Barycentric coordinates of the centroids of k^3 parts of a tetrahedron, all of equal volume: (k^3, 4).
 
     Edgewise subdivision (Edelsbrunner and Grayson, Discrete & Computational Geometry 24, 2000): in coordinates that
     rise along a path of edges it is a grid of cubes, each cut into six.

@@ -1,8 +1,8 @@
 """How many times triangles wind around a point, even if they are not closed.
 
 The generalised winding number is the sum of the solid angles of all triangles over 4 pi (Jacobson et al., ACM
-Transactions on Graphics 32, 2013); holes, crossings and doubled triangles change it little. Far boxes of triangles
-count as one dipole each (Barill et al., ibid. 37, 2018).
+Transactions on Graphics 32, 2013). Holes, crossings and doubled triangles change it little. Each distant box of
+triangles counts as one dipole (Barill et al., ibid. 37, 2018).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def _dipoles_of(surface: TriSurface) -> FloatArray:
 
 @numba.njit(cache=True)
 def _dipoles(tree):  # type: ignore[no-untyped-def]
-    """Of each box, the sum of its triangles' area vectors, their centre weighted by area, and the radius."""
+    """For each box: the sum of its triangles' area vectors, their area-weighted centre, and the radius."""
     corners, boxes, child, size = tree.corners, tree.boxes, tree.child, tree.size
     found = np.zeros((len(boxes), 8))
     for box in range(len(boxes) - 1, -1, -1):  # children come after their parents
@@ -81,7 +81,7 @@ def _winding_numbers(tree, dipoles, points):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _winding_number(tree, dipoles, x, y, z):  # type: ignore[no-untyped-def]
-    """Solid angles of near triangles and of the dipoles of far boxes, over 4 pi."""
+    """Sum over 4 pi of the solid angles of near triangles and of the dipoles of far boxes."""
     stack = np.empty(_STACK_SIZE, np.int64)
     stack[0], top, total = 0, 1, 0.0
     while top:

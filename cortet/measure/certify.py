@@ -72,7 +72,7 @@ VERSION: int = 6
 
 #: relative difference allowed between the sum of volumes and the volume inside the boundary
 VOLUME_TOLERANCE = 1e-9
-#: how many locations of one kind are listed
+#: most locations of one kind to list
 PLACES = 10
 #: distributions whose versions can change a mesh or its numbers
 LIBRARIES = ("numpy", "scipy", "numba", "nibabel", "meshio", "pymeshlab", "pygalmesh", "cgal", "tetgen", "gmsh")
@@ -80,22 +80,22 @@ LIBRARIES = ("numpy", "scipy", "numba", "nibabel", "meshio", "pymeshlab", "pygal
 
 @dataclass(frozen=True)
 class Certificate:
-    """Everything there is to say about one mesh; `dataclasses.asdict` gives the content of certificate.json."""
+    """All that is certified about one mesh; `dataclasses.asdict` gives the content of certificate.json."""
 
     #: name of the case, e.g. sub-01_ses-02_hemi-L
     case: str
     certified: bool
-    #: why the mesh is not certified, in plain words, with location and remedy; empty when it is
+    #: why the mesh is not certified, in plain words, with location and remedy; empty if it is certified
     reasons: tuple[str, ...]
     checks: tuple[Check, ...]
     #: worst first
     worst_elements: tuple[WorstElement, ...]
     valence_bound: ValenceBound
-    #: the first few parts of the surface from which the boundary is farther than the limit
+    #: the first few parts of the surface that are farther from the boundary than the limit
     lost_places: tuple[LostPlace, ...]
     #: the first few boundary vertices at which the boundary is open, pinched or fused
     defects_mm: tuple[tuple[float, ...], ...]
-    #: centres of the first few faces of the boundary or of an interface that cross others
+    #: centres of the first few boundary or interface faces that cross others
     crossings_mm: tuple[tuple[float, ...], ...]
     quality: QualitySummary
     fidelity: Fidelity
@@ -111,7 +111,7 @@ class Certificate:
     input: dict[str, str]
     #: hash of the nodes and tetrahedra, which identifies the mesh
     mesh_sha256: str
-    #: whether the surface or an inner surface was repaired; `reports.repair` says what was done, and how far it went
+    #: whether the surface or an inner surface was repaired; `reports.repair` says what was done and how far it went
     input_repaired: bool
     #: stage -> its parameters
     parameters: dict[str, Any]
@@ -166,7 +166,7 @@ def certify(
     Any limit may be None: the number is reported, not judged.
     case : name of the case
     source : file of the input surface, which is identified by its hash
-    parameters, reports : stage -> what it ran with and what it reported; what S1 reports of topology is judged too
+    parameters, reports : stage -> its parameters and its report; the topology that S1 reports is judged too
 
     Raises
     ------
@@ -206,7 +206,7 @@ def certify(
     measured, faithful, gaps = summarise(mesh), fidelity(mesh, surface), banks(boundary, surface)
     before = None if native is None else native_record(mesh, native)
     repaired = _repaired(reports.get("repair", {}))
-    walls = sheets_of(mesh) if surface.inner else boundary  # beginning with the boundary
+    walls = sheets_of(mesh) if surface.inner else boundary  # the boundary comes first
     crossing = self_intersections(walls)
     regions = region_records(mesh, surface) if surface.inner else ()
     interfaces = interface_records(mesh, surface) if surface.inner else ()
@@ -235,7 +235,7 @@ def certify(
         *bank_checks(gaps, share=min_bank_gap),
         *boundary_checks(faithful, nodes=max_boundary_distance, centres=times(max_face_distance, cell_size)),
         *loss_checks(faithful, largest=largest, mean=mean, area=max_area_change, volume=max_volume_change),
-        # `repair` has limits of its own
+        # `repair` has its own limits
         *native_checks(
             before,
             largest=None if repaired else times(max_native_distance, cell_size),
@@ -291,7 +291,7 @@ def versions(reports: Mapping[str, Any]) -> dict[str, str]:
 
     Parameters
     ----------
-    reports : stage -> what it reported, which names the program that S4 called
+    reports : stage -> its report, which names the program that S4 called
     """
     found = {"cortet": __version__, "python": platform.python_version()}
     for name in LIBRARIES:
@@ -319,7 +319,7 @@ _PLACED_DEFECTS = (
 
 
 def _lost(places: Sequence[LostPlace]) -> str:
-    """Where the boundary does not follow the surface, in words; empty where it does."""
+    """Where the boundary does not follow the surface, in words; empty if it does everywhere."""
     if not places:
         return ""
     counted = {kind: sum(place.kind == kind for place in places) for kind in ("filled", "cut off")}

@@ -1,4 +1,4 @@
-"""What a certificate judges: each number beside its limit, in the order of the certificate."""
+"""The checks of a certificate: each number with its limit, in the order of the certificate."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _WORDS: dict[Comparison, str] = {
 }
 
 SURFACE_DISTANCE = "distance of the surface to the boundary, at most"
-#: words of remedies, and the share of a cell size that is tried next
+#: words of a remedy, and the factor by which it reduces the cell size
 _SMALLER, _FINER = "a smaller cell size", 0.75
 LOSS_REMEDY = "use a smaller cell size, or the mesher `lattice`, whose edges follow the shape"
 BANKS = "smallest gap between banks of the boundary, over that of the surface"
@@ -38,13 +38,13 @@ TOPOLOGY_REMEDY = "add a smaller fraction to `generate.facet_distance`, or use a
 
 @dataclass(frozen=True)
 class Check:
-    """One number and the limit it is judged by."""
+    """One number and the limit that judges it."""
 
     name: str
     value: float
     #: empty for counts and ratios
     unit: str
-    #: None where the number is reported without a limit
+    #: None if the number has no limit
     comparison: Comparison | None
     limit: float | None
     passed: bool
@@ -82,7 +82,7 @@ def for_mesher(check: Check, mesher: str | None) -> Check:
 
 
 def for_cell_size(check: Check, cell_size: float | None) -> Check:
-    """The check with a size in mm where its remedy is a smaller one, if it failed and the size of the mesh is known."""
+    """The check, with a size in mm if it failed, its remedy is a smaller cell size and the mesh's own is known."""
     if check.passed or cell_size is None:
         return check
     size = f"{_SMALLER} ({_FINER * cell_size:.2g} mm)"
@@ -110,7 +110,7 @@ def native_checks(
 
 
 def relative_difference(one: float, other: float) -> float:
-    """Difference of two volumes over the larger of them; 0 if both are 0."""
+    """Difference of two volumes over the larger one; 0 if both are 0."""
     largest = max(abs(one), abs(other))
     return abs(one - other) / largest if largest else 0.0
 
@@ -155,7 +155,7 @@ def interface_checks(
     mean: float | None,
     area: float | None,
 ) -> Iterator[Check]:
-    """What is judged of the boundary, judged of each interface; limits of distances in mm."""
+    """The checks of the boundary, applied to each interface; limits of distances in mm."""
     for one in interfaces:
         genus = (2 - one.surface_euler_number) // 2
         problems = one.topology.problems(genus)
@@ -182,7 +182,7 @@ def interface_checks(
 
 
 def meshing_checks(report: Mapping[str, Any] | None) -> Iterator[Check]:
-    """What S1 reported of the topology; a later stage can hide such a problem, not undo it."""
+    """Whether S1 reported a topology problem: a later stage can hide one, but not undo it."""
     if report is not None:
         yield judged("topology problems after S1", int(not report["topology_ok"]), "==", 0, remedy=TOPOLOGY_REMEDY)
 
@@ -210,7 +210,7 @@ def boundary_checks(found: Fidelity, *, nodes: float | None, centres: float | No
 def loss_checks(
     found: Fidelity, *, largest: float | None, mean: float | None, area: float | None, volume: float | None
 ) -> Iterator[Check]:
-    """How much of the surface the mesh does not follow: distances in mm, changes relative."""
+    """How much of the surface the mesh does not follow: distances in mm, relative changes."""
     distance = found.surface_to_boundary_mm
     for name, value, limit, unit in (
         (SURFACE_DISTANCE, distance.max, largest, "mm"),

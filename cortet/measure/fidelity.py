@@ -31,18 +31,18 @@ class Distances:
 
 @dataclass(frozen=True)
 class Fidelity:
-    """A mesh beside the surface it was made from. Relative changes are (mesh - surface) / surface."""
+    """A mesh compared with its surface. Relative changes are (mesh - surface) / surface."""
 
     #: boundary nodes to the nearest point of the surface
     nodes_to_surface_mm: Distances
-    #: centres of boundary faces to the nearest point of the surface: what a coarse mesh cuts off even when all its
-    #: boundary nodes lie on the surface
+    #: centres of boundary faces to the nearest point of the surface: shows what a coarse mesh cuts off even when all
+    #: its boundary nodes lie on the surface
     face_centres_to_surface_mm: Distances
     #: vertices of the surface and centres of its faces to the nearest point of the mesh boundary; large where the mesh
     #: leaves a sulcus or a blade behind, even when all its boundary nodes lie on the surface
     surface_to_boundary_mm: Distances
-    #: boundary nodes to the nearest *vertex* of the surface, as the published figures were measured; this is about half
-    #: an edge of the surface even for a perfect mesh
+    #: boundary nodes to the nearest *vertex* of the surface, the measure of the published figures; about half an edge
+    #: of the surface even for a perfect mesh
     nodes_to_nearest_vertex_mm: Distances
     volume_ml: float
     surface_volume_ml: float
@@ -84,7 +84,7 @@ def summary(distances: FloatArray) -> Distances:
 
 
 def boundary_roughness(points: FloatArray, faces: IntArray) -> float:
-    """RMS distance of the vertices to the mean of their edge neighbours, over the mean edge length; no unit."""
+    """RMS distance of the vertices from the mean of their edge neighbours, over the mean edge length; no unit."""
     offsets = np.linalg.norm(points - neighbour_means(points, faces), axis=1)
     start, end = edges(faces).T
     mean_edge = np.linalg.norm(points[start] - points[end], axis=1).mean()
@@ -94,9 +94,9 @@ def boundary_roughness(points: FloatArray, faces: IntArray) -> float:
 def high_frequency_roughness(points: FloatArray, faces: IntArray) -> float:
     """How much of a surface is stair steps or noise: the mean bi-Laplacian of its vertices along their normals.
 
-    The offset of a vertex to the mean of its neighbours is curvature where it changes little from one vertex to the
-    next, and roughness where it does not; so the mean of the neighbours' offsets is taken away from it. Divided by the
-    mean edge: 0.006 to 0.027 on atlas surfaces, 0.11 on the steps of a label image. No unit.
+    The offset of a vertex from the mean of its neighbours is curvature if it changes little from one vertex to the
+    next, and roughness if it does not; so the mean of the neighbours' offsets is subtracted. Divided by the mean edge:
+    0.006 to 0.027 on atlas surfaces, 0.11 on the steps of a label image. No unit.
     """
     offsets = points - neighbour_means(points, faces)
     changing = offsets - neighbour_means(offsets, faces)

@@ -1,8 +1,8 @@
 """Where a mesh does not follow its surface: sulci that it fills, blades and tips that it cuts off.
 
 A mesh can do both while every boundary node lies on the surface and the topology is right. So the distance is measured
-from the surface, at its vertices and the centres of its faces. Samples that are too far from the boundary and hang
-together make one lost part.
+from the surface, at its vertices and the centres of its faces. Connected samples that are too far from the boundary
+form one lost part.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class LostPlace:
     place_mm: tuple[float, float, float]
     #: distance from that point to the boundary
     distance_mm: float
-    #: `filled`: that point lies inside the mesh, as the bottom of a sulcus; `cut off`: outside, as the crest of a blade
+    #: `filled`: that point lies inside the mesh, like the bottom of a sulcus; `cut off`: outside, like a blade's crest
     kind: Literal["filled", "cut off"]
     #: number of vertices of the surface in this part
     vertices: int
@@ -72,7 +72,7 @@ def lost_places(boundary: TriSurface, surface: TriSurface, *, limit: float) -> l
 
 
 def _parts(surface: TriSurface, beyond: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Component of each sample, (n + m,): samples beyond the limit hang together by edges or faces."""
+    """Component of each sample, (n + m,): edges and faces connect samples beyond the limit."""
     count = len(surface.points)
     corners = surface.faces.ravel()
     centres = np.repeat(np.arange(count, len(beyond)), 3)

@@ -1,4 +1,4 @@
-"""A mesh beside its native surface: as it was read, before it was smoothed, resampled or repaired."""
+"""A mesh compared with its native surface: as it was read, before smoothing, resampling or repair."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cortet.meshes import TetMesh, TriSurface
 
 @dataclass(frozen=True)
 class Native:
-    """The boundary of a mesh beside its native surface."""
+    """The boundary of a mesh compared with its native surface."""
 
     #: boundary nodes and centres of boundary faces to the nearest point of the native surface
     boundary_to_native_mm: Distances

@@ -19,7 +19,7 @@ from cortet.meshes import FloatArray, IntArray, TetMesh, require_indices, requir
 
 VERSION: int = 2
 
-#: elements above each of these q are counted; a solver-ready mesh stays below the last
+#: values of q above which elements are counted; a solver-ready mesh stays below the last
 COUNTED_LIMITS = (0.3, 0.4, 0.5, 0.6)
 HISTOGRAM_BIN_WIDTH = 0.005
 #: (K + 4/3 mu) of the folding simulation in units of mu, with bulk modulus K = 5 (BrainGrowth), and its density
@@ -31,7 +31,7 @@ _BLOCK = 1 << 14
 
 
 def _in_blocks(measure: Callable[[FloatArray, IntArray], FloatArray]) -> Callable[[FloatArray, IntArray], FloatArray]:
-    """The same measure, taken block by block."""
+    """The same measure, computed block by block."""
 
     @wraps(measure)
     def in_blocks(points: FloatArray, cells: IntArray) -> FloatArray:
@@ -69,7 +69,7 @@ def oriented(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:
 
 
 def quality(points: FloatArray, cells: IntArray) -> FloatArray:
-    """q = 1 - sqrt(2) 6V / l_rms^3: (m,); 1 where V <= 0. InputError if an index is not that of a node."""
+    """q = 1 - sqrt(2) 6V / l_rms^3: (m,); 1 where V <= 0. InputError if an index is not valid."""
     require_indices(cells, len(points), "tetrahedron", "nodes")
     return _quality(np.ascontiguousarray(points, np.float64), np.ascontiguousarray(cells, np.int32))
 
@@ -103,23 +103,23 @@ def circumradii(points: FloatArray, cells: IntArray) -> FloatArray:
 
 
 class Measures(NamedTuple):
-    """What is measured of every element besides q, each (m,)."""
+    """All measures of elements besides q, each (m,)."""
 
     #: signed, mm3
     volume: FloatArray
     #: 1 - 3 inradius / circumradius, and 1 - sqrt(6)/4 shortest edge / circumradius; 1 where V <= 0
     radius_ratio: FloatArray
     radius_edge: FloatArray
-    #: of the six dihedral angles, degrees
+    #: smallest of the six dihedral angles, degrees
     smallest_angle: FloatArray
     largest_angle: FloatArray
-    #: of the six edges, mm
+    #: shortest of the six edges, mm
     shortest_edge: FloatArray
     longest_edge: FloatArray
 
 
 def measures(points: FloatArray, cells: IntArray) -> Measures:
-    """All measures but q, in one pass over the elements. InputError if an index is not that of a node."""
+    """All measures but q, in one pass over the elements. InputError if an index is not valid."""
     require_indices(cells, len(points), "tetrahedron", "nodes")
     table = _measures(np.ascontiguousarray(points, np.float64), np.ascontiguousarray(cells, np.int32))
     return Measures(*table.T)
@@ -221,7 +221,7 @@ class Distribution:
 
 @dataclass(frozen=True)
 class QualitySummary:
-    """All that is reported of the element quality of one mesh, in plain numbers that JSON can hold."""
+    """All that is reported about the element quality of one mesh, in plain numbers that JSON can hold."""
 
     nodes: int
     tets: int

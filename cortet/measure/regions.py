@@ -1,7 +1,7 @@
-"""What a certificate says of each region of a mesh, and of each interface.
+"""What a certificate says about each region and each interface of a mesh.
 
-An interface must meet what the boundary must meet: it is one closed manifold with the topology of its inner surface,
-every vertex lies on that surface, the interface follows all of that surface, and no face crosses another.
+An interface must meet the same conditions as the boundary: it is one closed manifold with the topology of its inner
+surface, every vertex lies on that surface, the interface follows all of that surface, and no face crosses another.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from cortet.measure.lost import distances_to
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import REGION, TetMesh, TriSurface, region_names
 
-#: how many thin spots are listed, and how far apart they are, mm
+#: most thin spots to list, and their least distance from each other, mm
 _THIN_PLACES, _APART_MM = 5, 5.0
 
 
@@ -44,7 +44,7 @@ class Across:
 
 @dataclass(frozen=True)
 class RegionRecord:
-    """One region of a mesh beside the surfaces that bound it."""
+    """One region of a mesh compared with the surfaces that bound it."""
 
     name: str
     #: value of the cell data `region`
@@ -70,7 +70,7 @@ class ThinPlace:
 
 @dataclass(frozen=True)
 class InterfaceRecord:
-    """The faces between a region and the region around it, beside the inner surface they stand for."""
+    """The faces between a region and the region around it, compared with the inner surface they represent."""
 
     #: name of the region inside
     name: str
@@ -84,7 +84,7 @@ class InterfaceRecord:
     nodes_to_surface_mm: Distances
     surface_to_interface_mm: Distances
     relative_area_change: float
-    #: the thinnest spots of the region around, some way from each other
+    #: the thinnest spots of the region around, well apart from each other
     thinnest: tuple[ThinPlace, ...]
 
 
@@ -116,7 +116,7 @@ def region_records(mesh: TetMesh, surface: TriSurface) -> tuple[RegionRecord, ..
 
 
 def interface_records(mesh: TetMesh, surface: TriSurface) -> tuple[InterfaceRecord, ...]:
-    """One record for each inner surface. Without its interface in the mesh, distances are the size of the surface."""
+    """One record per inner surface. If the mesh lacks its interface, distances are the size of the surface."""
     region = _region(mesh)
     found, names, around = interfaces(mesh), region_names(surface.inner), parents(surface)
     records = []
@@ -161,7 +161,7 @@ def _thinnest(inner: TriSurface, outer: TriSurface) -> tuple[ThinPlace, ...]:
 
 
 def sheets_of(mesh: TetMesh) -> TriSurface:
-    """The boundary and then the interfaces of a mesh as one surface: none of these faces may cross another."""
+    """The boundary, then the interfaces of a mesh, as one surface, none of whose faces may cross another."""
     numbers = np.unique(interfaces(mesh).region).tolist()
     return joined([boundary_surface(mesh)[0], *(sheet(mesh, number)[0] for number in numbers)])
 
@@ -179,7 +179,7 @@ def _across(mesh: TetMesh, number: int, within: list[int]) -> Across | None:
         return None
     steps = dijkstra(graph.tocsr(), directed=False, indices=inner, unweighted=True, min_only=True)[outer]
     steps = steps[np.isfinite(steps)]
-    if not len(steps):  # no edges lead across: the numbers of the regions are wrong
+    if not len(steps):  # no edges lead across, so the region numbers are wrong
         return None
     return Across(int(steps.min()), float(np.percentile(steps, 5)), float(np.median(steps)))
 

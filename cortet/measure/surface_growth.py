@@ -1,9 +1,9 @@
-"""How much each spot of a surface has grown: between two surfaces whose vertices correspond.
+"""Growth at each spot of a surface, measured between two surfaces whose vertices correspond.
 
 A triangle and its later image give the stretch along the surface, U of the polar decomposition F = R U. Its logarithm
-is a symmetric tensor in the plane of the early triangle: half its trace is the mean logarithmic stretch, and what is
-left says how much more one direction grows than the other. Logarithms can be averaged and interpolated, and a sum of
-them leaves no stretch below zero (Arsigny et al., Magnetic Resonance in Medicine 56, 2006).
+is a symmetric tensor in the plane of the early triangle. Half its trace is the mean logarithmic stretch; the rest says
+how much more one direction grows than the other. Logarithms can be averaged and interpolated, and no sum of them gives
+a negative stretch (Arsigny et al., Magnetic Resonance in Medicine 56, 2006).
 
 Tensors are rows of six numbers, in the order of `COMPONENTS`, in the coordinates of the early surface.
 """
@@ -25,9 +25,9 @@ from cortet.meshes import FloatArray, IntArray, TriSurface
 COMPONENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
 _ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 
-#: rounds of smoothing that cross-validation chooses from
+#: candidate rounds of smoothing for cross-validation
 _ROUNDS = (0, 1, 2, 4, 8, 16, 32, 64)
-#: rates of a course that a fit chooses from, per week, and ages that it takes to tell them apart
+#: candidate rates of a course for a fit, per week, and how many ages it takes to tell them apart
 _RATES = tuple(np.round(np.arange(0, 0.305, 0.005), 3).tolist())
 _AGES_FOR_A_RATE = 3
 #: random vectors that estimate a trace (Hutchinson 1990), and their seed
@@ -44,7 +44,7 @@ class Principal(NamedTuple):
     #: (n,), the larger and the smaller
     largest: FloatArray
     smallest: FloatArray
-    #: (n, 3), unit vector along the larger; its sign means nothing
+    #: (n, 3), unit vector along the larger; its sign has no meaning
     direction: FloatArray
 
 
@@ -64,21 +64,21 @@ class Growth:
     tensors: FloatArray
     #: full width at half maximum of the smoothing, mm
     width_mm: float
-    #: later over early, of the whole
+    #: later over early area of the whole surface
     area_ratio: float
     volume_ratio: float
-    #: of the area ratio of the vertices, weighted by area: percentile -> value
+    #: area-weighted percentiles of the vertices' area ratio: percentile -> value
     percentiles: dict[str, float]
-    #: numbers per vertex that people look at, by name
+    #: values per vertex for people to look at, by name
     metrics: dict[str, FloatArray]
 
 
 def measured(early: TriSurface, later: TriSurface, width_mm: float | None = None) -> Growth:
-    """How much each spot of a surface has grown until a later one, whose vertices correspond to its own.
+    """How much each spot of a surface has grown by the time of a later surface with corresponding vertices.
 
     Parameters
     ----------
-    width_mm : full width at half maximum of the smoothing along the surface; None: as much as noise asks for
+    width_mm : full width at half maximum of the smoothing along the surface; None: as much as noise requires
 
     Raises
     ------
@@ -106,7 +106,7 @@ def measured(early: TriSurface, later: TriSurface, width_mm: float | None = None
 
 
 def _plausible(tensors: FloatArray) -> FloatArray:
-    """The same growth; InputError if most of a surface grows or shrinks more than any cortex does."""
+    """The given growth; InputError if most of a surface grows or shrinks more than any cortex does."""
     middle = float(np.exp(np.median(np.abs(np.log(area_ratio(tensors))))))
     if middle > MOST_GROWTH:
         raise InputError(
@@ -181,7 +181,7 @@ def check_corresponding(early: TriSurface, later: TriSurface) -> None:
 
 
 def vertex_areas(surface: TriSurface) -> FloatArray:
-    """A third of the area of the triangles around each vertex: (n,) mm2."""
+    """Area of each vertex, a third of that of the triangles around it: (n,) mm2."""
     areas = np.repeat(face_areas(surface.points, surface.faces) / 3, 3)
     return np.bincount(surface.faces.ravel(), areas, minlength=len(surface.points)).astype(float)
 
@@ -194,9 +194,9 @@ def area_ratio(tensors: FloatArray) -> FloatArray:
 def principal(tensors: FloatArray, normals: FloatArray) -> Principal:
     """Principal stretches of tensors (n, 6) along the surface with some unit normals (n, 3)."""
     values, vectors = np.linalg.eigh(_matrices(tensors))
-    across = np.abs(np.einsum("nik,ni->nk", vectors, normals)).argmax(axis=1)  # its value is 0, anywhere among them
+    across = np.abs(np.einsum("nik,ni->nk", vectors, normals)).argmax(axis=1)  # its eigenvalue, 0, may have any rank
     rows = np.arange(len(values))
-    kept = np.array([[1, 2], [0, 2], [0, 1]])[across]  # eigh sorts them, the smallest first
+    kept = np.array([[1, 2], [0, 2], [0, 1]])[across]  # eigh sorts in ascending order
     return Principal(np.exp(values[rows, kept[:, 1]]), np.exp(values[rows, kept[:, 0]]), vectors[rows, :, kept[:, 1]])
 
 
@@ -209,12 +209,12 @@ def tensors_of(found: Principal, normals: FloatArray) -> FloatArray:
 
 
 def smoothed(tensors: FloatArray, surface: TriSurface, width_mm: float | None = None) -> Smoothed:
-    """Tensors (n, 6) smoothed along the surface, those of a neighbour turned into the plane of the vertex.
+    """Tensors (n, 6) smoothed along the surface; those of neighbours are turned into the plane of the vertex.
 
     Parameters
     ----------
-    width_mm : full width at half maximum; None: the one with which what neighbours say predicts a vertex best
-        (generalised cross-validation, Golub, Heath and Wahba 1979)
+    width_mm : full width at half maximum; None: the one with which neighbours predict a vertex best (generalised
+        cross-validation, Golub, Heath and Wahba 1979)
     """
     step = _step_mm(surface)
     if width_mm is not None:
@@ -235,7 +235,7 @@ class Fit(NamedTuple):
 
     #: (n, 6), at the last age that was fitted
     pattern: FloatArray
-    #: (n,), standard error of the logarithm of the area there; NaN where two ages leave nothing to judge by
+    #: (n,), standard error of the logarithm of the area at that age; NaN if two ages leave no residual
     error: FloatArray
     #: start, and the rate b of the course (1 - exp(-b t)), per week; 0: linear in the logarithm, so exponential
     start: float
@@ -243,7 +243,7 @@ class Fit(NamedTuple):
     last: float
 
     def at(self, age: float) -> FloatArray:
-        """Tensors at an age, beyond the last one, too: (n, 6)."""
+        """Tensors at any age, even beyond the last one: (n, 6)."""
         return self.pattern * (_course(age - self.start, self.rate) / _course(self.last - self.start, self.rate))
 
 
@@ -254,7 +254,7 @@ def fitted(ages: Sequence[float], tensors: Sequence[FloatArray], start: float, r
     ----------
     ages : weeks, rising, after the start
     tensors : growth from the start to each of them, (n, 6)
-    rate : of the course, per week: 0 is exponential growth, above 0 Gompertz's; None: that which leaves least over
+    rate : of the course, per week: 0 is exponential growth, above 0 Gompertz's; None: the one of least residual
     """
     times, values = np.asarray(ages) - start, np.stack(tensors)
     if rate is None:
@@ -272,12 +272,12 @@ def fitted(ages: Sequence[float], tensors: Sequence[FloatArray], start: float, r
 
 
 def _course(time: Any, rate: float) -> Any:
-    """How far growth has come: 0 at 0, and like the time there."""
+    """How far growth has come: 0 at time 0, with slope 1 there."""
     return -np.expm1(-rate * time) / rate if rate else time * 1.0
 
 
 def _left_over(times: FloatArray, values: FloatArray, rate: float) -> FloatArray:
-    """What the best fit of a rate leaves over: (k, n, 6)."""
+    """Residuals of the best fit with a rate: (k, n, 6)."""
     course = _course(times, rate)
     slope = np.tensordot(course, values, 1) / (course @ course)
     result: FloatArray = values - course[:, None, None] * slope

@@ -1,9 +1,9 @@
 """The worst elements of a mesh: where they are, why they are bad, and what would help.
 
 Connectivity alone can keep an element bad. The dihedral angles of the n tetrahedra around an edge add up to 360 degrees
-inside the mesh, and to the opening angle of the boundary at a boundary edge. So one angle is no smaller, and one no
-larger, than the n-th part of the sum. An element with such an angle has at least the q of `quality.opening_bound`,
-wherever its vertices go.
+inside the mesh, and to the opening angle of the boundary at a boundary edge. So at least one angle is no smaller, and
+at least one no larger, than the sum over n. An element with such an angle has at least the q of
+`quality.opening_bound`, wherever its vertices go.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from cortet.geometry.topology import TET_EDGES, boundary_faces, boundary_nodes, 
 from cortet.measure.quality import dihedral_angles, opening_bound, quality
 from cortet.meshes import FloatArray, TetMesh
 
-#: an edge explains an element when its bound is at least this part of the element's q
+#: an edge explains an element if its bound is at least this share of the element's q
 _EXPLAINS = 0.5
 _USE_RECONNECT = "switch `reconnect` on"
 _USE_CLEAN = "switch `clean` on"
@@ -51,7 +51,7 @@ class ValenceBound:
     boundary_q: float
     #: interior edges in three tetrahedra (q >= 0.300) or fewer
     interior_edges_of_valence_3: int
-    #: boundary edges held by a single tetrahedron
+    #: boundary edges in a single tetrahedron
     boundary_edges_of_valence_1: int
 
 
@@ -109,9 +109,9 @@ def valence_bound(around: Fans) -> ValenceBound:
 def worst_elements(
     mesh: TetMesh, around: Fans, *, count: int = 10, stages: Collection[str] = ()
 ) -> tuple[WorstElement, ...]:
-    """The `count` elements of largest q, worst first, each with the reason.
+    """The `count` elements with the largest q, worst first, each with the reason.
 
-    `stages` names the stages that the mesh has been through; none of them is recommended.
+    `stages` names the stages that the mesh has been through; no remedy recommends them.
     """
     q = quality(mesh.points, mesh.cells)
     normals = vertex_normals(mesh.points, boundary_faces(mesh))
@@ -138,7 +138,7 @@ def worst_elements(
 
 
 def _largest(values: FloatArray, count: int) -> NDArray[np.int64]:
-    """Indices of the largest values, largest first, equal ones by index."""
+    """Indices of the largest values, largest first; ties in the order of the index."""
     threshold = np.partition(values, -count)[-count] if count < len(values) else -np.inf
     candidates = np.flatnonzero(values >= threshold)
     return candidates[np.argsort(-values[candidates], kind="stable")][:count]

@@ -1,7 +1,7 @@
 """Ways to fill a surface with tetrahedra, which `cortet.stages.generate` chooses from: each declares itself.
 
-This is the only list. Like the modules of stages, those here are light; modules whose names begin with `_` are parts of
-meshers, and load with them. A new mesher is a new file in this folder (CONTRIBUTING.md shows one).
+This is the only list. Like stage modules, mesher modules are light; modules whose names begin with `_` are parts of
+meshers and load with them. A new mesher is a new file in this folder (CONTRIBUTING.md shows one).
 """
 
 from __future__ import annotations

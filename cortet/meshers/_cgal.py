@@ -26,19 +26,19 @@ from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: CGAL's optimisation passes in the order it runs them; exude must be last, since moving a vertex undoes it
 PASSES = ("odt", "lloyd", "perturb", "exude")
-#: CGAL's own defaults for ODT and Lloyd, which the wheel wants spelled out
+#: CGAL's own defaults for ODT and Lloyd, which the wheel needs explicitly
 CONVERGENCE, FREEZE_BOUND = 0.02, 0.01
 #: "no limit" for the time limits, iteration limits and sliver bounds of CGAL's passes
 NO_LIMIT = 0
 
-#: time for the system to move this thread to an idle core before it is confined to where it is
+#: time for the system to move this thread to an idle core before it is confined to its core
 _SETTLING_S = 0.05
 
 logger = logging.getLogger(__name__)
 
 
 class Criteria(NamedTuple):
-    """What CGAL refines for; lengths in mm, the angle in degrees."""
+    """Criteria of CGAL's refinement; lengths in mm, the angle in degrees."""
 
     cell_size: float
     facet_angle: float
@@ -55,7 +55,7 @@ def fill(
     ----------
     off : as `write_off` writes it
     backend : a key of `BACKENDS`
-    passes : those of `PASSES` that run after the refinement
+    passes : the `PASSES` to run after the refinement
     seed : of CGAL's random numbers; the `cgal` wheel takes none
 
     Returns

@@ -14,7 +14,7 @@ logger = logging.getLogger(__name__)
 
 
 def well_ordered(points: FloatArray, cells: IntArray, region: IntArray | None = None) -> tuple[TetMesh, int]:
-    """Tetrahedra of a mesher with positive volumes, numbered along a curve; and how many flat ones were left out.
+    """Tetrahedra of a mesher with positive volumes, numbered along a curve; and how many flat ones were dropped.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def judged(
     passes: tuple[str, ...] = (),
     flat: int,
 ) -> Attempt:
-    """Compare the topology of a mesh with that of the surface it was made of; lengths in mm."""
+    """Compare the topology of a mesh with that of its surface; lengths in mm."""
     boundary = surface_topology(boundary_faces(mesh))
     problems = boundary.problems(int(surface_topology(surface.faces).genus))
     if (bodies := components(mesh.cells)) != 1:
@@ -55,6 +55,6 @@ def judged(
 
 
 def log_attempt(what: str, attempt: Attempt, seconds: float) -> None:
-    """Say what came of an attempt."""
+    """Log the result of an attempt."""
     found = "; ".join(attempt.problems) or "topology of the surface"
     logger.info("%s: %d nodes, %d tetrahedra, %s, %.1f s", what, attempt.nodes, attempt.tetrahedra, found, seconds)

@@ -1,4 +1,4 @@
-"""A triangulated surface as half-edges, and what is measured on it: the part that all operations of `_triangles` share.
+"""A triangulated surface as half-edges, and measures of it, which all operations of `_triangles` share.
 
 Half-edge 3 f + i runs from corner i of face f to corner i + 1. A dead face has -1 as its first corner, a dead vertex -1
 as its half-edge.
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cortet.meshes import FloatArray, IntArray
 
-#: triangles around an operation that are looked at; with more, it is refused
+#: most triangles around an operation; with more, it is refused
 MOST_FACES = 64
 
 
@@ -22,7 +22,7 @@ MOST_FACES = 64
 MIN_COSINE = 0.3
 
 
-#: shape of a triangle below which it is nearly flat: its normal says nothing, and TetGen may fail on it
+#: a triangle whose shape is below this is nearly flat: its normal says nothing, and TetGen may fail on it
 FLAT = 0.05
 
 
@@ -46,7 +46,7 @@ class Work(NamedTuple):
     after: IntArray
     #: (s, 3) float64 mm, samples of the given surface
     samples: FloatArray
-    #: (s,) float64 mm2, squared distance of each to its face, and the limit of it
+    #: (s,) float64 mm2, squared distance of each sample to its face, and its limit
     distance2: FloatArray
     limit2: FloatArray
     #: (2,) int64: vertices and faces in use, dead ones included
@@ -54,19 +54,19 @@ class Work(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """What an operation writes down before it is made."""
+    """Working arrays of an operation before it is carried out."""
 
-    #: faces whose samples are looked at, and the triangles (9 coordinates) that take their place
+    #: faces whose samples are examined, and the triangles (9 coordinates) that replace them
     old: IntArray
     new: FloatArray
-    #: samples of the old faces, the new triangle each is nearest to, and the squared distance
+    #: samples of the old faces, the nearest new triangle of each, and the squared distance
     sample: IntArray
     nearest: IntArray
     distance2: FloatArray
 
 
 def scratch(samples: int) -> Scratch:
-    """Room for operations on a surface with so many samples."""
+    """Working arrays for operations on a surface with `samples` samples."""
     return Scratch(
         np.empty(MOST_FACES, np.int32),
         np.empty((MOST_FACES, 9)),
@@ -148,7 +148,7 @@ def cross_of(c):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def has_turned(new, old):  # type: ignore[no-untyped-def]
-    """Whether the normal of a triangle has turned too far; a nearly flat old one has no direction to turn from."""
+    """Whether the normal of a triangle has turned too far; a nearly flat old triangle has no normal to turn from."""
     if not shape_of(old) > FLAT:
         return False
     mx, my, mz = cross_of(old)
@@ -215,7 +215,7 @@ def face_row(w, f):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def limit_growth(faces, points, size, growth):  # type: ignore[no-untyped-def]
-    """Lower `size` (n,) until no edge of `faces` sees it grow by more than `growth` times the length of the edge."""
+    """Lower `size` (n,) until along no edge of `faces` it grows by more than `growth` times the length of the edge."""
     changed = True
     while changed:
         changed = False

@@ -1,8 +1,8 @@
 """A body-centred cubic lattice inside, joined to given boundary triangles by a constrained Delaunay tetrahedralisation.
 
-The tetrahedra of the lattice have q = 0.0705, nearly the best that fills space. Between it and the boundary Delaunay
-leaves slivers, which reconnection removes. TetGen keeps every boundary triangle, so the boundary has the topology of
-what was handed over.
+The tetrahedra of the lattice have q = 0.0705, nearly the best that fills space. Between it and the boundary, Delaunay
+tetrahedralisation leaves slivers, which reconnection removes. TetGen keeps every boundary triangle, so the boundary
+keeps the topology of the given triangles.
 
 References: Labelle and Shewchuk, Isosurface stuffing, SIGGRAPH 2007 (the lattice); Si, TetGen, ACM TOMS 41, 2015.
 """
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 #: side of the lattice's cubes over the cell size: circumradii are sqrt(5) / 4 of it, 0.86 of the cell size
 CONSTANT = 1.54
-#: distance of lattice nodes from the boundary, over the cell size: nearer, flat elements; farther, fewer good ones
+#: distance of lattice nodes from the boundary, over the cell size: less gives flat elements, more gives fewer good ones
 GAP = 0.5
 #: ratio of the spacings of one lattice and the next finer one
 _STEP = 2**0.5
 #: spacings this close, as a share of a step, count as equal
 _SAME_STEP = 0.05
-#: offset of the lattice's origin in a cube: any will do that puts no node on a round coordinate
+#: offset of the lattice's origin in a cube; any that puts no node on a round coordinate will do
 _ORIGIN = np.array([0.123, 0.347, 0.211])
 
 
@@ -48,7 +48,7 @@ def lattice_nodes(
     cell_size : mm
     core_ratio : how many times coarser the lattice is in the core
     core_depth : mm, depth below the boundary at which the core begins; of no effect when `core_ratio` is 1
-    walls : all triangles that nodes keep away from; None: those of the boundary
+    walls : all triangles from which nodes keep their distance; None: those of the boundary
     """
     tree = tree_of(walls or boundary)
     nodes = _inside(boundary, CONSTANT * cell_size)
@@ -56,7 +56,7 @@ def lattice_nodes(
     if core_ratio == 1:
         return nodes
     core = _inside(boundary, CONSTANT * cell_size * core_ratio)
-    # the two lattices keep the distance from each other that each keeps from its own nodes, on average
+    # the two lattices keep apart by the mean of their own gaps
     halfway = GAP * cell_size * (1 + core_ratio) / 2
     return np.concatenate(
         [
@@ -78,7 +78,7 @@ def graded_nodes(
     plateau: float = 0.0,
     sources: Sources | None = None,
 ) -> FloatArray:
-    """Nodes of the lattice, and of finer ones near triangles that are smaller than the others, (n, 3) float64 mm.
+    """Nodes of the lattice, and of finer ones near smaller triangles, (n, 3) float64 mm.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def graded_nodes(
     edge_length : mm, of the walls where the lattice has its usual spacing
     cell_size, core_ratio, core_depth, walls : as in `lattice_nodes`
     plateau : distance from a wall where the lattice begins to grow, over the edge length there
-    sources : further points, with the edge lengths that they ask for
+    sources : further points, with the edge lengths that they require
     """
     nodes = lattice_nodes(boundary, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth, walls=walls)
     walls = walls or boundary
@@ -115,7 +115,7 @@ def finer_step(ratio: FloatArray) -> FloatArray:
 
 
 def _finest(ratio: float) -> float:
-    """The smallest power of 1 / `_STEP` that is at least `ratio`, but for half a step."""
+    """The smallest power of 1 / `_STEP` that is at least `ratio`, to within half a step."""
     return float(_STEP ** -max(0, round(-np.log(ratio) / np.log(_STEP))))
 
 
@@ -177,7 +177,7 @@ def _is_inside(surface: TriSurface, origin: FloatArray, spacing: float, cells: N
 
 
 def tetrahedralised(boundary: TriSurface, nodes: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Tetrahedra of the boundary's vertices and `nodes` (n, 3) inside it, whose boundary are the given triangles.
+    """Tetrahedra of the boundary's vertices and the `nodes` (n, 3) inside; they keep the boundary's triangles.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def tetrahedralised(boundary: TriSurface, nodes: FloatArray) -> tuple[FloatArray
     points (k, 3) float64, the boundary's vertices first; cells (m, 4) int32, of either orientation
     """
     filled = tetgen.TetGen(np.concatenate([boundary.points, nodes]), boundary.faces.copy())
-    # where TetGen fails it leaves files in the working directory
+    # if TetGen fails, it leaves files in the working directory
     with TemporaryDirectory(prefix="cortet-tetgen-") as folder, chdir(folder):
         points, cells, *_ = filled.tetrahedralize(plc=True, quality=False, nobisect=True, quiet=True)
     return points, cells
@@ -201,7 +201,7 @@ def _inside(surface: TriSurface, constant: float) -> FloatArray:
 
 
 def _grid_inside(surface: TriSurface, origin: FloatArray, spacing: float) -> FloatArray:
-    """Points of a cubic grid inside a closed surface, by where lines along x enter and leave it."""
+    """Points of a cubic grid inside a closed surface, found where lines along x enter and leave it."""
     size = np.ceil((surface.points.max(axis=0) - origin) / spacing).astype(np.int64) + 1
     lines, x = _crossings(surface.points - origin, surface.faces, spacing, size[1], size[2])
     order = np.lexsort((x, lines))
@@ -217,9 +217,9 @@ def _grid_inside(surface: TriSurface, origin: FloatArray, spacing: float) -> Flo
 def _crossings(points, faces, spacing, rows, columns):  # type: ignore[no-untyped-def]
     """Where the lines y = j spacing, z = k spacing meet the triangles: numbers j * columns + k, and x.
 
-    A line that meets an edge or a vertex is taken to run past it, at y + e, z + e^2 with an infinitesimal e. With
-    coordinates relative to the line two neighbours see the same number for their edge, with opposite signs, so it
-    crosses exactly one of them (Woop, Benthin and Wald, Watertight ray/triangle intersection, JCGT 2013).
+    A line that meets an edge or a vertex counts as running past it, at y + e, z + e^2 with an infinitesimal e. In
+    coordinates relative to the line, two neighbours compute the same number for their edge, with opposite signs, so the
+    line crosses exactly one of them (Woop, Benthin and Wald, Watertight ray/triangle intersection, JCGT 2013).
     """
     lines, x = [], []
     side = np.empty(3)

@@ -1,7 +1,7 @@
-"""Triangles on a surface and on those inside it that leave room for each other, and the tetrahedra between them.
+"""Triangles on nested surfaces that leave room for each other, and the tetrahedra between the surfaces.
 
-The edges follow the thickness of each region, be it a blade of the only one or the cortex between two surfaces. TetGen
-keeps the triangles of all of them, so a tetrahedron lies in one region.
+Edge lengths follow the thickness of each region, be it a blade of the only one or the cortex between two surfaces.
+TetGen keeps the triangles of all surfaces, so each tetrahedron lies in one region.
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ def wanted(
     across: int = 1,
     longest: Sequence[FloatArray] | None = None,
 ) -> list[Wanted]:
-    """For each surface, edge lengths that follow the thickness of the layers beside it, and distances after the gaps.
+    """For each surface, edge lengths that follow the thickness of adjacent layers, and distances that follow the gaps.
 
     Parameters
     ----------
     surface : with its inner ones, whose triangles then all point outward
     edge_length, distance : mm, where everything is thick
-    across : tetrahedra that fit between the outer surface and those inside it, at least
+    across : least number of tetrahedra that fit between the outer surface and those inside it
     longest : for each surface (n,) mm, the largest edge length at its vertices
     """
     every, around = sheets(surface), parents(surface)
@@ -88,7 +88,7 @@ def wanted(
 
 
 def remesh_apart(surface: TriSurface, want: Sequence[Wanted]) -> list[Remeshed]:
-    """Remesh all surfaces, and again, finer and nearer to them, around triangles that cross or are flat.
+    """Remesh all surfaces; then repeat, finer and nearer to them, around triangles that cross or are flat.
 
     After a few rounds the last result is returned, in which some such triangles may remain.
     """
@@ -156,7 +156,7 @@ def regions_of(points: FloatArray, cells: IntArray, walls: Sequence[TriSurface])
 
 
 def _parts(behind: IntArray, cell: NDArray[np.int64], corner: NDArray[np.int64]) -> NDArray[np.int32]:
-    """Number of the connected body of each tetrahedron, were the mesh cut open at some faces: (m,)."""
+    """Number of the connected body of each tetrahedron after cutting the mesh open at some faces: (m,)."""
     open_to = behind.copy()
     open_to[cell, corner] = -1
     start, _ = np.nonzero(open_to >= 0)

@@ -1,4 +1,4 @@
-"""Triangles of one edge length on a given surface, and of a shorter one where its shape asks for that."""
+"""Triangles of one edge length on a given surface, and of shorter edges where its shape requires it."""
 
 from __future__ import annotations
 
@@ -21,21 +21,22 @@ from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: rounds of splits, collapses, flips and smoothing; more would change little
 ITERATIONS = 8
-#: target edge lengths grow by at most this share of the distance
+#: target edge lengths grow by at most this share of the distance between points
 GROWTH = 0.3
-#: edges are at most this multiple of the thickness of a blade: flatter tetrahedra than that would fill it
+#: edges are at most this multiple of the thickness of a blade; longer ones would fill it with flat tetrahedra
 EDGE_OVER_THICKNESS = 1.75
-#: the thickness of a blade is the largest within this multiple of the largest distance: nearer its crest than that,
-#: where it thins out, it may be blunted
+#: the thickness of a blade is the largest one within this multiple of the largest distance; nearer to its crest, where
+#: it thins out, remeshing may blunt it
 CREST = 1.25
 #: no target is shorter than this share of the edge length
 SHORTEST = 0.35
-#: root mean square distance of the samples around an operation, over the largest allowed: made at once; refused
+#: RMS distance of the samples around an operation, over the largest allowed: up to `FREE` it is made at once, above
+#: `MOST` refused
 FREE, MOST = 0.1, 0.3
-#: largest distance over the width of the sulcus or blade, so that opposite sides do not meet
+#: largest distance as a share of the width of the sulcus or blade, so that opposite sides do not meet
 SHARE_OF_GAP = 0.4
-#: where triangles cross, remeshing is repeated up to so often, each time with edges and distances shorter by these
-#: factors within this multiple of the target edge length
+#: where triangles cross, remeshing is repeated at most this often; each time, edges and distances shrink by these
+#: factors, within this multiple of the target edge length
 ROUNDS, TIGHTER_SIZE, TIGHTER_DISTANCE, REACH = 6, 0.8, 0.6, 1.0
 #: factor by which targets may grow back in each round
 _EASE = 1.2
@@ -46,7 +47,7 @@ logger = logging.getLogger(__name__)
 
 
 class Wanted(NamedTuple):
-    """What the triangles are to be like, at each of the n vertices of the given surface."""
+    """Targets for the triangles at each of the n vertices of the given surface."""
 
     #: (n,) float64 mm, edge length
     size: FloatArray
@@ -64,21 +65,21 @@ class Remeshed:
     #: (k, 3) float64 mm, points of the given surface; (k,) distance of each to a triangle near it
     samples: FloatArray
     distances: FloatArray
-    #: remeshings it took until no triangles crossed
+    #: number of remeshings until no triangles crossed
     rounds: int = 1
 
 
 def remesh(surface: TriSurface, want: Wanted) -> Remeshed:
     """The same closed surface made of nearly equilateral triangles, with all vertices on it.
 
-    No vertex of the surface and no centre of its faces is farther from the triangles than wanted. Only local operations
-    are made, each of which keeps the topology; but where two banks are closer than the triangles are coarse, these may
-    cross: `cortet.geometry.intersection.self_intersections` tells.
+    No vertex of the surface and no centre of its faces is farther from the triangles than `want` allows. All operations
+    are local and keep the topology. But triangles may cross where two banks are closer than the triangles are large;
+    `cortet.geometry.intersection.self_intersections` finds them.
 
     Parameters
     ----------
     surface : closed, oriented manifold
-    want : at each of its vertices
+    want : targets at each of its vertices
     """
     points, faces, kept = compact(surface.points, surface.faces)
     size, distance = want.size[kept].copy(), want.distance[kept]
@@ -118,7 +119,7 @@ def shapes(surface: TriSurface) -> FloatArray:
 
 
 def tightened(surface: TriSurface, want: Wanted, centres: FloatArray, radius: FloatArray) -> Wanted:
-    """Shorter edges and distances at the vertices within `radius` (k,) of `centres` (k, 3), mm; `want` if none are."""
+    """`want` with shorter edges and distances at the vertices within `radius` (k,) of `centres` (k, 3), mm."""
     near = KDTree(surface.points).query_ball_point(centres, radius)
     around = np.unique(np.concatenate([np.asarray(ball, np.int64) for ball in near]))
     if not len(around):
@@ -132,7 +133,7 @@ def tightened(surface: TriSurface, want: Wanted, centres: FloatArray, radius: Fl
 def opened(surface: TriSurface, values: FloatArray, *, below: float, radius: float) -> FloatArray:
     """Replace each value (n,) that is `below` a limit by the largest one around it.
 
-    Around are its neighbours by an edge, and the vertices within `radius` (mm).
+    This takes in the neighbours by an edge and the vertices within `radius` (mm).
     """
     start, end = edges(surface.faces).T
     largest = values.copy()
@@ -145,7 +146,7 @@ def opened(surface: TriSurface, values: FloatArray, *, below: float, radius: flo
 
 
 def _begun(points: FloatArray, faces: IntArray, tree: SurfaceTree, size: FloatArray, distance: FloatArray) -> Work:
-    """The given surface itself, every vertex and face centre attached to it."""
+    """The given surface itself, with every vertex and face centre attached to it."""
     n, m = len(points), len(faces)
     leaving, opposite = np.full(n, -1, np.int32), np.full(3 * m, -1, np.int32)
     half_edges.link(faces, opposite, leaving)
@@ -174,7 +175,7 @@ def _begun(points: FloatArray, faces: IntArray, tree: SurfaceTree, size: FloatAr
 
 
 def _lists(face: NDArray[np.int64], count: int) -> tuple[IntArray, IntArray]:
-    """Linked lists of the samples of each of `count` faces: the first of each face, the one after each sample."""
+    """Linked lists of the samples of `count` faces: the first sample of each face, and the one after each sample."""
     order = np.argsort(face, kind="stable").astype(np.int32)
     ordered = face[order]
     last = np.r_[ordered[1:] != ordered[:-1], True]
@@ -187,7 +188,7 @@ def _lists(face: NDArray[np.int64], count: int) -> tuple[IntArray, IntArray]:
 
 
 def _with_room(work: Work) -> Work:
-    """The same without dead vertices and faces, with room for as many again."""
+    """The given work without dead vertices and faces, with room for as many again."""
     live_face = np.flatnonzero(work.faces[: work.used[1], 0] >= 0)
     live_vertex = np.flatnonzero(work.leaving[: work.used[0]] >= 0)
     number = np.full(len(work.leaving), -1, np.int32)

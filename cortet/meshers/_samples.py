@@ -1,8 +1,8 @@
-"""Samples of a given surface, attached to the triangles of one that must stay near it (compiled).
+"""Samples of a given surface, attached to the triangles of a surface that must stay near it (compiled).
 
-They are the vertices of the given surface and the centres of its faces, each attached to the nearest triangle. An
-operation on triangles asks how far the samples around it would be, and attaches them anew. The idea is that of Hu et
-al., Error-bounded and feature preserving surface remeshing with minimal angle improvement, TVCG 2017.
+The samples are the vertices of the given surface and the centres of its faces, each attached to the nearest triangle.
+An operation on triangles measures how far the samples around it would be, and reattaches them. The idea is that of Hu
+et al., Error-bounded and feature preserving surface remeshing with minimal angle improvement, TVCG 2017.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from cortet.geometry.closest_point import closest_point, on_triangle, triangle_n
 class Limits(NamedTuple):
     """Mean squared distances (mm2) of the samples around an operation."""
 
-    #: up to this an operation is made without asking whether another would be closer
+    #: up to this, an operation is made without checking whether another would be closer
     free: float
-    #: above this it is refused
+    #: above this, it is refused
     most: float
 
 
@@ -28,8 +28,8 @@ class Limits(NamedTuple):
 def measure(w, s, olds, news, most):  # type: ignore[no-untyped-def]
     """Find the new triangle nearest to each sample of the old faces.
 
-    Returns the number of samples and the sum of squared distances, infinite when one is beyond its limit or the mean
-    is above `most` and above what it was.
+    Returns the number of samples and the sum of squared distances; the sum is infinite if one distance is beyond its
+    limit, or if the mean is above both `most` and its old value.
     """
     count, total, before = 0, 0.0, 0.0
     for k in range(olds):
@@ -60,7 +60,7 @@ def measure(w, s, olds, news, most):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def attach(w, s, olds, count, face_of):  # type: ignore[no-untyped-def]
-    """Hand the samples that were measured to the faces that `face_of` names for the new triangles."""
+    """Attach the measured samples to the faces that `face_of` names for the new triangles."""
     for k in range(olds):
         w.first[s.old[k]] = -1
     for k in range(count):
@@ -72,7 +72,7 @@ def attach(w, s, olds, count, face_of):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def onto_surface(tree, x, y, z, hint, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """Nearest point of the surface and its triangle; triangle -1 where it lies on the opposite bank of n."""
+    """Nearest point of the surface and its triangle; triangle -1 if the point is on the bank opposite to normal n."""
     px, py, pz, place, _, _, _ = closest_point(tree, x, y, z, hint)
     mx, my, mz = triangle_normal(tree.corners[place])
     if not nx * mx + ny * my + nz * mz > 0:

@@ -1,4 +1,4 @@
-"""Where cells are to be smaller than elsewhere: by a field, on the surface of a region, in the voxels of a volume."""
+"""Smaller cell sizes given by a field, at the surface of a region, or in the voxels of a volume."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from cortet.meshers.mesher import Settings, Sources
 from cortet.meshes import FloatArray, TriSurface, region_names
 
 _REMEDY = "where finer cells are wanted, choose a smaller cell size"
-#: most voxels that ask for smaller cells
+#: most voxels that may require smaller cells
 _MOST_VOXELS = 5_000_000
 
 
 def checked(
     sizes: Mapping[str, float | None], surface: TriSurface, cell_size: float
 ) -> tuple[Sources, dict[str, Volume]]:
-    """The voxels of the volumes among `sizes`, in the coordinates of a surface; and these volumes.
+    """The voxels of the volumes in `sizes`, in the coordinates of a surface; and these volumes.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def checked(
 
     Raises
     ------
-    InputError : a size is of no region, or too small, or a volume cannot be read or has no such label
+    InputError : a size belongs to no region or is too small, or a volume cannot be read or has no such label
     """
     names = region_names(surface.inner)
     for name, size in sizes.items():
@@ -51,11 +51,11 @@ def checked(
 
 
 def _volume_of(text: str, size: float | None) -> tuple[Volume, list[int]]:
-    """The volume that asks for a size, and its labels that do; none for a volume of sizes.
+    """The volume that a size is given for, and its labels that have the size; no labels for a volume of sizes.
 
     Raises
     ------
-    InputError : as `read_labels`; or the volume is to hold sizes, but does not hold numbers
+    InputError : as `read_labels`; or the volume should hold sizes, but does not hold numbers
     """
     if size is not None:
         return read_labels(text)
@@ -100,7 +100,7 @@ def _sources_of(
 
 
 def sizes_on(surface: TriSurface, settings: Settings) -> list[FloatArray] | None:
-    """The cell size at each vertex of each sheet, (n,) mm, infinite where nothing asks; None if nothing does anywhere.
+    """The cell size at each vertex of each surface, (n,) mm, infinite where none is given; None if none is anywhere.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def sizes_on(surface: TriSurface, settings: Settings) -> list[FloatArray] | None
 
 
 def _near(sources: Sources, points: FloatArray) -> FloatArray:
-    """The smallest size at each point (n, 3) that a source asks for from where it is: (n,) mm."""
+    """The smallest size that any source, graded from its position, requires at each point (n, 3): (n,) mm."""
     found = np.full(len(points), np.inf)
     steps = np.round(np.log2(sources.sizes) * 8)  # one tree for sizes that differ by less than 9 %
     for step in np.unique(steps):
@@ -134,7 +134,7 @@ def _near(sources: Sources, points: FloatArray) -> FloatArray:
 
 
 def _by_field(surface: TriSurface, name: str, cell_size: float) -> list[FloatArray]:
-    """Values of a field of sizes on each sheet, (n,) mm; infinite on one that has none."""
+    """Values of a field of sizes on each surface, (n,) mm; infinite on a surface without the field."""
     every = sheets(surface)
     if not any(name in one.point_data for one in every):
         known = ", ".join(surface.point_data) or "none"

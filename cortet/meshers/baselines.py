@@ -1,7 +1,7 @@
 """General-purpose tetrahedral meshers of other projects, each with its own defaults, to compare ours with.
 
-What they are given is the oriented, merged surface and, where the tool takes one, the cell size; nothing is tuned. They
-are foreign code that may crash or not come to an end, so each runs in a process of its own, under a time limit.
+Each gets the oriented, merged surface and, if it takes one, the cell size; nothing is tuned. They are foreign code that
+may crash or never finish, so each runs in a separate process, under a time limit.
 
 ========  ============================  =========================================================================
 mesher    distribution on PyPI          called as
@@ -33,10 +33,10 @@ from cortet.meshes import FloatArray, IntArray, TriSurface
 
 VERSION: int = 1
 
-#: of the CORTET paper: quality bounds of radius-edge ratio and dihedral angle, the boundary kept
+#: switches of the CORTET paper: bounds of radius-edge ratio and dihedral angle; the boundary is kept
 TETGEN_SWITCHES = "pq1.2/20Y"
 
-#: folder of the package, also where it is not installed
+#: folder of the package, even if it is not installed
 _PACKAGES = Path(__file__).parents[2]
 
 #: nodes (n, 3) in mm and tetrahedra (m, 4) of either orientation
@@ -59,7 +59,7 @@ def with_ftetwild(points: FloatArray, faces: IntArray, cell_size: float) -> Tetr
 
 
 def with_gmsh(points: FloatArray, faces: IntArray, cell_size: float) -> Tetrahedra:
-    """Gmsh's own mesher inside the triangles it is given, with its optimisation after the mesher, as by default."""
+    """Gmsh's own mesher inside the given triangles, followed by its default optimisation."""
     import gmsh
 
     gmsh.initialize(argv=[], readConfigFiles=False, run=False, interruptible=False)
@@ -82,7 +82,7 @@ def with_gmsh(points: FloatArray, faces: IntArray, cell_size: float) -> Tetrahed
 
 
 def with_netgen(points: FloatArray, faces: IntArray, cell_size: float) -> Tetrahedra:
-    """Netgen's volume mesher inside the triangles it is given, on one thread: several fold elements where they race."""
+    """Netgen's volume mesher inside the given triangles, on one thread: races between threads fold elements."""
     from netgen import meshing
     from pyngcore import SetNumThreads
 
@@ -93,11 +93,11 @@ def with_netgen(points: FloatArray, faces: IntArray, cell_size: float) -> Tetrah
     mesh.AddElements(dim=2, index=outside, data=faces, base=0)
     mesh.GenerateVolumeMesh(maxh=cell_size)
     cells = mesh.Elements3D().NumPy()["nodes"][:, :4]
-    # a copy: Netgen's own array is freed with its mesh
+    # copied, since Netgen's own array is freed with its mesh
     return np.array(mesh.Coordinates(), float), cells.astype(np.int64) - 1
 
 
-#: mesher -> distribution that it is installed by, and what calls it
+#: mesher -> distribution that installs it, and the function that calls it
 TOOLS: dict[str, tuple[str, Callable[[FloatArray, IntArray, float], Tetrahedra]]] = {
     "tetgen": ("tetgen", with_tetgen),
     "ftetwild": ("pytetwild", with_ftetwild),
@@ -107,7 +107,7 @@ TOOLS: dict[str, tuple[str, Callable[[FloatArray, IntArray, float], Tetrahedra]]
 
 
 def tetrahedra(surface: TriSurface, mesher: str, *, cell_size: float, time_limit: float | None = None) -> Tetrahedra:
-    """Nodes and tetrahedra inside a closed surface by one of `TOOLS`, in a process of its own.
+    """Nodes and tetrahedra inside a closed surface, made by one of `TOOLS` in a separate process.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def tetrahedra(surface: TriSurface, mesher: str, *, cell_size: float, time_limit
 
     Returns
     -------
-    Nodes and tetrahedra as the mesher gives them: of either orientation, flat ones and unused nodes among them.
+    Nodes and tetrahedra as the mesher returns them: of either orientation, possibly with flat ones and unused nodes.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def tetrahedra(surface: TriSurface, mesher: str, *, cell_size: float, time_limit
         try:
             done = child.run(
                 command,
-                cwd=folder,  # TetGen leaves files behind when it fails
+                cwd=folder,  # TetGen leaves files behind if it fails
                 env={**os.environ, "PYTHONPATH": os.pathsep.join([str(_PACKAGES), *sys.path])},
                 timeout=None if time_limit is None else 60 * time_limit,
             )
@@ -164,14 +164,14 @@ def prepared(surface: TriSurface) -> tuple[FloatArray, IntArray]:
 
 
 def _run(mesher: str, given: str, made: str, cell_size: str) -> None:
-    """What the process of `tetrahedra` does."""
+    """Main function of the process that `tetrahedra` starts."""
     with np.load(given) as arrays:
         points, cells = TOOLS[mesher][1](arrays["points"], arrays["faces"], float(cell_size))
     np.savez(made, points=points, cells=cells)
 
 
 def _fill(mesher: str, surface: TriSurface, settings: Settings) -> Filled:
-    """A mesh by one of `TOOLS`, without its flat tetrahedra; refused where it overlaps itself."""
+    """A mesh by one of `TOOLS`, without its flat tetrahedra; refused if it overlaps itself."""
     from cortet.geometry.filling import folded_faces
     from cortet.meshers._filled import judged, log_attempt, well_ordered
 
@@ -187,7 +187,7 @@ def _fill(mesher: str, surface: TriSurface, settings: Settings) -> Filled:
     return Filled(mesh, (attempt,), TOOLS[mesher][0])
 
 
-#: how tables print them
+#: names of meshers in tables
 _PRINTED = {"tetgen": "TetGen", "ftetwild": "fTetWild", "gmsh": "Gmsh", "netgen": "Netgen"}
 
 MESHERS = tuple(

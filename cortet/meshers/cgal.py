@@ -1,9 +1,9 @@
 """CGAL Mesh_3, the published mesher, through pygalmesh or the `cgal` wheel (`meshers._cgal`).
 
-Its refinement decides the topology: with a coarse facet distance the two banks of a narrow sulcus pinch or fuse,
-silently. So the boundary is checked after refinement, before the slow passes, and again after them; where its topology
-is not that of the surface, the facet distance (nothing else) is tightened. On surfaces with creases, or with banks
-closer than their own edges, no distance helps; then the fallback is taken.
+Its refinement decides the topology: with a coarse facet distance, the two banks of a narrow sulcus silently pinch or
+fuse. So the boundary is checked after refinement, before the slow passes, and again after them. If its topology is not
+that of the surface, the facet distance (nothing else) is tightened. No distance helps on surfaces with creases, or with
+banks closer than their own edges; there the fallback takes over.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ logger = logging.getLogger(__name__)
 
 
 def installed_backend() -> str:
-    """The package that runs CGAL where the configuration says `auto`."""
+    """The package that runs CGAL if the configuration says `auto`."""
     return "pygalmesh" if find_spec("pygalmesh") else "cgal"
 
 
 def fill(surface: TriSurface, settings: Settings) -> Filled:
-    """Mesh with the first facet distance that gives the topology of the surface, else with the last."""
+    """Mesh with the first facet distance that gives the topology of the surface, else with the last one."""
     from cortet.meshers._cgal import BACKENDS, Criteria, write_off
 
     backend = installed_backend() if settings.backend == "auto" else settings.backend
@@ -47,7 +47,7 @@ def fill(surface: TriSurface, settings: Settings) -> Filled:
         off = Path(folder) / "surface.off"
         write_off(surface, off)
         for criteria in every:
-            # nothing is tried after the last: its passes run whatever the refinement gives
+            # nothing follows the last attempt, so its passes run whatever the refinement gives
             another = criteria != every[-1] or settings.fallback is not None
             for passes in [(), settings.passes] if settings.passes and another else [settings.passes]:
                 mesh, attempt = _attempt(off, surface, backend, criteria, passes, seed=settings.seed)

@@ -1,9 +1,9 @@
 """Our mesher: a remeshed boundary, filled with a body-centred cubic lattice.
 
-The surface is remeshed with triangles of one edge length, shorter where its shape asks for that, which keeps its
-topology and leaves no point of it behind (`meshers._remesh`); the lattice fills it (`meshers._lattice`). The slivers
-between the two are reconnected at once, before anything moves. Where remeshed banks cross each other, the edges are
-shortened, there first.
+The surface is remeshed with triangles of one edge length, shorter where its shape requires it (`meshers._remesh`). This
+keeps its topology and stays near every point of it. The lattice fills the result (`meshers._lattice`). The slivers
+between the two are reconnected at once, before anything moves. If remeshed banks cross each other, the edges are
+shortened, first of all there.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from cortet.sections import Cost
 if TYPE_CHECKING:
     from cortet.meshers._remesh import Remeshed
 
-#: share of the surface's volume below which a remeshed boundary is too coarse to stand for it
+#: a remeshed boundary is too coarse if it encloses less than this share of the surface's volume
 LEAST_VOLUME = 0.8
 
 
 def fill(surface: TriSurface, settings: Settings) -> Filled:
-    """Mesh by the longest edges with which no two triangles cross, of the boundary and of the surfaces inside it.
+    """Mesh with the longest edges for which no triangles of the boundary and its inner surfaces cross.
 
     Raises
     ------
     StageError
-        triangles cross with all edge lengths
+        triangles cross with every edge length
     """
     from cortet.geometry.nesting import sheets
     from cortet.geometry.topology import surface_topology
@@ -98,7 +98,7 @@ def _meshed(surface: TriSurface, made: Sequence[Remeshed], edge: float, settings
 
 
 def _interface_problems(mesh: TetMesh, surface: TriSurface) -> tuple[str, ...]:
-    """In plain words, where an interface has not the topology of its surface."""
+    """Interfaces that do not have the topology of their surface, in plain words."""
     from cortet.geometry.topology import sheet, surface_topology
 
     found = []
@@ -126,7 +126,7 @@ def _refinement(made: Sequence[Remeshed]) -> Refinement:
 
 
 def _fault(walls: Sequence[TriSurface], every: Sequence[TriSurface]) -> str:
-    """Why remeshed surfaces cannot be filled, or nothing; `every` holds the given ones."""
+    """Why remeshed surfaces cannot be filled, or an empty text; `every` holds the given surfaces."""
     from cortet.geometry.nesting import joined
     from cortet.geometry.topology import enclosed_volume
     from cortet.meshers._half_edges import FLAT

@@ -1,4 +1,4 @@
-"""What a mesher is: what it is given, what it returns, and what others need to know of it, declared in its module."""
+"""What a mesher declares in its module: what it takes, what it returns, and what others need to know about it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Sources(NamedTuple):
-    """Points inside that ask for a cell size, which grows to that of the mesh away from them."""
+    """Points inside that require a cell size; away from them it grows to that of the mesh."""
 
     #: (k, 3) mm
     points: FloatArray
@@ -24,7 +24,7 @@ class Sources(NamedTuple):
 
 @dataclass(frozen=True)
 class Settings:
-    """Parameters of S1, as `cortet.stages.generate.generate` describes them; a mesher takes those that it knows."""
+    """Parameters of S1, as `cortet.stages.generate.generate` describes them; a mesher uses those that it knows."""
 
     cell_size: float
     backend: str
@@ -34,7 +34,7 @@ class Settings:
     #: CGAL's optimisation passes
     passes: tuple[str, ...]
     seed: int
-    #: name of the mesher that is tried next, where there is one
+    #: name of the mesher to try next, if any
     fallback: str | None
     edge_length: Sequence[float]
     surface_distance: float
@@ -42,7 +42,7 @@ class Settings:
     core_depth: float
     size_field: str | None
     sizes: Mapping[str, float | None]
-    #: of the volumes among `sizes`
+    #: voxels of the volumes in `sizes`
     sources: Sources
     elements_across: int
     #: minutes
@@ -54,13 +54,13 @@ class Refinement:
     """Where the triangles of ``lattice`` are smaller than elsewhere, and how near the surface they are."""
 
     vertices: int
-    #: vertices whose edges were to be shorter than elsewhere by more than a fifth
+    #: vertices whose target edges were shorter than elsewhere by more than a fifth
     vertices_refined: int
     shortest_edge_mm: float
     #: from the surface's vertices and face centres to the triangles, before anything slides
     distance_mean_mm: float
     distance_max_mm: float
-    #: remeshings in all; all but the last had triangles that cross
+    #: total number of remeshings; all but the last had crossing triangles
     rounds: int
 
 
@@ -68,34 +68,34 @@ class Refinement:
 class Attempt:
     """One attempt to mesh the surface, and the topology of its result."""
 
-    #: None where the boundary was given
+    #: None if the boundary was given
     facet_distance_mm: float | None
-    #: of the triangles the boundary was given as; None where CGAL made it
+    #: of the triangles in which the boundary was given; None if CGAL made it
     edge_length_mm: float | None
     #: the passes that ran; none when only the refinement was tried
     passes: tuple[str, ...]
     nodes: int
     tetrahedra: int
-    #: exactly flat tetrahedra that were left out
+    #: number of exactly flat tetrahedra that were dropped
     flat_tetrahedra_dropped: int
     boundary: SurfaceTopology
     #: in plain words, what is wrong with the topology
     problems: tuple[str, ...]
-    #: None where CGAL made the boundary, or it was given
+    #: None if CGAL made the boundary, or if it was given
     refinement: Refinement | None = None
 
 
 @dataclass(frozen=True)
 class Filled:
-    """What a mesher made of a surface."""
+    """What a mesher made from a surface."""
 
-    #: of the last attempt; positive volumes, nodes in the order of a curve (`meshers._filled.well_ordered`)
+    #: of the last attempt; positive volumes, nodes in curve order (`meshers._filled.well_ordered`)
     mesh: TetMesh
     #: at least one; the last says what is wrong with the topology of `mesh`, if anything is
     attempts: tuple[Attempt, ...]
     #: distribution on PyPI that made it
     backend: str
-    #: optimisation passes that were asked for
+    #: optimisation passes that were requested
     passes: tuple[str, ...] = ()
 
 
@@ -112,25 +112,25 @@ class Mesher:
     """One way to fill a closed surface with tetrahedra."""
 
     name: str
-    #: place in lists and tables
+    #: rank in lists and tables
     order: int
-    #: how tables print it
+    #: its name in tables
     printed: str
-    #: fills a closed, connected manifold without self-intersections; raises StageError where it cannot
+    #: fills a closed, connected manifold without self-intersections; raises StageError if it cannot
     fill: Callable[[TriSurface, Settings], Filled]
     #: tetrahedra per cube of the cell size, as measured
     tets_per_cube: float = 4.2
-    #: of a job of S1, where it differs from the stage's
+    #: of a job of S1, if it differs from that of the stage
     cost: Cost | None = None
-    #: whether it belongs to the line; others run with their own defaults, to compare with
+    #: whether it belongs to the line; others run with their own defaults, for comparison
     own: bool = True
     #: whether it fills the regions between inner surfaces
     regions: bool = False
     #: whether it takes a field of cell sizes
     sizes: bool = False
-    #: whether its boundary may have another topology than the surface, so that a fallback is tried
+    #: whether the topology of its boundary may differ from that of the surface, so that a fallback is tried
     may_change_topology: bool = False
     #: what a user should know before it runs, from the section `generate`; "" for nothing
     notice: Callable[[Any], str] = _no_notice
-    #: what the methods paragraph says of it, from its parameters, the backend, its name and the counted meshes
+    #: what the methods paragraph says about it, from its parameters, the backend, its name and the counted meshes
     said: Callable[[Mapping[str, Any], str, str, str], str] = _named

@@ -1,9 +1,9 @@
 """A job for CalculiX: the cortex of a mesh grows slowly, and the rest gives way.
 
 Growth is orthotropic thermal expansion. While the temperature rises from 0 to 1, each cortical element expands along
-the cortex, not across it, in axes of its own. The material is linearly elastic at large rotations, with the moduli of
-the folding model. So the job follows `cortet fold` as long as strains are small: some per cent of growth. Its implicit
-solver, which treats volume in another way, is a check of the explicit one.
+the cortex, not across it, in its own axes. The material is linearly elastic at large rotations, with the moduli of the
+folding model. So the job follows `cortet fold` as long as strains are small: a few per cent of growth. Its implicit
+solver, which treats volume differently, is a check of the explicit one.
 
 References: CalculiX CrunchiX manual, *DISTRIBUTION, *ORIENTATION, *EXPANSION; Tallinen et al., Nature Physics 12, 2016.
 """
@@ -43,7 +43,7 @@ def write_job(
     ----------
     mesh : mm, with the sets `cortex` and `core`, also within a shell; the nodes of a set `medial_wall` stay in their
         sagittal plane
-    folder : made if it is missing; its files `mesh.inp`, `job.inp` and `README.txt` are replaced
+    folder : created if missing; its files `mesh.inp`, `job.inp` and `README.txt` are replaced
     growth : relative growth along the cortex at the end, above 0 and small: 0.05 is 5 %
     material : shear and bulk moduli, in units of the cortex's shear modulus; None takes those of the folding model
     moduli : those of further sets of tetrahedra, as `growing_cortex.parts`
@@ -52,7 +52,7 @@ def write_job(
     Raises
     ------
     InputError
-        growth is not above 0 and at most 0.1, the mesh has no cortex or not the sets of `moduli`, or has tetrahedra
+        growth is not above 0 and at most 0.1; or the mesh has no cortex, lacks a set of `moduli`, or has tetrahedra
         without a material
     """
     cortex, normals = growing(mesh, growth, most=0.1)
@@ -92,13 +92,13 @@ def write_job(
 
 
 def _elastic(name: str, part: Part) -> str:
-    """A material by its Young's modulus and Poisson's ratio."""
+    """A material, given by Young's modulus and Poisson's ratio."""
     young, poisson = young_and_poisson(part.shear, part.bulk)
     return f"*MATERIAL, NAME={name}\n*ELASTIC\n{young:.9g},{poisson:.9g}\n"
 
 
 def _supports(mesh: TetMesh) -> str:
-    """Lines of *BOUNDARY: a single node has its number, a run of neighbouring axes its first and last."""
+    """Lines of *BOUNDARY: a single node appears by number, a run of consecutive axes by its first and last."""
     lines = []
     for support in supports(mesh):
         name = support.name if support.name in mesh.sets.nodes else str(1 + int(support.nodes[0]))

@@ -36,7 +36,7 @@ def broken_conventions(file: AsRead, *, body: bool = True) -> list[str]:
 
     Parameters
     ----------
-    body : whether to check also that the tetrahedra fill a body
+    body : whether to check, too, that the tetrahedra fill a body
     """
     mesh = file.mesh
     if absurd := list(_coordinates(mesh.points)):
@@ -57,7 +57,7 @@ def broken_conventions(file: AsRead, *, body: bool = True) -> list[str]:
 
 
 def broken_surface(surface: TriSurface) -> list[str]:
-    """Name what keeps a boundary surface from being one closed surface that faces outward."""
+    """Name the reasons why a boundary surface is not one closed surface that faces outward."""
     if absurd := list(_coordinates(surface.points)):
         return absurd
     if len(surface.faces) == 0:
@@ -90,7 +90,7 @@ def _volumes(file: AsRead) -> Iterator[str]:
 def _surface(file: AsRead) -> Iterator[str]:
     """Surface nodes come first; each boundary face is listed once and outward."""
     mesh = file.mesh
-    # coordinates decide what is outward, not the order in which a tetrahedron lists its nodes
+    # coordinates decide which way is outward, not the order in which a tetrahedron lists its nodes
     negative = signed_volumes(mesh.points, mesh.cells) < 0
     positive = TetMesh(mesh.points, np.where(negative[:, None], mesh.cells[:, [0, 1, 3, 2]], mesh.cells))
     boundary = boundary_faces(positive)
@@ -120,7 +120,7 @@ def _surface(file: AsRead) -> Iterator[str]:
 
 
 def _other_faces(mesh: TetMesh, boundary: IntArray) -> Iterator[str]:
-    """Faces of the sets that do not divide the boundary; labels may lie on a brain inside of it."""
+    """Faces of the sets that do not divide the boundary; labels may lie on a brain inside it."""
     between = list(interface_sets(mesh).values()) if OUTER_SURFACE in mesh.sets.faces else []
     known = np.concatenate([boundary, *between])
     for name, faces in mesh.sets.faces.items():
@@ -136,8 +136,8 @@ def _other_faces(mesh: TetMesh, boundary: IntArray) -> Iterator[str]:
 def _not_between_regions(mesh: TetMesh, faces: IntArray) -> int:
     """Number of faces that are not shared by two tetrahedra of different sets.
 
-    A file that knows only core and cortex, but several interfaces, cannot tell the regions within the core apart: there
-    a face must be shared by two tetrahedra.
+    A file with several interfaces, but only core and cortex, cannot tell the regions within the core apart. There a
+    face need only be shared by two tetrahedra.
     """
     several = sum(name.endswith(INTERFACE) for name in mesh.sets.faces) > 1
     tells = bool(mesh.sets.cells.keys() - REGION_TAGS.keys()) or not several
@@ -148,7 +148,7 @@ def _not_between_regions(mesh: TetMesh, faces: IntArray) -> int:
     for cells in mesh.sets.cells.values():
         belongs *= 2
         belongs[cells] += 1
-        belongs = np.unique(belongs, return_inverse=True)[1]  # many sets would be more than 64 bits
+        belongs = np.unique(belongs, return_inverse=True)[1]  # many sets would need more than 64 bits
     good = np.zeros(len(faces), np.bool_)
     order = np.argsort(key[len(faces) :], kind="stable")
     ordered, owner = key[len(faces) :][order], np.repeat(near, 4)[order]
@@ -183,6 +183,6 @@ def _fields(fields: dict[str, NDArray[Any]], count: int, kind: str) -> Iterator[
 
 
 def _same_turn(first: IntArray, second: IntArray) -> NDArray[np.bool_]:
-    """Whether triangles of the same three nodes run through them in the same direction."""
+    """Whether two triangles with the same three nodes have the same orientation."""
     turned = (np.roll(second, shift, axis=1) for shift in range(3))
     return functools.reduce(np.logical_or, ((first == other).all(axis=1) for other in turned))

@@ -28,7 +28,7 @@ SOLVED, MOST = 1e-8, 25
 
 
 def space(mesh: Any, family: str, degree: int) -> Any:
-    """Function space of vectors, in the way of the installed version of dolfinx."""
+    """Function space of vectors, made as the installed version of dolfinx requires."""
     if hasattr(fem, "functionspace"):
         return fem.functionspace(mesh, (family, degree, (3,)))
     return fem.VectorFunctionSpace(mesh, (family, degree))

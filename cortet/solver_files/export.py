@@ -1,4 +1,4 @@
-"""Write a mesh for a solver, if it is certified and the written file keeps the solver's conventions."""
+"""Export of a mesh to a solver, if it is certified and the written file keeps the solver's conventions."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def export(
 
 
 def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path, *, uncertified: bool) -> None:
-    """Raise StageError if a certificate is of another mesh, or denies what is to be written, unless `uncertified`."""
+    """Raise StageError if a certificate is of another mesh, or if it fails the mesh and `uncertified` is false."""
     if certificate.get("mesh_sha256") not in (None, mesh_sha256(mesh)):
         raise StageError("the certificate is of another mesh", file=path, remedy="certify this one first")
     if not certificate["certified"] and not uncertified:
@@ -130,7 +130,7 @@ def _write_verified(
             made_from=made_from,
         )
         for file in folder.iterdir():
-            may_write(path.with_name(file.name))  # before anything is deleted
+            may_write(path.with_name(file.name))  # check before deleting anything
         delete_made(sidecar_path(path))  # an earlier export of this name may have had other sets
         write_json(record, sidecar_path(folder / path.name))
     return as_read
@@ -155,7 +155,7 @@ def _boundary(mesh: TetMesh) -> TriSurface:
 
 
 def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = "um") -> list[str]:
-    """Convert a mesh file to the format that the name of `target` stands for, and verify the written file.
+    """Convert a mesh file to the format that the name of `target` selects, and verify the written file.
 
     Nodes are renumbered if those of the surface do not come first; a mesh without sets gets the default sets. If
     `source` has a sidecar, units, coordinate system and sources of fields come from there.
@@ -171,7 +171,7 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
     Raises
     ------
     InputError
-        a file's name stands for no format, `source` cannot be read, holds a surface that is to become a mesh, or
+        a file name selects no format; or `source` cannot be read, holds a surface although `target` is a mesh, or holds
         tetrahedra that fill no body
     StageError
         the mesh has tetrahedra without volume, or the written file breaks a convention of its solver

@@ -1,4 +1,4 @@
-"""Per-vertex fields in files of their own beside a surface, and the source of each."""
+"""Per-vertex fields in separate files beside a surface, and the source of each."""
 
 from __future__ import annotations
 
@@ -35,13 +35,12 @@ def with_fields(surface: TriSurface, files: Mapping[str, str | Path]) -> TriSurf
 
     Parameters
     ----------
-    files : name of the field -> file; each array of a file with several becomes a field `<name>_<array's name>`
+    files : name of the field -> file; in a file with several arrays each becomes a field `<name>_<array's name>`
 
     Raises
     ------
     InputError
-        a file cannot be read or holds no array, a value is not finite, or the number of values is not that of the
-        vertices
+        a file cannot be read or holds no array, a value is not finite, or the numbers of values and vertices differ
     """
     fields = dict(surface.point_data)
     for name, file in files.items():
@@ -62,7 +61,7 @@ def require_finite(values: NDArray[Any], what: str, file: str | Path | None = No
 
     Parameters
     ----------
-    what, file : which values, as the message says
+    what, file : what the message calls the values, and their file
     """
     per_vertex = np.isfinite(values).reshape(len(values), -1) if values.size else np.empty((0, 1), bool)
     bad = np.flatnonzero(~per_vertex.all(axis=1))

@@ -1,4 +1,4 @@
-"""Directions, moduli and supports, for the jobs of all solvers in which the cortex of a mesh grows along itself."""
+"""Directions, moduli and supports for the jobs of all solvers in which the cortex of a mesh grows along itself."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def growing(mesh: TetMesh, growth: float, *, most: float) -> tuple[IntArray, Flo
 class Part(NamedTuple):
     """Tetrahedra of one material."""
 
-    #: of the set of tetrahedra that it belongs to
+    #: name of the set of tetrahedra that it belongs to
     name: str
     #: (k,) int32
     cells: IntArray
@@ -66,16 +66,16 @@ class Part(NamedTuple):
 
 
 def parts(mesh: TetMesh, moduli: Mapping[str, tuple[float, float | None]], material: Material) -> list[Part]:
-    """The materials of a mesh, each tetrahedron in one: the cortex first, then the core, then those that are given.
+    """The materials of a mesh, each tetrahedron in one: the cortex first, then the core, then the given sets.
 
     Parameters
     ----------
     moduli : set of tetrahedra -> shear and bulk modulus, in units of the cortex's shear modulus; bulk None is that of
-        `material`. Of two sets that share tetrahedra the later one has them, but what is cortex stays cortex
+        `material`. If two sets share tetrahedra, the later set gets them, but cortex stays cortex
 
     Raises
     ------
-    InputError : the mesh has no such set, or others have all of its tetrahedra; or a region around the brain has none
+    InputError : the mesh has no such set, or others take all its tetrahedra; or a region around the brain has no moduli
     """
     sets = mesh.sets.cells
     if unknown := [name for name in moduli if name not in sets]:
@@ -106,7 +106,7 @@ def parts(mesh: TetMesh, moduli: Mapping[str, tuple[float, float | None]], mater
 
 
 def along(normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors for each of (k, 3) unit normals, perpendicular to it and to each other."""
+    """Two unit vectors perpendicular to each of (k, 3) unit normals and to each other."""
     start = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]])
     first = np.cross(normals, start)
     first /= np.linalg.norm(first, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Regions of a mesh that its files do not hold: a ventricle as a hole."""
+"""Regions of a mesh that its files leave out, such as a ventricle as a hole."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cortet.stages.solver_ready import surface_nodes_first
 
 
 def require_regions(holes: Collection[str], inner: Collection[str]) -> None:
-    """Raise InputError for a hole that is the name of no inner surface, nor of one out of several pieces of a label."""
+    """Raise InputError for a hole that names neither an inner surface nor a label whose pieces are inner surfaces."""
     for hole in holes:
         if not regions_of(hole, inner):
             raise InputError(
@@ -27,16 +27,16 @@ def require_regions(holes: Collection[str], inner: Collection[str]) -> None:
 
 
 def regions_of(hole: str, inner: Collection[str]) -> list[str]:
-    """The inner surfaces that a hole names: that of its name, else the pieces NAME1, NAME2 of a label."""
+    """The inner surfaces that a hole names: the one of its name, else the pieces NAME1, NAME2 of a label."""
     if hole in inner or f"{hole}1" not in inner:
         return [name for name in inner if name == hole]
     return [name for name in inner if re.fullmatch(rf"{re.escape(hole)}\d+", name)]
 
 
 def hollow(mesh: TetMesh, holes: Collection[str]) -> TetMesh:
-    """The mesh without the tetrahedra of some regions, surface nodes first; their walls are the faces `hole_surface`.
+    """The mesh without the tetrahedra of some regions, surface nodes first; faces around holes are `hole_surface`.
 
-    A name that is no region of the mesh changes nothing: in a cohort not every case has it.
+    A name that is no region of the mesh changes nothing: in a cohort not every case has each region.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def hollow(mesh: TetMesh, holes: Collection[str]) -> TetMesh:
 
 
 def part(mesh: TetMesh, keep: NDArray[np.bool_]) -> TetMesh:
-    """The mesh of some tetrahedra (m,), with their nodes and fields and what is left of each set."""
+    """The mesh of the tetrahedra that `keep` (m,) marks, with their nodes, their fields and the rest of each set."""
     cells = mesh.cells[keep]
     nodes = used_vertices(cells, len(mesh.points))
     new, number = numbers(nodes, len(mesh.points)), np.cumsum(keep, dtype=np.int32) - 1
@@ -89,7 +89,7 @@ def part(mesh: TetMesh, keep: NDArray[np.bool_]) -> TetMesh:
 
 
 def _walls(mesh: TetMesh) -> IntArray:
-    """The boundary faces that no part of the surface has: (k, 3), counter-clockwise seen from inside the holes."""
+    """The boundary faces in no part of the surface: (k, 3), counter-clockwise seen from inside the holes."""
     every = boundary_faces(mesh)
     known = [mesh.sets.faces[name] for name in SURFACE_TAGS if name in mesh.sets.faces]
     keys = packed(np.concatenate([every, *known]))

@@ -1,4 +1,4 @@
-"""Inner surfaces by name, from files of surfaces or out of the labels of volumes; and a shell around a brain."""
+"""Named inner surfaces, from files of surfaces or from labels of volumes; and a shell around a brain."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class InnerSurfaces(NamedTuple):
     surfaces: dict[str, TriSurface]
     #: the file that each comes from
     files: dict[str, str]
-    #: what was made of labels, in words
+    #: which surfaces were made from labels, in words
     told: list[str]
 
 
@@ -45,10 +45,10 @@ def inner_surfaces(
 
     Parameters
     ----------
-    outer : the surface around them, as it was read; surfaces out of labels get its frame and unit
+    outer : the surface around them, as it was read; surfaces from labels get its frame and unit
     to_mm : matrix of `formats.placement.matrix` for `outer`
     finite : whether coordinates must be finite
-    handles : what is done about those of labels
+    handles : what is done about the handles of labels
 
     Raises
     ------
@@ -73,8 +73,8 @@ def with_shell(surface: TriSurface, distance: float, to_mm: Sequence[Sequence[fl
 
     Parameters
     ----------
-    surface : as it was read; coordinates that are not finite are left out of the envelope
-    distance : mm, from the surface at least
+    surface : as it was read; the envelope ignores coordinates that are not finite
+    distance : mm, least distance from the surface
     to_mm : matrix of `formats.placement.matrix` for `surface`
 
     Raises

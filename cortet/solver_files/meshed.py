@@ -1,7 +1,7 @@
 """The surface that was meshed: its file is beside the mesh, and the sidecar of the mesh names it.
 
-It differs from the surface that the user gave if repair, smoothing or separation changed that one. A mesh can only be
-judged against the surface that it fills.
+It differs from the surface that the user gave if repair, smoothing or separation changed it. A mesh can only be judged
+against the surface that it fills.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def meshed_files(regions: Iterable[str], mesh: Path) -> dict[str, Path]:
 
     Parameters
     ----------
-    regions : that inside the outer surface first
+    regions : the one inside the outer surface first
     """
     stem = mesh.name.removesuffix(mesh.suffix)
     named = {region: f"-{region}" if number else "" for number, region in enumerate(regions)}
@@ -56,7 +56,7 @@ def require_own_stem(
 ) -> None:
     """Raise InputError if another mesh has the same stem as the mesh to be made.
 
-    The names of certificate and meshed surface begin with the stem, so the new mesh would replace those of the other.
+    The names of certificate and meshed surface begin with the stem, so those of the new mesh would replace the others.
     The same mesh in another format shares them.
 
     Parameters
@@ -90,7 +90,7 @@ def require_own_stem(
 
 
 def made_from(meshed: Mapping[str, Path], given: Mapping[str, str | Path], folder: Path) -> dict[str, Any]:
-    """What the sidecar of a mesh says of its origin.
+    """What the sidecar of a mesh says about its origin.
 
     Parameters
     ----------
@@ -127,8 +127,8 @@ def moved(record: Mapping[str, Any] | None, source: Path, target: Path) -> dict[
 def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) -> tuple[TriSurface, Path]:
     """The surface against which a mesh is judged, with its inner surfaces; and its file.
 
-    It is the surface that was meshed if the sidecar of the mesh names it, and if the surfaces given here are those
-    given then, or none are given. Else it is the surface given here.
+    It is the surface that was meshed if the sidecar of the mesh names it and the surfaces given here, if any, are those
+    given then. Otherwise it is the surface given here.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Names of fields and sets on the way to another format: some are written in plain letters, some are left out."""
+"""Names of fields and sets on the way to another format: which become ASCII, and which are left out."""
 
 from __future__ import annotations
 

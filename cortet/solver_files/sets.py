@@ -1,9 +1,9 @@
 """Named sets of a mesh on its way to a solver: the parts of its surface, cortex and core, one set per label.
 
 The surface of the brain is divided into `cortical_surface` and `medial_wall`, its tetrahedra into `cortex` and `core`.
-It is the boundary of the mesh, or an interface if there is a region around the brain. A label of the surface is a set
-of nodes of the surface, a set of faces, and a set of tetrahedra of the cortex, all of one name. A face or tetrahedron
-gets the label of most of its nodes, or that of its first node if there is no such label.
+It is the boundary of the mesh, or an interface if there is a region around the brain. A label of the surface becomes a
+set of surface nodes, a set of faces and a set of cortical tetrahedra, all of the same name. A face or tetrahedron gets
+the label of most of its nodes, or that of its first node if there is no majority.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ def named_sets(
     ----------
     mesh : its labels are the integer fields of its nodes
     cortex_depth : mm; a tetrahedron whose centroid is nearer to the cortical surface than this is cortex
-    cortex_thickness : field of nodes, mm, used instead of `cortex_depth`: its value at the nearest point of the
-        cortical surface counts
+    cortex_thickness : field of nodes, mm, whose value at the nearest point of the cortical surface replaces
+        `cortex_depth`
     medial_wall : label field -> keys that mark the medial wall
     label_names : label field -> key -> name, if there are names
     tissues : integer fields of tetrahedra; each label is a set `FIELD_NAME`, or `FIELD_KEY` where it has no name
     inner : names of the regions of the mesh from 1 on, if it has any. Then region 0 is the cortex, whatever its depth,
-        and the others are the core. If these are several, each is a set, too; so are the faces between two regions.
-        Where the brain is among them (`meshes.region_names`), region 0 lies around it, neither cortex nor core, and the
-        boundary is the set of faces `outer_surface`
+        and the others are the core. If there are several others, each is also a set; so are the faces between two
+        regions. If the brain is among them (`meshes.region_names`), region 0 lies around it, neither cortex nor core,
+        and the boundary is the set of faces `outer_surface`
 
     Raises
     ------
@@ -120,7 +120,7 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
     InputError
         the mesh has no such sets
     """
-    if REGION in mesh.cell_data and not mesh.sets.cells:  # with sets it would be a tag of the format
+    if REGION in mesh.cell_data and not mesh.sets.cells:  # if there are sets, it is a tag of the format
         return mesh
     region = np.full(len(mesh.cells), -1, np.int32)
     names = _region_sets(inner)
@@ -174,7 +174,7 @@ def set_name(text: str, taken: Collection[str] = ()) -> str:
 
     Parameters
     ----------
-    taken : names from which it must differ in more than upper and lower case, which some solvers do not tell apart
+    taken : names from which it must differ in more than case, which some solvers ignore
     """
     plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", plain).strip("_")
@@ -206,7 +206,7 @@ def _add_labels(
 
 
 def _label_name(field: str, key: int, names: Mapping[int, str], taken: Collection[str]) -> str:
-    """The name of the sets of a label: that of the field and its own, or its key if no letter of that can be kept."""
+    """The name of a label's sets: the field's name and the label's, or its key if no letter of that can be kept."""
     own = names.get(key, str(key))
     return set_name(f"{field}_{own if set_name(own) != set_name('') else key}", taken)
 

@@ -1,8 +1,8 @@
 """The JSON file beside an exported mesh: what the mesh holds, where it came from, and the hashes that identify it.
 
 `<file>.json` names units, coordinate system, sets and the source of each field. It also holds the SHA-256 of the nodes
-and of the values of each field, as they are read back. So fields of another mesh, or of an earlier state of this mesh,
-are detected.
+and of the values of each field, as they are read back. So it exposes fields of another mesh, or of an earlier state of
+this mesh.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
 
-#: what is said of a file that is not as its sidecar records it
+#: message for a file that differs from what its sidecar records
 CHANGED = "changed after cortet wrote it: no certificate beside it is of it"
 #: most bytes of a sidecar
 _LONGEST_FILE = 10_000_000
@@ -157,7 +157,7 @@ def read_sidecar(path: Path) -> dict[str, Any]:
 
 
 def changed_since(path: Path) -> bool:
-    """Whether a file is not as its sidecar records it, so that no certificate beside it is of it."""
+    """Whether a file differs from what its sidecar records, so that no certificate beside it applies."""
     recorded = files_of(sidecar_path(path)).get(path.name)
     return recorded is not None and recorded != sha256(path)
 

@@ -1,7 +1,7 @@
 """Files of ten-node tetrahedra for Abaqus and CalculiX, FEBio, Gmsh, ParaView and FEniCS.
 
 The corners keep the numbers that they have in the files of the straight mesh; the midside nodes follow. meshio writes
-VTU, XDMF and Gmsh files, and knows the order of midside nodes in each; Abaqus and FEBio take the order of
+VTU, XDMF and Gmsh files, and knows the order of midside nodes in each; Abaqus and FEBio use the order of
 `geometry.quadratic.EDGES` (Abaqus Elements Guide, "Three-dimensional solid element library"; FEBio User Manual,
 "Elements").
 """
@@ -36,7 +36,7 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> None:
     ----------
     mesh : the straight mesh, its named sets and fields
     curved : `geometry.quadratic.quadratic` of it
-    path : its suffix chooses the program
+    path : its suffix selects the program
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Check a written solver file against the conventions of its solver, only by its bytes on disk."""
+"""Verification of a solver file against the conventions of its solver, from its bytes on disk alone."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cortet.solver_files.sidecar import stale
 def verify(path: str | Path, solver: str) -> list[str]:
     """Name every convention of a solver that the file breaks; if the list is empty, the solver may run on it.
 
-    If the file has a sidecar, fields that differ from it count, too.
+    If the file has a sidecar, fields that differ from it count as well.
 
     Parameters
     ----------
@@ -30,10 +30,10 @@ def verify(path: str | Path, solver: str) -> list[str]:
 
 
 def problems(file: AsRead | TriSurface, *, body: bool = True) -> list[str]:
-    """Name every convention that a file which was read breaks.
+    """Name every convention that a file, already read, breaks.
 
     Parameters
     ----------
-    body : whether to look also for what keeps the tetrahedra of a mesh from filling a body
+    body : whether to check, too, that the tetrahedra of a mesh fill a body
     """
     return broken_surface(file) if isinstance(file, TriSurface) else broken_conventions(file, body=body)

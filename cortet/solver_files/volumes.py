@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 
 VERSION: int = 1
 
-#: field of the first direction of a tensor, as CARP's files of fibres take it
+#: field of the principal direction of a tensor, which CARP's fibre files use
 FIBRE = "fibre"
-#: names that stand for something else
+#: reserved names
 _TAKEN = (REGION, FIBRE, "q")
-#: labels lie wrongly if another position covers so much more of the inside, and nearly all that they can
+#: labels are misplaced if another position covers this much more of the inside, and this share of what they can cover
 _GAIN, _NEARLY = 0.03, 0.9
-#: 0 is no tissue but what lies outside if less than this share of a mesh has it
+#: label 0 is the outside, not a tissue, if less than this share of a mesh has it
 _OUTSIDE = 0.1
 #: eigenvalues of a tensor below this share of its largest one are raised to it, since a logarithm needs them
 _LEAST_EIGENVALUE = 1e-6
@@ -81,7 +81,7 @@ def _volume(name: str, given: Any) -> Volume:
 
 
 def require_in_place(volumes: Mapping[str, Volume], surface: TriSurface) -> None:
-    """Raise InputError where a volume does not cover a brain, or its labels lie beside it.
+    """Raise InputError if a volume does not cover a brain, or its labels lie beside it.
 
     Parameters
     ----------
@@ -105,15 +105,15 @@ def with_volumes(
 ) -> tuple[TetMesh, list[dict[str, Any]]]:
     """The mesh with a cell field for each volume; and the rows of `TISSUE_COLUMNS`.
 
-    Labels are whole numbers: that of the largest share of the tetrahedron. Where less than a tenth of the mesh has no
-    label, 0 is what lies outside, and a tetrahedron has it only if it has no other. Numbers are means. Tensors are
+    Each tetrahedron gets the label, a whole number, with the largest share in it. If less than a tenth of the mesh has
+    no label, 0 is the outside, and a tetrahedron gets it only if it has no other. Numbers are means. Tensors are
     log-Euclidean means (Arsigny et al., Magnetic Resonance in Medicine 56, 2006), (m, 6): xx, yy, zz, xy, yz, xz; the
     direction of the first one's largest eigenvalue is the field `fibre`, (m, 3).
 
     Parameters
     ----------
-    frame : of the surface that the mesh was made of, which leads to the space of the volumes
-    shares : whether labels get a field `NAME_share_LABEL` each, from 0 to 1
+    frame : of the surface that the mesh was made from; it maps to the space of the volumes
+    shares : whether each label gets a field `NAME_share_LABEL`, from 0 to 1
 
     Raises
     ------
@@ -159,7 +159,7 @@ def label_names(volumes: Mapping[str, Volume]) -> dict[str, dict[int, str]]:
 
 
 def sources(files: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """What the sidecar of a mesh says of the files `NAME -> FILE` or `NAME -> FILE:KIND` of its volumes."""
+    """What the sidecar of a mesh says about the files `NAME -> FILE` or `NAME -> FILE:KIND` of its volumes."""
     return {name: {"file": file, "sha256": sha256(volume_file(file))} for name, file in files.items()}
 
 
@@ -180,7 +180,7 @@ def _tissues(
 
 
 def _require_cover(volume: Volume, points: FloatArray) -> None:
-    """Raise InputError where a surface reaches further out of a volume than the width of a voxel."""
+    """Raise InputError if a surface extends beyond a volume by more than the width of a voxel."""
     shape = np.array(volume.values.shape[:3])
     widths = np.linalg.norm(volume.affine[:3, :3], axis=0)
 
@@ -204,7 +204,7 @@ def _require_cover(volume: Volume, points: FloatArray) -> None:
 
 
 def _require_on(volume: Volume, surface: TriSurface) -> None:
-    """Raise InputError where labels lie beside the inside of a surface, but would cover it elsewhere."""
+    """Raise InputError if labels lie beside the inside of a surface, but would cover it from another position."""
     found = coverage(surface, volume.values != 0, volume.affine)
     enough = max(found.here + _GAIN, _NEARLY * found.possible)
     covers = f"its labels cover {found.here:.0%} of the surface's inside"
@@ -235,7 +235,7 @@ def _logarithms(tensors: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _from_logarithms(means: FloatArray, frame: CoordinateFrame) -> tuple[FloatArray, FloatArray]:
-    """Tensors (m, 6) of logarithms (m, 6), turned into the axes of the surface, and their first directions (m, 3)."""
+    """Tensors (m, 6) from logarithms (m, 6), in the axes of the surface, and their principal directions (m, 3)."""
     linear = np.reshape(frame.matrix, (4, 4))[:3, :3]
     left, _, right = np.linalg.svd(linear)
     turn = (left @ right).T

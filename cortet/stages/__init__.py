@@ -1,9 +1,9 @@
 """The line of stages: one module for each of them, which declares it as `STAGE`.
 
 This is the only list: the configuration, the workflow, `cortet mesh` and the pages read it. Every job loads all modules
-here to read the configuration, so they import what is heavy (Numba, SciPy, Gmsh, PyMeshLab) in the functions that use
-it; modules whose names begin with `_` are parts of a stage, and load with it. A new stage is a new file in this folder
-(CONTRIBUTING.md shows one).
+here to read the configuration, so heavy libraries (Numba, SciPy, Gmsh, PyMeshLab) are imported in the functions that
+use them. Modules whose names begin with `_` are parts of a stage, and load with it. A new stage is a new file in this
+folder (CONTRIBUTING.md shows one).
 """
 
 from __future__ import annotations

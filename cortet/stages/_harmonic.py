@@ -1,9 +1,9 @@
 """Values inside a mesh from those on its boundary: the discrete harmonic function.
 
-Linear finite elements: linear functions are reproduced exactly, and the solution converges to the harmonic function as
-elements shrink. On tetrahedra with obtuse dihedral angles, which no mesh of this size is without, the discrete solution
-can leave the range of the boundary values by a little; it is cut off there, which enforces the maximum principle and
-makes the error no larger (C. Kreuzer, Numerical Methods for Partial Differential Equations 30, 2014, 994-1002).
+Linear finite elements reproduce linear functions exactly, and the solution converges to the harmonic function as
+elements shrink. On tetrahedra with obtuse dihedral angles, which every mesh of this size has, the discrete solution can
+leave the range of the boundary values slightly. It is clipped to that range, which enforces the maximum principle and
+does not increase the error (C. Kreuzer, Numerical Methods for Partial Differential Equations 30, 2014, 994-1002).
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ def harmonic(mesh: TetMesh, nodes: IntArray, values: FloatArray, guess: FloatArr
 
     Parameters
     ----------
-    nodes : (b,) indices of the nodes that have a value, the whole boundary among them
+    nodes : (b,) indices of the nodes that have a value, including the whole boundary
     values : (b, k) their values
-    guess : (n, k) values to begin with
+    guess : (n, k) initial values
 
     Returns
     -------
-    (n, k) values of all nodes, none outside the range of its column of `values`; and how many were cut off
+    (n, k) values of all nodes, none outside the range of its column of `values`; and how many were clipped
 
     Raises
     ------
@@ -65,7 +65,7 @@ def harmonic(mesh: TetMesh, nodes: IntArray, values: FloatArray, guess: FloatArr
 def _stiffness(mesh: TetMesh) -> csr_matrix:
     """The matrix of the integrals of products of gradients, (n, n), mm.
 
-    The gradient of the hat function of a corner is -s / 3V with s the outward area vector of the face opposite to it.
+    The gradient of a corner's hat function is -s / 3V, with s the outward area vector of the opposite face.
     """
     areas = np.stack([face_normals(mesh.points, mesh.cells[:, face]) / 2 for face in TET_FACES], axis=1)
     nine_volumes = 9 * signed_volumes(mesh.points, mesh.cells)

@@ -1,8 +1,8 @@
-"""The published cleaner, `meshtool clean quality`, where its binary is installed: one of the backends of S4.
+"""The published cleaner, `meshtool clean quality`, if its binary is installed: one of the backends of S4.
 
-Its known faults are guarded against, not repaired: it may return inverted tetrahedra under a new orientation, and its
-coordinates pass through float32. Where no element is above the threshold it writes nothing and exits with 0; but it
-exits with 0 after wrong arguments, too, so that is believed only where our own q agrees. Source:
+Its known faults are detected, not repaired: it may return inverted tetrahedra under a new orientation, and its
+coordinates pass through float32. If no element is above the threshold, it writes nothing and exits with 0. But it also
+exits with 0 after wrong arguments, so that is believed only if our own q agrees. Source:
 https://bitbucket.org/aneic/meshtool (Neic et al., SoftwareX 2020).
 """
 
@@ -28,7 +28,7 @@ logger = logging.getLogger(__name__)
 
 
 def clean_with_meshtool(mesh: TetMesh, *, thresholds: Sequence[float]) -> TetMesh:
-    """Run one cleaning pass for each of `thresholds` (q), in a folder of its own.
+    """Run one cleaning pass for each of `thresholds` (q), in a separate folder.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def clean_with_meshtool(mesh: TetMesh, *, thresholds: Sequence[float]) -> TetMes
 
 
 def program_version() -> str:
-    """What tells one build of the installed meshtool from another, which knows no version: the hash of its binary."""
+    """The hash of the installed meshtool's binary, which identifies its build: meshtool states no version."""
     return f"sha256:{sha256(_binary())[:12]}"
 
 
@@ -73,7 +73,7 @@ def _binary() -> str:
 
 
 def _check_nothing_to_do(mesh: TetMesh, threshold: float) -> None:
-    """meshtool wrote nothing: right only where no element is above the threshold."""
+    """Raise StageError if meshtool wrote nothing although an element is above the threshold."""
     if above := int((quality(mesh.points, mesh.cells) > threshold).sum()):
         raise StageError(
             f"meshtool wrote nothing at threshold {threshold:g}, though {above} tetrahedra are above it",
@@ -83,21 +83,21 @@ def _check_nothing_to_do(mesh: TetMesh, threshold: float) -> None:
 
 
 def _check_result(mesh: TetMesh, result: TetMesh) -> None:
-    """Refuse what is not the same mesh with moved vertices."""
+    """Refuse a result that is not the same mesh with moved vertices."""
     if result.cells.shape != mesh.cells.shape:
         raise StageError(f"meshtool returned {len(result.cells)} tetrahedra of {len(mesh.cells)}")
     if len(result.points) != len(mesh.points):
         raise StageError(f"meshtool returned {len(result.points)} nodes of {len(mesh.points)}")
     if not np.array_equal(np.sort(result.cells, axis=1), np.sort(mesh.cells, axis=1)):
         raise StageError("meshtool changed the connectivity, though cleaning moves vertices only")
-    # judged by the orientation they came with: meshtool turns inverted tetrahedra round and calls them positive
+    # judged by the original orientation: meshtool reverses inverted tetrahedra and calls them positive
     inverted = int((~(signed_volumes(result.points, mesh.cells) > 0)).sum())
     if inverted:
         raise StageError(f"meshtool inverted {inverted} tetrahedra", remedy="set clean.backend: cortet")
 
 
 def _run(binary: str, *, source: Path, target: Path, threshold: float) -> None:
-    """One pass, from the files of `source` to those of `target` beside them."""
+    """Run one pass, from the files of `source` to those of `target` beside them."""
     command = [
         binary,
         "clean",
@@ -107,7 +107,7 @@ def _run(binary: str, *, source: Path, target: Path, threshold: float) -> None:
         f"-outmsh={target.name}",
         "-ofmt=carp_txt",
     ]
-    # one thread: the order of its vertex moves, so its result, depends on their number
+    # one thread: the order of vertex moves, and so the result, depends on the number of threads
     done = child.run(command, cwd=source.parent, env=os.environ | {"OMP_NUM_THREADS": "1"})
     output = (done.stdout + done.stderr).strip()
     logger.debug("%s\n%s", " ".join(command), output)

@@ -1,7 +1,7 @@
 """S4: move vertices until the worst tetrahedra are good; connectivity stays.
 
 The published chain lets the boundary float and pays for its worst element with 0.12 mm of fidelity. Sliding boundary
-vertices along the input surface costs none, and ends at a better mean.
+vertices along the input surface costs no fidelity and gives a better mean.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ VERSION: int = 7
 
 #: sweeps over all vertices that improve the mean, before and after the threshold passes
 _FIRST_MEAN_SWEEPS, _LAST_MEAN_SWEEPS = 4, 3
-#: sweeps of one threshold pass, and the power of the first one, doubled from each to the next
+#: sweeps of one threshold pass, and the power of the first pass, which doubles with each further pass
 _THRESHOLD_SWEEPS, _FIRST_POWER = 12, 8
 #: without passes over all vertices: the power of each threshold's pass (a higher one would cost mean), then that of a
 #: pass for the tail. A bad element often improves only if its neighbours give way, so the tail's pass takes in elements
@@ -73,7 +73,7 @@ DEFAULT = Clean()
 
 @dataclass(frozen=True)
 class CleanReport:
-    """What was done and what came of it."""
+    """What was done, and the result."""
 
     boundary: Boundary
     backend: str
@@ -86,7 +86,7 @@ class CleanReport:
     max_displacement_mm: float
     #: vertices held in place because moving them made the boundary cross itself, or because the caller said so
     vertices_held: int
-    #: of the program that the backend is, where it is one
+    #: of the backend, if it is a separate program
     program_version: str | None = None
 
 
@@ -106,21 +106,21 @@ def clean(
     Parameters
     ----------
     mesh : positive volumes
-    surface : the surface boundary vertices slide on; those of interfaces slide on its inner ones
-    thresholds : one pass for each; it moves only vertices of tetrahedra with q above it. Without `improve_mean` the
+    surface : the surface that boundary vertices slide on; those of interfaces slide on its inner surfaces
+    thresholds : one pass for each, which moves only vertices of tetrahedra with q above it. Without `improve_mean`, the
         passes around them move those of tetrahedra with q above half of the lowest
     boundary : `slide` keeps boundary vertices on `surface` (those of S1 lie on it), `fixed` keeps them in place,
         `free` treats them like interior ones (published)
-    improve_mean : also move the vertices of good tetrahedra: first, since that takes most bad ones along, and last,
-        without giving up the worst q reached
+    improve_mean : also move the vertices of good tetrahedra: first, since that mends most bad ones as well, and last,
+        without losing the worst q reached
     backend : our kernel, or an installed `meshtool` (free boundary, no passes for the mean)
-    cell_size : mm, which says how far from `surface` the boundary may slide; None where it is not known
+    cell_size : mm, which determines how far from `surface` the boundary may slide; None if it is not known
     held : (h,) vertices that stay where they are, for our kernel
 
     Raises
     ------
     InputError : a threshold outside [0, 1), or a combination the backend does not have
-    StageError : the mesh has inverted elements to begin with, or meshtool failed
+    StageError : the given mesh has inverted elements, or meshtool failed
     """
     from cortet.geometry.closest_point import forest
     from cortet.measure.quality import quality
@@ -175,7 +175,7 @@ def clean(
 
 
 def schedule(thresholds: Sequence[float], improve_mean: bool) -> list[Pass]:
-    """The passes of a run; with passes for the mean around them, each threshold comes closer to min-max."""
+    """The passes of a run; if passes for the mean surround them, each threshold pass is closer to min-max."""
     from cortet.optimise.vertices import KEPT, Pass
 
     if not improve_mean:

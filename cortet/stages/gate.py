@@ -1,4 +1,4 @@
-"""Input gate: a surface that can be meshed may pass, mended where that is safe; others are refused with the reason."""
+"""Input gate: a surface that can be meshed passes, mended where that is safe; others are refused with the reason."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ VERSION: int = 1
 
 #: longest side of the bounding box, mm: from a small monkey's hemisphere to an adult human brain in its shell
 EXTENT_MM = (15.0, 220.0)
-#: of an unplaced surface in micrometres; beyond it a file is damaged
+#: bound for an unplaced surface in micrometres; a file beyond it is damaged
 LARGEST_COORDINATE = 1e9
 #: enclosed volume, mL
 VOLUME_ML = (1.0, 3000.0)
 #: share of the triangles that may cross others and still count as "a few"
 MAX_CROSSING = 0.001
-#: furthest that a vertex may move in the repair of crossing triangles, mm
+#: farthest that the repair of crossing triangles may move a vertex, mm
 MAX_REPAIR_MM = 1.0
 _REPAIR_ROUNDS = 12
 
@@ -55,7 +55,7 @@ DEFAULT = Gate()
 
 @dataclass(frozen=True)
 class GateReport:
-    """What came in and what was mended."""
+    """What was given and what was mended."""
 
     #: as given to the gate
     source: str | None
@@ -138,7 +138,7 @@ def gate(
 
 
 def _check_coordinates(points: FloatArray) -> None:
-    """No coordinate that is not finite, or so large that areas and volumes overflow."""
+    """Raise InputError for coordinates that are not finite, or so large that areas and volumes overflow."""
     largest = float(np.abs(points).max(initial=0))
     if not largest <= LARGEST_COORDINATE:
         raise InputError(
@@ -148,7 +148,7 @@ def _check_coordinates(points: FloatArray) -> None:
 
 
 def _check_area(surface: TriSurface, flat: IntArray) -> None:
-    """No triangle without area."""
+    """Raise InputError for triangles without area."""
     if len(flat):
         first = surface.faces[flat[0]]
         where = surface.points[first].mean(axis=0).round(2).tolist()
@@ -157,7 +157,7 @@ def _check_area(surface: TriSurface, flat: IntArray) -> None:
 
 
 def _check_topology(surface: TriSurface, found: SurfaceTopology, allow_genus: int) -> None:
-    """A closed manifold, whose genus is allowed."""
+    """Raise InputError unless the surface is a closed manifold of an allowed genus."""
     if problems := found.problems(genus=int(found.genus)):
         remedy = "repair the surface, for example with MeshFix or PyMeshLab"
         coincident = len(surface.points) - len(np.unique(surface.points, axis=0))
@@ -179,7 +179,7 @@ def _extent(surface: TriSurface) -> tuple[float, float, float]:
 
 
 def _check_size(extents: tuple[float, float, float], volume: float) -> None:
-    """A brain's or hemisphere's size (mm, mL) if lengths are in mm."""
+    """Raise InputError unless the size (mm, mL) is that of a brain or hemisphere."""
     extent = max(extents)
     if EXTENT_MM[0] <= extent <= EXTENT_MM[1] and VOLUME_ML[0] <= volume <= VOLUME_ML[1]:
         return

@@ -1,4 +1,4 @@
-"""S1: fill a closed surface with tetrahedra by one of the meshers, and by the fallback where its topology is wrong."""
+"""S1: fill a closed surface with tetrahedra by one of the meshers, and by the fallback if its topology is wrong."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ DEFAULT = Generate()
 
 @dataclass(frozen=True)
 class GenerateReport:
-    """What was run and what came of it; `topology_ok` False is for the certificate to refuse."""
+    """What was run, and the result; the certificate refuses a mesh whose `topology_ok` is False."""
 
     mesher: str
     backend: str
@@ -111,10 +111,10 @@ class GenerateReport:
     #: of the direction in which the surface was meshed
     seed: int
     cell_size_mm: float
-    #: None where the boundary was given
+    #: None if the boundary was given
     facet_distance_mm: float | None
     facet_distance_fraction: float | None
-    #: None where CGAL made the boundary
+    #: None if CGAL made the boundary
     edge_length_mm: float | None
     #: likewise
     refinement: Refinement | None
@@ -157,10 +157,10 @@ def generate(
     Parameters
     ----------
     surface : a closed, connected manifold of any genus, without self-intersections; its inner surfaces, which keep
-        apart from it and from each other, bound regions of their own, the mesh's cell data `region`
+        apart from it and from each other, bound separate regions, the mesh's cell data `region`
     cell_size : mm, upper bound of circumradii of tetrahedra and of surface Delaunay balls
     mesher : a key of `meshers.MESHERS`; those of other projects take the cell size and nothing else
-    backend : ``pygalmesh``, ``cgal``, or ``auto``: pygalmesh where it is installed, else cgal
+    backend : ``pygalmesh``, ``cgal``, or ``auto``: pygalmesh if it is installed, else cgal
     facet_angle : degrees, lower bound of the angles of boundary triangles
     facet_distance : fractions of `cell_size`, tried in this order until the boundary has the topology of the surface;
         upper bound of the distance between the circumcentre of a boundary triangle and the centre of its surface ball
@@ -168,24 +168,24 @@ def generate(
     odt, lloyd, perturb, exude : CGAL's optimisation passes
     seed : of CGAL's random numbers, pygalmesh only; and of the direction in which the surface is meshed, 0: as it
         stands. CGAL's numbers alone make the same mesh nearly always
-    fallback : what to try when no facet distance gives the topology of the surface; None (published) for nothing
+    fallback : mesher to try if no facet distance gives the topology of the surface; None (published): none
     edge_length : of the boundary triangles of ``lattice``, as fractions of `cell_size`, tried in this order until no
         two of them cross
     surface_distance : largest distance of the surface to the boundary triangles of ``lattice``, as a fraction of
         `cell_size`; later stages, which slide them, add to it
     core_ratio : of the cell sizes of core and cortex, ``lattice`` only
     core_depth : mm below the surface where the core begins
-    size_field : of `surface` or its inner ones, (n,) mm per vertex: cell size there, where it is smaller, graded from
-        there inward; ``lattice`` only
+    size_field : field of `surface` or its inner surfaces, (n,) mm per vertex: cell size there, if it is smaller than
+        `cell_size`, graded inward; ``lattice`` only
     sizes : region -> mm at its surface, or volume -> mm inside its labels (`FILE:5,6`), or None for the values of its
         voxels (`FILE`): cell size there, where it is smaller, graded from there; ``lattice`` only
-    elements_across : tetrahedra between `surface` and those inside it, at least; edges become shorter for it, down to
-        `meshers._remesh.SHORTEST` of what they are elsewhere
+    elements_across : least number of tetrahedra between `surface` and those inside it; edges become shorter for this,
+        down to `meshers._remesh.SHORTEST` of their length elsewhere
     time_limit : minutes that a mesher of another project may take; None for no limit
 
     Returns
     -------
-    The mesh, also when no facet distance gives the topology of the surface: then the report says so.
+    The mesh, even if no facet distance gives the topology of the surface: then the report says so.
 
     Raises
     ------
@@ -262,7 +262,7 @@ def generate(
 def _require_meshable(
     surface: TriSurface, mesher: Mesher, size_field: str | None, sizes: Mapping[str, float | None] | None
 ) -> None:
-    """Refuse what is no closed manifold, and what this mesher does not know."""
+    """Refuse a surface that is no closed manifold, and settings that this mesher does not support."""
     from cortet.geometry.topology import surface_topology
 
     topology = surface_topology(surface.faces)
@@ -279,13 +279,13 @@ def _require_meshable(
 
 
 def _turned(surface: TriSurface, turn: FloatArray) -> TriSurface:
-    """A surface and those inside it, in other directions."""
+    """A surface and its inner surfaces, rotated."""
     inner = {name: replace(one, points=one.points @ turn) for name, one in surface.inner.items()}
     return replace(surface, points=surface.points @ turn, inner=inner)
 
 
 def _settled(values: dict[str, Any], config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:
-    """One backend for all meshes of a cohort; cells across the cortex only where there is an inner surface."""
+    """One backend for all meshes of a cohort; cells across the cortex only if there is an inner surface."""
     if values["backend"] == "auto":
         values = {**values, "backend": installed_backend()}
     return {**values, "elements_across": config.regions.elements_across} if facts.get("nested") else values

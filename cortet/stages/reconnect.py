@@ -1,9 +1,9 @@
-"""S4+: local reconnection, for what no movement of vertices can mend.
+"""S4+: local reconnection, for elements that no movement of vertices can mend.
 
-After cleaning, the worst tetrahedra sit on interior edges shared by three tetrahedra (q >= 0.300 there, wherever the
-vertices go), on boundary edges held by one, and between the two banks of a blade, all their vertices on the boundary.
-Swaps remove the first kind and some of the second; new vertices inside mend the others. The vertices around are moved
-again after each round. Connectivity changes, which the published chain never does, hence a stage of its own.
+After cleaning, the worst tetrahedra lie at interior edges of three tetrahedra (where q >= 0.300, wherever the vertices
+go), at boundary edges of one, and between the two sides of a blade, with all their vertices on the boundary. Swaps
+remove the first kind and some of the second; new vertices inside mend the others. The vertices around them move again
+after each round. Connectivity changes, which never happens in the published chain; hence a separate stage.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ DEFAULT = Reconnect()
 
 @dataclass(frozen=True)
 class ReconnectReport:
-    """What was done and what came of it."""
+    """What was done, and the result."""
 
     threshold: float
     q_mean_before: float
@@ -49,7 +49,7 @@ class ReconnectReport:
     q_max: float
     tets_before: int
     tets: int
-    #: swaps looked at, and those made: an edge and the tetrahedra around it replaced; a face replaced by an edge (2-3);
+    #: swaps considered, and those made: an edge and the tetrahedra around it replaced; a face replaced by an edge (2-3);
     #: an edge of the boundary or of an interface flipped; a boundary tetrahedron peeled off
     attempts: int
     edge_removals: int
@@ -75,19 +75,19 @@ def reconnect(
 ) -> tuple[TetMesh, ReconnectReport]:
     """Swap edges and faces around tetrahedra with q above `threshold`, and move the vertices there.
 
-    Every swap improves the worst quality of the tetrahedra it replaces, all volumes stay positive, vertices are added
+    Every swap improves the worst quality of the tetrahedra it replaces. All volumes stay positive, vertices are added
     or lost only inside and only with `insert`, and the boundary keeps its topology. Values per tetrahedron follow;
-    integer ones are labels of regions, which no swap joins. The interface of regions stays as it is, or, where it lies
-    on an inner surface, is treated like the boundary: its vertices slide, its edges may be flipped.
+    integer values are labels of regions, which no swap joins. An interface of regions stays as it is; but one that lies
+    on an inner surface is treated like the boundary: its vertices slide, its edges may be flipped.
 
     Parameters
     ----------
     mesh : positive volumes
-    surface : the surface boundary vertices slide on, and new boundary edges must be close to; the vertices of
+    surface : the surface that boundary vertices slide on and that new boundary edges must be close to; the vertices of
         interfaces slide on its inner surfaces
     boundary : what boundary vertices may do when vertices move; boundary edges may be flipped unless it is `fixed`
     insert : also insert vertices inside, where no swap helps; they carry the values of a vertex near them
-    cell_size : mm, which says how far from `surface` the boundary may slide; None where it is not known
+    cell_size : mm, which determines how far from `surface` the boundary may slide; None if it is not known
     """
     from cortet.measure.quality import quality
     from cortet.optimise.reconnection import reconnected

@@ -1,7 +1,7 @@
-"""S3: move nodes to better places with Gmsh's Relocate3D.
+"""S3: move nodes to better positions with Gmsh's Relocate3D.
 
-With `boundary="free"`, as published, Gmsh gets tetrahedra only and also moves boundary nodes, off the surface by 0.1 mm
-and more; with `boundary="fixed"` the boundary triangles lie on a discrete surface, and their nodes stay exactly where
+With `boundary="free"`, as published, Gmsh gets only tetrahedra and also moves boundary nodes off the surface, by 0.1 mm
+and more. With `boundary="fixed"`, the boundary triangles lie on a discrete surface, and their nodes stay exactly where
 they are. Reference: https://gmsh.info/doc/texinfo/gmsh.html (gmsh/model/mesh/optimize).
 """
 
@@ -47,7 +47,7 @@ DEFAULT = Relocate()
 
 @dataclass(frozen=True)
 class RelocateReport:
-    """What moved and what it brought."""
+    """What moved, and the result."""
 
     gmsh_version: str
     passes: int
@@ -80,7 +80,7 @@ def relocate(
     InputError
         a parameter is out of range
     StageError
-        Gmsh failed, or returned another mesh than it was given
+        Gmsh failed, or returned a different mesh
     """
     import gmsh
 
@@ -142,11 +142,11 @@ def _relocated(mesh: TetMesh, passes: int, fixed: IntArray) -> FloatArray:
                 logger.info("Gmsh Relocate3D, pass %d of %d", done + 1, passes)
             node_tags, coordinates, _ = gmsh.model.mesh.getNodes()
             element_tags, element_nodes = gmsh.model.mesh.getElementsByType(_TETRAHEDRON)
-        except Exception as error:  # what the Gmsh API raises
+        except Exception as error:  # the Gmsh API raises plain exceptions
             raise StageError(f"Gmsh failed: {error}") from error
 
     # Gmsh renumbers nodes while it optimises. Element tags and the order of corners stay, so the corners of the
-    # elements tell which node became which; every element must tell the same.
+    # elements show which node became which; all elements must agree.
     if not np.array_equal(np.sort(element_tags), tags):
         raise StageError(f"Gmsh returned {len(element_tags)} other tetrahedra than the {len(tags)} it was given")
     corners = element_nodes.reshape(-1, 4)[np.argsort(element_tags)].astype(np.int64)

@@ -1,8 +1,8 @@
-"""Repair of a broken surface, within limits: what has one right answer is done and recorded, the rest is refused.
+"""Repair of a broken surface, within limits: repairs with one right answer are made and recorded, the rest is refused.
 
-A surface without a flaw passes with the very same arrays. The steps run in the order that changes least: what equal
-places and indices decide comes first, then new triangles in holes, then cuts through handles, and at last triangles
-that cross. As a last resort, the whole surface is made anew on a grid instead.
+A surface without a flaw passes with its arrays unchanged. The steps run in the order that changes least: first repairs
+that equal positions and indices decide, then new triangles in holes, then cuts through handles, and last crossing
+triangles. As a last resort, the whole surface is rebuilt on a grid instead.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ VERSION: int = 2
 #: how a broken surface is repaired
 Method = Literal["local", "voxel"]
 
-#: where nothing better is known
+#: remedy if no better one is known
 _REMEDY = "edit the surface there, or remesh it"
 
 logger = logging.getLogger(__name__)
@@ -71,16 +71,16 @@ class RepairReport:
     vertices: int
     faces_before: int
     faces: int
-    #: vertices and face centres of the file to the nearest point of the repaired surface, and the other way round
+    #: vertices and face centres of the file to the nearest point of the repaired surface, and vice versa
     file_to_surface_mm: Distances
     surface_to_file_mm: Distances
-    #: farthest that a triangle was moved, or lies from one in whose place it is; caps and cuts apart
+    #: farthest that a triangle was moved, or lies from the one that it replaces; without caps and cuts
     displacement_max_mm: float
     area_before_mm2: float
     area_mm2: float
-    #: of caps on holes of the file
+    #: area of caps on holes of the file
     filled_area_mm2: float
-    #: of the file with its holes filled
+    #: volume of the file with its holes filled
     volume_before_ml: float
     volume_ml: float
     relative_area_change: float
@@ -100,21 +100,21 @@ def repair(
     spacing: float = DEFAULT.spacing,
     allow_genus: int = 0,
 ) -> tuple[TriSurface, RepairReport]:
-    """Make one closed manifold without crossing triangles of a surface, where that has one right answer.
+    """Turn a surface into one closed manifold without crossing triangles, if that has one right answer.
 
-    Values of fields are kept, new vertices take those of the nearest point of the given surface; where a hole was
-    filled, the field `filled` is 1 on the vertices of its cap. Coordinates of a repaired surface are float32 values.
+    Values of fields are kept; new vertices take those of the nearest point of the given surface. If a hole was filled,
+    the field `filled` is 1 on the vertices of its cap. Coordinates of a repaired surface are float32 values.
 
     Parameters
     ----------
     surface : as read; coordinates need not be finite; its inner surfaces stay as they are
     source : where it comes from, for messages and the report
-    max_displacement : mm, farthest that triangles may be moved or lie from those in whose place they are
+    max_displacement : mm, farthest that triangles may be moved or lie from those that they replace
     max_volume_change : relative
     max_hole : mm, longest rim of a hole that is filled
     max_loop : mm, longest loop along which a handle is cut or a tunnel closed
     max_piece : share of the area up to which a separate piece is dropped
-    method : ``local``, or ``voxel``, which makes a broken surface anew as a sphere, on a grid (`geometry.rebuilding`)
+    method : ``local``, or ``voxel``, which rebuilds a broken surface as a sphere on a grid (`geometry.rebuilding`)
     spacing : mm, of that grid
     allow_genus : number of handles that may stay
 
@@ -132,7 +132,7 @@ def repair(
     try:
         work.set_right()
         made = work.result()
-    except InputError as error:  # what refuses knows no files
+    except InputError as error:  # the functions that refuse a surface do not know its file
         raise InputError(error.what, file=source, remedy=error.remedy or _REMEDY) from None
     logger.warning("%s: repaired: %s", source or "the surface", work.done())
     return made, _report(work, made, source)
@@ -200,7 +200,7 @@ def _untouched(surface: TriSurface, source: Any) -> RepairReport:
 
 
 def _settled(values: dict[str, Any], config: Any, _: Mapping[str, Any]) -> dict[str, Any]:
-    """Handles that the gate lets in stay."""
+    """Keep the handles that the gate accepts."""
     return {**values, "allow_genus": config.gate.allow_genus}
 
 

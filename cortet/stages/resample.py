@@ -1,7 +1,7 @@
 """Put a surface onto a mesh that all cases share, through its sphere, so that vertices correspond across subjects.
 
-A tool of registration (MSM, FreeSurfer) gives each vertex of a surface a place on a sphere, so that equal places mean
-equal anatomy. A vertex of the common sphere takes the position that the surface has at its place.
+A registration tool (MSM, FreeSurfer) maps each vertex of a surface to a point on a sphere, so that equal points mean
+equal anatomy. A vertex of the common sphere takes the position that the surface has at that point.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ DEFAULT = Resample()
 
 @dataclass(frozen=True)
 class ResampleReport:
-    """The surface on the common mesh beside the native one. Relative changes are (resampled - native) / native."""
+    """The resampled surface compared with the native one. Relative changes are (resampled - native) / native."""
 
-    #: false: an inner surface whose triangles are not those of the sphere, and that stays as it is
+    #: false: an inner surface whose triangles are not those of the sphere, and which stays as it is
     resampled: bool
     vertices_before: int
     vertices: int
@@ -95,9 +95,10 @@ def resample(
 ) -> tuple[TriSurface, ResampleReport]:
     """The surface, and its fields, at the vertices of a common sphere.
 
-    Positions are interpolated linearly in the triangle of `sphere` that is nearest to the vertex of the common one, as
-    `wb_command -surface-resample ... BARYCENTRIC` does it; fields by area-corrected weights, as `-metric-resample` and
-    `-label-resample` with `ADAP_BARY_AREA` and both surfaces for areas. Coordinates of the result are float32 values.
+    Positions are interpolated linearly in the triangle of `sphere` nearest to the vertex of the common sphere, like
+    `wb_command -surface-resample ... BARYCENTRIC`. Fields are interpolated with area-corrected weights, like
+    `-metric-resample` and `-label-resample` with `ADAP_BARY_AREA` and both surfaces for areas. Coordinates of the
+    result are float32 values.
 
     Parameters
     ----------
@@ -105,14 +106,14 @@ def resample(
     sphere : of any radius around the origin; vertex i is that of `surface`, and so are the triangles
     sphere_file : where it comes from, for messages
     template : file of the common sphere; None: an icosphere
-    subdivisions : of this; 6 gives 40,962 vertices
-    inside : the surface lies inside another one, and is resampled only where its triangles are those of the sphere
+    subdivisions : of the icosphere; 6 gives 40,962 vertices
+    inside : the surface lies inside another one, and is resampled only if its triangles are those of the sphere
 
     Raises
     ------
     InputError
-        the sphere is none, or not of this surface; the surface has coordinates that are not finite; the template is no
-        sphere
+        the sphere is no sphere, or not of this surface; the surface has coordinates that are not finite; the template
+        is no sphere
     """
     from cortet.geometry import spheres
 
@@ -202,7 +203,7 @@ def _report(native: TriSurface, made: TriSurface, *, resampled: bool) -> Resampl
 
 
 def _settled(values: dict[str, Any], config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:
-    """The file of the common sphere is that of the hemisphere."""
+    """Choose the file of the common sphere for the hemisphere."""
     return {**values, "template": config.resample.template_of(facts["hemisphere"])}
 
 

@@ -1,9 +1,9 @@
 """Move inner surfaces inward where they touch, cross or nearly touch the surface around them.
 
-Where the cortex ends, at the medial wall, white and pial surface are the same, and each is drawn with its own error: in
-every real pair thousands of triangles cross there. A region between them needs room for a cell, so the inner surface
-gives way, along the outer one's normals, smoothly, and no farther than it takes. In blades too thin for two gaps and
-something between them it gives way less.
+Where the cortex ends, at the medial wall, white and pial surface are the same, but each has its own error: in every
+real pair, thousands of triangles cross there. A region between them needs room for a cell, so the inner surface gives
+way smoothly along the outer surface's normals, and no farther than needed. In blades too thin for two gaps and
+something between them, it gives way less.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ DEFAULT = Regions()
 class Separated:
     """What was done to one inner surface."""
 
-    #: of the region inside it
+    #: name of the region inside it
     name: str
     min_gap_mm: float
     #: triangles of the two surfaces that crossed, before
@@ -55,19 +55,19 @@ class Separated:
     outside_max_mm: float
     vertices: int
     vertices_moved: int
-    #: of all vertices
+    #: mean over all vertices
     moved_mean_mm: float
     moved_max_mm: float
-    #: where that was
+    #: location of that vertex
     moved_most_at_mm: tuple[float, float, float]
-    #: smallest distance of a vertex to the surface around it, afterwards
+    #: smallest distance of a vertex from the surface around it, afterwards
     gap_least_mm: float
-    #: vertices in blades where that is less than the gap asked for
+    #: vertices in blades where the distance is less than the requested gap
     vertices_in_thin_blades: int
-    #: enclosed by this surface, before and after
+    #: volume enclosed by this surface, before and after
     volume_before_ml: float
     volume_ml: float
-    #: of the region between it and the surface around it
+    #: volume of the region between it and the surface around it
     around_before_ml: float
     around_ml: float
 
@@ -114,7 +114,8 @@ def separate(
     for number in range(1, len(names)):
         one = sheets(surface)[number]
         container = around_it(surface, number)
-        # a surface comes before those that it contains; where it has moved, these may lie outside it through no fault
+        # a surface precedes those that it contains; after it has moved, they may lie outside it through no fault of
+        # their own
         before = around_it(given, number) if around[number] > 0 else container
         _require_inside(one, before, name=names[number], max_outside=max_outside)
         moved, report = _moved_inside(one, container, name=names[number], gap=min_gap * cell_size)

@@ -1,8 +1,8 @@
 """Post-mesh smoothing of the boundary (CORTET paper, section 4.4): optional, after the elements are good.
 
-The boundary of a mesh is rougher than the surface it came from, because its triangles are irregular. The published
-stage smooths it and accepts that it leaves the surface. Here the smoothed boundary is put back onto the surface by
-default, which keeps most of what smoothing gained, since that is a better arrangement of vertices, not another shape.
+The boundary of a mesh is rougher than its surface, because its triangles are irregular. The published stage smooths it
+and accepts that it leaves the surface. Here the smoothed boundary is put back onto the surface by default. This keeps
+most of what smoothing gained, which is a better arrangement of vertices, not another shape.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ Method = Literal["laplacian", "workbench"]
 
 #: strength of `wb_command -surface-smoothing`, as published
 _STRENGTH = 0.7
-#: shells of interior nodes that follow the boundary, each by this share of the one above
+#: layers of interior nodes that follow the boundary, each by this share of the one above
 _SHELLS, _FOLLOWING = 2, 0.5
-#: times the iterations are halved because elements inverted
+#: how many times the iterations are halved if elements invert
 _RETRIES = 4
 
 logger = logging.getLogger(__name__)
@@ -69,11 +69,11 @@ DEFAULT = SmoothBoundary()
 
 @dataclass(frozen=True)
 class SmoothBoundaryReport:
-    """What was done and what came of it."""
+    """What was done, and the result."""
 
     method: Method
     onto_surface: bool
-    #: those asked for, halved until no element inverted; 0 when even one inverts some
+    #: the requested number, halved until no element inverted; 0 if even one iteration inverts some
     iterations: int
     #: RMS distance of the vertices of boundary and interfaces to the mean of their neighbours over the mean edge length
     roughness_before: float
