@@ -11,7 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-#: what scripts take of Snakemake's job; neither the configuration nor the environment, which may hold what is secret
+#: what scripts use of Snakemake's job; not the configuration or the environment, which may hold secrets
 _PARTS = ("rule", "input", "output", "params", "wildcards", "threads")
 
 
@@ -45,9 +45,9 @@ def save(script: str, job: Any, log: Path) -> Path:
 
 
 def saved_job(path: Path) -> tuple[SavedJob, Path]:
-    """A saved job, and the folder to run it in: where the study lies now, should it have been moved.
+    """A saved job, and the folder to run it in: the present folder of the study, even if it was moved.
 
-    The file runs code when it is read, as any pickle: open none that somebody else has made.
+    Like any pickle, the file runs code when it is read: open none that somebody else has made.
     """
     saved: SavedJob = pickle.loads(path.read_bytes())
     return saved, saved.folder if saved.log.is_absolute() else path.resolve().parents[len(saved.log.parts) - 1]

@@ -64,7 +64,7 @@ def _age_tables(directory: Path, participant: str, session: str | None, patterns
 
 
 def _label(name: str, folders: dict[str, str], directory: Path, say: Callable[[str], object]) -> str:
-    """A participant's label, letters and digits alone as BIDS wants it; `folders` holds label -> name of the folder."""
+    """A participant's label, only letters and digits as BIDS requires; `folders` holds label -> name of the folder."""
     label = re.sub("[^A-Za-z0-9]", "", name)
     if folders.setdefault(label, name) != name:
         raise InputError(

@@ -9,12 +9,12 @@ from cortet.formats.gifti import hemisphere_of
 
 
 def missing_surface(source: object, *, column: str) -> InputError:
-    """The error of a surface of the sheet that is not there."""
+    """The error for a surface of the sheet that is missing."""
     return InputError("no such file", file=source, remedy=f"mend the column {column} of the cohort sheet")
 
 
 def require_hemisphere(path: str | Path, hemi: str | None) -> None:
-    """Raise InputError where a surface or sphere of a row of one hemisphere says that it is of the other."""
+    """Raise InputError if the file of a surface or sphere states another hemisphere than its row."""
     named = hemisphere_of(path)
     if hemi and named and named != hemi:
         raise InputError(

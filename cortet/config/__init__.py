@@ -1,7 +1,8 @@
 """The typed configuration: every key with its unit, its default and what it does.
 
-`load` reads a YAML file (or the dict Snakemake hands over), `render` writes the documented YAML that `config.yaml` is
-checked against, and `Config.arguments` gives the plain arguments of one step that the workflow compares between runs.
+`load` reads a YAML file (or the dict that Snakemake passes). `render` writes the documented YAML against which
+`config.yaml` is checked. `Config.arguments` gives the plain arguments of one step, which the workflow compares between
+runs.
 """
 
 from cortet.config.files import load, read, refresh, render

@@ -1,4 +1,4 @@
-"""Files of the configuration: read, checked, and written with every key explained."""
+"""Configuration files: reading, checking, and writing with every key explained."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def load(source: Path | str | Mapping[str, Any]) -> Config:
 
 
 def render(data: Mapping[str, Any]) -> str:
-    """Documented YAML of a configuration: keys in `data` are set, the others shown as comments with their default."""
+    """Documented YAML of a configuration: keys in `data` are set; the others are comments with their defaults."""
     head = (
         "# Configuration of cortet. Keys that are commented out show their value in the `default` setting.\n"
         "# Use another file with `snakemake --configfile FILE`, or change single keys with\n"
@@ -51,7 +51,7 @@ def render(data: Mapping[str, Any]) -> str:
 
 
 def refresh(path: Path | str) -> None:
-    """Rewrite a configuration file: the keys that are set stay, documentation and other keys become the model's."""
+    """Rewrite a configuration file: keys that are set stay; documentation and all other keys come from the model."""
     with atomic_path(path) as temporary:
         temporary.write_text(render(read(Path(path))), encoding="utf-8")
 
@@ -69,7 +69,7 @@ def read(path: Path) -> dict[str, Any]:
         data = yaml.load(content(path, largest=_LONGEST_FILE).decode("utf-8"), Loader=_UniqueKeys)
     except _Twice as error:
         raise InputError(str(error), file=path, remedy="keep one of the two, with the keys of both") from None
-    except (ValueError, TypeError, AttributeError, RecursionError, yaml.YAMLError) as error:  # what PyYAML lets through
+    except (ValueError, TypeError, AttributeError, RecursionError, yaml.YAMLError) as error:  # PyYAML lets these out
         raise InputError(f"cannot be read: {error}", file=path, remedy=remedy) from None
     if not isinstance(data, dict):
         raise InputError("holds no keys", file=path, remedy=remedy)
@@ -81,7 +81,7 @@ class _Twice(Exception):  # noqa: N818, becomes an InputError
 
 
 class _UniqueKeys(yaml.SafeLoader):  # type: ignore[misc]
-    """Refuses what YAML forbids and PyYAML does: to take the last of two values of a key."""
+    """A loader that refuses a repeated key, which YAML forbids; PyYAML would take the last value."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Raise _Twice for a key that occurs twice."""
@@ -94,12 +94,12 @@ class _UniqueKeys(yaml.SafeLoader):  # type: ignore[misc]
         return super().construct_mapping(node, deep)
 
 
-#: of a configuration: bytes, and values when aliases are written out
+#: bounds of a configuration: bytes, and values with aliases expanded
 _LONGEST_FILE, _MOST_VALUES = 10_000_000, 100_000
 
 
 def _without_empty_sections(data: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
-    """The data without sections that are null: YAML makes that of one whose keys are all commented out."""
+    """The data without sections that are null: YAML reads a section as null if all its keys are commented out."""
     kept = {}
     for key, value in data.items():
         info = model.model_fields.get(key)
@@ -112,7 +112,7 @@ def _without_empty_sections(data: Mapping[str, Any], model: type[BaseModel]) -> 
 
 
 def _values(data: Any) -> Iterator[Any]:
-    """All values, with everything that an alias stands for; without end where it stands for itself."""
+    """All values, with aliases expanded; endless if an alias contains itself."""
     waiting = [data]
     while waiting:
         value = waiting.pop()
@@ -132,7 +132,7 @@ def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any
     return result
 
 
-#: how pydantic calls the kinds of value that a key may have: no part of its name
+#: names that pydantic gives to the types of a value; they are no part of a key's name
 _OF_A_UNION = re.compile(r"float$|int$|str$|(dict|list|constrained|literal)\b.*|\[key\]$")
 
 
@@ -154,7 +154,7 @@ def _complaint(problem: Any, data: Mapping[str, Any]) -> str:
 
 
 def _keys_on_the_way(loc: tuple[str | int, ...], data: Any) -> Iterator[str]:
-    """The keys on the way to a value, without indices into lists: the value itself tells which is meant."""
+    """The keys on the path to a value, without list indices: the value itself shows which item is meant."""
     for part in loc:
         if _OF_A_UNION.match(str(part)):
             continue

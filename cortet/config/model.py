@@ -24,7 +24,7 @@ from cortet.stages.stage import Step
 
 _PACKAGE = Path(__file__).parents[1]
 
-#: what has arguments or a version, and is no stage of the line
+#: steps that have arguments or a version and are no stages of the line
 STEPS: dict[str, Step] = {
     "phantom": Step("phantom", "phantom", frozenset({"subdivisions", "seed"}), ("gestational_age", "hemisphere")),
     "phantom_inner": Step("phantom", "phantom", frozenset({"thickness"})),
@@ -82,7 +82,7 @@ class Config(_WithTheLine):
     experiments: Experiments = Experiments()
 
     def section_of(self, stage: Stage) -> Section:
-        """The section of a stage, which may be that of another one."""
+        """The section of a stage, which may be that of another stage."""
         section: Section = getattr(self, stage.section or stage.name)
         return section
 
@@ -91,7 +91,7 @@ class Config(_WithTheLine):
         return bool(getattr(getattr(self, stage, None), "enabled", True))
 
     def handles(self) -> Handles:
-        """What is done about handles of labels, which are mended on the voxels: nothing where nothing is repaired."""
+        """What is done about handles of labels, which are mended on the voxels: nothing if `repair` is off."""
         from cortet.geometry.label_surface import AS_THEY_ARE, Handles
 
         if not self.enabled("repair"):
@@ -99,7 +99,7 @@ class Config(_WithTheLine):
         return Handles(self.gate.allow_genus, self.repair.max_volume_change)
 
     def line(self, *, nested: bool = False, registered: bool = False, aged: bool = True) -> list[Stage]:
-        """The stages that run, in their order.
+        """The stages that run, in order.
 
         Parameters
         ----------
@@ -116,7 +116,7 @@ class Config(_WithTheLine):
         ]
 
     def require_programs(self) -> None:
-        """Raise InputError naming a program that the line calls and that is not installed here."""
+        """Raise InputError naming a program that the line calls and that is not installed."""
         for stage in self.line():
             for program, instead in self.section_of(stage).programs().items():
                 if shutil.which(program) is None:
@@ -125,7 +125,7 @@ class Config(_WithTheLine):
                     )
 
     def require_nesting(self, nested: bool) -> None:
-        """Raise InputError where inner surfaces meet a mesher or a stage that knows no interfaces."""
+        """Raise InputError if there are inner surfaces and a mesher or a stage knows no interfaces."""
         for stage in self.line(nested=True) if nested else []:
             if key := self.section_of(stage).knows_no_interfaces():
                 raise InputError(
@@ -133,7 +133,7 @@ class Config(_WithTheLine):
                 )
 
     def require_workflow(self) -> None:
-        """Raise InputError for what one mesh can have and a cohort cannot."""
+        """Raise InputError for settings that a single mesh may have but a cohort may not."""
         from cortet.formats.volumes import is_volume
 
         if volumes := [name for name in self.generate.sizes if is_volume(name)]:
@@ -157,14 +157,14 @@ class Config(_WithTheLine):
         Parameters
         ----------
         step : a key of `STEPS`
-        facts : what is known of the mesh that is asked for, by the names that the step declares
+        facts : what is known about the requested mesh, by the names that the step declares
         """
         return STEPS[step].arguments(self, facts or {})
 
     def placement(
         self, unit: str | None = None, affine: str | Path | None = None
     ) -> tuple[tuple[float, ...], ...] | None:
-        """Matrix that takes coordinates as stored to mm (`formats.placement.matrix`); None where they are mm.
+        """Matrix that maps stored coordinates to mm (`formats.placement.matrix`); None if they are mm.
 
         Parameters
         ----------
@@ -173,7 +173,7 @@ class Config(_WithTheLine):
         return matrix(unit or self.gate.unit, affine or self.gate.affine)
 
     def record(self, step: str, facts: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """The arguments of a step beside the version of its code, as certificates record them."""
+        """The arguments of a step and the version of its code, as certificates record them."""
         placement = (facts or {}).get("placement") if step == "gate" else None
         return {
             **self.arguments(step, facts),

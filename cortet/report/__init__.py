@@ -1,4 +1,4 @@
-"""Everything people look at: tables, figures, pages, pictures, the methods paragraph."""
+"""Everything that people look at: tables, figures, pages, pictures, the methods paragraph."""
 
 from pathlib import Path
 

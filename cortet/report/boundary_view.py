@@ -37,7 +37,7 @@ def boundary_view(
     ----------
     mesh : coordinates in mm, x to the right, y to the front, z up
     worst_elements : `q` and `centre_mm` of the elements to mark
-    max_faces : a boundary of more faces is simplified, and keeps the worst q where it was
+    max_faces : a boundary with more faces is simplified; the worst q stay in their locations
 
     Returns
     -------
@@ -68,7 +68,7 @@ def boundary_view(
 
 
 def colour_scale() -> dict[str, Any]:
-    """RGB, 0 to 255: `colours` of q, evenly spaced over `render.RANGE`, and the colour of worse elements, `beyond`."""
+    """RGB, 0 to 255: `colours` of q, evenly spaced over `render.RANGE`, and `beyond`, the colour of worse elements."""
     stops = mpl.colormaps[COLOURS](np.linspace(0, 1, _STOPS))
     return {"colours": [_rgb(colour) for colour in stops], "beyond": _rgb(BEYOND)}
 
@@ -108,7 +108,7 @@ def _simplified(surface: TriSurface, faces: int) -> TriSurface:
 
 
 def _carried(points: FloatArray, values: FloatArray, targets: FloatArray) -> FloatArray:
-    """Values at targets: the largest of the points whose nearest target it is; if none, that of the nearest point."""
+    """Values at targets: the largest of the points nearest to each target; without any, that of its nearest point."""
     carried = values[cKDTree(points).query(targets)[1]]
     np.maximum.at(carried, cKDTree(targets).query(points)[1], values)
     return carried

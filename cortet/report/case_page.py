@@ -127,7 +127,7 @@ def write_failure_page(
     name : name of the case
     failure : `stage` that failed, `state`, `reason`, and `log` if there is one
     surface : the input surface; None if it cannot be read, and `trouble` says why
-    facts, cohort : as of `write_case_page`
+    facts, cohort : as in `write_case_page`
     """
     reason, remedy = split_remedy(failure["reason"])
     does = DOES.get(failure["stage"], "")
@@ -182,7 +182,7 @@ def in_words(check: Mapping[str, Any]) -> dict[str, Any]:
     """A check of a certificate with its `name`, `value` and `limit` as text with units."""
     unit = f" {check['unit']}" if check["unit"] else ""
     limit = f"{_COMPARED[check['comparison']]} {check['limit']:g}{unit}" if check["comparison"] else "no limit"
-    name = re.sub(r"^[a-z](?=[a-z])", lambda letter: letter[0].upper(), check["name"])  # unless it begins with a symbol
+    name = re.sub(r"^[a-z](?=[a-z])", lambda letter: letter[0].upper(), check["name"])  # unless the name begins with a symbol
     return {**check, "name": name, "value": f"{check['value']:.4g}{unit}", "limit": limit}
 
 
@@ -263,7 +263,7 @@ def _quality(of: Judged) -> list[Part]:
 
 
 def _published() -> dict[str, tuple[str, str]]:
-    """Numbers of the paper for `ELEMENTS`, and the meshes that they are about."""
+    """Numbers of the paper for `ELEMENTS`, and the meshes that they describe."""
     cohort, measures = published.cohort(), published.measures()
     of_all = f"median [range] of {len(cohort)} meshes"
     final = published.ablation().set_index(["mesher", "stages"]).loc[("cgal", "S1-S4")]

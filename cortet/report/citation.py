@@ -1,6 +1,6 @@
-"""`logs/CITATION.{md,bib,tex,html}`: the methods paragraph with references, for a paper, as fMRIPrep leaves it.
+"""`logs/CITATION.{md,bib,tex,html}`: the methods paragraph with references, for a paper, like that of fMRIPrep.
 
-The Markdown cites by keys of the BibTeX file, as Pandoc reads it: `pandoc --citeproc --bibliography CITATION.bib`.
+The Markdown cites by keys of the BibTeX file, which Pandoc resolves: `pandoc --citeproc --bibliography CITATION.bib`.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ REFERENCES = {
 _MESHERS = {"pygalmesh": "cgal", "lattice": "tetgen"}
 #: stage -> the program that does its work
 _PROGRAMS = {"relocate": "gmsh", "smooth_surface": "pymeshlab", "resample": "workbench"}
-#: libraries of every stage
+#: libraries that every stage uses
 _LIBRARIES = ("numpy", "scipy", "numba")
-#: characters that LaTeX does not print as they are
+#: characters that LaTeX does not print literally
 _LATEX = {
     "\\": r"\textbackslash{}",
     **{sign: f"\\{sign}" for sign in "&%$#_{}"},
@@ -46,7 +46,7 @@ _LATEX = {
 
 
 def cited(certificates: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Keys of the programs that a run used, by the reports of its stages: not every installed program was used."""
+    """Keys of the programs that a run used, from the reports of its stages: not every installed program was used."""
     reports = [content["reports"] for content in certificates]
     backends = {report["generate"].get("backend", "") for report in reports if "generate" in report}
     used = {"cortet", "cortetsoftware", *_LIBRARIES, *(_MESHERS.get(name, name) for name in backends)}

@@ -34,7 +34,7 @@ COLUMNS = tuple(
     for column in read_columns(DATA / "cohort_folding_columns.tsv")
 )
 _LAST = ("gyrification_index", "fold_spacing_mm", "sulcal_depth_mm", "area_mm2", "volume_mm3")
-#: most runs with names in the legend, and a colour for each (Paul Tol's, besides those of other figures)
+#: most runs that the legend names, and a colour for each (Paul Tol's, besides those of other figures)
 _NAMED = 10
 _COLOURS = (*COLOURS, "#56B4E9", "#44AA99", "#882255", "#8A6D3B", "#6B6B6B")
 
@@ -92,7 +92,7 @@ def cohort_folding_figure(runs: Sequence[Mapping[str, Any]]) -> Figure:
         letter(figure.axes)
         if runs:
             handles, labels = figure.axes[0].get_legend_handles_labels()
-            once = dict(zip(labels, handles, strict=True))  # halves and whole brains may have one source
+            once = dict(zip(labels, handles, strict=True))  # hemispheres and whole brains may share a source
             figure.axes[0].legend(once.values(), once.keys(), loc="upper left")
     return figure
 

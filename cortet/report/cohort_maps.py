@@ -1,7 +1,7 @@
 """Means of surface, fields and distance to the mesh over a cohort, on the mesh that its surfaces share.
 
-A case that was resampled has a value at each vertex of the common mesh. Vertices of the same number are the same
-location of the cortex in every case, so that means over cases mean something.
+A case that was resampled has a value at each vertex of the common mesh. Vertices with the same number are the same
+location of the cortex in every case, so means over cases are meaningful.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from cortet.stages.transfer import with_thickness
 
 VERSION: int = 1
 
-#: the map of the distance of the surface that was meshed to the boundary of the mesh, mm
+#: name of the map of distances from the surface that was meshed to the boundary of the mesh, mm
 DISTANCE = "distance_to_boundary"
 #: percent of the vertices that the range of colours leaves out at either end
 _TAIL = 1.0
@@ -83,7 +83,7 @@ def mean_map(cases: Sequence[TriSurface]) -> tuple[TriSurface, dict[str, int]]:
 
 
 def _mean(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """The mean over cases, (n,) or (n, k); for labels the most frequent, and among equals the smallest."""
+    """The mean over cases, (n,) or (n, k); for labels the most frequent one, the smallest in a tie."""
     if not all(map(is_label, values)):
         return np.asarray(np.mean(np.stack(values), axis=0, dtype=np.float64))
     stacked = np.stack(values)

@@ -23,16 +23,16 @@ from cortet.report.pictures import SIDES
 
 Row = Mapping[str, str]
 
-#: columns that tell meshes apart
+#: columns that identify a mesh
 KEY = ["case", "cell_size_mm", "mesher"]
-#: modified z-score beyond which a value is an outlier, and the fewest values that are judged
+#: modified z-score beyond which a value is an outlier, and the fewest values to judge
 #: (Iglewicz and Hoaglin, How to detect and handle outliers, ASQC Quality Press, 1993, who give 3.5)
 OUTLIER, FEWEST = 3.5, 5
 #: column -> its name in the reason why a mesh is an outlier
 JUDGED = {"q_max": "worst q", "q_mean": "mean q"}
-#: a smaller spread counts as this. If one surface is meshed in other directions, worst q spreads by 0.0005 and mean q
-#: by 0.002 (a phantom of 26 weeks, h = 2.5 mm). Meshes that are more alike differ by chance, and a worst q that is
-#: 3.5 x 0.005 higher than others does not matter for a limit of 0.6
+#: least spread; a smaller one counts as this. If one surface is meshed in other directions, worst q spreads by 0.0005
+#: and mean q by 0.002 (a phantom of 26 weeks, h = 2.5 mm). Meshes that are more alike differ by chance, and a worst q
+#: that is 3.5 x 0.005 higher than others does not matter for a limit of 0.6
 LEAST_SPREAD = {"q_max": 0.005, "q_mean": 0.002}
 #: states in the order of the rows; certified meshes come by their outlier score
 _ORDER = ("failed", "unfinished", "uncertified", "certified", "excluded")
@@ -95,7 +95,7 @@ def write_cohort_page(
 
     Parameters
     ----------
-    dataset : what the cases are of, for the title
+    dataset : dataset of the cases, for the title
     status : `cohort_status.tsv`
     quality : `cohort_quality.tsv` and its sidecar; None if no mesh was measured
     meshes : per mesh `case`, `cell_size_mm`, `mesher` and `page`, the address of its page as seen from this page; also
@@ -137,7 +137,7 @@ def write_cohort_page(
 
 
 def _totals(rows: pd.DataFrame) -> dict[str, str]:
-    """What the cohort is in numbers."""
+    """The cohort in numbers."""
     values = {
         name: pd.to_numeric(rows[name], errors="coerce").dropna() for name in ("scan_age", "tets") if name in rows
     }
@@ -226,7 +226,7 @@ def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:
 
 
 def modified_z_scores(values: pd.Series[float], least: float = 0.0) -> pd.Series[float]:
-    """Distance of each value to the median, in robust standard deviations (Iglewicz and Hoaglin 1993).
+    """Distance of each value from the median, in robust standard deviations (Iglewicz and Hoaglin 1993).
 
     The score is 0.6745 (x - median) / MAD, with the median absolute deviation MAD. If more than half of the values are
     equal, the mean absolute deviation, times 1.2533, replaces the standard deviation MAD / 0.6745. If all values are
@@ -234,7 +234,7 @@ def modified_z_scores(values: pd.Series[float], least: float = 0.0) -> pd.Series
 
     Parameters
     ----------
-    least : smallest standard deviation; a smaller one counts as this
+    least : least standard deviation; a smaller one counts as this
     """
     distances = values - values.median()
     scale = max(distances.abs().median() / 0.6745 or 1.2533 * distances.abs().mean(), least)
@@ -264,13 +264,13 @@ def with_outliers(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _far(name: str, score: float) -> str:
-    """A score in words; a larger one than 99 says no more than that."""
+    """A score in words; a score above 99 says no more than that."""
     many = "over 99" if abs(score) > 99 else f"{abs(score):.1f}"
     return f"{name} {many} deviations {'above' if score > 0 else 'below'} the others"
 
 
 def ordered(rows: pd.DataFrame) -> pd.DataFrame:
-    """Failed cases first, then those that are not certified, then the others, the farthest outlier first."""
+    """Failed cases first, then uncertified ones, then the others, with the farthest outlier first."""
     rank = pd.DataFrame(
         {
             "state": rows["state"].map(_ORDER.index),

@@ -1,4 +1,4 @@
-"""What the volumes of all cases say of the tissue in their meshes, in one table."""
+"""One table of the tissue in all meshes of a cohort, by the volumes of its cases."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page on which several meshes of one surface stand side by side, whatever made them."""
+"""The page that shows several meshes of one surface side by side, whatever made them."""
 
 from __future__ import annotations
 

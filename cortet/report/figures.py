@@ -54,9 +54,9 @@ STYLE = {
     "svg.hashsalt": "cortet",  # ids do not change from run to run
 }
 
-#: the measure of quality as figures write it, on an axis of it, and its largest value
+#: the measure of quality as figures write it: by itself, as the label of its axis, and its largest value
 Q, Q_AXIS, Q_MAX = "$q$", "$q$ (0 regular, 1 flat)", r"$q_\mathrm{max}$"
-#: where meshes of unknown age stand, beyond the axis of ages: a fraction of its length
+#: position of meshes of unknown age, beyond the end of the age axis: a fraction of its length
 _BESIDE = 1.06
 #: column of the quality table -> label of its panel
 _PANELS = {"tets": "tetrahedra (thousands)", "q_mean": f"mean {Q}", "q_max": Q_MAX}
@@ -82,9 +82,9 @@ def letter(axes: Iterable[Axes]) -> None:
 
 
 def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
-    """Number of tetrahedra, mean q and worst q of every mesh against gestational age, the published cohort behind.
+    """Number of tetrahedra, mean q and worst q of every mesh against gestational age, over the published cohort.
 
-    Meshes of unknown age stand beyond the axis of ages.
+    Meshes of unknown age are drawn beyond the end of the age axis.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
         letter(axes)
         axes[0].set_ylim(bottom=0)
         low, high = axes[1].get_ylim()
-        axes[1].set_ylim(min(low, 0.125), max(high, 0.135))  # else differences of 0.001 look large
+        axes[1].set_ylim(min(low, 0.125), max(high, 0.135))  # otherwise differences of 0.001 look large
         if limit is not None:
             axes[2].axhline(limit, color="black", linestyle="--", linewidth=0.8)
             axes[2].annotate(
@@ -156,7 +156,7 @@ def mesh_quality_figures(meshes: Mapping[str, NDArray[np.integer[Any]]], *, limi
 
 
 def in_powers_of_ten(axis: Axis) -> None:
-    """Label a logarithmic axis in plain letters: Matplotlib's own labels are formulas, which take a second."""
+    """Label a logarithmic axis in plain text: Matplotlib's own labels are formulas, which take a second to draw."""
     raised = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
     axis.set_major_formatter(lambda value, _: "10" + str(round(np.log10(value))).translate(raised))
     axis.set_minor_formatter(NullFormatter())
@@ -224,6 +224,6 @@ def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame, column: str, un
             if not known.all():
                 values, outside = chosen[column][~known] / unit, axis.get_yaxis_transform()
                 axis.scatter(np.full(len(values), _BESIDE), values, transform=outside, clip_on=False, **style)
-                middle = float(theirs["scan_age_weeks"].median())  # the axis of values holds theirs, too
+                middle = float(theirs["scan_age_weeks"].median())  # the value axis covers theirs, too
                 axis.update_datalim([(middle, value) for value in values])
                 axis.autoscale_view()

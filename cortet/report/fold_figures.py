@@ -1,4 +1,4 @@
-"""Pictures of a folding run: its numbers against age, the brain as it folds beside real ones, and a film."""
+"""Pictures of a folding run: its numbers against age, the folding brain beside real ones, and a film."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ VERSION: int = 4
 #: files that `draw` adds to the folder of a run
 NUMBERS, PICTURE, FILM = "folding.svg", "folded.png", "folding.gif"
 
-#: weeks between two brains of the sheet, and between a frame and a real brain beside it at most
+#: weeks between two brains in the picture, and most weeks between a frame and the real brain beside it
 _EVERY, _ALIKE = 4.0, 0.5
 #: pixels of the film, its margin, and its frames per second
 _VIEW, _MARGIN, _RATE = (800, 640), 1.05, 5
@@ -59,9 +59,9 @@ _PANELS = {
     "q_max": r"largest $q$",
 }
 _ROWS, _SMALL = 2, ("min_j", "q_max")
-#: weeks between two numbers at the axis of ages: the first at which there are no more than so many
+#: candidate weeks between ticks of the age axis, of which the first with few enough ticks is used; and most ticks
 _STEPS, _MOST_TICKS = (1, 2, 4, 5, 10), 6
-#: source of real brains -> how the legend calls it, marker, colour; open where the anatomy is abnormal
+#: source of real brains -> its name in the legend, marker, colour; open markers for abnormal anatomy
 _SOURCES = {
     "CRL atlas": ("CRL atlas, fetal", "o", "black"),
     "FetoMorph (individual)": ("FetoMorph, individual fetuses", "^", "black"),
@@ -104,7 +104,7 @@ def series(path: Path) -> list[tuple[Path, float]]:
 def numbers(table: Path, hemisphere: str | None) -> Figure:
     """Size and folds against gestational age, over real brains, and smallest J and largest q.
 
-    Real surfaces are those of one hemisphere for half a brain, else of both.
+    Real surfaces are those of one hemisphere if the run is of one, else of both.
     """
     rows = curves(table)
     with drawn(PAGE, 3.9) as figure:
@@ -125,7 +125,7 @@ def numbers(table: Path, hemisphere: str | None) -> Figure:
 
 
 def weeks(axis: Axes, first: float, last: float) -> None:
-    """Let an axis of ages run between whole weeks, with a tick at each of them."""
+    """Let an age axis run between whole weeks, with a tick at each week."""
     low, high = np.floor(first + 1e-6), np.ceil(last - 1e-6)
     step = next((step for step in _STEPS if high - low <= _MOST_TICKS * step), _STEPS[-1])
     axis.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
@@ -140,7 +140,7 @@ def curves(table: Path) -> pd.DataFrame:
 
 
 def real_points(axis: Axes, column: str, hemisphere: str | None) -> None:
-    """Draw inner surfaces of real brains, each source by itself: newborns in grey, as their index jumps at birth."""
+    """Draw inner surfaces of real brains, source by source: newborns in grey, since their index jumps at birth."""
     brains = published.real_brains()
     brains["relative_area"] = brains["area_cm2"] / brains["volume_ml"] ** (2 / 3)
     brains = brains[(brains["surface_type"] == "white") & ((brains["hemi"] == "both") == (hemisphere is None))]
@@ -161,7 +161,7 @@ def real_points(axis: Axes, column: str, hemisphere: str | None) -> None:
 
 
 def rows_of(frames: list[tuple[Path, float]], hemisphere: str | None, real: Mapping[float, Path]) -> list[Row]:
-    """The first brain, one every four weeks and the last, and those for which there is a real one of their age.
+    """The first brain, one every four weeks, the last, and those with a real brain of their age.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def _every(ages: list[float]) -> list[int]:
 
 
 def _beside(ages: list[float], hemisphere: str | None, real: Mapping[float, Path]) -> dict[int, float]:
-    """Number of a frame -> age of the real brain beside it; what is left out is said."""
+    """Index of a frame -> age of the real brain beside it; logs which real brains are left out."""
     found: dict[int, float] = {}
     for age, path in sorted(real.items()):
         number = int(np.abs(np.array(ages) - age).argmin())
@@ -205,12 +205,12 @@ def _beside(ages: list[float], hemisphere: str | None, real: Mapping[float, Path
 
 
 def _name(path: Path) -> str:
-    """The name of a file without its endings."""
+    """The name of a file without its suffixes."""
     return path.name.removesuffix(path.suffix).removesuffix(".surf")
 
 
 def views(frames: list[Path], hemisphere: str | None) -> Iterator[Image]:
-    """The brain of each frame from its lateral side, a whole one from the left, at the scale and place of the last."""
+    """The brain of each frame from its lateral side (a whole one: left), at the scale and position of the last."""
     last = simulated_brain(frames[-1])
     for path in frames:
         yield view(simulated_brain(path), sides(hemisphere)[0], centre(last), _VIEW, _pixels_per_mm(last, hemisphere))

@@ -1,4 +1,4 @@
-"""Brains as they are seen: simulated and real ones from their sides, at one scale, coloured by their folds."""
+"""Views of simulated and real brains from several sides, at one scale, coloured by their folds."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _WALL_MEANS = "medial wall: the cut towards the other half, no cortex"
 
 #: inches of the sheet: left of the brains, above and below them, between rows and columns, and the tallest sheet
 _LEFT, _TOP, _BOTTOM, _ROW_GAP, _GAP, _TALLEST = 0.62, 0.46, 0.62, 0.2, 0.1, 9.5
-#: where the meaning of grey begins, inches from the left
+#: left end of the legend for grey, inches from the left
 _LEGEND = 2.1
 #: pixels of a view per inch of the sheet, twice those of the file
 _PIXELS = 600
@@ -53,28 +53,28 @@ class Brain(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What is seen of one age."""
+    """The brains of one age."""
 
-    #: of the simulated brain, weeks
+    #: age of the simulated brain, weeks
     age: float
     simulated: Brain
-    #: a real brain, and what it is called
+    #: a real brain, and its name
     real: Brain | None = None
     name: str = ""
 
 
 class Side(NamedTuple):
-    """From where a brain is seen, in RAS coordinates."""
+    """Direction from which a brain is seen, in RAS coordinates."""
 
     name: str
     towards: FloatArray
     up: FloatArray
-    #: which way the front is, and what is up where that is not the top
+    #: which way the front is, and what is up if that is not the top
     directions: str
 
     @property
     def right(self) -> FloatArray:
-        """What is on the right of the picture."""
+        """The direction to the right of the picture."""
         return np.asarray(np.cross(self.up, self.towards))
 
 
@@ -93,7 +93,7 @@ def sides(hemisphere: str | None) -> list[Side]:
 
 
 def brain_of(surface: TriSurface, wall: NDArray[np.bool_]) -> Brain:
-    """A closed surface, the nodes of whose medial wall are known: (n,)."""
+    """The brain of a closed surface; `wall` (n,) marks the nodes of its medial wall."""
     curvature = smoothed_curvature(surface.points, surface.faces)
     return Brain(surface, np.where(wall, np.nan, curvature))
 
@@ -107,7 +107,7 @@ def simulated_brain(frame: Path) -> Brain:
 
 
 def real_brain(path: Path, hemisphere: str | None) -> Brain:
-    """The brain of a surface in mm and RAS coordinates, of which a hemisphere has a medial wall.
+    """The brain of a surface in mm and RAS coordinates; a hemisphere has a medial wall.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def real_brain(path: Path, hemisphere: str | None) -> Brain:
 
 
 def extent(brain: Brain, side: Side) -> FloatArray:
-    """Width and height of a brain as it is seen from a side, mm (2,)."""
+    """Width and height of a brain as seen from a side, mm (2,)."""
     return np.ptp(brain.surface.points @ np.stack([side.right, side.up]).T, axis=0)
 
 
@@ -144,7 +144,7 @@ def view(
 
     Parameters
     ----------
-    focus : mm (3,), what is in the middle
+    focus : mm (3,), point in the middle of the picture
     size : pixels, width and height
     span, colours : values that the colours span, and their name
 
@@ -153,7 +153,7 @@ def view(
     StageError : the graphics library cannot draw here
     """
     shell = pyvista.PolyData.from_regular_faces(brain.surface.points, brain.surface.faces)
-    shell.point_data["curvature"] = brain.curvature  # values that are no numbers get the colour of the wall
+    shell.point_data["curvature"] = brain.curvature  # NaN gets the colour of the medial wall
     half_height = size[1] / pixels_per_mm / 2
     distance = 10 * max(half_height, float(np.ptp(brain.surface.points, axis=0).max()))
     with off_screen(size) as plotter:
@@ -179,12 +179,12 @@ def view(
 
 
 def bar_length(width: float, times: int = 20) -> int:
-    """Length of a scale bar, mm, that fits at least so many times into the width of a picture, mm."""
+    """Length of a scale bar, mm, that fits at least `times` times into the width of a picture, mm."""
     return max((bar for bar in _BARS if bar * times <= width), default=_BARS[0])
 
 
 def draw_bar(axis: Axes, place: tuple[float, float], per_mm: float, mm: int) -> None:
-    """Draw a scale bar from a place to the right, its length above it; `per_mm` is in units of the axis."""
+    """Draw a scale bar from a point to the right, with its length above it; `per_mm` is in units of the axis."""
     x, y = place
     axis.plot([x, x + mm * per_mm], [y, y], color="black", linewidth=1.5, solid_capstyle="butt")
     axis.annotate(
@@ -234,7 +234,7 @@ def sheet(rows: Sequence[Row], hemisphere: str | None) -> Figure:
 
 
 def _put(axis: Axes, brain: Brain, side: Side, middle: tuple[float, float], scale: float) -> None:
-    """Draw a brain around a place of the sheet, at so many inches per mm."""
+    """Draw a brain around a point of the picture; `scale` is in inches per mm."""
     dots = _PIXELS * scale  # per mm
     width, height = (int(np.ceil(mm * dots)) + 4 for mm in extent(brain, side))
     image = view(brain, side, centre(brain), (width, height), dots)
@@ -244,7 +244,7 @@ def _put(axis: Axes, brain: Brain, side: Side, middle: tuple[float, float], scal
 
 
 def _head(axis: Axes, seen: Sequence[Side], lefts: FloatArray, widths: FloatArray, full: float, *, real: bool) -> None:
-    """Write what is above the columns: simulated or real, the side, and which way is the front."""
+    """Write the headings of the columns: simulated or real, the side, and which way is the front."""
     for place, (left, width) in enumerate(zip(lefts, widths, strict=True)):
         side = seen[place % len(seen)]
         axis.text(left + width / 2, full - 0.34, side.name, ha="center")
@@ -257,7 +257,7 @@ def _head(axis: Axes, seen: Sequence[Side], lefts: FloatArray, widths: FloatArra
 
 
 def _foot(figure: Figure, axis: Axes, scale: float, *, wall: bool) -> None:
-    """Draw what is below the brains: the scale bar, what grey means, and the scale of colours."""
+    """Draw the legend below the brains: the scale bar, the meaning of grey, and the colour scale."""
     mm = bar_length(PAGE / scale)
     draw_bar(axis, (_LEFT + 0.1, 0.26), scale, mm)
     axis.text(_LEFT + 0.2 + mm * scale, 0.26, "at all ages", va="center")

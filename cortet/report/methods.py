@@ -1,4 +1,4 @@
-"""A paragraph for the methods section of a paper, from what was run: parameters, versions, numbers, exclusions."""
+"""A paragraph for the methods section of a paper about a run: parameters, versions, numbers, exclusions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cortet.stages.stage import Certificate, counted
 
 VERSION: int = 4
 
-#: distribution -> how a paper names it
+#: distribution -> its name in a paper
 _NAMES = {
     "numpy": "NumPy",
     "scipy": "SciPy",
@@ -37,7 +37,7 @@ def methods_text(certificates: Sequence[Certificate], sheet: Iterable[Case], fai
     ----------
     certificates : contents of the certificates of the line's meshes, at least one. The first gives all parameters and
         versions, except for cell sizes, meshers, and smoothing, which surfaces of unknown age lack
-    sheet : all cases, excluded ones too
+    sheet : all cases, including excluded ones
     failures : case -> why it has no certificate
     """
     cases = {case.name: case for case in sheet}
@@ -104,7 +104,7 @@ def _exclusions(cases: Iterable[Case], failures: Mapping[str, str]) -> list[str]
 
 
 def _for_readers(reason: str) -> str:
-    """A reason without folders of this machine, and without the words of an unexpected exception."""
+    """A reason without folders of this machine and without the text of an unexpected exception."""
     if re.match(r"[A-Za-z_.]*(Error|Exception|Exit)\b", reason):
         return "an unexpected error; see cohort_status.tsv"
     return re.sub(r"(?:~|\.{1,2})?(?:/[^\s/:;,()]+)*/([^\s/:;,()]+)", r"\1", reason)

@@ -1,10 +1,10 @@
-"""Pages for a browser: each is one file, reads the same without scripts, and asks the network for nothing.
+"""Pages for a browser: each is one file, reads the same without scripts, and makes no network request.
 
 A page is a list of panels, and a panel a list of parts. A part is the name of a macro of `templates/macros.html.j2` or
 `case.html.j2`, with the macro's arguments; `templates/page.html.j2` is the page around them.
 
 Anybody may have written the files from which names and messages come. So every text is escaped (Jinja2), and the page's
-policy allows no request, and no script but its own, each by its hash.
+policy allows no request and only the page's own scripts, each by its hash.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def table(
     name : name for screen readers; empty: the caption
     cohort : the table has many columns, and its first column stays in sight
     sortable : `table.js` sorts and filters it
-    first : so many columns are shown at first, and the reader chooses others (`table.js`); None: all
+    first : number of columns shown at first; the reader can choose others (`table.js`); None: all
     missing : text for a missing value
     attributes : attributes of the HTML element of each row
     """

@@ -1,4 +1,4 @@
-"""The published figures (arXiv:2607.12157) that tables and figures put beside ours; JSON files explain them."""
+"""The published numbers (arXiv:2607.12157) that tables and figures show beside ours; JSON files explain them."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def real_brains() -> pd.DataFrame:
 
 
 def healthy_hemispheres() -> pd.DataFrame:
-    """Those of `real_brains` that are the inner surface of one healthy hemisphere."""
+    """The rows of `real_brains` that are the inner surface of one healthy hemisphere."""
     brains = real_brains()
     return brains[(brains["surface_type"] == "white") & (brains["hemi"] != "both") & (brains["source"] != ABNORMAL)]
 

@@ -38,7 +38,7 @@ def by_origin(paths: Iterable[str | Path]) -> dict[Origin, dict[str, Any]]:
 
 
 def reasons_by_origin(missing: Iterable[Mapping[str, Any]]) -> dict[Origin, str]:
-    """Why records are missing, from the `origin` of each and the `reason`."""
+    """Why records are missing, from the `origin` and the `reason` of each."""
     return {Origin(**entry["origin"]): entry["reason"] for entry in missing}
 
 

@@ -1,4 +1,4 @@
-"""Pictures of meshes, drawn off screen: no display is needed."""
+"""Pictures of meshes, drawn off screen without a display."""
 
 from __future__ import annotations
 
@@ -291,7 +291,7 @@ def _cut_out(plotter: pyvista.Plotter) -> NDArray[np.uint8]:
 
 
 def _cut(mesh: TetMesh, k: int, position: float) -> pyvista.PolyData:
-    """The skin of the elements on the lower side of a plane across axis k, at a fraction of the mesh's extent."""
+    """The outer faces of the elements below a plane across axis k, at a fraction of the mesh's extent."""
     along = mesh.points[:, k]
     return _skin(mesh, along[mesh.cells].mean(axis=1) < along.min() + position * np.ptp(along))
 
@@ -302,13 +302,13 @@ def _surface(mesh: TetMesh) -> pyvista.PolyData:
 
 
 def _section(mesh: TetMesh, towards: float, x: float) -> pyvista.PolyData:
-    """The skin of the elements beyond a plane across x, with the q of its elements."""
+    """The outer faces of the elements beyond a plane across x, with the q of their elements."""
     beyond = towards * (mesh.points[mesh.cells][:, :, 0].mean(axis=1) - x) < 0
     return _skin(mesh, beyond)
 
 
 def _skin(mesh: TetMesh, kept: NDArray[np.bool_]) -> pyvista.PolyData:
-    """The skin of some of the elements; faces carry the q of their tetrahedron."""
+    """The outer faces of some of the elements; faces carry the q of their tetrahedron."""
     points, cells, _ = compact(mesh.points, mesh.cells[kept])
     grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: cells}, points)
     grid.cell_data["q"] = quality(points, cells)

@@ -1,4 +1,4 @@
-"""The picture by which people judge a mesh: slices of an image, with the cut through the mesh drawn into them."""
+"""The picture by which people judge a mesh: slices of an image, overlaid with the cut through the mesh."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ _ONE_ABOVE, _TWO_ABOVE = ((0, 1), (0, 2), (0, 3)), ((0, 2), (0, 3), (1, 3), (1, 
 
 
 def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: CoordinateFrame | None = None) -> None:
-    """Draw the image in three planes through the middle of the mesh, and in each the cut through its tetrahedra.
+    """Draw the image in three planes through the middle of the mesh, each with the cut through its tetrahedra.
 
-    Edges of the cut, and labels of the image, paler, have the colour of their label; numbers are grey.
+    Edges of the cut have the colour of their label, and labels of the image a paler one; numbers are grey.
 
     Parameters
     ----------
     mesh : with the cell field of the volume (`solver_files.volumes.with_volumes`)
     name : of the volume
     path : PNG file
-    frame : of the surface that the mesh was made of
+    frame : of the surface that the mesh was made from
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.collections import PolyCollection
@@ -87,7 +87,7 @@ def cut(points: FloatArray, cells: IntArray, axis: int, position: float) -> list
     found = []
     for count, edges, turned in ((1, _ONE_ABOVE, False), (2, _TWO_ABOVE, False), (3, _ONE_ABOVE, True)):
         cell = np.flatnonzero(above == count)
-        rank = order[cell][:, ::-1] if turned else order[cell]  # one of three above is the one below
+        rank = order[cell][:, ::-1] if turned else order[cell]  # of three above, the single one is below
         nodes = np.take_along_axis(cells[cell], rank, axis=1)
         size = np.take_along_axis(height[cell], rank, axis=1)
         ring = []

@@ -63,13 +63,13 @@ def _measures(step: Step) -> dict[str, Any]:
 
 
 def reset_peak_memory() -> None:
-    """Start a new measurement of the peak (Linux: proc(5), clear_refs); elsewhere nothing."""
+    """Start a new measurement of the peak (Linux: proc(5), clear_refs); no effect elsewhere."""
     if (_PROCESS / "clear_refs").exists():
         (_PROCESS / "clear_refs").write_text("5")
 
 
 def peak_memory_mb() -> int | None:
-    """Peak resident memory since the last reset, MB; None where the system does not tell."""
+    """Peak resident memory since the last reset, MB; None if the system does not report it."""
     if not (_PROCESS / "status").exists():
         return None
     found = re.search(r"VmHWM:\s+(\d+) kB", (_PROCESS / "status").read_text())

@@ -1,4 +1,4 @@
-"""A table in the forms it is needed in: TSV with a JSON sidecar for machines; LaTeX, Markdown and HTML for readers."""
+"""Tables in several forms: TSV with a JSON sidecar for machines; LaTeX, Markdown and HTML for readers."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def write(table: Table, rows: pd.DataFrame | Iterable[Row], *paths: str | Path) 
 
     Parameters
     ----------
-    rows : the columns of the TSV, and others that readers see a part of
+    rows : the columns of the TSV, and further ones, some of which readers see
     """
     frame = rows if isinstance(rows, pd.DataFrame) else pd.DataFrame(list(rows), dtype=object)
     texts, starts = printed(table, frame), starts_of_groups(frame, table.group)
@@ -69,7 +69,7 @@ def printed(table: Table, rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def starts_of_groups(rows: pd.DataFrame, group: Sequence[str]) -> list[int]:
-    """Numbers of the rows that differ from the row before in one of some columns; never the first one."""
+    """Indices of the rows that differ from the previous row in one of the columns `group`; never the first row."""
     if not group:
         return []
     numbers = rows.groupby(list(group), dropna=False, sort=False).ngroup().to_numpy()
@@ -82,17 +82,17 @@ def write_page(text: str, path: str | Path, *, title: str) -> None:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number with so many decimals, or `n/a`."""
+    """A number with `digits` decimals, or `n/a`."""
     return MISSING if value is None else f"{value:.{digits}f}"
 
 
 def mean_and_sd(mean: float | None, sd: float | None, digits: int = 3) -> str:
-    """`mean ± sd`; the mean alone where there is no sd."""
+    """`mean ± sd`; the mean alone if there is no sd."""
     return number(mean, digits) + ("" if sd is None else f" ± {sd:.{digits}f}")
 
 
 def median_and_range(median: float | None, low: float | None, high: float | None, digits: int = 3) -> str:
-    """`median [low-high]`; the median alone where all are the same."""
+    """`median [low-high]`; the median alone if all are the same."""
     spread = "" if low is None or high is None or low == high else f" [{low:.{digits}f}-{high:.{digits}f}]"
     return number(median, digits) + spread
 
@@ -109,7 +109,7 @@ def _latex(table: Table, texts: pd.DataFrame, starts: Sequence[int]) -> str:
 
 
 def _mathematical(text: str) -> str:
-    """A text that is escaped for LaTeX, with an en dash in ranges and signs that need mathematical mode in it."""
+    """A text escaped for LaTeX, with an en dash in ranges, and with mathematical mode for the signs that need it."""
     for sign, command in _MATHEMATICAL.items():
         text = text.replace(sign, command)
     return re.sub(r"(?<=\d)-(?=\d)", "--", text)

@@ -49,8 +49,8 @@ class ReconnectReport:
     q_max: float
     tets_before: int
     tets: int
-    #: swaps considered, and those made: an edge and the tetrahedra around it replaced; a face replaced by an edge (2-3);
-    #: an edge of the boundary or of an interface flipped; a boundary tetrahedron peeled off
+    #: swaps considered, and those made: an edge and its tetrahedra replaced; a face replaced by an edge (2-3); an edge
+    #: of the boundary or of an interface flipped; a boundary tetrahedron peeled off
     attempts: int
     edge_removals: int
     face_removals: int

@@ -75,7 +75,7 @@ class SmoothBoundaryReport:
     onto_surface: bool
     #: the requested number, halved until no element inverted; 0 if even one iteration inverts some
     iterations: int
-    #: RMS distance of the vertices of boundary and interfaces to the mean of their neighbours over the mean edge length
+    #: RMS distance of boundary and interface vertices from the mean of their neighbours, over the mean edge length
     roughness_before: float
     roughness: float
     #: of these nodes, each to its surface
@@ -108,14 +108,14 @@ def smooth_boundary(
     surface : the surface that was meshed, with its inner ones
     method : `laplacian`, PyMeshLab's surface-preserving one, or `workbench`, that of Connectome Workbench
         (`wb_command -surface-smoothing`)
-    iterations : of the method; halved, up to four times, when an element inverts; published: 10
-    onto_surface : put the boundary back onto the surface after each iteration, and let it slide there when elements are
-        cleaned; published: False, and the boundary moves freely
+    iterations : of the method; halved, up to four times, if an element inverts; published: 10
+    onto_surface : put the boundary back onto the surface after each iteration, and let it slide there during cleaning;
+        published: False, and the boundary moves freely
     thresholds : of the cleaning afterwards; a further one at 0.3 does not converge (paper)
 
     Raises
     ------
-    StageError : inverted elements to begin with, or `wb_command` is not installed or failed
+    StageError : the given mesh has inverted elements, or `wb_command` is not installed or failed
     """
     from cortet.geometry.closest_point import closest_points, tree_of
     from cortet.geometry.nesting import joined, sheets
@@ -176,12 +176,12 @@ def smooth_boundary(
 
 
 def _smoothed(boundary: TriSurface, method: Method, iterations: int, tree: SurfaceTree | None) -> FloatArray:
-    """Positions of the boundary's vertices after smoothing, (b, 3) mm; put back onto a surface after each iteration."""
+    """Positions of the boundary's vertices after smoothing, (b, 3) mm; each iteration ends on the surface, if given."""
     from cortet.geometry.closest_point import closest_points
     from cortet.geometry.smoothing import surface_preserving
 
     smooth = {"laplacian": surface_preserving, "workbench": _workbench}[method]
-    if not len(boundary.points):  # an interface that does not reach into this part of a mesh
+    if not len(boundary.points):  # an interface that this part of a mesh does not contain
         return boundary.points
     if tree is None:
         return smooth(boundary, iterations=iterations)
@@ -210,7 +210,7 @@ def _workbench(boundary: TriSurface, *, iterations: int) -> FloatArray:
 
 
 def _followed(mesh: TetMesh, nodes: IntArray, target: FloatArray) -> FloatArray:
-    """Move boundary `nodes` to `target`, and each node of the shells below by a share of its upper neighbours' mean."""
+    """Move boundary `nodes` to `target`, and nodes of the layers below by a share of their upper neighbours' mean."""
     from cortet.geometry.topology import edges
 
     shift = np.zeros_like(mesh.points)

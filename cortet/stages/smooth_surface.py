@@ -1,9 +1,9 @@
-"""Smooth the input surface as much as it is rough, within limits on what that may change.
+"""Smooth the input surface according to its roughness, within limits on the changes.
 
-Surfaces made of label images carry their stair steps; atlas surfaces carry none, and folds that smoothing would wipe
-out. So the roughness of the surface is measured, and none below a limit is smoothed. The filter of Taubin does not
-shrink: each step inward by lambda is followed by one outward by mu. The method of the paper is here, too: it smooths by
-gestational age, which offers three strengths, and the strongest that changes little else is taken.
+Surfaces from label images have stair steps. Atlas surfaces have none, but folds that smoothing would wipe out. So the
+roughness of the surface is measured, and a surface below a limit is not smoothed. The filter of Taubin does not shrink:
+each step inward by lambda is followed by one outward by mu. The paper's method is here, too: it smooths by gestational
+age, which offers three strengths, and the strongest that changes little else is chosen.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ ITERATIONS = (
     (34.0, (0, 2, 8)),
     (np.inf, (0, 1, 3)),
 )
-#: steps of Taubin's filter, inward by lambda and outward by mu (Taubin, SIGGRAPH 1995), that are tried in this order
+#: steps of Taubin's filter, inward by lambda and outward by mu (Taubin, SIGGRAPH 1995), tried in this order
 STEPS = (2, 5, 10, 20, 40)
 _LAMBDA, _MU = 0.5, -0.53
 
@@ -77,7 +77,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Candidate:
-    """The surface after so many iterations, 0 being the input."""
+    """The surface after a number of iterations; 0 is the input."""
 
     iterations: int
     area_mm2: float
@@ -85,17 +85,17 @@ class Candidate:
     area_change: float
     volume_ml: float
     volume_change: float
-    #: to the input: of Taubin's method the mean distance from surface to surface, of the published one that from vertex
-    #: to nearest vertex; the mean of both directions
+    #: mean distance to the input, averaged over both directions: from surface to surface for Taubin's method, from
+    #: vertex to nearest vertex for the published one
     displacement_mm: float
     #: `measure.fidelity.high_frequency_roughness`
     high_frequency_roughness: float
-    #: mean distance of a vertex to the mean of its neighbours
+    #: mean distance of a vertex from the mean of its neighbours
     roughness_mm: float
     mean_curvature_per_mm: Spread
     gaussian_curvature_per_mm2: Spread
     self_intersecting_faces: int
-    #: limits it breaks, in words; none when it may be chosen
+    #: limits that it breaks, in words; none if it may be chosen
     breaks: tuple[str, ...]
 
 
@@ -104,7 +104,7 @@ class SmoothReport:
     """What was tried and what was chosen."""
 
     method: Method
-    #: None where it is not known
+    #: None if it is not known
     gestational_age_weeks: float | None
     chosen_iterations: int
     candidates: tuple[Candidate, ...]
@@ -122,18 +122,18 @@ def smooth_surface(
 ) -> tuple[TriSurface, SmoothReport]:
     """Smooth by the filter of Taubin, or by the paper's surface-preserving Laplacian (both PyMeshLab's).
 
-    Of Taubin's filter the fewest steps are taken that bring the roughness below `max_roughness`, or else those that
-    remove most of it; a surface that is below is not touched. Of the paper's candidates that one is taken which removes
-    most roughness. Candidates beyond the limits, or whose triangles cross, are not eligible. When none is, the surface
-    stays as it is. Coordinates of the result are float32 values, so a GIfTI file holds them exactly.
+    Taubin's filter takes the fewest steps that bring the roughness below `max_roughness`, or else those that remove
+    most of it; a surface already below is not touched. Of the paper's candidates, the one that removes most roughness
+    is chosen. Candidates beyond the limits, or with crossing triangles, are not eligible. If none is eligible, the
+    surface stays as it is. Coordinates of the result are float32 values, so a GIfTI file holds them exactly.
 
     Parameters
     ----------
     gestational_age : weeks; `published` needs it
     method : `taubin` or `published`
     max_roughness : `measure.fidelity.high_frequency_roughness` that `taubin` leaves alone
-    max_area_change, max_volume_change : largest relative changes; stair steps have area of their own, which goes with
-        them. None: no limit
+    max_area_change, max_volume_change : largest relative changes; stair steps add area, which goes with them. None: no
+        limit
     max_displacement : mm, largest mean distance to the input, as `Candidate.displacement_mm` says
 
     Raises
@@ -157,7 +157,7 @@ def smooth_surface(
     if not offered:
         logger.warning("no candidate is within the limits: the surface is not smoothed")
     if method == "taubin" and chosen.high_frequency_roughness > max_roughness:
-        # no warning: a surface whose triangles are too large for its folds is as rough, and is rightly left alone
+        # no warning: a surface whose triangles are too large for its folds is just as rough, and rightly left alone
         logger.info(
             "the surface stays rough: %.3f, where smoothing aims at %g; the limits allow no more",
             chosen.high_frequency_roughness,
@@ -175,7 +175,7 @@ def smooth_surface(
 
 
 class _Limits(NamedTuple):
-    """What a candidate is held against, and how its displacement is measured."""
+    """Limits of a candidate, and how its displacement is measured."""
 
     method: Method
     area_change: float
@@ -202,7 +202,7 @@ def _by_age(
 def _by_roughness(
     surface: TriSurface, max_roughness: float, limits: _Limits, before: Candidate
 ) -> tuple[dict[int, TriSurface], tuple[Candidate, ...]]:
-    """The surface after more and more steps, until it is smooth or a limit is broken, and the candidates."""
+    """The surface after ever more steps, until it is smooth or breaks a limit; and the candidates."""
     from cortet.geometry.smoothing import taubin
 
     tried, candidates = {0: surface}, [before]
@@ -221,7 +221,7 @@ def candidate_iterations(gestational_age: float) -> tuple[int, ...]:
 
 
 def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: _Limits) -> Candidate:
-    """Measure one candidate and hold it against the limits."""
+    """Measure one candidate and compare it with the limits."""
     from cortet.geometry import topology
     from cortet.geometry.intersection import self_intersections
     from cortet.geometry.smoothing import curvatures
@@ -272,7 +272,7 @@ def mean_nearest_vertex_distance(one: FloatArray, other: FloatArray) -> float:
 
 
 def mean_surface_distance(one: TriSurface, other: TriSurface) -> float:
-    """Mean distance of the vertices of a surface to another one, the mean of both directions; mm."""
+    """Mean distance of the vertices of each surface from the other surface, averaged over both directions; mm."""
     from cortet.geometry.closest_point import closest_points, tree_of
 
     there = closest_points(tree_of(other), one.points).distances
@@ -280,7 +280,7 @@ def mean_surface_distance(one: TriSurface, other: TriSurface) -> float:
     return float(there.mean() + back.mean()) / 2
 
 
-#: method -> how it is said
+#: method -> its words in the methods paragraph
 _SAID = {
     "taubin": "Surfaces rougher than {max_roughness:g} (mean bi-Laplacian along the normals over the mean edge) were "
     "smoothed by the filter of Taubin",

@@ -1,8 +1,8 @@
 """S6: put boundary nodes back on the surface that was meshed, at its nearest point (not vertex).
 
-After a cleaning that slides boundary nodes along the surface there is nothing to do, and the report says so. After one
-that let them float, snapping may spoil elements: their nodes are held back, the mesh is cleaned while they slide,
-and the rest of the way is tried again. Nodes that would make the boundary cross itself stay where they are.
+If cleaning slid boundary nodes along the surface, there is nothing to do, and the report says so. If it let them float,
+snapping may spoil elements: their nodes are held back, the mesh is cleaned while they slide, and the rest of the way is
+tried again. Nodes that would make the boundary cross itself stay where they are.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ VERSION: int = 5
 
 #: boundary nodes nearer than this (mm) lie on the surface; CGAL leaves them up to 2e-6 mm off
 ON_SURFACE_MM = 1e-4
-#: how often the mesh is cleaned to let boundary nodes further on, and from which q on
+#: how often the mesh is cleaned so that boundary nodes can move on, and from which q on
 REPAIR_ROUNDS, REPAIR_THRESHOLDS = 3, (0.5, 0.3)
 
 logger = logging.getLogger(__name__)
@@ -46,7 +46,7 @@ DEFAULT = Snap()
 
 @dataclass(frozen=True)
 class SnapReport:
-    """How far the boundary was off, how far it is now, and what it took."""
+    """How far the boundary was off the surface, how far it is now, and what that took."""
 
     #: in plain words
     outcome: str
@@ -54,7 +54,7 @@ class SnapReport:
     max_distance_before_mm: float
     mean_distance_after_mm: float
     max_distance_after_mm: float
-    #: elements that snapping without repair would have inverted, or lifted to the limit or above
+    #: elements that snapping without repair would have inverted, or raised to the limit or above
     inverted_without_repair: int
     lifted_without_repair: int
     repair_rounds: int
@@ -71,12 +71,12 @@ def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = DEFAULT.q_max) ->
     ----------
     mesh : positive volumes; its boundary lies near `surface`
     surface : the surface that was meshed
-    q_max : no element below this quality is lifted to it, and no other one lifted at all
+    q_max : no element with q below this is raised to it, and no other element is raised at all
 
     Raises
     ------
     StageError
-        the mesh has inverted elements to begin with
+        the given mesh has inverted elements
     """
     from cortet.geometry.closest_point import closest_points, tree_of
     from cortet.geometry.topology import boundary_nodes
@@ -123,9 +123,9 @@ def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = DEFAULT.q_max) ->
 def _brought(
     mesh: TetMesh, surface: TriSurface, tree: SurfaceTree, nodes: IntArray, q_max: float, held: IntArray
 ) -> tuple[TetMesh, int]:
-    """Bring `nodes` to the surface as far as elements allow, cleaning in between, which leaves the vertices `held`.
+    """Bring `nodes` to the surface as far as elements allow; cleaning in between does not move the vertices `held`.
 
-    Returns also how often it was cleaned.
+    Returns also how often the mesh was cleaned.
     """
     from cortet.geometry.closest_point import closest_points
     from cortet.optimise.backing_off import back_off

@@ -1,4 +1,4 @@
-"""S5: the fields on the final positions, the nodes numbered as solvers want them, and the mesh checked once more."""
+"""S5: carry fields to the final positions, number nodes as solvers need them, and check the mesh once more."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ class SolverReadyReport:
 def solver_ready(
     mesh: TetMesh, surface: TriSurface, *, interior: Interior = DEFAULT.interior
 ) -> tuple[TetMesh, SolverReadyReport]:
-    """Carry the fields of the surface onto the final positions, and number the nodes as solvers want them.
+    """Carry the fields of the surface to the final positions, and number the nodes as solvers need them.
 
     Parameters
     ----------
     mesh : positive volumes
     surface : the surface that was meshed, with its fields
-    interior : as of `transfer`
+    interior : as in `transfer`
 
     Raises
     ------

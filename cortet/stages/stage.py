@@ -1,4 +1,4 @@
-"""What a stage of the line is: everything that others need to know of it, declared once in its module."""
+"""What a stage of the line declares, once, in its module: everything that others need to know about it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cortet.sections import Cost, Section
 
 #: content of a certificate.json
 Certificate = Mapping[str, Any]
-#: the last word on the arguments of a step: its values, the whole configuration, and what is known of the mesh
+#: final adjustment of a step's arguments, from their values, the whole configuration and what is known about the mesh
 Settle = Callable[[dict[str, Any], Any, Mapping[str, Any]], dict[str, Any]]
 
 
@@ -21,17 +21,17 @@ class Step:
 
     #: module of the function below `cortet`, which declares its VERSION
     module: str
-    #: name of its section in the configuration; None where it has no parameters
+    #: name of its section in the configuration; None if it has no parameters
     section: str | None
     #: keys of the section that are its arguments; None: all but those that choose what is run
     keys: frozenset[str] | None = None
-    #: arguments that differ from mesh to mesh, and stand in no section
+    #: arguments that differ from mesh to mesh and are in no section
     facts: tuple[str, ...] = ()
     #: arguments that other sections decide
     settle: Settle | None = None
 
     def arguments(self, config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:
-        """Plain keyword arguments of the function, from a configuration and what is known of the mesh."""
+        """Plain keyword arguments of the function, from a configuration and what is known about the mesh."""
         section: Section | None = getattr(config, self.section) if self.section else None
         values: dict[str, Any] = {}
         if section is not None:
@@ -52,24 +52,24 @@ class Stage:
 
     #: name of its module, its function, its rule and its section of the configuration
     name: str
-    #: place in the line: stages run in ascending order
+    #: rank in the line: stages run in ascending order
     order: int
-    #: what it does, as pages say it
+    #: what it does, as worded on pages
     does: str
-    #: what names of files call its result: `desc-<label>` of a surface, `desc-<mesher><setting><label>` of a mesh
+    #: its result in file names: `desc-<label>` of a surface, `desc-<mesher><setting><label>` of a mesh
     label: str
     #: what its function takes before the keyword arguments
     takes: tuple[Literal["surface", "sphere", "mesh"], ...]
     gives: Literal["surface", "mesh"]
     cost: Cost
-    #: its parameters: the only place of their defaults and limits; None where it shares a section of others
+    #: its parameters, with the only record of their defaults and limits; None if it shares the section of another stage
     parameters: type[Section] | None
-    #: name of its section, where that is not its own name
+    #: name of its section, if that is not its own name
     section: str = ""
     keys: Collection[str] | None = None
     facts: tuple[str, ...] = ()
     settle: Settle | None = None
-    #: what the methods paragraph of a paper says of it, from the certificates; "" where it did nothing
+    #: what the methods paragraph of a paper says about it, from the certificates; "" if it did nothing
     sentence: Callable[[Sequence[Certificate]], str] = _nothing_said
     #: number in the paper's line, where it has one
     number: str = ""
@@ -97,7 +97,7 @@ class Stage:
         return function
 
 
-#: how the methods paragraph says what boundary nodes did
+#: words of the methods paragraph for what boundary nodes did
 BOUNDARY_WORDS = {
     "fixed": "boundary nodes fixed",
     "free": "boundary nodes free",
@@ -111,6 +111,6 @@ def parameters_of(stage: str, certificates: Sequence[Certificate]) -> list[Mappi
 
 
 def counted(count: int, noun: str) -> str:
-    """A number and its noun, in the plural where it is not one: ``3 meshes``."""
+    """A number and its noun, in the plural unless the number is one: ``3 meshes``."""
     plural = f"{noun}es" if noun.endswith(("h", "ss")) else f"{noun}s"
     return f"{count} {noun if count == 1 else plural}"

@@ -20,7 +20,7 @@ Interior = Literal["nearest", "harmonic"]
 
 #: field of the distance between two surfaces
 THICKNESS = "thickness"
-#: a boundary node further than this from the surface (mm) takes its values from a place it does not belong to
+#: a boundary node farther than this from the surface (mm) takes its values from a point where it does not belong
 FAR_MM = 1.0
 
 logger = logging.getLogger(__name__)
@@ -48,7 +48,7 @@ class TransferReport:
     nodes_further_than_1mm: int
     #: how interior nodes got their values; labels always come from the nearest boundary node
     interior: str
-    #: interior nodes whose values were cut off at the range of those on the boundary
+    #: interior nodes whose values were clipped to the range of those on the boundary
     nodes_cut_off: int
 
 
@@ -57,18 +57,18 @@ def transfer(
 ) -> tuple[TetMesh, TransferReport]:
     """Give every node the values of `surface.point_data`.
 
-    A boundary node takes the barycentric mean at the closest point of the surface; of an integer field (labels) it
-    takes the value of the vertex with the largest weight. An interior node takes those of its nearest boundary node,
-    or of an interpolated field the harmonic function of the boundary's values.
-    Fields the mesh has already stay, or are replaced by those of the same name.
+    A boundary node takes the barycentric mean at the closest point of the surface; for an integer field (labels), the
+    value of the vertex with the largest weight. An interior node takes the values of its nearest boundary node or, for
+    an interpolated field, the harmonic function of the boundary's values.
+    Fields that the mesh already has stay, unless a field of the same name replaces them.
 
-    The nodes of an interface take the values of its inner surface as those of the boundary take those of `surface`. A
-    field that one of the surfaces lacks has its values inside there. Where the vertices of `surface` and of its only
-    inner one correspond and neither has a field `thickness`, their distance is that.
+    The nodes of an interface take the values of its inner surface, just as those of the boundary take those of
+    `surface`. Where one of the surfaces lacks a field, its nodes get interior values. If the vertices of `surface` and
+    of its only inner surface correspond and neither has a field `thickness`, their distance becomes that field.
 
     Parameters
     ----------
-    mesh : lying in the coordinates of `surface`
+    mesh : in the coordinates of `surface`
     surface : its `point_data` holds the fields, (n,) or (n, k)
     interior : ``nearest``, as published, or ``harmonic``
 
@@ -111,7 +111,7 @@ def transfer(
 
 
 def _warned_of_far(distances: FloatArray, nodes: str, surface: str) -> int:
-    """How many nodes are too far from their surface, having warned of them."""
+    """Number of nodes that are too far from their surface; logs a warning about them."""
     far = int((distances > FAR_MM).sum())
     if far:
         logger.warning(
@@ -126,7 +126,7 @@ def _warned_of_far(distances: FloatArray, nodes: str, surface: str) -> int:
 
 
 def _nearest(points: FloatArray, nodes: IntArray) -> IntArray:
-    """The place in `nodes` (b,), ascending, of the node nearest to each of all `points` (n, 3): (n,) int32."""
+    """Index in `nodes` (b,), ascending, of the node nearest to each of all `points` (n, 3): (n,) int32."""
     from scipy.spatial import cKDTree
 
     from cortet.geometry.topology import numbers
@@ -138,7 +138,7 @@ def _nearest(points: FloatArray, nodes: IntArray) -> IntArray:
 
 
 def with_thickness(surface: TriSurface) -> TriSurface:
-    """The surfaces with the distance of corresponding vertices, mm, as `thickness`, where there is none yet."""
+    """The surfaces with the distance of corresponding vertices, mm, as `thickness`, if they have none yet."""
     if len(surface.inner) != 1:
         return surface
     name, inner = next(iter(surface.inner.items()))
@@ -151,7 +151,7 @@ def with_thickness(surface: TriSurface) -> TriSurface:
 
 
 def _of_all_sheets(mesh: TetMesh, surface: TriSurface, interior: Interior) -> tuple[TetMesh, TransferReport]:
-    """Carry the fields of a surface and of its inner ones."""
+    """Carry the fields of a surface and of its inner surfaces."""
     from scipy.spatial import cKDTree
 
     from cortet.geometry.closest_point import closest_points, tree_of
@@ -196,7 +196,7 @@ def _of_all_sheets(mesh: TetMesh, surface: TriSurface, interior: Interior) -> tu
 def _harmonic_inside(
     mesh: TetMesh, nodes: IntArray, fields: dict[str, NDArray[Any]]
 ) -> tuple[dict[str, NDArray[Any]], int]:
-    """Fields that are no labels with harmonic values inside, and the number of nodes whose values were cut off."""
+    """Fields other than labels with harmonic values inside, and the number of nodes whose values were clipped."""
     from cortet.geometry.interpolation import is_label
     from cortet.stages._harmonic import harmonic
 

@@ -28,7 +28,7 @@ _COUNTS = (
     *("meshes", "failed", "fallback", "wrong_topology", "tets_total"),
     *("q_above_0.6_min", "q_above_0.6_max", "q_above_0.6_total"),
 )
-#: columns that tell the rows of this cohort apart
+#: columns that identify the rows of this cohort
 _GROUP = ["cell_size_mm", "mesher", "setting", "stage"]
 #: numbers that are taken from the quality record of a mesh
 _QUALITY = ["tets", "q_mean", "q_max", "q_above_0.6"]

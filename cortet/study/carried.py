@@ -11,7 +11,7 @@ def carried(points: FloatArray, mesh: TetMesh, moved: FloatArray) -> FloatArray:
     """Positions of the vertices of a surface after the nodes of a mesh have moved: (k, 3) mm.
 
     A vertex moves with the point of the boundary that was nearest to it, and keeps its offset from that point, which is
-    less than a cell.
+    smaller than a cell.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Folding against the cell size: a table, a figure, and a sentence that says which cell size is small enough.
 
 Every run is a realisation of a mesh: a direction in which it is made. Differences between realisations of one cell size
-are chance; the remaining differences between cell sizes are due to the cell size. If the mean over the realisations
+are chance; other differences between cell sizes are due to the cell size. If the mean over the realisations
 tends evenly to a limit, by more than chance, this limit is extrapolated (Richardson 1911; Roache, J. Fluids Eng. 116,
 1994). Its error is a quarter more than the remaining distance to it, as Roache advises.
 

@@ -140,7 +140,7 @@ MEASURES = Table(
 def measures_table(
     records: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float | None]
 ) -> pd.DataFrame:
-    """Worst elements by age, case, mesher and setting, then the published range; parameters as of `resolution_table`.
+    """Worst elements by age, case, mesher and setting, then the published range; parameters as in `resolution_table`.
 
     Besides the columns of `MEASURES`, the published row has a column `..._range` per measure.
     """

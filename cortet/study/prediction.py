@@ -1,14 +1,15 @@
-"""A later brain, predicted from growth that was measured: against real later brains, and against what costs nothing.
+"""Prediction of later brains from measured growth, compared with real later brains and with trivial predictions.
 
-A series is one brain, or one atlas, at several ages, with vertices that correspond. The first surface is meshed; growth
-measured between it and later ones is imposed on the mesh, which folds as mechanics tells. Tissue that is compressed
-grows less than it is told to, so what has to be imposed is found by fixed-point iteration: fold, measure the growth of
-the result as that of the real brain was measured, add the difference, again.
+A series is one brain, or one atlas, at several ages, with corresponding vertices. The first surface is meshed. Growth
+measured between it and later surfaces is imposed on the mesh, which folds by mechanics. Compressed tissue grows less
+than imposed, so fixed-point iteration finds the growth to impose: fold, measure the growth of the result in the same
+way as that of the real brain, add the difference, repeat.
 
-Compared with the real surfaces are predictions of these kinds (`KINDS`). What tells good ones from bad ones is gained
-depth: that of a later brain is nearly that of the early one, so "nothing changes" has a high correlation of depth.
+Predictions of several kinds (`KINDS`) are compared with the real surfaces. Gained depth separates good ones from bad
+ones. Depth itself does not: that of a later brain is nearly that of the early one, so "nothing changes" correlates
+highly with it.
 
-Surfaces are compared after a rigid alignment (Kabsch 1976), for the positions of a brain in its file mean nothing.
+Surfaces are compared after a rigid alignment (Kabsch 1976), since the position of a brain in its file means nothing.
 """
 
 from __future__ import annotations
@@ -65,10 +66,10 @@ KINDS: dict[Kind, str] = {
     "path": "no mechanics: each vertex goes on as it went until the early age",
     "nothing": "the first surface, scaled to the volume",
 }
-#: largest logarithmic stretch that is imposed: the iteration must not run away where nothing follows it
+#: largest logarithmic stretch to impose, so that the iteration does not diverge where the tissue does not follow
 _LARGEST = 1.2
-#: ratios of volumes inside, beyond which the harmonic motion has turned a tetrahedron over; smoothing of the core, full
-#: width at half maximum, mm
+#: bounds of volume ratios inside, beyond which the harmonic motion has inverted a tetrahedron; smoothing of the core,
+#: full width at half maximum, mm
 _PLAUSIBLE, _CORE_WIDTH = (0.2, 20.0), 3.0
 
 
@@ -76,7 +77,7 @@ _PLAUSIBLE, _CORE_WIDTH = (0.2, 20.0), 3.0
 class Series:
     """Surfaces of one brain at several ages, whose vertices correspond."""
 
-    #: weeks, rising
+    #: weeks, ascending
     ages: tuple[float, ...]
     surfaces: tuple[TriSurface, ...]
     #: (n,), area around each vertex at the first age, mm2; 0 where there is no cortex
@@ -108,11 +109,11 @@ class Series:
 def series_of(
     surfaces: Mapping[float, TriSurface], cortex: FloatArray | None = None, sphere: TriSurface | None = None
 ) -> Series:
-    """The series of surfaces by age, laid onto the first one.
+    """The series of surfaces by age, aligned to the first one.
 
     Parameters
     ----------
-    cortex : (n,), above 0 where a vertex is of the cortex, such as its thickness; None: everywhere
+    cortex : (n,), above 0 at vertices of the cortex, such as its thickness; None: everywhere
     sphere : registered sphere of the vertices
 
     Raises
@@ -141,11 +142,11 @@ def read_series(
     placement: Sequence[Sequence[float]] | None,
     hemisphere: str | None,
 ) -> Series:
-    """The series of some files by age, rising; spheres are theirs, or there are none.
+    """The series of some files by ascending age, with one sphere for each file or none at all.
 
     Parameters
     ----------
-    placement : matrix that takes the coordinates of the files to mm; None: they are mm
+    placement : matrix that maps the coordinates of the files to mm; None: they are mm
 
     Raises
     ------
@@ -160,7 +161,7 @@ def read_series(
 
 
 def aligned(points: FloatArray, to: FloatArray, weights: FloatArray) -> FloatArray:
-    """Points (n, 3) turned and shifted onto others, vertex by vertex, with the least weighted squared distance."""
+    """Points (n, 3) moved rigidly onto corresponding points, with the least weighted squared distance."""
     middle, other = (np.average(p, axis=0, weights=weights) for p in (points, to))
     rotation, _ = Rotation.align_vectors(to - other, points - middle, weights)
     result: FloatArray = rotation.apply(points - middle) + other
@@ -172,21 +173,21 @@ def aligned(points: FloatArray, to: FloatArray, weights: FloatArray) -> FloatArr
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Surfaces that were predicted, with how they came about."""
+    """Predicted surfaces, and how they were obtained."""
 
     kind: Kind
     #: age -> (n, 3) mm
     points: dict[float, FloatArray]
-    #: how the last fold ended; None where nothing was folded
+    #: how the last fold ended; None if nothing was folded
     verdict: Verdict | None
-    #: of each round: what was measured less what came out, logarithm of the area, weighted: age -> mean, and spread
+    #: for each round, measured minus resulting logarithm of the area, weighted: age -> mean, and spread
     residuals: list[dict[str, float]]
-    #: age -> (n, 6), growth that was imposed in the last round
+    #: age -> (n, 6), growth imposed in the last round
     imposed: dict[float, FloatArray] = field(default_factory=dict)
 
 
 def cortex_of(first: TriSurface, hemisphere: str | None) -> FloatArray | None:
-    """1 where a vertex of half a brain is of the cortex, 0 on its medial wall: (n,); None for a whole brain."""
+    """1 at vertices of a hemisphere's cortex, 0 on its medial wall: (n,); None for a whole brain."""
     if hemisphere is None:
         return None
     scale = scale_of(first, hemisphere)
@@ -201,21 +202,21 @@ def measured_growth(series: Series, ages: Sequence[float], width_mm: float | Non
 
 
 def uniform_growth(series: Series, maps: Mapping[float, FloatArray]) -> dict[float, FloatArray]:
-    """The mean of maps over the cortex, alike in all directions and everywhere: age -> (n, 6)."""
+    """The mean of maps over the cortex, isotropic and the same everywhere: age -> (n, 6)."""
     normals = vertex_normals(series.first.points, series.first.faces)
     plane = (np.eye(3) - normals[:, :, None] * normals[:, None, :])[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     return {age: plane * np.log(_whole(series, values)) / 2 for age, values in maps.items()}
 
 
 def _whole(series: Series, values: FloatArray) -> float:
-    """Ratio of the areas of the cortex that a map (n, 6) stands for."""
+    """Ratio of the cortical areas that a map (n, 6) gives."""
     return float(np.average(np.exp(values[:, :3].sum(axis=1)), weights=series.weights))
 
 
 def shuffled_growth(series: Series, maps: Mapping[float, FloatArray], seed: int) -> dict[float, FloatArray]:
-    """The areas of maps turned on the sphere by a random rotation (Alexander-Bloch et al. 2018): age -> (n, 6).
+    """The areas of maps rotated at random on the sphere (Alexander-Bloch et al. 2018): age -> (n, 6).
 
-    Directions do not turn with them: growth is alike in all of them.
+    Directions do not rotate with them: growth is isotropic.
 
     Raises
     ------
@@ -240,7 +241,7 @@ def shuffled_growth(series: Series, maps: Mapping[float, FloatArray], seed: int)
 def forecast_growth(
     series: Series, maps: Mapping[float, FloatArray], until: float, ages: Sequence[float]
 ) -> dict[float, FloatArray]:
-    """Growth measured until an early age, at later ones, in the course that usual brains take: age -> (n, 6)."""
+    """Growth measured until an early age, extrapolated to later ages by the usual course: age -> (n, 6)."""
     known = [age for age in sorted(maps) if age <= until]
     pattern = fitted(known, [maps[age] for age in known], series.ages[0], rate=0.0).at(until)
     start, then, *later = np.log(usual(AREA, np.array([series.ages[0], until, *ages])))
@@ -249,7 +250,7 @@ def forecast_growth(
 
 
 def without_mechanics(series: Series, until: float) -> dict[float, FloatArray]:
-    """Every vertex goes on along its path from the first surface to an early one, as fast as usual volumes grow."""
+    """Every vertex continues its path from the first surface to an early one, as fast as usual volumes grow."""
     way = series.at(until).points - series.first.points
     sizes = np.cbrt(usual(VOLUME, np.array([series.ages[0], *series.ages[1:], until])))
     parts = (sizes[1:-1] - sizes[0]) / (sizes[-1] - sizes[0])
@@ -264,9 +265,9 @@ def nothing_changes(series: Series) -> dict[float, FloatArray]:
 
 
 def core_growth(series: Series, mesh: TetMesh, age: float) -> FloatArray:
-    """Logarithm of the stretch inside, were it as smooth as the surfaces allow: (n,) at the nodes of a mesh.
+    """Logarithm of the stretch inside if it is as smooth as the surfaces allow: (n,) at the nodes of a mesh.
 
-    The boundary moves with the surface, from the first one to that of an age, and what is inside moves harmonically.
+    The boundary moves from the first surface to that of an age, and the inside moves harmonically.
     """
     from cortet.stages._harmonic import harmonic
 
@@ -286,7 +287,7 @@ def core_growth(series: Series, mesh: TetMesh, age: float) -> FloatArray:
 
 
 def _smoothed_inside(values: FloatArray, mesh: TetMesh) -> FloatArray:
-    """Values at nodes, averaged with those of their neighbours until this reaches over `_CORE_WIDTH`."""
+    """Values at nodes, averaged with those of their neighbours until the smoothing is `_CORE_WIDTH` wide."""
     start, end = edges(mesh.cells).T
     square = ((mesh.points[start] - mesh.points[end]) ** 2).sum(axis=1).mean() / 6
     degree = np.bincount(np.r_[start, end], minlength=len(values))
@@ -319,10 +320,10 @@ def predict(
     ----------
     mesh : of the first surface
     folder : of the fold; those of earlier rounds are in folders beside it
-    settings : of the fold; volume and hull are replaced by those of the series, where the kind may know them
+    settings : of the fold; those of the series replace volume and hull, if the kind may know them
     until : last age that a forecast knows
-    smoothing : of growth along the surface, full width at half maximum, mm; None: as much as noise asks for
-    rounds : of the fixed-point iteration, 1: what was measured is imposed
+    smoothing : of growth along the surface, full width at half maximum, mm; None: as much as noise requires
+    rounds : of the fixed-point iteration; 1: measured growth is imposed as it is
     """
     if kind == "nothing":
         return Prediction(kind, nothing_changes(series), None, [])
@@ -362,7 +363,7 @@ def predict(
 
 
 def _wanted(series: Series, kind: Kind, until: float, smoothing: float | None, seed: int) -> dict[float, FloatArray]:
-    """The growth that should come out, by age; none where the model is left to itself."""
+    """The growth that should result, by age; none if the model runs by itself."""
     if kind == "unmapped":
         return {}
     known = [age for age in series.ages[1:] if kind != "forecast" or age <= until]
@@ -373,7 +374,7 @@ def _wanted(series: Series, kind: Kind, until: float, smoothing: float | None, s
 
 
 def _better(residuals: Sequence[Mapping[str, float]]) -> bool:
-    """Whether the last of several rounds left less than the one before."""
+    """Whether the last of several rounds left a smaller residual than the one before."""
     squares = [sum(value**2 for name, value in one.items() if name.startswith("rms")) for one in residuals]
     return len(squares) < 2 or squares[-1] < squares[-2]
 
@@ -381,11 +382,11 @@ def _better(residuals: Sequence[Mapping[str, float]]) -> bool:
 def corrected(
     series: Series, imposed: FloatArray, wanted: FloatArray, came: FloatArray, *, whole: bool = False
 ) -> FloatArray:
-    """What to impose next: more where less came out than was wanted; (n, 6) each.
+    """The growth to impose next: more where less resulted than was wanted; (n, 6) each.
 
     Parameters
     ----------
-    whole : correct only how much grows in all: what has no pattern, or a wrong one, must not get the right one so
+    whole : correct only total growth, so that a kind with no pattern, or a wrong one, does not acquire the right one
     """
     missing = wanted - came
     if whole:
@@ -403,7 +404,7 @@ def _came_out(series: Series, points: FloatArray, width_mm: float | None) -> Flo
 
 
 def _residual(series: Series, wanted: Mapping[float, FloatArray], came: Mapping[float, FloatArray]) -> dict[str, float]:
-    """What is missing of the logarithm of the area, by age: mean and root mean square."""
+    """The residual of the logarithm of the area, by age: mean and root mean square."""
     result = {}
     for age, values in came.items():
         missing = (wanted[age] - values)[:, :3].sum(axis=1)

@@ -1,4 +1,4 @@
-"""What predictions of later brains are worth: scores against real surfaces, their table, figures and pictures."""
+"""Scores of predictions of later brains against real surfaces, with their table, figures and pictures."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from cortet.study.prediction import Prediction, Series, aligned
 
 VERSION: int = 1
 
-#: how the names of predicted surfaces begin
+#: prefix of the names of predicted surfaces
 _PREDICTED = "predicted_"
-#: colours of errors of depth span minus to plus this
+#: colours of depth errors span minus to plus this
 _DEPTH_ERROR_MM = 5.0
-#: pixels across a view, and how much wider than the widest brain it is
+#: pixels across a view, and its width over that of the widest brain
 _PIXELS, _ROOM = 900, 1.05
 
 
@@ -84,11 +84,11 @@ PREDICTION = Table(
 
 
 def scores(series: Series, points: Mapping[float, FloatArray]) -> list[dict[str, Any]]:
-    """What predicted surfaces are worth: a row per age, of the columns of `PREDICTION`.
+    """Scores of predicted surfaces: a row per age, with the columns of `PREDICTION`.
 
     Parameters
     ----------
-    points : age -> (n, 3) mm; None of them need be aligned
+    points : age -> (n, 3) mm; none of them need be aligned
     """
     first, weights = series.first, series.weights
     depth = depth_below_hull(first.points)
@@ -231,7 +231,7 @@ def _brain(series: Series, points: FloatArray) -> Brain:
 
 
 def write_run(prediction: Prediction, series: Series, folder: Path) -> dict[str, Any]:
-    """Write the predicted surfaces, and the growth that was imposed; returns what a record says."""
+    """Write the predicted surfaces and the imposed growth; returns the entries of a record."""
     if prediction.imposed:
         fields = {field_of(age): values for age, values in sorted(prediction.imposed.items())}
         write_fields(fields, folder / "imposed.func.gii")
@@ -262,7 +262,7 @@ def prediction_table(records: Sequence[Mapping[str, Any]], spreads: Sequence[Map
 
 
 def predicted_surfaces(folder: Path) -> dict[float, FloatArray]:
-    """The points of the surfaces that `write_run` left, by age."""
+    """The points of the surfaces that `write_run` wrote, by age."""
     files = {float(path.name.split("_")[1].removesuffix(".surf.gii")): path for path in folder.glob(f"{_PREDICTED}*")}
     return {age: read_surface(path).points for age, path in sorted(files.items())}
 
