@@ -69,7 +69,7 @@ def read(path: Path) -> dict[str, Any]:
         data = yaml.load(content(path, largest=_LONGEST_FILE).decode("utf-8"), Loader=_UniqueKeys)
     except _Twice as error:
         raise InputError(str(error), file=path, remedy="keep one of the two, with the keys of both") from None
-    except (ValueError, TypeError, AttributeError, RecursionError, yaml.YAMLError) as error:  # PyYAML lets these out
+    except (ValueError, TypeError, AttributeError, RecursionError, yaml.YAMLError) as error:  # PyYAML also raises these
         raise InputError(f"cannot be read: {error}", file=path, remedy=remedy) from None
     if not isinstance(data, dict):
         raise InputError("holds no keys", file=path, remedy=remedy)

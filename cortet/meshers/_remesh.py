@@ -119,7 +119,7 @@ def shapes(surface: TriSurface) -> FloatArray:
 
 
 def tightened(surface: TriSurface, want: Wanted, centres: FloatArray, radius: FloatArray) -> Wanted:
-    """`want` with shorter edges and distances at the vertices within `radius` (k,) of `centres` (k, 3), mm."""
+    """`want` with shorter edges and distances at the vertices, if any, within `radius` (k,) of `centres` (k, 3), mm."""
     near = KDTree(surface.points).query_ball_point(centres, radius)
     around = np.unique(np.concatenate([np.asarray(ball, np.int64) for ball in near]))
     if not len(around):

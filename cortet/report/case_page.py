@@ -182,7 +182,7 @@ def in_words(check: Mapping[str, Any]) -> dict[str, Any]:
     """A check of a certificate with its `name`, `value` and `limit` as text with units."""
     unit = f" {check['unit']}" if check["unit"] else ""
     limit = f"{_COMPARED[check['comparison']]} {check['limit']:g}{unit}" if check["comparison"] else "no limit"
-    name = re.sub(r"^[a-z](?=[a-z])", lambda letter: letter[0].upper(), check["name"])  # unless the name begins with a symbol
+    name = re.sub(r"^[a-z](?=[a-z])", lambda letter: letter[0].upper(), check["name"])  # unless it begins with a symbol
     return {**check, "name": name, "value": f"{check['value']:.4g}{unit}", "limit": limit}
 
 

@@ -23,7 +23,7 @@ _MATHEMATICAL = {"<": "$<$", ">": "$>$", "±": r"$\pm$"}
 
 @dataclass(frozen=True)
 class Table:
-    """What a table is made of besides its rows."""
+    """Properties of a table besides its rows."""
 
     title: str
     #: of the TSV
