@@ -1,5 +1,4 @@
-"""Coordinates that are not mm: in another unit, or in voxels of an image. The user names the unit; it is never guessed.
-"""
+"""Coordinates that are not mm: in another unit, or in voxels of an image. The user names the unit; nothing guesses."""
 
 from __future__ import annotations
 
