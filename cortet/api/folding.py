@@ -51,8 +51,8 @@ def growth(
     from cortet.measure.surface_growth import measured, through_spheres
     from cortet.simulation.growth_map import field_of
 
-    if not ages[0] < ages[1]:
-        raise InputError(f"the later age, {ages[1]:g} weeks, is not after the early one", remedy="give both, rising")
+    if len(ages) != 2 or not ages[0] < ages[1]:
+        raise InputError(f"{', '.join(map(str, ages))} are not an early and a later age", remedy="give two, rising")
     first, last = surface(early), surface(later)
     if spheres:
         last = through_spheres(last, surface(spheres[1]), surface(spheres[0]))
@@ -130,6 +130,8 @@ def fold(
         raise InputError("the gestational age of the mesh is not known", remedy="give ga, in weeks")
     keeper = tempfile.TemporaryDirectory(prefix="cortet-fold-") if folder is None else None
     place = Path(keeper.name if keeper else folder or "")
+    if place.exists() and not place.is_dir():
+        raise InputError("is a file", file=place, remedy="give the name of a folder")
     values = load({"fold": settings}).arguments("fold", {"gestational_age": ga, "hemisphere": hemi})
     speak = progress if callable(progress) else per_percent(say)
     mesh = tetrahedra(made)

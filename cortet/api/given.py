@@ -46,6 +46,12 @@ def surface(shape: SurfaceLike) -> TriSurface:
     )
 
 
+def require_named(given: Any, what: str) -> None:
+    """Raise InputError for things without names."""
+    if not isinstance(given, Mapping | None):
+        raise InputError(f"the {what} have no names", remedy=f"give a dictionary of {what} by name")
+
+
 def require_fields(fields: Mapping[str, Any]) -> None:
     """Raise InputError for fields that no file could hold, and for values that no solver reads."""
     for name, values in fields.items():
@@ -54,6 +60,9 @@ def require_fields(fields: Mapping[str, Any]) -> None:
         _require_unmasked(values, f"the field {name}")
         if (kind := np.asarray(values).dtype).kind not in "fiub":
             raise InputError(f"the field {name} holds values of type {kind}", remedy="give real numbers")
+        if np.ndim(values) not in (1, 2):
+            what = f"the field {name} is an array of {np.ndim(values)} dimensions"
+            raise InputError(what, remedy="give a value per vertex, (n,), or a row of values, (n, k)")
         require_finite(np.asarray(values), f"the field {name}")
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.api.given import Settings, SurfaceLike, require_fields, surface
+from cortet.api.given import Settings, SurfaceLike, require_fields, require_named, surface
 from cortet.config import Config, load, read
 from cortet.errors import InputError
 from cortet.formats import format_of, read_mesh
@@ -219,8 +219,8 @@ def mesh(
     require_measurable(outer)
     if hemi not in ("L", "R", None):
         raise InputError(f"{hemi!r} is no hemisphere", remedy='use "L", "R" or None')
-    if not isinstance(inner, Mapping | None):
-        raise InputError("the inner surfaces have no names", remedy='give them by name: {"white": surface}')
+    for given, what in ((inner, "inner surfaces"), (fields, "fields"), (volumes, "volumes")):
+        require_named(given, what)
     of_vertices = {**outer.point_data, **(fields or {})}
     require_fields(of_vertices)
     outer = replace(outer, point_data=of_vertices)
@@ -244,8 +244,8 @@ def mesh(
         progress=progress if callable(progress) else _told if progress else lambda _: None,
     )
     filled, rows = with_volumes(made.mesh, images, frame=in_mm.frame, shares=config.export.label_shares)
-    given = (source, *within.files.values(), *(volume.file for volume in images.values()))
-    files = tuple(Path(file) for file in given if file)
+    read_from = (source, *within.files.values(), *(volume.file for volume in images.values()))
+    files = tuple(Path(file) for file in read_from if file)
     side = hemi or (hemisphere_of(source) if source else None)
     return Mesh(filled, *made[1:], ga, side, config, files, tuple(rows), label_names(images))
 

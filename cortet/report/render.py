@@ -227,8 +227,9 @@ def off_screen(size: tuple[int, int]) -> Iterator[pyvista.Plotter]:
     InputError : there is no picture of this size
     StageError : the graphics library cannot draw here
     """
-    if not all(isinstance(pixels, int | np.integer) and 1 <= pixels <= _MOST_PIXELS for pixels in size):
-        what = f"a picture of {' x '.join(map(str, size))} pixels cannot be drawn"
+    sides = size if isinstance(size, tuple | list) and len(size) == 2 else [0]
+    if not all(isinstance(pixels, int | np.integer) and 1 <= pixels <= _MOST_PIXELS for pixels in sides):
+        what = f"a picture of {size!r} pixels cannot be drawn"
         raise InputError(what, remedy=f"give width and height, whole numbers from 1 to {_MOST_PIXELS}")
     try:
         with pyvista.vtk_verbosity("error"):  # without a display VTK first warns, then draws without one

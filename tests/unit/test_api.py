@@ -86,6 +86,10 @@ def test_an_image_keeps_its_frame_as_its_file_does(ball: TriSurface, tmp_path: P
     [
         ({"hemi": "X"}, "'X' is no hemisphere"),
         ({"inner": ["white.surf.gii"]}, "the inner surfaces have no names"),
+        ({"fields": [1.0]}, "the fields have no names"),
+        ({"volumes": ["x.nii.gz"]}, "the volumes have no names"),
+        ({"fields": {"a": 3.0}}, "the field a is an array of 0 dimensions"),
+        ({"fields": {"a": np.zeros((642, 2, 2))}}, "the field a is an array of 3 dimensions"),
         ({"fields": {3: np.zeros(642)}}, "3 is no name of a field"),
         ({"fields": {"a/../b": np.zeros(642)}}, "is no name of a field"),
         ({"fields": {"a": ["x"] * 642}}, "the field a holds values of type <U1"),
@@ -149,7 +153,7 @@ def test_pyvista_gets_every_field_and_the_quality(made: cortet.Mesh) -> None:
     assert grid.volume == pytest.approx(4 / 3 * np.pi * 1000, rel=0.05)
 
 
-@pytest.mark.parametrize("size", [(0, 0), (-3, 5), (3.5, 2), (100_000, 5)])
+@pytest.mark.parametrize("size", [(0, 0), (-3, 5), (3.5, 2), (100_000, 5), (1, 2, 3), 5, "big"])
 def test_a_picture_of_no_size_is_refused(made: cortet.Mesh, size: Any) -> None:
     with pytest.raises(InputError, match="pixels cannot be drawn .*from 1 to"):
         made.plot(size)
@@ -231,6 +235,10 @@ def test_a_mesh_folds_from_the_age_it_was_made_at(made: cortet.Mesh, tmp_path: P
     assert "no element inverted" in folded._repr_html_()
     kept = cortet.fold(made, folder=tmp_path / "run", end=24.1, thickness=3.0, progress=False)
     assert (kept.folder / "fold.tsv").exists()
+    with pytest.raises(InputError, match="is a file"):
+        cortet.fold(made, folder=kept.folder / "fold.tsv")
+    with pytest.raises(InputError, match="24 are not an early and a later age"):
+        cortet.growth(made.surface, made.surface, ages=(24,))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="gestational age of the mesh is not known"):
         cortet.fold(made.mesh)
     with pytest.raises(InputError, match="fold"):
