@@ -19,8 +19,8 @@ VERSION: int = 1
 
 #: the truth is among the predictions where it is at most so many standard deviations from their mean
 _AMONG = 2.0
-#: colours of standard deviations span 0 to this, mm
-_DARKEST_MM = 3.0
+#: colours of standard deviations span 0 to the value that this share of the vertices does not exceed
+_DARKEST = 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +88,12 @@ def maps_of(found: Mapping[float, Spread]) -> dict[str, FloatArray]:
 
 def spread_views(series: Series, found: Mapping[float, Spread], hemisphere: str | None) -> Figure:
     """Where predictions of depth lie apart, on the real brains, from three sides."""
+    darkest = max(float(np.quantile(spread.depth_sd[series.weights > 0], _DARKEST)) for spread in found.values())
     return map_views(
         series,
         {age: spread.depth_sd for age, spread in found.items()},
         hemisphere,
-        span=(0.0, _DARKEST_MM),
+        span=(0.0, darkest),
         colours="YlOrRd",
         label="standard deviation of the predicted depth below the hull (mm)",
     )

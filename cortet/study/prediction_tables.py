@@ -72,9 +72,19 @@ PREDICTION = Table(
             for which, whose in (("", "predicted"), ("real_", "real"))
         ),
         _column(
-            "depth_sd_mm", "Standard deviation of the predicted depth over the variants, mean", "mm", "sd (mm)", ".2f"
+            "depth_sd_mm",
+            "Standard deviation of the predicted depth over the variants, mean",
+            "mm",
+            "sd of depth (mm)",
+            ".2f",
         ),
-        _column("among", "Share of the area where the real depth is within two of them of the mean", "", "sure", ".2f"),
+        _column(
+            "among",
+            "Share of the area where the real depth is within two of them of the mean",
+            "",
+            "real within 2 sd",
+            ".2f",
+        ),
         Column("residual", "Measured less simulated growth after the last round: logarithm of the area, rms"),
         Column("outcome", "How the fold ended"),
     ),
