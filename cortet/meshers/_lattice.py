@@ -115,7 +115,7 @@ def finer_step(ratio: FloatArray) -> FloatArray:
 
 
 def _finest(ratio: float) -> float:
-    """The smallest power of 1 / `_STEP` that is at least `ratio`, to within half a step."""
+    """The power of 1 / `_STEP` nearest to `ratio` on a logarithmic scale, at least 1."""
     return float(_STEP ** -max(0, round(-np.log(ratio) / np.log(_STEP))))
 
 

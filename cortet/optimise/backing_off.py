@@ -1,4 +1,4 @@
-"""Move nodes towards given places, but only as far as the tetrahedra around them allow."""
+"""Move nodes towards given positions, but only as far as the tetrahedra around them allow."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ HALVINGS = 8
 def back_off(
     start: FloatArray, target: FloatArray, cells: IntArray, *, q_max: float = 1.0
 ) -> tuple[FloatArray, FloatArray]:
-    """Move nodes from `start` towards `target`, halving the step of those around an unacceptable element.
+    """Move nodes from `start` towards `target`; halve the step of the nodes of an unacceptable element.
 
     An element is acceptable when its volume is positive and its q is below `q_max`, or no higher than at the start.
 
@@ -22,11 +22,11 @@ def back_off(
     ----------
     start, target : (n, 3) mm; every element has positive volume at `start`
     cells : (m, 4) int32
-    q_max : 1 asks for positive volumes only
+    q_max : 1 requires positive volumes only
 
     Returns
     -------
-    The (n, 3) positions, exactly `target` where the whole step was made, and the share of it made, (n,) in [0, 1].
+    The (n, 3) positions, exactly `target` where the step is whole, and the share of the step made, (n,) in [0, 1].
     """
     allowed = np.maximum(np.nextafter(q_max, 0), quality(start, cells))
     share = np.ones(len(start))

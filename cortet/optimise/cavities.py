@@ -1,6 +1,6 @@
-"""Cavities of a tetrahedral mesh: the tetrahedra around an edge, their best filling, and its place in the mesh.
+"""Cavities of a tetrahedral mesh: the tetrahedra around an edge, their best refilling, and its insertion in the mesh.
 
-The compiled part that swaps and insertions share. Tetrahedra live in arrays with spare rows; a dead row has -1 as its
+Swaps and insertions share this compiled code. Tetrahedra are in arrays with spare rows; a dead row has -1 as its
 first vertex.
 """
 
@@ -9,14 +9,14 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-#: largest number of tetrahedra around an edge that is tried: beyond it a better filling is rarely found
+#: largest number of tetrahedra tried around an edge; for more, a better filling is rarely found
 MAX_RING = 10
 
 
 MAX_NEW = 2 * (MAX_RING - 1)
 
 
-#: vertices of a star looked at when asking whether two vertices already share an edge
+#: most vertices of a star that are searched for an edge between two vertices
 _MAX_STAR = 512
 
 
@@ -41,7 +41,7 @@ def mu2_at(points, a, b, c, d):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def corner_of(cells, e, vertex):  # type: ignore[no-untyped-def]
-    """Which corner of tetrahedron e a vertex is, -1 if none."""
+    """The index of the corner of tetrahedron e that is `vertex`, -1 if none."""
     for i in range(4):
         if cells[e, i] == vertex:
             return i
@@ -63,12 +63,12 @@ def ring_around(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
     """Walk around edge (a, b) of tetrahedron e.
 
     Fills `ring` with the opposite vertices, counter-clockwise seen from b, and `cavity` with the tetrahedra
-    (a, b, ring[i], ring[i + 1]). Returns a, b, number of vertices, number of tetrahedra: equal for an interior
-    edge, one vertex more for a boundary edge, zero if there are too many or regions differ.
+    (a, b, ring[i], ring[i + 1]). Returns a, b, number of vertices, number of tetrahedra. The two numbers are equal for
+    an interior edge; a boundary edge has one vertex more. Both are zero if there are too many or regions differ.
     """
     cells, neighbours = mesh.cells, mesh.neighbours
     a, b, c, d = cells[e, frame[0]], cells[e, frame[1]], cells[e, frame[2]], cells[e, frame[3]]
-    # backwards first, to find the open end of a boundary ring
+    # walk backwards first, to find the open end of a boundary ring
     start, before = e, c
     ahead = d
     while True:
@@ -102,8 +102,9 @@ def ring_around(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
 def ring_of_two(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
     """Walk around an edge of tetrahedron e that lies on the interface of two regions.
 
-    As `ring_around`, beginning with the region of e at ring[0] and with ring[0] again at the end. Returns the number
-    of tetrahedra in that region and in both; zeros if there are too many, one region, more than two, or the outside.
+    As `ring_around`, but ring[0] is where the region of e begins, and the ring ends with ring[0] again. Returns the
+    number of tetrahedra in that region and in both. Both are zero if there are too many, only one region, more than
+    two, or if the edge is on the boundary.
     """
     cells, neighbours, region = mesh.cells, mesh.neighbours, mesh.region
     a, b, before, ahead = cells[e, frame[0]], cells[e, frame[1]], cells[e, frame[2]], cells[e, frame[3]]
@@ -142,10 +143,10 @@ def ring_of_two(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def best_filling(points, a, b, ring, n, limit, cost, split):  # type: ignore[no-untyped-def]
-    """Best triangulation of the polygon ring[0..n-1], each triangle joined to a and to b: its worst mu^2.
+    """Best triangulation of the polygon ring[0..n-1], each triangle joined to a and to b. Returns its worst mu^2.
 
-    cost[i, j] is the worst mu^2 of the best filling of the sub-polygon i..j, split[i, j] the third vertex of the
-    triangle on its side (i, j). A triangle worse than `limit` counts as infinite.
+    cost[i, j] is the worst mu^2 of the best filling of the sub-polygon i..j; split[i, j] is the third vertex of the
+    triangle at the side (i, j). A triangle worse than `limit` counts as infinite.
     """
     for i in range(n - 1):
         cost[i, i + 1] = 0.0
@@ -169,7 +170,7 @@ def best_filling(points, a, b, ring, n, limit, cost, split):  # type: ignore[no-
 
 @numba.njit(cache=True)
 def filled_with(a, b, ring, n, split, new):  # type: ignore[no-untyped-def]
-    """Write the tetrahedra of the triangulation kept in `split` to `new`; returns their number."""
+    """Write the tetrahedra of the triangulation in `split` to `new`; return their number."""
     stack = np.empty((MAX_RING + 1, 2), np.int64)
     stack[0, 0], stack[0, 1] = 0, n - 1
     top, size = 1, 0
@@ -201,12 +202,13 @@ def _same_face(cells, e, i, f, j):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def replace_cells(mesh, cavity, old, new, size):  # type: ignore[no-untyped-def]
-    """Put tetrahedra new[:size] in place of cavity[:old], and write their rows to cavity[:size].
+    """Replace tetrahedra cavity[:old] by new[:size], and write the rows of the new ones to cavity[:size].
 
-    Faces around the cavity keep what is behind them; one that no new tetrahedron has becomes boundary.
+    Outer faces of the cavity keep their neighbours. If no new tetrahedron has such a face, its neighbour gets a
+    boundary face there.
     """
     cells, neighbours, counters = mesh.cells, mesh.neighbours, mesh.counters
-    outside = np.empty((4 * old, 4), np.int32)  # three vertices of an outer face, and what is behind it
+    outside = np.empty((4 * old, 4), np.int32)  # three vertices of an outer face, and its neighbour outside
     outer = 0
     for i in range(old):
         e = cavity[i]
@@ -222,7 +224,7 @@ def replace_cells(mesh, cavity, old, new, size):  # type: ignore[no-untyped-def]
                         outside[outer, k] = cells[e, other]
                         k += 1
                 outside[outer, 3] = f
-                if f >= 0:  # forget the cavity; a new tetrahedron may take its place below
+                if f >= 0:  # forget the cavity; a new tetrahedron may become the neighbour below
                     for back in range(4):
                         if neighbours[f, back] == e:
                             neighbours[f, back] = -1
@@ -272,7 +274,7 @@ def replace_cells(mesh, cavity, old, new, size):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def share_an_edge(mesh, e, a, b):  # type: ignore[no-untyped-def]
-    """Whether vertex a, a corner of tetrahedron e, shares an edge with vertex b; True also if its star is too large."""
+    """Whether vertex a, a corner of tetrahedron e, shares an edge with vertex b; also True if its star is too large."""
     seen = np.empty(_MAX_STAR, np.int32)
     seen[0], size, done = e, 1, 0
     while done < size:
@@ -297,7 +299,7 @@ def share_an_edge(mesh, e, a, b):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def unit_normal(a, b, c):  # type: ignore[no-untyped-def]
-    """Of the triangle with corners a, b, c (3,), counter-clockwise seen from where it points; NaN for a flat one."""
+    """Unit normal of triangle a, b, c (3,), which are counter-clockwise seen from its tip; NaN for a flat triangle."""
     normal = np.cross(b - a, c - a)
     return normal / np.sqrt((normal * normal).sum())
 

@@ -1,8 +1,8 @@
-"""Optimise a mesh without letting its boundary pass through itself or leave the surface it slides on.
+"""Optimise a mesh so that its boundary neither crosses itself nor leaves the surface it slides on.
 
-Nothing local can see the opposite bank of a narrow sulcus, nor the crest of a thin blade that vertices on both sides
-slide away from. So the whole boundary is checked afterwards. Where it crosses itself, or has left a part of the surface
-behind, what was done around that place is undone, and done again there with the vertices of the place held.
+A local check cannot see the opposite bank of a narrow sulcus, nor a thin crest that vertices on both sides slide away
+from. So the whole boundary is checked afterwards. Where it crosses itself or has left a part of the surface behind, the
+changes around that spot are undone, and the optimisation is repeated there with the vertices of the spot held.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from cortet.optimise.undoing import undone
 
 #: rounds of undo and retry, then rounds of undo only
 _ROUNDS, _LAST_ROUNDS = 4, 3
-#: q that no tetrahedron rises to when vertices go half the way back
+#: largest q that a tetrahedron may rise to when vertices go half-way back
 _HALF_WAY_WORST = 0.9
-#: how far a point of the surface may be left behind, over the cell size, and where that is not known over the mean edge
-#: of the boundary, which is 1.3 times as long where no cells are smaller than others
+#: how far the boundary may leave a point of the surface behind: over the cell size or, if that is unknown, over the
+#: mean edge of the boundary (without smaller cells anywhere, the mean edge is 1.3 cell sizes)
 MOST_LEFT_BEHIND, MOST_OF_EDGE = 0.47, 0.36
-#: points of the surface farther from the boundary than this multiple of that are not the mesh's
+#: points farther from the boundary than this multiple of that limit do not belong to the mesh
 _REACH = 3
-#: a point that was beyond that already may not be farther away than before, but for this factor
+#: a point beyond the limit before may be at most this factor farther away after
 _SAME = 1.02
 
 logger = logging.getLogger(__name__)
@@ -46,20 +46,19 @@ def crossing_faces(mesh: TetMesh) -> IntArray:
 
 
 class Flaws(NamedTuple):
-    """What is worse in the boundary of a mesh than it was in an earlier one, (k, 3) int32 node indices each."""
+    """What became worse in the boundary of a mesh since an earlier one, (k, 3) int32 node indices each."""
 
-    #: faces that cross others
+    #: faces that cross other faces
     crossed: IntArray
-    #: corners of those earlier faces, the nearest first, whose points of the surface are now farther behind than
-    #: `MOST_LEFT_BEHIND`
+    #: corners of the faces of the earlier boundary, nearest first, whose points of the surface are now left behind
     left: IntArray
 
     def __bool__(self) -> bool:
-        """Whether there is anything."""
+        """Whether there are any flaws."""
         return len(self.crossed) > 0 or len(self.left) > 0
 
     def to_hold(self, held: IntArray) -> IntArray:
-        """Of each place that was left behind, the nearest vertex that is not `held` yet: (k,) int32."""
+        """For each spot left behind, its nearest vertex that is not `held` yet: (k,) int32."""
         fresh = ~np.isin(self.left, held)
         return np.unique(self.left[np.arange(len(self.left)), fresh.argmax(axis=1)])
 
@@ -67,7 +66,7 @@ class Flaws(NamedTuple):
 def flaws_since(
     mesh: TetMesh, surface: TriSurface | None, cell_size: float | None = None
 ) -> Callable[[TetMesh], Flaws]:
-    """What finds the flaws of a mesh made from `mesh`; what was so in that one already is no flaw."""
+    """A function that finds the flaws of a mesh made from `mesh`, apart from those that `mesh` has already."""
     left_in = _nothing_left if surface is None else _left_behind(mesh, surface, cell_size)
 
     def flaws(result: TetMesh) -> Flaws:
@@ -86,22 +85,22 @@ def without_crossing(
     cell_size: float | None = None,
     held: IntArray | None = None,
 ) -> tuple[TetMesh, Report, IntArray]:
-    """Call `optimise(mesh, held)`, then again around places of the boundary that it spoils, until there are none.
+    """Call `optimise(mesh, held)`, then repeat it around spots of the boundary that it spoils, until none are left.
 
-    The boundary must not cross itself and, where a `surface` is given, not leave points of it farther behind than
-    `MOST_LEFT_BEHIND`. What was so in `mesh` already is not the fault of `optimise`.
+    The boundary must not cross itself. If a `surface` is given, the boundary must not leave its points farther behind
+    than `MOST_LEFT_BEHIND`. Flaws that `mesh` has already do not count.
 
     Parameters
     ----------
-    optimise : must keep vertex numbers and leave the `held` vertices and the boundary between them as they are. It is
-        called with the whole mesh, then with parts of it, whose vertices have other numbers
-    cell_size : mm, None where it is not known
+    optimise : must keep vertex numbers, the `held` vertices, and the boundary between them. It is called with the whole
+        mesh, then with parts of it, whose vertices have other numbers
+    cell_size : mm, None if unknown
     held : (h,) vertices that are held from the first call on
 
     Returns
     -------
-    The result, the report of the first call, and the vertices held in the end, (h,) int32. If something remains after a
-    few rounds the result has it, for the certificate to judge.
+    The result, the report of the first call, and the vertices held in the end, (h,) int32. Flaws that remain after a
+    few rounds stay in the result; the certificate judges them.
     """
     flaws_of = flaws_since(mesh, surface, cell_size)
     held = np.zeros(0, np.int32) if held is None else held
@@ -115,7 +114,7 @@ def without_crossing(
         spoilt = np.union1d(mesh.cells[touched], sliding)
         what = f"{len(flaws.crossed)} boundary faces cross, {len(flaws.left)} places are left behind"
         logger.info("%s: undone there, %d vertices held in place", what, len(np.union1d(held, spoilt)))
-        # one that slid away goes back half the way at first: where it was is no good place for its tetrahedra
+        # a vertex that slid away first goes half-way back: at its start, its tetrahedra were bad
         earlier = mesh if number else _half_way(mesh, result, sliding, surface)
         held = np.union1d(held, spoilt).astype(np.int32)
         result, around = undone(earlier, result, spoilt)
@@ -130,9 +129,9 @@ def without_crossing(
 
 
 def _half_way(before: TetMesh, after: TetMesh, vertices: NDArray[np.integer], surface: TriSurface | None) -> TetMesh:
-    """The mesh before, with some of its boundary vertices half way to where they are after, on their surface.
+    """The mesh `before`, with some boundary vertices moved half-way to their positions `after`, on their surface.
 
-    They go less far where a tetrahedron would become bad.
+    A vertex stays as it was where a tetrahedron would become bad.
     """
     if surface is None or not len(vertices):
         return before
@@ -148,7 +147,7 @@ def _half_way(before: TetMesh, after: TetMesh, vertices: NDArray[np.integer], su
 
 
 def _warn(mesh: TetMesh, flaws: Flaws) -> None:
-    """Say what remains after all rounds, and where."""
+    """Log the flaws that remain after all rounds, and where."""
     words = "boundary faces cross", "places of the surface are left behind"
     for faces, what in zip(flaws, words, strict=True):
         if len(faces):
@@ -161,10 +160,10 @@ def _nothing_left(_: TetMesh) -> IntArray:
 
 
 def _left_behind(mesh: TetMesh, surface: TriSurface, cell_size: float | None) -> Callable[[TetMesh], IntArray]:
-    """What finds the faces of `mesh`, (k, 3) node indices, whose points of the surface a later one has left behind.
+    """A function that finds the faces of `mesh`, (k, 3) node indices, whose surface points a later mesh leaves behind.
 
-    Each point may be as far from the boundary as a share of the edges of `mesh`, or as it is from that of `mesh`. The
-    points of inner surfaces are held against their interfaces in the same way.
+    A point may be as far from the later boundary as the limit allows, or as far as it is from that of `mesh`. Points of
+    inner surfaces are compared with their interfaces in the same way.
     """
     numbered = enumerate((surface, *surface.inner.values()))
     finders = [_left_behind_sheet(mesh, one, number, cell_size) for number, one in numbered]
@@ -181,7 +180,7 @@ def _left_behind_sheet(
     else:
         limit = MOST_LEFT_BEHIND * cell_size
     samples = surface_samples(surface)
-    # a part of a mesh does not stand for the surface far from it
+    # a part of a mesh does not represent the surface far from it
     samples = samples[closer_than(tree_of(began), samples, _REACH * limit)]
 
     def left(result: TetMesh) -> IntArray:

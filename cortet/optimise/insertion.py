@@ -1,14 +1,14 @@
-"""New vertices where no swap helps: between boundary vertices that tetrahedra join across a blade or a corner.
+"""New vertices where no swap helps: inside tetrahedra whose vertices lie on the boundary, across a blade or a corner.
 
-A tetrahedron whose four vertices lie on the boundary can only slide, and one that holds a boundary edge alone keeps its
-opening angle. A vertex inside mends both: the tetrahedra around an edge, a face or a tetrahedron are taken out, with
-as many behind the worst face of that cavity as pay, and the cavity is filled by joining its faces to the new vertex
-(Klingner and Shewchuk, Aggressive tetrahedral mesh improvement, IMR 2007). The place of the vertex is that of least
-sum of mu^p over the new tetrahedra. A vertex that the cavity swallows is taken out of the mesh, so edges collapse, too.
+A tetrahedron whose four vertices lie on the boundary can only slide. One that is alone at a boundary edge keeps its
+opening angle. A vertex inside mends both. The tetrahedra around an edge, a face or a tetrahedron are removed; so are
+those behind the worst face of that cavity, as long as it pays. The faces of the cavity are then joined to the new
+vertex (Klingner and Shewchuk, Aggressive tetrahedral mesh improvement, IMR 2007). The vertex minimises the sum of mu^p
+over the new tetrahedra. Vertices that the cavity encloses are removed from the mesh, so edges collapse, too.
 
-Each boundary face of a cavity is a face of its filling, so that only the inside changes. The exception is a boundary
-edge that a vertex on the surface halves: where the edge runs along a crest that no flip may cut, tetrahedra that hold
-it stay flat otherwise. Serial, worst tetrahedron first.
+Each boundary face of a cavity remains a face of its filling, so only the inside changes. There is one exception: a new
+vertex on the surface may split a boundary edge. Where an edge runs along a crest that no flip may cut, its
+tetrahedra would otherwise stay flat. The code is serial and takes the worst tetrahedron first.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from cortet.optimise.cavities import EDGE_FRAMES, MAX_RING, replace_cells, ring_
 from cortet.optimise.star import fill_row, newton_step, row_derivatives, row_energy, row_mu2
 from cortet.optimise.swaps import live_cells, swappable
 
-#: tetrahedra in a cavity, at most
+#: most tetrahedra of a cavity
 _MOST = 60
-#: tetrahedra that are added to a cavity after the best filling so far, before it is given up
+#: a cavity is given up once it has grown by this many tetrahedra since its best filling
 _PATIENCE = 5
-#: power of the energy whose least value is the place of a new vertex, and Newton steps towards it for each cavity
+#: power of the energy that a new vertex minimises, and Newton steps of each cavity
 _POWER, _STEPS = 8, 2
-#: step lengths that are tried, each this share of the one before
+#: step lengths tried, and the ratio of each to the one before
 _BACKTRACKS, _SHRINK = 5, 0.4
-#: the worst mu of a cavity must fall by this factor, or it is not worth a vertex
+#: the worst mu of a cavity must fall by this factor, or the vertex is not inserted
 MIN_GAIN = 0.995
-#: where a boundary edge may be halved, as shares of its length
+#: where a boundary edge may be split, as shares of its length
 _PARTS = (0.5, 0.35, 0.65)
-#: the surface must be within this share of the edge's length there, and new faces within acos(the second) of old ones
+#: largest distance of the split from the surface, over the length of the edge; new faces within acos(the second) of old
 _MAX_SAG, _MIN_FACE_COSINE = 0.35, 0.3
-#: times the list of bad tetrahedra is worked through
+#: passes over the list of bad tetrahedra
 _ROUNDS = 2
 
 
@@ -54,17 +54,17 @@ def insert_vertices(
     surface: TriSurface | None = None,
     held: NDArray[np.bool_] | None = None,
 ) -> tuple[TetMesh, int]:
-    """Insert vertices in tetrahedra with mu^2 above `threshold` where that makes their worst better.
+    """Insert vertices in tetrahedra with mu^2 above `threshold` if that improves their worst.
 
-    Vertices that tetrahedra swallow are taken out. A new vertex carries the values of one near it.
+    Vertices that a cavity encloses are removed. A new vertex takes the values of a vertex near it.
 
     Parameters
     ----------
     mesh : positive volumes
-    mu2, region : (m,) of the tetrahedra; those of different regions are never joined in one cavity
-    gain : the worst mu of a cavity must fall by this factor; above 1, it may rise before the vertices are moved
-    surface : where boundary edges may be halved, the surface that the new vertices lie on
-    held : (n,) vertices whose boundary edges are not halved
+    mu2, region : (m,) of the tetrahedra; a cavity never joins different regions
+    gain : the worst mu of a cavity must fall by this factor; if above 1, it may rise before the vertices are moved
+    surface : if given, boundary edges may be split, and the new vertices lie on this surface
+    held : (n,) vertices whose boundary edges are not split
 
     Returns
     -------
@@ -82,7 +82,7 @@ def insert_vertices(
     changed = np.ones(room, np.bool_)
     for _ in range(_ROUNDS):
         rows = np.flatnonzero(work.mu2[: work.counters[0]] > threshold).astype(np.int32)
-        # where nothing has changed, what failed would fail again
+        # where nothing has changed, an attempt that failed would fail again
         rows = rows[changed[work.cells[rows]].any(axis=1)]
         queue = rows[np.argsort(-work.mu2[rows], kind="stable")]
         changed[:] = False
@@ -112,9 +112,9 @@ def _insert_all(mesh, tree, queue, like, used, changed, threshold, gain):  # typ
 
 @numba.njit(cache=True)
 def _insert(mesh, tree, e, like, used, changed, gain):  # type: ignore[no-untyped-def]
-    """Try a new vertex on every edge, on every face and in the middle of a tetrahedron; True if the best was made.
+    """Try a new vertex on every edge, on every face and in the middle of a tetrahedron, and make the best one.
 
-    Then `changed` is set for the vertices around.
+    Returns True if one was made, and then sets `changed` for the vertices around.
     """
     cavity, faces = np.empty(_MOST, np.int32), np.empty((4 * _MOST, 4), np.int32)
     best_cavity = np.empty(_MOST, np.int32)
@@ -131,7 +131,7 @@ def _insert(mesh, tree, e, like, used, changed, gain):  # type: ignore[no-untype
             if ratio < best:
                 best, size = ratio, count
                 best_cavity[:count], best_place[:], best_halved[:] = cavity[:count], place, halved
-            if halved[0] < 0:  # one place will do
+            if halved[0] < 0:  # one position is enough
                 break
     if size == 0:
         return False
@@ -153,10 +153,10 @@ def _insert(mesh, tree, e, like, used, changed, gain):  # type: ignore[no-untype
 
 @numba.njit(cache=True)
 def _begun(mesh, tree, e, seed, part, cavity, place, halved, ring, around):  # type: ignore[no-untyped-def]
-    """Write the smallest cavity of a new vertex, and its `place`; returns the number of tetrahedra, 0 for no vertex.
+    """Write the smallest cavity of a new vertex, and its `place`; return the number of tetrahedra, 0 for no vertex.
 
-    Seeds 0 to 5 are the edges of tetrahedron e, 6 to 9 its faces, 10 its middle. `halved` says which boundary edge the
-    vertex lies on, at which `part` of it, as `_on_crest` has it; -1 for one inside.
+    Seeds 0 to 5 are the edges of tetrahedron e, 6 to 9 its faces, 10 its middle. `halved` holds the boundary edge that
+    the vertex splits, at the share `part` of its length, as in `_on_crest`; -1 for a vertex inside.
     """
     halved[:] = -1
     if seed < 6:
@@ -184,7 +184,7 @@ def _begun(mesh, tree, e, seed, part, cavity, place, halved, ring, around):  # t
 
 @numba.njit(cache=True)
 def _on_crest(mesh, tree, halved, part, place):  # type: ignore[no-untyped-def]
-    """Set `place` to the point of the surface nearest to that part of a boundary edge; False if no vertex may go there.
+    """Set `place` to the surface point nearest to the share `part` of a boundary edge; False if no vertex may go there.
 
     `halved` holds the ends a, b of the edge, and c, d: its faces are (a, c, b) and (a, b, d), outward.
     """
@@ -208,9 +208,9 @@ def _on_crest(mesh, tree, halved, part, place):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _outer_faces(mesh, cavity, size, faces, halved):  # type: ignore[no-untyped-def]
-    """Write the faces around a cavity, outward, and the tetrahedron behind each (-1: none); returns their number.
+    """Write the faces around a cavity, outward, and the tetrahedron behind each (-1: none); return their number.
 
-    The two boundary faces of an edge that is `halved` are left out, which replaces them by four.
+    The two boundary faces of an edge that is split are left out, so that four faces replace them.
     """
     count = 0
     for i in range(size):
@@ -232,11 +232,11 @@ def _outer_faces(mesh, cavity, size, faces, halved):  # type: ignore[no-untyped-
 
 @numba.njit(cache=True)
 def _best_cavity(mesh, cavity, count, faces, place, halved):  # type: ignore[no-untyped-def]
-    """Let a cavity grow behind its worst face, and find where its filling improves the worst mu^2 most.
+    """Grow a cavity behind its worst face, and find the size whose filling improves the worst mu^2 most.
 
-    Starts from cavity[:count] and a vertex at `place`; both hold what was found in the end. A vertex that halves a
-    boundary edge stays there. Returns the new worst over the old, infinite where no filling is valid, and the size of
-    the cavity.
+    Starts from cavity[:count] and a vertex at `place`; in the end, both hold the best that was found. A vertex that
+    splits a boundary edge does not move. Returns the new worst over the old, infinite if no filling is valid, and the
+    size of the cavity.
     """
     star = np.empty((4 * _MOST, 8))
     trial = place.copy()
@@ -260,7 +260,7 @@ def _best_cavity(mesh, cavity, count, faces, place, halved):  # type: ignore[no-
 
 @numba.njit(cache=True)
 def _settled(mesh, faces, outer, place, star, steps):  # type: ignore[no-untyped-def]
-    """Move a vertex that is joined to all `faces` to where these tetrahedra are best; their worst mu^2, and which."""
+    """Move a vertex joined to all `faces` to where these tetrahedra are best; return their worst mu^2, and which."""
     for _ in range(steps):
         _rows(mesh, faces, outer, place, star)
         before = row_energy(star, outer, 0.0, 0.0, 0.0, _POWER // 2, np.inf)
@@ -280,7 +280,7 @@ def _settled(mesh, faces, outer, place, star, steps):  # type: ignore[no-untyped
     worst, at, lowest = 0.0, 0, np.inf
     for i in range(outer):
         mu2 = row_mu2(star[i], 0.0, 0.0, 0.0)
-        # of several faces that the vertex does not see, the one it is farthest behind
+        # if the vertex is behind several faces, take the one it is farthest behind
         if mu2 > worst or (mu2 == np.inf and star[i, 3] < lowest):
             worst, at = mu2, i
             lowest = star[i, 3] if mu2 == np.inf else np.inf

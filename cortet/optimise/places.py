@@ -1,7 +1,7 @@
-"""The few places of a mesh where its worst tetrahedra are, cut out, so that much can be tried there at little cost.
+"""Cut out the few places of a mesh with its worst tetrahedra, so that many attempts there cost little.
 
-Every place is judged alone: of all that was tried, each keeps what made its own worst tetrahedron best, unless more
-tetrahedra than before would be beyond hope for it.
+Each place is judged alone. It keeps the attempt that made its worst tetrahedron best, unless the excess of its
+tetrahedra over `BEYOND_HOPE` grew.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ from cortet.geometry.topology import compact, component_labels
 from cortet.measure.quality import quality
 from cortet.meshes import FloatArray, IntArray, TetMesh
 
-#: the tetrahedra around the worst ones, then those around these, and so on, that belong to a place
+#: layers of tetrahedra around the worst ones that belong to a place
 RINGS = 4
-#: q above which a tetrahedron counts beside the worst one: no mesh that has some is certified
+#: above this q, a tetrahedron counts beside the worst one: no mesh with such a tetrahedron is certified
 BEYOND_HOPE = 0.6
-#: fields of the part: the number of each node in the whole mesh, the number of the place of each tetrahedron
+#: fields of a part: the number of each node in the whole mesh, and the number of each tetrahedron's place
 _NODE, _PLACE = "node of the whole", "place"
 
 
 class Part(NamedTuple):
     """Places that share no vertex, as a mesh of their own."""
 
-    #: with every field of the whole mesh, and two that lead back to it
+    #: has every field of the whole mesh, and two that lead back to it
     mesh: TetMesh
-    #: vertices that tetrahedra outside use, too: (k,) int32
+    #: vertices that tetrahedra outside share: (k,) int32
     rim: IntArray
     #: (m,) bool, the tetrahedra of the whole mesh that were cut out
     taken: NDArray[np.bool_]
 
 
 def cut_out(mesh: TetMesh, seeds: NDArray[np.bool_]) -> Part:
-    """The places around some tetrahedra, `seeds` (m,)."""
+    """Cut out the places around the tetrahedra `seeds` (m,)."""
     taken: NDArray[np.bool_] = seeds
     for _ in range(RINGS):
         near = np.zeros(len(mesh.points), np.bool_)
@@ -57,27 +57,27 @@ def cut_out(mesh: TetMesh, seeds: NDArray[np.bool_]) -> Part:
 
 
 def rim_of(part: Part, mesh: TetMesh) -> IntArray:
-    """The vertices of the rim in what has become of a part: (k,) int32."""
+    """The vertices of the rim of a part, in the later mesh of that part: (k,) int32."""
     nodes = part.mesh.point_data[_NODE][part.rim]
     return np.flatnonzero(_is_old(mesh) & np.isin(mesh.point_data[_NODE], nodes)).astype(np.int32)
 
 
 def numbers_in(part: Part, nodes: IntArray) -> IntArray:
-    """The vertices of a part that are among some `nodes` (k,) of the whole mesh: (j,) int32."""
+    """The vertices of a part that are among the given `nodes` (k,) of the whole mesh: (j,) int32."""
     return np.flatnonzero(np.isin(part.mesh.point_data[_NODE], nodes)).astype(np.int32)
 
 
 def nodes_near(part: Part, points: FloatArray) -> IntArray:
-    """The nodes of the whole mesh that are those vertices of a part nearest to some `points` (k, 3), mm: (k,) int32."""
+    """The numbers, in the whole mesh, of the vertices of a part nearest to `points` (k, 3), mm: (k,) int32."""
     nodes: IntArray = part.mesh.point_data[_NODE][KDTree(part.mesh.points).query(points)[1]]
     return nodes
 
 
 def better_of_each(first: TetMesh, second: TetMesh) -> TetMesh:
-    """For each place the one of two tries whose worst tetrahedron there is better, the first where they are alike.
+    """For each place, the better of two tries; the first if they are equal.
 
-    What tetrahedra exceed `BEYOND_HOPE` by, all together, may not grow for it; if that shrinks, the worst may stay. The
-    second try may lack places; the first one's stay there.
+    The second is better if neither its worst q nor the sum of excesses over `BEYOND_HOPE` grows and one of them falls.
+    The second try may lack places; there the first one stays.
     """
     count = _count(first)
     (before, much), (after, less) = _judged(first, count), _judged(second, count)
@@ -85,7 +85,7 @@ def better_of_each(first: TetMesh, second: TetMesh) -> TetMesh:
 
 
 def mixed(first: TetMesh, second: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh:
-    """The second try in the places that are `chosen`, (places,) or more, and the first one in the others."""
+    """The second try in the `chosen` places, (places,) or more, and the first try in the others."""
     if not chosen.any():
         return first
     kept = [~chosen[first.cell_data[_PLACE]], chosen[second.cell_data[_PLACE]]]
@@ -100,14 +100,14 @@ def mixed(first: TetMesh, second: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh
 
 
 def promising(mesh: TetMesh, threshold: float, most: int) -> TetMesh:
-    """The places of a try with a tetrahedron of q above `threshold`, but not more than `most` of them."""
+    """The places of a try that have at least one and at most `most` tetrahedra with q above `threshold`."""
     bad = quality(mesh.points, mesh.cells) > threshold
     count = np.bincount(mesh.cell_data[_PLACE][bad], minlength=_count(mesh))
     return only(mesh, (count > 0) & (count <= most))
 
 
 def only(mesh: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh:
-    """A part of a mesh with those places that are `chosen`, (places,) or more."""
+    """The `chosen` places of a part, (places,) or more."""
     taken = chosen[mesh.cell_data[_PLACE]]
     if taken.all():
         return mesh
@@ -121,7 +121,7 @@ def only(mesh: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh:
 
 
 def places_at(mesh: TetMesh, points: FloatArray) -> NDArray[np.bool_]:
-    """Which places of a part have the vertices nearest to some `points` (k, 3), mm: (places,)."""
+    """Which places of a part own the vertices nearest to `points` (k, 3), mm: (places,)."""
     place = np.empty(len(mesh.points), np.int32)
     place[mesh.cells] = mesh.cell_data[_PLACE][:, None]
     chosen = np.zeros(_count(mesh), np.bool_)
@@ -130,7 +130,7 @@ def places_at(mesh: TetMesh, points: FloatArray) -> NDArray[np.bool_]:
 
 
 def put_back(mesh: TetMesh, part: Part, improved: TetMesh) -> TetMesh:
-    """The whole mesh with what has become of a part of it; new vertices come last."""
+    """The whole mesh with a part replaced by the `improved` one; new vertices come last."""
     old = _is_old(improved)
     node = improved.point_data[_NODE].copy()
     node[~old] = len(mesh.points) + np.arange(np.count_nonzero(~old))
@@ -152,7 +152,7 @@ def put_back(mesh: TetMesh, part: Part, improved: TetMesh) -> TetMesh:
 
 
 def _is_old(mesh: TetMesh) -> NDArray[np.bool_]:
-    """Whether each vertex of a part is one of the whole mesh; inserted ones repeat the number of an old one."""
+    """Whether each vertex of a part belongs to the whole mesh; inserted vertices repeat the number of an old one."""
     old = np.zeros(len(mesh.points), np.bool_)
     old[np.unique(mesh.point_data[_NODE], return_index=True)[1]] = True
     return old
@@ -164,7 +164,7 @@ def _count(mesh: TetMesh) -> int:
 
 
 def _judged(mesh: TetMesh, count: int) -> tuple[FloatArray, FloatArray]:
-    """Largest q in each of so many places, infinite where the mesh lacks one; sum of what exceeds `BEYOND_HOPE`."""
+    """Largest q of each of `count` places, infinite where the mesh lacks one; sum of excesses over `BEYOND_HOPE`."""
     worst, place, q = np.full(count, -np.inf), mesh.cell_data[_PLACE], quality(mesh.points, mesh.cells)
     np.maximum.at(worst, place, q)
     much = np.zeros(count)

@@ -37,33 +37,33 @@ from cortet.sections import Boundary
 _ROUNDS = 4
 #: a round with fewer swaps per tetrahedron than this is the last one
 _FEW = 2e-4
-#: the first round swaps above this q: lower than later ones, which improves the mean, too
+#: the first round swaps above this q: it is lower than in later rounds, which improves the mean, too
 _FIRST_SWAPS = 0.18
-#: powers of the first round, in which vertices move far; later rounds must not lose what was reached
+#: powers of the first round, in which vertices move far; later rounds must not lose what it reached
 _FIRST_POWERS = (8, 16, 32)
 #: rounds of insertions after everything else
 _LAST_ROUNDS = 4
 _SWEEPS, _LAST_MEAN_SWEEPS = 12, 4
-#: the search around what is left, in series: by how much an insertion may make a pocket worse at first, and rounds
+#: stages of a search around what is left: by how much an insertion may make a pocket worse at first, and rounds
 _GAINS = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
-#: each search looks at so many tetrahedra, the worst ones: with more, pockets join, and one that is too large is given
-#: up. What the first one leaves is in large pockets, so the later ones look at fewer
+#: number of the worst tetrahedra in each search: with more, pockets join, and one that is too large is given up.
+#: What the first search leaves is in large pockets, so the later ones take fewer
 _SOUGHT = (200, 60, 60, 25)
-#: a pocket with more bad tetrahedra than this is given up for the series
+#: a pocket with more bad tetrahedra than this is given up for this series of powers
 _MOST_HOPE = 100
-#: two series of powers; neither wins everywhere: at 64, the good tetrahedra of a tight pocket hold the worst back
+#: two series of powers; neither is always better: at 64, the good tetrahedra of a tight pocket hold the worst back
 _SEARCH_POWERS, _SEARCH_SWEEPS = ((8, 16, 32, 64), (8, 32, 128, 256)), 25
-#: tries: two for all pockets, the rest for those whose boundary a try spoilt
+#: tries: two for all pockets, the rest for the pockets whose boundary a try spoilt
 _SEARCHES = 6
 
 logger = logging.getLogger(__name__)
 
 
 class Reconnected(NamedTuple):
-    """What came of a reconnection."""
+    """The result of a reconnection."""
 
     mesh: TetMesh
-    #: vertices inserted, before and after the rest
+    #: vertices inserted before and after the rounds
     inserted: int
     #: sums over all rounds
     swaps: SwapCount
@@ -92,7 +92,7 @@ def reconnected(
     if insert:
         start, inserted, swaps = _with_insertions(mesh, tree, threshold)
     else:
-        # this leaves little to do for the rounds that move the boundary, and what they do can be undone locally
+        # this leaves little to do for the rounds that move the boundary, and their changes can be undone locally
         inside = np.ones(len(mesh.points), np.bool_)
         start, count = _swapped(mesh, tree, min(threshold, _FIRST_SWAPS), inside)
         inserted, swaps = 0, [count]
@@ -114,7 +114,7 @@ def reconnected(
 
 
 def _with_insertions(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[TetMesh, int, list[SwapCount]]:
-    """Swap inside the mesh where that helps, else insert vertices; returns also their number, and the swaps."""
+    """Swap inside the mesh where that helps, else insert vertices; also return their number, and the swaps."""
     mesh, swaps = _swapped(mesh, tree, threshold, np.ones(len(mesh.points), np.bool_))
     mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
     mesh, count = insert_vertices(mesh, mu2, _regions(mesh), float(mu2_of(threshold)))
@@ -122,7 +122,7 @@ def _with_insertions(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tupl
 
 
 def _mended_inside(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[TetMesh, int, list[SwapCount]]:
-    """Insert vertices and move those inside once more, as long as that helps; the boundary is sound and stays."""
+    """Insert vertices and move interior ones again, as long as that helps; the sound boundary stays unchanged."""
     inserted = 0
     counts: list[SwapCount] = []
     for _ in range(_LAST_ROUNDS):
@@ -144,10 +144,10 @@ def searched(
     *,
     most: int,
 ) -> tuple[TetMesh, int]:
-    """Search on around the worst tetrahedra, `most` at a time, in pockets cut out of the mesh.
+    """Continue the search around the worst tetrahedra, `most` at a time, in pockets cut out of the mesh.
 
-    Also returns the number of vertices inserted. An insertion may make a pocket worse before it makes it better. Where
-    the boundary may slide, its edges may be halved, too. A pocket whose boundary that spoils goes back to what it was,
+    Also returns the number of vertices inserted. An insertion may make a pocket worse before it makes it better. If the
+    boundary may slide, its edges may be split, too. A pocket whose boundary is spoilt goes back to its earlier state,
     and is tried again with vertices held.
     """
     q = quality(mesh.points, mesh.cells)
@@ -172,13 +172,13 @@ def searched(
         if number > 1 and not spoilt.any():
             break
         again = spoilt if number > 1 else again
-    else:  # the last try, too, spoilt a boundary
+    else:  # the last try spoilt a boundary, too
         result = put_back(mesh, part, best)
     return result, len(result.points) - len(mesh.points)
 
 
 def _best_tries(start: TetMesh, part: Part, surface: TriSurface, threshold: float, boundary: Boundary) -> TetMesh:
-    """The best state of each pocket of a `part`: that at the `start`, or after the search with either series."""
+    """The best state of each pocket of a `part`: at the `start`, or after the search with one of the two series."""
     best = start
     for powers in _SEARCH_POWERS:
         aims = [Pass(threshold, power, _SEARCH_SWEEPS) for power in powers]
@@ -202,7 +202,7 @@ def _best_of_series(start: TetMesh, part: Part, surface: TriSurface, aims: list[
 def _tried(
     mesh: TetMesh, part: Part, surface: TriSurface, aims: list[Pass], gain: float, boundary: Boundary
 ) -> TetMesh:
-    """One round of swaps, insertions and moves in a `part`, whose rim stays where it is."""
+    """One round of swaps, insertions and moves in a `part`; its rim stays where it is."""
     threshold = aims[0].threshold
     tree = forest(surface)
 
@@ -223,7 +223,7 @@ def _tried(
 def _improved(
     mesh: TetMesh, tree: SurfaceTree, threshold: float, boundary: Boundary, held: IntArray
 ) -> tuple[TetMesh, list[SwapCount]]:
-    """Alternate between swaps and moves until no swap helps; returns also the swaps of each round."""
+    """Alternate between swaps and moves until no swap helps; also return the swaps of each round."""
     rigid = np.full(len(mesh.points), boundary == "fixed")
     rigid[held] = True
     counts = []
@@ -243,7 +243,7 @@ def _improved(
 
 
 def _swapped(mesh: TetMesh, tree: SurfaceTree, threshold: float, rigid: NDArray[np.bool_]) -> tuple[TetMesh, SwapCount]:
-    """Swap edges and faces around tetrahedra above `threshold`, but not those of vertices that are `rigid`, (n,)."""
+    """Swap edges and faces around tetrahedra above `threshold`; boundary edges of `rigid` vertices (n,) stay."""
     mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
     if not (mu2 > mu2_of(threshold)).any():
         return mesh, NO_SWAPS
@@ -257,7 +257,7 @@ def _swapped(mesh: TetMesh, tree: SurfaceTree, threshold: float, rigid: NDArray[
 
 
 def _regions(mesh: TetMesh) -> IntArray:
-    """One number per combination of the integer values of a tetrahedron."""
+    """One number for each combination of the integer values of a tetrahedron."""
     labels = [values.reshape(len(mesh.cells), -1) for values in mesh.cell_data.values() if values.dtype.kind in "iu"]
     if not labels:
         return np.zeros(len(mesh.cells), np.int32)

@@ -1,4 +1,4 @@
-"""What a mesh must be before anything optimises it."""
+"""Requirements on a mesh before any optimisation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cortet.meshes import FloatArray, TetMesh
 def require_sound(mesh: TetMesh, q: FloatArray) -> None:
     """Refuse a mesh with flat or inverted tetrahedra, or one that overlaps itself.
 
-    From a flat tetrahedron no move leads downhill; around a face with both its tetrahedra on one side, swaps never end.
+    No move improves a flat tetrahedron. Swaps never end around a face with both its tetrahedra on one side.
     """
     if not q.max() < 1:
         raise StageError(

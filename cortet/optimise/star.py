@@ -26,7 +26,7 @@ def q_of(mu2: FloatArray) -> FloatArray:
 
 @numba.njit(cache=True, inline="always")
 def fill_row(row, ax, ay, az, bx, by, bz, cx, cy, cz):  # type: ignore[no-untyped-def]
-    """Describe tetrahedron (v, a, b, c) with v at the origin, for `row_mu2` and what is below."""
+    """Describe tetrahedron (v, a, b, c) with v at the origin, for `row_mu2` and the functions below it."""
     ux, uy, uz = bx - ax, by - ay, bz - az
     vx, vy, vz = cx - ax, cy - ay, cz - az
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx

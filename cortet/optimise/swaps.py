@@ -3,13 +3,13 @@
 Two moves cover the classical swaps. *Edge removal* takes all n tetrahedra around an edge and refills their union by the
 best triangulation of the ring of opposite vertices, found by dynamic programming (Klincsek 1980; Shewchuk 2002, "Two
 discrete optimization algorithms for the topological improvement of tetrahedral meshes"): 3-2 and 4-4 swaps are its
-cases n = 3 and 4. *Face removal* is the 2-3 swap. On the boundary, edge removal flips a boundary edge; with a
-single tetrahedron around that edge it peels this tetrahedron off. On the interface of two regions it flips an edge,
-too: both regions are refilled up to the new edge. A move is made only if the worst quality of the
-cavity improves, so the mesh can only get better and the process ends.
+cases n = 3 and 4. *Face removal* is the 2-3 swap. On the boundary, edge removal flips a boundary edge; if only a single
+tetrahedron is at that edge, it peels this tetrahedron off. On the interface of two regions it flips an edge, too: both
+regions are refilled up to the new edge. A move is made only if the worst quality of the cavity improves, so the mesh
+can only get better and the process ends.
 
-Tetrahedra live in arrays with spare rows; a dead row has -1 as its first vertex. Everything is local: a move costs
-what its cavity costs, whatever the size of the mesh.
+Tetrahedra are in arrays with spare rows; a dead row has -1 as its first vertex. Everything is local: the cost of a move
+depends on its cavity, not on the size of the mesh.
 """
 
 from __future__ import annotations
@@ -45,31 +45,31 @@ _ROUNDS = 5
 _MIN_GAIN = 0.999
 #: a boundary move keeps new boundary faces within acos(this) of the ones they replace ...
 _MIN_FACE_COSINE = 0.5
-#: ... and the middle of the new boundary edge within this fraction of its length of the input surface; within the
-#: second one where an element has mu^2 above _BAD (q = 0.45), which nothing else may mend. The check of the whole
-#: boundary tells whether a crest that was cut leaves too much behind
+#: ... and the middle of the new boundary edge near the input surface: within the first fraction of the edge's length,
+#: or within the second one if an element has mu^2 above _BAD (q = 0.45), since nothing else may mend it. The check of
+#: the whole boundary tells whether a crest that was cut leaves too much behind
 _MAX_SAG, _MAX_SAG_OF_BAD, _BAD = 0.2, 0.35, (1 - 0.45) ** -2
 
 
 class Swappable(NamedTuple):
-    """A mesh that can be reconnected in place; m rows of which some are dead or spare."""
+    """A mesh that can be reconnected in place; some of its m rows are dead or spare."""
 
     #: (n, 3) float64 mm
     points: FloatArray
     #: (m, 4) int32
     cells: IntArray
-    #: (m, 4) int32, the tetrahedron behind the face opposite each corner, -1 outside
+    #: (m, 4) int32, the tetrahedron behind the face opposite each corner, -1 outside the mesh
     neighbours: IntArray
-    #: (m,) float64, mu^2 of each; 0 for a dead row
+    #: (m,) float64, mu^2 of each tetrahedron; 0 for a dead row
     mu2: FloatArray
     #: (m,) int32, the tetrahedron of the original mesh whose data a row carries
     origin: IntArray
     #: (m,) int32, tetrahedra of different regions are never joined in one cavity
     region: IntArray
-    #: (n,) bool, vertices whose boundary edges stay; as many as points
+    #: (n,) bool, vertices whose boundary edges stay; n as of points
     held: np.ndarray
-    #: (n,) int32, for a vertex of an interface a triangle of the surface it lies on; -1 for others, whose edges between
-    #: two regions stay
+    #: (n,) int32, for a vertex of an interface a triangle of the surface it lies on; -1 for the other vertices, whose
+    #: edges between two regions stay
     place: IntArray
     #: (2,) int64: rows in use (dead ones included), dead rows kept for reuse
     counters: np.ndarray
@@ -78,14 +78,14 @@ class Swappable(NamedTuple):
 
 
 class SwapCount(NamedTuple):
-    """What a run of `improve` did."""
+    """The changes made by a run of `improve`."""
 
     attempts: int
     edge_removals: int
     face_removals: int
     boundary_flips: int
     peeled: int
-    #: volume between the old and the new boundary, mm3, positive where it was cut off
+    #: volume between the old and the new boundary, mm3, positive if it was cut off
     volume_cut: float
 
 
@@ -101,10 +101,10 @@ def swappable(
     place: IntArray | None = None,
     vertices: int = 0,
 ) -> Swappable:
-    """Copy a mesh into arrays with room to grow, for that many `vertices` in all.
+    """Copy a mesh into arrays with room for `vertices` in all.
 
     Boundary edges of `held` vertices (n,) are not flipped. Edges of an interface are flipped only between vertices with
-    a `place` (n,), the triangle of the surface that they lie on.
+    a `place` (n,): the triangle of the surface that they lie on.
     """
     count = len(mesh.cells)
     room = count + count // 4 + 1000
@@ -129,20 +129,20 @@ def swappable(
 
 
 class Live(NamedTuple):
-    """The k tetrahedra that are left."""
+    """The k live tetrahedra."""
 
     #: (k, 4) int32
     cells: IntArray
     #: (k, 4) int32, as of `Swappable`
     neighbours: IntArray
-    #: (k,) int32, the original tetrahedron whose data each carries
+    #: (k,) int32, the original tetrahedron whose data each one carries
     origin: IntArray
 
 
 def live_cells(mesh: Swappable) -> Live:
     """Leave out dead and spare rows."""
     rows = np.flatnonzero(mesh.cells[: mesh.counters[0], 0] >= 0)
-    number = np.append(numbers(rows, mesh.counters[0]), np.int32(-1))  # the last one is that of -1, outside
+    number = np.append(numbers(rows, mesh.counters[0]), np.int32(-1))  # the last entry is for -1, outside
     return Live(mesh.cells[rows], number[mesh.neighbours[rows]], mesh.origin[rows])
 
 
@@ -159,7 +159,7 @@ def _is_inside(mesh, e, first, last, a, b):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size, worst):  # type: ignore[no-untyped-def]
-    """Whether boundary edge (a, b) may give way to (first, last): still a manifold, and still the input surface.
+    """Whether (first, last) may replace boundary edge (a, b): still a manifold, and still near the input surface.
 
     `worst` is the largest mu^2 of the cavity.
     """
@@ -179,9 +179,9 @@ def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size, worst):  # type:
 
 @numba.njit(cache=True)
 def _interface_flip_is_sound(mesh, tree, e, a, b, first, last, alone, worst):  # type: ignore[no-untyped-def]
-    """Whether edge (a, b) of an interface may give way to (first, last), as `_flip_is_sound` for the boundary.
+    """Whether (first, last) may replace edge (a, b) of an interface, as `_flip_is_sound` for the boundary.
 
-    `alone` says that tetrahedron e is the only one of its region at the edge: it goes over to the other region.
+    `alone`: tetrahedron e is the only one of its region at the edge, so it goes over to the other region.
     """
     for v in (a, b, first, last):
         if mesh.place[v] < 0 or mesh.held[v]:
@@ -193,7 +193,7 @@ def _interface_flip_is_sound(mesh, tree, e, a, b, first, last, alone, worst):  #
 
 @numba.njit(cache=True)
 def _stays_on_surface(points, tree, a, b, first, last, worst, place):  # type: ignore[no-untyped-def]
-    """Whether faces on (first, last) instead of (a, b) are like these, and near the surface of triangle `place`."""
+    """Whether faces at (first, last) point like those at (a, b), and stay near the surface of triangle `place`."""
     old = unit_normal(points[a], points[first], points[b]) + unit_normal(points[a], points[b], points[last])
     old /= np.sqrt((old * old).sum())
     new = (
@@ -212,10 +212,10 @@ def _stays_on_surface(points, tree, a, b, first, last, worst, place):  # type: i
 
 @numba.njit(cache=True)
 def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
-    """Try every swap of one tetrahedron and make the best one; number of new tetrahedra, -1 for none.
+    """Try every swap of one tetrahedron and make the best one; return the number of new tetrahedra, -1 for none.
 
-    `tally` counts attempts, edge removals, face removals, flips, peels and the volume cut; `work` holds scratch
-    arrays, of which the first lists the new tetrahedra.
+    `tally` counts attempts, edge removals, face removals, flips, peels and the volume cut. `work` holds scratch
+    arrays; the first one lists the new tetrahedra.
     """
     cavity, ring, cost, split, new, best_new = work
     points, cells = mesh.points, mesh.cells
@@ -254,7 +254,7 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
         for i in range(tets):
             worst = max(worst, mesh.mu2[cavity[i]])
         achieved = best_filling(points, a, b, ring, n, worst, cost, split) if n > 2 else 0.0
-        # a peeled tetrahedron leaves nothing that could be worse; prefer any swap that keeps the boundary
+        # a peeled tetrahedron leaves nothing that could be worse, so any swap that keeps the boundary is preferred
         ratio = achieved / worst if n == tets else max(achieved / worst, 0.99 * _MIN_GAIN)
         if achieved < _MIN_GAIN * worst and ratio < best_ratio:
             if n != tets and not _flip_is_sound(mesh, tree, a, b, ring[0], ring[n - 1], cavity, tets, worst):
@@ -294,7 +294,7 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
     behind = best_cavity[best_old - 1]
     origin, region = mesh.origin[behind], mesh.region[behind]
     replace_cells(mesh, cavity, best_old, best_new, best_size)
-    for i in range(best_other):  # the first ones are on the other side of an interface
+    for i in range(best_other):  # these are on the other side of an interface
         mesh.origin[cavity[i]], mesh.region[cavity[i]] = origin, region
     tally[kind] += 1
     if kind >= 3:

@@ -1,9 +1,8 @@
-"""Take back what was done to a mesh around some of its vertices, and nowhere else.
+"""Undo the changes of a mesh around some of its vertices, and nowhere else.
 
-Positions are taken back vertex by vertex, connectivity in clusters: the tetrahedra that are only in the mesh before, or
-only in the one after, fall into clusters that share faces, and within each both fill the same space. Where that leaves
-a bad tetrahedron between what is as before and what is as after, more is taken back, so it ends: at worst all of it is
-as before.
+Positions are undone vertex by vertex, connectivity in clusters. The tetrahedra that only one of the two meshes has form
+clusters that share faces; within each cluster, both meshes fill the same space. If that leaves a bad tetrahedron
+between undone and kept changes, more is undone. The process ends, at worst with everything undone.
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ from cortet.geometry.topology import TET_FACES, packed
 from cortet.measure.quality import quality
 from cortet.meshes import IntArray, TetMesh
 
-#: q of a tetrahedron with some vertices taken back above which its others follow, unless it was as bad before or after
+#: if q of a tetrahedron with some vertices undone exceeds this, the others follow, unless it was as bad before or after
 _WORST = 0.5
 
 
 class _Changes(NamedTuple):
-    """Tetrahedra that are in one of two meshes only, and the cluster that each belongs to."""
+    """The tetrahedra that only one of two meshes has, and the cluster of each."""
 
     old: NDArray[np.int64]
     new: NDArray[np.int64]
@@ -36,7 +35,7 @@ class _Changes(NamedTuple):
 def undone(before: TetMesh, after: TetMesh, vertices: NDArray[np.integer]) -> tuple[TetMesh, NDArray[np.bool_]]:
     """The mesh `after` with some `vertices` (k,), and the tetrahedra around them, as they were `before`.
 
-    Both have the same vertices. Returns also which tetrahedra have a vertex that was taken back: (m,) bool.
+    Both meshes have the same vertices. Also returns which tetrahedra have a vertex that was undone: (m,) bool.
     """
     back = np.zeros(len(before.points), np.bool_)
     back[vertices] = True
@@ -71,7 +70,7 @@ def undone(before: TetMesh, after: TetMesh, vertices: NDArray[np.integer]) -> tu
 def _chosen(
     before: TetMesh, after: TetMesh, changes: _Changes, back: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Which tetrahedra of the mesh after stay, (m,) bool, and the numbers of those of the mesh before that return."""
+    """Which tetrahedra of the mesh `after` stay, (m,) bool, and the numbers of those of `before` that return."""
     undo = np.zeros(1 + max(changes.cluster_of_old.max(initial=-1), changes.cluster_of_new.max(initial=-1)), np.bool_)
     undo[changes.cluster_of_old[back[before.cells[changes.old]].any(axis=1)]] = True
     undo[changes.cluster_of_new[back[after.cells[changes.new]].any(axis=1)]] = True
@@ -81,7 +80,7 @@ def _chosen(
 
 
 def _changes(before: IntArray, after: IntArray) -> _Changes:
-    """What differs between two sets of tetrahedra on the same vertices."""
+    """The differences between two sets of tetrahedra on the same vertices."""
     corners = np.sort(np.concatenate([before, after]), axis=1).astype(np.int64)
     count = int(corners.max(initial=0)) + 1
     first, second = corners[:, 0] * count + corners[:, 1], corners[:, 2] * count + corners[:, 3]

@@ -1,14 +1,14 @@
 """Move vertices so that the worst tetrahedron improves; connectivity stays.
 
-One vertex v at a time, minimise E(x) = sum of mu^p over its tetrahedra, mu = 1 / (1 - q) = l_rms^3 / (sqrt(2) 6V), by
-a Newton step with the positive-definite part of the Hessian and backtracking; a move is
-kept only if E falls and every volume stays positive. Large p approaches min-max. A boundary vertex that slides takes
-its step in the tangent plane of the input surface and is put back onto that surface before E is compared.
+For one vertex v at a time, minimise E(x) = sum of mu^p over its tetrahedra, mu = 1 / (1 - q) = l_rms^3 / (sqrt(2) 6V).
+This takes a Newton step with the positive-definite part of the Hessian and backtracking. A move is kept only if E
+falls and every volume stays positive. Large p approaches min-max. A boundary vertex that slides takes its step in the
+tangent plane of the input surface and is projected back onto that surface before E is compared.
 
 Vertices are visited in runs of consecutive indices. Runs that share no tetrahedron have one colour and are visited at
-the same time; neither reads what the other writes, so the bits of a result are the same for any number of threads.
+the same time. None reads what another writes, so the bits of a result are the same for any number of threads.
 """
-# Numba's parallel loops take no named tuples: these become plain ones on the way in and get their names back in a run.
+# Numba's parallel loops take no named tuples: these are passed as plain tuples and get their names back inside.
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from cortet.meshes import FloatArray, IntArray, TetMesh
 from cortet.optimise.star import fill_row, mu2_of, newton_step, q_of, row_derivatives, row_energy, row_mu2, tangent_step
 from cortet.sections import Boundary
 
-#: while the mean improves, no element may rise above this q, and worse ones may not get worse; a lower value costs mean
+#: while the mean improves, q may rise to this, or to the worst around the vertex if higher; a lower value costs mean
 KEPT = 0.34
-#: what a vertex may do
+#: how a vertex may move
 FIXED, FREE, SLIDING = 0, 1, 2
 
 _BACKTRACKS, _SHRINK = 6, 0.4
-#: a move must lower E by this fraction, or it is not worth the visits to the neighbours that it causes
+#: a move must lower E by this fraction, or it is not worth the visits to the neighbours that follow
 _MIN_GAIN = 1e-5
 #: a sliding move keeps each boundary face within acos(this) of the surface below its vertex, or no farther than before
 _MIN_FACE_COSINE = 0.3
@@ -45,11 +45,11 @@ logger = logging.getLogger(__name__)
 
 
 class Patches(NamedTuple):
-    """What surrounds each of the n vertices of a mesh with m tetrahedra and k boundary faces."""
+    """The neighbourhood of each of the n vertices of a mesh with m tetrahedra and k boundary faces."""
 
     #: (m, 4) int32
     cells: IntArray
-    #: tetrahedra around v: around[offsets[v]:offsets[v + 1]], v being corner corners[...] of each
+    #: tetrahedra around v: around[offsets[v]:offsets[v + 1]]; v is corner corners[...] of each
     offsets: np.ndarray
     around: IntArray
     corners: np.ndarray
@@ -69,15 +69,15 @@ class State(NamedTuple):
     points: FloatArray
     #: (m,) float64, mu^2 of each tetrahedron
     mu2: FloatArray
-    #: (n,) int32, triangle of the surface tree each sliding vertex lies on
+    #: (n,) int32, triangle of the surface tree that each sliding vertex lies on
     place: IntArray
-    #: (n,) bool, something around the vertex changed since it was last tried
+    #: (n,) bool, whether something around the vertex has changed since it was last tried
     stale: np.ndarray
 
 
 @numba.njit(parallel=True, cache=True)
 def _locate(points, tree, freedom, place):  # type: ignore[no-untyped-def]
-    """Find the surface triangle under every sliding vertex; `place` holds a triangle of its surface, -1 the first."""
+    """Find the surface triangle under every sliding vertex; `place` is a triangle of its surface, -1 the first."""
     for v in numba.prange(len(points)):
         if freedom[v] == SLIDING:
             place[v] = closest_point(SurfaceTree(*tree), points[v, 0], points[v, 1], points[v, 2], place[v])[3]
@@ -112,7 +112,7 @@ def _gather(points, p, v, star):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _lowest_cosine(points, p, v, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """Smallest cosine between n and the boundary faces around v, were v at (x, y, z)."""
+    """Smallest cosine between n and the normals of the boundary faces around v, with v at (x, y, z)."""
     lowest = 1.0
     for i in range(p.rim_offsets[v], p.rim_offsets[v + 1]):
         b, c = p.rims[i]
@@ -184,7 +184,7 @@ def _choose_run(run, wanted, state, p, threshold):  # type: ignore[no-untyped-de
 
 @numba.njit(parallel=True, cache=True)
 def _visit(wanted, state, patches, tree, runs, half_power, cap):  # type: ignore[no-untyped-def]
-    """Visit once the wanted and stale vertices of some runs that share no tetrahedron; returns the number of moves."""
+    """Visit the wanted and stale vertices of runs that share no tetrahedron once; return the number of moves."""
     moved = 0
     for i in numba.prange(len(runs)):
         moved += _visit_run(runs[i], wanted, State(*state), Patches(*patches), SurfaceTree(*tree), half_power, cap)
@@ -195,7 +195,7 @@ def _visit(wanted, state, patches, tree, runs, half_power, cap):  # type: ignore
 def _visit_run(run, wanted, state, p, tree, half_power, cap):  # type: ignore[no-untyped-def]
     """Visit the vertices of one run in index order.
 
-    A tetrahedron with mu^2 at or below `cap` stays there; one above must not get worse. Returns the number of moves.
+    No tetrahedron rises above `cap`, or above the worst around its vertex if higher. Returns the number of moves.
     """
     star = np.empty((p.widest[0], 8))
     moved = 0
@@ -222,7 +222,7 @@ def _colours(patches: Patches) -> list[NDArray[np.int64]]:
 
 @numba.njit(cache=True)
 def _coloured(cells, offsets, around):  # type: ignore[no-untyped-def]
-    """The lowest colour that no run before it and beside it has, for each run."""
+    """The lowest colour for each run that no earlier run beside it has."""
     vertices = len(offsets) - 1
     count = -(-vertices // _RUN)
     colour, taken = np.full(count, -1), np.full(count + 1, -1)
@@ -230,7 +230,7 @@ def _coloured(cells, offsets, around):  # type: ignore[no-untyped-def]
         for v in range(run * _RUN, min(vertices, (run + 1) * _RUN)):
             for i in range(offsets[v], offsets[v + 1]):
                 for k in range(4):
-                    taken[colour[cells[around[i], k] // _RUN]] = run  # -1, not coloured yet, is the last one
+                    taken[colour[cells[around[i], k] // _RUN]] = run  # -1 (no colour yet) is the last entry
         colour[run] = 0
         while taken[colour[run]] == run:
             colour[run] += 1
@@ -246,14 +246,14 @@ class Pass(NamedTuple):
     power: int
     #: at most this many sweeps
     sweeps: int
-    #: no tetrahedron may rise above this q, nor above the worst one around the vertex that moves: with the worst of
-    #: the whole mesh as the limit, one bad place would let every other one become as bad
+    #: no tetrahedron may rise above this q, or above the worst one around the vertex that moves if that is higher. The
+    #: worst of the whole mesh is not the limit: then one bad spot would let all others become as bad
     keep: float = 1.0
 
 
 @dataclass(frozen=True)
 class PassReport:
-    """What one pass did."""
+    """The result of one pass."""
 
     threshold: float
     power: int
@@ -274,7 +274,7 @@ def move_vertices(
 
     Parameters
     ----------
-    tree : of the surface that boundary vertices slide on; or a forest, then the vertices of each interface are treated
+    tree : of the surface that boundary vertices slide on. If it is a forest, the vertices of each interface are treated
         like those of the boundary, on the surface of that interface
     boundary : `slide` along the surface, stay `fixed`, or move `free` like interior vertices
     held : vertices that stay where they are
@@ -299,7 +299,7 @@ def move_vertices(
 
 
 def interface_places(mesh: TetMesh, tree: SurfaceTree) -> IntArray:
-    """For each vertex of an interface a triangle of the surface it lies on, where `tree` is a forest; else -1: (n,)."""
+    """If `tree` is a forest: for each vertex of an interface, a triangle of the surface it lies on; else -1: (n,)."""
     place = np.full(len(mesh.points), -1, np.int32)
     first = first_triangles(tree)
     if len(first) > 1:
@@ -309,7 +309,7 @@ def interface_places(mesh: TetMesh, tree: SurfaceTree) -> IntArray:
 
 
 def _patches(mesh: TetMesh, freedom: np.ndarray, faces: IntArray) -> Patches:
-    """What surrounds each vertex; `faces` (k, 3) are those that lie on surfaces."""
+    """The neighbourhood of each vertex; `faces` (k, 3) are those that lie on surfaces."""
     tets = topology.incidence(mesh.cells, len(mesh.points))
     fans = topology.incidence(faces, len(mesh.points))
     turn = (fans.corners[:, None] + np.array([1, 2])) % 3
@@ -327,7 +327,7 @@ def _sweep(
     threshold: float,
     cap: float,
 ) -> int:
-    """Visit once the stale vertices of the tetrahedra with mu^2 above `threshold`; returns the number of moves."""
+    """Visit the stale vertices of tetrahedra with mu^2 above `threshold` once; return the number of moves."""
     wanted = np.empty(len(state.points), np.bool_)
     _choose(wanted, tuple(state), tuple(patches), threshold)
     return sum(_visit(wanted, tuple(state), tuple(patches), tuple(tree), runs, half_power, cap) for runs in colours)

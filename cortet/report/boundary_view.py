@@ -108,7 +108,7 @@ def _simplified(surface: TriSurface, faces: int) -> TriSurface:
 
 
 def _carried(points: FloatArray, values: FloatArray, targets: FloatArray) -> FloatArray:
-    """Values at targets: the largest of the points nearest to each target; without any, that of its nearest point."""
+    """Values at targets: the largest of the nearest point's value and those of all points nearest to the target."""
     carried = values[cKDTree(points).query(targets)[1]]
     np.maximum.at(carried, cKDTree(targets).query(points)[1], values)
     return carried

@@ -125,7 +125,7 @@ def numbers(table: Path, hemisphere: str | None) -> Figure:
 
 
 def weeks(axis: Axes, first: float, last: float) -> None:
-    """Let an age axis run between whole weeks, with a tick at each week."""
+    """Set whole weeks as the limits of an age axis: major ticks every 1, 2, 4, 5 or 10 weeks, minor ticks each week."""
     low, high = np.floor(first + 1e-6), np.ceil(last - 1e-6)
     step = next((step for step in _STEPS if high - low <= _MOST_TICKS * step), _STEPS[-1])
     axis.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
