@@ -10,12 +10,12 @@ from cortet.geometry.topology import TET_FACES, face_areas
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import FloatArray, IntArray
 
-#: tetrahedra whose altitude is this close to the smallest one are measured again, with the bits that NumPy gives
+#: altitudes this close to the smallest one are computed again, with the bits that NumPy gives
 _CLOSE = 1e-9
 
 
 def smallest_altitude(points: FloatArray, cells: IntArray) -> float:
-    """The smallest height of a node over the opposite face, of all tetrahedra; in the unit of `points`.
+    """The smallest height of a node over the opposite face, over all tetrahedra; in the unit of `points`.
 
     Parameters
     ----------
@@ -24,14 +24,14 @@ def smallest_altitude(points: FloatArray, cells: IntArray) -> float:
     """
     squared = _squared(points, cells)
     least = np.nanmin(squared, initial=np.inf)
-    among = cells[~(squared > least + _CLOSE * abs(least))]  # those without an altitude, too
+    among = cells[~(squared > least + _CLOSE * abs(least))]  # includes those without an altitude
     areas = np.stack([face_areas(points, among[:, face]) for face in TET_FACES], axis=1).max(axis=1)
     return float((3 * signed_volumes(points, among) / areas).min())
 
 
 @numba.njit(cache=True)
 def _squared(points, cells) -> NDArray[np.float64]:  # type: ignore[no-untyped-def]
-    """The square of the smallest altitude of each tetrahedron, below 0 if its volume is, NaN without area: (m,)."""
+    """The square of the smallest altitude of each tetrahedron, negative if its volume is, NaN without area: (m,)."""
     found = np.empty(len(cells))
     edges = np.empty((5, 3))
     for e in range(len(cells)):

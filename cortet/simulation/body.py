@@ -1,6 +1,6 @@
-"""The reference state of a body that grows: everything about a mesh that does not change while it folds.
+"""The reference state of a growing body: everything about a mesh that does not change while it folds.
 
-Lengths are divided by `Scale.length`, so that the constants below, which come from whole brains of size 1, hold.
+Lengths are divided by `Scale.length`, so that the constants below hold; they come from whole brains of size 1.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ from cortet.geometry.topology import (
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import FILLED, REGION, FloatArray, IntArray, MeshSets, TetMesh, TriSurface, node_field
 
-#: cortical thickness at t = 0, and what it gains per unit of time
+#: cortical thickness at t = 0, and its gain per unit of time
 THICKNESS, THICKENING = 0.042, 0.01
-#: no cortex grows within the first radius around the corpus callosum, all of it does beyond the sum of both
+#: no cortex grows within the first radius around the corpus callosum; all cortex does beyond the sum of both
 _CALLOSUM_RADIUS, _CALLOSUM_RIM = 0.5, 0.1
-#: no cortex grows within the first radius of the reference's ellipsoid, all of it does beyond the second; its centre
-#: and the inverse of its half axes in normalised RAS coordinates (the reference calls our -y its x, and our -z its z)
+#: no cortex grows within the first radius of the reference's ellipsoid; all cortex does beyond the second. Its centre
+#: and the inverse of its half axes in normalised RAS coordinates (the reference's x is our -y, and its z our -z)
 _ELLIPSOID_RADII = (0.5, 0.6)
 _ELLIPSOID_CENTRE, _ELLIPSOID_AXES = np.array([0.0, 0.1, -0.05]), np.array([1.0, 0.714, 1.0])
 #: depth, in thicknesses, at which nothing grows
 _NO_GROWTH = 10.0
 #: how far a field of 0 to 1 may leave this range: values in single precision, carried to nodes as weighted means
 _ROUNDING = 1e-5
-#: point data that replace the defaults where a mesh has them
+#: point data of a mesh that replace the defaults
 MASK_FIELD, THICKNESS_FIELD, LABEL_FIELD = "growth", "thickness", "label"
 
 
 class Material(NamedTuple):
     """Constants of the model, dimensionless (Tallinen et al. 2016)."""
 
-    #: shear modulus of growing cortex, and of what does not grow
+    #: shear modulus of growing cortex, and of tissue that does not grow
     mu_cortex: float = 1.0
     mu_core: float = 1.167
     bulk: float = 5.0
@@ -74,24 +74,24 @@ class Body(NamedTuple):
     volumes: FloatArray
     #: (m, 3), unit vector across the cortex; the zero vector lets an element grow in all directions
     normals: FloatArray
-    #: (m,), distance to the surface; where the cortex is a region: 0 inside it, beyond all growth outside
+    #: (m,), distance to the surface; if the cortex is a region: 0 inside it, and too deep for any growth outside
     depth: FloatArray
-    #: (m,), 1 where there is cortex next to the surface, 0 where there is none: nothing else is as stiff as cortex
+    #: (m,), 1 where there is cortex next to the surface, 0 where there is none; only cortex has the stiffness of cortex
     mask: FloatArray
-    #: (m,), how much of the tangential growth of its law the cortex takes part in
+    #: (m,), share of the tangential growth of its law that the cortex takes part in
     amount: FloatArray
     #: (m,), shear modulus of its core over `Material.mu_core`
     stiffness: FloatArray
     #: (m,), thickness of the cortex at the start
     thickness: FloatArray
-    #: (m,) int32, which growth law holds
+    #: (m,) int32, the growth law
     label: IntArray
     #: (n,), nodes that stay in their sagittal plane
     held: NDArray[np.bool_]
 
 
 def require_positive(volumes: FloatArray) -> None:
-    """Raise InputError where a signed volume (m,) is not above 0: then nothing else about the mesh can be told."""
+    """Raise InputError where a signed volume (m,) is not above 0: nothing else can then be said about the mesh."""
     if not volumes.min() > 0:
         worst, bad = int(np.argmin(volumes)), int((~(volumes > 0)).sum())
         raise InputError(
@@ -100,17 +100,17 @@ def require_positive(volumes: FloatArray) -> None:
 
 
 def scale_of(mesh: TetMesh | TriSurface, hemisphere: str | None, *, reference: bool = False) -> Scale:
-    """Unit of length and origin of a mesh, or of what a closed surface encloses, in RAS coordinates.
+    """Unit of length and origin of a mesh, or of the inside of a closed surface, in RAS coordinates.
 
     They are about half the length of the brain, and its centre.
 
-    A whole brain (`hemisphere` None) has as length the largest distance from its centroid along any axis. Half a brain
-    ("L" or "R") has the largest of half its length, its full width and half its height, and the plane x = 0 touches its
-    medial side: so the unit is the same as that of the whole (Wang et al. 2021).
+    The unit of a whole brain (`hemisphere` None) is the largest distance from its centroid along any axis. That of half
+    a brain ("L" or "R") is the largest of half its length, its full width and half its height; the plane x = 0 touches
+    its medial side. So the unit is the same as that of the whole (Wang et al. 2021).
 
     Parameters
     ----------
-    reference : take the mean of the nodes for the centroid, which depends on where the mesh is fine
+    reference : use the mean of the nodes as the centroid; it depends on where the mesh is fine
     """
     origin = mesh.points.mean(axis=0) if reference else _centroid(mesh)
     if hemisphere is None:
@@ -139,15 +139,15 @@ def body_of(
 ) -> Body:
     """The body of a mesh.
 
-    Where the mesh has interfaces (sets of faces `..._interface`), the cortex lies outside them, and grows perpendicular
-    to the direction from them to the surface. Elsewhere the depth tells what is cortex.
+    If the mesh has interfaces (sets of faces `..._interface`), the cortex lies outside them, and grows perpendicular to
+    the direction from them to the surface. Otherwise, the depth says what is cortex.
 
     Parameters
     ----------
-    thickness : of the cortex at the start, dimensionless; the point data `thickness` (mm) of the mesh replace it
-    mask : (n,) 0 to 1, whether there is cortex next to the surface; None: there is, everywhere
-    amount : (n,), how much of the tangential growth each node takes part in; None: all of it
-    labels : (n,) int32, growth law of each node; an element has that of its node nearest the surface
+    thickness : of the cortex at the start, dimensionless; point data `thickness` (mm) of the mesh replace it
+    mask : (n,) 0 to 1, whether there is cortex next to the surface; None: everywhere
+    amount : (n,), share of the tangential growth that each node takes part in; None: all of it
+    labels : (n,) int32, growth law of each node; an element has that of its node nearest to the surface
     held : (n,), nodes that stay in their sagittal plane; None: no node
     """
     points = (mesh.points - scale.origin) / scale.length
@@ -169,7 +169,7 @@ def body_of(
     node_label = np.zeros(len(points), np.int32) if labels is None else labels
     total = normals[cells].sum(axis=1)
     cell_depth, cell_thickness = depth[cells].mean(axis=1), node_thickness[cells].mean(axis=1)
-    if cortex is not None:  # grows as at its surface, all of it and nothing else
+    if cortex is not None:  # all of it grows as its surface does, and nothing else grows
         cell_thickness = np.where(cortex.cells, cortex.thickness[cells].mean(axis=1), cell_thickness)
         cell_depth = np.where(cortex.cells, 0.0, _NO_GROWTH * cell_thickness)
     length = np.linalg.norm(total, axis=1, keepdims=True)
@@ -189,7 +189,7 @@ def body_of(
 
 
 def across_cortex(points: FloatArray, mesh: TetMesh) -> tuple[FloatArray, FloatArray, IntArray]:
-    """For every node: distance to the nearest surface node (n,), the unit normal there (n, 3), and that node."""
+    """For each node: distance to the nearest surface node (n,), the unit normal there (n, 3), and that node."""
     surface = boundary_nodes(mesh)
     distance, nearest = cKDTree(points[surface]).query(points)
     node = surface[nearest]
@@ -201,15 +201,15 @@ def growth_mask(
 ) -> FloatArray:
     """Share of the growth that each node takes part in: (n,) from 0 to 1.
 
-    It is the point data `growth` of the mesh, where there are any. Else the surface of half a brain grows up to the rim
-    of its medial wall, with full strength from a cortical thickness on; that of a whole brain outside a ball around its
-    centre, where the corpus callosum is. Caps on holes of the file (`filled`) do not grow either. A node below the
-    surface does as its nearest surface node.
+    Point data `growth` of the mesh are used if there are any. Otherwise, the surface of half a brain grows outside its
+    medial wall, fully from one cortical thickness off its rim. The surface of a whole brain grows outside a ball around
+    its centre, where the corpus callosum is. Caps on holes of the file (`filled`) do not grow either. A node below the
+    surface has the share of its nearest surface node.
 
     Parameters
     ----------
     wall : (n,), nodes of the medial wall; None: a whole brain
-    reference : each node grows as its own place says, outside an ellipsoid (Wang et al. 2021)
+    reference : the share depends on the node's own position, outside an ellipsoid (Wang et al. 2021)
     """
     if (values := amount_of_growth(mesh)) is not None:
         return values
@@ -222,7 +222,7 @@ def growth_mask(
 
 
 def amount_of_growth(mesh: TetMesh) -> FloatArray | None:
-    """The point data `growth` of a mesh, (n,) from 0 to 1; None where it has none."""
+    """The point data `growth` of a mesh, (n,) from 0 to 1; None if it has none."""
     if (values := node_field(mesh, MASK_FIELD)) is not None:
         if not (values.min() >= -_ROUNDING and values.max() <= 1 + _ROUNDING):
             raise InputError(
@@ -234,7 +234,7 @@ def amount_of_growth(mesh: TetMesh) -> FloatArray | None:
 
 
 def default_mask(mesh: TetMesh, scale: Scale, wall: NDArray[np.bool_] | None = None) -> FloatArray:
-    """Whether there is cortex next to the surface, by the medial wall and caps alone: (n,) from 0 to 1."""
+    """Whether there is cortex next to the surface, from the medial wall and caps alone: (n,) from 0 to 1."""
     x = (mesh.points - scale.origin) / scale.length
     nearest = across_cortex(mesh.points, mesh)[2]
     surface = boundary_nodes(mesh)
@@ -247,25 +247,25 @@ def default_mask(mesh: TetMesh, scale: Scale, wall: NDArray[np.bool_] | None = N
 
 
 def _away_from(x: FloatArray, nodes: NDArray[np.integer], at: IntArray) -> FloatArray:
-    """0 at some nodes, and at each of `at` its distance to them up to 1, a cortical thickness away: (n,)."""
+    """Distance of each of the nodes `at` to the nearest of `nodes`, in cortical thicknesses, at most 1: (n,)."""
     if not len(nodes):
         return np.ones(len(at))
     return np.clip(cKDTree(x[nodes]).query(x[at])[0] / THICKNESS, 0, 1)
 
 
 def stable_time_step(altitude: float, material: Material) -> float:
-    """Time step for a smallest altitude of the body as it is: 0.15 sqrt(rho / K) altitude.
+    """Time step for the smallest altitude of the body in its present state: 0.15 sqrt(rho / K) altitude.
 
-    About a sixth of the time that a pressure wave takes, for contact is stiffer than the body; of a body that resists
-    shear far more than compression, a third. A tetrahedron that growth has flattened is stiffer, too, but as its
-    altitude has fallen, its time step has.
+    About a sixth of the time that a pressure wave takes, because contact is stiffer than the body; a third in a body
+    that resists shear far more than compression. A tetrahedron that growth has flattened is stiffer, too, but the time
+    step has fallen with its altitude.
     """
     usual = 0.15 * float(np.sqrt(material.density / material.bulk)) * altitude
     return min(usual, largest_time_step(altitude, material) / 3)
 
 
 def largest_time_step(altitude: float, material: Material) -> float:
-    """Time in which a pressure wave crosses a smallest altitude: above it no explicit scheme is stable.
+    """Time in which a pressure wave crosses the smallest altitude; no explicit scheme is stable above it.
 
     Reference: Courant, Friedrichs and Lewy, Mathematische Annalen 100, 1928.
     """
@@ -276,16 +276,16 @@ def largest_time_step(altitude: float, material: Material) -> float:
 class CortexRegion(NamedTuple):
     """The cortex of a body with n nodes and m tetrahedra; lengths in the unit of its points."""
 
-    #: (m,), which tetrahedra are cortex
+    #: (m,), whether a tetrahedron is cortex
     cells: NDArray[np.bool_]
-    #: (n,), distance of the two surfaces at each node: to the nearest point of the one and of the other
+    #: (n,), distance between the two surfaces at each node: the sum of its distances to each of them
     thickness: FloatArray
     #: (n, 3), unit vectors from the interface to the outer surface
     direction: FloatArray
 
 
 def with_interface(mesh: TetMesh) -> TetMesh:
-    """The mesh with its interfaces as a set of faces, where regions are numbers of its tetrahedra."""
+    """The mesh with its interfaces as a set of faces, if its tetrahedra have numbers of regions."""
     if REGION not in mesh.cell_data or mesh.sets.cells or interface_faces(mesh) is not None:
         return mesh
     found = interfaces(mesh)
@@ -296,7 +296,7 @@ def with_interface(mesh: TetMesh) -> TetMesh:
 
 
 def interface_faces(mesh: TetMesh) -> IntArray | None:
-    """All faces between regions: (k, 3); None where no set names any."""
+    """All faces between regions: (k, 3); None if no set names any."""
     named = [faces for name, faces in mesh.sets.faces.items() if name.endswith(INTERFACE)]
     return np.concatenate(named) if named else None
 
@@ -306,7 +306,7 @@ def cortex_region(mesh: TetMesh, points: FloatArray) -> CortexRegion | None:
 
     Parameters
     ----------
-    points : (n, 3), nodes of the mesh in the unit that lengths are wanted in
+    points : (n, 3), nodes of the mesh, in the unit of the lengths to return
     """
     faces = interface_faces(mesh)
     if faces is None:

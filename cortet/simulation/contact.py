@@ -1,12 +1,12 @@
 """Contact of the surface with itself, of half a brain with the medial plane, and of crowns with an envelope.
 
 A surface node that comes closer than `reach` to a triangle facing it is pushed away along the shortest line, in
-proportion to what is missing; a node that is already behind the triangle is pushed back to its front. Which triangles a
-node might meet is listed by a uniform grid (all 27 cells around the node's own) for a radius larger than the reach; the
-list is complete until some node has moved by half the difference.
+proportion to how much of the reach is missing. A node that is already behind the triangle is pushed back to its front.
+A uniform grid (all 27 cells around the node's own) lists the triangles that a node might meet, for a radius larger than
+the reach. The list is complete until some node has moved by half the difference.
 
-Two places face each other when their normals point against each other. Triangles that share a vertex with the triangles
-around a node are left out: they are the same fold of skin.
+Two parts of the surface face each other when their normals point against each other. Triangles that share a vertex with
+the triangles around a node are left out: they belong to the same fold.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from cortet.geometry.convex import beyond
 from cortet.geometry.topology import edges, face_normals, vertex_normals
 from cortet.meshes import FloatArray, IntArray
 
-#: in mean edges of the undeformed surface: where the force begins, and how far the list looks (Wang et al. 2021)
+#: in mean edges of the undeformed surface: distance where the force begins, and radius of the list (Wang et al. 2021)
 REACH, RADIUS = 0.2, 0.6
 #: force at distance 0, per squared mean edge, in units of the bulk modulus
 PENALTY = 10.0
-#: the same of the envelope at a depth of one reach beyond it
+#: the same for the envelope, one reach beyond it
 SOFT = 0.3
 
 
@@ -44,12 +44,12 @@ class Contact(NamedTuple):
     #: triangles that surface node i might meet: candidates[offsets[i]:offsets[i + 1]]
     offsets: NDArray[np.int64]
     candidates: IntArray
-    #: (s, 3), where the surface nodes were when the list was made
+    #: (s, 3), positions of the surface nodes when the list was made
     listed: FloatArray
     #: distance at which the force begins, and largest force of one node
     reach: float
     strength: float
-    #: the list holds what was closer than this
+    #: the list holds triangles closer than this
     radius: float
     #: +1 or -1 keeps the body on that side of the medial plane; 0: no plane
     side: float
@@ -59,8 +59,8 @@ class Contact(NamedTuple):
     #: (p, 4), planes of the envelope at the start (`convex.planes_of`), and force per depth beyond it
     planes: FloatArray
     softness: float
-    #: (s,), the plane that each surface node is nearest to, or -1 where there is no envelope, and the size of the
-    #: envelope when they were found
+    #: (s,), the plane nearest to each surface node, or -1 without an envelope, and the size of the envelope when these
+    #: planes were found
     plane: IntArray
     envelope: float
     #: per surface node: triangle in contact or -1, its weights (s, 3), force on the node (s, 3)
@@ -89,7 +89,7 @@ def contact_of(
     side : +1 or -1 for half a brain that must stay on that side of the medial plane
     gap : distance of that plane from x = 0, away from the body
     plane : force at a depth of one reach behind the plane, per squared mean edge, in units of the bulk modulus
-    planes : (p, 4), planes of the envelope; None: there is none
+    planes : (p, 4), planes of the envelope; None: no envelope
     """
     nodes = np.unique(faces).astype(np.int32)
     pairs = edges(faces)
@@ -150,7 +150,7 @@ def listed_at(contact: Contact, x: FloatArray, envelope: float) -> Contact:
 
 @numba.njit(cache=True)
 def _search(contact, x, normals, node_normals, grid, offsets, candidates):  # type: ignore[no-untyped-def]
-    """Number of triangles within the radius of each surface node; writes them too unless `candidates` is empty."""
+    """Number of triangles within the radius of each surface node; also writes them unless `candidates` is empty."""
     low, size, counts, starts, order = grid
     found = np.zeros(len(contact.nodes), np.int64)
     for i in range(len(contact.nodes)):
@@ -206,7 +206,7 @@ def moved_too_far(contact, x):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def has_moved_too_far(contact, x, i):  # type: ignore[no-untyped-def]
-    """Whether surface node i has."""
+    """Whether surface node i has moved so far."""
     limit, node = 0.5 * (contact.radius - contact.reach), contact.nodes[i]
     d = 0.0
     for k in range(3):
@@ -243,7 +243,7 @@ def touch(contact, x, i):  # type: ignore[no-untyped-def]
         n0, n1, n2 = triangle_normal(corners)
         in_front = d0 * n0 + d1 * n1 + d2 * n2 > 0
         if not in_front and not (a > 0 and b > 0 and c > 0):
-            continue  # beyond an edge, where another triangle is nearer or the node is outside
+            continue  # beyond an edge: another triangle is nearer, or the node is outside
         nearest2 = distance2
         distance = math.sqrt(distance2)
         size = contact.strength * (1 - (distance if in_front else -distance) / contact.reach)
@@ -256,12 +256,12 @@ def touch(contact, x, i):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def contact_forces(contact, x, external, envelope):  # type: ignore[no-untyped-def]
-    """Set the contact forces of all surface nodes in `external` (n, 3); returns the number of nodes in contact."""
+    """Set the contact forces of all surface nodes in `external` (n, 3); return the number of nodes in contact."""
     for node in contact.nodes:
         external[node] = 0
     _touch_all(tuple(contact), x, len(contact.nodes))
     count = 0
-    for i in range(len(contact.nodes)):  # in order, for a triangle's corners may be pushed by several nodes
+    for i in range(len(contact.nodes)):  # in order, because several nodes may push a triangle's corners
         face = contact.touched[i]
         if face >= 0:
             count += 1
@@ -281,7 +281,7 @@ def contact_forces(contact, x, external, envelope):  # type: ignore[no-untyped-d
 
 @numba.njit(cache=True)
 def _against_plane(contact, x, external):  # type: ignore[no-untyped-def]
-    """Push nodes beyond the medial plane back, as hard per depth as a contact."""
+    """Push nodes beyond the medial plane back; the force per depth is that of a contact."""
     count = 0
     for node in contact.nodes:
         push = plane_force(contact, x[node, 0])
@@ -293,14 +293,14 @@ def _against_plane(contact, x, external):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def plane_force(contact, x):  # type: ignore[no-untyped-def]
-    """Force along x of the medial plane on a node with that coordinate."""
+    """Force of the medial plane along x on a node at coordinate `x`."""
     depth = -contact.side * x - contact.gap
     return contact.side * contact.stiffness * depth if depth > 0 else 0.0
 
 
 @numba.njit(cache=True)
 def envelope_force(contact, x, i, envelope):  # type: ignore[no-untyped-def]
-    """Force of an envelope of some size on surface node i, by the plane that was nearest when contacts were listed."""
+    """Force of an envelope of size `envelope` on surface node i, by the plane nearest when contacts were listed."""
     node, plane = contact.nodes[i], contact.plane[i]
     a, b, c = contact.planes[plane, 0], contact.planes[plane, 1], contact.planes[plane, 2]
     beyond = a * x[node, 0] + b * x[node, 1] + c * x[node, 2] + envelope * contact.planes[plane, 3]

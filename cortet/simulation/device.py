@@ -1,4 +1,4 @@
-"""Whether there is a GPU, and what it is called."""
+"""Whether there is a GPU, and its name."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numba
 
 from cortet.errors import InputError
 
-#: what to do where a GPU cannot be had
+#: remedy where no GPU can be used
 ON_CPU = "run on the CPU: leave out --device cuda, or set fold.device: cpu"
 
 
 def is_simulated() -> bool:
-    """Whether Numba's simulator stands for a GPU, as in tests."""
+    """Whether Numba's simulator replaces the GPU, as in tests."""
     return bool(numba.config.ENABLE_CUDASIM)  # type: ignore[attr-defined]
 
 
 def device_name() -> str:
-    """What the GPU is called that a run would take.
+    """The name of the GPU that a run would use.
 
     Raises
     ------

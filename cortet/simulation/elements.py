@@ -1,10 +1,10 @@
-"""What happens in the elements of a patch, in compiled loops over the rows of its own memory.
+"""The computations in the elements of a patch: compiled loops over the rows of the patch's own memory.
 
-Loops have the same arithmetic for every element and no branch, and the compiler makes vector instructions of them
-(`docs/design.md` has what they take). So elements in the degenerate branch, which are rare, are computed once more, one
-by one. The mathematics is in `law`; `gpu_kernels` shares the functions on single elements.
+The loops have the same arithmetic for every element and no branch, so the compiler makes vector instructions of them
+(`docs/design.md` gives their timings). Elements in the degenerate branch are rare, so they are computed again, one by
+one. The mathematics is in `law`; `gpu_kernels` shares the functions on single elements.
 """
-# Rows of a patch lie in one array at places that are constants: so the compiler sees that they do not overlap.
+# Rows of a patch lie in one array at constant offsets, so that the compiler sees that they do not overlap.
 
 from __future__ import annotations
 
@@ -45,22 +45,22 @@ from cortet.simulation.patches import (
     VOLUME,
 )
 
-#: rows of a patch's own memory, few, so that the cache holds them: edges from corner 0, in whose place forces on the
-#: corners 1, 2 and 3 come; share of the cortex, growth along and across it, grown volume; current volume, in whose
-#: place J comes; and the mean ratio of the nodal volumes, where growth of the core is before and tr B comes after
+#: rows of a patch's own memory, few, so that they fit in the cache: edges from corner 0, later replaced by the forces
+#: on the corners 1, 2 and 3; share of the cortex, growth along and across it, grown volume; current volume, later
+#: replaced by J; and the mean ratio of the nodal volumes, which replaces the growth of the core and gives way to tr B
 EDGES, SHARE, ALPHA, BETA, GROWN, CURRENT, MEAN, OWN_ROWS = 0, 9, 10, 11, 12, 13, 14, 15
 J, TRACE = CURRENT, MEAN
 
 
 @inlined
 def at(rows, row, e):  # type: ignore[no-untyped-def]
-    """The vector of element e of a patch whose components are in three rows from `row` on."""
+    """The vector of element e of a patch whose components are in the three rows from `row` on."""
     return rows[row * SIZE + e], rows[(row + 1) * SIZE + e], rows[(row + 2) * SIZE + e]
 
 
 @inlined
 def put(rows, row, e, a):  # type: ignore[no-untyped-def]
-    """Write the vector a there."""
+    """Write the vector a to these rows."""
     rows[row * SIZE + e], rows[(row + 1) * SIZE + e], rows[(row + 2) * SIZE + e] = a
 
 
@@ -108,7 +108,7 @@ def own_modulus(constants, material, e, share):  # type: ignore[no-untyped-def]
 
 @fast
 def stress_elements(rows, constants, material):  # type: ignore[no-untyped-def]
-    """Forces on the corners 1, 2 and 3 of each element of a patch in place of its edges, as if none were degenerate."""
+    """Replace the edges of each element by the forces on its corners 1, 2 and 3, as if none were degenerate."""
     for e in range(SIZE):
         a, b, c = own_gradients(constants, e, rows[ALPHA * SIZE + e], rows[BETA * SIZE + e])
         f0, f1, f2 = deformation(at(rows, EDGES, e), at(rows, EDGES + 3, e), at(rows, EDGES + 6, e), a, b, c)
@@ -122,7 +122,7 @@ def stress_elements(rows, constants, material):  # type: ignore[no-untyped-def]
 
 @inlined
 def put_forces(rows, e, forces):  # type: ignore[no-untyped-def]
-    """Forces of an element on its corners 1, 2 and 3."""
+    """Write the forces of an element on its corners 1, 2 and 3."""
     put(rows, EDGES, e, forces[0])
     put(rows, EDGES + 3, e, forces[1])
     put(rows, EDGES + 6, e, forces[2])
@@ -130,7 +130,7 @@ def put_forces(rows, e, forces):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def open_degenerate(rows, constants, material, e, x, corners):  # type: ignore[no-untyped-def]
-    """Forces of an element that may be in the degenerate branch; returns whether it is."""
+    """Write the forces of an element that may be in the degenerate branch; return whether it is."""
     origin = vector(x, corners[e])
     u = combined(1.0, vector(x, corners[SIZE + e]), -1.0, origin)
     v = combined(1.0, vector(x, corners[2 * SIZE + e]), -1.0, origin)
@@ -155,6 +155,6 @@ def open_degenerate(rows, constants, material, e, x, corners):  # type: ignore[n
 
 @inlined
 def mean_ratio(own, corners, e):  # type: ignore[no-untyped-def]
-    """Mean over the corners of an element of the ratio of current to grown volume around them."""
+    """Mean, over the corners of an element, of the ratio of current to grown volume around them."""
     a, b, c, d = corners[e], corners[SIZE + e], corners[2 * SIZE + e], corners[3 * SIZE + e]
     return (own[a, 3] + own[b, 3] + own[c, 3] + own[d, 3]) / 4

@@ -1,4 +1,4 @@
-"""Fold a mesh from one gestational age to another, write what happens, and say how it ended."""
+"""Fold a mesh from one gestational age to another, write the results, and say how it ended."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from cortet.simulation.state import Moment, Run, Settings
 
 VERSION: int = 5
 
-#: between two checkpoints, and between two times that the tables are written, of the clock
+#: wall time between two checkpoints, and between two updates of the tables
 _CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0
 
 logger = logging.getLogger(__name__)
@@ -60,9 +60,9 @@ class Verdict:
     outcome: Literal["folded", "inverted"]
     reason: str
     tets: int
-    #: "cpu", or what the GPU is called that took the steps
+    #: "cpu", or the name of the GPU that took the steps
     device: str
-    #: taken
+    #: number of steps taken
     steps: int
     gestational_age: float
     #: mean, dimensionless
@@ -70,19 +70,19 @@ class Verdict:
     smallest_altitude_mm: float
     #: unit of length of the simulation
     length_mm: float
-    #: of the growing cortex at the start, its mean where it differs from place to place
+    #: thickness of the growing cortex at the start; its mean if it varies
     thickness_mm: float
-    #: of half a brain: what is taken for its medial wall
+    #: source of the medial wall of half a brain
     medial_wall: str | None
     medial_wall_mm2: float
     medial_wall_share: float
-    #: smallest of all steps
+    #: smallest J of all steps
     min_j: float
-    #: times that a tetrahedron was nearly flat
+    #: number of times that a tetrahedron was nearly flat
     degenerate: int
-    #: largest of all rows of the table
+    #: largest q of all rows of the table
     q_max: float
-    #: of the last row
+    #: in the last row
     energy_error: float | None
     gyrification_index_first: float
     gyrification_index_last: float
@@ -99,13 +99,13 @@ def fold(
     """Grow the cortex of a mesh until the end, or until the first element inverts.
 
     The folder gets the table of measurements with its sidecar, a table of wall seconds, frames with their series, and
-    the verdict. A run that was killed goes on from its last checkpoint there and ends with the same bits; with another
-    mesh or other settings it begins anew.
+    the verdict. A run that was killed continues from its last checkpoint there and ends with the same bits. With
+    another mesh or other settings it starts anew.
 
     Parameters
     ----------
-    mesh : mm, RAS coordinates; point data `growth` (0 to 1), `thickness` (mm) and `label` are used where it has them;
-        where it has regions, the outer one is the cortex
+    mesh : mm, RAS coordinates; point data `growth` (0 to 1), `thickness` (mm) and `label` are used if present; if it
+        has regions, the outer one is the cortex
 
     Raises
     ------
@@ -144,14 +144,14 @@ def fold(
 
 
 def _stops(run: Run, settings: Settings) -> list[float]:
-    """Times at which the body is measured: the first, the last, and others equally far apart in gestational age."""
+    """Times at which the body is measured: the first, the last, and others evenly spaced in gestational age."""
     count = int(np.ceil((settings.end - settings.gestational_age) / settings.record_interval - 1e-6))
     ages = settings.gestational_age + settings.record_interval * np.arange(1, count)
     return [run.start, *(time_of(age) for age in ages), run.end]
 
 
 class Journal:
-    """What a run has written so far."""
+    """The results that a run has written so far."""
 
     def __init__(self, folder: Path, fingerprint: str) -> None:
         self.folder, self.fingerprint = folder, fingerprint
@@ -164,7 +164,7 @@ class Journal:
         self.written = -np.inf
 
     def resumed(self, run: Run) -> Moment:
-        """Where the last checkpoint was, or the beginning, with what another run left in the folder cleared away."""
+        """The moment of the last checkpoint, or the beginning; then files of another run in the folder are deleted."""
         moment = beginning(run)
         last = load_checkpoint(self.checkpoint, self.fingerprint)
         if last is None:
@@ -203,7 +203,7 @@ class Journal:
         self.saved = time.monotonic()
 
     def add_row(self, measurements: Measurements, part: float, *, last: bool) -> None:
-        """Append to the tables; `part` of the time of the simulation is done. Files follow about once a second."""
+        """Append to the tables; `part` is the share of the simulated time done. Files follow about once a second."""
         self.rows.append({**asdict(measurements), "seconds": round(self.seconds, 2), "part": part})
         if not last and time.monotonic() - self.written < _TABLE_SECONDS:
             return

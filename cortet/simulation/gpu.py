@@ -1,9 +1,8 @@
-"""A run on a GPU: what lies there, and what goes back and forth.
+"""A run on a GPU: which data stay on the device, and which are transferred.
 
-The body, where it is, and its contacts stay on the device; where growth is a map, the host computes it anew every few
-steps. To the host come, after a hundred steps, how many were taken
-and the sums of the energies; the positions, when the list of contacts must be made anew, which the host does, and when
-the body is measured.
+The body, its motion, and its contacts stay on the device. If growth is a map, the host recomputes the body every few
+steps. After a hundred steps, the host receives the number of steps taken and the sums of the energies. It receives the
+positions when the body is measured, and when the list of contacts must be renewed, which the host does.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from cortet.simulation.state import Moment, Run
 if TYPE_CHECKING:
     from cortet.simulation.gpu_kernels import Gathered
 
-#: bytes on the device per tetrahedron, for the message where there are not enough
+#: bytes on the device per tetrahedron, for the message when memory is short
 _BYTES_PER_TET = 210
 
 
@@ -42,7 +41,7 @@ class OnGpu:
         self._gpu, self._moment = gpu_kernels, moment
         self._body = run.body
         self._material, self._elements = Material(*map(float, run.material)), len(run.body.cells)
-        #: kernels that have run, with their blocks
+        #: kernels that have run, with their number of blocks
         self._ready: dict[Any, Any] = {}
         work = moment.work
         with self._told():
@@ -57,13 +56,13 @@ class OnGpu:
             self._energy_tallies = self._no_tallies()
 
     def begin(self) -> None:
-        """Take the moment as it is on the host."""
+        """Copy the moment from the host."""
         with self._told():
             _overwrite(self.state, self._moment.state)
             self._tallies = self._no_tallies()
 
     def finish(self) -> None:
-        """Bring the moment as it is now back to the host."""
+        """Copy the present moment back to the host."""
         work = self._moment.work
         with self._told():
             self._moment.state.x[:], self._moment.state.v[:] = map(_fetched, self.state)
@@ -75,7 +74,7 @@ class OnGpu:
         work.energy[:] += [fsum(energy[:, 0]), fsum(energy[:, 1])]
 
     def copy(self) -> Motion:
-        """Where the body is, kept until the next copy."""
+        """The motion of the body, kept until the next copy."""
         with self._told():
             _overwrite(self._before, self.state)
         return self._before
@@ -104,7 +103,7 @@ class OnGpu:
         return int(flags[self._gpu.TAKEN]), int(flags[self._gpu.HOW])
 
     def take(self, body: Body) -> None:
-        """Go on with a body whose `amount`, `gradients` and `volumes` may be others than before."""
+        """Continue with a body whose `amount`, `gradients` and `volumes` may have changed."""
         if body is not self._body:
             patches = self._moment.work.patches
             renew(patches, body)
@@ -113,7 +112,7 @@ class OnGpu:
             self._body = body
 
     def list_contacts(self, envelope: float) -> None:
-        """Make the list of contacts anew for a size of the envelope, on the host."""
+        """Renew the list of contacts for a size of the envelope, on the host."""
         with self._told():
             contact = listed_at(self._moment.contact, _fetched(self.state.x), envelope)
             first, touching = _touching(contact)
@@ -147,7 +146,7 @@ class OnGpu:
         return self._material.density / 2 * fsum(nodal[:, 0]), elastic
 
     def _no_tallies(self) -> Any:
-        """Tallies of which nothing is counted yet, on the device."""
+        """Tallies on the device, with all counts at zero."""
         patches, threads = len(self._moment.work.patches.corners), self._gpu.THREADS
         blocks, surface = -(-len(self._moment.state.x) // threads), -(-len(self._moment.contact.nodes) // threads)
         return self._gpu.Tallies(
@@ -161,24 +160,24 @@ class OnGpu:
         )
 
     def _launch(self, kernel: Any, *arguments: Any) -> None:
-        """Run a kernel with as many blocks as the device holds at a time, for they wait for each other."""
+        """Run a kernel with as many blocks as the device holds at a time, because the blocks wait for each other."""
         if kernel not in self._ready:
             self._ready[kernel] = kernel[1, self._gpu.THREADS] if is_simulated() else self._fitted(kernel, arguments)
         self._ready[kernel](*arguments)
 
     def _fitted(self, kernel: Any, arguments: Sequence[Any]) -> Any:
-        """A kernel compiled for what it will be called with, so that no call looks at its types, and its blocks."""
+        """A kernel compiled for its arguments, so that no call checks their types, with its number of blocks."""
         compiled = kernel.specialize(*arguments)
         (overload,) = compiled.overloads.values()
         most = overload.max_cooperative_grid_blocks(self._gpu.THREADS)
         useful = max(len(self._moment.work.patches.corners), -(-len(self._moment.state.x) // self._gpu.THREADS))
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # that these are few blocks: a small mesh has no more, nor a small device
+            warnings.simplefilter("ignore")  # the warning that blocks are few: a small mesh or device has no more
             return compiled[min(most, useful), self._gpu.THREADS]
 
     @contextmanager
     def _told(self) -> Iterator[None]:
-        """Say what the device has refused in the user's words."""
+        """Translate errors of the device for the user."""
         try:
             yield
         except Exception as error:  # the driver's errors have several classes
@@ -191,24 +190,24 @@ class OnGpu:
 
 
 def _sent(array: Any) -> Any:
-    """A copy of an array on the device; one that is empty, which drivers refuse, gets an entry that nobody reads."""
+    """A copy of an array on the device; an empty one, which drivers refuse, gets an entry that is never read."""
     from numba import cuda
 
     return cuda.to_device(np.ascontiguousarray(array if array.size else np.zeros((1, *array.shape[1:]), array.dtype)))
 
 
 def _fetched(array: Any) -> Any:
-    """A copy on the host, once all that was launched is done."""
+    """A copy on the host, once all launched kernels are done."""
     return array.copy_to_host()
 
 
 def _put(there: Any, values: Any) -> None:
-    """Set an array on the device."""
+    """Set the values of an array on the device."""
     there.copy_to_device(values)
 
 
 def _overwrite(state: Any, values: Motion) -> None:
-    """Set a state on the device to one there or on the host."""
+    """Set a state on the device to one on the device or on the host."""
     state.x.copy_to_device(values.x)
     state.v.copy_to_device(values.v)
 
@@ -219,7 +218,7 @@ def _on_device(contact: Contact) -> Contact:
 
 
 def gathered(body: Body, patches: Patches, contact: Contact) -> Gathered:
-    """Lists of who adds what: to the nodes of each patch, and to the surface nodes in contact."""
+    """Lists of who adds what: for the nodes of each patch, and for the surface nodes in contact."""
     from cortet.simulation.gpu_kernels import Gathered
 
     m, count = len(body.cells), len(patches.corners)
@@ -240,12 +239,12 @@ def gathered(body: Body, patches: Patches, contact: Contact) -> Gathered:
 
 
 def _touching(contact: Contact) -> tuple[IntArray, IntArray]:
-    """Surface nodes that might touch each triangle: where those of a triangle begin, and all of them, rising."""
+    """Surface nodes that might touch each triangle: where those of each triangle begin, and all of them, ascending."""
     nodes = np.repeat(np.arange(len(contact.nodes), dtype=np.int32), np.diff(contact.offsets))
     order = np.argsort(contact.candidates, kind="stable")
     return _starts(contact.candidates, len(contact.faces)), nodes[order]
 
 
 def _starts(places: IntArray, count: int) -> IntArray:
-    """Where each place begins in a list that is sorted by place: (count + 1,) int32."""
+    """Where the entries of each place begin in a list sorted by place: (count + 1,) int32."""
     return np.append(0, np.cumsum(np.bincount(places, minlength=count))).astype(np.int32)

@@ -1,6 +1,6 @@
-"""What happens in an element on a GPU: `law` and `elements`, compiled for the device.
+"""The computations in an element on a GPU: `law` and `elements`, compiled for the device.
 
-Only the stretches of degenerate elements are found in another way, as a GPU has no LAPACK.
+Only the stretches of degenerate elements are found in another way, because a GPU has no LAPACK.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from cortet.simulation.patches import AMOUNT, DEPTH, ISOTROPIC, MASK, SIZE, THIC
 
 @cache
 def on_device(function: Dispatcher) -> Any:
-    """A function that is compiled for CPUs, and what it calls, compiled for the device.
+    """Compile a function for the device that is compiled for CPUs, with those that it calls.
 
-    Called as they are, Numba would compile them for it with all of `fastmath` where the CPU has the contraction of
-    multiply-adds alone. That would take NaN for impossible, and rounding in `law.exponential` for nothing. The device
-    contracts multiply-adds without being told.
+    If it were called directly, Numba would compile it with all of `fastmath`, while the CPU has the contraction of
+    multiply-adds alone. That would assume that there is no NaN, and optimise away the rounding in `law.exponential`.
+    The device contracts multiply-adds by default.
     """
     plain = function.py_func
     callees = {
@@ -87,7 +87,7 @@ def _stretched(patches, patch, e, x, ratio, material, growth, thickening):  # ty
 
 @cuda.jit(device=True)
 def put_element(shared, patches, patch, e, x, ratio, material, growth, thickening):  # type: ignore[no-untyped-def]
-    """Forces of an element as if it were not degenerate; returns its J, and whether it may be."""
+    """Write the forces of an element as if it were not degenerate; return its J, and whether it may be degenerate."""
     f, gradients, moduli = _stretched(patches, patch, e, x, ratio, material, growth, thickening)
     p0, p1, p2, j, trace = _stress(f[0], f[1], f[2], moduli[0], moduli[1])
     _put_forces(shared, e, _forces_on_corners(p0, p1, p2, gradients[0], gradients[1], gradients[2]))
@@ -96,7 +96,7 @@ def put_element(shared, patches, patch, e, x, ratio, material, growth, thickenin
 
 @cuda.jit(device=True)
 def put_degenerate(shared, patches, patch, e, x, ratio, material, growth, thickening):  # type: ignore[no-untyped-def]
-    """Forces of an element that may be in the degenerate branch; returns whether it is."""
+    """Write the forces of an element that may be in the degenerate branch; return whether it is."""
     f, gradients, moduli = _stretched(patches, patch, e, x, ratio, material, growth, thickening)
     left, stretch, right = _stretches(f[0], f[1], f[2])
     if not stretch[2] < law.SMALLEST_STRETCH:

@@ -1,19 +1,19 @@
 """Steps in time on a GPU: the loops of `kernels`, by a grid of blocks of threads that wait for each other.
 
-A block takes a patch of elements at a time, and its threads the elements; what these do to the patch's own nodes lies
-in the block's shared memory until each of these nodes has added it up, element after element, in the order in which a
-CPU adds. All else is a node's own doing: it gathers its slots, and the contacts around it, from lists whose order is
-fixed. There is no atomic sum, and no sum depends on how many blocks there are: a device makes the same bits in every
-run.
+Each block takes a patch of elements at a time, and its threads the elements. The contributions of elements to the
+patch's own nodes stay in the block's shared memory until each of these nodes has added them up: element after element,
+in the same order as on a CPU. Everything else belongs to a single node: it gathers its slots, and the contacts around
+it, from lists of fixed order. There are no atomic sums, and no sum depends on the number of blocks, so a device makes
+the same bits in every run.
 
-One kernel does many steps. The whole grid waits between the phases of a step (a cooperative launch), so that nothing
-returns to the host and nothing is launched per step; and as all threads read the same verdict on a step before any node
-moves, all stop at the same one, with everything that moves as it was when the step began.
+One kernel does many steps. The whole grid waits between the phases of a step (a cooperative launch), so nothing returns
+to the host and nothing is launched per step. All threads read the same verdict on a step before any node moves. So all
+stop at the same step, with everything that moves as it was when that step began.
 
-What is computed in an element is in `gpu_elements`; what is computed at a node is what `contact` and `kernels` say,
+`gpu_elements` has the computations in an element. The computations at a node are those of `contact` and `kernels`,
 compiled for the device.
 """
-# This module is imported where a GPU is asked for, and nowhere else: it makes Numba look for CUDA.
+# This module is imported only if a GPU is asked for: it makes Numba look for CUDA.
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from cortet.simulation.gpu_elements import deviatoric_energy, edges, growth_of, 
 from cortet.simulation.kernels import DONE, INVERTED, LIST_OUTDATED
 from cortet.simulation.patches import SIZE
 
-#: threads of a block, a power of two; nodes whose energies are added up at a time
+#: threads of a block, a power of two; also the number of nodes whose energies are added up at a time
 THREADS = 128
-#: places in `Tallies.flags`: how the batch ended, steps taken, whether some node has moved too far
+#: indices in `Tallies.flags`: how the batch ended, steps taken, whether some node has moved too far
 HOW, TAKEN, OUTDATED = 0, 1, 2
-#: places in `Tallies.counts`: entries into the degenerate branch, nodes in contact at the last step
+#: indices in `Tallies.counts`: entries into the degenerate branch, nodes in contact at the last step
 DEGENERATE, TOUCHED = 0, 1
-#: registers of a thread at most, so that three blocks fit on a multiprocessor of 65,536: the compiler would take 194,
-#: and there would be two. 56 bytes go to the stack for it. The simulator has no registers, nor this option
+#: most registers of a thread, so that three blocks fit on a multiprocessor of 65,536: the compiler would take 194, and
+#: only two would fit. This costs 56 bytes on the stack. The simulator has neither registers nor this option
 _LIMITS = {} if is_simulated() else {"max_registers": 168}
 #: shared memory of a block, in rows of SIZE values: forces on the corners 1, 2 and 3 of each element
 _SHARED = 9 * SIZE
@@ -47,22 +47,22 @@ _SHARED = 9 * SIZE
 class Gathered(NamedTuple):
     """Who adds what, in which order; s slots, m elements, n nodes, k triangles of the surface."""
 
-    #: what slot i of a patch adds up: members[begins[i]:begins[i + 1]], each SIZE times a corner, plus the element in
-    #: the patch; (s + 1,) int32 and (4 m,) uint16
+    #: the contributions that slot i of a patch adds up: members[begins[i]:begins[i + 1]], each SIZE times a corner,
+    #: plus the element in the patch; (s + 1,) int32 and (4 m,) uint16
     begins: IntArray
     members: Any
-    #: (n,) int32, place of a node among the surface nodes, or -1
+    #: (n,) int32, index of a node among the surface nodes, or -1
     place: IntArray
     #: triangles around surface node i: around[starts[i]:starts[i + 1]], each three times the triangle, plus the corner
     starts: IntArray
     around: IntArray
-    #: surface nodes that might touch triangle f: touching[first[f]:first[f + 1]], rising
+    #: surface nodes that might touch triangle f: touching[first[f]:first[f + 1]], ascending
     first: IntArray
     touching: IntArray
 
 
 class Tallies(NamedTuple):
-    """What a batch of steps counts; b blocks of THREADS nodes, p patches."""
+    """The counts of a batch of steps; b blocks of THREADS nodes, p patches."""
 
     #: (3,) int32, see HOW
     flags: IntArray
@@ -70,17 +70,17 @@ class Tallies(NamedTuple):
     counts: Any
     #: (1,), smallest J of all steps
     least: FloatArray
-    #: per patch, of the step: smallest J, and elements in the degenerate branch; or their elastic energy
+    #: per patch, for the step: smallest J, and elements in the degenerate branch; or their elastic energy
     patch_least: FloatArray
     patch_count: FloatArray
-    #: per THREADS surface nodes, of the step: how many are in contact
+    #: per THREADS surface nodes, for the step: how many are in contact
     block_touched: FloatArray
-    #: (b, 2), of all steps: energy dissipated, work of the contact; or kinetic and volumetric energy
+    #: (b, 2), for all steps: energy dissipated, work of the contact; or kinetic and volumetric energy
     block_energy: FloatArray
 
 
 class Scratch(NamedTuple):
-    """What a step computes on its way, as in `kernels.Work`."""
+    """Intermediate results of a step, as in `kernels.Work`."""
 
     slot_volumes: FloatArray
     slot_forces: FloatArray
@@ -100,7 +100,7 @@ _plane_force, _envelope_force = on_device(contacts.plane_force), on_device(conta
 
 
 def _reduction(combined: Any) -> Any:
-    """A function that combines a value over the threads of a block, by halves, and gives all of them the result."""
+    """A function that combines a value over the threads of a block, by halves, and returns it in all of them."""
 
     @cuda.jit(device=True)
     def reduced(shared, value):  # type: ignore[no-untyped-def]
@@ -123,7 +123,7 @@ def _sum(a, b):  # type: ignore[no-untyped-def]
     return a + b
 
 
-#: the sum of a value over the threads of a block, and the smallest one, NaN if there is one
+#: the sum of a value over the threads of a block, and the smallest one, NaN if any is NaN
 _total, _smallest = _reduction(_sum), _reduction(_least)
 
 
@@ -132,9 +132,9 @@ _total, _smallest = _reduction(_sum), _reduction(_least)
 
 @cuda.jit(device=True)
 def _add_volumes(shared, patches, lists, x, growth, thickening, elements, slot_volumes):  # type: ignore[no-untyped-def]
-    """What the current and grown volumes of the elements of a patch add to its own nodes."""
+    """Add the current and grown volumes of the elements of a patch to its own nodes."""
     for patch in range(cuda.blockIdx.x, len(patches.corners), cuda.gridDim.x):
-        cuda.syncthreads()  # until all have used what the patch before has left
+        cuda.syncthreads()  # until all threads have used the results of the patch before
         for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
             _, u, v, w = edges(patches, patch, e, x)
             shared[e] = _volume_between(u, v, w)
@@ -167,14 +167,14 @@ def _look(contact, x, flags):  # type: ignore[no-untyped-def]
 
 @cuda.jit(device=True)
 def _add_forces(shared, patches, lists, x, material, growth, thickening, elements, scratch, tallies):  # type: ignore[no-untyped-def]
-    """Forces of a patch on its own nodes, its smallest J, and how many of its elements are degenerate."""
+    """Forces of a patch on its own nodes, its smallest J, and the number of its degenerate elements."""
     for patch in range(cuda.blockIdx.x, len(patches.corners), cuda.gridDim.x):
         cuda.syncthreads()
         least, flat, degenerate = np.inf, False, 0.0
         for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
             j, doubtful = put_element(shared, patches, patch, e, x, scratch.ratio, material, growth, thickening)
             least, flat = _least(least, j), flat or doubtful
-        if flat:  # rarely: apart, for it takes many registers, and with fewer of them a device runs more blocks
+        if flat:  # rare; kept apart, because it takes many registers, which would leave room for fewer blocks
             for e in range(cuda.threadIdx.x, min(SIZE, elements - patch * SIZE), THREADS):
                 if put_degenerate(shared, patches, patch, e, x, scratch.ratio, material, growth, thickening):
                     degenerate += 1.0
@@ -192,7 +192,7 @@ def _add_forces(shared, patches, lists, x, material, growth, thickening, element
 
 @cuda.jit(device=True)
 def _forces_on_slot(shared, lists, slot):  # type: ignore[no-untyped-def]
-    """What the elements of a patch do to one of its own nodes; on corner 0 acts what the other three leave over."""
+    """Force of the elements of a patch on one of its own nodes; that on corner 0 balances the other three."""
     fx, fy, fz = 0.0, 0.0, 0.0
     for k in range(lists.begins[slot], lists.begins[slot + 1]):
         corner, e = lists.members[k] // SIZE, lists.members[k] % SIZE
@@ -209,7 +209,7 @@ def _forces_on_slot(shared, lists, slot):  # type: ignore[no-untyped-def]
 
 @cuda.jit(device=True)
 def _touch_all(shared, contact, x, block_touched):  # type: ignore[no-untyped-def]
-    """The contact of every surface node, and how many are in contact, those with the medial plane counted again."""
+    """The contact of every surface node, and how many are in contact; nodes at the medial plane count once more."""
     for block in range(cuda.blockIdx.x, len(block_touched), cuda.gridDim.x):
         i, count = block * THREADS + cuda.threadIdx.x, 0.0
         if i < len(contact.nodes):
@@ -224,7 +224,7 @@ def _touch_all(shared, contact, x, block_touched):  # type: ignore[no-untyped-de
 
 @cuda.jit(device=True)
 def _judge(shared, tallies):  # type: ignore[no-untyped-def]
-    """Whether a step may be taken: by one block, when all others wait."""
+    """Decide whether a step may be taken; one block does this, while all others wait."""
     t, least, degenerate, touched = cuda.threadIdx.x, np.inf, 0.0, 0.0
     for patch in range(t, len(tallies.patch_least), THREADS):
         least = _least(least, tallies.patch_least[patch])
@@ -272,7 +272,7 @@ def _contact_force(contact, lists, x, place, envelope):  # type: ignore[no-untyp
 
 @cuda.jit(device=True)
 def _move_all(shared, patches, lists, held, material, state, contact, envelope, dt, scratch, block_energy):  # type: ignore[no-untyped-def]
-    """Step every node; add what was dissipated and the work of the contact, block by block."""
+    """Step every node; add the energy dissipated and the work of the contact, block by block."""
     for block in range(cuda.blockIdx.x, len(block_energy), cuda.gridDim.x):
         i, dissipated, pushed = block * THREADS + cuda.threadIdx.x, 0.0, 0.0
         if i < len(held):
@@ -308,7 +308,7 @@ def advance(  # type: ignore[no-untyped-def]
 ):
     """`kernels.advance` on the device: as many steps as `growth` has rows, unless one of them cannot be taken.
 
-    `tallies.flags` must be 0 before and say afterwards how many were taken and why no more.
+    `tallies.flags` must be 0 before; afterwards they say how many steps were taken and why no more.
     """
     grid, shared = cuda.cg.this_grid(), cuda.shared.array(_SHARED, numba.float64)
     x = state.x
@@ -334,9 +334,9 @@ def advance(  # type: ignore[no-untyped-def]
 
 @cuda.jit(**_LIMITS)
 def energies(patches, material, state, lists, growth, thickening, elements, scratch, tallies):  # type: ignore[no-untyped-def]
-    """Elastic energy of the elements of each patch, without that of the nodal volumes; and of each block of nodes.
+    """Elastic energy of the elements of each patch, without that of the nodal volumes; sums for each block of nodes.
 
-    These are sums of V |v|^2 and V (J - 1)^2 with the grown volume V and the ratio J of each node.
+    The sums are V |v|^2 and V (J - 1)^2 with the grown volume V and the ratio J of each node.
     """
     grid, shared = cuda.cg.this_grid(), cuda.shared.array(_SHARED, numba.float64)
     _add_volumes(shared, patches, lists, state.x, growth, thickening, elements, scratch.slot_volumes)

@@ -1,4 +1,4 @@
-"""How much a brain has grown at which age."""
+"""Growth of a brain as a function of age."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 _TIME = (6.926e-5, -0.00665, 0.250, -3.0189)
 
 
-#: gestational ages that a fold may begin and end at, weeks
+#: gestational ages at which a fold may begin and end, weeks
 AGES = FOLD_AGES
-#: gestational age from which laws by age count, weeks
+#: gestational age from which growth by age counts, weeks
 ORIGIN = 22.0
 #: volume within the inner cortical surface of a healthy hemisphere: Gompertz's law, mL, 1/week and weeks, fitted to 17
-#: of 22 to 42 weeks (CRL atlas, FetoMorph, dHCP atlas: `report/data/real_brains.tsv`); they differ from it by 7 %
+#: of 22 to 42 weeks (CRL atlas, FetoMorph, dHCP atlas: `report/data/real_brains.tsv`), which differ from it by 7 %
 VOLUME = (107.0, 0.1385, 25.6)
-#: its area, cm2, likewise; they differ from it by 5 %
+#: its area, cm2, likewise; the data differ from it by 5 %
 AREA = (401.3, 0.0758, 31.97)
-#: the volume of its convex hull, mL, of 16 of 22 to 40 weeks; they differ from it by 6 %
+#: the volume of its convex hull, mL, of 16 of 22 to 40 weeks, which differ from it by 6 %
 HULL = (190.4, 0.1075, 28.46)
 
 #: one time, or many at once
@@ -37,7 +37,7 @@ Times = TypeVar("Times", float, NDArray[np.float64])
 
 
 def check_age(gestational_age: float) -> None:
-    """Raise InputError for an age at which the model of growth means nothing, weeks."""
+    """Raise InputError for an age, weeks, at which the growth model has no meaning."""
     youngest, oldest = AGES
     if not youngest <= gestational_age <= oldest:
         raise InputError(
@@ -58,13 +58,13 @@ def time_of(gestational_age: float) -> float:
 
 
 def age_of(time: float) -> float:
-    """Gestational age in weeks at a time of the simulation; `time_of` rises everywhere, so there is exactly one."""
+    """Gestational age in weeks at a time of the simulation; exactly one, because `time_of` is strictly increasing."""
     roots = np.roots([*_TIME[:3], _TIME[3] - time])
     return float(roots[np.abs(roots.imag).argmin()].real)
 
 
 def ages_of(times: FloatArray) -> FloatArray:
-    """`age_of` of many times (k,), which lie between those of `AGES`: by Newton's method."""
+    """`age_of` of many times (k,) between those of `AGES`, by Newton's method."""
     known = np.linspace(*AGES, 200)
     ages: FloatArray = np.interp(times, times_of(known), known)
     for _ in range(3):
@@ -74,7 +74,7 @@ def ages_of(times: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Linear:
-    """Tangential growth rate * t, the same rate at all times (Tallinen et al. 2016)."""
+    """Tangential growth rate * t; the rate is the same at all times (Tallinen et al. 2016)."""
 
     rate: float = 1.829
 
@@ -98,7 +98,7 @@ class Gompertz:
 
 Law = Linear | Gompertz
 
-#: a number by gestational age: growth per week from 22 weeks on, or values at ages
+#: a number as a function of gestational age: change per week from 22 weeks on, or values at ages
 ByAge = float | Mapping[float, float]
 
 
@@ -108,15 +108,15 @@ def growth_since(law: Law, start: float, time: Times) -> Times:
 
 
 def by_age(values: ByAge) -> Callable[[FloatArray], FloatArray]:
-    """Relative change since 22 weeks at ages (k,): linear, or through values by monotone cubics (Fritsch and Carlson).
+    """Relative change since 22 weeks at ages (k,): linear, or monotone cubics through values (Fritsch and Carlson).
 
-    Beyond its first and last ages a table stays at their values.
+    Before the first age and after the last, a table is constant.
     """
     if not isinstance(values, Mapping):
         return lambda ages: values * (ages - ORIGIN)
-    from scipy.interpolate import PchipInterpolator  # the configuration knows this module, and must be light
+    from scipy.interpolate import PchipInterpolator  # imported here, because the configuration imports this module
 
-    table = {float(age): value for age, value in values.items()}  # ages are texts where a rule hands them over in JSON
+    table = {float(age): value for age, value in values.items()}  # a workflow rule passes ages as text, in JSON
     known = sorted(table)
     if len(known) == 1:
         return lambda ages: np.full_like(ages, table[known[0]])
@@ -125,23 +125,23 @@ def by_age(values: ByAge) -> Callable[[FloatArray], FloatArray]:
 
 
 def usual(law: tuple[float, float, float], ages: FloatArray) -> FloatArray:
-    """What is usual at ages (k,) by a law of Gompertz: `VOLUME`, `AREA` or `HULL`."""
+    """Usual values at ages (k,) by a law of Gompertz: `VOLUME`, `AREA` or `HULL`."""
     largest, rate, latest = law
     return largest * np.exp(-np.exp(-rate * (ages - latest)))
 
 
 class Course(NamedTuple):
-    """What grows at each of k steps."""
+    """Growth at each of k steps."""
 
     #: (k, labels, 3), growth of each label: `law.ALONG`, `law.ACROSS` and `law.CORE`
     growth: FloatArray
-    #: (k,), what the cortex has gained in thickness
+    #: (k,), gain of the cortex in thickness
     thickening: FloatArray
-    #: (k,), size of the envelope, in that at the start
+    #: (k,), size of the envelope over that at the start
     envelope: FloatArray
 
     def part(self, first: int, last: int) -> Course:
-        """The course of the steps from one on, and up to before another."""
+        """The course of the steps from `first` to before `last`."""
         steps = slice(first, last)
         return Course(self.growth[steps], self.thickening[steps], self.envelope[steps])
 
@@ -151,13 +151,13 @@ class Growth(Protocol):
 
     @property
     def mapped(self) -> bool:
-        """Whether single elements have a growth of their own, so that the body changes as it grows."""
+        """Whether single elements have their own growth, so that the body changes as it grows."""
 
     def at(self, times: FloatArray, dt: float) -> Course:
-        """The course of growth at some times (k,)."""
+        """The course of growth at times (k,)."""
 
     def frame(self, time: float) -> float:
-        """The unit of length at a time, in that at the start."""
+        """The unit of length at a time, over that at the start."""
 
     def body(self, body: Body, time: float) -> Body:
-        """The body with the growth that its elements have of their own at a time; itself if they have none."""
+        """The body with the own growth of its elements at a time; the same body if they have none."""

@@ -1,13 +1,14 @@
-"""Growth that differs from spot to spot: as it was measured on a surface, up to several ages.
+"""Growth that varies in space, as it was measured on a surface, up to several ages.
 
 The mesh has it as point data `growth_to_AGE`: the logarithm of the stretch along the surface from the age of the mesh
-to AGE, six numbers per node (`measure.surface_growth`). Between two ages the logarithm changes evenly. Point data
-`core_growth_to_AGE` say likewise by how much the core grows in all directions more or less than on average, one number.
+to AGE, six numbers per node (`measure.surface_growth`). Between two ages the logarithm changes linearly. Point data
+`core_growth_to_AGE` are one number per node: how much more than average the core grows there, in all directions.
 
-An element has three numbers of it for each age: half the trace, which is the growth alpha of the law, and two for what
-one direction grows more than the other. The law of an element knows one growth along the surface, so the rest is put
-into the gradients of its shape functions: A_r^-1 Fg^-1 = (A_r^-1 exp(-S)) Fg(alpha)^-1, for S is traceless and lies in
-the plane in which Fg(alpha) is a multiple of the identity. So is the growth of the core, and into the volumes.
+An element has three of its numbers for each age: half the trace, which is the growth alpha of the law, and two for how
+much more one direction grows than the other. The law of an element has a single growth along the surface, so the rest
+goes into the gradients of its shape functions: A_r^-1 Fg^-1 = (A_r^-1 exp(-S)) Fg(alpha)^-1, because S is traceless and
+lies in the plane in which Fg(alpha) is a multiple of the identity. The growth of the core goes there, too, and into the
+volumes.
 """
 
 from __future__ import annotations
@@ -23,19 +24,19 @@ from cortet.simulation.body import Body
 from cortet.simulation.growth import AGES
 from cortet.simulation.law import combined, cross, dot, exponential, fast, growth_share, vector
 
-#: point data of a mesh: this and an age, in weeks
+#: names of point data of a mesh: one of these and an age, in weeks
 FIELD, CORE_FIELD = "growth_to_", "core_growth_to_"
 _NAME = re.compile(re.escape(FIELD) + r"(\d+(?:[._]\d+)?)")
-#: rows and columns of the six components
+#: row and column of each of the six components
 _ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
-#: logarithm of a stretch beyond which a map is no map of growth: more than a factor of seven
+#: logarithm of a stretch beyond which a map cannot be a map of growth: more than a factor of seven
 _LARGEST = 2.0
 
 
 class GrowthMap(NamedTuple):
     """Logarithmic growth along the surface since the start of m elements, at k ages."""
 
-    #: (k,) weeks, rising; the first is the start
+    #: (k,) weeks, ascending; the first is the start
     ages: FloatArray
     #: (k, m, 4): half the trace; components t1 t1 - t2 t2 and t1 t2 + t2 t1 in the tangents of `tangents`; and the
     #: logarithm of the stretch of the core, less its mean over the volume
@@ -48,12 +49,12 @@ def field_of(age: float, *, core: bool = False) -> str:
 
 
 def is_map(name: str) -> bool:
-    """Whether point data of this name are growth up to an age."""
+    """Whether point data of this name hold growth up to an age."""
     return _NAME.fullmatch(name) is not None
 
 
 def map_of(mesh: TetMesh, body: Body, start: float) -> GrowthMap | None:
-    """The map of growth that the point data of a mesh hold; None where there are none.
+    """The map of growth in the point data of a mesh; None if there is none.
 
     Raises
     ------
@@ -77,12 +78,12 @@ def map_of(mesh: TetMesh, body: Body, start: float) -> GrowthMap | None:
         values[row, :, :3] = _on_elements(nodes[body.cells].mean(axis=1), body.normals)
         if (core := node_field(mesh, field_of(age, core=True))) is not None:
             own = core[body.cells].mean(axis=1)
-            values[row, :, 3] = own - np.average(own, weights=body.volumes)  # the mean is that of the frame
+            values[row, :, 3] = own - np.average(own, weights=body.volumes)  # the mean belongs to the frame
     return GrowthMap(np.array([start, *ages]), values)
 
 
 def _check(values: FloatArray, name: str, count: int) -> None:
-    """Raise InputError for a field that is no logarithmic growth."""
+    """Raise InputError for a field that cannot be logarithmic growth."""
     remedy = "make it with cortet growth"
     if values.shape != (count, 6):
         raise InputError(f"the field {name} has the shape {values.shape}, not ({count}, 6)", remedy=remedy)
@@ -97,7 +98,7 @@ def _check(values: FloatArray, name: str, count: int) -> None:
 
 
 def _on_elements(tensors: FloatArray, normals: FloatArray) -> FloatArray:
-    """The three numbers of tensors (m, 6) in the planes across some normals (m, 3): (m, 3)."""
+    """The three numbers of tensors (m, 6), in the planes perpendicular to `normals` (m, 3): (m, 3)."""
     matrices = np.empty((len(tensors), 3, 3))
     matrices[:, _ROW, _COLUMN] = matrices[:, _COLUMN, _ROW] = tensors
     t1, t2 = _tangents(normals)
@@ -106,9 +107,9 @@ def _on_elements(tensors: FloatArray, normals: FloatArray) -> FloatArray:
 
 
 def grown_body(body: Body, growth: GrowthMap, age: float, core: float) -> Body:
-    """The body with its map at an age, beside a core that grows.
+    """The body with its map at an age; its core has grown by `core`.
 
-    Its `amount` is the growth itself, for a law of the cortex that is 1; `gradients` and `volumes` hold the rest.
+    `amount` becomes the growth itself, for a law of the cortex that is 1; `gradients` and `volumes` hold the rest.
 
     Parameters
     ----------
@@ -150,11 +151,11 @@ def sheared(a, t1, t2, p, q):  # type: ignore[no-untyped-def]
 
 @fast
 def tangents(n):  # type: ignore[no-untyped-def]
-    """Two unit vectors across a unit vector and each other; zero vectors for the zero vector."""
+    """Two unit vectors perpendicular to a unit vector and to each other; zero vectors for the zero vector."""
     length = dot(n, n)
     if length < 0.5:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    # across the axis that n is least along, so that nothing cancels
+    # perpendicular to an axis that is far from n, so that nothing cancels
     axis = (1.0, 0.0, 0.0) if abs(n[0]) < 0.6 else (0.0, 1.0, 0.0)
     t = cross(n, axis)
     first = combined(1 / np.sqrt(dot(t, t)), t, 0.0, t)

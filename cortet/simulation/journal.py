@@ -1,4 +1,4 @@
-"""What a run writes into its folder as it goes on: frames, a checkpoint to go on from, and how far it has come."""
+"""The files that a run writes into its folder: frames, a checkpoint to resume from, and its progress."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from cortet.formats.tsv import read_tsv
 from cortet.meshes import FloatArray, TetMesh
 from cortet.simulation.measurements import COLUMNS, Measurements
 
-#: files in the folder of a run; seconds have a table of their own, all else is the same in every run
+#: files in the folder of a run; wall seconds have their own table, everything else is the same in every run
 TABLE, SIDECAR, SECONDS, VERDICT, SERIES = "fold.tsv", "fold.json", "seconds.tsv", "verdict.json", "fold.pvd"
 CHECKPOINT = "checkpoint.npz"
-#: of a run in its folder, frames left out
+#: files of a run in its folder, without frames
 FILES = (TABLE, SIDECAR, SECONDS, VERDICT, SERIES, CHECKPOINT)
 
-#: called with every row of the table, the part of the steps that are done, and the seconds they took
+#: called with every row of the table, the share of the steps done, and the seconds that they took
 Progress = Callable[[Measurements, float, float], None]
 
 _ARRAYS = ("x", "v", "listed")
@@ -41,9 +41,9 @@ _WIDTH = 20
 def write_frame(
     mesh: TetMesh, points: FloatArray, j: FloatArray, growth: FloatArray, wall: NDArray[np.uint8], path: Path
 ) -> None:
-    """Write a mesh at its present `points` (n, 3) mm.
+    """Write a mesh with its nodes at `points` (n, 3) mm.
 
-    With displacement per node and whether it is of the medial wall (n,), and J and growth per element (m,).
+    It has the displacement of each node, whether it is in the medial wall (n,), and J and growth of each element (m,).
     """
     fields: dict[str, NDArray[Any]] = {"displacement": points - mesh.points, MEDIAL_WALL: wall}
     moved = TetMesh(points, mesh.cells, fields, {"J": j, "growth": growth})
@@ -51,7 +51,7 @@ def write_frame(
 
 
 def write_series(frames: Sequence[tuple[str, float]], path: Path) -> None:
-    """Write the `.pvd` over frames: file names relative to it, and the gestational age that stands for their time."""
+    """Write the `.pvd` of frames: file names relative to it, and gestational ages in place of times."""
     lines = "".join(f'    <DataSet timestep="{age:.6g}" part="0" file={quoteattr(name)}/>\n' for name, age in frames)
     with atomic_path(path) as temporary:
         temporary.write_text(
@@ -65,24 +65,24 @@ def write_series(frames: Sequence[tuple[str, float]], path: Path) -> None:
 
 
 class Checkpoint(NamedTuple):
-    """A moment of a run, bit for bit; n nodes, s surface nodes."""
+    """The exact state of a moment of a run; n nodes, s surface nodes."""
 
-    #: of the mesh and the parameters: only the same run may go on from here
+    #: of the mesh and the parameters: only the same run may resume from here
     fingerprint: str
     step: int
     #: (n, 3) each
     x: FloatArray
     v: FloatArray
-    #: (s, 3), where the contact list was made
+    #: (s, 3), positions when the contact list was made
     listed: FloatArray
-    #: size of the envelope there
+    #: size of the envelope then
     envelope: float
     time: float
     degenerate: int
     contacts: int
     #: since the start: energy dissipated, work of the contact, work of growth
     energies: tuple[float, float, float]
-    #: of the steps so far, this and earlier processes together
+    #: seconds of the steps so far, in this and earlier processes
     seconds: float
     #: rows of the tables so far, and the frames written
     rows: list[dict[str, Any]]
@@ -100,21 +100,21 @@ def fingerprint(mesh: TetMesh, parameters: dict[str, Any]) -> str:
         f"set of {kind}: {name}": members for kind, sets in vars(mesh.sets).items() for name, members in sets.items()
     }
     for name, array in sorted(named.items()):
-        # a name, a type and a shape: the same bytes under another name, or in other rows, are another mesh
+        # name, type and shape: the same bytes under another name, or in other rows, make another mesh
         digest.update(f"{name} {array.dtype} {array.shape}".encode())
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
 
 def save_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
-    """Write a checkpoint; the one before stays until this one is complete."""
+    """Write a checkpoint; the previous one stays until this one is complete."""
     rest = {name: value for name, value in checkpoint._asdict().items() if name not in _ARRAYS}
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.savez(file, rest=json.dumps(rest), **{name: getattr(checkpoint, name) for name in _ARRAYS})
 
 
 def load_checkpoint(path: Path, fingerprint: str) -> Checkpoint | None:
-    """The checkpoint of the run with this fingerprint; None where there is none, or another run's."""
+    """The checkpoint of the run with this fingerprint; None if there is none, or if it is another run's."""
     try:
         with np.load(path) as data:
             rest = json.loads(str(data["rest"]))
@@ -132,7 +132,7 @@ def load_checkpoint(path: Path, fingerprint: str) -> Checkpoint | None:
 
 
 def status(now: Measurements, part: float, seconds: float) -> str:
-    """A bar, time, age, worst element, folds and the time that is left, from the part of the steps that are done."""
+    """A line with a bar, time, age, worst element, folds and time left; `part` is the share of the steps done."""
     done = round(_WIDTH * part)
     left = seconds / part * (1 - part) if part > 0 else float("nan")
     return (
@@ -142,7 +142,7 @@ def status(now: Measurements, part: float, seconds: float) -> str:
 
 
 def per_percent(say: Callable[[str], None]) -> Progress:
-    """A progress callback for `fold` that speaks once per percent, and at the end."""
+    """A progress callback for `fold` that calls `say` once per percent, and at the end."""
     said = -1
 
     def progress(now: Measurements, part: float, seconds: float) -> None:
@@ -155,7 +155,7 @@ def per_percent(say: Callable[[str], None]) -> Progress:
 
 
 def reached(folder: Path) -> str:
-    """How far the run in a folder had come when it wrote its last row; it may be going on, killed, or done.
+    """How far the run in a folder had come when it wrote its last row; it may be running, killed, or done.
 
     Raises
     ------

@@ -1,13 +1,12 @@
 """One step in time, in compiled loops: over patches of elements, over nodes, over patches again, over nodes again.
 
-No loop adds into what another iteration writes: see `patches`. Loops run over blocks of fixed size, so that what the
-compiler makes of a block's end cannot depend on the number of threads either: the bits are the same for any.
+No loop adds to what another iteration writes: see `patches`. Loops run over blocks of fixed size, so the code that the
+compiler makes for the end of a block cannot depend on the number of threads: the bits are the same for any number.
 
-`advance` is the seam: arrays in, arrays changed in place, nothing else of the package is called from the loop in time.
-What happens in the elements of a patch is in `elements`. `gpu_kernels` shares the functions here on single nodes.
+`advance` is the interface: arrays in, arrays changed in place. The loop in time calls nothing else of the package.
+The computations in the elements of a patch are in `elements`. `gpu_kernels` shares the functions here on single nodes.
 """
-# Numba's parallel loops take no named tuples: these become plain ones on the way in and get their names back in each
-# block.
+# Numba's parallel loops take no named tuples: these are passed as plain tuples and get their names back in each block.
 
 from __future__ import annotations
 
@@ -57,24 +56,24 @@ from cortet.simulation.patches import (
     patches_of,
 )
 
-#: how `advance` ended
+#: results of `advance`
 DONE, INVERTED, LIST_OUTDATED = 0, 1, 2
-#: nodes of a block
+#: number of nodes in a block
 _BLOCK = 256
 
 
 class Motion(NamedTuple):
-    """What moves, (n, 3) each, dimensionless."""
+    """The moving state, (n, 3) each, dimensionless."""
 
     x: FloatArray
     v: FloatArray
 
 
 class Work(NamedTuple):
-    """What a step computes on its way."""
+    """Intermediate results of a step."""
 
     patches: Patches
-    #: (m,), growth g of each element between 0 and 1; current volume; volume after growth alone: for the last positions
+    #: (m,), growth g of each element between 0 and 1; current volume; volume after growth alone: at the last positions
     #: for which `elastic_forces` was called
     share: FloatArray
     current: FloatArray
@@ -82,15 +81,15 @@ class Work(NamedTuple):
     #: (n,), a quarter of the grown volumes around each node, and the ratio of current to grown volume there
     node_grown: FloatArray
     ratio: FloatArray
-    #: per slot (s, 2), current and grown volumes of the patch's elements around it; and (s, 3) their forces on it
+    #: per slot, current and grown volumes of the patch's elements around it (s, 2), and their forces on it (s, 3)
     slot_volumes: FloatArray
     slot_forces: FloatArray
     #: (n, 3), contact forces
     external: FloatArray
-    #: memory of each thread for its patch: rows of its elements; and position, ratio and sums of its own nodes
+    #: memory of each thread for its patch: rows of its elements; and position, ratio and sums of the patch's own nodes
     own_rows: FloatArray
     own_nodes: FloatArray
-    #: per patch: smallest J, and elements in the degenerate branch
+    #: per patch: smallest J, and number of elements in the degenerate branch
     block_min: FloatArray
     block_degenerate: NDArray[np.int64]
     #: (1,), smallest J of all steps since it was last set to infinity
@@ -105,8 +104,8 @@ class Work(NamedTuple):
 def workspace(body: Body) -> Work:
     """Arrays for the steps of a body."""
     m, n, patches = len(body.cells), len(body.held), patches_of(body)
-    # starts Numba's threads, which a cached kernel that was compiled around a cached parallel loop does not do: without
-    # them it would end the process
+    # this starts Numba's threads. A cached kernel compiled around a cached parallel loop does not; without the threads
+    # it would end the process
     numba.get_num_threads()
     threads: int = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
     return Work(
@@ -132,7 +131,7 @@ def workspace(body: Body) -> Work:
 
 @fast
 def _fetch(patches, patch, x, own):  # type: ignore[no-untyped-def]
-    """Positions of a patch's own nodes; their sums begin at 0."""
+    """Copy the positions of a patch's own nodes, and set their sums to 0."""
     first = patches.offsets[patch]
     for i in range(patches.offsets[patch + 1] - first):
         node = patches.nodes[first + i]
@@ -142,7 +141,7 @@ def _fetch(patches, patch, x, own):  # type: ignore[no-untyped-def]
 
 @fast
 def _volumes(patch, patches, x, growth, thickening, elements, slot_volumes, rows, own):  # type: ignore[no-untyped-def]
-    """What the current and grown volumes of the elements of a patch add to its own nodes."""
+    """Add the current and grown volumes of the elements of a patch to its own nodes."""
     patches = Patches(*patches)
     corners, slot = patches.corners[patch], patches.offsets[patch]
     _fetch(patches, patch, x, own)
@@ -160,7 +159,7 @@ def _volumes(patch, patches, x, growth, thickening, elements, slot_volumes, rows
 
 @numba.njit(cache=True)
 def _record(work, x, growth, thickening):  # type: ignore[no-untyped-def]
-    """Growth, current and grown volume of each element, for those who measure: no step needs them."""
+    """Growth, current and grown volume of each element, for measurements; no step needs them."""
     patches, rows, own = work.patches, work.own_rows[0], work.own_nodes[0]
     for patch in range(len(patches.corners)):
         first = patch * SIZE
@@ -189,7 +188,7 @@ def ratios(first, last, patches, slot_volumes, node_grown, ratio):  # type: igno
 
 @fast
 def _forces(patch, patches, material, x, growth, thickening, elements, ratio, slot_forces, rows, own):  # type: ignore[no-untyped-def]
-    """Forces of a patch on its own nodes; returns its smallest J, NaN if there is one, and how many are degenerate."""
+    """Forces of a patch on its own nodes; return its smallest J, NaN if any is, and how many are degenerate."""
     patches, material = Patches(*patches), Material(*material)
     corners, constants = patches.corners[patch], patches.constants[patch]
     slot, nodes = patches.offsets[patch], patches.offsets[patch + 1] - patches.offsets[patch]
@@ -217,13 +216,13 @@ def _forces(patch, patches, material, x, growth, thickening, elements, ratio, sl
 
 @inlined
 def least(smallest, j):  # type: ignore[no-untyped-def]
-    """The smaller of two numbers; a NaN stays."""
+    """The smaller of two numbers; NaN if one is NaN."""
     return j if j < smallest or j != j else smallest
 
 
 @fast
 def _add_forces(rows, corners, count, own):  # type: ignore[no-untyped-def]
-    """Add the forces of each element to its nodes; on corner 0 acts what the other three leave over."""
+    """Add the forces of each element to its nodes; the force on corner 0 balances the other three."""
     for e in range(count):
         corner0, corner1, corner2, corner3 = corners[e], corners[SIZE + e], corners[2 * SIZE + e], corners[3 * SIZE + e]
         for k in range(3):
@@ -250,9 +249,9 @@ def _gathered(patches, slot_forces, i):  # type: ignore[no-untyped-def]
 def move(first, last, patches, held, material, state, slot_forces, external, node_grown, dt):  # type: ignore[no-untyped-def]
     """Step a block of nodes: v += dt (f - gamma V v) / (rho V), x += dt v, with the grown volume V around each.
 
-    A node that is held does not move along x. Returns the energy dissipated and the work of the contact. Work is force
-    times dt times the mean of the velocities before and after the step: so the work of all forces together is exactly
-    the gain of kinetic energy.
+    A held node does not move along x. Returns the energy dissipated and the work of the contact. Work is force times dt
+    times the mean of the velocities before and after the step. So the work of all forces together is exactly the gain
+    of kinetic energy.
     """
     patches, material, state = Patches(*patches), Material(*material), Motion(*state)
     dissipated, pushed = 0.0, 0.0
@@ -301,7 +300,7 @@ def _move_all(patches, held, material, state, slot_forces, external, node_grown,
 
 @numba.njit(cache=True)
 def _all_forces(material, x, work, growth, thickening):  # type: ignore[no-untyped-def]
-    """Compute `work.slot_forces` and the nodal volumes for positions x; returns the smallest J, NaN if there is one."""
+    """Compute `work.slot_forces` and the nodal volumes for positions x; return the smallest J, NaN if any is."""
     _elastic_forces(
         tuple(work.patches),
         tuple(material),
@@ -321,7 +320,7 @@ def _all_forces(material, x, work, growth, thickening):  # type: ignore[no-untyp
 
 @fast
 def grown_volume_of(body, growth):  # type: ignore[no-untyped-def]
-    """Volume of a body without stress, for some growth of each label (labels, 3)."""
+    """Volume of a body without stress, for growth (labels, 3) of each label."""
     total = 0.0
     for e in range(len(body.volumes)):
         share = growth_share(body.depth[e], body.thickness[e], body.mask[e])
@@ -334,12 +333,12 @@ def grown_volume_of(body, growth):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def elastic_forces(material, x, work, growth, thickening):  # type: ignore[no-untyped-def]
-    """Compute forces, growth and volumes in `work` for positions x; returns the smallest J, NaN if there is one.
+    """Compute forces, growth and volumes in `work` for positions x; return the smallest J, NaN if any is.
 
     Parameters
     ----------
     growth : (labels, 3), growth of each label: ALONG, ACROSS and CORE
-    thickening : what the cortex has gained in thickness
+    thickening : gain of the cortex in thickness
     """
     _record(work, x, growth, thickening)
     return _all_forces(material, x, work, growth, thickening)
@@ -347,7 +346,7 @@ def elastic_forces(material, x, work, growth, thickening):  # type: ignore[no-un
 
 @numba.njit(cache=True)
 def advance(body, material, state, work, contact, course, dt):  # type: ignore[no-untyped-def]
-    """As many steps as a course has, unless an element inverts or the contact list is outdated.
+    """Take the steps of a course, unless an element inverts or the contact list is outdated.
 
     Parameters
     ----------
@@ -386,7 +385,7 @@ def advance(body, material, state, work, contact, course, dt):  # type: ignore[n
 
 
 def nodal_forces(work: Work) -> FloatArray:
-    """Elastic force on every node, as the last `elastic_forces` left it: (n, 3)."""
+    """Elastic force on every node, from the last `elastic_forces`: (n, 3)."""
     return _nodal_forces(work)
 
 
@@ -399,12 +398,12 @@ def _nodal_forces(work):  # type: ignore[no-untyped-def]
 
 
 def kinetic_energy(material: Material, v: FloatArray, work: Work) -> float:
-    """Kinetic energy of velocities v (n, 3), for which `elastic_forces` must have run last."""
+    """Kinetic energy of velocities v (n, 3); `elastic_forces` must have run for this state last."""
     return material.density / 2 * float((work.node_grown[:, None] * v**2).sum())
 
 
 def elastic_energy(body: Body, material: Material, x: FloatArray, work: Work, growth: FloatArray) -> float:
-    """Elastic energy of positions x (n, 3), for which `elastic_forces` must have run last."""
+    """Elastic energy of positions x (n, 3); `elastic_forces` must have run for them last."""
     volumetric = material.bulk / 2 * (work.node_grown * (work.ratio - 1) ** 2).sum()
     return float(_deviatoric_energy(body, material, x, work, growth).sum() + volumetric)
 

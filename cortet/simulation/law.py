@@ -1,18 +1,18 @@
-"""The law of one element, on plain numbers: what the loops of a processor and the kernels of a GPU both compute.
+"""The law of one element, on plain numbers: shared by the loops of a CPU and the kernels of a GPU.
 
 Constitutive law, per unit of grown volume, with F the elastic deformation gradient and B = F F^T:
 
     W = mu / 2 (J^(-2/3) tr B - 3) + K / 2 (J_node - 1)^2,    P = mu J^(-2/3) (F - tr B / 3 F^-T) + K (J~ - 1) J F^-T
 
-J_node is the ratio of a node's current to its grown volume, J~ the mean over an element's nodes: this averaging removes
-the locking of linear tetrahedra, and the forces are still the gradient of the energy.
+J_node is the ratio of a node's current to its grown volume; J~ is its mean over an element's nodes. This averaging
+removes the locking of linear tetrahedra, and the forces are still the gradient of the energy.
 
-No time step could follow W where an element is nearly flat, for it grows without limit there. Written in the stretches
-s of F, J^(-2/3) is the product of phi(s) = s^(-2/3); below a stretch of 0.1, phi is replaced by its second-order Taylor
-polynomial there, which also takes the negative stretch of an inverted element (after Stomakhin et al., SCA 2012). The
+W grows without limit as an element becomes flat, so no time step could follow it there. In the stretches s of F,
+J^(-2/3) is the product of phi(s) = s^(-2/3). Below a stretch of 0.1, phi is replaced by its second-order Taylor
+polynomial there, which also covers the negative stretch of an inverted element (after Stomakhin et al., SCA 2012). The
 energy stays smooth, and the flatter the element, the harder it is pushed open. Every entry into this branch is counted.
 
-Vectors are tuples of three floats; matrices are three of them, rows first. Numba keeps both in registers.
+Vectors are tuples of three floats; matrices are tuples of three vectors, their rows. Numba keeps both in registers.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ import math
 import numba
 import numpy as np
 
-#: columns of growth, by label: of the cortex along the surface and across it, and of the core in all directions
+#: columns of growth, by label: that of the cortex along the surface and across it, and of the core in all directions
 ALONG, ACROSS, CORE = 0, 1, 2
 
 #: stretch below which the law is continued by a polynomial
 SMALLEST_STRETCH = 0.1
 
-#: turns of all three pairs of columns, of which 5 are enough for most matrices
+#: sweeps over all three pairs of columns; 5 are enough for most matrices
 _SWEEPS = 12
-#: cosine of the angle between two columns that are orthogonal to rounding
+#: cosine of the angle between two columns below which they are orthogonal to rounding
 _ORTHOGONAL = 1e-16
 
-#: how functions of both processors are compiled on a CPU; `fast` ones may be called by those on either
+#: compilation on a CPU of functions shared by both processors; `fast` ones may be called by functions on either
 fast = numba.njit(fastmath={"contract"}, error_model="numpy", cache=True)
-#: what stands in a loop that shall become vector instructions: a call that is left would prevent it
+#: compilation of functions in a loop that must become vector instructions: a call left in the loop would prevent this
 inlined = numba.njit(fastmath={"contract"}, error_model="numpy", cache=True, forceinline=True)
 
 
 @inlined
 def dot(a, b):  # type: ignore[no-untyped-def]
-    """The product of two vectors."""
+    """The dot product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
@@ -65,7 +65,7 @@ def vector(a, i):  # type: ignore[no-untyped-def]
 
 @inlined
 def growth_share(depth, thickness, mask):  # type: ignore[no-untyped-def]
-    """What part of the growth of the surface an element takes part in, from 0 to 1."""
+    """Share of the growth of the surface that an element takes part in, from 0 to 1."""
     return mask / (1 + exponential(10 * (depth / thickness - 1)))
 
 
@@ -75,8 +75,8 @@ def own_growth(share, amount, along, across, core):  # type: ignore[no-untyped-d
 
     Parameters
     ----------
-    share : how much of it is cortex, from 0 to 1
-    amount : how much of the tangential growth of its cortex it takes part in
+    share : share of the element that is cortex, from 0 to 1
+    amount : share of the tangential growth that the cortex takes part in
     along, across, core : growth of the cortex, tangential and radial, and of the core, in all directions
     """
     inside = (1 - share) * core
@@ -99,7 +99,7 @@ def volume_between(u, v, w):  # type: ignore[no-untyped-def]
 def grown_gradients(a, b, c, n, isotropic, alpha, beta):  # type: ignore[no-untyped-def]
     """Gradients of the shape functions after growth Fg = (1 + alpha) (I - n n^T) + (1 + beta) n n^T: A_r^-1 Fg^-1.
 
-    `isotropic` is 1 - n n: 0, or 1 where an element has no direction n and grows by alpha in all of them.
+    `isotropic` is 1 - n n: 0, or 1 if an element has no direction n and grows by alpha in all of them.
     """
     s = 1 / (1 + alpha)
     t = s * (alpha - beta) / (1 + (beta + (alpha - beta) * isotropic))
@@ -118,9 +118,9 @@ def deformation(u, v, w, a, b, c):  # type: ignore[no-untyped-def]
 
 @inlined
 def exponential(x):  # type: ignore[no-untyped-def]
-    """e^x to rounding, between e^-300 and e^300, without a call: so that a loop with it can be made of vectors."""
+    """e^x to rounding, between e^-300 and e^300, without a call, so that the compiler can vectorise a loop with it."""
     x = min(max(x, -300.0), 300.0)
-    # x = n ln 2 + r: adding 1.5 2^52 rounds to a whole number n, which then stands in the last bits
+    # x = n ln 2 + r: adding 1.5 2^52 rounds to a whole number n, which is then in the last bits
     shifted = x * 1.4426950408889634 + 6755399441055744.0
     n = shifted - 6755399441055744.0
     r = (x - n * 6.93145751953125e-1) - n * 1.42860682030941723212e-6
@@ -132,9 +132,9 @@ def exponential(x):  # type: ignore[no-untyped-def]
 
 @inlined
 def inverse_cube_root(j):  # type: ignore[no-untyped-def]
-    """j^(-1/3) of a positive number to rounding, without a call."""
-    # the bits of a float, read as an integer, go with its logarithm: right to some per cent; the rest is Newton's
-    # iteration with two more terms of the series of (1 - r)^(-1/3)
+    """j^(-1/3) of a positive number, to rounding, without a call."""
+    # the bits of a float, read as an integer, rise with its logarithm; this gives j^(-1/3) within some per cent.
+    # Newton's iteration with two more terms of the series of (1 - r)^(-1/3) does the rest
     y = np.int64(6.142909891733356e18 - np.float64(np.float64(j).view(np.int64)) / 3).view(np.float64)
     for _ in range(3):
         r = 1 - j * (y * y * y)
@@ -144,7 +144,7 @@ def inverse_cube_root(j):  # type: ignore[no-untyped-def]
 
 @inlined
 def shear_modulus(material, share, stiffness):  # type: ignore[no-untyped-def]
-    """Shear modulus of an element that is cortex by `share`, and the rest core, `stiffness` times as stiff as usual."""
+    """Shear modulus of an element: cortex by `share`, and the rest core, `stiffness` times as stiff as usual."""
     return material.mu_core * stiffness * (1 - share) + material.mu_cortex * share
 
 
@@ -156,7 +156,7 @@ def stress(f0, f1, f2, mu, bulk):  # type: ignore[no-untyped-def]
     ----------
     f0, f1, f2 : rows of F
     mu : shear modulus
-    bulk : K (J~ - 1); both times the grown volume, if P shall be that, too
+    bulk : K (J~ - 1); multiply `mu` and `bulk` by the grown volume to get P times it
     """
     c0, c1, c2 = cross(f1, f2), cross(f2, f0), cross(f0, f1)  # cofactors: J F^-T
     j = dot(f0, c0)
@@ -182,7 +182,7 @@ def forces_on_corners(p0, p1, p2, a, b, c):  # type: ignore[no-untyped-def]
 
 @fast
 def may_be_degenerate(j, trace):  # type: ignore[no-untyped-def]
-    """False for nearly all elements, which spares them their stretches: the smallest is at least 2 J / tr B."""
+    """False for nearly all elements, whose stretches are then not needed: the smallest is at least 2 J / tr B."""
     return 2 * j < SMALLEST_STRETCH * trace
 
 
@@ -197,7 +197,7 @@ def phi(s):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def stretches(f0, f1, f2):  # type: ignore[no-untyped-def]
-    """U, s and V^T of F = U diag(s) V^T, s falling; of an inverted element the last is negative, not U or V^T."""
+    """U, s and V^T of F = U diag(s) V^T, s descending; of an inverted element the last s is negative, not U or V^T."""
     f = np.array([[f0[0], f0[1], f0[2]], [f1[0], f1[1], f1[2]], [f2[0], f2[1], f2[2]]])
     u, s, vt = np.linalg.svd(f)
     if dot(f0, cross(f1, f2)) < 0:
@@ -217,11 +217,11 @@ def degenerate_stress(u, s, vt, mu):  # type: ignore[no-untyped-def]
 
 @fast
 def turned_stretches(f0, f1, f2):  # type: ignore[no-untyped-def]
-    """`stretches` for a GPU, where there is no LAPACK: columns of U, the stretches, and columns of V.
+    """`stretches` for a GPU, which has no LAPACK: columns of U, the stretches, and columns of V.
 
-    Pairs of columns of F are turned in their plane until all are orthogonal: F V = U diag(s) (Hestenes, Journal of the
-    Society for Industrial and Applied Mathematics 6, 1958). All turns are proper, so U and V are, and the last stretch
-    is negative where F inverts.
+    Pairs of columns of F are rotated in their plane until all are orthogonal: F V = U diag(s) (Hestenes, Journal of the
+    Society for Industrial and Applied Mathematics 6, 1958). All rotations are proper, so U and V are, too, and the last
+    stretch is negative if F inverts.
     """
     x, y, z = (f0[0], f1[0], f2[0]), (f0[1], f1[1], f2[1]), (f0[2], f1[2], f2[2])
     u, v, w = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -243,7 +243,7 @@ def turned_stretches(f0, f1, f2):  # type: ignore[no-untyped-def]
 
 @fast
 def _turned(x, y, u, v):  # type: ignore[no-untyped-def]
-    """Whether two columns were not orthogonal, and both and those of V after the turn that makes them so."""
+    """Whether two columns were not orthogonal; then both, and those of V, after the rotation that makes them so."""
     xx, yy, xy = dot(x, x), dot(y, y), dot(x, y)
     if not abs(xy) > _ORTHOGONAL * math.sqrt(xx * yy):
         return False, x, y, u, v
@@ -262,7 +262,7 @@ def _turned(x, y, u, v):  # type: ignore[no-untyped-def]
 
 @fast
 def _longer_first(x, y, u, v):  # type: ignore[no-untyped-def]
-    """Two columns and those of V, turned by a right angle where the second is longer."""
+    """Two columns and those of V, rotated by a right angle if the second is longer."""
     if dot(y, y) > dot(x, x):
         return y, combined(-1.0, x, 0.0, x), v, combined(-1.0, u, 0.0, u)
     return x, y, u, v
@@ -277,7 +277,7 @@ def _across(a):  # type: ignore[no-untyped-def]
 
 @fast
 def turned_stress(u, s, v, mu):  # type: ignore[no-untyped-def]
-    """`degenerate_stress` from what `turned_stretches` finds."""
+    """`degenerate_stress` from the result of `turned_stretches`."""
     (a, da), (b, db), (c, dc) = phi(s[0]), phi(s[1]), phi(s[2])
     half, product = mu / 2 * dot(s, s), mu * a * b * c
     p = half * da * b * c + product * s[0]

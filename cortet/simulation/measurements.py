@@ -1,4 +1,4 @@
-"""What is measured of a folding body at one moment: a row of the table that a run writes."""
+"""Measurements of a folding body at one moment: a row of the table that a run writes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cortet.geometry.convex import beyond, planes_of
 from cortet.geometry.topology import edges, enclosed_volume, face_areas, face_normals, vertex_normals
 from cortet.meshes import FloatArray, IntArray
 
-#: length over which curvature is smoothed, mm: less than any fold, more than the steps of a mesh
+#: length over which curvature is smoothed, mm: shorter than any fold, longer than the edges of a mesh
 _SMOOTHING = 1.5
 
 #: columns of the table, in the order of `Measurements`
@@ -61,7 +61,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Measurements:
-    """One row of the table; `COLUMNS` says what its values mean and in which units."""
+    """One row of the table; `COLUMNS` gives the meaning and unit of each value."""
 
     step: int
     time: float
@@ -92,14 +92,14 @@ class Measurements:
 
 
 def shape(points: FloatArray, faces: IntArray, wall: NDArray[np.bool_], cortex_volume: float) -> dict[str, Any]:
-    """Those measurements that depend on the shape alone.
+    """The measurements that depend on the shape alone.
 
     Parameters
     ----------
     points : nodes (n, 3), mm
     faces : triangles (k, 3) of the boundary
     wall : (n,), nodes of the medial wall, where no folds are counted
-    cortex_volume : mm3; NaN where it is not known, and thickness and share are not either
+    cortex_volume : mm3; NaN if unknown, then thickness and share are unknown, too
     """
     volume = enclosed_volume(points, faces)
     nodes, inverse = np.unique(faces, return_inverse=True)
@@ -126,25 +126,25 @@ def shape(points: FloatArray, faces: IntArray, wall: NDArray[np.bool_], cortex_v
 
 
 class Folds(NamedTuple):
-    """What the mean curvature of a surface, smoothed over 1.5 mm, says of its folds."""
+    """Measures of the folds of a surface, from its mean curvature smoothed over 1.5 mm."""
 
-    #: mean distance from gyrus to gyrus, mm; None where there is no line between gyri and sulci
+    #: mean distance from gyrus to gyrus, mm; None if there is no line between gyri and sulci
     spacing: float | None
-    #: share of the area where it is below zero
+    #: share of the area with a mean curvature below zero
     concave: float
 
 
 def folds_of(points: FloatArray, faces: IntArray, cortex: FloatArray) -> Folds:
     """Width and concavity of the folds of a closed surface.
 
-    Their width is the mean distance from gyrus to gyrus: twice the area over the length of the lines between gyri and
-    sulci, where the mean curvature, smoothed over 1.5 mm, is zero. Stripes of any direction, straight or winding, have
-    two of them per wavelength (the stereological relation of length per area; Underwood 1970).
+    The width is the mean distance from gyrus to gyrus: twice the area over the length of the lines between gyri and
+    sulci. On these lines, the mean curvature, smoothed over 1.5 mm, is zero. Stripes of any direction, straight or
+    winding, have two such lines per wavelength (the stereological relation of length per area; Underwood 1970).
 
     Parameters
     ----------
     points, faces : mm (n, 3) and outward (k, 3)
-    cortex : (n,), 1 where it counts, 0 where it does not, on the medial wall
+    cortex : (n,), 1 at vertices that count, 0 at those that do not, on the medial wall
     """
     counted = cortex[faces].min(axis=1)
     values = smoothed_curvature(points, faces)
@@ -162,12 +162,12 @@ def sulcal_depth(points: FloatArray, faces: IntArray, cortex: FloatArray) -> flo
 
 
 def depth_below_hull(points: FloatArray) -> FloatArray:
-    """Distance of each of some points (n, 3) from their convex hull: (n,)."""
+    """Distance of each point (n, 3) from the convex hull of all: (n,)."""
     return -beyond(planes_of(ConvexHull(points)), points)[0]
 
 
 def _mean_over(values: FloatArray, points: FloatArray, faces: IntArray, cortex: FloatArray) -> float:
-    """Mean of values (n,) over the area of the cortex; NaN where there is none."""
+    """Mean of values (n,) over the area of the cortex; NaN if there is none."""
     weight = np.bincount(faces.ravel(), np.repeat(face_areas(points, faces), 3), minlength=len(points)) * cortex
     return float(np.average(values, weights=weight)) if weight.sum() > 0 else float("nan")
 
@@ -193,12 +193,12 @@ def mean_curvature(points: FloatArray, faces: IntArray) -> FloatArray:
 
 
 def _smoothed(values: FloatArray, points: FloatArray, faces: IntArray) -> FloatArray:
-    """Values (n,) averaged with those of their neighbours, until this reaches over the smoothing length."""
+    """Values (n,) averaged with those of their neighbours, repeatedly, up to the smoothing length."""
     start, end = edges(faces).T
     mean_square = float(((points[start] - points[end]) ** 2).sum(axis=1).mean())
     degree = np.bincount(np.r_[start, end], minlength=len(points))
     rounds = max(1.0, 2 * _SMOOTHING**2 / mean_square)
-    # the last round counts in part: whole ones alone would let the width of folds jump as a mesh grows
+    # the last round counts in part: with whole rounds alone, the width of folds would jump as a mesh grows
     for part in [1.0] * int(rounds) + [rounds % 1]:
         total = np.bincount(start, values[end], minlength=len(points))
         total = total + np.bincount(end, values[start], minlength=len(points))
@@ -207,7 +207,7 @@ def _smoothed(values: FloatArray, points: FloatArray, faces: IntArray) -> FloatA
 
 
 def _zero_line(corners: FloatArray, values: FloatArray) -> FloatArray:
-    """Length of the line in each triangle on which linearly interpolated values are zero: (k,).
+    """Length of the line in each triangle where linearly interpolated values are zero: (k,).
 
     Parameters
     ----------
@@ -222,7 +222,7 @@ def _zero_line(corners: FloatArray, values: FloatArray) -> FloatArray:
         step = values[:, corner] - values[:, following]
         part = np.divide(values[:, corner], step, out=np.zeros(len(step)), where=differ)
         place = corners[:, corner] + part[:, None] * (corners[:, following] - corners[:, corner])
-        # each crossed triangle has two such edges: the difference of their places is the line
+        # each crossed triangle has two such edges: the line is the difference of their crossing points
         sign = np.where(positive[:, corner], 1.0, -1.0)
         ends += np.where(differ[:, None], sign[:, None] * place, 0.0)
     return np.where(crossed, np.linalg.norm(ends, axis=1), 0.0)

@@ -1,8 +1,8 @@
-"""The medial wall of half a brain: where the other half would go on, and no cortex grows.
+"""The medial wall of half a brain: where the other half would continue, and no cortex grows.
 
 A surface of one hemisphere is cut at the midline, through the corpus callosum, the thalamus and the brain stem. The
-cut faces the midline and is flat. It is no surface of the brain, so nothing on it grows; and as the other half is the
-mirror image, its nodes slide in the sagittal plane and never leave it.
+cut faces the midline and is flat. It is not a surface of the brain, so nothing grows on it. Because the other half is
+the mirror image, its nodes slide in the sagittal plane and never leave it.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, node_field
 #: hemisphere -> direction along x, in RAS coordinates, in which its other half lies
 TOWARDS_MIDLINE = {"L": 1.0, "R": -1.0}
 
-#: a face looks at the midline up to an angle of this cosine, if it shall be part of a flat cut, or else of some wall
+#: cosine of the largest angle between a face's normal and the midline: for a face of a flat cut, and of any wall
 _FLAT_COSINE, _COSINE = 0.9, 0.2
-#: in units of length of the simulation: how far a cut may be from flat, and around how large a place it is looked for
+#: in units of length of the simulation: how far a cut may be from flat, and radius around its first face
 _FLATNESS, _PLACE = 0.013, 0.15
-#: places at which a cut is looked for, and rounds in which its plane is refined
+#: faces from which a cut is searched, and rounds in which its plane is refined
 _PLACES, _ROUNDS = 100, 5
-#: least share of the surface that a cut has: a flat bit of cortex is smaller
+#: smallest share of the surface that a cut has; flat bits of cortex are smaller
 _LEAST_SHARE = 0.02
 #: callosum, thalamus and brain stem lie in this ellipse of the medial plane: centre and half axes along y and z, in
-#: units of length from the middle; the cortex above faces the midline too, and can be as flat
+#: units of length from the middle; the cortex above faces the midline, too, and can be as flat
 _CENTRE, _HALF_AXES = np.array([0.1, -0.05]), np.array([0.6, 0.45])
-#: of these half axes, where there is no cut to tell where the wall ends
+#: share of these half axes that counts as the wall if there is no cut
 _UNCUT = 0.85
 
 
@@ -43,16 +43,17 @@ class Wall(NamedTuple):
     #: its area, and its share of the whole surface
     area_mm2: float
     share: float
-    #: where it comes from, in words
+    #: its source, in words
     found: str
 
 
 def medial_wall(mesh: TetMesh | TriSurface, hemisphere: str, origin: FloatArray, length: float) -> Wall:
     """The medial wall of half a brain in RAS coordinates, a mesh or its closed surface.
 
-    The point data or the set of faces `medial_wall`, where there are any. Else, of what faces the midline
-    around the middle of the medial plane, the connected part with most area that lies in one plane, if it is at least
-    2 % of the whole surface. Else, as on a surface that was never cut, the connected part with most area.
+    Point data or a set of faces named `medial_wall` define it if there are any. Otherwise, it is a connected part of
+    the faces towards the midline, around the middle of the medial plane. The first choice is the part with most area in
+    one plane, if it is at least 2 % of the whole surface. If there is none, as on a surface that was never cut, it is
+    the connected part with most area.
 
     Parameters
     ----------
@@ -92,7 +93,7 @@ def _wall(
 
 
 def _marked(mesh: TetMesh | TriSurface, faces: IntArray) -> NDArray[np.bool_] | None:
-    """Faces of the wall that the mesh or surface itself names, (k,): those whose nodes all belong to it."""
+    """Faces of the wall that the mesh or surface itself marks, (k,): those whose nodes are all marked."""
     if (marks := node_field(mesh, MEDIAL_WALL)) is not None:
         nodes = marks != 0
     elif isinstance(mesh, TetMesh) and MEDIAL_WALL in mesh.sets.faces:
@@ -110,9 +111,9 @@ def _marked(mesh: TetMesh | TriSurface, faces: IntArray) -> NDArray[np.bool_] | 
 
 
 def _flat_cut(centres: FloatArray, areas: FloatArray, facing: NDArray[np.bool_], faces: IntArray) -> NDArray[np.bool_]:
-    """Of the faces that face the midline (k,), those near one plane and connected with a place near the middle.
+    """Faces that face the midline, near one plane, and connected with a face near the middle: (k,).
 
-    Of the planes through many such places it is the one with most area.
+    Of the planes through many such faces, it is the one with most area.
 
     Parameters
     ----------
@@ -135,14 +136,14 @@ def _flat_cut(centres: FloatArray, areas: FloatArray, facing: NDArray[np.bool_],
 
 
 def _plane(points: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Weighted mean of points (k, 3) and the normal of the plane that fits them best."""
+    """Weighted mean of points (k, 3), and the normal of the plane that fits them best."""
     middle = np.average(points, axis=0, weights=weights)
     spread = np.cov((points - middle).T, aweights=weights) if len(points) > 1 else np.eye(3)
     return middle, np.linalg.eigh(spread)[1][:, 0]
 
 
 def _largest_part(faces: IntArray, areas: FloatArray, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Of some faces (k,), those of the connected part with the largest area."""
+    """The connected part of the `chosen` faces (k,) with the largest area."""
     if not chosen.any():
         return chosen
     part = _parts(faces, chosen)
@@ -150,7 +151,7 @@ def _largest_part(faces: IntArray, areas: FloatArray, chosen: NDArray[np.bool_])
 
 
 def _parts(faces: IntArray, chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Number of the connected part of some faces to which each of them belongs, -1 for the others: (k,)."""
+    """Number of the connected part of each `chosen` face, -1 for the others: (k,)."""
     part = np.full(len(faces), -1, np.int64)
     part[chosen] = component_labels(faces[chosen])[faces[chosen, 0]]
     return part

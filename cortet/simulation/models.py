@@ -1,8 +1,8 @@
-"""The two models of growth, and which of them holds for a mesh.
+"""The two models of growth, and which of them applies to a mesh.
 
-`Growing` is a brain that grows as a whole. Its lengths are those of a frame that grows with the core, by s(t): there
-the core does not grow, and the cortex grows by 1 + alpha along the surface and by 1 + beta = g_r / s across it. In
-`BrainGrowth`, the model of the solver of that name, only the cortex grows, and the frame stays as it is.
+In `Growing`, the whole brain grows. Its lengths are relative to a frame that grows with the core, by s(t). In this
+frame the core does not grow, and the cortex grows by 1 + alpha along the surface and by 1 + beta = g_r / s across it.
+In `BrainGrowth`, the model of the solver of that name, only the cortex grows, and the frame stays as it is.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ from cortet.simulation.law import ACROSS, ALONG, CORE
 from cortet.simulation.section import misplaced
 from cortet.simulation.state import Settings
 
-#: weeks between two ages at which the stretch of the core is solved for, rounds at most, and when they end
+#: weeks between the ages at which the stretch of the core is solved for, most rounds, and largest change in the last
 _KNOTS, _ROUNDS, _SETTLED = 0.5, 50, 1e-12
-#: weeks in which the growth comes that a mesh of later than 22 weeks does not show
+#: weeks within which the hidden growth of a mesh of later than 22 weeks comes
 _RELAXATION = 1.0
-#: ages at which laws of growth are looked at
+#: number of ages at which laws of growth are checked
 _CHECKED = 101
 #: labels that a message lists
 _MOST_LABELS = 10
@@ -57,7 +57,7 @@ Curve = Callable[[FloatArray], FloatArray]
 
 
 class Constants(NamedTuple):
-    """What a model takes where the settings say nothing."""
+    """The constants of a model where the settings leave them out."""
 
     growth_rate: ByAge
     core_stiffness: float
@@ -67,7 +67,7 @@ class Constants(NamedTuple):
     envelope: bool = False
 
 
-#: of `growing`, calibrated on CRL's atlas of 22 weeks (docs/folding.md); of BrainGrowth, Wang et al. 2021
+#: `growing`: calibrated on CRL's atlas of 22 weeks (docs/folding.md); BrainGrowth: Wang et al. 2021
 CONSTANTS = {
     "growing": Constants(growth_rate=0.039, core_stiffness=0.15, thickness_rate=-0.02, thickness=1.25, envelope=True),
     "braingrowth": Constants(growth_rate=1.829, core_stiffness=1.167),
@@ -75,14 +75,14 @@ CONSTANTS = {
 
 
 def tangential(alphas: ArrayLike) -> FloatArray:
-    """Growth of each label (..., labels, 3) of which there is only that along the surface: (..., labels)."""
+    """Growth of each label (..., labels, 3), only along the surface, from alphas (..., labels)."""
     growth = np.zeros((*np.shape(alphas), 3))
     growth[..., ALONG] = alphas
     return growth
 
 
 def course(alphas: ArrayLike) -> Course:
-    """A course of growth along the surface alone: (k, labels)."""
+    """A course of growth along the surface alone, from alphas (k, labels)."""
     growth = tangential(alphas)
     return Course(growth, np.zeros(len(growth)), np.ones(len(growth)))
 
@@ -90,11 +90,11 @@ def course(alphas: ArrayLike) -> Course:
 class BrainGrowth(NamedTuple):
     """The cortex grows, and the core does not (Tallinen et al. 2016, Wang et al. 2021)."""
 
-    #: of each label
+    #: one for each label
     laws: Sequence[Law]
     #: time of the simulation at the start
     start: float
-    #: whether growth counts from t = 0 on and forces are computed from that of the step before, as in the reference
+    #: as the reference: growth counts from t = 0 on, and forces are computed from that of the step before
     reference: bool = False
 
     def at(self, times: FloatArray, dt: float) -> Course:
@@ -119,18 +119,18 @@ class BrainGrowth(NamedTuple):
 
 
 class Growing(NamedTuple):
-    """The whole grows: the core by s(t) in all directions, and the cortex more than that along the surface."""
+    """The whole brain grows: the core by s(t) in all directions, and the cortex more along the surface."""
 
-    #: of each label, growth of the cortex relative to the core since the start, at ages
+    #: for each label, growth of the cortex relative to the core since the start, at ages
     along: Sequence[Curve]
-    #: of each label, growth of its part of the core relative to the frame since the start, at ages
+    #: for each label, growth of its part of the core relative to the frame since the start, at ages
     core: Sequence[Curve]
-    #: thickness of cortex without stress, and s, in those at the start, at ages
+    #: thickness of cortex without stress, and s, each over its value at the start, at ages
     thickness: Curve
     stretch: Curve
-    #: size of the envelope, in that at the start, at ages
+    #: size of the envelope over that at the start, at ages
     envelope: Curve
-    #: growth of the cortex along the surface as it was measured, which replaces `along`
+    #: measured growth of the cortex along the surface, which replaces `along`
     map: GrowthMap | None = None
 
     def at(self, times: FloatArray, dt: float) -> Course:  # noqa: ARG002
@@ -153,11 +153,11 @@ class Growing(NamedTuple):
         return self.body_at(body, age_of(time), self.frame(time)) if self.mapped else body
 
     def body_at(self, body: Body, age: float, stretch: float) -> Body:
-        """The body at an age for some stretch of the core there."""
+        """The body at an age, for a `stretch` of the core then."""
         return body if self.map is None else grown_body(body, self.map, age, stretch)
 
     def grown(self, ages: FloatArray, stretch: FloatArray) -> FloatArray:
-        """Growth of each label at ages (k,) for some stretch of the core there: (k, labels, 3)."""
+        """Growth of each label at ages (k,), for a `stretch` of the core at each: (k, labels, 3)."""
         growth = np.empty((len(ages), len(self.along), 3))
         growth[:, :, ACROSS] = (self.thickness(ages) / stretch - 1)[:, None]
         for label, (along, core) in enumerate(zip(self.along, self.core, strict=True)):
@@ -166,14 +166,14 @@ class Growing(NamedTuple):
 
 
 def constants(settings: Settings) -> Constants:
-    """The constants of the model, those that the settings name replaced."""
+    """The constants of the model; those in the settings replace its own."""
     usual = CONSTANTS[settings.model]
     given = {name: value for name in usual._fields if (value := getattr(settings, name)) is not None}
     return usual._replace(**given)
 
 
 def check_model(settings: Settings) -> None:
-    """Raise InputError for a setting of the other model, or a law of growth by which nothing is left."""
+    """Raise InputError for a setting of the other model, or a law of growth that leaves nothing of the body."""
     if wrong := misplaced(settings):
         what, _, remedy = wrong.partition(": ")
         raise InputError(what, remedy=remedy)
@@ -201,7 +201,7 @@ def thickness_at_start(settings: Settings, scale: Scale) -> float:
 
 
 def labels_of(mesh: TetMesh, settings: Settings) -> tuple[IntArray | None, IntArray | None]:
-    """Which growth law each node follows, and which of the core each tetrahedron; None: all the first.
+    """The growth law of each node, and the number of the core law of each tetrahedron; None: all the first.
 
     Raises
     ------
@@ -217,7 +217,7 @@ def labels_of(mesh: TetMesh, settings: Settings) -> tuple[IntArray | None, IntAr
 
 
 def stiffness_of(mesh: TetMesh, settings: Settings) -> FloatArray:
-    """Shear modulus of the core of each tetrahedron over that of the core as a whole: (m,).
+    """Shear modulus of the core of each tetrahedron over the usual one: (m,).
 
     Raises
     ------
@@ -229,7 +229,7 @@ def stiffness_of(mesh: TetMesh, settings: Settings) -> FloatArray:
 
 
 def _places(mesh: TetMesh, keys: Sequence[int | str], setting: str) -> IntArray:
-    """The place of each tetrahedron among some regions, by number or by name of a set, from 1 on; else 0."""
+    """Which of the regions `keys` (numbers, or names of sets) each tetrahedron is in, from 1 on; else 0."""
     places = np.zeros(len(mesh.cells), np.int32)
     numbers = [key for key in keys if str(key).lstrip("-").isdecimal()]
     if numbers:
@@ -249,7 +249,7 @@ def _places(mesh: TetMesh, keys: Sequence[int | str], setting: str) -> IntArray:
 
 
 def _named(values: FloatArray | None, labels: Mapping[int, object], what: str, key: str) -> FloatArray:
-    """Values that hold all of some labels; InputError where there are none, or a label is not among them."""
+    """The values, if they contain all `labels`; InputError if there are no values, or a label is missing."""
     if values is None:
         raise InputError(
             f"{key} names regions, but the mesh has no {what}",
@@ -267,7 +267,7 @@ def _named(values: FloatArray | None, labels: Mapping[int, object], what: str, k
 
 
 def _numbered(values: FloatArray, labels: Mapping[int, object]) -> IntArray:
-    """The place of each value among some labels, from 1 on; 0 where it is none of them."""
+    """The index of each value among `labels`, from 1 on; 0 if it is none of them."""
     number = np.zeros(len(values), np.int32)
     for place, label in enumerate(labels, start=1):
         number[values == int(label)] = place
@@ -275,7 +275,7 @@ def _numbered(values: FloatArray, labels: Mapping[int, object]) -> IntArray:
 
 
 def model_of(body: Body, mesh: TetMesh, settings: Settings) -> Growth:
-    """How the body of a mesh grows, whose labels are those of the laws times those of the core."""
+    """The growth of the body of a mesh; its labels are the product of those of the laws and those of the core."""
     start, chosen = time_of(settings.gestational_age), constants(settings)
     _check_one_law(mesh, settings)
     of_regions = [Gompertz(*values) for values in settings.regions.values()]
@@ -285,7 +285,7 @@ def model_of(body: Body, mesh: TetMesh, settings: Settings) -> Growth:
     first = settings.gestational_age
     measured = map_of(mesh, body, first)
     along = _since(chosen.growth_rate, first)
-    if measured is not None:  # what a map says is imposed, and nothing else
+    if measured is not None:  # the map is imposed, and nothing else
         along = np.ones_like  # the amount of an element is its growth
     elif settings.start == "stressed":
         along = _stressed(along, hidden_growth(chosen.growth_rate, first), first)
@@ -305,7 +305,7 @@ def model_of(body: Body, mesh: TetMesh, settings: Settings) -> Growth:
 
 
 def _check_one_law(mesh: TetMesh, settings: Settings) -> None:
-    """Raise InputError where a mesh with maps of growth has another law besides."""
+    """Raise InputError if a mesh with maps of growth has another law, too."""
     maps = [name for name in mesh.point_data if is_map(name)]
     others = {
         "fold.model braingrowth": settings.model == "braingrowth",
@@ -320,14 +320,14 @@ def _check_one_law(mesh: TetMesh, settings: Settings) -> None:
 
 
 def _since(values: ByAge, start: float) -> Curve:
-    """Relative change since an age, weeks, from that since 22 weeks."""
+    """Relative change since the age `start`, weeks, from the change since 22 weeks."""
     change = by_age(values)
     at_start = float(change(np.array([start]))[0])
     return lambda ages: (1 + change(ages)) / (1 + at_start) - 1
 
 
 def hidden_growth(growth_rate: ByAge, age: float) -> float:
-    """By how much the cortex of an age is compressed: growth since 22 weeks over what the area shows of it, less 1.
+    """Compression of the cortex at an age: growth since 22 weeks over the growth that the area shows, less 1.
 
     The area is that of usual hemispheres, relative to a core that grows as their volume does.
     """
@@ -338,34 +338,34 @@ def hidden_growth(growth_rate: ByAge, age: float) -> float:
 
 
 def _stressed(along: Curve, hidden: float, start: float) -> Curve:
-    """Growth with what is hidden at the start besides, which comes evenly within `_RELAXATION`."""
+    """Growth with the hidden growth at the start added; it comes evenly within `_RELAXATION`."""
     return lambda ages: (1 + along(ages)) * (1 + hidden) ** np.clip((ages - start) / _RELAXATION, 0, 1) - 1
 
 
 def _as_ages_say(law: Law, start: float) -> Curve:
-    """A law of the time of the simulation, at ages."""
+    """A law of the time of the simulation, as a function of age."""
     return lambda ages: growth_since(law, start, times_of(ages))
 
 
 def _relative(volumes: Mapping[float, float] | None, law: tuple[float, float, float], start: float) -> Curve:
-    """Volumes at ages, in that at the start; None: those of a law."""
+    """Volumes at ages, over that at the start; None: those of a law."""
     curve = partial(usual, law) if volumes is None else by_age(volumes)
     at_start = curve(np.array([start]))
     return lambda ages: curve(ages) / at_start
 
 
 def with_volume(model: Growing, body: Body, volume: Curve, start: float, end: float) -> Growing:
-    """The model with that stretch of the core by which the whole, were it free of stress, has the volume it should.
+    """The model with the stretch of the core that gives the whole, free of stress, its wanted volume.
 
     Parameters
     ----------
-    volume : of the whole at ages (k,), in that at the start
+    volume : of the whole at ages (k,), over that at the start
     start, end : ages, weeks
     """
     ages = np.linspace(start, end, max(int(np.ceil((end - start) / _KNOTS)), 1) + 1)
     wanted = volume(ages)
     stretch = np.cbrt(wanted)
-    for _ in range(_ROUNDS):  # s^3 total(s) = wanted: the cortex is a small part of the whole, so this contracts
+    for _ in range(_ROUNDS):  # s^3 total(s) = wanted: a contraction, as the cortex is a small part of the whole
         total = [
             grown_volume_of(model.body_at(body, age, s), growth)
             for age, s, growth in zip(ages, stretch, model.grown(ages, stretch), strict=True)

@@ -1,12 +1,13 @@
-"""Elements in patches of 512 neighbours: what a thread loads once, works on in its cache, and hands on as sums.
+"""Elements in patches of 512 neighbours: a thread loads a patch once, works on it in its cache, and writes sums.
 
 The elements of a patch number their own nodes from 0. A kernel copies the positions of these nodes, works on all
-elements of the patch, adds what they do to the patch's own nodes, one element after another, and writes one sum for
-each of these nodes: a slot. A node then adds its slots, of two or three patches, in the order of the patches. Nothing
-is added from two threads, so the bits are the same for any number of them; and no force of an element goes to memory.
+elements of the patch, and adds their contributions to the patch's own nodes, one element after another. It then writes
+one sum for each of these nodes: a slot. A node then adds its slots, of two or three patches, in the order of the
+patches. No two threads add to the same value, so the bits are the same for any number of threads. No force of an
+element goes to main memory.
 
-Within a patch everything lies in rows of 512 values, one for each element, so that the compiler works on as many
-elements at a time as a vector register holds.
+Within a patch all data are in rows of 512 values, one for each element, so that the compiler works on as many elements
+at a time as a vector register holds.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from numpy.typing import NDArray
 from cortet.meshes import FloatArray, IntArray
 from cortet.simulation.body import Body
 
-#: elements of a patch; the last patch is filled up with copies of the last element, whose results are not used
+#: elements of a patch; copies of the last element fill the last patch, and their results are not used
 SIZE = 512
-#: first rows of `Patches.constants`, and how many there are
+#: first row of each quantity in `Patches.constants`, and the number of rows
 GRADIENTS, NORMAL, VOLUME, DEPTH, THICKNESS, MASK, AMOUNT, STIFFNESS, ISOTROPIC = 0, 9, 12, 13, 14, 15, 16, 17, 18
 ROWS = 19
 
@@ -34,12 +35,12 @@ class Patches(NamedTuple):
     offsets: NDArray[np.int64]
     #: (s,) int32, node of each slot
     nodes: IntArray
-    #: (b, 4 SIZE), rows of the four corners of each element, as slots of the patch counted from 0
+    #: (b, 4 SIZE), rows of the four corners of each element, as slots of the patch numbered from 0
     corners: NDArray[np.uint16]
-    #: (b, 19 SIZE), rows of what does not change: gradients of the shape functions 1, 2 and 3, normal n, reference
+    #: (b, 19 SIZE), rows of constants: gradients of the shape functions 1, 2 and 3, normal n, reference
     #: volume, depth, thickness, mask, amount, stiffness, and 1 - n n
     constants: FloatArray
-    #: (b, SIZE), which growth each element follows
+    #: (b, SIZE), the growth label of each element
     label: IntArray
     #: slots of node i: around[starts[i]:starts[i + 1]]
     starts: NDArray[np.int64]
@@ -47,7 +48,7 @@ class Patches(NamedTuple):
 
 
 def patches_of(body: Body) -> Patches:
-    """The patches of a body, in the order of its elements: neighbours should be near each other in it."""
+    """The patches of a body, in the order of its elements; neighbours should be close in this order."""
     m, n = len(body.cells), len(body.held)
     count = -(-m // SIZE)
     filled = np.minimum(np.arange(count * SIZE), m - 1)
@@ -70,7 +71,7 @@ def patches_of(body: Body) -> Patches:
 
 
 def renew(patches: Patches, body: Body) -> None:
-    """Put `gradients`, `amount` and `volumes` of a body into its patches."""
+    """Update `gradients`, `amount` and `volumes` of a body in its patches."""
     _renew(patches.constants, body.gradients, body.amount, body.volumes)
 
 

@@ -1,7 +1,7 @@
 """Is a mesh the brain that a fold takes it for?
 
-It should be in mm and RAS coordinates, of its age, with its midline where the hemisphere says, and with cells finer
-than its cortex. A mesh that certainly is not is refused; a doubt is said.
+It should be in mm and RAS coordinates, at its age, with its midline where the hemisphere says, and with cells finer
+than its cortex. A mesh that certainly fails is refused; a doubt is reported.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from cortet.simulation.state import Run, Settings
 
 #: longest side of a body that may be a brain in mm; mice have 8 mm, human adults 180
 EXTENT_MM = (5.0, 400.0)
-#: volume of a hemisphere by age: weeks, and mL of the templates at hand; a body so many times larger or smaller is
-#: doubted
+#: volume of a hemisphere by age: weeks, and mL of the available templates; a body that is larger or smaller by more
+#: than the factor below is doubted
 _WEEKS, _ML = (20.0, 22.0, 25.0, 30.0, 33.0, 40.0), (18.0, 29.0, 39.0, 70.0, 87.0, 110.0)
 _TIMES = 3.0
-#: a side is flat where faces look at it up to an angle of this cosine and are within this depth of the outermost, in
-#: units of half the length
+#: a side is flat where the faces point to it, up to an angle of this cosine, and are within this depth of the
+#: outermost, in units of half the length
 _COSINE, _DEPTH = 0.7, 0.12
-#: how many times flatter than the medial side another one must be to be taken for it; of 30 real and synthetic
-#: hemispheres of 22 weeks to adults the medial side is 1.13 to 5 times as flat as any other
+#: how much flatter than the expected medial side another side must be to be taken for it. In 30 real and synthetic
+#: hemispheres of 22 weeks to adults, the medial side is 1.13 to 5 times as flat as any other
 _OTHER_SIDE, _OTHER_AXIS = 1.2, 1.5
-#: cell size over thickness, above which folds are as wide as the cells make them
+#: cell size over thickness above which the cells determine the width of folds
 COARSEST = 0.6
-#: half a brain lies on one side of x = 0 where it reaches beyond it by less than this share of its width
+#: half a brain lies on one side of x = 0 if it reaches beyond it by less than this share of its width
 _REACH = 0.1
-#: smallest over largest extent below which a body has the shape of half a brain, 0.36 to 0.5; of rounder ones, nothing
-#: about their sides is certain
+#: smallest over largest extent below which a body has the shape of half a brain (0.36 to 0.5); the sides of a rounder
+#: body are uncertain
 _NARROW = 0.65
-#: a side that is flatter by less than this is as flat
+#: largest ratio of flatness at which two sides are equally flat
 _ALIKE = 1.05
 #: tetrahedra per cube of the cell size
 _TETS_PER_CUBE = 4.0
@@ -49,7 +49,7 @@ _SIDES = {(axis, sign): f"{'+' if sign > 0 else '-'}{'xyz'[axis]}" for axis in r
 
 
 def refuse_shell(regions: Collection[str]) -> None:
-    """Raise InputError where something lies around the brain: the model's cortex ends at the boundary.
+    """Raise InputError if another region surrounds the brain: the model's cortex ends at the boundary.
 
     Parameters
     ----------
@@ -62,13 +62,13 @@ def refuse_shell(regions: Collection[str]) -> None:
 
 
 def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
-    """Doubts about a mesh, in sentences.
+    """Doubts about a mesh, as sentences.
 
     Raises
     ------
     InputError
         the age is impossible; the mesh cannot be measured, has an inverted element or is no brain in mm; other regions
-        lie around the brain; or its medial side is another than the hemisphere says
+        surround the brain; or its medial side is another than the hemisphere says
     """
     require_measurable(mesh)
     refuse_shell(mesh.sets.cells)
@@ -80,7 +80,7 @@ def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
 
 
 def check_cells(run: Run) -> list[str]:
-    """A doubt, in a sentence, where the cells next to the surface are as coarse as the cortex."""
+    """A doubt, as a sentence, if the cells next to the surface are as coarse as the cortex."""
     volumes = signed_volumes(run.mesh.points, run.mesh.cells)[np.unique(boundary(run.mesh).cells)]
     size, thickness = float(np.cbrt(_TETS_PER_CUBE * np.median(volumes))), thickness_mm(run)
     if size <= COARSEST * thickness:
@@ -92,7 +92,7 @@ def check_cells(run: Run) -> list[str]:
 
 
 def _size(mesh: TetMesh, settings: Settings) -> list[str]:
-    """Whether the body has the volume of a brain of its age; InputError where it has the length of none."""
+    """A doubt if the volume is not that of a brain of its age; InputError if no brain has its length."""
     longest = float(np.ptp(mesh.points, axis=0).max())
     low, high = EXTENT_MM
     if not low <= longest <= high:
@@ -117,9 +117,9 @@ def _size(mesh: TetMesh, settings: Settings) -> list[str]:
 
 
 def _side(mesh: TetMesh, hemisphere: str) -> list[str]:
-    """Whether the medial side of half a brain is where it should be; InputError where it certainly is elsewhere.
+    """A doubt if the medial side of half a brain is not where it should be; InputError if it is certainly elsewhere.
 
-    A medial side is the flattest of the six, so another one that is flatter speaks against the one that is said.
+    A medial side is the flattest of the six, so another side that is flatter contradicts the one expected.
     """
     said = (0, int(TOWARDS_MIDLINE[hemisphere]))
     if MEDIAL_WALL in mesh.point_data or MEDIAL_WALL in mesh.sets.faces:
@@ -150,7 +150,7 @@ def _side(mesh: TetMesh, hemisphere: str) -> list[str]:
 
 
 def flatness(mesh: TetMesh) -> dict[tuple[int, int], float]:
-    """Share of the surface that is flat and outermost at each of the six sides: (axis, sign) -> share."""
+    """Share of the surface that is flat and outermost on each of the six sides: (axis, sign) -> share."""
     faces = boundary(mesh).faces
     areas = face_areas(mesh.points, faces)
     normals: FloatArray = face_normals(mesh.points, faces) / (2 * areas[:, None])

@@ -1,4 +1,4 @@
-"""A run in memory: how it is prepared, where it begins, and how it goes on."""
+"""A run in memory: its preparation, its beginning, and its steps."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ from cortet.simulation.models import check_model, constants, labels_of, model_of
 from cortet.simulation.state import Moment, Run, Settings, Stepper
 from cortet.simulation.stepper import OnCpu
 
-#: steps for which growth is computed at a time, and after which its work is added up
+#: steps for which growth is computed at once; then its work is added up
 _CHUNK = 100
-#: steps during which the growth of a map stays as in the middle of them
+#: steps during which the growth of a map is constant: that in the middle of them
 _ALIKE = 20
 #: medial plane of the reference
 _REFERENCE_PLANE = {"gap": 0.004, "plane": 1.0}
-#: settings that are above 0
+#: settings that must be above 0
 _POSITIVE = ("end", "core_stiffness", "thickness", "record_interval", "frame_interval")
 #: hemisphere -> side of the medial plane in RAS coordinates
 _SIDE = {"L": -1.0, "R": 1.0, None: 0.0}
@@ -54,8 +54,8 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
 
     Raises
     ------
-    InputError : a setting is no number of its kind; nothing grows; the tetrahedra fill no body, or one is inverted; a
-        field is missing or has impossible values; the time step is not stable; or there is no GPU
+    InputError : a setting is not a number of its kind; nothing grows; the tetrahedra fill no body, or one is inverted;
+        a field is missing or has impossible values; the time step is not stable; or there is no GPU
     """
     _check_numbers(settings)
     check_age(settings.gestational_age)
@@ -76,7 +76,7 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
         wall = medial_wall(mesh, settings.hemisphere, scale.origin, scale.length)
     held = None if wall is None else wall.nodes
     mask, amount = growth_mask(mesh, scale, held, reference=settings.reference), None
-    if settings.model == "growing":  # how much a place grows and how stiff it is are two things
+    if settings.model == "growing":  # growth and stiffness of a spot are independent
         mask, amount = default_mask(mesh, scale, held), amount_of_growth(mesh)
     thickness = thickness_at_start(settings, scale)
     body = body_of(mesh, scale, thickness=thickness, mask=mask, amount=amount, labels=labels, held=held)
@@ -114,12 +114,12 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
 
 
 def _stiffest(material: Material, body: Body) -> Material:
-    """The material of that core which is stiffest: the time step is that of it."""
+    """The material of the stiffest core, which limits the time step."""
     return material._replace(mu_core=material.mu_core * float(body.stiffness.max()))
 
 
 def _check_numbers(settings: Settings) -> None:
-    """Raise InputError for a setting that is no finite number, or not above 0 where it must be."""
+    """Raise InputError for a setting that is not a finite number, or not above 0 where it must be."""
     for name in _POSITIVE:
         value = getattr(settings, name)
         if value is not None and not (np.isfinite(value) and value > 0):
@@ -171,7 +171,7 @@ def thickness_mm(run: Run) -> float:
 
 
 def _ordered(mesh: TetMesh) -> tuple[TetMesh, NDArray[np.int64], NDArray[np.int64]]:
-    """The mesh along a space-filling curve, and the number of each node and cell in the one given."""
+    """The mesh along a space-filling curve, and the number of each node and cell in the given mesh."""
     node = curve_order(mesh.points)
     cells = np.argsort(node).astype(np.int32)[mesh.cells]
     cell = np.argsort(cells.min(axis=1), kind="stable")
@@ -202,9 +202,9 @@ def beginning(run: Run) -> Moment:
 
 
 def advance_to(run: Run, moment: Moment, target: float) -> bool:
-    """Step until the time `target`; True when it ended before, at an inverted element.
+    """Step until the time `target`; True if the run ended before, at an inverted element.
 
-    The time step is that for the body as it is now (`time_step_of`), or a little less: the steps are equal.
+    The time step is that for the present body (`time_step_of`), or a little less, so that all steps are equal.
     """
     stepper = moment.stepper or _stepper(run, moment)
     begin, moment.stepper = moment.time, stepper
@@ -229,7 +229,7 @@ def _stepper(run: Run, moment: Moment) -> Stepper:
 
 
 def time_step_of(run: Run, moment: Moment) -> float:
-    """Time step for the body as it is: growth and folding flatten elements, and flat ones call for small steps.
+    """Time step for the present body: growth and folding flatten elements, and flat ones require small steps.
 
     A time step that the user has chosen holds until the limit of stability falls below it.
     """
@@ -243,15 +243,15 @@ def time_step_of(run: Run, moment: Moment) -> float:
 def _advance_over(
     run: Run, moment: Moment, stepper: Stepper, times: FloatArray, dt: float, energy: float
 ) -> tuple[bool, float]:
-    """Step once at each of some times, from the energy before them.
+    """Take one step at each of `times`; `energy` is the energy before them.
 
-    Adds the energy that growth brings into the body. At a fixed shape, growth alone changes the energy from that with
-    the growth before to that with the growth after; its work is the mean of this change for the shapes at both ends
-    (trapezoidal rule).
+    Also adds up the energy that growth brings into the body. At a fixed shape, only growth changes the energy, from
+    that with the earlier growth to that with the later one. The work of growth is the mean of this change over the
+    shapes at both ends (trapezoidal rule).
 
     Returns
     -------
-    whether it ended at an inverted element; the energy after the steps
+    whether the run ended at an inverted element; the energy after the steps
     """
     before = stepper.copy()
     course = run.growth.at(times, dt)
@@ -274,19 +274,19 @@ def _advance_over(
 
 
 def _energies(run: Run, stepper: Stepper, state: Motion, time: float, dt: float) -> tuple[float, float]:
-    """Kinetic and elastic energy of a state with the growth of a time."""
+    """Kinetic and elastic energy of a state with the growth at a time."""
     course = run.growth.at(np.array([time]), dt)
     stepper.take(run.growth.body(run.body, time))
     return stepper.energies(state, course.growth[0], float(course.thickening[0]))
 
 
 def millimetres(run: Run, moment: Moment) -> FloatArray:
-    """Where the nodes are: (n, 3) mm."""
+    """Positions of the nodes: (n, 3) mm."""
     return run.scale.origin + run.scale.length * run.growth.frame(moment.time) * moment.state.x
 
 
 def measured(run: Run, moment: Moment) -> Measurements:
-    """Measure the body as it is; its J and growth are left in `moment.work`."""
+    """Measure the body in its present state; its J and growth are left in `moment.work`."""
     work = moment.work
     kinetic, elastic = _energies(run, OnCpu(run, moment), moment.state, moment.time, 0.0)
     dissipated, pushed = work.energy.tolist()

@@ -1,4 +1,4 @@
-"""The section `fold` of the configuration: the only place of the defaults and limits of a folding simulation."""
+"""The section `fold` of the configuration: the only source of the defaults and limits of a folding simulation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, model_validator
 from cortet.sections import Cases, Finite, Positive, Section
 from cortet.simulation.growth import AGES
 
-#: what stands for the hemisphere in the name of a file
+#: placeholder for the hemisphere in the name of a file
 _HEMI = "{hemi}"
 
 Model = Literal["growing", "braingrowth"]
@@ -21,7 +21,7 @@ ByAge = Amount | Annotated[dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])],
 
 
 def misplaced(fold: Any) -> str | None:
-    """What is wrong with a section or the settings of a run where a key belongs to the other model; None: nothing."""
+    """What is wrong if a section or the settings of a run have a key of the other model; None: nothing."""
     growing = fold.model == "growing"
     of_growing = {
         "thickness_rate": fold.thickness_rate is not None,
@@ -131,7 +131,7 @@ class Fold(Section):
         return self
 
     def real_surfaces_of(self, hemisphere: str | None) -> dict[float, Path]:
-        """The real brains for a hemisphere; for a whole one (None) those whose names depend on none."""
+        """The real brains for a hemisphere; for a whole one (None), those whose names depend on none."""
         return {
             age: Path(str(path).replace(_HEMI, hemisphere or ""))
             for age, path in self.real_surfaces.items()

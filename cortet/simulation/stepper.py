@@ -12,24 +12,24 @@ from cortet.simulation.state import Moment, Run
 
 
 class OnCpu:
-    """The steps of a moment, in place: a `state.Stepper`."""
+    """Takes the steps of a moment in place; a `state.Stepper`."""
 
     def __init__(self, run: Run, moment: Moment) -> None:
         self._run, self._moment, self._body = run, moment, run.body
 
     @property
     def state(self) -> Motion:
-        """Where the body is."""
+        """The motion of the body."""
         return self._moment.state
 
     def begin(self) -> None:
-        """Nothing: the moment is the memory."""
+        """Do nothing: the state is that of the moment itself."""
 
     def finish(self) -> None:
-        """Nothing."""
+        """Do nothing."""
 
     def copy(self) -> Motion:
-        """Where the body is."""
+        """A copy of the motion of the body."""
         return Motion(self.state.x.copy(), self.state.v.copy())
 
     def advance(self, course: Course, dt: float) -> tuple[int, int]:
@@ -39,13 +39,13 @@ class OnCpu:
         return int(steps), int(how)
 
     def take(self, body: Body) -> None:
-        """Go on with a body whose `amount`, `gradients` and `volumes` may be others than before."""
+        """Continue with a body whose `amount`, `gradients` and `volumes` may have changed."""
         if body is not self._body:
             renew(self._moment.work.patches, body)
             self._body = body
 
     def list_contacts(self, envelope: float) -> None:
-        """Make the list of contacts anew for a size of the envelope."""
+        """Renew the list of contacts for a size of the envelope."""
         self._moment.contact = listed_at(self._moment.contact, self.state.x, envelope)
 
     def energies(self, state: Motion, growth: FloatArray, thickening: float) -> tuple[float, float]:
