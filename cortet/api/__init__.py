@@ -1,4 +1,4 @@
-"""cortet in a few calls: `mesh`, `fold`, `growth`, `certify`, `repair`, `compare`, from files or arrays to results.
+"""cortet in a few calls, `mesh`, `fold`, `growth`, `certify`, `repair`, `compare`, from files or arrays to results.
 
 Surfaces may be files, NiBabel images, meshes of PyVista or trimesh, or pairs of arrays. Nothing is written unless a
 result is saved. The command line and the workflow do the same with files.

@@ -1,4 +1,4 @@
-"""`fold`, what it returns, and `growth`, which a fold may take."""
+"""`fold` and its result, and `growth`, which a fold may use."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ def growth(
     spheres: tuple[SurfaceLike, SurfaceLike] | None = None,
     smooth: float | None = None,
 ) -> tuple[dict[str, NDArray[Any]], Growth]:
-    """How much each spot of a surface has grown until a later age.
+    """How much each spot of a surface has grown by a later age.
 
     Parameters
     ----------
     ages : gestational ages of the two, weeks
-    spheres : registered spheres of the two, through which their vertices correspond; None: they do by their numbers
-    smooth : full width at half maximum of the smoothing along the surface, mm; None: as much as noise asks for
+    spheres : registered spheres of the two, through which their vertices correspond; None: by their numbers
+    smooth : full width at half maximum of the smoothing along the surface, mm; None: as much as noise requires
 
     Returns
     -------
-    fields for `mesh`, by which a mesh of `early` grows when it is folded; and what was measured
+    fields for `mesh`, with which a mesh of `early` grows when it is folded; and the measured growth
 
     Raises
     ------
-    InputError : the vertices do not correspond, or the ages do not rise
+    InputError : the vertices do not correspond, or the second age is not later
     """
     from cortet.measure.surface_growth import measured, through_spheres
     from cortet.simulation.growth_map import field_of
@@ -70,7 +70,7 @@ class Folded:
     table: pd.DataFrame
     folder: Path
     hemi: Literal["L", "R"] | None
-    #: removes the folder once nobody holds the fold any more, where the user named none
+    #: if the user named no folder: removes it once the fold is no longer used
     _keeper: Any = field(default=None, repr=False)
 
     def at(self, ga: float) -> TetMesh:
@@ -102,18 +102,18 @@ def fold(
     progress: bool | Callable[..., None] = True,
     **settings: Any,
 ) -> Folded:
-    """Let a mesh grow and fold.
+    """Grow and fold a mesh.
 
     Parameters
     ----------
-    ga : gestational age of the mesh, weeks; None: that with which it was made
+    ga : gestational age of the mesh, weeks; None: the age given when it was made
     hemi : "L" or "R" for half a brain; None: that of the mesh
-    folder : gets table and frames, and a run that was killed goes on there; None: a folder that goes with the result
+    folder : gets table and frames, and a run that was killed continues there; None: one that is deleted with the result
     settings : keys of the section `fold`: end, thickness, model, ...
 
     Raises
     ------
-    InputError : the age is not known, or the mesh cannot be folded
+    InputError : the age is unknown, or the mesh cannot be folded
     """
     import pandas as pd
 

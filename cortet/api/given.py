@@ -1,4 +1,4 @@
-"""What a caller may give: surfaces, fields and settings in memory or as files."""
+"""Inputs of a caller: surfaces, fields and settings in memory or as files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cortet.formats.gifti import read_surface, surface_of
 from cortet.meshes import TriSurface
 from cortet.solver_files.fields import require_finite
 
-#: a file of any format that is read, `TriSurface`, NiBabel's `GiftiImage`, PyVista's `PolyData`, trimesh's `Trimesh`,
+#: a file of any readable format, `TriSurface`, NiBabel's `GiftiImage`, PyVista's `PolyData`, trimesh's `Trimesh`,
 #: or vertices (n, 3) in mm and faces (m, 3)
 SurfaceLike = Any
 #: a file, or keys of the configuration by section
@@ -22,11 +22,11 @@ Settings = str | Path | Mapping[str, Any]
 
 
 def surface(shape: SurfaceLike) -> TriSurface:
-    """A surface from whatever holds one.
+    """A surface from any object that holds one.
 
     Raises
     ------
-    InputError : it holds no triangles, hides some of its values, or is of no kind that is known
+    InputError : it holds no triangles, hides some of its values, or is of an unknown kind
     """
     if isinstance(shape, TriSurface):
         return shape
@@ -53,7 +53,7 @@ def require_named(given: Any, what: str) -> None:
 
 
 def require_fields(fields: Mapping[str, Any]) -> None:
-    """Raise InputError for fields that no file could hold, and for values that no solver reads."""
+    """Raise InputError for fields that no file could hold, or values that no solver reads."""
     for name, values in fields.items():
         if not (isinstance(name, str) and re.fullmatch(r"\w[\w .-]*", name)):
             raise InputError(f"{name!r} is no name of a field", remedy="use letters, digits, _ and -")
@@ -81,6 +81,6 @@ def _of_arrays(vertices: Any, faces: Any) -> TriSurface:
 
 
 def _require_unmasked(values: Any, name: str) -> None:
-    """Raise InputError for a masked array with masked values, which `np.asarray` would bring back."""
+    """Raise InputError for a masked array with masked values, which `np.asarray` would unmask."""
     if hidden := int(np.ma.getmaskarray(values).sum()) if isinstance(values, np.ma.MaskedArray) else 0:
         raise InputError(f"{name}: {hidden} values are masked", remedy="give them values with filled()")

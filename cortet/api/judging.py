@@ -1,4 +1,4 @@
-"""`certify`, `compare` and `repair`: judge meshes, mend surfaces."""
+"""`certify`, `compare` and `repair`: judge meshes, repair surfaces."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def certify(
 
     Parameters
     ----------
-    cell_size : mm, by which distances are judged; None: taken from the mesh
+    cell_size : mm, the scale of limits on distances; None: taken from the mesh
     """
     from cortet.measure.certify import certify as judged
 
@@ -39,7 +39,7 @@ def certify(
 
 
 def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSurface, dict[str, Any]]:
-    """Mend a surface that is open, not manifold, turned inside out or crosses itself; also says what was done."""
+    """Repair a surface that is open, not manifold, turned inside out or crosses itself; also return what was done."""
     from cortet.stages.repair import repair as mended
 
     given = read_surface(shape, finite=False) if isinstance(shape, str | Path) else surface(shape)
@@ -51,7 +51,7 @@ def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSur
 def compare(
     meshes: Mapping[str, TetMesh | Mesh | str | Path], shape: SurfaceLike, cell_size: float | None = None
 ) -> pd.DataFrame:
-    """The numbers of several meshes of one surface side by side: a row per number, a column per mesh."""
+    """The numbers of several meshes of one surface side by side: a row for each number, a column for each mesh."""
     import pandas as pd
 
     from cortet.report.comparison_page import comparison_rows

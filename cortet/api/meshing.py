@@ -1,4 +1,4 @@
-"""`mesh` and what it returns."""
+"""`mesh` and its result."""
 
 from __future__ import annotations
 
@@ -53,13 +53,13 @@ class Mesh:
 
     mesh: TetMesh
     certificate: Certificate
-    #: that was meshed: the one given, mended and smoothed
+    #: the surface that was meshed: the given one, repaired and smoothed
     surface: TriSurface
-    #: gestational age, weeks, and hemisphere, where they are known
+    #: gestational age, weeks, and hemisphere, if known
     ga: float | None = None
     hemi: Literal["L", "R"] | None = None
     config: Config = field(default_factory=Config)
-    #: files that it was made from, which nothing is written to
+    #: files that it was made from; they are never overwritten
     inputs: tuple[Path, ...] = ()
     #: a row for each label of each volume, as `solver_files.volumes.TISSUE_COLUMNS`
     tissue_rows: tuple[Mapping[str, Any], ...] = ()
@@ -95,7 +95,7 @@ class Mesh:
         return pd.DataFrame([asdict(check) for check in self.certificate.checks])
 
     def tissues(self) -> pd.DataFrame:
-        """What of the mesh has each label of its volumes: tetrahedra, mL, worst q, mean share inside."""
+        """The part of the mesh with each label of its volumes: tetrahedra, mL, worst q, mean share inside."""
         import pandas as pd
 
         return pd.DataFrame(list(self.tissue_rows), columns=names(TISSUE_COLUMNS))
@@ -112,13 +112,13 @@ class Mesh:
         return grid
 
     def plot(self, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
-        """A picture of the mesh, cut open, transparent around it: (height, width, 4), drawn without a display."""
+        """A picture of the mesh, cut open, with the rest transparent: (height, width, 4); needs no display."""
         from cortet.report.render import cut_view
 
         return cut_view(self.mesh, regions=bool(self.surface.inner), size=size)
 
     def named(self) -> TetMesh:
-        """The mesh with its named sets, as files hold it; they take the place of the numbers of regions."""
+        """The mesh with its named sets, as files hold it; they replace the numbers of regions."""
         return named_sets(
             self.mesh,
             **self.config.export.sets,
@@ -128,16 +128,16 @@ class Mesh:
         )
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
-        """Write the mesh in the format of the file's ending, verified, with its sidecar.
+        """Write the mesh in the format that the file's ending names, verified, with its sidecar.
 
         Parameters
         ----------
-        force : write also a mesh that is not certified, and over a file that cortet did not make, but never over one
-            that was given by its name; NiBabel's images of surfaces do not know theirs
+        force : also write a mesh that is not certified, and over a file that cortet did not make. A file that was given
+            by its name is never overwritten; NiBabel's images of surfaces do not know theirs
 
         Raises
         ------
-        InputError : the mesh is not certified, or a file stands there that cortet did not make
+        InputError : the mesh is not certified, or the file exists and cortet did not make it
         """
         path = Path(path)
         solver = format_of(path).name
@@ -200,17 +200,17 @@ def mesh(
     ----------
     cell_size : edge length of the tetrahedra, mm; None: that of the settings
     ga : gestational age, weeks
-    hemi : "L" or "R"; None: what the file says, if it does
+    hemi : "L" or "R"; None: what the file says, if anything
     inner : closed surfaces inside, name of the region within -> surface, or labels of a volume: "dseg.nii.gz:5,6"
-    shell : mm, from the surface to a smooth one around it; what is between is meshed as the region `csf`
-    fields : values per vertex (n,) or (n, k) by name, which the mesh gets, too
+    shell : mm, from the surface to a smooth one around it; the space between is meshed as the region `csf`
+    fields : values per vertex (n,) or (n, k) by name, which the mesh also gets
     volumes : images whose labels, numbers or tensors the tetrahedra get, by name: NIfTI or MGZ, or NiBabel's images
     settings : a configuration file, or its keys by section: {"repair": {"enabled": True}}
-    progress : False is silent; a function is called after every stage
+    progress : False: silent; a function: called after every stage
 
     Raises
     ------
-    InputError : the surface cannot be meshed, a volume does not lie around it, or a setting is impossible
+    InputError : the surface cannot be meshed, a volume does not contain it, or a setting is impossible
     """
     data = dict(settings) if isinstance(settings, Mapping) else read(Path(settings)) if settings is not None else {}
     if cell_size is not None:
@@ -255,16 +255,16 @@ def _told(step: Step) -> None:
 
 
 def say(line: str) -> None:
-    """Put a line where a terminal and a notebook show it apart from results."""
+    """Print a line where a terminal or a notebook shows it apart from results."""
     sys.stderr.write(f"{line}\n")
 
 
 def tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
-    """The tetrahedral mesh of whatever holds one.
+    """The tetrahedral mesh from any object that holds one.
 
     Raises
     ------
-    InputError : a file holds no mesh, or it is of no kind that is known
+    InputError : a file holds no mesh, or the object is of an unknown kind
     """
     if isinstance(made, str | Path):
         return read_mesh(Path(made))
@@ -274,7 +274,7 @@ def tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
 
 
 def image(pixels: NDArray[np.uint8]) -> str:
-    """A picture as an element of a page."""
+    """A picture as an HTML element."""
     from cortet.report.render import webp
 
     return f'<img src="data:image/webp;base64,{b64encode(webp(pixels)).decode()}" alt="">'

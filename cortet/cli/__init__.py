@@ -1,4 +1,4 @@
-"""The `cortet` command. Everything heavy is imported by the subcommand that needs it."""
+"""The `cortet` command. Each subcommand imports the heavy modules that it needs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["Number", "main", "parser"]
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command's arguments, which the modules beside this one add by command."""
+    """The parser of the command; each module beside this one adds its subcommands."""
     top = argparse.ArgumentParser(prog="cortet", description="Certified tetrahedral meshes of cortical surfaces.")
     top.add_argument("--version", action="version", version=f"cortet {__version__}")
     commands = top.add_subparsers(required=True, metavar="COMMAND")
@@ -39,9 +39,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             code = int(args.run(args))
         sys.stdout.flush()
         return code
-    except BrokenPipeError:  # whoever read our output, `head` perhaps, has enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to flush at the end
-        return 141  # as of a program that SIGPIPE ends
+    except BrokenPipeError:  # the reader of our output, `head` perhaps, has closed it
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # so that the last flush has no error
+        return 141  # the exit code of a program that SIGPIPE ends
     except CortetError as error:
         print(f"cortet: {error}", file=sys.stderr)
         return 1
@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _refuse_repeated(args: argparse.Namespace) -> None:
-    """Raise InputError where one name, or age, of an option that repeats is given twice."""
+    """Raise InputError where an option that may be repeated has the same name, or age, twice."""
     for option, form in (
         ("inner", "NAME=FILE"),
         ("field", "NAME=FILE"),

@@ -1,4 +1,4 @@
-"""What commands are given: configuration, surfaces, meshes."""
+"""Inputs of commands: configuration, surfaces, meshes."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
 
 
 def config_of(args: argparse.Namespace) -> Config:
-    """The configuration of a file, with the options of the command on top."""
+    """The configuration of a file; options of the command take precedence."""
     from cortet.config import load
 
     return load(settings_of(args))
 
 
 def settings_of(args: argparse.Namespace) -> dict[str, Any]:
-    """The sections of a configuration file, with the options of the command on top."""
+    """The sections of a configuration file; options of the command take precedence."""
     from cortet.config import load, read
 
     data: dict[str, Any] = {}
     if args.config:
-        load(args.config)  # complaints name the file
+        load(args.config)  # its errors name the file
         data = read(args.config)
     if args.setting:
         data["setting"] = args.setting
@@ -43,7 +43,7 @@ def settings_of(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def surface_of(args: argparse.Namespace, config: Config) -> tuple[TriSurface, dict[str, str]]:
-    """The surface that a command is given, with its inner ones, fields and shell; and the files by region."""
+    """The surface given to a command, with its inner ones, fields and shell; and the files by region."""
     from cortet.formats.gifti import read_surface
     from cortet.geometry.nesting import nested
     from cortet.meshes import by_region
@@ -64,24 +64,24 @@ def surface_of(args: argparse.Namespace, config: Config) -> tuple[TriSurface, di
 
 
 def sphere_of(args: argparse.Namespace) -> TriSurface | None:
-    """The sphere that a command is given; None where it is given none."""
+    """The sphere given to a command; None if there is none."""
     from cortet.formats.gifti import read_surface
 
     return read_surface(args.sphere) if args.sphere else None
 
 
 def stem_of(path: Path) -> str:
-    """The name of a file without its last ending: what its companions are named by."""
+    """The name of a file without its last ending, from which the names of its companions are made."""
     return path.name.removesuffix(path.suffix)
 
 
 def read_mesh(path: Path, *, whole: bool = False) -> TetMesh:
-    """A mesh of any format; says so if its file was changed after cortet wrote it.
+    """A mesh of any format; warns if its file was changed after cortet wrote it.
 
     Raises
     ------
     InputError
-        the file holds a surface, or must be `whole` but is without the tetrahedra of a hole
+        the file holds a surface, or must be `whole` but lacks the tetrahedra of a hole
     """
     from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar
 
@@ -98,7 +98,7 @@ def read_mesh(path: Path, *, whole: bool = False) -> TetMesh:
 
 
 def draw(mesh: TetMesh, path: Path, place: Callable[[Path], Path] = lambda path: path) -> None:
-    """Draw a mesh, cut open, into a picture."""
+    """Draw a mesh, cut open, and write the picture."""
     from cortet.report.render import picture
 
     picture(mesh, place(path))

@@ -1,4 +1,4 @@
-"""The command `growth`: how much each spot of a surface has grown until a later age."""
+"""The command `growth`: how much each spot of a surface has grown by a later age."""
 
 from __future__ import annotations
 

@@ -148,7 +148,7 @@ def certify_command(args: argparse.Namespace) -> int:
     surface = _filled_surface(args.mesh, args)
     if surface.inner:
         mesh = with_regions(mesh, list(surface.inner))
-        if args.cell_size is not None and args.surface == given:  # not those that were meshed: separate them as then
+        if args.cell_size is not None and args.surface == given:  # not as meshed: separate them as then
             surface, _ = separate(surface, **Config().arguments("separate", {"cell_size": args.cell_size}))
     certificate = _judged(mesh, surface, args.mesh, args)
     if args.output:
@@ -160,7 +160,7 @@ def certify_command(args: argparse.Namespace) -> int:
 
 
 def _filled_surface(mesh: Path, args: argparse.Namespace) -> TriSurface:
-    """The surface that a mesh fills, with its inner ones: as meshed where that was kept, else as given."""
+    """The surface that a mesh fills, with its inner ones: as meshed if that was kept, else as given."""
     from cortet.solver_files.meshed import meshed_surface
 
     inner = {name: Path(file) for name, file in getattr(args, "inner", [])}
@@ -171,7 +171,7 @@ def _filled_surface(mesh: Path, args: argparse.Namespace) -> TriSurface:
 
 
 def _judged(mesh: TetMesh, surface: TriSurface, file: Path, args: argparse.Namespace) -> Certificate:
-    """The certificate of the mesh of a file, by the limits of the command."""
+    """The certificate of the mesh of a file, with the limits given to the command."""
     from cortet.config import load
     from cortet.measure.certify import certify
 
@@ -183,7 +183,7 @@ def _judged(mesh: TetMesh, surface: TriSurface, file: Path, args: argparse.Names
 
 
 def compare_command(args: argparse.Namespace) -> int:
-    """Print and write what differs between meshes."""
+    """Print and write the differences between meshes."""
     from cortet.formats.tsv import write_tsv
     from cortet.report.comparison_page import comparison_rows, write_comparison_page
 
@@ -212,7 +212,7 @@ def compare_command(args: argparse.Namespace) -> int:
 
 
 def _names_of(files: Sequence[Path]) -> dict[str, Path]:
-    """What to call each file: its stem, or the file itself where two have the same stem."""
+    """The label of each file: its stem, or the file itself if two have the same stem."""
     stems = [stem_of(file) for file in files]
     names = {stem if stems.count(stem) == 1 else str(file): file for stem, file in zip(stems, files, strict=True)}
     if len(names) < len(files):

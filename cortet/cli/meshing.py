@@ -134,7 +134,7 @@ def mesh_command(args: argparse.Namespace) -> int:
 
     if args.slices and not args.volume:
         raise InputError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
-    # what cannot be written is refused before the work, and before anything of an earlier run is deleted
+    # a file that cannot be written is refused before the work, and before files of an earlier run are deleted
     solver = format_of(args.output).name
     record = certificate_path(args.output)
     config = config_of(args)
@@ -166,7 +166,7 @@ def mesh_command(args: argparse.Namespace) -> int:
     )
     if not args.force:
         require_own_stem(args.output, given, cell_size=size, mesh_sha256=certificate.mesh_sha256)
-    delete_made(record)  # files of an earlier run must not pass for this run's
+    delete_made(record)  # so that files of an earlier run are not taken for this run's
     delete_made(sidecar_path(args.output))
     mesh, rows = with_volumes(mesh, volumes, frame=frame, shares=config.export.label_shares)
     with recorded(asdict(certificate), record) as place:
@@ -196,7 +196,7 @@ def mesh_command(args: argparse.Namespace) -> int:
             },
         )
     elif args.force:
-        args.output.unlink(missing_ok=True)  # that of an earlier run would pass for this one's
+        args.output.unlink(missing_ok=True)  # so that an earlier run's file is not taken for this one's
     with recorded(asdict(certificate), record, surfaces.values()) as place:
         if rows:
             write_table(TISSUE_COLUMNS, rows, place(tissues))
@@ -227,7 +227,7 @@ def _mesh_views(
     config: Config,
     place: Callable[[Path], Path],
 ) -> None:
-    """The picture and the page of a mesh, where they are asked for; `place` gives the temporary file of each."""
+    """Write the picture and the page of a mesh if asked for; `place` gives the temporary file of each."""
     if args.picture:
         draw(mesh, args.picture, place)
     if args.page:
@@ -242,9 +242,9 @@ def _mesh_views(
 def recorded(
     content: Mapping[str, Any], record: Path, earlier: Iterable[Path] = ()
 ) -> Iterator[Callable[[Path], Path]]:
-    """Write a report that lists the files made with it, so that another run may replace them, also after a kill.
+    """Write a report that lists the files made with it, so that a later run may replace them, even after a kill.
 
-    Yields a function that gives the temporary name of each file; they get their own names after the report has its.
+    Yields a function that gives the temporary name of each file. After the report, the files get their own names.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def recorded(
 
 
 def stages_command(args: argparse.Namespace) -> int:
-    """Print what each stage of the line does to a surface."""
+    """Print the effect of each stage of the line on a surface."""
     from cortet.formats.tables import write_table
     from cortet.pipeline import run
     from cortet.report.stage_table import STAGE_COLUMNS, measured_stages
@@ -287,7 +287,7 @@ def stages_command(args: argparse.Namespace) -> int:
 
 
 class Progress:
-    """A table on the terminal that grows by a row for every stage, and names the one that is running."""
+    """A table on the terminal that gets a row for each stage, and names the stage that is running."""
 
     HEAD = ("stage", "seconds", "nodes", "tets", "mean q", "q_max", "q > 0.6")
 
@@ -300,7 +300,7 @@ class Progress:
         self._announce()
 
     def __call__(self, step: Step) -> None:
-        """Print the row of a stage that has run."""
+        """Print the row of a completed stage."""
         row = self._row((step.stage, f"{step.seconds:.1f}", *self._numbers(step.result)))
         print(f"\r{row}" if self.live else row, flush=True)
         self.waiting.remove(step.stage)

@@ -17,7 +17,7 @@ from cortet.geometry.limits import CELL_SIZE_MM, FOLD_AGES
 
 
 def add_commands(commands: Commands) -> None:
-    """Add the long runs, and what is asked before them."""
+    """Add the long runs, and the commands that are used before them."""
     fold = commands.add_parser("fold", parents=[writes()], help="grow the cortex of a mesh until it folds")
     fold.add_argument("mesh", type=Path, metavar="MESH")
     fold.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
@@ -141,7 +141,7 @@ def fold_command(args: argparse.Namespace) -> int:
     chosen = {"end": args.end, "time_step": args.time_step, "device": args.device}
     data: dict[str, Any] = {}
     if args.config:
-        load(args.config)  # complaints name the file
+        load(args.config)  # its errors name the file
         data = read(args.config)
     data["fold"] = {**(data.get("fold") or {}), **{key: value for key, value in chosen.items() if value is not None}}
     if args.real:
@@ -190,7 +190,7 @@ def scan_command(args: argparse.Namespace) -> int:
             remedy="add --update to append new cases to it, --force to replace it, or give another name",
         )
     if exists:
-        read_header(args.output)  # no other table is replaced, whatever is forced
+        read_header(args.output)  # another table is never replaced, even with --force
     patterns = load(args.config).cohort.scan if args.config else Scan()
     cases = scan(args.folder, patterns.model_copy(update={"pial": True}) if args.pial else patterns, print)
     if exists and args.update:
@@ -249,10 +249,10 @@ def doctor_command(_: argparse.Namespace) -> int:
 
 
 class _FoldStatus(argparse.Action):
-    """Says how far a run has come; no mesh is needed then."""
+    """Prints how far a run has come, which needs no mesh."""
 
     def __call__(self, parser: argparse.ArgumentParser, _: object, folder: object, *__: object) -> None:
-        """Print it and end the program."""
+        """Print the status and end the program."""
         from cortet.simulation.journal import reached
 
         try:

@@ -9,7 +9,7 @@ from cortet.cli.values import Number, inner_file
 from cortet.geometry.limits import CELL_SIZE_MM
 
 if TYPE_CHECKING:
-    #: to which each module adds its commands
+    #: the subparsers to which each module adds its commands
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
@@ -28,7 +28,7 @@ def writes() -> argparse.ArgumentParser:
 
 
 def inner() -> argparse.ArgumentParser:
-    """Surfaces inside the one that is named."""
+    """Options for surfaces inside the named one."""
     own = argparse.ArgumentParser(add_help=False)
     own.add_argument(
         "--inner",
@@ -43,7 +43,7 @@ def inner() -> argparse.ArgumentParser:
 
 
 def limits() -> argparse.ArgumentParser:
-    """Limits by which a mesh is judged."""
+    """Options for the limits by which a mesh is judged."""
     own = argparse.ArgumentParser(add_help=False)
     own.add_argument("--q-max", type=Number(0, 1), metavar="Q", help="limit of the worst q (default: 0.6)")
     own.add_argument(

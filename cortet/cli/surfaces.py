@@ -152,7 +152,7 @@ def add_commands(commands: Commands) -> None:
 
 
 def gate_command(args: argparse.Namespace) -> int:
-    """Say whether a surface can be meshed."""
+    """Print whether a surface can be meshed."""
     from cortet.formats.gifti import read_surface
     from cortet.stages.gate import gate
 
@@ -169,14 +169,14 @@ def gate_command(args: argparse.Namespace) -> int:
 
 
 def _repairable(path: Path, allow_genus: int) -> str:
-    """What `cortet mesh` and `cortet repair` would make of a surface that the gate refuses, for the end of a line."""
+    """How `cortet mesh` and `cortet repair` would repair a surface that the gate refuses, for the end of a line."""
     from cortet.config import load
     from cortet.formats.gifti import read_surface
     from cortet.stages.gate import gate
     from cortet.stages.repair import repair
 
     config = load({"gate": {"allow_genus": allow_genus}})
-    logging.disable(logging.WARNING)  # nothing is repaired yet
+    logging.disable(logging.WARNING)  # because nothing is repaired yet
     try:
         mended, _ = repair(read_surface(path, finite=False), **config.arguments("repair", {"source": str(path)}))
         gate(mended, source=str(path), allow_genus=allow_genus)
@@ -225,7 +225,7 @@ def repair_command(args: argparse.Namespace) -> int:
 
 
 def resample_command(args: argparse.Namespace) -> int:
-    """Put a surface onto the common mesh and write it with its report."""
+    """Resample a surface to the common mesh and write it with its report."""
     from cortet.config import load
     from cortet.formats.gifti import read_surface, write_surface
     from cortet.formats.placement import placed
@@ -268,7 +268,7 @@ def phantom_command(args: argparse.Namespace) -> int:
 
 
 def head_command(args: argparse.Namespace) -> int:
-    """Write a phantom head: surfaces, volumes, and how large each part is."""
+    """Write a phantom head: surfaces, volumes, and the size of each part."""
     from cortet.formats.gifti import write_surface
     from cortet.formats.tsv import write_tsv
     from cortet.formats.volumes import write_volume
@@ -335,7 +335,7 @@ def labels_command(args: argparse.Namespace) -> int:
 
 
 def _findings(report: GateReport) -> str:
-    """What the gate found and mended, in one line."""
+    """The findings and repairs of the gate, in one line."""
     mended = (
         (report.unused_vertices_dropped, "unused vertices dropped"),
         (report.faces_reoriented, "faces turned outward"),

@@ -1,4 +1,4 @@
-"""Types of the values of options."""
+"""Types of option values."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class Number:
     low: float
     high: float
     whole: bool = False
-    #: `inf` is a value, too
+    #: whether `inf` is allowed
     endless: bool = False
 
     def __call__(self, text: str) -> float:
-        """The number that a text stands for; the complaint names the text and the limits."""
+        """The number in a text; an error names the text and the limits."""
         with contextlib.suppress(ValueError):
             value = int(text) if self.whole else float(text)
             if self.low <= value <= self.high or (self.endless and text == "inf"):
@@ -59,7 +59,7 @@ def moduli(text: str) -> tuple[str, tuple[float, float | None]]:
 
 
 def size(text: str) -> tuple[str, float | None]:
-    """WHERE=MM, or a volume of sizes."""
+    """WHERE=MM, or a volume of cell sizes."""
     from cortet.formats.volumes import is_volume
 
     where, equals, value = text.rpartition("=")
@@ -73,7 +73,7 @@ def size(text: str) -> tuple[str, float | None]:
 def inner_file(text: str) -> tuple[str, str]:
     """[NAME=]FILE of an inner surface."""
     name, equals, file = text.partition("=")
-    if not equals or "/" in name:  # an = of a path
+    if not equals or "/" in name:  # the = is part of a path
         return "white", text
     if not (re.fullmatch("[A-Za-z][A-Za-z0-9]*", name) and file):
         raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE, NAME of letters and digits")
@@ -81,7 +81,7 @@ def inner_file(text: str) -> tuple[str, str]:
 
 
 class OutputFile(type(Path())):  # type: ignore[misc]
-    """A file that a command writes; any other path among its arguments is an input."""
+    """A file that a command writes; every other path among its arguments is an input."""
 
 
 def output_surface(text: str) -> OutputFile:
@@ -92,11 +92,11 @@ def output_surface(text: str) -> OutputFile:
 
 
 class CheckedOutput(type(Path())):  # type: ignore[misc]
-    """A sheet, or a folder of `cortet run`: the command itself refuses one that is not its own."""
+    """A sheet, or a folder of `cortet run`: the command itself refuses one that cortet did not make."""
 
 
 class FolderOfFiles(type(Path())):  # type: ignore[misc]
-    """A folder in which a command writes some files; each of them is guarded by itself."""
+    """A folder in which a command writes some files; each file is guarded separately."""
 
 
 def output_picture(text: str) -> OutputFile:

@@ -1,10 +1,10 @@
-"""Synthetic fetal cortex surfaces of any gestational age: what the demo cohort and the tests are made of.
+"""Synthetic fetal cortex surfaces of any gestational age, used by the demo cohort and the tests.
 
-A sphere is made into a smooth hemisphere, and its vertices are pressed in along lines that lead to a core inside and do
-not meet before it; wherever each of them stops, the surface is closed, of genus 0, and does not cross itself. Primary
-sulci are curves of the sphere along which vertices go deeper. They appear in the order of Garel et al. (AJNR 2001;
-22:184), then deepen and narrow; from 26 weeks on secondary folds, individual to each seed, fill the gaps between. How
-deep they are altogether follows from the area that a real cortex of that age has.
+A sphere is deformed into a smooth hemisphere. Its vertices are pressed inward along lines that lead to a core inside
+and do not meet before it. So wherever each vertex stops, the surface is closed, of genus 0, and does not cross itself.
+Primary sulci are curves on the sphere along which vertices go deeper. They appear in the order of Garel et al. (AJNR
+2001; 22:184), then deepen and narrow. From 26 weeks on, secondary folds, which differ with the seed, fill the gaps
+between. The common depth of all folds is set so that the area is that of a real cortex of that age.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Sulcus(NamedTuple):
     depth: float
     #: whether it lies on the lateral or the medial face
     lateral: bool
-    #: points (anterior, superior) on that face seen as a disc of radius 1
+    #: points (anterior, superior) on that face, seen as a disc of radius 1
     course: tuple[tuple[float, float], ...]
 
 
@@ -83,21 +83,21 @@ SULCI = {
 
 #: half extents of the hemisphere relative to its half length: lateral, anterior, superior
 _ASPECT = np.array([0.58, 1.0, 0.56])
-#: rounds of spreading the vertices over the folds
+#: rounds of redistributing the vertices over the folds
 _SPREADING_ROUNDS = 4
-#: steps that round off creases, on a sphere of so many faces
+#: smoothing steps that round off creases, for a sphere with this number of faces
 _ROUNDING_STEPS, _ROUNDING_FACES = 4, 20480
-#: length of the waves that secondary folds follow, mm
+#: wavelength of secondary folds, mm
 _WAVELENGTH = 22.0
 #: distance that secondary folds keep from primary sulci, mm
 _APART = 7.0
-#: depth of the medial hollow, of a sphere's radius, and fall of the poles, of the half length
+#: depth of the medial hollow, over the sphere's radius, and drop of the poles, over the half length
 _HOLLOW, _BEND = 0.8, 0.3
-#: distance of the medial wall from the plane where the hemisphere is widest, of a sphere's radius
+#: distance of the medial wall from the plane where the hemisphere is widest, over the sphere's radius
 _MEDIAL = 0.35
 #: the core is the unfolded surface shrunk by these factors towards this point
 _CORE, _CENTRE = np.array([0.0, 0.62, 0.5]), np.array([0.15, 0.0, 0.0])
-#: a white surface is moved inward by so many mm at a time, and rounded off so often in between
+#: mm by which a white surface is moved inward at a time, and smoothing steps after each move
 _INSET_STEP, _ROUNDINGS = 0.15, 3
 #: bulges and hollows of the sphere: direction (lateral, anterior, superior), height, angular radius
 _RELIEF = (
@@ -131,7 +131,7 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
 def phantom_with_sphere(
     gestational_age: float, *, hemisphere: str = "L", subdivisions: int = 5, seed: int = 0
 ) -> tuple[TriSurface, TriSurface]:
-    """A phantom, and the unit sphere that it was made of: a point of the sphere is the same anatomy in every phantom.
+    """A phantom, and the unit sphere that it was made from: a point of the sphere is the same anatomy in every phantom.
 
     Parameters and errors are those of `phantom`.
     """
@@ -146,7 +146,7 @@ def phantom_with_sphere(
 
     ball = icosphere(5)  # coordinates (lateral, anterior, superior)
     coarse, coarse_faces = ball.points, ball.faces
-    # half the length of the hemisphere before it folds, mm
+    # half the length of the unfolded hemisphere, mm
     length = (volume / topology.enclosed_volume(_bent(_unfolded(coarse)), coarse_faces)) ** (1 / 3)
     pattern = _pattern(coarse, gestational_age, length, seed)
 
@@ -172,7 +172,7 @@ def phantom_with_sphere(
 def inset(surface: TriSurface, thickness: float) -> TriSurface:
     """A white surface within a pial one: its vertices moved inward, smoothly, until they are `thickness` mm below it.
 
-    Where a gyrus is too thin for that they are less deep, as `separate` does it.
+    Where a gyrus is too thin for this, the depth is smaller, as in `separate`.
 
     Raises
     ------
@@ -213,7 +213,7 @@ def _unfolded(directions: FloatArray) -> FloatArray:
 def _bent(points: FloatArray) -> FloatArray:
     """Proportions of a hemisphere of half length 1: the medial wall hollowed around the thalamus, the poles bent down.
 
-    Both are shears, each monotone along its axis, so nothing that was apart comes together.
+    Both are shears, each monotone along its axis, so points that are apart stay apart.
     """
     lateral, anterior, superior = points.T
     hollow = _HOLLOW * np.exp(-(((anterior - 0.05) / 0.5) ** 2) - ((superior + 0.35) / 0.4) ** 2)
@@ -223,7 +223,7 @@ def _bent(points: FloatArray) -> FloatArray:
 
 
 def _maturity(age: float, onset: float, weeks: float) -> float:
-    """Smoothly from 0 at `onset` to 1 some weeks later."""
+    """A smooth rise from 0 at `onset` to 1, `weeks` later."""
     grown = min(max((age - onset) / weeks, 0.0), 1.0)
     return grown**2 * (3 - 2 * grown)
 
@@ -250,7 +250,7 @@ def _pattern(directions: FloatArray, age: float, length: float, seed: int) -> Fl
         lines.append(length * _bent(_unfolded(_on_sphere(course, sulcus.lateral))))
         width = _width(maturity)
         distance, nearest = cKDTree(lines[-1]).query(surface, distance_upper_bound=3 * width)
-        depth = relative_depth * maturity * np.r_[1 - np.abs(t) ** 3, 0][nearest]  # 0 for those further away
+        depth = relative_depth * maturity * np.r_[1 - np.abs(t) ** 3, 0][nearest]  # 0 for points farther away
         primary += (depth * np.exp(-((distance / width) ** 2))) ** 4
     maturity = _maturity(age, 26, 10)
     apart = cKDTree(np.concatenate(lines)).query(surface, distance_upper_bound=3 * _APART)[0]
@@ -261,7 +261,7 @@ def _pattern(directions: FloatArray, age: float, length: float, seed: int) -> Fl
 
 
 def _distance_to_waves(points: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Distance, mm, to the nodal lines of a random wave, which wind through `points` (n, 3) half its length apart."""
+    """Distance, mm, of `points` (n, 3) to the winding nodal lines of a random wave, half a wavelength apart."""
     wave = rng.normal(size=(32, 3))
     wave *= 2 * np.pi / _WAVELENGTH / np.linalg.norm(wave, axis=1, keepdims=True)
     phase = points @ wave.T + rng.uniform(0, 2 * np.pi, len(wave))
@@ -277,7 +277,7 @@ def _on_sphere(course: FloatArray, lateral: bool) -> FloatArray:
 
 
 def _folded(directions: FloatArray, depth: FloatArray, length: float) -> FloatArray:
-    """The hemisphere, mm, its vertices pressed towards the core by (n,) `depth` mm, but never onto it."""
+    """The hemisphere, mm, with vertices pressed towards the core by `depth` (n,) mm, but never onto it."""
     outer = _unfolded(directions)
     core = _CENTRE + _CORE * (outer - _CENTRE)
     thickness = length * np.linalg.norm((outer - core) * _ASPECT, axis=1)
@@ -286,9 +286,9 @@ def _folded(directions: FloatArray, depth: FloatArray, length: float) -> FloatAr
 
 
 def _rounded(points: FloatArray, faces: IntArray) -> FloatArray:
-    """Vertices moved towards the mean of their neighbours: real sulci have round bottoms, creases are hard to mesh.
+    """Vertices moved towards the mean of their neighbours: real sulci have round bottoms, and creases are hard to mesh.
 
-    Diffusion over the same length at every resolution: a finer mesh takes more steps.
+    The diffusion length is the same at every resolution, so a finer mesh takes more steps.
     """
     for _ in range(max(1, round(_ROUNDING_STEPS * len(faces) / _ROUNDING_FACES))):
         points = (points + topology.neighbour_means(points, faces)) / 2
@@ -296,7 +296,7 @@ def _rounded(points: FloatArray, faces: IntArray) -> FloatArray:
 
 
 def _drawn_to_long_edges(directions: FloatArray, faces: IntArray, points: FloatArray) -> FloatArray:
-    """Unit vectors moved half way to the mean of their neighbours, weighted by how far those are in `points`."""
+    """Unit vectors moved half-way to the mean of their neighbours, weighted by their distances in `points`."""
     start, end = topology.edges(faces).T
     one, other = np.r_[start, end], np.r_[end, start]
     weight = np.linalg.norm(points[one] - points[other], axis=1)
@@ -310,6 +310,6 @@ def _normalised(vectors: FloatArray) -> FloatArray:
 
 
 def _of_volume(points: FloatArray, faces: IntArray, volume: float) -> FloatArray:
-    """Scaled to enclose `volume` mm3."""
+    """The points, scaled so that the surface encloses `volume` mm3."""
     scaled: FloatArray = points * (volume / topology.enclosed_volume(points, faces)) ** (1 / 3)
     return scaled

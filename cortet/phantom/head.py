@@ -1,7 +1,7 @@
-"""A hemisphere with all that lies in it: cortex, white matter, two ventricles, a thalamus, and volumes of these.
+"""A hemisphere with its inner structures: cortex, white matter, two ventricles, a thalamus, and volumes of these.
 
-The ventricles and the thalamus are ellipsoids in the deepest spots of the white matter, from front to back. Labels are
-those of voxel centres. Tensors are long along a direction that turns from front to back, so that each spot has its own.
+The ventricles and the thalamus are ellipsoids in the deepest spots of the white matter, from front to back. A voxel has
+the label at its centre. The long axis of the tensors turns from front to back, so that it differs from spot to spot.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from cortet.phantom import inset, phantom
 LABELS = {"cortex": 1, "white": 2, "ventricle1": 3, "ventricle2": 4, "thalamus": 5}
 #: bodies from front to back
 _BODIES = ("ventricle1", "thalamus", "ventricle2")
-#: half axes of a body (lateral, anterior, superior), shares of the depth of its centre
+#: half axes of a body (lateral, anterior, superior), over the depth of its centre
 _HALF_AXES = np.array([0.7, 0.9, 0.7])
-#: most depth of a body, of its centre's distance to the next third
+#: largest depth used for a body, over the distance of its centre from the next third
 _APART = 1.05
-#: most voxels that are searched for the deepest spot along the longest side of the white surface
+#: voxels searched for the deepest spot, along the longest side of the white surface
 _SEARCHED = 30
-#: voxels around the surface; eigenvalues of the tensors, mm2/s; turns of their direction per mm
+#: voxels around the surface; eigenvalues of the tensors, mm2/s; turns of the long axis per mm
 _MARGIN, _EIGENVALUES, _TURN = 4, (1.7e-3, 0.4e-3, 0.2e-3), 0.01
 _MOST_VOXELS = 50_000_000
 
@@ -38,7 +38,7 @@ _MOST_VOXELS = 50_000_000
 class Head(NamedTuple):
     """A phantom head."""
 
-    #: surface of each label, and of the cortex the outer one
+    #: surface of each label; for the cortex the outer one
     surfaces: dict[str, TriSurface]
     #: (i, j, k) labels, 0 outside
     labels: NDArray[np.int16]
@@ -46,7 +46,7 @@ class Head(NamedTuple):
     tensors: NDArray[np.float32]
     #: (4, 4) from voxels to mm
     affine: FloatArray
-    #: mm3 of each label: between its surface and those within
+    #: mm3 of each label: between its surface and the surfaces within
     volumes: dict[str, float]
 
 
@@ -63,7 +63,7 @@ def head(
 
     Raises
     ------
-    InputError : as of `phantom` and `inset`; or there are too many voxels
+    InputError : as of `phantom` and `inset`; or there would be too many voxels
     """
     pial = phantom(gestational_age, subdivisions=subdivisions, seed=seed)
     white = inset(pial, thickness)
@@ -72,7 +72,7 @@ def head(
     shape = np.ceil((pial.points.max(axis=0) + _MARGIN * voxel - low) / voxel).astype(int)
     if (count := int(np.prod(shape, dtype=object))) > _MOST_VOXELS:
         raise InputError(f"{count:,} voxels are too many", remedy="use wider ones")
-    affine = np.diag([-voxel, voxel, voxel, 1.0])  # from left to right of the image, as most scanners write it
+    affine = np.diag([-voxel, voxel, voxel, 1.0])  # the first axis points to the left, as most scanners write it
     affine[:3, 3] = low + np.array([(shape[0] - 1) * voxel, 0, 0])
     centres = np.indices(shape).reshape(3, -1).T @ affine[:3, :3].T + affine[:3, 3]
     labels = np.zeros(len(centres), np.int16)
@@ -88,7 +88,7 @@ def head(
 
 
 def direction(points: FloatArray) -> FloatArray:
-    """Unit vectors along which the tensors of the phantom are longest, at points (n, 3) mm: (n, 3)."""
+    """Unit vectors along the longest axes of the phantom's tensors at points (n, 3) mm: (n, 3)."""
     angle = 2 * np.pi * _TURN * points[:, 1]
     return np.stack([np.sin(angle) / 2, np.cos(angle), np.full(len(points), 0.5)], axis=1) / np.sqrt(
         0.25 * np.sin(angle) ** 2 + np.cos(angle) ** 2 + 0.25
@@ -105,7 +105,7 @@ def _bodies(white: TriSurface) -> dict[str, TriSurface]:
     length = (high[1] - low[1]) / 3
     third = np.clip((high[1] - grid[:, 1]) / length, 0, 2.999).astype(int)
     borders = high[1] - length * np.array([1, 2])
-    room = np.minimum(depth, _APART * np.abs(grid[:, 1, None] - borders).min(axis=1))  # bodies keep to their thirds
+    room = np.minimum(depth, _APART * np.abs(grid[:, 1, None] - borders).min(axis=1))  # bodies stay in their thirds
     ball = icosphere(4)
     made = {}
     for number, name in enumerate(_BODIES):
@@ -115,7 +115,7 @@ def _bodies(white: TriSurface) -> dict[str, TriSurface]:
 
 
 def _tensors(points: FloatArray, affine: FloatArray) -> FloatArray:
-    """Tensors at points, six numbers each, along the axes of voxels that are not turned round: (n, 6)."""
+    """Tensors at points, six numbers each, along the axes of voxels that are not rotated: (n, 6)."""
     first = direction(points)
     second = np.cross(first, [1.0, 0.0, 0.0])
     second /= np.linalg.norm(second, axis=1, keepdims=True)
