@@ -1,9 +1,9 @@
-"""`cortet doctor`: every dependency with its version and purpose; what is compiled or linked with the system is proved.
+"""`cortet doctor`: every dependency with its version and purpose, and a proof that compiled and linked ones work.
 
-That a library can be imported says little: Gmsh's wheel loads libraries of the system, pygalmesh is compiled on the
-spot, Numba compiles when called. So each proof does what cortet does with the library, in a process of its own: a crash
-is a finding like any other, and no library disturbs the next. The rest are wheels that work wherever they could be
-installed; they are listed. Nothing is imported up here, so that the doctor answers however little is installed.
+A successful import proves little: Gmsh's wheel loads libraries of the system, pygalmesh is compiled at installation,
+and Numba compiles when called. So each proof uses the library as cortet does, in its own process: a crash is a finding
+like any other, and no library disturbs the next. The other packages are wheels that work wherever they can be
+installed; they are only listed. This module imports no dependency at the top, so that the doctor always answers.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from cortet.version import __version__
 if TYPE_CHECKING:
     from cortet.meshes import TetMesh, TriSurface
 
-#: seconds one proof may take; the first compilation of the kernels is the longest by far
+#: seconds that one proof may take; the first compilation of the kernels takes by far the longest
 TIME_LIMIT = 600
-#: either is enough for S1
+#: either one is enough for S1
 MESHERS = ("pygalmesh", "cgal")
 SET_UP = "rm -f .venv/.stamp && make setup"
 
 
 @dataclass(frozen=True)
 class Tool:
-    """A Python package that cortet imports, by the name of its distribution; or a program that some option calls."""
+    """A Python package that cortet imports, by its distribution's name; or a program that some option calls."""
 
     name: str
     purpose: str = ""
-    #: uses it and returns its result in words, raises when the result is wrong; None of what is only listed
+    #: uses the tool and returns its result in words; raises if the result is wrong; None for a tool that is only listed
     proof: Callable[[], str] | None = None
     #: Debian packages of the system libraries it loads
     system_packages: str = ""
@@ -59,7 +59,7 @@ class Finding:
 
 
 def run() -> int:
-    """Print the table and what is wrong; 0 when everything required works, else 1."""
+    """Print the table and the problems; return 0 if everything required works, else 1."""
     system = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
     _say(f"cortet {__version__}, Python {platform.python_version()}, {system}\n")
     findings = []
@@ -74,7 +74,7 @@ def run() -> int:
 
 
 def problems(findings: list[Finding]) -> list[str]:
-    """What failed, and what is missing without a substitute, each with its remedy."""
+    """Tools that failed, and those that are missing without a substitute, each with its remedy."""
     has_mesher = any(finding.state == "ok" for finding in findings if finding.name in MESHERS)
     dispensable = {*(MESHERS if has_mesher else ()), *(tool.name for tool in (*OPTIONAL, *PROGRAMS))}
     return [
@@ -85,7 +85,7 @@ def problems(findings: list[Finding]) -> list[str]:
 
 
 def examine(tool: Tool) -> Finding:
-    """List one library or program, or prove it in a process of its own."""
+    """List one library or program, or prove it in its own process."""
     is_program = tool in PROGRAMS
     try:
         installed = "" if is_program else version(tool.name)
@@ -103,7 +103,7 @@ def examine(tool: Tool) -> Finding:
 
 
 def _proved(tool: Tool) -> tuple[bool, str]:
-    """Whether a tool works, and what its process said last."""
+    """Whether a tool works, and the last output of its process."""
     command = [sys.executable, "-m", "cortet.doctor", tool.name]
     try:
         done = subprocess.run(
@@ -143,7 +143,7 @@ def _ball(radius: float = 10.0, count: int = 500) -> TriSurface:
 
 
 def _star() -> tuple[TetMesh, TriSurface]:
-    """Twenty tetrahedra around a node, which is displaced from the centre; and their boundary."""
+    """Twenty tetrahedra around a node that is displaced from the centre, and their boundary."""
     import numpy as np
 
     from cortet.meshes import TetMesh
@@ -155,7 +155,7 @@ def _star() -> tuple[TetMesh, TriSurface]:
 
 
 def _expect(truth: object, otherwise: str) -> None:
-    """Raise unless true; unlike `assert` also under `python -O`."""
+    """Raise unless `truth`; unlike `assert`, also under `python -O`."""
     if not truth:
         raise AssertionError(otherwise)
 
@@ -195,7 +195,7 @@ def _prove_cgal() -> str:
 
 
 def _prove_gpu() -> str:
-    """A GPU takes the same steps as the CPU; a machine without one may have the package all the same."""
+    """Whether a GPU takes the same steps as the CPU; without a GPU, having the package is enough."""
     import numpy as np
 
     from cortet.errors import InputError
@@ -294,5 +294,5 @@ PROGRAMS = (
 
 
 if __name__ == "__main__":
-    # one proof, as `examine` asks for it; what it returns is the last line on standard output
+    # one proof, for `examine`; its result is the last line on standard output
     _say(*(tool.proof() for tool in (*LIBRARIES, *OPTIONAL, *PROGRAMS) if tool.proof and tool.name == sys.argv[1]))

@@ -1,10 +1,10 @@
-"""Errors a user can act on: each says what was found, in which file, and what to do about it."""
+"""Errors that a user can act on: each says what was found, in which file, and what to do about it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-#: characters of a message: a value may be as long as the file it is in
+#: most characters of a message, because a value may be as long as the file that it is in
 _LONGEST = 10_000
 
 
@@ -15,12 +15,12 @@ def _shortened(text: str) -> str:
 
 
 class CortetError(Exception):
-    """Something the user can mend; printed without a traceback.
+    """A problem that the user can solve; printed without a traceback.
 
     Parameters
     ----------
-    what : the finding, with the offending value; of a very long one only the beginning and the end are kept
-    file : the file (and, for tables, line and column) it was found in
+    what : the finding, with the offending value; if it is very long, only its beginning and end are kept
+    file : the file (and, for tables, line and column) where it was found
     remedy : what to do about it, shortened likewise
     """
 
@@ -37,7 +37,7 @@ class InputError(CortetError):
 
 
 class DamagedFileError(InputError):
-    """A file is incomplete, or not what its name says."""
+    """A file is incomplete, or not of the format that its name says."""
 
     def __init__(self, what: str, *, file: object) -> None:
         super().__init__(what, file=file, remedy="export it again: it is damaged, or of another format")
@@ -48,5 +48,5 @@ class StageError(CortetError):
 
 
 def place_mm(point: Iterable[float]) -> str:
-    """A place (3,), mm, as messages name it: ``(1.00, 2.00, 3.00) mm``."""
+    """A location (3,), mm, as messages name it: ``(1.00, 2.00, 3.00) mm``."""
     return "({}) mm".format(", ".join(f"{x:.2f}" for x in point))

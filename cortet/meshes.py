@@ -1,7 +1,7 @@
-"""The two things that flow through cortet: a closed triangulated surface and a tetrahedral mesh.
+"""The two data types of cortet: a closed triangulated surface and a tetrahedral mesh.
 
-Both are frozen dataclasses of NumPy arrays; a stage returns a new one (`dataclasses.replace`) and the arrays
-of an existing one are read-only. Quantities derived from the connectivity live in `cortet.geometry.topology`.
+Both are frozen dataclasses of NumPy arrays. A stage returns a new one (`dataclasses.replace`); the arrays of an
+existing one are read-only. `cortet.geometry.topology` derives quantities from the connectivity.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ IntArray = NDArray[np.int32]
 
 
 def require_indices(indices: NDArray[Any], count: int, what: str, of: str) -> None:
-    """Raise InputError unless indices are whole numbers from 0 to below `count`: compiled kernels do not look.
+    """Raise InputError unless indices are whole numbers from 0 to below `count`: compiled kernels do not check.
 
     Parameters
     ----------
     indices : (m,) or (m, k)
-    what, of : what a row of `indices` is called, and what it names
+    what, of : names in messages, of a row of `indices` and of the things that it points to
     """
     if not indices.size:
         return
@@ -46,7 +46,7 @@ def require_indices(indices: NDArray[Any], count: int, what: str, of: str) -> No
 def _frozen(array: Any, dtype: type, columns: int, name: str, check: Callable[[NDArray[Any]], None]) -> NDArray[Any]:
     """A read-only, C-ordered (n, columns) array of `dtype`; an array that already is one is shared, not copied.
 
-    `check` sees it before it is converted, which would wrap or cut off what does not fit.
+    `check` gets the array before it is converted, because conversion wraps or truncates values that do not fit.
     """
     try:
         given = np.asarray(array)
@@ -79,7 +79,7 @@ def _corners(array: Any, columns: int, name: str, count: int, what: str, of: str
 
 
 def _fields(fields: Mapping[str, Any], count: int, of: str) -> dict[str, NDArray[Any]]:
-    """Fields with one value, or row of values, per node or cell, read-only; InputError where one has another number."""
+    """Fields with one value, or row of values, per node or cell, read-only; InputError if one has another number."""
     result = {}
     for name, values in fields.items():
         array = np.asarray(values)
@@ -95,26 +95,26 @@ def _fields(fields: Mapping[str, Any], count: int, of: str) -> dict[str, NDArray
 
 @dataclass(frozen=True)
 class CoordinateFrame:
-    """Where coordinates live, as GIfTI states it; carried from the input to every sidecar, never changed silently."""
+    """Coordinate system, as GIfTI states it; carried from the input to every sidecar, never changed silently."""
 
     #: NIfTI transform code name of the stored coordinates, e.g. ``NIFTI_XFORM_SCANNER_ANAT``
     dataspace: str = "NIFTI_XFORM_UNKNOWN"
-    #: code name of the space `matrix` leads to
+    #: code name of the space that `matrix` leads to
     xformspace: str = "NIFTI_XFORM_UNKNOWN"
     #: row-major 4 x 4 affine from dataspace to xformspace
     matrix: tuple[float, ...] = (1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1)
 
 
-#: Name of the integer field that says in which region each tetrahedron lies, which is 0 between the boundary and the
-#: inner surfaces, and i inside the i-th inner surface and in none that it contains
+#: name of the integer field with the region of each tetrahedron: 0 between the boundary and the inner surfaces, and i
+#: inside the i-th inner surface but outside the surfaces that it contains
 REGION = "region"
-#: name of region 0; the others are named as the inner surfaces around them
+#: name of region 0; the other regions have the names of the inner surfaces around them
 OUTERMOST = "cortex"
-#: name of all that lies inside the cortex
+#: name of everything inside the cortex
 INNERMOST = "core"
-#: names of region 0 where the brain is an inner surface, and of that surface where no other lies in it
+#: names of region 0 if the brain is an inner surface; name of that surface if it contains no other
 AROUND, BRAIN = ("csf", "skull", "skin"), "brain"
-#: name of the set of faces that are walls of holes, which are regions that a file leaves out
+#: name of the set of faces that bound holes, which are regions left out of a file
 HOLE_SURFACE = "hole_surface"
 #: name of the integer field of a repaired surface that is 1 on the cap of a filled hole
 FILLED = "filled"
@@ -128,8 +128,8 @@ def region_names(inner: Iterable[str]) -> list[str]:
 
     Raises
     ------
-    InputError : an inner surface has a name of `AROUND`, but none is the brain, or all these names are taken; or two
-        regions have one name, of which upper and lower case are not told apart, as in some solvers, or that of the core
+    InputError : an inner surface has a name of `AROUND`, but none is the brain, or all these names are taken; two
+        regions have the same name (case does not count, as in some solvers); or one has that of the core
     """
     names = _region_names(list(inner))
     known = {INNERMOST: "all that lies inside the cortex"}
@@ -157,12 +157,12 @@ def _region_names(named: list[str]) -> list[str]:
 
 
 def by_region(outer: T, inner: Mapping[str, T]) -> dict[str, T]:
-    """What belongs to the outer surface, and to each inner one, by the region inside it."""
+    """The value for the outer surface, and those for the inner ones, by the region inside each."""
     return dict(zip(region_names(inner), (outer, *inner.values()), strict=True))
 
 
 def is_brain(region: str) -> bool:
-    """Whether the name of a region says that it is the brain or its cortex."""
+    """Whether the name of a region means the brain or its cortex."""
     return region == BRAIN or region.startswith(OUTERMOST)
 
 
@@ -173,7 +173,7 @@ class TriSurface:
     Raises
     ------
     InputError
-        an array has another shape or type than stands here, or a triangle names a vertex that there is not
+        an array has a shape or type other than below, or a triangle names a vertex that does not exist
     """
 
     #: (n, 3) float64, vertex coordinates in mm
@@ -184,7 +184,7 @@ class TriSurface:
     point_data: dict[str, NDArray[Any]] = field(default_factory=dict)
     #: coordinate system of `points`
     frame: CoordinateFrame = CoordinateFrame()
-    #: closed surfaces inside this one, name of the region within -> surface; `geometry.nesting.nested` puts them there
+    #: closed surfaces inside this one, name of the region within -> surface; `geometry.nesting.nested` fills it
     inner: dict[str, TriSurface] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -199,13 +199,13 @@ class TriSurface:
 
 
 def single_precision(surface: TriSurface) -> TriSurface:
-    """The surface as a file holds it: coordinates rounded to float32."""
+    """The surface as a file stores it: coordinates rounded to float32."""
     return replace(surface, points=surface.points.astype(np.float32).astype(np.float64))
 
 
 @dataclass(frozen=True, eq=False)
 class MeshSets:
-    """Named parts of a mesh, as solvers know them. A name may occur once among nodes, among faces and among cells."""
+    """Named parts of a mesh, for solvers. A name may occur once among nodes, among faces and among cells."""
 
     #: name -> (k,) int32, nodes, ascending
     nodes: dict[str, IntArray] = field(default_factory=dict)
@@ -219,12 +219,12 @@ class MeshSets:
 class TetMesh:
     """A tetrahedral mesh.
 
-    Every one in memory has positive signed volumes, 0-based indices and no unused nodes.
+    Every mesh in memory has positive signed volumes, 0-based indices and no unused nodes.
 
     Raises
     ------
     InputError
-        an array has another shape or type than stands here, or a tetrahedron or set names what there is not
+        an array has a shape or type other than below, or a tetrahedron or set names something that does not exist
     """
 
     #: (n, 3) float64, node coordinates in mm
@@ -235,7 +235,7 @@ class TetMesh:
     point_data: dict[str, NDArray[Any]] = field(default_factory=dict)
     #: per-element fields, name -> (m,) or (m, k)
     cell_data: dict[str, NDArray[Any]] = field(default_factory=dict)
-    #: named nodes, faces and tetrahedra; only meshes on their way to a solver have any
+    #: named nodes, faces and tetrahedra; only meshes prepared for a solver have any
     sets: MeshSets = MeshSets()
 
     def __post_init__(self) -> None:
@@ -256,7 +256,7 @@ class TetMesh:
 
 
 def require_measurable(shape: TriSurface | TetMesh) -> None:
-    """Raise InputError where a surface or mesh has no elements, or a coordinate is not finite."""
+    """Raise InputError if a surface or mesh has no elements, or a coordinate is not finite."""
     if isinstance(shape, TetMesh):
         what, corners, elements, count = "mesh", "nodes", "tetrahedra", len(shape.cells)
     else:
@@ -272,7 +272,7 @@ def require_measurable(shape: TriSurface | TetMesh) -> None:
 
 
 def node_field(mesh: TetMesh | TriSurface, name: str) -> FloatArray | None:
-    """The point data of this name, (n,) float64; None where the mesh or surface has none.
+    """The point data of this name, (n,) float64; None if the mesh or surface has none.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The whole line in memory, for one surface and those inside it: from resampling and repair to the certificate.
+"""The whole line in memory, for one surface and its inner surfaces: from resampling and repair to the certificate.
 
 The workflow runs the same stages with the same arguments in the same order, one file at a time.
 """
@@ -27,33 +27,33 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Step:
-    """One stage that has run."""
+    """A completed stage."""
 
     stage: str
     #: its result: a surface, up to S1, or a mesh
     result: TriSurface | TetMesh
-    #: the surface that will be meshed, as far as the line has come
+    #: the surface to be meshed, in its present state
     surface: TriSurface
     #: its arguments and its version
     parameters: dict[str, Any]
-    #: what the stage reported, plain values
+    #: the report of the stage, as plain values
     report: dict[str, Any]
     seconds: float
 
 
 class Meshed(NamedTuple):
-    """What comes out of the line."""
+    """The result of the line."""
 
     mesh: TetMesh
     certificate: Certificate
-    #: the surface that was meshed: the input, mended and smoothed
+    #: the surface that was meshed: the input, repaired and smoothed
     surface: TriSurface
 
 
 def stages(
     config: Config, *, gestational_age: float | None, nested: bool = False, registered: bool = False
 ) -> list[str]:
-    """Names of the stages that run; the published smoothing is left out without a gestational age (weeks).
+    """Names of the stages that run; without a gestational age (weeks), the published smoothing does not.
 
     Parameters
     ----------
@@ -74,17 +74,17 @@ def run(
     sphere: TriSurface | None = None,
     sphere_source: str | Path | None = None,
 ) -> Iterator[Step]:
-    """Run the line and hand out every stage when it is done.
+    """Run the line and yield every stage when it is complete.
 
     Parameters
     ----------
-    surface : as read, with its inner surfaces by the names of the regions inside them; coordinates need not be finite
-        where the line repairs
-    config : of the line; the first of its cell sizes and meshers counts
+    surface : as read, with its inner surfaces by the names of the regions inside them; coordinates may be non-finite
+        if the line repairs
+    config : of the line; the first of its cell sizes and meshers is used
     gestational_age : weeks; None leaves out the published smoothing, whose strength depends on it
     source : file of the surface, named in messages
     inner_sources : likewise of the inner surfaces, by name
-    sphere : of the surface, which is then put onto the common mesh
+    sphere : of the surface, which is then resampled to the common mesh
     sphere_source : file of the sphere, named in messages
 
     Raises
@@ -123,7 +123,7 @@ def run(
         latest[stage.gives], report = stage.function(*taken, **config.arguments(stage.name, facts))
         reported = asdict(report)
         if stage.alone and inner:
-            # each inner surface by itself
+            # each inner surface separately
             within, reported["inner"] = {}, {}
             for name, one in latest["surface"].inner.items():
                 own = config.arguments(stage.name, {**facts, "source": str((inner_sources or {}).get(name, name))})
@@ -153,7 +153,7 @@ def _require_sizes(surface: TriSurface, config: Config) -> None:
 
 
 def warm_up() -> None:
-    """Compile the kernels of the line, where this machine has not done so yet, by meshing a coarse phantom."""
+    """Compile the kernels of the line if this machine has not done so yet, by meshing a coarse phantom."""
     mesh_surface(phantom(24.0, subdivisions=3), load({"generate": {"cell_size": 4.0}}))
 
 
@@ -171,8 +171,8 @@ def mesh_surface(
 ) -> Meshed:
     """Mesh one surface and judge the mesh.
 
-    Parameters are those of `run`; `source` is identified by its hash in the certificate of `case`, and `progress` is
-    called after every stage.
+    Parameters are those of `run`. The certificate of `case` identifies `source` by its hash; `progress` is called after
+    every stage.
     """
     parameters, reports = {}, {}
     facts = {"cell_size": config.generate.cell_size[0]}

@@ -1,6 +1,6 @@
-"""What stages and meshers declare of themselves: the base of their sections, the types of keys, what a job takes.
+"""Declarations shared by stages and meshers: the base of their sections, the types of keys, the cost of a job.
 
-Every job loads all these declarations to read the configuration, so this module and theirs are light.
+Every job loads all these declarations to read the configuration, so this module and theirs must be light.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def _whole_micrometres(value: float) -> float:
     return round(value, 3)
 
 
-#: a single value stands for a list of one
+#: a single value means a list of one
 AsList = BeforeValidator(_as_list)
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -60,11 +60,11 @@ Threshold = Annotated[float, Field(gt=0, lt=1)]
 #: mm
 CellSize = Annotated[Positive, AfterValidator(_whole_micrometres), Field(ge=CELL_SIZE_MM[0], le=CELL_SIZE_MM[1])]
 Subdivisions = Annotated[int, Field(ge=SUBDIVISIONS[0], le=SUBDIVISIONS[1])]
-#: what boundary vertices do when vertices move: stay, slide along the surface, or move like all others
+#: behaviour of boundary vertices when vertices move: stay, slide along the surface, or move like all others
 Boundary = Literal["fixed", "slide", "free"]
-#: the cases to which a column of the sheet says yes
+#: the cases for which a column of the sheet says yes
 Column = Annotated[dict[Literal["column"], str], Field(min_length=1)]
-#: `all` cases of the sheet, so many of them, spread over the ages, those that are named, or those of a column
+#: `all` cases of the sheet, a number of them spread over the ages, those named, or those of a column
 Cases = Literal["all"] | NonNegativeInt | list[str] | Column
 
 
@@ -73,24 +73,24 @@ class Section(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    #: keys that choose what is run, and are no arguments of the function that the section is about
+    #: keys that choose what is run; they are not arguments of the function that the section describes
     choices: ClassVar[frozenset[str]] = frozenset({"enabled", "cases"})
 
     def runs(self, *, aged: bool) -> bool:  # noqa: ARG002, one stage asks for it
-        """Whether the line has the stage of this section, for a case whose gestational age is known or not."""
+        """Whether the line has the stage of this section; `aged`: the gestational age of the case is known."""
         return bool(getattr(self, "enabled", True))
 
     def programs(self) -> dict[str, str]:
-        """Programs outside Python that the stage calls -> the key that does without."""
+        """Programs outside Python that the stage calls -> the key that avoids them."""
         return {}
 
     def knows_no_interfaces(self) -> str:
-        """The key, and its value, with which the stage cannot take inner surfaces; "" where it can."""
+        """The key, and its value, with which the stage cannot process inner surfaces; "" if it can."""
         return ""
 
     @classmethod
     def meanings(cls) -> dict[str, str]:
-        """Key -> the docstring below it; from the source, since no job should read it just to have the keys."""
+        """Key -> the docstring below it; from the source, which only this method reads, so that jobs do not."""
         found: dict[str, str] = {}
         for base in reversed(cls.__mro__):
             if issubclass(base, Section) and base.__qualname__ in vars(sys.modules[base.__module__]):
@@ -103,11 +103,11 @@ class Section(BaseModel):
 
 @dataclass(frozen=True)
 class Cost:
-    """What a job takes: each number for no tetrahedra, and more for every million of them."""
+    """What a job takes: a constant, and an amount for every million tetrahedra."""
 
     #: peak resident memory of the script, MB
     megabytes: tuple[float, float]
-    #: CPU time of the script, s, the start of the interpreter included
+    #: CPU time of the script, s, including the start of the interpreter
     seconds: tuple[float, float]
 
     def memory_mb(self, tets: float) -> float:
@@ -124,5 +124,5 @@ def _line(coefficients: tuple[float, float], tets: float) -> float:
 
 
 def public_modules(package: str, path: Iterable[str]) -> list[ModuleType]:
-    """The modules in the folders `path` of a package, but for those whose names begin with `_`; by name."""
+    """The modules in the folders `path` of a package, except those whose names begin with `_`; sorted by name."""
     return [import_module(f"{package}.{found.name}") for found in iter_modules(path) if found.name[0] != "_"]

@@ -1,13 +1,12 @@
-"""What every script does first: `job = start(snakemake)`.
+"""First step of every script: `job = start(snakemake)`.
 
-The job logs to its rule's log file (libraries that print do so too), keeps to its rule's threads, and when it fails
-leaves a last line `ERROR reason` there, which `cohort_status.tsv` quotes. Stopped by SIGTERM, as at the end of its time
-on a cluster, or ended because it takes longer than `time_limit`, it leaves the place where it was. It ends with the
-Snakemake that started it. Where a profile numbers attempts (resource `attempt`), only a job that was killed is tried
-again.
+The job logs to its rule's log file (libraries that print do so too) and keeps to its rule's threads. If it fails, the
+last line of the log is `ERROR reason`, which `cohort_status.tsv` quotes. If SIGTERM stops it, as at the end of its time
+on a cluster, or if it takes longer than `time_limit`, the log shows where it was. It ends with the Snakemake that
+started it. If a profile numbers attempts (resource `attempt`), only a job that was killed is tried again.
 
-A job lies beside its log, as a file `.job`, until it has succeeded. `python -m pdb scripts/_job.py FILE.job` runs one
-that failed or was killed again, with its messages on the terminal; its log and Snakemake's last messages name the
+A job is saved beside its log, as a file `.job`, until it has succeeded. `python -m pdb scripts/_job.py FILE.job` runs
+one that failed or was killed again, with its messages on the terminal. Its log and Snakemake's last messages name the
 command.
 """
 
@@ -33,7 +32,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-# the workflow runs the package it comes with, beside it in a checkout and around it in an installed package, also in a
+# the workflow runs the package it comes with (beside it in a checkout, around it in an installed package), even in a
 # conda environment that has another one or none
 _folder = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(_folder if (_folder / "cortet").is_dir() else _folder.parents[1]))
@@ -47,7 +46,7 @@ logger = logging.getLogger("cortet")
 
 @dataclass(frozen=True)
 class Job:
-    """What a script needs of its job; the first four are Snakemake's."""
+    """What a script needs to know of its job; the first four are Snakemake's."""
 
     input: Any
     output: Any
@@ -61,19 +60,19 @@ class Job:
 
     @property
     def to_mm(self) -> Any:
-        """Matrix from the coordinates of the case to mm, or None; InputError where the plan could not tell it."""
+        """Matrix from the coordinates of the case to mm, or None; InputError if the plan could not determine it."""
         if isinstance(self.params.to_mm, str):
             raise CortetError(self.params.to_mm)
         return self.params.to_mm
 
     def require_unchanged_input(self) -> None:
-        """Raise StageError where a file of the user that the job has read is not the one it was planned with."""
+        """Raise StageError if a file of the user that the job has read is not the one it was planned with."""
         from cortet.cohort.receipts import require_unchanged
 
         require_unchanged(self.params.paths, self.params.input_sha256)
 
     def record(self, report: Mapping[str, Any]) -> dict[str, Any]:
-        """A report that says whose it is, and of the files of a case what they were made from and in whose space.
+        """The report, with its origin; for files of a case, also with the inputs they were made from and their space.
 
         Raises
         ------
@@ -95,8 +94,8 @@ class Job:
 
 
 def start(snakemake: Any) -> Job:
-    """Prepare the process for a job: log, limits, what happens when it fails. Call it before Numba is imported."""
-    os.environ["NUMBA_NUM_THREADS"] = str(snakemake.threads)  # which is read once
+    """Prepare the process for a job: log, limits, handling of failures. Call it before Numba is imported."""
+    os.environ["NUMBA_NUM_THREADS"] = str(snakemake.threads)  # Numba reads it only once
     if snakemake.log:
         _guard(snakemake)
     _delete_leftovers(snakemake.output)
@@ -106,12 +105,12 @@ def start(snakemake: Any) -> Job:
 
 def _guard(snakemake: Any) -> None:
     """Tie the job to the Snakemake that started it, to its log and to its limits."""
-    # what an interrupted run began never replaces what a later one made
+    # so that files begun by an interrupted run never replace those of a later one
     child.end_with_parent()
     _use_own_temporary_folder()
     log = Path(snakemake.log[0])
     earlier = log.with_name(f".{log.name}.attempt")
-    attempt = snakemake.resources.get("attempt", 0)  # 0: it is not said, and a failure is final
+    attempt = snakemake.resources.get("attempt", 0)  # 0: not given, and a failure is final
     if attempt > 1:
         _end_useless_attempt(log, earlier)
     _log_to(log)
@@ -125,10 +124,10 @@ def _guard(snakemake: Any) -> None:
 
 
 def _save(snakemake: Any, log: Path) -> None:
-    """Save the job for a debugger: now, as it may be killed, until it has succeeded; not where the disk is full."""
+    """Save the job for a debugger, until it has succeeded; now, as it may be killed; not if the disk is full."""
     script = Path(
         getattr(sys.modules["__main__"], "__file__", None) or ""
-    ).name  # Snakemake runs a copy that says what it is a copy of
+    ).name  # Snakemake runs a copy that names its original
     with contextlib.suppress(OSError):
         atexit.register(_forget, saved_jobs.save(script, snakemake, log))
 
@@ -142,7 +141,7 @@ def _run_saved(path: Path) -> None:
 
 
 def _leave_receipt(snakemake: Any) -> None:
-    """Write the receipt of the job when it has succeeded; until then there is none."""
+    """Write the receipt of the job once it has succeeded; until then there is none."""
     if "CORTET_OUTPUT" not in os.environ or not snakemake.log:  # a saved job
         return
     from cortet.cohort.receipts import receipt_path, write_receipt
@@ -153,9 +152,9 @@ def _leave_receipt(snakemake: Any) -> None:
 
 
 def _use_own_temporary_folder() -> None:
-    """Give the job a folder for temporary files that is deleted when the job ends, also when it is killed.
+    """Give the job a folder for temporary files that is deleted when the job ends, even if it is killed.
 
-    A shell waits for the end of a pipe whose other end only this process holds, and deletes the folder then.
+    A shell waits for the end of a pipe whose other end only this process holds, and then deletes the folder.
     """
     folder = tempfile.mkdtemp(prefix="cortet-job-")
     os.environ["TMPDIR"] = tempfile.tempdir = folder
@@ -166,7 +165,7 @@ def _use_own_temporary_folder() -> None:
 
 
 def _limit_time() -> None:
-    """End after this many minutes, with the stack in the log, also inside a library that never returns."""
+    """End after `CORTET_TIME_LIMIT` minutes, with the stack in the log, even inside a library that never returns."""
     if minutes := float(os.environ.get("CORTET_TIME_LIMIT", "0")):
         faulthandler.dump_traceback_later(60 * minutes, exit=True)
 
@@ -180,7 +179,7 @@ def _log_to(path: Path) -> None:
 
 
 def _end_useless_attempt(log: Path, earlier: Path) -> None:
-    """Another attempt, with more memory, is no help to a job that was not killed."""
+    """End a job whose earlier attempt was not killed: another attempt, with more memory, does not help it."""
     from cortet.cohort.status import was_killed
 
     if earlier.exists() and not was_killed(earlier):
@@ -189,7 +188,7 @@ def _end_useless_attempt(log: Path, earlier: Path) -> None:
 
 
 def _remember(log: Path, earlier: Path) -> None:
-    """Keep the log, which Snakemake deletes before it tries again, under a second name until the job has succeeded."""
+    """Keep the log under a second name until the job has succeeded; Snakemake deletes it before another attempt."""
     earlier.unlink(missing_ok=True)
     with contextlib.suppress(OSError):  # a file system without links: every failure is tried again
         os.link(log, earlier)
@@ -207,7 +206,7 @@ def _has_failed() -> bool:
 
 
 def _log_failure(log: Path, kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    # before the error, which is what a log ends with
+    # before the error, which must be the last line of a log
     if saved_jobs.saved_path(log).exists():
         logger.info("to run it again in a debugger: %s", saved_jobs.debug_command(log, Path(__file__)))
     if isinstance(error, CortetError):

@@ -1,18 +1,18 @@
 """Local operations on a closed triangulated surface that must stay near another one: the compiled part of `remesh`.
 
-Edges are split, collapsed and flipped and vertices moved, and each of these is refused when it would take the
-triangles away from the given surface. For this, sample points of the given surface (its vertices and the centres of its
+Edges are split, collapsed and flipped, and vertices are moved. An operation is refused if it would take the triangles
+away from the given surface. For this check, sample points of the given surface (its vertices and the centres of its
 faces) are attached to the nearest triangle around the operation. After each operation every sample around it must be
 within its own limit of a triangle, and on average within a lower one. So nothing of the surface is lost, whatever the
 edge length: a narrow sulcus that is filled, or a thin blade that is cut off, leaves samples behind.
 
-The idea of attached samples is that of Hu et al., Error-bounded and feature preserving surface remeshing with minimal
-angle improvement, TVCG 2017; the operations are those of Botsch and Kobbelt, SGP 2004.
+The attached samples follow Hu et al., Error-bounded and feature preserving surface remeshing with minimal angle
+improvement, TVCG 2017; the operations are those of Botsch and Kobbelt, SGP 2004.
 
 Half-edge 3 f + i runs from corner i of face f to corner i + 1. A dead face has -1 as its first corner, a dead vertex -1
 as its half-edge.
 """
-# Numba's compiled functions take the named tuple as it is; nothing here runs in parallel, so bits do not depend on
+# Numba's compiled functions take the named tuple directly; nothing here runs in parallel, so the bits do not depend on
 # the number of threads.
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from cortet.meshers._samples import attach, measure, onto_surface
 
 #: an edge is split or collapsed when it is longer or shorter than these multiples of the target (Botsch and Kobbelt)
 LONG, SHORT = 4 / 3, 4 / 5
-#: shape of a triangle below which it may be mended at the cost of some distance
+#: shape of a triangle below which it may be improved at the cost of some distance
 POOR = 0.7
 #: a smoothing step that is refused is tried again at half the length
 _SMOOTHING_TRIES = 2
-#: a vertex keeps so many neighbours: with three, one flat tetrahedron fills the corner, wherever vertices go
+#: a vertex keeps at least this many neighbours: with three, the corner is always one flat tetrahedron
 _LEAST_VALENCE = 4
 #: a flip must not make the shape of the worse of its two triangles worse than this, nor halve it
 _MIN_SHAPE = 0.3
@@ -52,7 +52,7 @@ _MIN_SHAPE = 0.3
 
 @numba.njit(cache=True)
 def split_long(w, tree, s, limits):  # type: ignore[no-untyped-def]
-    """Split the edges longer than 4/3 of the target; returns the number of splits, -1 if there was no room for all."""
+    """Split the edges longer than 4/3 of the target; return the number of splits, -1 if there was no room for all."""
     done = 0
     face_of = np.empty(4, np.int64)
     for h in range(3 * w.used[1]):
@@ -120,9 +120,9 @@ def split_long(w, tree, s, limits):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _collapsed(w, s, a, b, x, y, z, first, second):  # type: ignore[no-untyped-def]
-    """Write down what collapsing a and b into (x, y, z) changes; `first` and `second` are the faces that vanish.
+    """Record the changes if a and b are collapsed into (x, y, z); `first` and `second` are the faces that vanish.
 
-    The faces that vanish come first among the old ones. Returns the number of old faces, 0 where the collapse turns a
+    The faces that vanish come first among the old ones. Returns the number of old faces, 0 if the collapse turns a
     triangle over, makes an edge too long, or has too many faces around it.
     """
     s.old[0], s.old[1] = first, second
@@ -172,11 +172,11 @@ def _may_collapse(w, h):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def collapse_short(w, tree, s, limits, floor):  # type: ignore[no-untyped-def]
-    """Collapse the edges shorter than 4/5 of the target, and vertices of three faces; returns the number of collapses.
+    """Collapse the edges shorter than 4/5 of the target, and vertices of three faces; return the number of collapses.
 
-    Where one is refused because it would leave the surface, the target becomes the length there is, but not less than
-    `floor` (mm), so that the triangles around are graded towards it. An edge shorter than that stays only where a
-    sample would be beyond its own limit.
+    If a collapse is refused because it would leave the surface, the target there becomes the present length, but not
+    less than `floor` (mm), so that the triangles around are graded towards it. An edge shorter than that stays only if
+    a sample would be beyond its own limit.
     """
     done = 0
     face_of = np.empty(MOST_FACES, np.int64)
@@ -234,7 +234,7 @@ def collapse_short(w, tree, s, limits, floor):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _collapse(w, h):  # type: ignore[no-untyped-def]
-    """Take vertex a of half-edge a -> b out; its faces get b instead, and the two of the edge die."""
+    """Remove vertex a of half-edge a -> b; its faces get b instead, and the two faces of the edge die."""
     g = w.opposite[h]
     a, b = origin_of(w, h), origin_of(w, g)
     c, d = origin_of(w, previous_of(h)), origin_of(w, previous_of(g))
@@ -244,7 +244,7 @@ def _collapse(w, h):  # type: ignore[no-untyped-def]
         e = w.opposite[previous_of(e)]
         if e == w.leaving[a]:
             break
-    # what was behind b -> c and c -> a now meets; likewise for a -> d and d -> b
+    # the neighbours behind b -> c and c -> a now meet; likewise those behind a -> d and d -> b
     one, two = w.opposite[next_of(h)], w.opposite[previous_of(h)]
     three, four = w.opposite[next_of(g)], w.opposite[previous_of(g)]
     pair(w, one, two)
@@ -258,7 +258,7 @@ def _collapse(w, h):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def flip(w, s, limits):  # type: ignore[no-untyped-def]
-    """Flip the edges where that brings the numbers of neighbours nearer to six; returns the number of flips."""
+    """Flip edges if that brings the numbers of neighbours nearer to six; return the number of flips."""
     done = 0
     face_of = np.empty(2, np.int64)
     for h in range(3 * w.used[1]):
@@ -314,9 +314,9 @@ def flip(w, s, limits):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def smooth(w, tree, s, limits):  # type: ignore[no-untyped-def]
-    """Move every vertex along the surface towards the middle of its triangles; returns the number of moves.
+    """Move every vertex along the surface towards the middle of its triangles; return the number of moves.
 
-    The middle is weighted by area over squared target length, which makes triangles as large as their target says.
+    The middle is weighted by area over squared target length, so that the size of triangles follows their target.
     """
     moved = 0
     row = np.empty(9)
@@ -382,7 +382,7 @@ def smooth(w, tree, s, limits):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def relax(w, given, tree_faces, ease):  # type: ignore[no-untyped-def]
-    """Let targets grow by the factor `ease`, up to what is `given` per vertex of the surface under each vertex."""
+    """Let targets grow by the factor `ease`, up to the smallest one `given` at the surface triangle under a vertex."""
     for v in range(w.used[0]):
         if w.leaving[v] >= 0:
             corners = tree_faces[w.place[v]]
