@@ -105,8 +105,8 @@ class CoordinateFrame:
     matrix: tuple[float, ...] = (1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1)
 
 
-#: name of the integer field with the region of each tetrahedron: 0 between the boundary and the inner surfaces, and i
-#: inside the i-th inner surface but outside the surfaces that it contains
+#: integer field of the region of each tetrahedron, 0 between the boundary and the inner surfaces, and i inside the i-th
+#: inner surface but outside the surfaces that it contains
 REGION = "region"
 #: name of region 0; the other regions have the names of the inner surfaces around them
 OUTERMOST = "cortex"
