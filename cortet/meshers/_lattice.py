@@ -115,7 +115,7 @@ def finer_step(ratio: FloatArray) -> FloatArray:
 
 
 def _finest(ratio: float) -> float:
-    """The power of 1 / `_STEP` nearest to `ratio` on a logarithmic scale, at least 1."""
+    """The power of 1 / `_STEP` nearest to `ratio` on a logarithmic scale, at most 1."""
     return float(_STEP ** -max(0, round(-np.log(ratio) / np.log(_STEP))))
 
 
