@@ -42,7 +42,7 @@ from cortet.simulation.plausible import check_cells, check_mesh
 from cortet.simulation.run import advance_to, beginning, described, measured, millimetres, prepared, thickness_mm
 from cortet.simulation.state import Moment, Run, Settings
 
-VERSION: int = 5
+VERSION: int = 6
 
 #: wall time between two checkpoints, and between two updates of the tables
 _CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0

@@ -39,6 +39,8 @@ from cortet.simulation.stepper import OnCpu
 
 #: steps for which growth is computed at once; then its work is added up
 _CHUNK = 100
+#: the same for the first `_EARLY_STEPS`, in which the work of growth changes fast; a multiple of `_ALIKE`
+_EARLY_CHUNK, _EARLY_STEPS = 20, 1000
 #: steps during which the growth of a map is constant: that in the middle of them
 _ALIKE = 20
 #: medial plane of the reference
@@ -211,7 +213,8 @@ def advance_to(run: Run, moment: Moment, target: float) -> bool:
     stepper.begin()
     steps = max(int(np.ceil((target - begin) / time_step_of(run, moment) - 1e-9)), 1)
     dt = (target - begin) / steps
-    chunks = (np.arange(first, min(steps, first + _CHUNK)).astype(float) for first in range(0, steps, _CHUNK))
+    length = _CHUNK if moment.step >= _EARLY_STEPS else _EARLY_CHUNK
+    chunks = (np.arange(first, min(steps, first + length)).astype(float) for first in range(0, steps, length))
     energy = sum(_energies(run, stepper, stepper.state, begin, dt))
     inverted = False
     for chunk in chunks:
