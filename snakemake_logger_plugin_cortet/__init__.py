@@ -1,7 +1,8 @@
 """What a run says on a terminal: a line for each case that is done, and why others failed.
 
 Snakemake tells a logger plugin of every job that starts, ends or fails (`snakemake --logger cortet`; `cortet run` does
-so by itself). A case is done with its certificate. On a terminal the last line shows what is running now.
+so by itself). A mesh is done with its certificate, a fold with its verdict. On a terminal the last line shows what is
+running now.
 
 Snakemake loads every logger plugin before it reads a Snakefile. So this one imports nothing of cortet: a workflow would
 else run with the package that is installed, not with its own.
@@ -21,8 +22,8 @@ from typing import Any, TextIO
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
-#: rule after which a mesh is judged
-_LAST = "certify"
+#: rule after which a mesh is judged, and rule that folds it
+_LAST, _FOLD = "certify", "fold"
 #: what Snakemake says of a failed job, of which our own line says why
 _SAID = ("RuleException", "CalledProcessError")
 _COUNTED = ("At least one job did not complete", "Exiting because a job execution failed")
@@ -55,7 +56,8 @@ class Progress:
         """What will be done, from the number of jobs of each rule."""
         self.meshes, self.jobs = stats.get(_LAST, 0), (0, stats.get("total", 0))
         meshes = f"{self.meshes} {'mesh' if self.meshes == 1 else 'meshes'} to make, " if self.meshes else ""
-        return f"{meshes}{self.jobs[1]} jobs"
+        folds = f"{stats[_FOLD]} to fold, " if stats.get(_FOLD) else ""
+        return f"{meshes}{folds}{self.jobs[1]} jobs"
 
     def started(self, job: int, rule: str, wildcards: Mapping[str, str], files: Mapping[str, Any]) -> None:
         """A job starts."""
@@ -63,14 +65,17 @@ class Progress:
         case = mesh_name(wildcards)
         if case:
             self.starts.setdefault(wildcards["case"], self.clock())
-        self.running[job] = {"rule": rule, "case": case, **files, "name": wildcards.get("case", "")}
+        known = {"rule": rule, "case": case, "name": wildcards.get("case", ""), "began": self.clock()}
+        self.running[job] = known | dict(files)
 
     def ended(self, job: int) -> str | None:
-        """A job has ended well; the line of a mesh that is done with it."""
-        known = self.running.pop(job, None)
-        if known is None or known["rule"] != _LAST:
-            return None
-        return self._done(known)
+        """A job has ended well; the line of a mesh or a fold that is done with it."""
+        known = self.running.pop(job, {"rule": ""})
+        if known["rule"] == _LAST:
+            return self._done(known)
+        if known["rule"] == _FOLD:
+            return self._folded(known)
+        return None
 
     def failed(self, job: int, rule: str, log: str | None) -> str:
         """The line of a job that failed."""
@@ -106,6 +111,12 @@ class Progress:
         numbers = f"worst q {quality['q']['max']:.3f}, {quality['tets']:,} tetrahedra, {minutes:.1f} min"
         return f"{self._counter()}{known['case']}  {verdict}, {numbers}{self.left()}{why}"
 
+    def _folded(self, known: Mapping[str, Any]) -> str:
+        verdict = json.loads(Path(known["output"][0]).read_text(encoding="utf-8"))
+        minutes = (self.clock() - known["began"]) / 60
+        index = f"gyrification index {verdict['gyrification_index_last']:.2f}, {minutes:.1f} min"
+        return f"{self._counter()}{known['case']}  {verdict['reason']}; {index}{self.left()}"
+
     def _counter(self) -> str:
         return f"{len(self.finished):{len(str(self.meshes))}}/{self.meshes}  " if self.meshes else ""
 
@@ -115,7 +126,7 @@ def mesh_name(wildcards: Mapping[str, str]) -> str:
     case, size = wildcards.get("case", ""), wildcards.get("res", "")
     mesher = f"{wildcards.get('mesher', '')}{wildcards.get('setting', '')}"
     more = [f"{int(size) / 1000:g} mm"] if size.isdigit() else []
-    more += [mesher] if mesher not in ("", "lattice") else []
+    more += [word for word in (mesher, wildcards.get("variant", "")) if word not in ("", "lattice")]
     return f"{case} ({', '.join(more)})" if case and more else case
 
 

@@ -53,6 +53,18 @@ def test_a_mesh_that_is_not_certified_says_why(tmp_path: Path) -> None:
     assert line is not None and "not certified" in line and line.endswith(": worst q is 0.7; it has a void")
 
 
+def test_a_fold_is_one_line_with_its_verdict(tmp_path: Path) -> None:
+    verdict = tmp_path / "verdict.json"
+    verdict.write_text(json.dumps({"reason": "folded from 22 to 34 weeks", "gyrification_index_last": 1.2451}))
+    run, now = progress()
+    assert run.planned({"certify": 2, "fold": 3, "total": 40}) == "2 meshes to make, 3 to fold, 40 jobs"
+    run.started(7, "fold", {**WILDCARDS, "variant": "Thin"}, {"output": [str(verdict)]})
+    now[0] = 120.0
+    assert run.ended(7) == (
+        "0/2  sub-01_hemi-L (0.6 mm, Thin)  folded from 22 to 34 weeks; gyrification index 1.25, 2.0 min"
+    )
+
+
 def test_a_job_that_failed_names_its_rule_its_reason_and_its_log(tmp_path: Path) -> None:
     log = tmp_path / "repair.log"
     log.write_text("12:00 INFO begins\n12:01 ERROR x.surf.gii: truncated\n")
