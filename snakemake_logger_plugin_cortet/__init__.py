@@ -2,7 +2,7 @@
 
 Snakemake tells a logger plugin of every job that starts, ends or fails (`snakemake --logger cortet`; `cortet run` does
 so by itself). A mesh is done with its certificate, a fold with its verdict. On a terminal the last line shows what is
-running now.
+running now; elsewhere a line says so after a minute of silence.
 
 Snakemake loads every logger plugin before it reads a Snakefile. So this one imports nothing of cortet: a workflow would
 else run with the package that is installed, not with its own.
@@ -29,6 +29,8 @@ _SAID = ("RuleException", "CalledProcessError")
 _COUNTED = ("At least one job did not complete", "Exiting because a job execution failed")
 #: a live line is cut there, so that it stays one
 _WIDTH = 100
+#: seconds of silence after which a log file, which has no live line, gets one
+_SILENCE = 60.0
 
 
 @dataclass
@@ -146,6 +148,7 @@ class LogHandler(LogHandlerBase):
     def __post_init__(self) -> None:
         self.stream: TextIO = sys.stdout
         self.progress, self._live, self._last = Progress(), self.stream.isatty(), ""
+        self._said_at = self.progress.clock()
 
     def emit(self, record: LogRecord) -> None:
         """Say what an event means, if it means anything to a user."""
@@ -183,6 +186,8 @@ class LogHandler(LogHandlerBase):
             yield progress.failed(known["jobid"], known["rule_name"], next(iter(known["log"] or []), None))
         elif event == LogEvent.PROGRESS:
             progress.jobs = (known["done"], known["total"])
+            if not self._live and progress.clock() - self._said_at > _SILENCE:
+                yield progress.live()
         elif event == LogEvent.ERROR or record.levelno >= ERROR:
             if not self._was_said(record):
                 yield record.getMessage()
@@ -201,6 +206,7 @@ class LogHandler(LogHandlerBase):
             self._show("")
         self.stream.write(f"{line}\n")
         self.stream.flush()
+        self._said_at = self.progress.clock()
 
     def _show(self, line: str) -> None:
         """Replace the last line of a terminal."""

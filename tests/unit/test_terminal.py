@@ -147,6 +147,20 @@ def test_other_errors_of_snakemake_are_shown(capsys: pytest.CaptureFixture[str])
     ]
 
 
+def test_a_log_file_says_what_is_running_after_a_minute_of_silence(capsys: pytest.CaptureFixture[str]) -> None:
+    handler, now = new_handler(), [0.0]
+    handler.progress.clock = lambda: now[0]
+    emit(handler, event=LogEvent.RUN_INFO, stats={"total": 40})
+    emit(handler, event=LogEvent.JOB_INFO, jobid=1, rule_name="baseline", wildcards=WILDCARDS, output=[])
+    for now[0], done in ((50.0, 10), (61.0, 11), (100.0, 12), (122.0, 20)):
+        emit(handler, event=LogEvent.PROGRESS, done=done, total=40)
+    assert capsys.readouterr().out.splitlines() == [
+        "40 jobs",
+        "11/40 jobs, about 3 min left  baseline sub-01_hemi-L (0.6 mm)",
+        "20/40 jobs, about 2 min left  baseline sub-01_hemi-L (0.6 mm)",
+    ]
+
+
 def test_a_record_that_cannot_be_read_does_not_end_the_run(capsys: pytest.CaptureFixture[str]) -> None:
     handler = new_handler()
     emit(handler, event=LogEvent.JOB_INFO, jobid=1, rule_name="certify", wildcards=WILDCARDS, output=["nosuch.json"])
