@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 
 from cortet.formats import vtu
 from cortet.meshes import TetMesh
-from cortet.report.figures import PAGE, Q_AXIS, drawn, save
+from cortet.report.figures import PAGE, Q_AXIS, drawn, letter, save
 from cortet.report.render import BEYOND, COLOURS, RANGE, lateral_view
 
-VERSION: int = 2
+VERSION: int = 3
 
 #: hemisphere -> its name, and the side from which it is seen, in the order of the rows
 _HEMISPHERES: dict[str, tuple[str, Literal["L", "R"]]] = {
@@ -74,6 +74,7 @@ def series_figure(brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]]) 
         names = [_HEMISPHERES[hemi][0] if hemi else "surface" for hemi in rows]
         for axis, name in zip(axes[:, 0], [*names, "sagittal cut\nthrough the middle"], strict=True):
             axis.set_ylabel(name)
+        letter(axes[:, 0])
         _draw_scale(axes[-1, 0])
         _colour_bar(figure, axes)
     return figure
