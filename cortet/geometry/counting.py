@@ -66,7 +66,7 @@ def _sorted(cells, faces, e, k):  # type: ignore[no-untyped-def]
     return min(a, b, c), max(min(a, b), min(max(a, b), c)), max(a, b, c)
 
 
-@numba.njit(cache=True)
+@numba.njit(parallel=True, cache=True)
 def wrong_faces(points, cells, faces, behind):  # type: ignore[no-untyped-def]
     """Fault of the face opposite each corner: (m, 4) int8, 0: none, 1: folded, 2: in more than two tetrahedra.
 
@@ -81,22 +81,57 @@ def wrong_faces(points, cells, faces, behind):  # type: ignore[no-untyped-def]
     behind : result of `behind_faces`
     """
     wrong = np.zeros((len(cells), 4), np.int8)
-    for e in range(len(cells)):
+    for e in numba.prange(len(cells)):
         for k in range(4):
-            f = behind[e, k]
-            if f < 0:
-                continue
-            face = _sorted(cells, faces, e, k)
-            for j in range(4):
-                if _sorted(cells, faces, f, j) != face:
-                    continue
-                if behind[f, j] != e:
-                    wrong[e, k] = 2
-                elif f > e:
-                    same_turn = _is_odd(cells, faces, e, k) == _is_odd(cells, faces, f, j)
-                    if same_turn == (_is_inverted(points, cells, e) == _is_inverted(points, cells, f)):
-                        wrong[e, k] = 1
+            wrong[e, k] = _fault(points, cells, faces, behind, e, k)
     return wrong
+
+
+@numba.njit(cache=True)
+def _fault(points, cells, faces, behind, e, k):  # type: ignore[no-untyped-def]
+    """Fault of one face, as in `wrong_faces`."""
+    f, fault = behind[e, k], 0
+    if f < 0:
+        return fault
+    face = _sorted(cells, faces, e, k)
+    for j in range(4):
+        if _sorted(cells, faces, f, j) != face:
+            continue
+        if behind[f, j] != e:
+            fault = 2
+        elif f > e:
+            same_turn = _is_odd(cells, faces, e, k) == _is_odd(cells, faces, f, j)
+            if same_turn == (_is_inverted(points, cells, e) == _is_inverted(points, cells, f)):
+                fault = 1
+    return fault
+
+
+@numba.njit(cache=True)
+def repeated_rows(rows, vertex_count):  # type: ignore[no-untyped-def]
+    """Whether each row (ascending vertex numbers) equals an earlier one: (m,) bool.
+
+    Rows are sorted into one bucket per first vertex, so that only a few dozen are compared with each other.
+    """
+    m = len(rows)
+    offsets = np.zeros(vertex_count + 1, np.int64)
+    for i in range(m):
+        offsets[rows[i, 0] + 1] += 1
+    offsets = np.cumsum(offsets)
+    free = offsets[:-1].copy()
+    bucket = np.empty(m, np.int64)
+    repeated = np.zeros(m, np.bool_)
+    for i in range(m):
+        first = rows[i, 0]
+        for at in range(offsets[first], free[first]):
+            same = True
+            for k in range(1, rows.shape[1]):
+                same &= rows[i, k] == rows[bucket[at], k]
+            if same:
+                repeated[i] = True
+                break
+        bucket[free[first]] = i
+        free[first] += 1
+    return repeated
 
 
 @numba.njit(cache=True, inline="always")

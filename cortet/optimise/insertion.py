@@ -192,16 +192,20 @@ def _on_crest(mesh, tree, halved, part, place):  # type: ignore[no-untyped-def]
     a, b, c, d = halved
     if mesh.held[a] or mesh.held[b] or mesh.held[c] or mesh.held[d]:
         return False
-    at, side = points[a] + part * (points[b] - points[a]), points[b] - points[a]
-    px, py, pz, _, _, _, _ = closest_point(tree, at[0], at[1], at[2], -1)
+    ax, ay, az = points[a]
+    sx, sy, sz = points[b, 0] - ax, points[b, 1] - ay, points[b, 2] - az
+    x, y, z = ax + part * sx, ay + part * sy, az + part * sz
+    px, py, pz, _, _, _, _ = closest_point(tree, x, y, z, -1)
     place[0], place[1], place[2] = px, py, pz
-    if ((place - at) ** 2).sum() > _MAX_SAG**2 * (side * side).sum():
+    sag2 = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
+    if sag2 > _MAX_SAG**2 * (sx * sx + sy * sy + sz * sz):
         return False
-    for third, turn in ((c, 1), (d, -1)):
-        old = turn * unit_normal(points[a], points[third], points[b])
+    for third in (c, d):
+        # both normals of a face change sign with its turn, so the turn does not matter
+        ox, oy, oz = unit_normal(points[a], points[third], points[b])
         for start, end in ((a, third), (third, b)):
-            new = turn * unit_normal(points[start], points[end], place)
-            if not (new * old).sum() >= _MIN_FACE_COSINE:
+            nx, ny, nz = unit_normal(points[start], points[end], place)
+            if not nx * ox + ny * oy + nz * oz >= _MIN_FACE_COSINE:
                 return False
     return True
 
@@ -289,6 +293,11 @@ def _settled(mesh, faces, outer, place, star, steps):  # type: ignore[no-untyped
 
 @numba.njit(cache=True)
 def _rows(mesh, faces, outer, place, star):  # type: ignore[no-untyped-def]
+    points = mesh.points
+    x, y, z = place[0], place[1], place[2]
     for i in range(outer):
-        a, b, c = mesh.points[faces[i, 0]] - place, mesh.points[faces[i, 1]] - place, mesh.points[faces[i, 2]] - place
-        fill_row(star[i], a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2])
+        a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
+        ax, ay, az = points[a, 0] - x, points[a, 1] - y, points[a, 2] - z
+        bx, by, bz = points[b, 0] - x, points[b, 1] - y, points[b, 2] - z
+        cx, cy, cz = points[c, 0] - x, points[c, 1] - y, points[c, 2] - z
+        fill_row(star[i], ax, ay, az, bx, by, bz, cx, cy, cz)

@@ -20,7 +20,7 @@ import numba
 import numpy as np
 
 from cortet.geometry.closest_point import SurfaceTree, closest_point
-from cortet.geometry.topology import TET_FACES, neighbours, numbers
+from cortet.geometry.topology import TET_FACES, neighbours
 from cortet.meshes import FloatArray, IntArray, TetMesh
 from cortet.optimise.cavities import (
     EDGE_FRAMES,
@@ -141,9 +141,27 @@ class Live(NamedTuple):
 
 def live_cells(mesh: Swappable) -> Live:
     """Leave out dead and spare rows."""
-    rows = np.flatnonzero(mesh.cells[: mesh.counters[0], 0] >= 0)
-    number = np.append(numbers(rows, mesh.counters[0]), np.int32(-1))  # the last entry is for -1, outside
-    return Live(mesh.cells[rows], number[mesh.neighbours[rows]], mesh.origin[rows])
+    return Live(*_live_rows(mesh.cells, mesh.neighbours, mesh.origin, mesh.counters[0]))
+
+
+@numba.njit(cache=True)
+def _live_rows(cells, neighbours, origin, used):  # type: ignore[no-untyped-def]
+    """The arrays of `Live`, from the first `used` rows."""
+    number = np.full(used, -1, np.int32)
+    count = 0
+    for e in range(used):
+        if cells[e, 0] >= 0:
+            number[e] = count
+            count += 1
+    live, behind, made_of = np.empty((count, 4), np.int32), np.empty((count, 4), np.int32), np.empty(count, np.int32)
+    for e in range(used):
+        row = number[e]
+        if row >= 0:
+            made_of[row] = origin[e]
+            for k in range(4):
+                f = neighbours[e, k]
+                live[row, k], behind[row, k] = cells[e, k], number[f] if f >= 0 else -1
+    return live, behind, made_of
 
 
 @numba.njit(cache=True)
@@ -194,28 +212,31 @@ def _interface_flip_is_sound(mesh, tree, e, a, b, first, last, alone, worst):  #
 @numba.njit(cache=True)
 def _stays_on_surface(points, tree, a, b, first, last, worst, place):  # type: ignore[no-untyped-def]
     """Whether faces at (first, last) point like those at (a, b), and stay near the surface of triangle `place`."""
-    old = unit_normal(points[a], points[first], points[b]) + unit_normal(points[a], points[b], points[last])
-    old /= np.sqrt((old * old).sum())
-    new = (
-        unit_normal(points[first], points[b], points[last]),
-        unit_normal(points[first], points[last], points[a]),
-    )
-    for normal in new:
-        if not (normal * old).sum() >= _MIN_FACE_COSINE:
+    ox, oy, oz = unit_normal(points[a], points[first], points[b])
+    px, py, pz = unit_normal(points[a], points[b], points[last])
+    ox, oy, oz = ox + px, oy + py, oz + pz
+    length = np.sqrt(ox * ox + oy * oy + oz * oz)
+    ox, oy, oz = ox / length, oy / length, oz / length
+    for start, end, third in ((first, b, last), (first, last, a)):
+        nx, ny, nz = unit_normal(points[start], points[end], points[third])
+        if not nx * ox + ny * oy + nz * oz >= _MIN_FACE_COSINE:
             return False
-    middle, side = (points[first] + points[last]) / 2, points[last] - points[first]
-    px, py, pz, _, _, _, _ = closest_point(tree, middle[0], middle[1], middle[2], place)
-    sag2 = (px - middle[0]) ** 2 + (py - middle[1]) ** 2 + (pz - middle[2]) ** 2
+    fx, fy, fz = points[first]
+    lx, ly, lz = points[last]
+    mx, my, mz = (fx + lx) / 2, (fy + ly) / 2, (fz + lz) / 2
+    sx, sy, sz = lx - fx, ly - fy, lz - fz
+    px, py, pz, _, _, _, _ = closest_point(tree, mx, my, mz, place)
+    sag2 = (px - mx) ** 2 + (py - my) ** 2 + (pz - mz) ** 2
     allowed = _MAX_SAG if worst < _BAD else _MAX_SAG_OF_BAD
-    return sag2 <= allowed**2 * (side * side).sum()
+    return sag2 <= allowed**2 * (sx * sx + sy * sy + sz * sz)
 
 
 @numba.njit(cache=True)
-def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
+def _improve_cell(mesh, tree, e, tally, changed, work):  # type: ignore[no-untyped-def]
     """Try every swap of one tetrahedron and make the best one; return the number of new tetrahedra, -1 for none.
 
-    `tally` counts attempts, edge removals, face removals, flips, peels and the volume cut. `work` holds scratch
-    arrays; the first one lists the new tetrahedra.
+    `tally` counts attempts, edge removals, face removals, flips, peels and the volume cut. `changed` is set for the
+    vertices of the tetrahedra that are replaced. `work` holds scratch arrays; the first one lists the new tetrahedra.
     """
     cavity, ring, cost, split, new, best_new = work
     points, cells = mesh.points, mesh.cells
@@ -291,6 +312,9 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
     if kind == 0 or mesh.counters[0] + best_size > len(cells):
         return -1
     cavity[:best_old] = best_cavity[:best_old]
+    for i in range(best_old):
+        for k in range(4):
+            changed[cells[cavity[i], k]] = True
     behind = best_cavity[best_old - 1]
     origin, region = mesh.origin[behind], mesh.region[behind]
     replace_cells(mesh, cavity, best_old, best_new, best_size)
@@ -303,8 +327,11 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _improve(mesh, tree, queue, threshold, tally):  # type: ignore[no-untyped-def]
-    """Work through the rows in `queue`, and through new tetrahedra that are still above `threshold`."""
+def _improve(mesh, tree, queue, threshold, tally, changed):  # type: ignore[no-untyped-def]
+    """Work through the rows in `queue`, and through new tetrahedra that are still above `threshold`.
+
+    Sets `changed` for the vertices of the tetrahedra that are replaced.
+    """
     work = (
         np.empty(MAX_NEW + MAX_RING, np.int32),
         np.empty(MAX_RING + 1, np.int32),
@@ -321,7 +348,7 @@ def _improve(mesh, tree, queue, threshold, tally):  # type: ignore[no-untyped-de
             e = stack[top]
             if mesh.cells[e, 0] < 0 or mesh.mu2[e] <= threshold:
                 continue
-            size = _improve_cell(mesh, tree, e, tally, work)
+            size = _improve_cell(mesh, tree, e, tally, changed, work)
             for i in range(size):
                 if mesh.mu2[work[0][i]] > threshold and top < len(stack):
                     stack[top] = work[0][i]
@@ -331,12 +358,33 @@ def _improve(mesh, tree, queue, threshold, tally):  # type: ignore[no-untyped-de
 def improve(mesh: Swappable, tree: SurfaceTree, threshold: float) -> SwapCount:
     """Swap around tetrahedra with mu^2 above `threshold`, worst first, until nothing improves. Changes `mesh`."""
     tally = np.zeros(6)
+    changed = np.ones(len(mesh.points), np.bool_)
     for _ in range(_ROUNDS):
         done = tally[1:5].sum()
         bad = np.flatnonzero(mesh.mu2[: mesh.counters[0]] > threshold).astype(np.int32)
+        # where nothing has changed, an attempt that failed would fail again
+        bad = bad[_beside(mesh, changed)[mesh.cells[bad]].any(axis=1)]
         queue = bad[np.argsort(-mesh.mu2[bad], kind="stable")]
-        _improve(mesh, tree, queue, threshold, tally)
+        changed[:] = False
+        _improve(mesh, tree, queue, threshold, tally, changed)
         if tally[1:5].sum() == done:
             break
     attempts, edges, faces, flips, peeled = (int(number) for number in tally[:5])
     return SwapCount(attempts, edges, faces, flips, peeled, float(tally[5]))
+
+
+def _beside(mesh: Swappable, changed: np.ndarray) -> np.ndarray:
+    """Vertices (n,) whose tetrahedra may swap otherwise than before, once some vertices have `changed`.
+
+    A flip looks beyond the tetrahedra that it replaces: at those of the other vertices of its faces. So changed
+    vertices whose edges may be flipped count for all vertices of their tetrahedra.
+    """
+    rows = np.flatnonzero(mesh.cells[: mesh.counters[0], 0] >= 0)
+    cells = mesh.cells[rows]
+    cell, corner = np.nonzero(mesh.neighbours[rows] < 0)
+    flipped = mesh.place >= 0
+    flipped[cells[cell[:, None], TET_FACES[corner]]] = True
+    flipped &= changed & ~mesh.held
+    beside = changed.copy()
+    beside[cells[flipped[cells].any(axis=1)]] = True
+    return beside
