@@ -8,6 +8,7 @@ from cortet.geometry import topology
 from cortet.geometry.closest_point import surface_tree
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh
+from cortet.optimise import swaps
 from cortet.optimise.star import mu2_of
 from cortet.optimise.swaps import improve, live_cells, swappable
 
@@ -135,3 +136,14 @@ def test_runs_are_bit_for_bit_the_same():
     mesh = ball_mesh()
     first, second = (swap(mesh.points, mesh.cells, threshold=0.3, boundary=True)[0] for _ in range(2))
     assert np.array_equal(first, second)
+
+
+@pytest.mark.parametrize("boundary", [False, True])
+@pytest.mark.parametrize("threshold", [0.3, 0.5])
+def test_what_is_not_tried_again_would_have_failed_again(threshold, boundary, monkeypatch):
+    mesh = ball_mesh()
+    few, _, count = swap(mesh.points, mesh.cells, threshold, boundary=boundary)
+    monkeypatch.setattr(swaps, "_beside", lambda mesh, changed: np.ones(len(changed), bool))
+    everything, _, more = swap(mesh.points, mesh.cells, threshold, boundary=boundary)
+    assert np.array_equal(few, everything) and count[1:] == more[1:]
+    assert count.attempts < more.attempts
