@@ -16,9 +16,19 @@ from itertools import pairwise
 from math import isfinite
 from pkgutil import iter_modules
 from types import ModuleType
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, NonNegativeInt, PositiveInt
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    NonNegativeInt,
+    PositiveInt,
+    ValidationInfo,
+    field_validator,
+)
 
 from cortet.geometry.limits import CELL_SIZE_MM, SUBDIVISIONS
 
@@ -42,6 +52,11 @@ __all__ = [
 
 def _as_list(value: Any) -> Any:
     return value if isinstance(value, (list, tuple)) else [value]
+
+
+def _takes_bool(annotation: Any) -> bool:
+    """Whether a type is `bool`, or has it as a part."""
+    return annotation is bool or any(map(_takes_bool, get_args(annotation)))
 
 
 def _whole_micrometres(value: float) -> float:
@@ -75,6 +90,16 @@ class Section(BaseModel):
 
     #: keys that choose what is run; they are not arguments of the function that the section describes
     choices: ClassVar[frozenset[str]] = frozenset({"enabled", "cases"})
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_yes_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
+        """Pydantic would take `yes` in a file, or True in Python, for the number 1."""
+        values = value if isinstance(value, (list, tuple)) else [value]
+        field = cls.model_fields[str(info.field_name)]
+        if any(isinstance(one, bool) for one in values) and not _takes_bool(field.annotation):
+            raise ValueError("yes and no (True and False) mean nothing here")
+        return value
 
     def runs(self, *, aged: bool) -> bool:  # noqa: ARG002, one stage asks for it
         """Whether the line has the stage of this section; `aged`: the gestational age of the case is known."""

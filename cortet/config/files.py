@@ -141,7 +141,7 @@ def _complaint(problem: Any, data: Mapping[str, Any]) -> str:
     *parents, last = _keys_on_the_way(problem["loc"], data)
     name = ".".join([*parents, last])
     if problem["type"] != "extra_forbidden":
-        return f"{name} = {reprlib.repr(problem['input'])}: {problem['msg']}"
+        return f"{name} = {reprlib.repr(problem['input'])}: {problem['msg'].removeprefix('Value error, ')}"
     model: Any = Config
     for parent in parents:
         model = model.model_fields[parent].annotation

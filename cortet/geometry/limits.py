@@ -7,6 +7,7 @@ This module imports nothing heavy: the command and the configuration read it to 
 from __future__ import annotations
 
 import math
+from numbers import Real
 
 from cortet.errors import InputError
 
@@ -31,5 +32,7 @@ SHELL_MM, CLOSING_MM = (0.5, 50.0), 15.0
 def require_within(value: float, bounds: tuple[float, float], what: str) -> None:
     """Raise InputError for a value that is not within its bounds, both included."""
     low, high = bounds
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise InputError(f"{what} is {value!r}, not a number", remedy=f"use {low:g} to {high:g}")
     if not (math.isfinite(value) and low <= value <= high):
         raise InputError(f"{what} is {value:g}", remedy=f"use {low:g} to {high:g}")

@@ -252,3 +252,9 @@ def test_the_interface_is_listed_and_nothing_else_is_public() -> None:
     assert {name for name in cortet.__all__ if not hasattr(errors, name)} == set(api.__all__)
     with pytest.raises(AttributeError, match="no attribute 'meshing'"):
         _ = cortet.meshing  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("age", ["28", "28 weeks", True])
+def test_an_age_that_is_no_number_is_refused_in_words(ball: TriSurface, age: object) -> None:
+    with pytest.raises(InputError, match=r"the gestational age in weeks is .*, not a number \(use 12 to 60\)"):
+        cortet.mesh(ball, COARSE, ga=age)  # type: ignore[arg-type]

@@ -150,6 +150,9 @@ def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
         ({"fold": {"regions": {1: [1, float("nan"), 1]}}}, "fold.regions.1 = nan: Input should be a finite number"),
         ({"generate": {"facet_angle": float("nan")}}, "generate.facet_angle = nan"),
         ({"setting": "paper"}, "setting = 'paper': Input should be 'default', 'cgal' or 'published'"),
+        ({"generate": {"cell_size": True}}, "generate.cell_size = True: yes and no (True and False) mean nothing here"),
+        ({"generate": {"cell_size": [1.0, False]}}, "yes and no"),
+        ({"fold": {"cases": True}}, "fold.cases = True: yes and no"),
     ],
 )
 def test_a_bad_key_is_named_with_its_remedy(data: dict[str, object], words: str) -> None:
