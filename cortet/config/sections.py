@@ -16,7 +16,9 @@ from cortet.stages import MESH_STAGES
 
 Setting = Literal["default", "cgal", "published"]
 TenNodeSolver = Literal["abaqus", "febio", "fenics", "gmsh", "vtu"]
-PredictionKind = Literal["mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"]
+PredictionKind = Literal[
+    "mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"
+]
 if TYPE_CHECKING:
     Mesher = str
     Solver = str
@@ -196,12 +198,13 @@ class Prediction(Section):
     """Cell size h, mm, of the mesh of the first surface."""
     kinds: list[PredictionKind] = [
         *("mechanics", "core", "forecast"),
-        *("uniform", "shuffled", "unmapped", "path", "nothing"),
+        *("uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"),
     ]
     """What is predicted from. mechanics: growth until the last age. core: the same, and the core grows as the later
     surfaces let it: what it would be worth to know this. forecast: growth until an early age, which goes on
     as in usual brains. The rest is what they have to beat. uniform: the same growth everywhere. shuffled: growth turned
     at random on the sphere, where the sheet has one. unmapped: the model of fold without growth that was measured.
+    braingrowth: the model of that name, in which only the cortex grows.
     path: each vertex goes on as it went until the early age. nothing: the first surface, scaled to the volume."""
     until: Annotated[float, Field(ge=FOLD_AGES[0], le=FOLD_AGES[1])] = 32.0
     """The early age, weeks: a forecast knows surfaces up to there."""

@@ -52,9 +52,11 @@ from cortet.study.carried import carried
 
 VERSION: int = 1
 
-Kind = Literal["mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "path", "nothing"]
+Kind = Literal["mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"]
 #: kinds that are folded
-FOLDED: tuple[Kind, ...] = ("mechanics", "core", "forecast", "uniform", "shuffled", "unmapped")
+FOLDED: tuple[Kind, ...] = ("mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "braingrowth")
+#: kinds of a model that runs by itself: no growth is measured
+_BY_ITSELF: tuple[Kind, ...] = ("unmapped", "braingrowth")
 #: kind -> what it is
 KINDS: dict[Kind, str] = {
     "mechanics": "growth measured until the last age is imposed",
@@ -63,6 +65,7 @@ KINDS: dict[Kind, str] = {
     "uniform": "the same growth everywhere, as much as was measured in all",
     "shuffled": "the measured growth, turned at random on the sphere",
     "unmapped": "the model as it is, with no growth measured",
+    "braingrowth": "the model of BrainGrowth, in which only the cortex grows, with no growth measured",
     "path": "no mechanics: each vertex goes on as it went until the early age",
     "nothing": "the first surface, scaled to the volume",
 }
@@ -334,7 +337,9 @@ def predict(
     until = max(age for age in series.ages if age <= until)
     if kind == "path":
         return Prediction(kind, without_mechanics(series, until), None, [])
-    if kind not in ("unmapped", "forecast"):
+    if kind == "braingrowth":
+        settings = _of_braingrowth(settings)
+    elif kind not in ("unmapped", "forecast"):
         settings = replace(settings, volume=series.volumes(), hull=series.hulls())
     settings, end = replace(settings, end=series.ages[-1]), series.ages[-1]
     wanted = _wanted(series, kind, until, smoothing, seed)
@@ -364,13 +369,19 @@ def predict(
 
 def _wanted(series: Series, kind: Kind, until: float, smoothing: float | None, seed: int) -> dict[float, FloatArray]:
     """The growth that should result, by age; none if the model runs by itself."""
-    if kind == "unmapped":
+    if kind in _BY_ITSELF:
         return {}
     known = [age for age in series.ages[1:] if kind != "forecast" or age <= until]
     found = measured_growth(series, known, smoothing)
     if kind == "uniform":
         return uniform_growth(series, found)
     return shuffled_growth(series, found, seed) if kind == "shuffled" else found
+
+
+def _of_braingrowth(settings: Settings) -> Settings:
+    """The settings with BrainGrowth's model and its constants; only the thickness of the cortex stays."""
+    laws = dict.fromkeys(("growth_rate", "thickness_rate", "core_stiffness", "volume", "hull", "envelope"))
+    return replace(settings, model="braingrowth", core_regions={}, **laws)  # type: ignore[arg-type]
 
 
 def _better(residuals: Sequence[Mapping[str, float]]) -> bool:

@@ -150,6 +150,7 @@ _LINES = {
     "uniform": (GREEN, "-"),
     "shuffled": (GREEN, ":"),
     "unmapped": ("black", "-"),
+    "braingrowth": ("black", "--"),
     "path": (VERMILION, ":"),
     "nothing": ("black", ":"),
 }

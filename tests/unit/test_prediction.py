@@ -185,6 +185,19 @@ def test_kinds_that_need_no_fold_are_what_they_say() -> None:
         predict(series, mesh, "path", Path(), settings=SETTINGS, until=22.5)
 
 
+def test_models_that_run_by_themselves_know_no_later_surface(tmp_path: Path) -> None:
+    series, mesh = balls(), ball_mesh(2, radius=10.0)
+    series = replace(series, surfaces=tuple(replace(one, points=5 * one.points) for one in series.surfaces))
+    run = {
+        kind: predict(series, mesh, kind, tmp_path / kind, settings=SETTINGS, until=23.0, rounds=3)
+        for kind in ("unmapped", "braingrowth")
+    }
+    assert all(not one.residuals and not one.imposed for one in run.values())
+    volume = {kind: scores(series, one.points)[0]["volume_mm3"] for kind, one in run.items()}
+    start = scores(series, {23.0: series.first.points})[0]["volume_mm3"]
+    assert start < volume["braingrowth"] < volume["unmapped"], "in BrainGrowth only the cortex grows"
+
+
 # --- how sure they are
 
 
