@@ -23,7 +23,7 @@ from cortet.formats.tsv import read_tsv
 from cortet.report import published
 from cortet.report.colours import BLUE, COLOURS, GREEN, GREY, VERMILION
 
-VERSION: int = 2
+VERSION: int = 3
 
 #: width of one column and of both columns of a two-column journal, inches
 COLUMN, PAGE = 3.5, 7.2
@@ -56,6 +56,10 @@ STYLE = {
 
 #: the measure of quality as figures write it: by itself, as the label of its axis, and its largest value
 Q, Q_AXIS, Q_MAX = "$q$", "$q$ (0 regular, 1 flat)", r"$q_\mathrm{max}$"
+#: the cell size as figures write it
+H = "$h$"
+#: names of meshes with fewer characters have room beside each other, above a figure of one column
+_NARROW = 36
 #: position of meshes of unknown age, beyond the end of the age axis: a fraction of its length
 _BESIDE = 1.06
 #: column of the quality table -> label of its panel
@@ -136,7 +140,7 @@ def mesh_quality_figures(meshes: Mapping[str, NDArray[np.integer[Any]]], *, limi
         )
         bulk, tail = (figure.subplots() for figure in figures)
         bulk.stairs(100 * theirs / theirs.sum(), np.linspace(0, 1, len(theirs) + 1), fill=True, color=GREY, alpha=0.35)
-        label = f"published (CORTET, after S4), h = {published.CELL_SIZE:g} mm"
+        label = f"published (CORTET, cleaned), {H} = {published.CELL_SIZE:g} mm"
         distribution(bulk, tail, theirs, color="#8C8C8C", linewidth=0.8, label=label)
         for number, (name, counts) in enumerate(meshes.items()):
             colour, dashes = COLOURS[number % len(COLOURS)], LINES[number // len(COLOURS) % len(LINES)]
@@ -147,11 +151,11 @@ def mesh_quality_figures(meshes: Mapping[str, NDArray[np.integer[Any]]], *, limi
         mark_limit(tail, limit)
         for axis in (bulk, tail):
             axis.set_xlabel(Q_AXIS)
-            axis.legend(loc="upper right" if axis is bulk else "lower left")
-        for figure in figures:
+        columns = 2 if max(map(len, meshes), default=0) < _NARROW else 1
+        for figure, axis in zip(figures, (bulk, tail), strict=True):
+            figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=columns)
             figure.patch.set_visible(False)
-            for axis in figure.axes:
-                axis.patch.set_visible(False)
+            axis.patch.set_visible(False)
     return figures
 
 
@@ -204,7 +208,7 @@ def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame, column: str, un
         s=6,
         color=GREY,
         linewidths=0,
-        label=f"published (CORTET), h = {published.CELL_SIZE:g} mm (n = {len(theirs)})",
+        label=f"published (CORTET), {H} = {published.CELL_SIZE:g} mm (n = {len(theirs)})",
     )
     for rank, (size, of_size) in enumerate(rows.groupby("cell_size_mm")):
         for hemi, (colour, marker, side) in HEMISPHERES.items():
@@ -219,7 +223,7 @@ def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame, column: str, un
                 "edgecolors": colour,
                 "linewidths": 0.8,
             }
-            label = f"{side}, h = {size:g} mm (n = {len(chosen)})"
+            label = f"{side}, {H} = {size:g} mm (n = {len(chosen)})"
             axis.scatter(chosen["scan_age"][known], chosen[column][known] / unit, label=label, **style)
             if not known.all():
                 values, outside = chosen[column][~known] / unit, axis.get_yaxis_transform()

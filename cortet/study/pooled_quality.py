@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from cortet.report import published
 from cortet.report.colours import BLUE, GREEN, GREY, ORANGE, PURPLE
-from cortet.report.figures import PAGE, Q_AXIS, Q, distribution, drawn, in_powers_of_ten, letter, mark_limit, save
+from cortet.report.figures import PAGE, Q_AXIS, H, Q, distribution, drawn, in_powers_of_ten, letter, mark_limit, save
 from cortet.report.records import Origin, by_origin
 from cortet.study.ablated import ABLATED
 
-VERSION: int = 4
+VERSION: int = 5
 
 #: stages that have run -> colour, and the line of the published distribution
 _COLOURS = {"S1-S2": ORANGE, "S1-S3": PURPLE, "S1-S4": BLUE, "S1-S4+": GREEN}
@@ -52,12 +52,12 @@ def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: 
         axes = figure.subplots(len(pooled), 2, squeeze=False, sharex="col", sharey="col")
         for (bulk, tail), row in zip(axes, pooled, strict=True):
             for stages, line in _PUBLISHED_LINES.items():
-                label = f"{_NAMES[stages]}, published (CORTET), h = {published.CELL_SIZE:g} mm"
+                label = f"{_NAMES[stages]}, published (CORTET), {H} = {published.CELL_SIZE:g} mm"
                 distribution(bulk, tail, theirs[stages], color=GREY, linestyle=line, linewidth=0.7, label=label)
             for stages, counts in row.counts.items():
                 distribution(bulk, tail, counts, color=_COLOURS[stages], linewidth=1.0, label=_NAMES[stages])
             elements = max(int(counts.sum()) for counts in row.counts.values())
-            title = f"setting {row.setting}, h = {cell_size:g} mm: {row.meshes} meshes, {elements:,} elements"
+            title = f"setting {row.setting}, {H} = {cell_size:g} mm: {row.meshes} meshes, {elements:,} elements"
             bulk.set_title(title, loc="left")
             bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")
             tail.set(xlim=(0.2, 0.9), ylim=(1e-3, 1e6), yscale="log", ylabel=f"elements above {Q} (per million)")

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from cortet.report import published
-from cortet.report.figures import cohort_figure, save
+from cortet.report.figures import cohort_figure, mesh_quality_figures, save
 from cortet.study.pooled_quality import Pooled, pooled_quality_figure
 
 HEADER = "case\themi\tscan_age\tcell_size_mm\ttets\tq_mean\tq_max\n"
@@ -65,10 +65,10 @@ def test_panels_have_letters(figure: Figure) -> None:
 def test_the_legend_counts_and_the_limit_is_drawn(figure: Figure) -> None:
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == [
-        "published (CORTET), h = 0.6 mm (n = 194)",
-        "left, h = 0.6 mm (n = 1)",
-        "right, h = 0.6 mm (n = 1)",
-        "whole brain, h = 1 mm (n = 1)",
+        "published (CORTET), $h$ = 0.6 mm (n = 194)",
+        "left, $h$ = 0.6 mm (n = 1)",
+        "right, $h$ = 0.6 mm (n = 1)",
+        "whole brain, $h$ = 1 mm (n = 1)",
     ]
     (line,) = figure.axes[2].lines
     assert list(line.get_ydata()) == [0.6, 0.6]
@@ -97,12 +97,22 @@ def test_pooled_quality_has_a_row_per_setting_before_the_published_distributions
         limit=0.6,
     )
     (bulk, tail), (_, second) = np.reshape(figure.axes, (2, 2))
-    assert bulk.get_title(loc="left") == "setting default, h = 1 mm: 3 meshes, 100 elements"
+    assert bulk.get_title(loc="left") == "setting default, $h$ = 1 mm: 3 meshes, 100 elements"
     assert len(bulk.patches) == 5 and len(tail.lines) == 6 and len(second.lines) == 5
     assert bulk.patches[3].get_data().values[20] == 99  # %
     q, above = tail.lines[3].get_data()
     assert above[np.isclose(q, 0.3)] == 1e4 and q.max() == 0.5  # one in a hundred is above 0.3, none above 0.505
     assert list(tail.lines[-1].get_xdata()) == [0.6, 0.6]
+
+
+@pytest.mark.parametrize(("name", "columns"), [("this mesh", 2), ("sub-01_ses-02_hemi-L_" * 3, 1)])
+def test_the_legend_of_a_mesh_lies_beside_its_curves(name: str, columns: int) -> None:
+    counts = np.ones(200, np.int32)
+    for figure in mesh_quality_figures({name: counts}, limit=0.6):
+        figure.draw_without_rendering()
+        (legend,), (axis,) = figure.legends, figure.axes
+        assert legend.get_window_extent().y0 > axis.get_window_extent().y1 and not axis.get_legend()
+        assert legend._ncols == columns and legend.get_window_extent().x0 >= 0
 
 
 def test_the_published_tail_ends_where_the_paper_says() -> None:
