@@ -13,9 +13,9 @@ import pandas as pd
 from cortet.cohort.sheet import Case
 from cortet.formats.tables import Column, names, read_columns, values
 from cortet.report import DATA
-from cortet.report.table_files import Table, write
+from cortet.report.table_files import Table, mean_and_sd, median_and_range, write
 
-VERSION: int = 6
+VERSION: int = 7
 
 Certificate = Mapping[str, Any]
 
@@ -39,7 +39,7 @@ SUMMARY = Table(
         Column("mesher", "Mesher of stage S1"),
         Column("meshes", "Number of meshes"),
         Column("certified", "Number of certified meshes"),
-        Column("q_mean", "Mean of q per mesh: mean +- sample standard deviation over the meshes"),
+        Column("q_mean", "Mean of q per mesh: mean ± sample standard deviation over the meshes, of two [min-max]"),
         Column("q_max", "Largest q per mesh: median [min-max] over the meshes"),
         Column("q_above_0.6", "Tetrahedra with q > 0.6 per mesh: median [min-max] over the meshes"),
         Column("q_above_0.6_total", "Tetrahedra with q > 0.6 in all meshes"),
@@ -116,11 +116,11 @@ def summary_table(quality: pd.DataFrame) -> pd.DataFrame:
 
 
 def _mean_and_sd(values: pd.Series[float]) -> str:
-    return f"{values.mean():.3f}" + (f" +- {values.std():.3f}" if len(values) > 1 else "")
+    return mean_and_sd(values.mean(), values.std() if len(values) > 1 else None, n=len(values))
 
 
 def _median_and_range(values: pd.Series[float], digits: int) -> str:
-    return f"{values.median():.{digits}f} [{values.min():.{digits}f}-{values.max():.{digits}f}]"
+    return median_and_range(values.median(), values.min(), values.max(), digits)
 
 
 def write_quality(certificates: Sequence[str | Path], cases: Iterable[Case], outputs: Iterable[str | Path]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,10 +16,14 @@ from cortet.formats.tables import Column, Row, described, headed, write_table
 from cortet.formats.tsv import MISSING
 from cortet.report import pages
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: what LaTeX prints only in mathematical mode
-_MATHEMATICAL = {"<": "$<$", ">": "$>$", "±": r"$\pm$"}
+_MATHEMATICAL = {"<": "$<$", ">": "$>$", "±": r"$\pm$", "²": "$^2$"}
+#: symbols of quantities in headings, which print has in italics, and their index
+_SYMBOL = re.compile(r"\b([hJnqr])(?:_(max))?\b")
+#: a cell that starts with a number, alone or with its spread
+_NUMBER = re.compile(r"[-+]?[\d.,]+(?:e[-+]\d+)?(?: ± .*| \[.*| \(.*)?")
 
 
 @dataclass(frozen=True)
@@ -82,26 +87,41 @@ def write_page(text: str, path: str | Path, *, title: str) -> None:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number with `digits` decimals, or `n/a`."""
-    return MISSING if value is None else f"{value:.{digits}f}"
+    """A number with `digits` decimals and a comma before thousands, or `n/a`."""
+    return MISSING if value is None else f"{value:,.{digits}f}"
 
 
-def mean_and_sd(mean: float | None, sd: float | None, digits: int = 3) -> str:
-    """`mean ± sd`; the mean alone if there is no sd."""
-    return number(mean, digits) + ("" if sd is None else f" ± {sd:.{digits}f}")
+def mean_and_sd(mean: float | None, sd: float | None, digits: int = 3, *, n: int | None = None) -> str:
+    """`mean ± sd`, of two values `mean [low-high]`; the mean alone if there is no sd, or if it is 0.
+
+    There are more decimals than `digits` if the sd of three or more values needs them.
+
+    Parameters
+    ----------
+    n : number of values
+    """
+    if mean is None or not sd or n == 1:
+        return number(mean, digits)
+    if n == 2:  # a deviation of two values says nothing that they do not say
+        half = sd / 2**0.5
+        return median_and_range(mean, mean - half, mean + half, digits)
+    enough = next((more for more in range(digits, digits + 6) if round(sd, more)), digits)
+    return f"{number(mean, enough)} ± {number(sd, enough)}"
 
 
 def median_and_range(median: float | None, low: float | None, high: float | None, digits: int = 3) -> str:
     """`median [low-high]`; the median alone if all are the same."""
-    spread = "" if low is None or high is None or low == high else f" [{low:.{digits}f}-{high:.{digits}f}]"
+    ends = [number(end, digits) for end in (low, high) if end is not None]
+    spread = f" [{'-'.join(ends)}]" if len(set(ends)) == 2 else ""
     return number(median, digits) + spread
 
 
 def _latex(table: Table, texts: pd.DataFrame, starts: Sequence[int]) -> str:
     style = Styler(texts).hide(axis="index")
-    style.format(_mathematical, escape="latex").format_index(_mathematical, escape="latex", axis="columns")
+    style.format(_mathematical, escape="latex").format_index(_heading, axis="columns")
+    kinds = "".join("r" if _of_numbers(texts.iloc[:, place]) else "l" for place in range(len(texts.columns)))
     with pd.option_context("styler.render.max_elements", texts.size):  # else pandas would leave out rows
-        lines = style.to_latex(hrules=True, column_format="l" * len(texts.columns)).splitlines()
+        lines = style.to_latex(hrules=True, column_format=kinds).splitlines()
     first = lines.index(r"\midrule") + 1
     for row in reversed(starts):
         lines.insert(first + row, r"\midrule")
@@ -112,14 +132,40 @@ def _mathematical(text: str) -> str:
     """A text escaped for LaTeX, with an en dash in ranges, and with mathematical mode for the signs that need it."""
     for sign, command in _MATHEMATICAL.items():
         text = text.replace(sign, command)
-    return re.sub(r"(?<=\d)-(?=\d)", "--", text)
+    return re.sub(r"(?<=\d)-(?=\d)", "--", re.sub(r"^-(?=\d)|(?<=[ \[])-(?=\d)", "$-$", text))
+
+
+def _heading(text: str) -> str:
+    """A heading for LaTeX, with its symbols in mathematical mode."""
+    parts, end = [], 0
+    for found in _SYMBOL.finditer(text):
+        index = rf"_\mathrm{{{found[2]}}}" if found[2] else ""
+        parts += [_mathematical(_escape(text[end : found.start()])), f"${found[1]}{index}$"]
+        end = found.end()
+    return "".join([*parts, _mathematical(_escape(text[end:]))])
+
+
+def _escape(text: str) -> str:
+    return re.sub(r"([&%$#_{}])", r"\\\1", text)
+
+
+def _of_numbers(texts: pd.Series[str]) -> bool:
+    """Whether all cells of a column that have a value hold numbers."""
+    known = [text for text in texts if text != MISSING]
+    return bool(known) and all(map(_NUMBER.fullmatch, known))
 
 
 def _markdown(table: Table, texts: pd.DataFrame) -> str:
-    escaped = texts.map(_no_bar).rename(columns=_no_bar)
-    notes = [f"- **{column.heading}**: {column.description}" for column in table.printed]
-    cells = escaped.to_markdown(index=False, tablefmt="github", disable_numparse=True)
+    escaped = texts.map(_no_bar).rename(columns=lambda text: _no_bar(_italic(text)))
+    notes = [f"- **{_italic(column.heading)}**: {column.description}" for column in table.printed]
+    sides = ["right" if _of_numbers(texts.iloc[:, place]) else "left" for place in range(len(texts.columns))]
+    cells = escaped.to_markdown(index=False, tablefmt="pipe", disable_numparse=True, colalign=sides)
     return "\n".join([f"**{table.title}**", "", cells, "", *notes, ""])
+
+
+def _italic(text: str) -> str:
+    """A heading for Markdown, with its symbols in italics."""
+    return _SYMBOL.sub(lambda found: f"*{found[1]}*" + (f"<sub>{found[2]}</sub>" if found[2] else ""), text)
 
 
 def _no_bar(text: str) -> str:
@@ -128,7 +174,10 @@ def _no_bar(text: str) -> str:
 
 
 def _write_html(table: Table, texts: pd.DataFrame, starts: Sequence[int], path: Path) -> None:
-    columns = [Column(name, heading=name) for name in texts]
+    columns = [
+        Column(name, heading=name, form=operator.itemgetter(name) if _of_numbers(texts.iloc[:, place]) else "")
+        for place, name in enumerate(texts)
+    ]
     rows = texts.to_dict("records")
     rules = [{"class": "rule"} if number in starts else {} for number in range(len(rows))]
     meanings = {column.heading: column.description for column in table.printed}

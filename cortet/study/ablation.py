@@ -20,7 +20,7 @@ from cortet.stages import STAGES
 from cortet.study import DATA
 from cortet.study.ablated import ABLATED
 
-VERSION: int = 4
+VERSION: int = 5
 
 
 #: columns whose values, if any, are whole numbers
@@ -64,7 +64,7 @@ def _of_median(row: Row, name: str, digits: int = 3) -> str:
 #: columns that print the values of several columns
 _FORMS: dict[str, Callable[[Row], str]] = {
     "meshes": _meshes,
-    "q_mean_mean": lambda row: mean_and_sd(row["q_mean_mean"], row["q_mean_sd"]),
+    "q_mean_mean": lambda row: mean_and_sd(row["q_mean_mean"], row["q_mean_sd"], n=row["meshes"]),
     "q_max_median": lambda row: _of_median(row, "q_max"),
     "q_above_0.6_median": lambda row: _of_median(row, "q_above_0.6", 0),
     "remarks": _told,

@@ -14,9 +14,9 @@ from cortet.formats.tables import Column, Row, names, values
 from cortet.meshers import MESHERS
 from cortet.report import published
 from cortet.report.records import Origin, by_origin, reasons_by_origin
-from cortet.report.table_files import Table, number, write
+from cortet.report.table_files import Table, mean_and_sd, number, write
 
-VERSION: int = 3
+VERSION: int = 4
 
 PUBLISHED = "arXiv:2607.12157"
 
@@ -62,10 +62,12 @@ RESOLUTION = Table(
         _Q_MAX,
         Column(
             "exponent",
-            "Of h in the number of tetrahedra: slope of the logarithms, least squares over all h",
+            "Of h in the number of tetrahedra: slope of the logarithms, least squares over all h, "
+            "in print ± its standard error where there are three h or more",
             heading="exponent",
-            form=".2f",
+            form=lambda row: mean_and_sd(row["exponent"], row["exponent_se"], 2),
         ),
+        Column("exponent_se", "Standard error of the exponent; n/a for fewer than three h"),
         _REMARKS,
     ),
     first=(*names(_MESH), "nodes", "tets", "exponent"),
@@ -91,14 +93,23 @@ def resolution_table(
     table = table.astype({"nodes": "Int64", "tets": "Int64"})
     meshes = table.groupby(["source", "case", "mesher", "setting"], dropna=False)[["cell_size_mm", "tets"]]
     for _, members in meshes:
-        table.loc[members.index, "exponent"] = exponent(members.dropna())
+        table.loc[members.index, ["exponent", "exponent_se"]] = exponent(members.dropna())
     return table
 
 
-def exponent(meshes: pd.DataFrame) -> float:
-    """Exponent of `cell_size_mm` in `tets`, by least squares of the logarithms; NaN for fewer than two sizes."""
+def exponent(meshes: pd.DataFrame) -> tuple[float, float]:
+    """Exponent of `cell_size_mm` in `tets`, by least squares of the logarithms, and its standard error.
+
+    Both are NaN for fewer than two sizes, the error for fewer than three.
+    """
     x, y = np.log(meshes["cell_size_mm"].to_numpy(float)), np.log(meshes["tets"].to_numpy(float))
-    return float(np.polyfit(x, y, 1)[0]) if len(np.unique(x)) > 1 else np.nan
+    if len(np.unique(x)) < 2:
+        return np.nan, np.nan
+    slope, start = np.polyfit(x, y, 1)
+    if len(x) < 3:
+        return float(slope), np.nan
+    left = ((y - start - slope * x) ** 2).sum() / (len(x) - 2)
+    return float(slope), float(np.sqrt(left / ((x - x.mean()) ** 2).sum()))
 
 
 # --- other measures --------------------------------------------------------------------------------------------------

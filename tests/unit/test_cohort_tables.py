@@ -127,10 +127,18 @@ def test_the_summary_has_the_format_of_the_published_table() -> None:
     ]
     (summary,) = summary_table(pd.DataFrame(rows)).to_dict("records")
     assert list(summary) == names(SUMMARY.columns)
-    assert summary["q_mean"] == "0.129 +- 0.001"
+    assert summary["q_mean"] == "0.129 ± 0.001"
     assert summary["q_max"] == "0.508 [0.462-0.661]"
     assert summary["q_above_0.6"] == "0 [0-4]"
     assert (summary["meshes"], summary["certified"], summary["q_above_0.6_total"]) == (3, 2, 4)
+
+
+def test_a_summary_of_two_meshes_names_both_and_of_one_repeats_nothing() -> None:
+    row = {"mesher": "cgal", "verdict": "pass", "q_max": 0.462, "q_above_0.6": 12095}
+    both = [{**row, "cell_size_mm": 0.6, "q_mean": mean} for mean in (0.128, 0.131)]
+    two, one = summary_table(pd.DataFrame([*both, {**row, "cell_size_mm": 1.0, "q_mean": 0.13}])).to_dict("records")
+    assert two["q_mean"] == "0.130 [0.128-0.131]"
+    assert (one["q_mean"], one["q_max"], one["q_above_0.6"]) == ("0.130", "0.462", "12,095")
 
 
 def test_cell_sizes_and_meshers_are_summarised_apart(records: list[dict[str, Any]]) -> None:

@@ -17,6 +17,7 @@ from cortet.formats.tables import names
 from cortet.measure.quality import summarise
 from cortet.report.records import Origin
 from cortet.study.mesh_tables import (
+    RESOLUTION,
     TABLES,
     exponent,
     measures_table,
@@ -42,8 +43,20 @@ def at(case: str, size: float, setting: str = "default") -> Origin:
 
 def test_cells_of_half_the_size_are_eight_times_as_many() -> None:
     sizes = pd.DataFrame({"cell_size_mm": [0.4, 0.8], "tets": [8000, 1000]})
-    assert exponent(sizes) == pytest.approx(-3)
-    assert np.isnan(exponent(sizes.assign(cell_size_mm=0.4)))
+    slope, error = exponent(sizes)
+    assert slope == pytest.approx(-3) and np.isnan(error)
+    assert np.isnan(exponent(sizes.assign(cell_size_mm=0.4))).all()
+
+
+def test_an_exponent_of_three_sizes_has_its_error() -> None:
+    sizes = pd.DataFrame({"cell_size_mm": [0.5, 1.0, 2.0], "tets": [8000 * 1.1, 1000, 125 * 1.1]})
+    slope, error = exponent(sizes)
+    # residuals of the logarithms are log 1.1 / 3 times 1, -2, 1; x has 2 (log 2)^2 around its mean
+    assert slope == pytest.approx(-3)
+    assert error == pytest.approx(np.log(1.1) / 3 * np.sqrt(6) / (np.log(2) * np.sqrt(2)))
+    (column,) = (column for column in RESOLUTION.columns if column.name == "exponent")
+    assert column.text({"exponent": slope, "exponent_se": error}) == "-3.00 ± 0.08"
+    assert column.text({"exponent": slope, "exponent_se": None}) == "-3.00"
 
 
 def test_rows_are_in_the_order_of_age_setting_and_cell_size() -> None:
@@ -96,4 +109,4 @@ def test_they_are_written_in_every_form(table: str, tmp_path: Path) -> None:
         header.split("\t") == names(TABLES[table][0].columns) == list(json.loads((tmp_path / "table.json").read_text()))
     )
     assert dict(zip(header.split("\t"), first.split("\t"), strict=True))["setting"] == "published"
-    assert re.search(r"\| sub-a +\| 28\.0 +\| CGAL +\| published +\| 0\.6 +\|", (tmp_path / "table.md").read_text())
+    assert re.search(r"\| sub-a +\| +28\.0 +\| CGAL +\| published +\| +0\.6 +\|", (tmp_path / "table.md").read_text())

@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from cortet.formats.tables import Column
-from cortet.report.table_files import Table, mean_and_sd, median_and_range, write
+from cortet.report.table_files import Table, mean_and_sd, median_and_range, number, write
 
 TABLE = Table(
     "Things & others",
@@ -38,7 +38,7 @@ def test_the_tsv_has_the_columns_that_its_sidecar_explains(tmp_path: Path) -> No
 
 def test_latex_is_escaped_and_has_rules_between_groups(tmp_path: Path) -> None:
     latex = texts(tmp_path)[".tex"]
-    assert r"q\_max & v (mm) \\" in latex
+    assert r"\begin{tabular}{lr}" in latex and r"$q_\mathrm{max}$ & v (mm) \\" in latex
     assert r"a \& b & 1.2 \\" in latex
     assert r"c $>$ d $\pm$ e 1--2 | & n/a \\" in latex
     assert latex.index(r"\toprule") < latex.index(r"\bottomrule")
@@ -47,7 +47,8 @@ def test_latex_is_escaped_and_has_rules_between_groups(tmp_path: Path) -> None:
 
 def test_readers_find_every_column_explained(tmp_path: Path) -> None:
     written = texts(tmp_path)
-    assert "- **q_max**: the <name>" in written[".md"]
+    assert "- ***q*<sub>max</sub>**: the <name>" in written[".md"]
+    assert "|---------:|" in written[".md"]
     assert "<dt>q_max</dt><dd>the &lt;name&gt;</dd>" in written[".html"]
     assert cells(written[".html"], "th") == ["q_max", "v (mm)", "a &amp; b", "c &gt; d ± e 1-2 |"]
     assert cells(written[".html"], "td") == ["1.2", "n/a"]
@@ -75,9 +76,25 @@ def test_a_table_without_rows_has_its_headings_in_every_form(tmp_path: Path) -> 
 def test_numbers_are_given_as_the_paper_gives_them() -> None:
     assert mean_and_sd(0.1349, 0.001) == "0.135 ± 0.001"
     assert mean_and_sd(0.1349, None) == "0.135"
+    assert mean_and_sd(0.1349, 0.0004) == "0.1349 ± 0.0004"  # never "± 0.000"
+    assert mean_and_sd(0.1349, 0.0) == mean_and_sd(0.1349, 0.2, n=1) == "0.135"
+    assert mean_and_sd(0.129, 0.001 * 2**0.5, n=2) == "0.129 [0.128-0.130]"
+    assert mean_and_sd(0.129, 0.0001, n=2) == "0.129"
+    assert number(15955.4, 0) == "15,955"
     assert median_and_range(0.78, 0.746, 0.82) == "0.780 [0.746-0.820]"
     assert median_and_range(0, 0, 0, digits=0) == "0"
     assert median_and_range(None, None, None) == "n/a"
+
+
+def test_numbers_stand_at_the_right_and_have_a_minus_sign(tmp_path: Path) -> None:
+    columns = (Column("case", heading="Case"), Column("v", heading="slope & h", form=lambda row: row["v"]))
+    rows = [{"case": "a-1", "v": "-2.90 ± 0.01"}, {"case": "b-1", "v": "-3.1 [-3.2--2.9]"}, {"case": "c", "v": "n/a"}]
+    write(Table("Slopes", columns, first=()), rows, tmp_path / "t.tex", tmp_path / "t.md", tmp_path / "t.html")
+    latex = (tmp_path / "t.tex").read_text()
+    assert r"\begin{tabular}{lr}" in latex and r"Case & slope \& $h$ \\" in latex
+    assert r"a-1 & $-$2.90 $\pm$ 0.01 \\" in latex
+    assert '<td class="n">-2.90 ± 0.01</td>' in (tmp_path / "t.html").read_text()
+    assert "-2.90 ± 0.01 |" in (tmp_path / "t.md").read_text()
 
 
 def test_without_headings_readers_see_what_the_tsv_has_and_what_its_sidecar_says(tmp_path: Path) -> None:
