@@ -22,20 +22,22 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from cortet.formats.atomic import atomic_path
 from cortet.formats.gifti import read_surface
 from cortet.formats.tables import Column, Row, names
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import face_areas
+from cortet.meshers import MESHERS
 from cortet.meshes import FloatArray
 from cortet.report.colours import BLUE, GREEN, VERMILION
-from cortet.report.figures import PAGE, drawn, letter, save
+from cortet.report.figures import PAGE, H, drawn, letter, save
 from cortet.report.table_files import Table, mean_and_sd, write
 from cortet.simulation.journal import TABLE
 from cortet.simulation.measurements import depth_below_hull
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: relative difference from the limit up to which a number counts as converged
 TOLERANCE = 0.05
@@ -44,7 +46,7 @@ ORDERS = (0.5, 4.0)
 #: numbers of a run that are compared -> its column in the table of the fold, heading, unit
 QUANTITIES = {
     "gyrification_index": ("gyrification index", ""),
-    "area_mm2": ("area", "mm2"),
+    "area_mm2": ("area", "mm²"),
     "fold_spacing_mm": ("width of folds", "mm"),
     "sulcal_depth_mm": ("depth of sulci", "mm"),
 }
@@ -57,14 +59,14 @@ PAIRS = {
 
 
 def _with_error(column: str, digits: int) -> Callable[[Row], str]:
-    return lambda row: mean_and_sd(row[column], row[f"{column}_error"], digits)
+    return lambda row: mean_and_sd(row[column], row[f"{column}_error"], digits, n=row["runs"] and int(row["runs"]))
 
 
 CONVERGENCE = Table(
     "Folding against the cell size",
     (
         Column("case", "Name of the case", heading="Case"),
-        Column("mesher", "Mesher", heading="Mesher"),
+        Column("mesher", "Mesher", heading="Mesher", form=lambda row: MESHERS[row["mesher"]].printed),
         Column("cell_size_mm", "Cell size h; 0: the limit that the sizes tend to", "mm", heading="h (mm)", form="g"),
         Column(
             "h_over_thickness",
@@ -78,10 +80,10 @@ CONVERGENCE = Table(
         *(
             Column(
                 column,
-                f"Mean of the {name} at the end over the realisations, in print ± its error",
-                unit,
+                f"Mean of the {name} at the end over the realisations, in print ± its error, of two [least-most]",
+                unit.replace("²", "2"),
                 heading=name + (f" ({unit})" if unit else ""),
-                form=_with_error(column, 0 if unit == "mm2" else 3 if not unit else 2),
+                form=_with_error(column, {"": 3, "mm": 2}.get(unit, 0)),
             )
             for column, (name, unit) in QUANTITIES.items()
         ),
@@ -290,50 +292,77 @@ def sentence(table: pd.DataFrame) -> str:
 
 
 _MARKERS = {"lattice": (BLUE, "o"), "cgal": (VERMILION, "^")}
+#: pair of runs -> line of their correlations, and what it is in the legend
+_PAIR_LINES = {
+    "realisations": ("-", "another direction"),
+    "meshers": (":", "another mesher"),
+    "sizes": ("--", "smallest $h$"),
+}
+_X_AXIS = f"{H} / thickness"
 
 
 def convergence_figure(runs: Sequence[Run], table: pd.DataFrame) -> Figure:
     """Every number of every run against h over thickness, with limits at 0, and correlations of fold locations."""
     shown = [*(name for name in QUANTITIES if name != "area_mm2")]
-    with drawn(PAGE, 2.1) as figure:
+    meshers = list(dict.fromkeys(run.mesher for run in runs))
+    with drawn(PAGE, 2.5) as figure:
         *axes, places = figure.subplots(1, len(shown) + 1)
+        largest = max(run.cell_size_mm / run.thickness_mm for run in runs)
         for axis, column in zip(axes, shown, strict=True):
             name, unit = QUANTITIES[column]
-            axis.set(xlabel="h / thickness", ylabel=name + (f" ({unit})" if unit else ""))
-            for mesher in dict.fromkeys(run.mesher for run in runs):
-                _draw_number(axis, [run for run in runs if run.mesher == mesher], table, column)
-            axis.set_xlim(-0.03, 1.05 * max(run.cell_size_mm / run.thickness_mm for run in runs))
-        axes[0].legend(loc="best")
+            axis.set(xlabel=_X_AXIS, ylabel=name + (f" ({unit})" if unit else ""))
+            for number, mesher in enumerate(meshers):
+                own = [run for run in runs if run.mesher == mesher]
+                _draw_number(axis, own, table, column, zero=0.03 * largest * (number - (len(meshers) - 1) / 2))
         _draw_places(places, table)
+        for axis in (*axes, places):
+            axis.set_xlim(-0.08 * largest, 1.05 * largest)
         letter([*axes, places])
+        handles = [*map(_handle, meshers), *_meanings(limits=bool((table["cell_size_mm"] == 0).any()))]
+        cases = ", ".join(dict.fromkeys(run.case for run in runs))
+        legend = figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), title=cases)
+        legend.get_title().set_fontsize(7)
     return figure
 
 
-def _draw_number(axis: Axes, runs: Sequence[Run], table: pd.DataFrame, column: str) -> None:
+def _handle(mesher: str) -> Line2D:
+    colour, marker = _MARKERS.get(mesher, (GREEN, "s"))
+    return Line2D([], [], color=colour, marker=marker, fillstyle="none", label=f"{MESHERS[mesher].printed} mesher")
+
+
+def _meanings(*, limits: bool) -> list[Line2D]:
+    """What marks and lines mean, for the legend."""
+    one = Line2D([], [], color="black", marker="o", fillstyle="none", linestyle="none", label="one realisation")
+    mean = Line2D([], [], color="black", label="mean")
+    end = Line2D([], [], color="black", marker="o", linestyle="none", label=f"limit for {H} = 0, with its error")
+    return [one, mean, *([end] if limits else [])]
+
+
+def _draw_number(axis: Axes, runs: Sequence[Run], table: pd.DataFrame, column: str, *, zero: float) -> None:
+    """Draw a number of the runs of one mesher; its limit for h = 0 stands at `zero`, beside those of other meshers."""
     colour, marker = _MARKERS.get(runs[0].mesher, (GREEN, "s"))
     x = [run.cell_size_mm / run.thickness_mm for run in runs]
-    axis.plot(x, [run.values[column] for run in runs], marker, color=colour, fillstyle="none", label=runs[0].mesher)
+    axis.plot(x, [run.values[column] for run in runs], marker, color=colour, fillstyle="none")
     rows = table[(table["mesher"] == runs[0].mesher)]
     for _, own in rows.groupby("case", sort=False):
         measured, end = own[own["cell_size_mm"] > 0], own[own["cell_size_mm"] == 0]
         axis.plot(measured["h_over_thickness"], measured[column], color=colour)
         if len(end) and not pd.isna(end[column].iloc[0]):
-            axis.errorbar([0], end[column], end[f"{column}_error"], fmt=marker, color=colour, capsize=2)
+            axis.errorbar([zero], end[column], end[f"{column}_error"], fmt=marker, color=colour, capsize=2)
 
 
 def _draw_places(axis: Axes, table: pd.DataFrame) -> None:
     """Correlations of gained depth against h over thickness, one line per kind of pair and mesher."""
     measured = table[table["cell_size_mm"] > 0]
-    styles = dict(zip(PAIRS, ("-", ":", "--"), strict=True))
     for (_, mesher), rows in measured.groupby(["case", "mesher"], sort=False):
         colour, marker = _MARKERS.get(mesher, (GREEN, "s"))
-        for pair, style in styles.items():
+        for pair, (style, _) in _PAIR_LINES.items():
             axis.plot(rows["h_over_thickness"], rows[f"correlation_{pair}"], style, color=colour, marker=marker, ms=2)
-    for pair, style in styles.items():
+    for pair, (style, words) in _PAIR_LINES.items():
         if measured[f"correlation_{pair}"].notna().any():
-            axis.plot([], [], style, color="black", label=pair)
-    axis.set(xlabel="h / thickness", ylabel="correlation of gained depth", ylim=(None, 1.005), xlim=(-0.03, None))
-    axis.legend(loc="lower left")
+            axis.plot([], [], style, color="black", label=words)
+    axis.set(xlabel=_X_AXIS, ylabel="$r$ of gained depth", ylim=(None, 1.005))
+    axis.legend(loc="best", title="with the mesh of", title_fontsize=6)
 
 
 def write_convergence(folders: Sequence[Path], outputs: Sequence[str | Path]) -> None:
