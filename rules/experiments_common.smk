@@ -119,7 +119,9 @@ def series():
     for case in CASES.values():
         mesh = file_of(LAYOUT.mesh("Solver"), case, RESOLUTIONS[0], MESHER_OF[""])
         if (case.participant, case.session) in chosen_brains and mesh not in MISSING:
-            brain = brains.setdefault((case.participant, case.session), {"age": case.scan_age, "meshes": {}})
+            name = f"sub-{case.participant}" + (f", ses-{case.session}" if case.session else "")
+            empty = {"name": name, "age": case.scan_age, "meshes": {}}
+            brain = brains.setdefault((case.participant, case.session), empty)
             brain["meshes"][case.hemi or "n/a"] = mesh
     # those of unknown age last
     return sorted(

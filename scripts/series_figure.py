@@ -6,4 +6,4 @@ job = start(snakemake)
 
 from cortet.study.series import draw_series
 
-draw_series(job.params.brains, job.output)
+draw_series(job.params.brains, job.output, cell_size=job.params.h)

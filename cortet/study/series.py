@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 
 from cortet.formats import vtu
 from cortet.meshes import TetMesh
-from cortet.report.figures import PAGE, Q_AXIS, drawn, letter, save
+from cortet.report.figures import PAGE, Q_AXIS, H, drawn, letter, save
 from cortet.report.render import BEYOND, COLOURS, RANGE, lateral_view
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: hemisphere -> its name, and the side from which it is seen, in the order of the rows
 _HEMISPHERES: dict[str, tuple[str, Literal["L", "R"]]] = {
@@ -32,7 +32,12 @@ _MARGIN, _BAR, _DPI = 1.04, 20.0, 400
 _FEWEST = 3
 
 
-def series_figure(brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]]) -> Figure:
+def series_figure(
+    brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]],
+    *,
+    names: Sequence[str] | None = None,
+    cell_size: float | None = None,
+) -> Figure:
     """Meshes by age: each hemisphere seen from its side, and the first one of each brain cut, with q in colour.
 
     If a brain has more than one hemisphere, each has a row of its own.
@@ -41,6 +46,8 @@ def series_figure(brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]]) 
     ----------
     brains : age in weeks, None if it is not known, and the meshes of a brain by hemisphere (`L`, `R`, or `n/a` for
         all of it)
+    names : of the brains, written below their ages
+    cell_size : mm, written beside the scale bar
     """
     hemispheres = [[hemi for hemi in _HEMISPHERES if hemi in meshes] for _, meshes in brains]
     several = max(map(len, hemispheres)) > 1
@@ -63,27 +70,34 @@ def series_figure(brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]]) 
 
     with drawn(*size) as figure:
         axes = figure.subplots(len(rows) + 1, len(brains), squeeze=False)
-        for column, (age, meshes), (first, *_) in zip(axes.T, brains, hemispheres, strict=True):
+        for number, (column, (age, meshes), (first, *_)) in enumerate(zip(axes.T, brains, hemispheres, strict=True)):
             weeks = "age n/a" if age is None else f"{age:g} weeks"
-            column[0].set_title(weeks + ("" if several else f", {_HEMISPHERES[first][0]}"))
+            name = f"\n{names[number]}" if names else ""
+            column[0].set_title(weeks + ("" if several else f", {_HEMISPHERES[first][0]}") + name)
             for axis, row in zip(column, [*rows, None], strict=True):
                 _bare(axis)
                 hemi = row or first
                 if hemi in meshes:
                     draw(axis, meshes[hemi], hemi, cut=axis is column[-1])
-        names = [_HEMISPHERES[hemi][0] if hemi else "surface" for hemi in rows]
-        for axis, name in zip(axes[:, 0], [*names, "sagittal cut\nthrough the middle"], strict=True):
-            axis.set_ylabel(name)
+        shown = [_HEMISPHERES[hemi][0] if hemi else "surface" for hemi in rows]
+        for axis, what in zip(axes[:, 0], [*shown, "sagittal cut\nthrough the middle"], strict=True):
+            axis.set_ylabel(what)
         letter(axes[:, 0])
         _draw_scale(axes[-1, 0])
+        if cell_size is not None:
+            axes[-1, 0].annotate(
+                f"{H} = {cell_size:g} mm", (1.2 * _BAR, -1.5), va="center", fontsize=6, annotation_clip=False
+            )
         _colour_bar(figure, axes)
     return figure
 
 
-def draw_series(brains: Sequence[Mapping[str, Any]], outputs: Sequence[str | Path]) -> None:
-    """Draw the series from mesh files: each brain has its `age` in weeks and its `meshes` by hemisphere."""
+def draw_series(
+    brains: Sequence[Mapping[str, Any]], outputs: Sequence[str | Path], *, cell_size: float | None = None
+) -> None:
+    """Draw the series from mesh files: each brain has its `name`, `age` in weeks and `meshes` by hemisphere."""
     loaded = [(brain["age"], {hemi: vtu.read(path) for hemi, path in brain["meshes"].items()}) for brain in brains]
-    save(series_figure(loaded), *outputs)
+    save(series_figure(loaded, names=[brain["name"] for brain in brains], cell_size=cell_size), *outputs)
 
 
 def _bare(axis: Axes) -> None:

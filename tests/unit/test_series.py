@@ -74,6 +74,8 @@ def test_a_hemisphere_is_seen_from_its_own_side() -> None:
 
 def test_it_is_drawn_from_files(tmp_path: Path) -> None:
     vtu.write(ball_mesh(radius=10.0), tmp_path / "a.vtu")
-    draw_series([{"age": 22.0, "meshes": {"n/a": str(tmp_path / "a.vtu")}}], [tmp_path / "s.png", tmp_path / "s.svg"])
+    brain = {"name": "sub-a", "age": 22.0, "meshes": {"n/a": str(tmp_path / "a.vtu")}}
+    draw_series([brain], [tmp_path / "s.png", tmp_path / "s.svg"], cell_size=2.0)
     assert (tmp_path / "s.png").stat().st_size > 5000
-    assert "22 weeks, whole brain" in (tmp_path / "s.svg").read_text()
+    drawn = (tmp_path / "s.svg").read_text()
+    assert all(text in drawn for text in ("22 weeks, whole brain", "sub-a", " = 2 mm"))
