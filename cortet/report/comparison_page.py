@@ -108,7 +108,7 @@ def write_comparison_page(
                 "numbers", "Numbers side by side", [pages.table(caption, columns, rows, name="Numbers side by side")]
             ),
             Panel("quality", "Element quality", [("charts", charts)]),
-            Panel("cuts", "Meshes, cut open across the middle", [("pictures", cuts), ("scale", colour_scale())]),
+            Panel("cuts", "Meshes, cut open halfway to the front", [("pictures", cuts), ("scale", colour_scale())]),
             Panel("lost", "What each leaves of the surface", [("paragraph", lost), ("pictures", surfaces)]),
         ],
         top=[("facts", {"texts": {"Surface": source}})] if source else [],

@@ -72,7 +72,7 @@ def of_input(surface: TriSurface) -> list[Picture]:
 
 def of_mesh(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
     """The mesh cut open, its regions, and the surfaces that were meshed in the colours of their distance to it."""
-    cut = captioned(cut_view(mesh), "Mesh, cut open across the middle", "each tetrahedron in the colour of its q")
+    cut = captioned(cut_view(mesh), "Mesh, cut open halfway to the front", "each tetrahedron in the colour of its q")
     boundary, _ = boundary_surface(mesh)
     return [cut, *_of_regions(mesh, meshed), *_by_distance(meshed, boundary, "Meshed surface", "the mesh")]
 

@@ -19,7 +19,7 @@ from cortet.geometry.topology import boundary_surface, compact
 from cortet.measure.quality import quality
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
 
-VERSION: int = 2
+VERSION: int = 3
 
 #: colours that colour-blind readers tell apart; worse elements are darker
 COLOURS = "viridis_r"
@@ -28,7 +28,7 @@ RANGE, BEYOND = (0.0, 0.6), "#D55E00"
 
 #: a vertical bar at the left edge
 SCALE = {
-    "title": "q",
+    "title": "$q$",
     "vertical": True,
     "position_x": 0.07,
     "position_y": 0.2,
@@ -77,7 +77,7 @@ def picture(
     position: float = 0.5,
     size: tuple[int, int] = (1600, 1200),
 ) -> None:
-    """Draw a mesh cut open, seen from the cut; every tetrahedron is whole and coloured by its q.
+    """Draw a mesh cut open, seen from the cut, with the plane; every tetrahedron is whole and coloured by its q.
 
     Parameters
     ----------
@@ -92,15 +92,18 @@ def picture(
     """
     k = _AXES[axis]
     shell = _cut(mesh, k, position)
+    along = mesh.points[:, k]
+    where = f"cut at {axis} = {along.min() + position * np.ptp(along):.1f} mm".replace("-", "\N{MINUS SIGN}")
     with off_screen(size) as plotter:
         plotter.add_mesh(shell, **_CUT_LOOK, scalar_bar_args=SCALE)
+        plotter.add_text(where, position=(0.02, 0.03), viewport=True, font_size=max(size[1] // 130, 5), color="black")
         _aim(plotter.camera, np.asarray(shell.points, float), k, width_to_height=ROOM * size[0] / size[1])
         with atomic_path(path) as temporary:
             plotter.screenshot(temporary)
 
 
 def cut_view(mesh: TetMesh, *, regions: bool = False, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
-    """The same picture across the middle of y, without a scale: (height, width, 4), transparent around the mesh.
+    """The same picture at the middle of y, without plane and scale: (height, width, 4), transparent around the mesh.
 
     Parameters
     ----------

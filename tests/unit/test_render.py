@@ -56,3 +56,10 @@ def test_the_cut_can_lie_anywhere_along_any_axis(tmp_path: Path) -> None:
         picture(mesh, tmp_path / "a.png", axis=axis, position=0.3, size=(200, 150))
         drawn.append(pixels(tmp_path / "a.png"))
     assert all((image < 250).any() for image in drawn)
+
+
+def test_the_plane_of_the_cut_is_named(tmp_path: Path) -> None:
+    for name, axis in (("x", "x"), ("y", "y")):
+        picture(cube_mesh(2, side=10.0), tmp_path / f"{name}.png", axis=axis, size=(400, 300))  # type: ignore[arg-type]
+    x, y = (matplotlib.image.imread(tmp_path / f"{name}.png")[-30:, :90, :3] for name in "xy")
+    assert x.min() < 0.5 and (x != y).any() and np.abs(x[:, 60:] - y[:, 60:]).max() == 0  # "cut at x = ", "cut at y = "
