@@ -26,11 +26,11 @@ from cortet.geometry.interpolation import at_triangles, is_label
 from cortet.geometry.spheres import same_triangles
 from cortet.geometry.topology import boundary_surface
 from cortet.meshes import FloatArray, TetMesh, TriSurface
-from cortet.report.figures import PAGE, drawn, save
+from cortet.report.figures import PAGE, drawn, letter, save
 from cortet.report.render import surface_view
 from cortet.stages.transfer import with_thickness
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: name of the map of distances from the surface that was meshed to the boundary of the mesh, mm
 DISTANCE = "distance_to_boundary"
@@ -108,7 +108,8 @@ def maps_figure(mean: TriSurface) -> Figure:
                 axis.set_axis_off()
                 axis.set_title(f"from the {'left' if side == 'L' else 'right'}")
             bar = figure.colorbar(ScalarMappable(Normalize(low, high), "viridis"), ax=row, shrink=0.6, extend="both")
-            bar.set_label(f"{name} (mm)" if name == DISTANCE else name)
+            bar.set_label("distance to the boundary (mm)" if name == DISTANCE else name.replace("_", " "))
+        letter(axes[:, 0])
     return figure
 
 

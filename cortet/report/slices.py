@@ -15,7 +15,7 @@ from cortet.geometry.voxels import in_voxels
 from cortet.meshes import CoordinateFrame, FloatArray, IntArray, TetMesh
 from cortet.report.render import REGION_COLOURS
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: planes by the axis across them, the axes that run right and up in the picture, and their names
 _PLANES = ((0, 1, 2, "x"), (1, 0, 2, "y"), (2, 0, 1, "z"))
@@ -44,6 +44,8 @@ def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: Co
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
+    from cortet.report import figures
+
     points = to_scanner(mesh.points, frame or CoordinateFrame())
     labelled = volume.kind == "labels"
     keys = np.unique(mesh.cell_data[name]).tolist() if labelled else []
@@ -65,10 +67,11 @@ def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: Co
             lines = [_darker(colours[key] if labelled else "#D55E00") for key in label.tolist()]
             flat: Any = ring[:, :, [right, up]]
             axes.add_collection(PolyCollection(flat, facecolors="none", edgecolors=lines, linewidths=0.5))
-        axes.set_title(f"{letter} = {middle[across]:.1f} mm")
-        axes.set_xlabel("xyz"[right] + ", mm")
-        axes.set_ylabel("xyz"[up] + ", mm")
+        axes.set_title(f"{letter} = {middle[across]:.1f} mm".replace("-", "\N{MINUS SIGN}"))
+        axes.set_xlabel("xyz"[right] + " (mm)")
+        axes.set_ylabel("xyz"[up] + " (mm)")
         axes.set_facecolor("white" if labelled else "black")
+    figures.letter(figure.axes)
     shown = [Patch(color=colours[key], label=volume.names.get(key, str(key) if key else "no label")) for key in keys]
     if shown:
         figure.legend(handles=shown[:20], loc="outside lower center", ncols=10, frameon=False)
