@@ -11,10 +11,10 @@ front_to_back = np.digitize(surface.points[:, 1], np.quantile(surface.points[:, 
 made = cortet.mesh(surface, cell_size=2.5, ga=26, fields={"lobe": front_to_back.astype("int32")}, progress=False)
 made.save("labels.inp", force=True)
 print(*(line.strip() for line in open("labels.inp") if line.startswith(("*NSET", "*ELSET"))), sep="\n")
-grid = made.to_pyvista().extract_surface(algorithm="dataset_surface")
+grid = made.to_pyvista().extract_surface(algorithm="dataset_surface").point_data_to_cell_data(categorical=True)
 picture = grid.plot(
     scalars="lobe",
-    cmap="tab10",
+    cmap=["#0072B2", "#E69F00", "#009E73", "#CC79A7"],  # colour-blind readers tell them apart
     show_scalar_bar=False,
     off_screen=True,
     return_img=True,

@@ -15,7 +15,15 @@ centres = made.points[made.cells].mean(axis=1)[:, 1]
 limit = surface.points[front, 1].min()
 print(f"{(centres > limit).sum():,} tetrahedra in front of the limit, {(centres <= limit).sum():,} behind it")
 skin = made.to_pyvista().extract_surface(algorithm="dataset_surface")
-picture = skin.plot(show_edges=True, off_screen=True, return_img=True, cpos="yz", zoom=1.4, window_size=(800, 600))
+picture = skin.plot(
+    show_edges=True,
+    scalar_bar_args={"title": "cell size (mm)", "n_labels": 2, "fmt": "%.1f"},
+    off_screen=True,
+    return_img=True,
+    cpos="yz",
+    zoom=1.4,
+    window_size=(800, 600),
+)
 plt.imsave("size_field.png", picture)
 
 assert made.certified and (centres > limit).mean() > 0.5
