@@ -16,11 +16,11 @@ from cortet.formats.tables import read_columns, write_table
 from cortet.formats.tsv import read_tsv
 from cortet.report import DATA
 from cortet.report.colours import COLOURS
-from cortet.report.figures import PAGE, drawn, letter, save
+from cortet.report.figures import PAGE, H, drawn, letter, save
 from cortet.report.fold_figures import curves, real_points, weeks
 from cortet.simulation.journal import TABLE, VERDICT
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: how a run ended -> what it means, in the reverse order of the rows
 STATES = {
@@ -79,7 +79,7 @@ def cohort_folding_figure(runs: Sequence[Mapping[str, Any]]) -> Figure:
     """Gyrification index and area / volume^(2/3) of every run against age, over real brains; variants are dashed."""
     cases = list(dict.fromkeys(run["case"] for run in runs))
     variants = list(dict.fromkeys(run["variant"] for run in runs))
-    with drawn(PAGE, 2.8) as figure:
+    with drawn(PAGE, 3.2) as figure:
         panels = {"gyrification_index": "gyrification index", "relative_area": "area / volume$^{2/3}$"}
         for axis, (column, label) in zip(figure.subplots(1, 2), panels.items(), strict=True):
             for run in runs:
@@ -93,7 +93,7 @@ def cohort_folding_figure(runs: Sequence[Mapping[str, Any]]) -> Figure:
         if runs:
             handles, labels = figure.axes[0].get_legend_handles_labels()
             once = dict(zip(labels, handles, strict=True))  # hemispheres and whole brains may share a source
-            figure.axes[0].legend(once.values(), once.keys(), loc="upper left")
+            figure.legend(once.values(), once.keys(), loc="outside upper center", ncols=min(len(once), 4))
     return figure
 
 
@@ -103,7 +103,7 @@ def _draw(
     rows = curves(Path(run["folder"]) / TABLE)
     many = len(cases) * len(variants) > _NAMED
     dashes = ("-", "--", ":", "-.")[variants.index(run["variant"]) % 4]
-    name = " ".join(filter(None, (run["case"], run["variant"])))
+    name = " ".join(filter(None, (run["case"], run["variant"]))) + f", {H} = {run['cell_size_mm']:g} mm"
     axis.plot(
         rows["gestational_age"],
         rows[column],

@@ -52,18 +52,20 @@ def test_the_figure_has_a_curve_per_run_over_real_brains(runs: list[dict[str, An
     figure = cohort_folding_figure(runs)
     for axis in figure.axes:
         named = [line for line in axis.lines if not str(line.get_label()).startswith("_")]
-        assert [line.get_label() for line in named] == ["sub-a_hemi-L", "sub-a_hemi-L wild"]
+        assert [line.get_label() for line in named] == [f"sub-a_hemi-L{name}, $h$ = 0.6 mm" for name in ("", " wild")]
         assert [line.get_linestyle() for line in named] == ["-", "--"]
         assert sum(len(points.get_offsets()) for points in axis.collections) > 10
         assert axis.get_xticks().tolist() == [22, 26, 30, 34, 38, 42]
-    (legend,) = (axis.get_legend() for axis in figure.axes[:1])
+    (legend,) = figure.legends
+    figure.draw_without_rendering()
+    assert legend.get_window_extent().y0 > max(axis.get_window_extent().y1 for axis in figure.axes)  # over no curve
     names = [text.get_text() for text in legend.get_texts()]
     assert len(names) == len(set(names)) == 2 + 4
 
 
 def test_halves_and_whole_brains_stand_over_real_ones_of_their_kind(runs: list[dict[str, Any]]) -> None:
     figure = cohort_folding_figure([*runs, {**runs[0], "case": "sub-c", "hemisphere": None}])
-    names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert len(names) == len(set(names)) == 3 + 4
     assert len(figure.axes[0].collections) == 4 + 1
 
