@@ -4,3 +4,5 @@
 COLOURS = BLUE, VERMILION, GREEN, ORANGE, PURPLE = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7"
 #: of published data behind ours
 GREY = "#B8B8B8"
+#: of its lines, which are thin
+DARK_GREY = "#8C8C8C"

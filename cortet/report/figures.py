@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tsv import read_tsv
 from cortet.report import published
-from cortet.report.colours import BLUE, COLOURS, GREEN, GREY, VERMILION
+from cortet.report.colours import BLUE, COLOURS, DARK_GREY, GREEN, GREY, VERMILION
 
 VERSION: int = 3
 
@@ -141,7 +141,7 @@ def mesh_quality_figures(meshes: Mapping[str, NDArray[np.integer[Any]]], *, limi
         bulk, tail = (figure.subplots() for figure in figures)
         bulk.stairs(100 * theirs / theirs.sum(), np.linspace(0, 1, len(theirs) + 1), fill=True, color=GREY, alpha=0.35)
         label = f"published (CORTET, cleaned), {H} = {published.CELL_SIZE:g} mm"
-        distribution(bulk, tail, theirs, color="#8C8C8C", linewidth=0.8, label=label)
+        distribution(bulk, tail, theirs, color=DARK_GREY, linewidth=0.8, label=label)
         for number, (name, counts) in enumerate(meshes.items()):
             colour, dashes = COLOURS[number % len(COLOURS)], LINES[number // len(COLOURS) % len(LINES)]
             distribution(bulk, tail, counts, color=colour, linestyle=dashes, linewidth=1.2, label=name)

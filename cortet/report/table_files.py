@@ -22,8 +22,8 @@ VERSION: int = 4
 _MATHEMATICAL = {"<": "$<$", ">": "$>$", "±": r"$\pm$", "²": "$^2$"}
 #: symbols of quantities in headings, which print has in italics, and their index
 _SYMBOL = re.compile(r"\b([hJnqr])(?:_(max))?\b")
-#: a cell that starts with a number, alone or with its spread
-_NUMBER = re.compile(r"[-+]?[\d.,]+(?:e[-+]\d+)?(?: ± .*| \[.*| \(.*)?")
+#: a cell that holds a number, alone or with its spread, or a range
+_NUMBER = re.compile(r"[-+]?[\d.,]+(?:e[-+]\d+|-[\d.,]+)?(?: ± .*| \[.*| \(.*)?")
 
 
 @dataclass(frozen=True)

@@ -200,7 +200,7 @@ def _by_age(
     missing: Mapping[Origin, str],
     ages: Mapping[str, float | None],
 ) -> pd.DataFrame:
-    """One row per mesh, including missing meshes, by age, case, mesher, setting and cell size."""
+    """One row per mesh, including missing meshes, by age (unknown ones last), case, mesher, setting and cell size."""
     about = [
         {**asdict(origin), "source": "this cohort", "scan_age": ages[origin.case], "remarks": missing.get(origin)}
         for origin in dict.fromkeys([*records, *missing])
@@ -208,4 +208,4 @@ def _by_age(
     measured = values([column for column in table.columns if column.place], list(records.values()))
     rows = pd.concat([pd.DataFrame(about, columns=[*names(_MESH), "remarks"]), measured], axis="columns")
     order = ["scan_age", "case", "mesher", "setting", "cell_size_mm"]
-    return rows.sort_values(order, ignore_index=True, na_position="first").reindex(columns=names(table.columns))
+    return rows.sort_values(order, ignore_index=True, na_position="last").reindex(columns=names(table.columns))

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cortet.report import published
-from cortet.report.colours import BLUE, GREEN, GREY, ORANGE, PURPLE
+from cortet.report.colours import BLUE, DARK_GREY, GREEN, ORANGE, PURPLE
 from cortet.report.figures import PAGE, Q_AXIS, H, Q, distribution, drawn, in_powers_of_ten, letter, mark_limit, save
 from cortet.report.records import Origin, by_origin
 from cortet.study.ablated import ABLATED
@@ -53,7 +53,7 @@ def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: 
         for (bulk, tail), row in zip(axes, pooled, strict=True):
             for stages, line in _PUBLISHED_LINES.items():
                 label = f"{_NAMES[stages]}, published (CORTET), {H} = {published.CELL_SIZE:g} mm"
-                distribution(bulk, tail, theirs[stages], color=GREY, linestyle=line, linewidth=0.7, label=label)
+                distribution(bulk, tail, theirs[stages], color=DARK_GREY, linestyle=line, linewidth=0.7, label=label)
             for stages, counts in row.counts.items():
                 distribution(bulk, tail, counts, color=_COLOURS[stages], linewidth=1.0, label=_NAMES[stages])
             elements = max(int(counts.sum()) for counts in row.counts.values())
@@ -69,7 +69,9 @@ def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: 
         letter(axes.ravel())
         most = max(axes[:, 0], key=lambda axis: len(axis.get_legend_handles_labels()[1]))
         handles, labels = most.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=4)
+        # published ones fill the first column
+        columns = 2 if len(handles) <= 2 * len(theirs) else 3
+        figure.legend(handles, labels, loc="outside upper center", ncols=columns)
     return figure
 
 

@@ -103,6 +103,10 @@ def test_pooled_quality_has_a_row_per_setting_before_the_published_distributions
     q, above = tail.lines[3].get_data()
     assert above[np.isclose(q, 0.3)] == 1e4 and q.max() == 0.5  # one in a hundred is above 0.3, none above 0.505
     assert list(tail.lines[-1].get_xdata()) == [0.6, 0.6]
+    (legend,) = figure.legends
+    figure.draw_without_rendering()
+    lefts = [round(text.get_window_extent().x0) for text in legend.get_texts()]
+    assert len(set(lefts[:3])) == 1 and lefts[3] > lefts[0]  # published ones are the first column
 
 
 @pytest.mark.parametrize(("name", "columns"), [("this mesh", 2), ("sub-01_ses-02_hemi-L_" * 3, 1)])

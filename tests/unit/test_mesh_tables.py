@@ -73,6 +73,7 @@ def test_an_unknown_age_is_n_a(tmp_path: Path, ages: dict[str, float | None]) ->
     records = {at("sub-a", 1.0): record(2), at("sub-b", 1.0): record(2)}
     rows = rows_of(resolution_table(records, {}, ages))
     assert {row["case"]: row["scan_age"] for row in rows if row["case"] in ages} == ages
+    assert [row["case"] for row in rows[:2]] == sorted(ages, key=lambda case: (ages[case] is None, case))
     assert len(measures_table(records, {}, ages)) > 2
 
 
