@@ -132,7 +132,8 @@ def _mathematical(text: str) -> str:
     """A text escaped for LaTeX, with an en dash in ranges, and with mathematical mode for the signs that need it."""
     for sign, command in _MATHEMATICAL.items():
         text = text.replace(sign, command)
-    return re.sub(r"(?<=\d)-(?=\d)", "--", re.sub(r"^-(?=\d)|(?<=[ \[])-(?=\d)", "$-$", text))
+    text = re.sub(r"^-(?=\d)|(?<=[ \[])-(?=\d)|(?<=\d )-(?= )", "$-$", text)
+    return re.sub(r"(?<=\d)-(?=\d)", "--", text)
 
 
 def _heading(text: str) -> str:

@@ -87,11 +87,11 @@ def test_numbers_are_given_as_the_paper_gives_them() -> None:
 
 
 def test_numbers_stand_at_the_right_and_have_a_minus_sign(tmp_path: Path) -> None:
-    columns = (Column("case", heading="Case"), Column("v", heading="slope & h", form=lambda row: row["v"]))
+    columns = (Column("case", heading="Case"), Column("v", heading="slope & 1 - h", form=lambda row: row["v"]))
     rows = [{"case": "a-1", "v": "-2.90 ± 0.01"}, {"case": "b-1", "v": "-3.1 [-3.2--2.9]"}, {"case": "c", "v": "n/a"}]
     write(Table("Slopes", columns, first=()), rows, tmp_path / "t.tex", tmp_path / "t.md", tmp_path / "t.html")
     latex = (tmp_path / "t.tex").read_text()
-    assert r"\begin{tabular}{lr}" in latex and r"Case & slope \& $h$ \\" in latex
+    assert r"\begin{tabular}{lr}" in latex and r"Case & slope \& 1 $-$ $h$ \\" in latex
     assert r"a-1 & $-$2.90 $\pm$ 0.01 \\" in latex
     assert '<td class="n">-2.90 ± 0.01</td>' in (tmp_path / "t.html").read_text()
     assert "-2.90 ± 0.01 |" in (tmp_path / "t.md").read_text()
