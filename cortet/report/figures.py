@@ -76,12 +76,12 @@ def drawn(width: float, height: float) -> Iterator[Figure]:
     figure.set_layout_engine("none")
 
 
-def letter(axes: Iterable[Axes]) -> None:
-    """Write a, b, c, ... at the upper left of panels, so that a caption can name them."""
+def letter(axes: Iterable[Axes], *, size: float = 8) -> None:
+    """Write a, b, c, ... at the upper left of panels, in points, so that a caption can name them."""
     for axis, name in zip(axes, ascii_lowercase, strict=False):
         axis.annotate(
             name, (0, 1), xycoords="axes fraction", xytext=(-22, 4), textcoords="offset points",
-            fontweight="bold", fontsize=8, va="bottom", ha="left",
+            fontweight="bold", fontsize=size, va="bottom", ha="left",
         )  # fmt: skip
 
 

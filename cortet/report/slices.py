@@ -71,7 +71,7 @@ def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: Co
         axes.set_xlabel("xyz"[right] + " (mm)")
         axes.set_ylabel("xyz"[up] + " (mm)")
         axes.set_facecolor("white" if labelled else "black")
-    figures.letter(figure.axes)
+    figures.letter(figure.axes, size=14)
     shown = [Patch(color=colours[key], label=volume.names.get(key, str(key) if key else "no label")) for key in keys]
     if shown:
         figure.legend(handles=shown[:20], loc="outside lower center", ncols=10, frameon=False)
