@@ -98,6 +98,27 @@ def test_what_a_page_shows_is_what_happens(block: Block, checkout: Path) -> None
         assert not missing, f"`{command}` does not print {missing}, but\n{output}"
 
 
+def test_the_numbers_of_readme_and_of_the_design_are_those_of_their_mesh(tmp_path: Path) -> None:
+    (block,) = [block for block in BLOCKS if block.page.name == "README.md" and "cortet phantom" in block.text]
+    for command, shown in block.commands:
+        printed = [_without_seconds(line) for line in run(command, tmp_path).splitlines()]
+        assert [line for line in shown if _without_seconds(line) not in printed] == []
+    made = {line.split()[0]: line.split()[-3:] for line in shown if len(line.split()) == 7 and line[0] != " "}
+    rows = re.findall(
+        r"^\| `default` \| (\S+) \| (\S+) \| (\S+) \| (\S+) \|", (ROOT / "docs/design.md").read_text(), re.M
+    )
+    assert len(rows) == 3
+    for label, *numbers in rows:
+        name = {"S1": "generate", "S4": "clean", "S4+": "reconnect"}[label]
+        mean, worst, bad = map(float, made[name])
+        assert numbers == [f"{mean:.3f}", f"{worst:.3f}", f"{bad:.0f}"], label
+
+
+def _without_seconds(line: str) -> str:
+    """A row of the table of stages without its second column."""
+    return re.sub(r"^(\w+) +[\d.]+ ", r"\1 ", line).rstrip()
+
+
 def run(command: str, folder: Path) -> str:
     """Output of a command that must end well; those of cortet run in this process, which has its libraries loaded."""
     command, *_ = re.split(r"\s+#\s", command)
