@@ -208,7 +208,7 @@ def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame, column: str, un
         s=6,
         color=GREY,
         linewidths=0,
-        label=f"published (CORTET), {H} = {published.CELL_SIZE:g} mm (n = {len(theirs)})",
+        label=f"published (CORTET), {H} = {published.CELL_SIZE:g} mm ($n$ = {len(theirs)})",
     )
     for rank, (size, of_size) in enumerate(rows.groupby("cell_size_mm")):
         for hemi, (colour, marker, side) in HEMISPHERES.items():
@@ -222,12 +222,13 @@ def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame, column: str, un
                 "facecolors": "none" if rank else colour,  # the finest meshes filled, coarser ones larger and open
                 "edgecolors": colour,
                 "linewidths": 0.8,
+                "clip_on": False,  # coarse meshes have few tetrahedra: their marks touch the axis
             }
-            label = f"{side}, {H} = {size:g} mm (n = {len(chosen)})"
+            label = f"{side}, {H} = {size:g} mm ($n$ = {len(chosen)})"
             axis.scatter(chosen["scan_age"][known], chosen[column][known] / unit, label=label, **style)
             if not known.all():
                 values, outside = chosen[column][~known] / unit, axis.get_yaxis_transform()
-                axis.scatter(np.full(len(values), _BESIDE), values, transform=outside, clip_on=False, **style)
+                axis.scatter(np.full(len(values), _BESIDE), values, transform=outside, **style)
                 middle = float(theirs["scan_age_weeks"].median())  # the value axis covers theirs, too
                 axis.update_datalim([(middle, value) for value in values])
                 axis.autoscale_view()

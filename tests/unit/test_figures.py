@@ -65,10 +65,10 @@ def test_panels_have_letters(figure: Figure) -> None:
 def test_the_legend_counts_and_the_limit_is_drawn(figure: Figure) -> None:
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == [
-        "published (CORTET), $h$ = 0.6 mm (n = 194)",
-        "left, $h$ = 0.6 mm (n = 1)",
-        "right, $h$ = 0.6 mm (n = 1)",
-        "whole brain, $h$ = 1 mm (n = 1)",
+        "published (CORTET), $h$ = 0.6 mm ($n$ = 194)",
+        "left, $h$ = 0.6 mm ($n$ = 1)",
+        "right, $h$ = 0.6 mm ($n$ = 1)",
+        "whole brain, $h$ = 1 mm ($n$ = 1)",
     ]
     (line,) = figure.axes[2].lines
     assert list(line.get_ydata()) == [0.6, 0.6]
