@@ -5,6 +5,7 @@ A mesh that could not be made has no record. It still counts in its row of the t
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import Any
@@ -23,6 +24,8 @@ from cortet.study.ablated import ABLATED
 VERSION: int = 5
 
 
+#: names of more than four cases before a reason: the first three, and the others
+_MORE = re.compile(r"((?:sub-[\w-]+, ){3})((?:sub-[\w-]+, )+sub-[\w-]+): ")
 #: columns whose values, if any, are whole numbers
 _COUNTS = (
     *("meshes", "failed", "fallback", "wrong_topology", "tets_total"),
@@ -52,9 +55,10 @@ def _meshes(row: Row) -> str:
 
 
 def _told(row: Row) -> str:
-    """Remarks as printed."""
+    """Remarks as printed: of more than three cases with one reason, the others are counted."""
+    remarks = _MORE.sub(lambda found: f"{found[1][:-2]} and {found[2].count('sub-')} more: ", row["remarks"] or "")
     fallback = f"{row['fallback']} by S1's fallback" if row.get("fallback") else ""
-    return "; ".join(part for part in (row["remarks"], fallback) if part)
+    return "; ".join(part for part in (remarks, fallback) if part)
 
 
 def _of_median(row: Row, name: str, digits: int = 3) -> str:

@@ -102,6 +102,14 @@ def test_what_a_failed_job_left_out_is_told_with_the_reason() -> None:
     assert row["remarks"] == "sub-b: relocate: Gmsh failed; sub-c: clean: too bad"
 
 
+def test_a_reason_that_many_cases_share_is_printed_with_three_of_them() -> None:
+    missing = {at(case, "Cleaned", "default"): "clean: sub-optimal, too bad" for case in "abcdefg"}
+    (row,) = ours(ablation_table({}, {}, missing, {}))
+    assert row["remarks"].startswith("sub-a, sub-b, sub-c, sub-d, sub-e, sub-f, sub-g: clean")
+    (column,) = (column for column in ABLATION.columns if column.name == "remarks")
+    assert column.text(row) == "sub-a, sub-b, sub-c and 4 more: clean: sub-optimal, too bad"
+
+
 def test_meshes_of_the_fallback_and_of_wrong_topology_are_counted() -> None:
     records = {at(case, "Cleaned", "default"): record(0.12, 0.4, 0) for case in "abc"}
     reports = {
