@@ -176,7 +176,9 @@ def _no_bar(text: str) -> str:
 
 def _write_html(table: Table, texts: pd.DataFrame, starts: Sequence[int], path: Path) -> None:
     columns = [
-        Column(name, heading=name, form=operator.itemgetter(name) if _of_numbers(texts.iloc[:, place]) else "")
+        Column(
+            name, heading=name, form=operator.itemgetter(name) if place and _of_numbers(texts.iloc[:, place]) else ""
+        )
         for place, name in enumerate(texts)
     ]
     rows = texts.to_dict("records")
