@@ -38,7 +38,7 @@ from cortet.report.fold_views import (
 )
 from cortet.simulation.journal import SERIES, TABLE
 
-VERSION: int = 4
+VERSION: int = 5
 
 #: files that `draw` adds to the folder of a run
 NUMBERS, PICTURE, FILM = "folding.svg", "folded.png", "folding.gif"
@@ -112,12 +112,18 @@ def numbers(table: Path, hemisphere: str | None) -> Figure:
         axes = figure.subplots(_ROWS, columns, width_ratios=[1.0] * (columns - 1) + [0.62]).ravel()
         for axis, (column, label) in zip(axes, _PANELS.items(), strict=True):
             axis.plot(rows["gestational_age"], rows[column], color=BLUE, label="this run")
-            axis.set(xlabel="age (weeks)" if column in _SMALL else "gestational age (weeks)", ylabel=label)
+            axis.set(xlabel="gestational\nage (weeks)" if column in _SMALL else "gestational age (weeks)", ylabel=label)
             if column == "min_j":
                 axis.axhline(0, color=VERMILION, linestyle="--", linewidth=0.8)
+                axis.annotate(
+                    "inversion", (0.05, 0), xycoords=axis.get_yaxis_transform(), xytext=(0, 2),
+                    textcoords="offset points", fontsize=6, color=VERMILION,
+                )  # fmt: skip
             if column not in _SMALL:
                 real_points(axis, column, hemisphere)
             weeks(axis, float(rows["gestational_age"].min()), float(rows["gestational_age"].max()))
+            if column not in _SMALL:
+                _fit(axis)
         letter(axes)
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
@@ -131,6 +137,18 @@ def weeks(axis: Axes, first: float, last: float) -> None:
     axis.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
     axis.set_xticks(np.arange(low, high + 0.5, step))
     axis.xaxis.set_minor_locator(MultipleLocator(1))
+
+
+def _fit(axis: Axes) -> None:
+    """Fit the value axis to what is drawn within the limits of the age axis."""
+    low, high = axis.get_xlim()
+    drawn = [np.asarray(line.get_xydata(), float) for line in axis.lines]
+    drawn += [np.asarray(points.get_offsets(), float) for points in axis.collections]
+    x, y = np.concatenate(drawn).T
+    seen = y[(x >= low) & (x <= high) & np.isfinite(y)]
+    if len(seen):
+        room = 0.05 * float(np.ptp(seen)) or 0.05 * abs(float(seen[0])) or 1.0
+        axis.set_ylim(seen.min() - room, seen.max() + room)
 
 
 def curves(table: Path) -> pd.DataFrame:

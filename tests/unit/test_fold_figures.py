@@ -82,6 +82,16 @@ def test_the_curves_stand_on_real_brains_whose_source_is_named(
     assert named[0] == "this run" and [re.split("[ ,]", name)[0] for name in named[1:]] == list(sources)
 
 
+def test_value_axes_end_where_the_ages_of_the_run_end(run: Path) -> None:
+    for axis in numbers(run / "fold.tsv", "L").axes[:3]:
+        low, high = axis.get_ylim()
+        real = np.concatenate([np.asarray(points.get_offsets()) for points in axis.collections])
+        curve = np.asarray(axis.lines[0].get_ydata(), float)
+        seen = np.r_[real[(real[:, 0] > 21.9) & (real[:, 0] < 23.1), 1], curve]
+        assert low < seen.min() and seen.max() < high and high - low < 1.2 * np.ptp(seen)
+    assert [text.get_text() for text in numbers(run / "fold.tsv", "L").axes[3].texts] == ["inversion", "d"]
+
+
 @pytest.mark.parametrize(
     ("first", "last", "ticks"),
     [
