@@ -105,13 +105,23 @@ rule prediction_run:
         ),
         options=EXPERIMENTS.prediction.model_dump(mode="json", include={"until", "rounds", "smoothing", "seed"}),
         ages=lambda wildcards: list(PLAN.prediction_series()[wildcards.case]),
+        labels=lambda wildcards: PLAN.labels_of_series(wildcards.case),
         origin=lambda wildcards: {"case": wildcards.case, "kind": wildcards.kind, "variant": wildcards.changed.lower()},
         input_sha256=lambda wildcards: content(
-            {path: path for path in PLAN.surfaces_of_series(wildcards.case) + PLAN.spheres_of_series(wildcards.case)}
+            {
+                path: path
+                for path in [
+                    *PLAN.surfaces_of_series(wildcards.case),
+                    *PLAN.spheres_of_series(wildcards.case),
+                    PLAN.labels_of_series(wildcards.case),
+                ]
+                if path
+            }
         ),
         version=[
             version_of("simulation.fold"),
             version_of("study.prediction"),
+            version_of("study.prediction_tables"),
             *(version_of(f"stages.{stage.name}") for stage in CONFIG.line()),
         ],
     script:

@@ -11,13 +11,15 @@ from cortet.config import load
 from cortet.formats.atomic import write_json
 from cortet.pipeline import mesh_surface
 from cortet.simulation.state import Settings
-from cortet.study.prediction import predict, read_series
+from cortet.study.longitudinal import read_series
+from cortet.study.prediction import predict
 from cortet.study.prediction_tables import write_run
 
 folder, config = Path(job.output.record).parent, load(job.params.line)
 settings = Settings(**job.arguments)
 files = dict(zip(job.params.ages, map(Path, job.input.surfaces), strict=True))
-series = read_series(files, [*map(Path, job.input.spheres)], config.placement(), settings.hemisphere)
+labels = Path(job.params.labels) if job.params.labels else None
+series = read_series(files, [*map(Path, job.input.spheres)], config.placement(), settings.hemisphere, labels)
 made = mesh_surface(series.first, config, gestational_age=series.ages[0], source=job.input.surfaces[0])
 prediction = predict(
     series,

@@ -9,7 +9,7 @@ job = start(snakemake)
 from cortet.formats.atomic import write_json
 from cortet.formats.gifti import write_fields
 from cortet.report.figures import save
-from cortet.study.prediction import read_series
+from cortet.study.longitudinal import read_series
 from cortet.study.prediction_spread import judged, maps_of, spread_views, spreads
 from cortet.study.prediction_tables import predicted_surfaces
 

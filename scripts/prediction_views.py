@@ -7,7 +7,7 @@ from _job import start
 job = start(snakemake)
 
 from cortet.report.figures import save
-from cortet.study.prediction import read_series
+from cortet.study.longitudinal import read_series
 from cortet.study.prediction_tables import error_views, predicted_surfaces, prediction_views
 
 files = dict(zip(job.params.ages, map(Path, job.input.surfaces), strict=True))

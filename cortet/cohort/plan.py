@@ -17,6 +17,7 @@ from cortet.cohort.selection import folded
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.errors import InputError
 from cortet.meshes import OUTERMOST, region_names
+from cortet.simulation.section import LABEL_FIELD
 
 __all__ = ["AFTER_CERTIFICATE", "OVER_ALL_CASES", "Plan", "existing"]
 
@@ -126,6 +127,11 @@ class Plan(Jobs):
             for case, path in zip(cases, paths, strict=False)
             if isinstance(path, str) and len(paths) == len(cases)
         ]
+
+    def labels_of_series(self, first: str) -> str | None:
+        """File with the lobe, or another label, of each vertex of the first surface of a series, if it has one."""
+        file = self.cases[first].fields.get(LABEL_FIELD)
+        return None if file is None else str(file)
 
     def predictions(self, kinds: Iterable[str]) -> Iterator[Job]:
         """Series and kinds that are predicted, of some kinds."""

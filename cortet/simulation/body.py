@@ -26,6 +26,7 @@ from cortet.geometry.topology import (
 )
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import FILLED, REGION, FloatArray, IntArray, MeshSets, TetMesh, TriSurface, node_field
+from cortet.simulation.section import MASK_FIELD, THICKNESS_FIELD
 
 #: cortical thickness at t = 0, and its gain per unit of time
 THICKNESS, THICKENING = 0.042, 0.01
@@ -39,8 +40,6 @@ _ELLIPSOID_CENTRE, _ELLIPSOID_AXES = np.array([0.0, 0.1, -0.05]), np.array([1.0,
 _NO_GROWTH = 10.0
 #: how far a field of 0 to 1 may leave this range: values in single precision, carried to nodes as weighted means
 _ROUNDING = 1e-5
-#: point data of a mesh that replace the defaults
-MASK_FIELD, THICKNESS_FIELD, LABEL_FIELD = "growth", "thickness", "label"
 
 
 class Material(NamedTuple):

@@ -8,8 +8,6 @@ way as that of the real brain, add the difference, repeat.
 Predictions of several kinds (`KINDS`) are compared with the real surfaces. Gained depth separates good ones from bad
 ones. Depth itself does not: that of a later brain is nearly that of the early one, so "nothing changes" correlates
 highly with it.
-
-Surfaces are compared after a rigid alignment (Kabsch 1976), since the position of a brain in its file means nothing.
 """
 
 from __future__ import annotations
@@ -20,35 +18,28 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from cortet.errors import InputError
 from cortet.formats import vtu
-from cortet.formats.gifti import read_surface
-from cortet.formats.placement import placed
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.interpolation import at_triangles
 from cortet.geometry.spheres import barycentric, of_one_radius
-from cortet.geometry.topology import boundary_nodes, edges, enclosed_volume, vertex_normals
+from cortet.geometry.topology import boundary_nodes, edges, vertex_normals
 from cortet.measure.quality import signed_volumes
 from cortet.measure.surface_growth import (
-    check_corresponding,
     fitted,
     logarithmic_growth,
     smoothed,
-    through_spheres,
-    vertex_areas,
 )
 from cortet.meshes import FloatArray, TetMesh, TriSurface
-from cortet.simulation.body import scale_of
 from cortet.simulation.fold import Say, Verdict, fold
 from cortet.simulation.growth import AREA, VOLUME, usual
 from cortet.simulation.growth_map import field_of
-from cortet.simulation.medial_wall import medial_wall
 from cortet.simulation.state import Settings
 from cortet.stages.transfer import transfer
 from cortet.study.carried import carried
+from cortet.study.longitudinal import Series
 
 VERSION: int = 1
 
@@ -76,101 +67,6 @@ _LARGEST = 1.2
 _PLAUSIBLE, _CORE_WIDTH = (0.2, 20.0), 3.0
 
 
-@dataclass(frozen=True, eq=False)
-class Series:
-    """Surfaces of one brain at several ages, whose vertices correspond."""
-
-    #: weeks, ascending
-    ages: tuple[float, ...]
-    surfaces: tuple[TriSurface, ...]
-    #: (n,), area around each vertex at the first age, mm2; 0 where there is no cortex
-    weights: FloatArray
-    #: registered sphere of the vertices
-    sphere: TriSurface | None = None
-
-    @property
-    def first(self) -> TriSurface:
-        """The surface that is meshed."""
-        return self.surfaces[0]
-
-    def at(self, age: float) -> TriSurface:
-        """The surface of an age."""
-        return self.surfaces[self.ages.index(age)]
-
-    def volumes(self) -> dict[float, float]:
-        """Enclosed volume at each age, mL."""
-        return {
-            age: abs(enclosed_volume(one.points, one.faces)) / 1000
-            for age, one in zip(self.ages, self.surfaces, strict=True)
-        }
-
-    def hulls(self) -> dict[float, float]:
-        """Volume of the convex hull at each age, mL."""
-        return {age: ConvexHull(one.points).volume / 1000 for age, one in zip(self.ages, self.surfaces, strict=True)}
-
-
-def series_of(
-    surfaces: Mapping[float, TriSurface], cortex: FloatArray | None = None, sphere: TriSurface | None = None
-) -> Series:
-    """The series of surfaces by age, aligned to the first one.
-
-    Parameters
-    ----------
-    cortex : (n,), above 0 at vertices of the cortex, such as its thickness; None: everywhere
-    sphere : registered sphere of the vertices
-
-    Raises
-    ------
-    InputError : there are fewer than two, or their vertices do not correspond
-    """
-    if len(surfaces) < 2:
-        raise InputError("a series has one surface only", remedy="name surfaces of two ages or more")
-    ages = sorted(surfaces)
-    first = surfaces[ages[0]]
-    for age in ages[1:]:
-        check_corresponding(first, surfaces[age])
-    weights = vertex_areas(first)
-    if cortex is not None:
-        weights = np.where(np.asarray(cortex) > 0, weights, 0.0)
-    laid: tuple[TriSurface, ...] = (
-        first,
-        *(replace(surfaces[age], points=aligned(surfaces[age].points, first.points, weights)) for age in ages[1:]),
-    )
-    return Series(tuple(ages), laid, weights, sphere)
-
-
-def read_series(
-    files: Mapping[float, Path],
-    spheres: Sequence[Path],
-    placement: Sequence[Sequence[float]] | None,
-    hemisphere: str | None,
-) -> Series:
-    """The series of some files by ascending age, with one sphere for each file or none at all.
-
-    Parameters
-    ----------
-    placement : matrix that maps the coordinates of the files to mm; None: they are mm
-
-    Raises
-    ------
-    InputError : a file cannot be read, or vertices correspond neither by number nor through spheres
-    """
-    surfaces = [placed(read_surface(path), placement) for path in files.values()]
-    own = [read_surface(path) for path in spheres]
-    if own and any(not np.array_equal(surface.faces, surfaces[0].faces) for surface in surfaces):
-        surfaces = [through_spheres(surface, sphere, own[0]) for surface, sphere in zip(surfaces, own, strict=True)]
-    first = surfaces[0]
-    return series_of(dict(zip(files, surfaces, strict=True)), cortex_of(first, hemisphere), own[0] if own else None)
-
-
-def aligned(points: FloatArray, to: FloatArray, weights: FloatArray) -> FloatArray:
-    """Points (n, 3) moved rigidly onto corresponding points, with the least weighted squared distance."""
-    middle, other = (np.average(p, axis=0, weights=weights) for p in (points, to))
-    rotation, _ = Rotation.align_vectors(to - other, points - middle, weights)
-    result: FloatArray = rotation.apply(points - middle) + other
-    return result
-
-
 # --- what is predicted
 
 
@@ -187,14 +83,6 @@ class Prediction:
     residuals: list[dict[str, float]]
     #: age -> (n, 6), growth imposed in the last round
     imposed: dict[float, FloatArray] = field(default_factory=dict)
-
-
-def cortex_of(first: TriSurface, hemisphere: str | None) -> FloatArray | None:
-    """1 at vertices of a hemisphere's cortex, 0 on its medial wall: (n,); None for a whole brain."""
-    if hemisphere is None:
-        return None
-    scale = scale_of(first, hemisphere)
-    return np.where(medial_wall(first, hemisphere, scale.origin, scale.length).nodes, 0.0, 1.0)
 
 
 def measured_growth(series: Series, ages: Sequence[float], width_mm: float | None) -> dict[float, FloatArray]:

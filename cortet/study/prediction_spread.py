@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from cortet.errors import InputError
 from cortet.meshes import FloatArray
 from cortet.simulation.measurements import depth_below_hull
-from cortet.study.prediction import Series, aligned
+from cortet.study.longitudinal import Series, aligned
 from cortet.study.prediction_tables import map_views
 
 VERSION: int = 1

@@ -22,9 +22,10 @@ from cortet.report.fold_views import Brain, Row, brain_of, centre, extent, sheet
 from cortet.report.table_files import Table, write
 from cortet.simulation.growth_map import field_of
 from cortet.simulation.measurements import depth_below_hull, shape, smoothed_curvature
-from cortet.study.prediction import Prediction, Series, aligned
+from cortet.study.longitudinal import Series, aligned
+from cortet.study.prediction import Prediction
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: prefix of the names of predicted surfaces
 _PREDICTED = "predicted_"
@@ -43,6 +44,7 @@ PREDICTION = Table(
     (
         Column("series", "Name of the first case of the series", heading="Series"),
         Column("kind", "What is imposed", heading="Prediction"),
+        Column("lobe", "Lobe of which the scores are; none: the whole cortex", heading="Lobe"),
         _column("gestational_age", "Age that is predicted", "weeks", "age (weeks)", "g"),
         _column(
             "gained_depth",
@@ -94,33 +96,38 @@ PREDICTION = Table(
 
 
 def scores(series: Series, points: Mapping[float, FloatArray]) -> list[dict[str, Any]]:
-    """Scores of predicted surfaces: a row per age, with the columns of `PREDICTION`.
+    """Scores of predicted surfaces: a row per age, and one for each of its lobes, with the columns of `PREDICTION`.
 
     Parameters
     ----------
     points : age -> (n, 3) mm; none of them need be aligned
     """
-    first, weights = series.first, series.weights
+    first, whole = series.first, series.weights
     depth = depth_below_hull(first.points)
     rows = []
     for age, predicted in sorted(points.items()):
         real = series.at(age)
-        laid = aligned(predicted, real.points, weights)
+        laid = aligned(predicted, real.points, whole)
         away = np.linalg.norm(laid - real.points, axis=1)
         deep, really = depth_below_hull(laid), depth_below_hull(real.points)
         curved, curvature = (smoothed_curvature(one, first.faces) for one in (laid, real.points))
-        rows.append(
-            {
-                "gestational_age": age,
-                "gained_depth": correlation(deep - depth, really - depth, weights),
-                "depth": correlation(deep, really, weights),
-                "curvature": correlation(curved, curvature, weights),
-                "distance_mm": float(np.average(away, weights=weights)),
-                "distance_95_mm": _quantile(away, weights, 0.95),
-                **_shape(series, laid, ""),
-                **_shape(series, real.points, "real_"),
-            }
-        )
+        parts: dict[str | None, FloatArray] = {None: whole, **{name: whole * at for name, at in series.lobes.items()}}
+        for lobe, weights in parts.items():
+            if not weights.any():
+                continue
+            rows.append(
+                {
+                    "lobe": lobe,
+                    "gestational_age": age,
+                    "gained_depth": correlation(deep - depth, really - depth, weights),
+                    "depth": correlation(deep, really, weights),
+                    "curvature": correlation(curved, curvature, weights),
+                    "distance_mm": float(np.average(away, weights=weights)),
+                    "distance_95_mm": _quantile(away, weights, 0.95),
+                }
+            )
+            if lobe is None:
+                rows[-1] |= {**_shape(series, laid, ""), **_shape(series, real.points, "real_")}
     return rows
 
 
@@ -170,7 +177,7 @@ def prediction_figure(table: pd.DataFrame) -> Figure:
             ),
             strict=True,
         ):
-            for kind, rows in table.groupby("kind", sort=False):
+            for kind, rows in table[table["lobe"].isna()].groupby("kind", sort=False):
                 colour, style = _LINES[str(kind)]
                 axis.plot(rows["gestational_age"], rows[column], style, color=colour, label=kind, marker=".", ms=3)
             axis.set(xlabel="gestational age (weeks)", ylabel=words)
@@ -264,9 +271,9 @@ def prediction_table(records: Sequence[Mapping[str, Any]], spreads: Sequence[Map
         left = record["residuals"][-1] if record["residuals"] else {}
         for row in record["scores"]:
             outcome = record["verdict"]["outcome"] if record["verdict"] else None
-            residual = left.get(f"rms_{row['gestational_age']:g}")
+            residual = None if row["lobe"] else left.get(f"rms_{row['gestational_age']:g}")
             which = {"series": record["series"], "kind": record["kind"]}
-            apart = known.get((*which.values(), row["gestational_age"]), {})
+            apart = {} if row["lobe"] else known.get((*which.values(), row["gestational_age"]), {})
             sure = {name: apart.get(name) for name in ("depth_sd_mm", "among")}
             rows.append({**which, **row, **sure, "residual": residual, "outcome": outcome})
     return pd.DataFrame(rows, columns=names(PREDICTION.columns))

@@ -6,9 +6,11 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import nibabel
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.typing import NDArray
 from shapes import ball_mesh, ball_surface
 
 from cortet.errors import InputError
@@ -24,14 +26,13 @@ from cortet.simulation.journal import SERIES
 from cortet.simulation.state import Settings
 from cortet.stages.transfer import transfer
 from cortet.study.carried import carried
+from cortet.study.longitudinal import Series, lobes_of, series_of
 from cortet.study.prediction import (
     KINDS,
-    Series,
     corrected,
     forecast_growth,
     measured_growth,
     predict,
-    series_of,
     shuffled_growth,
     uniform_growth,
 )
@@ -118,6 +119,33 @@ def test_more_is_imposed_where_less_came_out() -> None:
     assert corrected(series, wanted, wanted, 0.8 * wanted) == pytest.approx(1.2 * wanted)
     assert corrected(series, wanted, wanted, 0.8 * wanted, whole=True) == pytest.approx(1.2 * wanted)
     assert np.abs(corrected(series, wanted, wanted, wanted - 5.0)).max() == pytest.approx(1.2)
+
+
+def test_lobes_are_judged_one_by_one_where_labels_name_them(tmp_path: Path) -> None:
+    series = balls()
+    above = series.first.points[:, 2] > 0
+    names = {1: "upper", 2: "lower"}
+    write_labels(tmp_path / "lobes.label.gii", np.where(above, 1, 2), names)
+    lobes = lobes_of(tmp_path / "lobes.label.gii", len(above))
+    assert lobes["upper"].tolist() == above.tolist() and set(lobes) == {"upper", "lower"}
+    predicted = series.at(24.0).points - np.where(above, 0.0, 0.1)[:, None]
+    whole, upper, lower = scores(replace(series, lobes=lobes), {24.0: predicted})
+    assert [row["lobe"] for row in (whole, upper, lower)] == [None, *lobes]
+    assert "area_mm2" in whole and "area_mm2" not in upper
+    assert whole["distance_mm"] == pytest.approx(np.mean([upper["distance_mm"], lower["distance_mm"]]), rel=0.05)
+    with pytest.raises(InputError, match="has 2 labels, but the first surface of the series has 642 vertices"):
+        write_labels(tmp_path / "two.label.gii", np.array([1, 2]), names)
+        lobes_of(tmp_path / "two.label.gii", 642)
+
+
+def write_labels(path: Path, values: NDArray[np.int_], names: dict[int, str]) -> None:
+    array = nibabel.gifti.GiftiDataArray(values.astype(np.int32), intent="NIFTI_INTENT_LABEL")
+    table = nibabel.gifti.GiftiLabelTable()
+    for key, name in names.items():
+        label = nibabel.gifti.GiftiLabel(key=key)
+        label.label = name
+        table.labels.append(label)
+    nibabel.save(nibabel.gifti.GiftiImage(darrays=[array], labeltable=table), path)
 
 
 # --- predictions
