@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 import re
 from collections.abc import Iterable, Sequence
@@ -94,7 +95,8 @@ def number(value: float | None, digits: int = 3) -> str:
 def mean_and_sd(mean: float | None, sd: float | None, digits: int = 3, *, n: int | None = None) -> str:
     """`mean ± sd`, of two values `mean [low-high]`; the mean alone if there is no sd, or if it is 0.
 
-    There are more decimals than `digits` if the sd of three or more values needs them.
+    There are more decimals than `digits` if the sd of three or more values needs them, and fewer if it has more than
+    two digits that count.
 
     Parameters
     ----------
@@ -105,7 +107,8 @@ def mean_and_sd(mean: float | None, sd: float | None, digits: int = 3, *, n: int
     if n == 2:  # a deviation of two values says nothing that they do not say
         half = sd / 2**0.5
         return median_and_range(mean, mean - half, mean + half, digits)
-    enough = next((more for more in range(digits, digits + 6) if round(sd, more)), digits)
+    two = max(1 - math.floor(math.log10(sd)), 0)
+    enough = next((more for more in range(min(digits, two), digits + 6) if round(sd, more)), digits)
     return f"{number(mean, enough)} ± {number(sd, enough)}"
 
 

@@ -357,11 +357,19 @@ def _draw_places(axis: Axes, table: pd.DataFrame) -> None:
     for (_, mesher), rows in measured.groupby(["case", "mesher"], sort=False):
         colour, marker = _MARKERS.get(mesher, (GREEN, "s"))
         for pair, (style, _) in _PAIR_LINES.items():
-            axis.plot(rows["h_over_thickness"], rows[f"correlation_{pair}"], style, color=colour, marker=marker, ms=2)
+            axis.plot(
+                rows["h_over_thickness"],
+                rows[f"correlation_{pair}"],
+                style,
+                color=colour,
+                marker=marker,
+                ms=2,
+                clip_on=False,
+            )
     for pair, (style, words) in _PAIR_LINES.items():
         if measured[f"correlation_{pair}"].notna().any():
             axis.plot([], [], style, color="black", label=words)
-    axis.set(xlabel=_X_AXIS, ylabel="$r$ of gained depth", ylim=(None, 1.005))
+    axis.set(xlabel=_X_AXIS, ylabel="$r$ of gained depth", ylim=(None, 1))
     axis.legend(loc="best", title="with the mesh of", title_fontsize=6)
 
 

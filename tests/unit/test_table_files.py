@@ -77,6 +77,7 @@ def test_numbers_are_given_as_the_paper_gives_them() -> None:
     assert mean_and_sd(0.1349, 0.001) == "0.135 ± 0.001"
     assert mean_and_sd(0.1349, None) == "0.135"
     assert mean_and_sd(0.1349, 0.0004) == "0.1349 ± 0.0004"  # never "± 0.000"
+    assert mean_and_sd(37.57, 22.15, 2) == "38 ± 22" and mean_and_sd(9452.0, 602.0, 0) == "9,452 ± 602"
     assert mean_and_sd(0.1349, 0.0) == mean_and_sd(0.1349, 0.2, n=1) == "0.135"
     assert mean_and_sd(0.129, 0.001 * 2**0.5, n=2) == "0.129 [0.128-0.130]"
     assert mean_and_sd(0.129, 0.0001, n=2) == "0.129"
