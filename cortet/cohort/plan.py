@@ -17,7 +17,7 @@ from cortet.cohort.selection import folded
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.errors import InputError
 from cortet.meshes import OUTERMOST, region_names
-from cortet.simulation.section import LABEL_FIELD
+from cortet.simulation.fields import LABEL_FIELD
 
 __all__ = ["AFTER_CERTIFICATE", "OVER_ALL_CASES", "Plan", "existing"]
 

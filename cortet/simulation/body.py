@@ -26,7 +26,7 @@ from cortet.geometry.topology import (
 )
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import FILLED, REGION, FloatArray, IntArray, MeshSets, TetMesh, TriSurface, node_field
-from cortet.simulation.section import MASK_FIELD, THICKNESS_FIELD
+from cortet.simulation.fields import MASK_FIELD, THICKNESS_FIELD
 
 #: cortical thickness at t = 0, and its gain per unit of time
 THICKNESS, THICKENING = 0.042, 0.01

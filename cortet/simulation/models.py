@@ -18,6 +18,7 @@ from scipy.interpolate import PchipInterpolator
 from cortet.errors import InputError
 from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, node_field
 from cortet.simulation.body import THICKENING, THICKNESS, Body, Scale
+from cortet.simulation.fields import LABEL_FIELD, MASK_FIELD
 from cortet.simulation.growth import (
     AREA,
     HULL,
@@ -40,7 +41,7 @@ from cortet.simulation.growth import (
 from cortet.simulation.growth_map import GrowthMap, grown_body, is_map, map_of
 from cortet.simulation.kernels import grown_volume_of
 from cortet.simulation.law import ACROSS, ALONG, CORE
-from cortet.simulation.section import LABEL_FIELD, MASK_FIELD, misplaced
+from cortet.simulation.section import misplaced
 from cortet.simulation.state import Settings
 
 #: weeks between the ages at which the stretch of the core is solved for, most rounds, and largest change in the last

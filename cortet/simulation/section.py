@@ -14,8 +14,6 @@ from cortet.simulation.growth import AGES
 #: placeholder for the hemisphere in the name of a file
 _HEMI = "{hemi}"
 
-#: point data of a mesh that replace the defaults
-MASK_FIELD, THICKNESS_FIELD, LABEL_FIELD = "growth", "thickness", "label"
 Model = Literal["growing", "braingrowth"]
 #: growth per week from 22 weeks on, or growth since then at ages: {22: 0, 30: 0.3, 38: 0.8}
 Amount = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
