@@ -165,7 +165,7 @@ _LINES = {
 
 def prediction_figure(table: pd.DataFrame) -> Figure:
     """How well each kind predicts, against age."""
-    with drawn(PAGE, 2.4) as figure:
+    with drawn(PAGE, 2.2) as figure:
         axes = figure.subplots(1, 4)
         for axis, (column, words) in zip(
             axes,
@@ -182,7 +182,7 @@ def prediction_figure(table: pd.DataFrame) -> Figure:
                 axis.plot(rows["gestational_age"], rows[column], style, color=colour, label=kind, marker=".", ms=3)
             axis.set(xlabel="gestational age (weeks)", ylabel=words)
         letter(axes)
-        axes[0].legend(loc="best", fontsize="x-small")
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(_LINES))
     return figure
 
 
