@@ -3,9 +3,9 @@
     python benchmarks/scale.py [--hemispheres 200 1000 10000] [--cell-size 0.6] [--minutes 60] [--plan-only]
 
 Writes cohort sheets whose surfaces are links to one phantom and has Snakemake plan them: as a whole, one batch of ten,
-then with everything done (empty files and `--touch`), and with the surface of one row changed. Time is that of the CPU;
-a step that takes more than so many minutes is given up. Then come the files of a hemisphere and, by the model of
-`cortet.cohort.resources`, core hours, disk and memory of the cohort.
+then with everything done (empty files, `--touch`, receipts), and with the surface of one row changed. Time is that of
+the CPU; a step that takes more than so many minutes is given up. Then come the files of a hemisphere and, by the model
+of `cortet.cohort.resources`, core hours, disk and memory of the cohort.
 """
 
 from __future__ import annotations
@@ -39,6 +39,16 @@ JOB_SECONDS, STAGE_SECONDS = 4.0, 2.0
 VOLUME_ML = 60.0
 
 
+#: Snakemake, which leaves a receipt for each job that has none, as the job would when it is done
+WITH_RECEIPTS = """
+import sys
+from cortet.cohort import receipts
+receipts.is_current = lambda path, parameters: receipts.write_receipt(path, parameters) or True
+from snakemake.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
 class GivenUpError(Exception):
     """A step took too long."""
 
@@ -57,11 +67,16 @@ def links(folder: Path, count: int) -> None:
     write_sheet(cases, folder / "cohort.tsv")
 
 
-def snakemake(folder: Path, *arguments: str, minutes: float) -> tuple[str, float, float]:
+def snakemake(
+    folder: Path, *arguments: str, minutes: float, program: tuple[str, str] = ("-m", "snakemake")
+) -> tuple[str, float, float]:
     """Run Snakemake; what it printed, CPU seconds, and most memory resident, MB."""
-    command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--cores", "1", *arguments]
+    command = [sys.executable, *program, "--snakefile", str(ROOT / "Snakefile"), "--cores", "1", *arguments]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
     with tempfile.TemporaryFile("w+") as file:
-        process = subprocess.Popen(["timeout", f"{minutes}m", *command], cwd=folder, stdout=file, stderr=file)
+        process = subprocess.Popen(
+            ["timeout", f"{minutes}m", *command], cwd=folder, env=environment, stdout=file, stderr=file
+        )
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
         file.seek(0)
@@ -127,6 +142,7 @@ def plan(folder: Path, count: int, minutes: float) -> Iterator[str]:
     make_everything(folder, everything)
     _, *used = snakemake(folder, "--touch", "--quiet", "all", minutes=minutes)
     yield line("touch", everything, *used)
+    snakemake(folder, "--dry-run", minutes=minutes, program=("-c", WITH_RECEIPTS))
     yield line("dry run, all done", *snakemake(folder, "--dry-run", minutes=minutes))
     change_a_row(folder)
     yield line("dry run, one row changed", *snakemake(folder, "--dry-run", minutes=minutes))
