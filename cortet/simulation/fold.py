@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -46,6 +46,8 @@ VERSION: int = 6
 
 #: wall time between two checkpoints, and between two updates of the tables
 _CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0
+#: weeks by which two ages may differ and be the same
+SAME_AGE = 1e-6
 
 logger = logging.getLogger(__name__)
 
@@ -94,7 +96,13 @@ class Verdict:
 
 
 def fold(
-    mesh: TetMesh, folder: Path, settings: Settings, progress: Progress | None = None, say: Say = logger.info
+    mesh: TetMesh,
+    folder: Path,
+    settings: Settings,
+    progress: Progress | None = None,
+    say: Say = logger.info,
+    *,
+    frames_at: Sequence[float] = (),
 ) -> Verdict:
     """Grow the cortex of a mesh until the end, or until the first element inverts.
 
@@ -106,6 +114,7 @@ def fold(
     ----------
     mesh : mm, RAS coordinates; point data `growth` (0 to 1), `thickness` (mm) and `label` are used if present; if it
         has regions, the outer one is the cortex
+    frames_at : further ages, weeks, that get a row and a frame, such as those of surfaces to compare with
 
     Raises
     ------
@@ -116,10 +125,10 @@ def fold(
     run = prepared(mesh, settings)
     for sentence in [*described(run), *(f"warning: {doubt}" for doubt in [*doubts, *check_cells(run)])]:
         say(sentence)
-    journal = Journal(folder, fingerprint(mesh, {**asdict(settings), "version": VERSION}))
+    journal = Journal(folder, fingerprint(mesh, {**asdict(settings), "version": VERSION, "frames_at": [*frames_at]}))
     moment = journal.resumed(run)
-    stops = _stops(run, settings)
-    for number, stop in enumerate(stops):
+    stops = _stops(run, settings, frames_at)
+    for stop in stops:
         if stop <= moment.time and journal.rows:
             continue
         began = time.perf_counter()
@@ -127,7 +136,7 @@ def fold(
         journal.seconds += time.perf_counter() - began
         measurements = measured(run, moment)
         last = inverted or stop == run.end
-        if last or number % max(round(settings.frame_interval / settings.record_interval), 1) == 0:
+        if last or _has_frame(measurements.gestational_age, settings, frames_at):
             journal.add_frame(run, moment, measurements.gestational_age)
         part = (moment.time - run.start) / (run.end - run.start)
         journal.add_row(measurements, part, last=last)
@@ -143,11 +152,20 @@ def fold(
     return verdict
 
 
-def _stops(run: Run, settings: Settings) -> list[float]:
-    """Times at which the body is measured: the first, the last, and others evenly spaced in gestational age."""
+def _stops(run: Run, settings: Settings, frames_at: Sequence[float]) -> list[float]:
+    """Times at which the body is measured: first and last, others evenly spaced in age, and those of further frames."""
     count = int(np.ceil((settings.end - settings.gestational_age) / settings.record_interval - 1e-6))
     ages = settings.gestational_age + settings.record_interval * np.arange(1, count)
-    return [run.start, *(time_of(age) for age in ages), run.end]
+    further = [age for age in frames_at if settings.gestational_age < age < settings.end]
+    further = [age for age in further if np.abs(ages - age).min(initial=np.inf) > SAME_AGE]
+    return [run.start, *(time_of(age) for age in sorted([*ages, *further])), run.end]
+
+
+def _has_frame(age: float, settings: Settings, frames_at: Sequence[float]) -> bool:
+    """Whether the body has a frame at an age at which it is measured."""
+    every = max(round(settings.frame_interval / settings.record_interval), 1) * settings.record_interval
+    steps = (age - settings.gestational_age) / every
+    return abs(steps - round(steps)) * every < SAME_AGE or any(abs(age - at) < SAME_AGE for at in frames_at)
 
 
 class Journal:

@@ -52,7 +52,7 @@ def write_frame(
 
 def write_series(frames: Sequence[tuple[str, float]], path: Path) -> None:
     """Write the `.pvd` of frames: file names relative to it, and gestational ages in place of times."""
-    lines = "".join(f'    <DataSet timestep="{age:.6g}" part="0" file={quoteattr(name)}/>\n' for name, age in frames)
+    lines = "".join(f'    <DataSet timestep="{age:.10g}" part="0" file={quoteattr(name)}/>\n' for name, age in frames)
     with atomic_path(path) as temporary:
         temporary.write_text(
             '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'

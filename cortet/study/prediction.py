@@ -33,7 +33,7 @@ from cortet.measure.surface_growth import (
     smoothed,
 )
 from cortet.meshes import FloatArray, TetMesh, TriSurface
-from cortet.simulation.fold import Say, Verdict, fold
+from cortet.simulation.fold import SAME_AGE, Say, Verdict, fold
 from cortet.simulation.growth import AREA, VOLUME, usual
 from cortet.simulation.growth_map import field_of
 from cortet.simulation.state import Settings
@@ -41,7 +41,7 @@ from cortet.stages.transfer import transfer
 from cortet.study.carried import carried
 from cortet.study.longitudinal import Series
 
-VERSION: int = 1
+VERSION: int = 2
 
 Kind = Literal["mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"]
 #: kinds that are folded
@@ -329,10 +329,10 @@ def _folded(
     below = {field_of(age, core=True): values for age, values in (core or {}).items()}
     grown = replace(grown, point_data={**grown.point_data, **below})
     folder.mkdir(parents=True, exist_ok=True)
-    verdict = fold(grown, folder, settings)
+    verdict = fold(grown, folder, settings, frames_at=series.ages[1:])
     points = {}
     for file, age in frames_of(folder / SERIES):
         real = min(series.ages[1:], key=lambda one: abs(one - age))
-        if abs(real - age) < settings.record_interval / 2:
+        if abs(real - age) < SAME_AGE:
             points[real] = carried(series.first.points, mesh, vtu.read(file).points)
     return verdict, points

@@ -18,6 +18,7 @@ from cortet.formats.tables import Column, names
 from cortet.meshes import FloatArray, TriSurface
 from cortet.report.colours import BLUE, GREEN, VERMILION
 from cortet.report.figures import PAGE, drawn, letter, save
+from cortet.report.fold_figures import weeks
 from cortet.report.fold_views import Brain, Row, brain_of, centre, extent, sheet, sides, view
 from cortet.report.table_files import Table, write
 from cortet.simulation.growth_map import field_of
@@ -181,6 +182,7 @@ def prediction_figure(table: pd.DataFrame) -> Figure:
                 colour, style = _LINES[str(kind)]
                 axis.plot(rows["gestational_age"], rows[column], style, color=colour, label=kind, marker=".", ms=3)
             axis.set(xlabel="gestational age (weeks)", ylabel=words)
+            weeks(axis, table["gestational_age"].min(), table["gestational_age"].max())
         letter(axes)
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(_LINES))
     return figure
@@ -254,7 +256,8 @@ def write_run(prediction: Prediction, series: Series, folder: Path) -> dict[str,
         fields = {field_of(age): values for age, values in sorted(prediction.imposed.items())}
         write_fields(fields, folder / "imposed.func.gii")
     for age, points in prediction.points.items():
-        write_surface(replace(series.first, points=points, point_data={}), folder / f"{_PREDICTED}{age:g}.surf.gii")
+        path = folder / f"{_PREDICTED}{_exactly(age)}.surf.gii"
+        write_surface(replace(series.first, points=points, point_data={}), path)
     return {
         "kind": prediction.kind,
         "verdict": asdict(prediction.verdict) if prediction.verdict else None,
@@ -277,6 +280,11 @@ def prediction_table(records: Sequence[Mapping[str, Any]], spreads: Sequence[Map
             sure = {name: apart.get(name) for name in ("depth_sd_mm", "among")}
             rows.append({**which, **row, **sure, "residual": residual, "outcome": outcome})
     return pd.DataFrame(rows, columns=names(PREDICTION.columns))
+
+
+def _exactly(age: float) -> str:
+    """An age as short as it can be read back: 28, 26.2857142857."""
+    return f"{age:g}" if float(f"{age:g}") == age else repr(age)
 
 
 def predicted_surfaces(folder: Path) -> dict[float, FloatArray]:

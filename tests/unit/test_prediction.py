@@ -37,7 +37,7 @@ from cortet.study.prediction import (
     uniform_growth,
 )
 from cortet.study.prediction_spread import judged, spreads
-from cortet.study.prediction_tables import correlation, scores, write_prediction, write_run
+from cortet.study.prediction_tables import correlation, predicted_surfaces, scores, write_prediction, write_run
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 SETTINGS = Settings(22.0, end=23.0, thickness=3.0, record_interval=0.5, frame_interval=0.5, envelope=False)
@@ -224,6 +224,24 @@ def test_models_that_run_by_themselves_know_no_later_surface(tmp_path: Path) -> 
     volume = {kind: scores(series, one.points)[0]["volume_mm3"] for kind, one in run.items()}
     start = scores(series, {23.0: series.first.points})[0]["volume_mm3"]
     assert start < volume["braingrowth"] < volume["unmapped"], "in BrainGrowth only the cortex grows"
+
+
+def test_ages_of_weeks_and_days_are_predicted_as_they_are(tmp_path: Path) -> None:
+    age = 22 + 2 / 7  # between two rows of the table, and no frame of its own otherwise
+    surfaces = {
+        at: replace(one, points=5 * one.points) for at, one in ((22.0, bumpy(2.0, 0.1)), (age, bumpy(2.1, 0.15)))
+    }
+    series, mesh = series_of({**surfaces, 23.0: surfaces[age]}), ball_mesh(2, radius=10.0)
+    settings = replace(SETTINGS, record_interval=0.5, frame_interval=1.0)
+    found = predict(series, mesh, "unmapped", tmp_path, settings=settings, until=age)
+    assert list(found.points) == [age, 23.0]
+    table = pd.read_csv(tmp_path / "fold.tsv", sep="\t")
+    assert table["gestational_age"].tolist() == pytest.approx([22.0, age, 22.5, 23.0])
+    sizes = [scores(series, {at: found.points[at]})[0]["volume_mm3"] for at in found.points]
+    start = scores(series, {23.0: series.first.points})[0]["volume_mm3"]
+    assert (sizes[0] - start) / (sizes[1] - start) == pytest.approx(2 / 7, abs=0.1)
+    write_run(found, series, tmp_path)
+    assert list(predicted_surfaces(tmp_path)) == [age, 23.0]
 
 
 # --- how sure they are
