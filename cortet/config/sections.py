@@ -233,6 +233,8 @@ class Prediction(Section):
     def _variants_are_valid(self) -> Prediction:
         if unfolded := {"path", "nothing"} & set(self.uncertain):
             raise ValueError(f"uncertain: {unfolded.pop()} is not folded, so it has no variants")
+        if "braingrowth" in self.uncertain:
+            raise ValueError("uncertain: braingrowth has constants of its own, which no variant changes")
         for name, changed in self.variants.items():
             own = {key: value for key, value in changed.items() if key in ("cell_size", "seed")}
             try:

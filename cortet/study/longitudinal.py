@@ -118,14 +118,28 @@ def read_series(
 
 
 def lobes_of(labels: Path, count: int) -> dict[str, NDArray[np.bool_]]:
-    """Name of each label of a file -> which of `count` vertices have it; label 0 is none."""
-    values, names = next(iter(read_fields(labels).values())), read_label_names(labels)
+    """Name of each label of a file -> which of `count` vertices have it; labels below 1 are none.
+
+    Raises
+    ------
+    InputError : the file has no labels, values that are no whole numbers, or another number of them
+    """
+    values = next(iter(read_fields(labels).values()), np.empty(0))
     if values.shape != (count,):
         raise InputError(
-            f"{labels} has {len(values)} labels, but the first surface of the series has {count} vertices",
+            f"has {len(values)} labels, but the first surface of the series has {count} vertices",
+            file=labels,
             remedy="name labels of this very surface in the column field_label",
         )
-    return {names.get(int(key), f"{key:g}"): values == key for key in np.unique(values) if key != 0}
+    if not (np.isfinite(values).all() and (values == np.round(values)).all()):
+        raise InputError(
+            "has values that are no whole numbers", file=labels, remedy="name labels in the column field_label"
+        )
+    names, lobes = read_label_names(labels), dict[str, NDArray[np.bool_]]()
+    for key in map(int, np.unique(values[values > 0])):
+        name = names.get(key, f"{key}")
+        lobes[name] = lobes.get(name, False) | (values == key)  # two labels of one name are one lobe
+    return lobes
 
 
 def aligned(points: FloatArray, to: FloatArray, weights: FloatArray) -> FloatArray:

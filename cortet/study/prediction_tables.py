@@ -120,9 +120,9 @@ def scores(series: Series, points: Mapping[float, FloatArray]) -> list[dict[str,
                 {
                     "lobe": lobe,
                     "gestational_age": age,
-                    "gained_depth": correlation(deep - depth, really - depth, weights),
-                    "depth": correlation(deep, really, weights),
-                    "curvature": correlation(curved, curvature, weights),
+                    "gained_depth": _known(correlation(deep - depth, really - depth, weights)),
+                    "depth": _known(correlation(deep, really, weights)),
+                    "curvature": _known(correlation(curved, curvature, weights)),
                     "distance_mm": float(np.average(away, weights=weights)),
                     "distance_95_mm": _quantile(away, weights, 0.95),
                 }
@@ -133,9 +133,15 @@ def scores(series: Series, points: Mapping[float, FloatArray]) -> list[dict[str,
 
 
 def correlation(a: FloatArray, b: FloatArray, weights: FloatArray) -> float:
-    """Weighted correlation of two fields."""
+    """Weighted correlation of two fields; NaN if one of them is the same everywhere."""
     a, b = (values - np.average(values, weights=weights) for values in (a, b))
-    return float((weights * a * b).sum() / np.sqrt((weights * a * a).sum() * (weights * b * b).sum()))
+    size = float(np.sqrt((weights * a * a).sum() * (weights * b * b).sum()))
+    return float((weights * a * b).sum()) / size if size else float("nan")
+
+
+def _known(value: float) -> float | None:
+    """A value that JSON can hold; None for NaN."""
+    return value if np.isfinite(value) else None
 
 
 def _quantile(values: FloatArray, weights: FloatArray, part: float) -> float:
@@ -251,7 +257,9 @@ def _brain(series: Series, points: FloatArray) -> Brain:
 
 
 def write_run(prediction: Prediction, series: Series, folder: Path) -> dict[str, Any]:
-    """Write the predicted surfaces and the imposed growth; returns the entries of a record."""
+    """Write the predicted surfaces and the imposed growth in place of earlier ones; returns the entries of a record."""
+    for earlier in folder.glob(f"{_PREDICTED}*"):
+        earlier.unlink()
     if prediction.imposed:
         fields = {field_of(age): values for age, values in sorted(prediction.imposed.items())}
         write_fields(fields, folder / "imposed.func.gii")

@@ -15,6 +15,7 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.errors import InputError
 from cortet.formats import vtu
+from cortet.formats.gifti import write_fields, write_surface
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.surface_growth import area_ratio, fitted
 from cortet.meshes import FloatArray, TetMesh, TriSurface
@@ -133,6 +134,16 @@ def test_lobes_are_judged_one_by_one_where_labels_name_them(tmp_path: Path) -> N
     assert [row["lobe"] for row in (whole, upper, lower)] == [None, *lobes]
     assert "area_mm2" in whole and "area_mm2" not in upper
     assert whole["distance_mm"] == pytest.approx(np.mean([upper["distance_mm"], lower["distance_mm"]]), rel=0.05)
+    write_labels(tmp_path / "same.label.gii", np.where(above, 1, 2), {1: "both", 2: "both"})
+    assert lobes_of(tmp_path / "same.label.gii", len(above))["both"].all()
+    one = scores(replace(series, lobes={"one": np.arange(len(above)) == 0}), {24.0: predicted})[1]
+    assert one["depth"] is None and one["distance_mm"] > 0, "one vertex has no correlation, and JSON no NaN"
+    write_fields({"thickness": np.linspace(1.0, 2.0, len(above))}, tmp_path / "thickness.shape.gii")
+    with pytest.raises(InputError, match="values that are no whole numbers"):
+        lobes_of(tmp_path / "thickness.shape.gii", len(above))
+    write_surface(series.first, tmp_path / "first.surf.gii")
+    with pytest.raises(InputError, match="has 0 labels"):
+        lobes_of(tmp_path / "first.surf.gii", len(above))
     with pytest.raises(InputError, match="has 2 labels, but the first surface of the series has 642 vertices"):
         write_labels(tmp_path / "two.label.gii", np.array([1, 2]), names)
         lobes_of(tmp_path / "two.label.gii", 642)
@@ -242,6 +253,8 @@ def test_ages_of_weeks_and_days_are_predicted_as_they_are(tmp_path: Path) -> Non
     assert (sizes[0] - start) / (sizes[1] - start) == pytest.approx(2 / 7, abs=0.1)
     write_run(found, series, tmp_path)
     assert list(predicted_surfaces(tmp_path)) == [age, 23.0]
+    write_run(replace(found, points={23.0: found.points[23.0]}), series, tmp_path)
+    assert list(predicted_surfaces(tmp_path)) == [23.0], "nothing of an earlier run stays"
 
 
 # --- how sure they are
