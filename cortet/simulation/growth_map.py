@@ -63,6 +63,11 @@ def map_of(mesh: TetMesh, body: Body, start: float) -> GrowthMap | None:
     """
     named = {float(found[1].replace("_", ".")): name for name in mesh.point_data if (found := _NAME.fullmatch(name))}
     if not named:
+        if wrong := next((name for name in mesh.point_data if name.startswith(FIELD)), None):
+            raise InputError(
+                f"the field {wrong} is no map of growth",
+                remedy="carry the .func.gii that cortet growth wrote to the mesh",
+            )
         return None
     ages = sorted(named)
     if not (ages[0] > start and ages[-1] <= AGES[1]):

@@ -184,9 +184,12 @@ def prediction_figure(table: pd.DataFrame) -> Figure:
             ),
             strict=True,
         ):
-            for kind, rows in table[table["lobe"].isna()].groupby("kind", sort=False):
-                colour, style = _LINES[str(kind)]
-                axis.plot(rows["gestational_age"], rows[column], style, color=colour, label=kind, marker=".", ms=3)
+            whole = table[table["lobe"].isna()]
+            for number, (_, own) in enumerate(whole.groupby("series", sort=False)):
+                for kind, rows in own.groupby("kind", sort=False):
+                    colour, style = _LINES[str(kind)]
+                    label = "_" if number else str(kind)  # every series has the same kinds
+                    axis.plot(rows["gestational_age"], rows[column], style, color=colour, label=label, marker=".", ms=3)
             axis.set(xlabel="gestational age (weeks)", ylabel=words)
             weeks(axis, table["gestational_age"].min(), table["gestational_age"].max())
         letter(axes)

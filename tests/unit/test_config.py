@@ -152,6 +152,7 @@ def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
         ({"setting": "paper"}, "setting = 'paper': Input should be 'default', 'cgal' or 'published'"),
         ({"generate": {"cell_size": True}}, "generate.cell_size = True: yes and no (True and False) mean nothing here"),
         ({"generate": {"cell_size": [1.0, False]}}, "yes and no"),
+        ({"experiments": {"prediction": {"uncertain": ["braingrowth"]}}}, "braingrowth has constants of its own"),
         ({"fold": {"cases": True}}, "fold.cases = True: yes and no"),
     ],
 )

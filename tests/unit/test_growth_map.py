@@ -196,6 +196,13 @@ def test_what_is_no_map_is_refused(values: FloatArray, age: float, message: str)
         prepared(mapped(mesh, np.repeat(values, len(mesh.points), axis=0), age), THIN)
 
 
+def test_the_metrics_of_growth_in_place_of_its_map_are_refused() -> None:
+    mesh = ball_mesh(2, radius=10.0)
+    fields = {"growth_to_24_area_ratio": np.ones(len(mesh.points))}
+    with pytest.raises(InputError, match=r"growth_to_24_area_ratio is no map of growth \(carry the \.func\.gii"):
+        prepared(replace(mesh, point_data=fields), THIN)
+
+
 def test_a_map_beside_another_law_is_refused() -> None:
     mesh = mapped(ball_mesh(1, radius=10.0), np.zeros((len(ball_mesh(1).points), 6)))
     with pytest.raises(InputError, match="growth_to_24, and fold.model braingrowth says something else"):
