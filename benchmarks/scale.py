@@ -37,8 +37,6 @@ JOBS = {"cgal": (*RULES, "relocate"), "lattice": RULES}
 JOB_SECONDS, STAGE_SECONDS = 4.0, 2.0
 #: mL of a hemisphere: mean of the fetal and neonatal templates at hand
 VOLUME_ML = 60.0
-
-
 #: Snakemake, which leaves a receipt for each job that has none, as the job would when it is done
 WITH_RECEIPTS = """
 import sys

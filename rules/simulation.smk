@@ -87,6 +87,7 @@ rule prediction_run:
     input:
         surfaces=lambda wildcards: PLAN.surfaces_of_series(wildcards.case),
         spheres=lambda wildcards: PLAN.spheres_of_series(wildcards.case),
+        labels=lambda wildcards: existing(PLAN.labels_of_series(wildcards.case)),
     output:
         record=LAYOUT.prediction("record.json"),
     threads: 1
@@ -105,17 +106,14 @@ rule prediction_run:
         ),
         options=EXPERIMENTS.prediction.model_dump(mode="json", include={"until", "rounds", "smoothing", "seed"}),
         ages=lambda wildcards: list(PLAN.prediction_series()[wildcards.case]),
-        labels=lambda wildcards: PLAN.labels_of_series(wildcards.case),
+        files=lambda wildcards: PLAN.labels_of_series(wildcards.case),
         origin=lambda wildcards: {"case": wildcards.case, "kind": wildcards.kind, "variant": wildcards.changed.lower()},
         input_sha256=lambda wildcards: content(
             {
                 path: path
-                for path in [
-                    *PLAN.surfaces_of_series(wildcards.case),
-                    *PLAN.spheres_of_series(wildcards.case),
-                    PLAN.labels_of_series(wildcards.case),
-                ]
-                if path
+                for path in PLAN.surfaces_of_series(wildcards.case)
+                + PLAN.spheres_of_series(wildcards.case)
+                + list(filter(None, [PLAN.labels_of_series(wildcards.case)]))
             }
         ),
         version=[

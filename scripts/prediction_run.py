@@ -18,7 +18,7 @@ from cortet.study.prediction_tables import write_run
 folder, config = Path(job.output.record).parent, load(job.params.line)
 settings = Settings(**job.arguments)
 files = dict(zip(job.params.ages, map(Path, job.input.surfaces), strict=True))
-labels = Path(job.params.labels) if job.params.labels else None
+labels = Path(job.params.files) if job.params.files else None
 series = read_series(files, [*map(Path, job.input.spheres)], config.placement(), settings.hemisphere, labels)
 made = mesh_surface(series.first, config, gestational_age=series.ages[0], source=job.input.surfaces[0])
 prediction = predict(

@@ -231,10 +231,13 @@ class Prediction(Section):
 
     @model_validator(mode="after")
     def _variants_are_valid(self) -> Prediction:
-        if unfolded := {"path", "nothing"} & set(self.uncertain):
-            raise ValueError(f"uncertain: {unfolded.pop()} is not folded, so it has no variants")
-        if "braingrowth" in self.uncertain:
-            raise ValueError("uncertain: braingrowth has constants of its own, which no variant changes")
+        same_in_all = {
+            "path": "is not folded, so it has no variants",
+            "nothing": "is not folded, so it has no variants",
+            "braingrowth": "has constants of its own, which no variant changes",
+        }
+        if same := [kind for kind in self.uncertain if kind in same_in_all]:
+            raise ValueError(f"uncertain: {same[0]} {same_in_all[same[0]]}")
         for name, changed in self.variants.items():
             own = {key: value for key, value in changed.items() if key in ("cell_size", "seed")}
             try:

@@ -5,15 +5,23 @@ from __future__ import annotations
 import csv
 import json
 
+import numpy as np
+
+from cortet.formats.gifti import write_fields
+from cortet.phantom import phantom
 from tests.integration.study import Study
 
 AGES = {"early": "24", "later": "24.5"}
 
 
 def test_later_surfaces_of_a_series_are_predicted_and_compared(study: Study) -> None:
-    columns = ["participant_id", "session_id", "hemi", "scan_age", "surface", "sphere", "include", "exclude_reason"]
-    rows = [["series", name, "L", age, "phantom", "phantom", "yes", ""] for name, age in AGES.items()]
-    (study.folder / "cohort.tsv").write_text("\n".join("\t".join(row) for row in [columns, *rows]) + "\n")
+    upper = phantom(24.0, subdivisions=4).points[:, 2] > 0
+    labels = study.folder / "lobes.label.gii"
+    write_fields({"label": np.where(upper, 1, 2).astype(np.int32)}, labels)
+    columns = ["participant_id", "session_id", "hemi", "scan_age", "surface", "sphere", "field_label"]
+    columns += ["include", "exclude_reason"]
+    sheet = [["series", name, "L", age, "phantom", "phantom", str(labels), "yes", ""] for name, age in AGES.items()]
+    (study.folder / "cohort.tsv").write_text("\n".join("\t".join(row) for row in [columns, *sheet]) + "\n")
     study.config["phantom"] = {"subdivisions": 4}
     study.config["fold"] = {"end": 25.0, "thickness": 3.0, "frame_interval": 0.1}
     study.config["experiments"] = {
@@ -30,7 +38,9 @@ def test_later_surfaces_of_a_series_are_predicted_and_compared(study: Study) -> 
     assert records["mechanics"]["verdict"]["outcome"] == "folded"
     assert [len(records[kind]["residuals"]) for kind in ("mechanics", "path", "nothing")] == [2, 0, 0]
     with (study.outputs / "cohort/table-prediction.tsv").open(newline="") as file:
-        table = {row["kind"]: row for row in csv.DictReader(file, delimiter="\t")}
+        rows = list(csv.DictReader(file, delimiter="\t"))
+    table = {row["kind"]: row for row in rows if row["lobe"] == "n/a"}
+    assert [row["lobe"] for row in rows if row["kind"] == "path"] == ["n/a", "1", "2"]
     assert float(table["path"]["gained_depth"]) == 1  # it knows the surface that it predicts
     assert (study.outputs / "cohort/figure-prediction.png").exists()
     assert len([*folder.glob("*/predicted.png"), *folder.glob("*/errors.png")]) == 2 * 3  # none of the variants
