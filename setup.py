@@ -26,4 +26,6 @@ class BuildWithWorkflow(build_py):
                 shutil.copyfile(source, target)
 
 
-setup(cmdclass={"build_py": BuildWithWorkflow})
+# An editable install puts the checkout on the path, where Snakemake looks for plugins by their names: it does not see
+# modules that an import hook knows.
+setup(cmdclass={"build_py": BuildWithWorkflow}, options={"editable_wheel": {"mode": "compat"}})

@@ -35,6 +35,12 @@ def progress(meshes: int = 1, jobs: int = 10) -> tuple[Progress, list[float]]:
     return run, now
 
 
+def test_the_command_snakemake_knows_the_logger_wherever_it_is_started(tmp_path: Path) -> None:
+    command = [str(Path(sys.executable).with_name("snakemake")), "--logger", "cortet", "--version"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr[-300:]
+
+
 def test_a_certified_mesh_is_one_line_with_its_numbers_and_minutes(tmp_path: Path) -> None:
     run, now = progress()
     run.started(1, "repair", WILDCARDS, {})
