@@ -18,6 +18,7 @@ from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.geometry.nesting import joined
 from cortet.meshes import TriSurface
+from tests.integration import loaded_snakemake
 from tests.unit.shapes import ball_surface
 
 ROOT = Path(__file__).parents[2]
@@ -61,7 +62,7 @@ class Study:
 
     def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run Snakemake to its end."""
-        return subprocess.run(self.command(*arguments), cwd=self.folder, capture_output=True, text=True, check=False)
+        return loaded_snakemake.run(self.command(*arguments)[3:], self.folder)
 
     def jobs_of_run(self, *arguments: str, succeeds: bool = True) -> set[tuple[str, str]]:
         """Run Snakemake; (rule, case) of the jobs that it ran, with case `-` for those over all cases."""

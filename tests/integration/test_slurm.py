@@ -20,6 +20,15 @@ if not find_spec("snakemake_executor_plugin_slurm"):
     missing.append("snakemake-executor-plugin-slurm")
 pytestmark = pytest.mark.skipif(bool(missing), reason=f"not installed: {', '.join(missing)}")
 
+#: Snakemake that looks at its jobs every second, where the plugin waits ten seconds longer after each look in vain
+IMPATIENT = """
+import asyncio
+from snakemake.cli import main
+from snakemake_interface_executor_plugins.executors.remote import RemoteExecutor
+RemoteExecutor.sleep = lambda executor: asyncio.sleep(1)
+main()
+"""
+
 
 def hashes(study: Study) -> dict[str, str]:
     """SHA-256 of every output of the two good cases."""
@@ -38,8 +47,8 @@ def test_slurm_makes_the_same_files_and_retries_only_what_was_killed(finished: S
     bad.write_text("no surface")
     study.write_cases([study.case(participant) for participant in "abc"])
     arguments = study.command()
+    arguments[1:3] = ["-c", IMPATIENT]
     arguments[arguments.index("--cores") :] = ["--profile", str(ROOT / "profiles/slurm")]
-    arguments += ["--slurm-init-seconds-before-status-checks", "3"]
     columns = {"SLURM_COLUMNS": "JobID,State,Comment%-80"}
     result = subprocess.run(
         [str(ROOT / "tools/slurm.sh"), *arguments],
