@@ -18,7 +18,6 @@ from cortet.geometry.interpolation import at_triangles
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.mending import CAP, REPLACED, Triangles
 from cortet.geometry.orientation import outward
-from cortet.geometry.rebuilding import rebuilt
 from cortet.geometry.topology import enclosed_volume, neighbour_means, surface_topology
 from cortet.geometry.uncrossing import uncrossed
 from cortet.meshes import FILLED, FloatArray, IntArray, TriSurface, single_precision
@@ -165,6 +164,8 @@ class BrokenSurface:
 
     def _rebuilding(self) -> None:
         turned = TriSurface(self.work.points, outward(self.work.points, self.work.faces))
+        from cortet.geometry.rebuilding import rebuilt  # here, as few surfaces need it
+
         made, self.volume_before = rebuilt(turned, self.limits.spacing)
         self._note(f"surface made anew on a grid of {self.limits.spacing:g} mm", 1, "surface", made.points.mean(axis=0))
         work = mending.triangles(made.points, made.faces)

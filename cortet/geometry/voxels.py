@@ -11,9 +11,7 @@ from itertools import permutations
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from cortet.meshes import FloatArray, IntArray
 
@@ -45,6 +43,8 @@ class Labelled(NamedTuple):
 
 def distinct(values: NDArray[np.integer]) -> NDArray[np.integer]:
     """The distinct values of an array, ascending, without the copies that sorting it would make."""
+    import pandas as pd  # here, as every export loads this module, and few have volumes
+
     return np.sort(pd.unique(values.ravel()))
 
 
@@ -107,6 +107,8 @@ def means_inside(
         result[chosen] = total / np.maximum(count, 1)[:, None]
         empty[chosen] = count == 0
     if empty.any():
+        from scipy import ndimage
+
         nearest = ndimage.distance_transform_edt(~held, np.linalg.norm(affine[:3, :3], axis=0), False, True)
         centre = np.rint(in_voxels(affine, points[cells[empty]].mean(axis=1))).astype(int)
         centre = np.clip(centre, 0, np.array(held.shape) - 1)
