@@ -15,11 +15,11 @@ from functools import cache
 from pathlib import Path
 
 
-def run(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    """What `python -m snakemake ARGUMENTS` does in a folder, in the environment of this process."""
+def run(arguments: list[str], folder: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    """What `python -m snakemake ARGUMENTS` does in a folder and an environment."""
     with tempfile.TemporaryDirectory() as aside:
         printed = [Path(aside) / name for name in ("stdout", "stderr")]
-        asked = {"folder": str(folder), "arguments": arguments, "environment": dict(os.environ)}
+        asked = {"folder": str(folder), "arguments": arguments, "environment": environment}
         asked |= {"printed": [str(path) for path in printed]}
         server = _server()
         assert server.stdin and server.stdout

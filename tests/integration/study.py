@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -60,9 +61,9 @@ class Study:
         (self.folder / "config.yaml").write_text(yaml.safe_dump(self.config))
         return [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--cores", "2", *arguments]
 
-    def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        """Run Snakemake to its end."""
-        return loaded_snakemake.run(self.command(*arguments)[3:], self.folder)
+    def run(self, *arguments: str, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+        """Run Snakemake to its end, in the environment of this process or another."""
+        return loaded_snakemake.run(self.command(*arguments)[3:], self.folder, env or dict(os.environ))
 
     def jobs_of_run(self, *arguments: str, succeeds: bool = True) -> set[tuple[str, str]]:
         """Run Snakemake; (rule, case) of the jobs that it ran, with case `-` for those over all cases."""

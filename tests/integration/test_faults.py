@@ -34,12 +34,6 @@ def sabotaged(study: Study, **plan: list[tuple[str, str]]) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(SABOTAGE), "SABOTAGE": json.dumps({"folder": str(folder), **plan})}
 
 
-def run(study: Study, *arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        study.command(*arguments), cwd=study.folder, capture_output=True, text=True, check=False, **options
-    )
-
-
 def sums(folder: Path, pattern: str = "*") -> dict[str, str]:
     """SHA-256 of every output of a study, by its name."""
     outputs = folder / "derivatives/cortet"
@@ -59,7 +53,7 @@ def test_every_job_killed_in_its_last_moment_is_done_again_with_the_same_bits(fi
     study = Study(tmp_path / "study")
     (tmp_path / "study").mkdir()
     study.add_case(study.case("a"), surface(0))
-    result = run(study, "--retries", "1", "meshes", env=sabotaged(study, kill=[("*", "sub-a")]))
+    result = study.run("--retries", "1", "meshes", env=sabotaged(study, kill=[("*", "sub-a")]))
     assert result.returncode == 0, result.stdout + result.stderr
     marks = {path.name.split("-")[1]: path.read_text() for path in (study.folder / "sabotage").glob("kill-*")}
     assert marks == dict.fromkeys(JOBS, "not there")  # though complete under another name
@@ -83,7 +77,7 @@ def test_a_twin_whose_jobs_were_killed_has_the_same_bits_after_the_other_stages_
     plan = [*((rule, "sub-a") for rule in rules), ("fold", "")]
     folded = "derivatives/cortet/sub-{0}/simulation/sub-{0}_hemi-L_res-4000um_desc-latticeFolded/fold.tsv"
     targets = ["meshes", *map(folded.format, "ab")]
-    result = run(study, "--retries", "1", *targets, env=sabotaged(study, kill=plan))
+    result = study.run("--retries", "1", *targets, env=sabotaged(study, kill=plan))
     assert result.returncode == 0, result.stdout + result.stderr
     killed = {path.name.split("-")[1] for path in (study.folder / "sabotage").glob("kill-*")}
     assert killed == rules | {"fold"} and killed > {"separate", "smooth_boundary", "snap", "resample"}
@@ -110,7 +104,7 @@ def test_a_job_that_failed_or_was_killed_is_run_again_from_its_file_after_moving
     gated = "derivatives/cortet/sub-{0}/anat/sub-{0}_hemi-L_desc-gated_white.surf.gii"
     environment = {**sabotaged(study, kill=[("gate", "sub-b")]), "MY_TOKEN": "hush-hush"}
     study.config["export"] = {"formats": ["abaqus"]}
-    result = run(study, *map(gated.format, "ab"), env=environment)
+    result = study.run(*map(gated.format, "ab"), env=environment)
     assert result.returncode != 0
     failed, killed = sorted(study.logs.rglob("*.job"), key=lambda path: path.parts[-3], reverse=True)
     assert (failed.parts[-3:-1], killed.parts[-3:-1]) == (("repair", "sub-a"), ("gate", "sub-b"))
@@ -132,7 +126,7 @@ def test_a_job_that_failed_or_was_killed_is_run_again_from_its_file_after_moving
     assert (moved.folder / gated.format("b")).read_bytes() == expected.read_bytes()
 
     (moved.folder / "surfaces/a.surf.gii").write_bytes(whole)
-    done = run(moved, *map(gated.format, "ab"))
+    done = moved.run(*map(gated.format, "ab"))
     assert done.returncode == 0, done.stdout + done.stderr
     assert not list(moved.logs.rglob("*.job")), "a success deletes it"
 
@@ -145,13 +139,13 @@ def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study: Study, tmp_
     mark = next(iter(f"wait-export-{path.name}" for path in study.files("sub-a*.mesh")))
     wait_for(study.folder / "sabotage" / mark, first)
 
-    again = run(study)
+    again = study.run()
     assert again.returncode != 0 and "cannot be locked" in again.stdout + again.stderr
 
     (tmp_path / "clone").mkdir()
     clone = Study(tmp_path / "clone", {**study.config, "output": str(study.folder / "derivatives/cortet")})
     clone.config["cohort"] = {"sheet": str(study.folder / "cohort.tsv")}
-    other = run(clone)
+    other = clone.run()
     assert other.returncode != 0
     assert f"another run writes to it: process {first.pid} on" in other.stdout + other.stderr
     assert "Traceback" not in other.stdout + other.stderr
@@ -159,10 +153,10 @@ def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study: Study, tmp_
     first.send_signal(signal.SIGKILL)
     first.wait()
     (study.folder / "sabotage/go").touch()  # a job that outlived its Snakemake would now write
-    locked = run(study)
+    locked = study.run()
     assert locked.returncode != 0 and "--unlock" in locked.stdout + locked.stderr
-    assert run(study, "--unlock").returncode == 0
-    done = run(study)
+    assert study.run("--unlock").returncode == 0
+    done = study.run()
     assert done.returncode == 0, done.stdout + done.stderr
     assert sums(study.folder, "sub-*") == before
     assert {row["state"] for row in study.status().values()} == {"certified"}
@@ -197,13 +191,13 @@ def test_a_full_disk_and_one_that_cannot_be_written_to(study: Study, small_disk:
     study.config["export"] = {"formats": ["braingrowth", "abaqus"]}
 
     remount(small_disk, "ro")
-    refused = run(study)
+    refused = study.run()
     assert refused.returncode != 0
     assert "Write-protected output files" in refused.stdout + refused.stderr  # Snakemake's own, before any job
     assert sums(study.folder, "*tetmesh*") == before
 
     remount(small_disk, "rw")
-    full = run(study, env=sabotaged(study, fill=[("export", "sub-a")]))
+    full = study.run(env=sabotaged(study, fill=[("export", "sub-a")]))
     assert full.returncode != 0
     # the table of states finds no room either
     assert "sub-a_hemi-L: export: OSError: [Errno 28] No space left on device" in full.stdout + full.stderr
@@ -211,7 +205,7 @@ def test_a_full_disk_and_one_that_cannot_be_written_to(study: Study, small_disk:
 
     for filler in study.files("filler"):
         filler.unlink()
-    assert run(study).returncode == 0
+    assert study.run().returncode == 0
     assert before.items() < sums(study.folder, "*tetmesh*").items()
     assert len(study.files("*.inp")) == len(study.cases())
     assert not [path for path in study.files(".*") if path.name not in (NAME, ".bidsignore")]
@@ -220,7 +214,7 @@ def test_a_full_disk_and_one_that_cannot_be_written_to(study: Study, small_disk:
 def test_outputs_that_are_seen_late_are_waited_for(study: Study) -> None:
     before = sums(study.folder, "sub-a*")
     study.config["export"] = {"uncertified": True}  # another parameter, the same result
-    done = run(study, "--forcerun", "clean", "--", "meshes", env=sabotaged(study, late=[("*", "sub-a")]))
+    done = study.run("--forcerun", "clean", "--", "meshes", env=sabotaged(study, late=[("*", "sub-a")]))
     assert done.returncode == 0, done.stdout + done.stderr
     assert len(list((study.folder / "sabotage").glob("late-*"))) > 3
     assert sums(study.folder, "sub-a*") == before
@@ -232,7 +226,7 @@ def test_a_case_that_hangs_and_a_surface_that_was_cut_off_fail_and_the_others_st
     cut = study.folder / "surfaces/b.surf.gii"
     cut.write_bytes(cut.read_bytes()[:3000])
     study.config["time_limit"] = 0.2
-    result = run(study, STATUS, env=sabotaged(study, hang=[("repair", "sub-hangs")]))
+    result = study.run(STATUS, env=sabotaged(study, hang=[("repair", "sub-hangs")]))
     assert result.returncode != 0
     status = {case.removeprefix("sub-").removesuffix("_hemi-L"): row for case, row in study.status().items()}
     assert {name: (row["stage"], row["state"]) for name, row in status.items()} == {

@@ -1,10 +1,9 @@
-"""A sheet with and without inner surfaces: both kinds of cases run, and an edited inner surface reruns its case."""
+"""A sheet with and without inner surfaces: one that is new or edited reruns its case and leaves the other as it is."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -18,18 +17,17 @@ def shrunk(one: TriSurface, factor: float) -> TriSurface:
     return replace(one, points=one.points * factor)
 
 
-def test_cases_with_and_without_inner_surfaces(tmp_path: Path) -> None:
-    study = Study(tmp_path)
-    study.config["generate"]["cell_size"] = [3.0]
+def test_cases_with_and_without_inner_surfaces(study: Study) -> None:
     study.config["export"] = {"formats": ["abaqus"]}
     study.config["certify"] |= {"max_surface_distance": 1.0}
-    inner = tmp_path / "surfaces/b_white.surf.gii"
-    study.add_case(study.case("a"), surface(0))
-    study.add_case(replace(study.case("b"), inner={"white": inner}), surface(1))
+    inner = study.folder / "surfaces/b_white.surf.gii"
+    without, case = study.cases()
+    study.write_cases([without, replace(case, inner={"white": inner})])
     write_surface(shrunk(surface(1), 0.7), inner)
     first = study.jobs_of_run(STATUS)
     of_inner = {"repair_inner", "gate_inner", "smooth_surface_inner", "separate"}
     assert {case for rule, case in first if rule in of_inner} == {"sub-b"} and {r for r, _ in first} >= of_inner
+    assert {rule for rule, case in first if case == "sub-a"} == {"certify", "export"}, "it had been meshed before"
 
     assert study.status()["sub-b_hemi-L"]["state"] == "certified"
     certificate = json.loads(study.files("sub-b*Solver_certificate.json")[0].read_text())

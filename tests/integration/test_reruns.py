@@ -60,7 +60,7 @@ def test_a_certificate_that_was_deleted_is_made_again(study: Study) -> None:
 
 def test_an_edited_surface_reruns_its_case_and_the_tables(study: Study) -> None:
     scaled(study.folder / "surfaces/a.surf.gii", 1.05)
-    assert study.jobs_of_run() == jobs(FROM_REPAIR, "a") | COHORT
+    assert study.planned_jobs() == jobs(FROM_REPAIR, "a") | COHORT
 
 
 def test_a_new_row_runs_one_case_and_the_tables(study: Study) -> None:

@@ -17,27 +17,28 @@ from tests.integration.study import Study, surface
 
 
 @pytest.fixture
-def study(tmp_path: Path) -> Study:
+def spheres(study: Study) -> Study:
     """Three eggs, of which the last two have spheres, the second a field and an inner surface, the third in metres."""
-    made = Study(tmp_path)
-    made.config["resample"] = {"subdivisions": 4}
-    made.config["generate"]["cell_size"] = [3.0]
-    made.config["certify"] |= {"max_surface_distance": 1.0}
-    made.add_case(made.case("a"), surface(0))
-    for name, unit in (("b", None), ("c", "m")):
-        case = replace(made.case(name), sphere=tmp_path / f"surfaces/{name}.sphere.surf.gii", unit=unit)
-        egg = surface(1)
+    study.config["resample"] = {"subdivisions": 4}
+    study.config["certify"] |= {"max_surface_distance": 1.0}
+    folder, egg = study.folder / "surfaces", surface(1)
+    without, *cases = *study.cases(), study.case("c")
+    cases = [replace(case, sphere=folder / f"{case.participant}.sphere.surf.gii") for case in cases]
+    for case in cases:
         write_surface(replace(egg, points=5 * egg.points / np.linalg.norm(egg.points, axis=1)[:, None]), case.sphere)
-        if name == "b":
-            white, height = (tmp_path / f"surfaces/b_{what}.gii" for what in ("white.surf", "height.shape"))
-            write_surface(replace(egg, points=0.7 * egg.points), white)
-            write_surface(replace(egg, point_data={"height": egg.points[:, 2]}), height)
-            case = replace(case, inner={"white": white}, fields={"height": height})
-        made.add_case(case, replace(egg, points=egg.points / (1000 if unit else 1)))
-    return made
+    white, height = (folder / f"b_{what}.gii" for what in ("white.surf", "height.shape"))
+    write_surface(replace(egg, points=0.7 * egg.points), white)
+    write_surface(replace(egg, point_data={"height": egg.points[:, 2]}), height)
+    write_surface(replace(egg, points=egg.points / 1000), folder / "c.surf.gii")
+    mm, metres = cases
+    study.write_cases(
+        [without, replace(mm, inner={"white": white}, fields={"height": height}), replace(metres, unit="m")]
+    )
+    return study
 
 
-def test_cases_with_spheres_share_triangles_and_the_others_stay_as_they_are(study: Study) -> None:
+def test_cases_with_spheres_share_triangles_and_the_others_stay_as_they_are(spheres: Study) -> None:
+    study = spheres
     first = study.jobs_of_run()
     assert {case for rule, case in first if rule == "resample"} == {"sub-b", "sub-c"}
     assert {case for rule, case in first if rule == "resample_inner"} == {"sub-b"}
@@ -75,9 +76,9 @@ def test_cases_with_spheres_share_triangles_and_the_others_stay_as_they_are(stud
     assert ("cohort_maps", "-") in again
 
 
-def test_the_stage_can_be_left_out(study: Study) -> None:
-    study.config["resample"] = {"enabled": False}
-    assert not {rule for rule, _ in study.planned_jobs()} & {"resample", "resample_inner"}
+def test_the_stage_can_be_left_out(spheres: Study) -> None:
+    spheres.config["resample"] = {"enabled": False}
+    assert not {rule for rule, _ in spheres.planned_jobs()} & {"resample", "resample_inner"}
 
 
 def test_a_phantom_comes_with_its_sphere(tmp_path: Path) -> None:

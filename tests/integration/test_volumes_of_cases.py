@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -13,21 +12,22 @@ from cortet.formats.volumes import write_volume
 from tests.integration.study import Study, surface
 
 
-def test_a_volume_of_a_case(tmp_path: Path) -> None:
-    study = Study(tmp_path)
+def test_a_volume_of_a_case(study: Study) -> None:
     study.config["export"] = {"formats": ["abaqus"]}
-    given = surface(1)
+    given = surface(1)  # of the second case
     middle = given.points.mean(axis=0)
     affine = np.eye(4)
     affine[:3, 3] = np.floor(given.points.min(axis=0)) - 2
     shape = np.ceil(given.points.max(axis=0) - affine[:3, 3]).astype(int) + 3
     front = np.indices(shape)[1] + affine[1, 3] > middle[1]
-    file = tmp_path / "surfaces/b_dseg.nii.gz"
-    study.add_case(study.case("a"), surface(0))
-    study.add_case(replace(study.case("b"), volumes={"tissue": str(file)}), given)
+    file = study.folder / "surfaces/b_dseg.nii.gz"
+    first, second = study.cases()
+    study.write_cases([first, replace(second, volumes={"tissue": str(file)})])
     write_volume(np.where(front, 2, 1).astype(np.int16), affine, file)
     file.with_name("b_dseg.tsv").write_text("index\tname\n1\tback\n2\tfront\n")
-    assert ("volumes", "sub-b") in (ran := study.jobs_of_run()) and ("volumes", "sub-a") not in ran
+    ran = study.jobs_of_run()
+    assert {rule for rule, case in ran if case == "sub-b"} == {"volumes", "export", "case_page"}
+    assert {rule for rule, case in ran if case == "sub-a"} == {"export", "case_page"}
 
     made = abaqus.read(study.files("sub-b*Solver_tetmesh.inp")[0])
     label = vtu.read(study.files("sub-b*Solver_volumes.vtu")[0]).cell_data["tissue"]
