@@ -7,6 +7,7 @@ import hashlib
 import itertools
 import json
 import os
+import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -117,6 +118,10 @@ def contents(folder: Path) -> dict[str, str]:
     return {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in GIVEN}
 
 
+#: a command in a folder with a mesh of cortet's
+FOLD = "fold x.vtu --ga 30 --end 30.001 -o f"
+
+
 def run(words: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> int:
     monkeypatch.chdir(folder)
     try:
@@ -191,12 +196,28 @@ def test_an_uncertified_mesh_leaves_nothing_of_an_earlier_one(tmp_path: Path, mo
     assert {path.name for path in tmp_path.iterdir()} == {*left, MANIFEST}
 
 
+@pytest.fixture(scope="module")
+def mesh_of_a_ball(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("meshed")
+    write_surface(ball_surface(3, 14.0), folder / "a.surf.gii")
+    with pytest.MonkeyPatch.context() as patch:
+        assert run("mesh a.surf.gii --cell-size 5 -o x.vtu", folder, patch) == 0
+    return folder
+
+
 @pytest.fixture
-def meshed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def meshed(mesh_of_a_ball: Path, tmp_path: Path) -> Path:
     """A folder with a mesh of cortet's."""
-    write_surface(ball_surface(3, 14.0), tmp_path / "a.surf.gii")
-    assert run("mesh a.surf.gii --cell-size 5 -o x.vtu", tmp_path, monkeypatch) == 0
-    return tmp_path
+    return shutil.copytree(mesh_of_a_ball, tmp_path, dirs_exist_ok=True)
+
+
+@pytest.fixture(scope="module")
+def fold_of_a_ball(mesh_of_a_ball: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What nobody has edited is made again."""
+    folder = shutil.copytree(mesh_of_a_ball, tmp_path_factory.mktemp("folded"), dirs_exist_ok=True)
+    with pytest.MonkeyPatch.context() as patch:
+        assert [run(FOLD, folder, patch) for _ in range(2)] == [0, 0]
+    return folder
 
 
 @pytest.mark.parametrize("force", ["", " --force"])
@@ -366,10 +387,11 @@ def test_names_that_are_too_long_for_companions_are_refused_before_the_work(
 
 
 @pytest.mark.parametrize("name", ["fold.tsv", "verdict.json", "folding.svg", "frames/frame_0001.vtu"])
-def test_a_file_of_a_fold_that_was_edited_is_kept(meshed: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    words = "fold x.vtu --ga 30 --end 30.001 -o f"
-    assert [run(words, meshed, monkeypatch) for _ in range(2)] == [0, 0], "what nobody has edited is made again"
-    (meshed / "f" / name).write_text("edited")
-    before = {path: path.read_bytes() for path in (meshed / "f").rglob("*") if path.is_file()}
-    assert run(words, meshed, monkeypatch) == 1
-    assert {path: path.read_bytes() for path in (meshed / "f").rglob("*") if path.is_file()} == before
+def test_a_file_of_a_fold_that_was_edited_is_kept(
+    fold_of_a_ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    shutil.copytree(fold_of_a_ball, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "f" / name).write_text("edited")
+    before = {path: path.read_bytes() for path in (tmp_path / "f").rglob("*") if path.is_file()}
+    assert run(FOLD, tmp_path, monkeypatch) == 1
+    assert {path: path.read_bytes() for path in (tmp_path / "f").rglob("*") if path.is_file()} == before
