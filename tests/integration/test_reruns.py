@@ -148,7 +148,9 @@ def test_a_bypassed_stage_does_not_occur(study: Study) -> None:
     assert study.planned_jobs() == jobs(FROM_CLEAN - {"clean"}, "a", "b") | COHORT | described
 
 
-def test_bad_cases_do_not_stop_the_others(study: Study) -> None:
+def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_for_this_one(study: Study) -> None:
+    became_bad = study.folder / "surfaces/b.surf.gii"
+    write_surface(twice(read_surface(became_bad)), became_bad)
     study.add_case(study.case("double"), twice(surface(3)))
     study.add_case(study.case("truncated"), surface(4))
     truncated = study.folder / "surfaces/truncated.surf.gii"
@@ -157,12 +159,12 @@ def test_bad_cases_do_not_stop_the_others(study: Study) -> None:
     (study.folder / "surfaces/missing.surf.gii").unlink()
     study.add_case(study.case("good"), surface(6))
 
-    bad = jobs({"repair", "case_page"}, "double", "truncated", "missing")
+    bad = jobs({"repair", "case_page"}, "b", "double", "truncated", "missing")
     assert study.jobs_of_run(succeeds=False) == bad | jobs(FROM_REPAIR, "good") | COHORT
     status = {case.removeprefix("sub-").removesuffix("_hemi-L"): row for case, row in study.status().items()}
     assert {name: row["state"] for name, row in status.items()} == {
         "a": "certified",
-        "b": "certified",
+        "b": "failed",
         "good": "certified",
         "double": "failed",
         "truncated": "failed",
@@ -172,21 +174,15 @@ def test_bad_cases_do_not_stop_the_others(study: Study) -> None:
     assert "2 separate pieces" in status["double"]["reason"]
     assert "surfaces/missing.surf.gii" in status["missing"]["reason"]
     assert (study.folder / status["double"]["log"]).exists()
+    assert not study.files("sub-b*certificate.json")
+    assert not study.files("sub-b*.mesh")
+    assert "sub-b" not in (study.outputs / "cohort/cohort_quality.tsv").read_text()
 
     write_surface(surface(3), study.folder / "surfaces/double.surf.gii")
+    write_surface(surface(1), became_bad)
     cases = [case for case in study.cases() if case.participant not in ("truncated", "missing")]
     study.write_cases(cases)
-    assert study.planned_jobs() == jobs(FROM_REPAIR, "double") | COHORT
-
-
-def test_nothing_of_an_earlier_run_passes_for_this_one(study: Study) -> None:
-    path = study.folder / "surfaces/a.surf.gii"
-    write_surface(twice(read_surface(path)), path)
-    study.jobs_of_run(succeeds=False)
-    assert study.status()["sub-a_hemi-L"]["state"] == "failed"
-    assert not study.files("sub-a*certificate.json")
-    assert not study.files("sub-a*.mesh")
-    assert "sub-a" not in (study.folder / "derivatives/cortet/cohort/cohort_quality.tsv").read_text()
+    assert study.planned_jobs() == jobs(FROM_REPAIR, "b", "double") | COHORT
 
 
 def test_an_uncertified_mesh_is_measured_but_not_exported(study: Study) -> None:
