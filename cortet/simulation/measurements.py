@@ -156,11 +156,6 @@ def folds_of(points: FloatArray, faces: IntArray, cortex: FloatArray) -> Folds:
     )
 
 
-def sulcal_depth(points: FloatArray, faces: IntArray, cortex: FloatArray) -> float:
-    """Mean distance of the cortex from the convex hull of the surface, mm; arguments as in `folds_of`."""
-    return _mean_over(depth_below_hull(points), points, faces, cortex)
-
-
 def depth_below_hull(points: FloatArray) -> FloatArray:
     """Distance of each point (n, 3) from the convex hull of all: (n,)."""
     return -beyond(planes_of(ConvexHull(points)), points)[0]

@@ -7,7 +7,7 @@ import pytest
 from shapes import ball_surface
 
 from cortet.meshes import TriSurface
-from cortet.simulation.measurements import folds_of, mean_curvature, sulcal_depth
+from cortet.simulation.measurements import folds_of, mean_curvature, shape
 
 RADIUS = 30.0
 
@@ -45,11 +45,13 @@ def test_a_ball_has_no_folds() -> None:
     ball = ball_surface(4, radius=RADIUS)
     everywhere = np.ones(len(ball.points))
     assert folds_of(ball.points, ball.faces, everywhere).spacing is None
-    assert sulcal_depth(ball.points, ball.faces, everywhere) == pytest.approx(0, abs=1e-9)
+    depth = shape(ball.points, ball.faces, everywhere == 0, np.nan)["sulcal_depth_mm"]
+    assert depth == pytest.approx(0, abs=1e-9)
 
 
 def test_the_depth_of_known_waves() -> None:
     surface, cortex = rippled(16, height=1.5)
     # the mean of 1.5 (1 - cos), less what the hull, straight from crest to crest, cuts off the sphere: spacing^2 / 12 R
     expected = 1.5 - (2 * np.pi * RADIUS / 16) ** 2 / (12 * RADIUS)
-    assert sulcal_depth(surface.points, surface.faces, cortex) == pytest.approx(expected, rel=0.1)
+    depth = shape(surface.points, surface.faces, cortex == 0, np.nan)["sulcal_depth_mm"]
+    assert depth == pytest.approx(expected, rel=0.1)
