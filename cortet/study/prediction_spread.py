@@ -15,10 +15,12 @@ from cortet.simulation.measurements import depth_below_hull
 from cortet.study.longitudinal import Series, aligned
 from cortet.study.prediction_tables import map_views
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: the truth is among the predictions where it is at most so many standard deviations from their mean
 _AMONG = 2.0
+#: a vertex at most so deep, mm, lies on the hull
+_ON_HULL = 1e-6
 #: colours of standard deviations span 0 to the value that this share of the vertices does not exceed
 _DARKEST = 0.99
 
@@ -62,18 +64,19 @@ def _spread(laid: Sequence[FloatArray]) -> Spread:
 
 
 def judged(series: Series, found: Mapping[float, Spread]) -> list[dict[str, Any]]:
-    """A row per age: means over the cortex of the spread, and the share where the real depth is among the predicted."""
+    """A row per age: means over the cortex of the spread, and the share where the real depth is among the predicted.
+
+    That share leaves out vertices that lie on the hull in truth and in every prediction: there is nothing to predict.
+    """
     rows = []
     for age, spread in found.items():
-        error = np.abs(depth_below_hull(series.at(age).points) - spread.depth)
-        values = {
-            "depth_sd_mm": spread.depth_sd,
-            "position_sd_mm": spread.position_sd,
-            "depth_error_mm": error,
-            "among": error <= _AMONG * spread.depth_sd,
-        }
+        real = depth_below_hull(series.at(age).points)
+        error = np.abs(real - spread.depth)
+        below = series.weights * (np.maximum(real, spread.depth) > _ON_HULL)
+        values = {"depth_sd_mm": spread.depth_sd, "position_sd_mm": spread.position_sd, "depth_error_mm": error}
         means = {name: float(np.average(of, weights=series.weights)) for name, of in values.items()}
-        rows.append({"gestational_age": age, **means})
+        among = float(np.average(error <= _AMONG * spread.depth_sd, weights=below)) if below.any() else None
+        rows.append({"gestational_age": age, **means, "among": among})
     return rows
 
 

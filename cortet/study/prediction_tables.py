@@ -83,7 +83,7 @@ PREDICTION = Table(
         ),
         _column(
             "among",
-            "Share of the area where the real depth is within two of them of the mean",
+            "Share of the area below the hull where the real depth is within two of them of the mean",
             "",
             "real within 2 sd",
             ".2f",

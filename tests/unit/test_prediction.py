@@ -277,7 +277,7 @@ def test_the_truth_is_among_predictions_that_lie_around_it_and_not_among_others(
         judged(series, spreads(series, [{24.0: bumpy(2.2, height).points} for height in heights]))[0]
         for heights in ((0.15, 0.2, 0.25), (0.4, 0.41, 0.42))
     )
-    assert around["among"] > 0.9 > 0.6 > beside["among"]
+    assert around["among"] > 0.9 and beside["among"] < 0.1, "vertices on the hull in all of them do not count"
     assert around["depth_sd_mm"] > beside["depth_sd_mm"] and around["depth_error_mm"] < beside["depth_error_mm"]
 
 
