@@ -104,6 +104,7 @@ rule export:
         sets=CONFIG.export.sets,
         inner=lambda wildcards: list(CASES[wildcards.case].inner),
         given=PLAN.given_surfaces,
+        age=lambda wildcards: CASES[wildcards.case].scan_age,
         volumes=lambda wildcards: dict(CASES[wildcards.case].volumes),
         input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
         paths=PLAN.field_paths,

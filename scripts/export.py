@@ -25,7 +25,7 @@ export(
     target,
     certificate=certificate,
     made_from={
-        **made_from(meshed, job.params.given, target.parent),
+        **made_from(meshed, job.params.given, target.parent, job.params.age),
         **({"volumes": sources_of_volumes(job.params.volumes)} if job.params.volumes else {}),
     },
     frame=surface.frame,

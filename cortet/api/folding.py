@@ -49,7 +49,7 @@ def growth(
     InputError : the vertices do not correspond, or the second age is not later
     """
     from cortet.measure.surface_growth import measured, through_spheres
-    from cortet.simulation.growth_map import field_of
+    from cortet.simulation.fields import growth_field
 
     if len(ages) != 2 or not ages[0] < ages[1]:
         raise InputError(f"{', '.join(map(str, ages))} are not an early and a later age", remedy="give two, rising")
@@ -57,7 +57,7 @@ def growth(
     if spheres:
         last = through_spheres(last, surface(spheres[1]), surface(spheres[0]))
     found = measured(first, last, smooth)
-    return {field_of(ages[1]): found.tensors}, found
+    return {growth_field(ages[1]): found.tensors}, found
 
 
 @dataclass(frozen=True, eq=False)

@@ -59,7 +59,7 @@ def growth_command(args: argparse.Namespace) -> int:
     """Measure growth between two surfaces and write it as fields of the early one."""
     from cortet.formats.gifti import read_surface, write_fields
     from cortet.measure.surface_growth import measured, through_spheres
-    from cortet.simulation.growth_map import field_of
+    from cortet.simulation.fields import growth_field
 
     start, end = args.ages
     if not start < end:
@@ -84,14 +84,14 @@ def growth_command(args: argparse.Namespace) -> int:
         "volume_ratio": found.volume_ratio,
         "area_ratio_percentiles": found.percentiles,
         "fields": {
-            field_of(end): "logarithm of the stretch along the surface: xx, yy, zz, xy, xz, yz",
+            growth_field(end): "logarithm of the stretch along the surface: xx, yy, zz, xy, xz, yz",
             "area_ratio": "later over early area",
             "stretch_largest, stretch_smallest": "principal stretches along the surface",
             "beyond_the_whole": "stretch of the square root of the area over that of the cube root of the volume",
         },
     }
     with recorded(report, record) as place:
-        write_fields({field_of(end): found.tensors}, place(args.output))
+        write_fields({growth_field(end): found.tensors}, place(args.output))
         write_fields(found.metrics, place(metrics))
         if args.picture:
             from cortet.report.cohort_maps import maps_figure
@@ -104,5 +104,5 @@ def growth_command(args: argparse.Namespace) -> int:
     print(f"{found.volume_ratio:.3f}; a spot by {middle:.2f}, of nine in ten by {low:.2f} to {high:.2f}")
     print(f"smoothed along the surface over {found.width_mm:.1f} mm (full width at half maximum)")
     print(f"{args.output}: written, with {metrics.name} and {record.name}; a mesh takes it with ", end="")
-    print(f"--field {field_of(end)}={args.output}")
+    print(f"--field {growth_field(end)}={args.output}")
     return 0

@@ -191,7 +191,7 @@ def mesh_command(args: argparse.Namespace) -> int:
             interior=config.transfer.interior,
             holes=config.export.holes,
             made_from={
-                **made_from(surfaces, given, args.output.parent),
+                **made_from(surfaces, given, args.output.parent, args.ga),
                 **({"volumes": sources_of_volumes(dict(args.volume))} if args.volume else {}),
             },
         )

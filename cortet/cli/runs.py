@@ -15,6 +15,9 @@ from cortet.errors import CortetError, InputError
 from cortet.formats.ownership import may_write
 from cortet.geometry.limits import CELL_SIZE_MM, FOLD_AGES
 
+#: weeks by which two ages of one scan may differ, rounded to weeks or not
+_SAME_SCAN = 1.0
+
 
 def add_commands(commands: Commands) -> None:
     """Add the long runs, and the commands that are used before them."""
@@ -127,7 +130,14 @@ def fold_command(args: argparse.Namespace) -> int:
     from cortet.simulation.state import Settings
     from cortet.solver_files.sidecar import read_sidecar
 
-    known = read_sidecar(args.mesh).get("made_from", {}).get("hemisphere")
+    origin = read_sidecar(args.mesh).get("made_from", {})
+    known, age = origin.get("hemisphere"), origin.get("gestational_age")
+    if age is not None and abs(args.ga - age) > _SAME_SCAN:
+        raise InputError(
+            f"was made for a brain of {age:g} weeks, as its sidecar says, not {args.ga:g}",
+            file=args.mesh,
+            remedy=f"use --ga {age:g}, or make the mesh again with the right age",
+        )
     if args.hemi and known and args.hemi != known:
         raise InputError(
             f"was made from a surface of hemisphere {known}, as that says, not {args.hemi}",

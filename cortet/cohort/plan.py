@@ -5,6 +5,7 @@ The rules ask a `Plan` and hold no logic of their own.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -102,15 +103,28 @@ class Plan(Jobs):
         found: dict[tuple[str, str | None], dict[float, Case]] = {}
         for case in self.cases.values():
             if case.scan_age is not None and not case.inner and (not wanted or case.participant in wanted):
-                found.setdefault((case.participant, case.hemi), {})[case.scan_age] = case
+                found.setdefault((case.participant, case.hemi), {}).setdefault(case.scan_age, case)
         several = [dict(sorted(cases.items())) for cases in found.values() if len(cases) > 1]
         return {next(iter(cases.values())).name: cases for cases in several}
 
     def surfaces_of_series(self, first: str) -> list[str]:
-        """Surfaces of the series that begins with a case, by age, as they are given; those that exist."""
+        """Surfaces of the series that begins with a case, by age, as they are given; those that exist.
+
+        Raises
+        ------
+        InputError : another case has the age of one of them
+        """
+        series = self.prediction_series()[first].values()
+        for case, other in itertools.product(series, self.cases.values()):
+            same = (case.participant, case.hemi, case.scan_age) == (other.participant, other.hemi, other.scan_age)
+            if same and other.name != case.name and not other.inner:
+                raise InputError(
+                    f"{case.name} and {other.name} have the same age, {case.scan_age:g} weeks, in one series",
+                    remedy="set the column include of one of them to false, or mend its scan_age",
+                )
         return [
             filled(path, {"folder": case.folder, "case": case.name})
-            for case in self.prediction_series()[first].values()
+            for case in series
             if isinstance(path := self.surface({"case": case.name}), str)
         ]
 

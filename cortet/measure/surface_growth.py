@@ -82,25 +82,32 @@ def measured(early: TriSurface, later: TriSurface, width_mm: float | None = None
 
     Raises
     ------
-    InputError : the surfaces do not correspond
+    InputError : the surfaces do not correspond, or the later one is smaller
     """
     found = smoothed(_plausible(logarithmic_growth(early, later)), early, width_mm)
     ratio, areas = area_ratio(found.tensors), vertex_areas(early)
     directions = principal(found.tensors, vertex_normals(early.points, early.faces))
     volumes = [abs(enclosed_volume(one.points, one.faces)) for one in (early, later)]
+    area_growth, volume_growth = float(vertex_areas(later).sum() / areas.sum()), volumes[1] / volumes[0]
+    if max(area_growth, volume_growth) < 1:
+        raise InputError(
+            f"the later surface is smaller than the early one: its area is {area_growth:.2f} and its volume "
+            f"{volume_growth:.2f} of those",
+            remedy="give the early surface and its age first",
+        )
     order = np.argsort(ratio)
     below = (np.cumsum(areas[order]) - areas[order] / 2) / areas.sum()
     return Growth(
         found.tensors,
         found.width_mm,
-        area_ratio=float(vertex_areas(later).sum() / areas.sum()),
-        volume_ratio=volumes[1] / volumes[0],
+        area_ratio=area_growth,
+        volume_ratio=volume_growth,
         percentiles={f"{part}": float(np.interp(part / 100, below, ratio[order])) for part in (5, 25, 50, 75, 95)},
         metrics={
             "area_ratio": ratio,
             "stretch_largest": directions.largest,
             "stretch_smallest": directions.smallest,
-            "beyond_the_whole": np.sqrt(ratio) / np.cbrt(volumes[1] / volumes[0]),
+            "beyond_the_whole": np.sqrt(ratio) / np.cbrt(volume_growth),
         },
     )
 

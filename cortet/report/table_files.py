@@ -89,7 +89,7 @@ def write_page(text: str, path: str | Path, *, title: str) -> None:
 
 def number(value: float | None, digits: int = 3) -> str:
     """A number with `digits` decimals and a comma before thousands, or `n/a`."""
-    return MISSING if value is None else f"{value:,.{digits}f}"
+    return MISSING if value is None or not math.isfinite(value) else f"{value:,.{digits}f}"
 
 
 def mean_and_sd(mean: float | None, sd: float | None, digits: int = 3, *, n: int | None = None) -> str:
@@ -102,7 +102,7 @@ def mean_and_sd(mean: float | None, sd: float | None, digits: int = 3, *, n: int
     ----------
     n : number of values
     """
-    if mean is None or not sd or n == 1:
+    if mean is None or not sd or n == 1 or not math.isfinite(sd):
         return number(mean, digits)
     if n == 2:  # a deviation of two values says nothing that they do not say
         half = sd / 2**0.5

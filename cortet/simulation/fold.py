@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,6 +21,7 @@ from cortet.simulation.altitude import smallest_altitude
 from cortet.simulation.body import with_interface
 from cortet.simulation.contact import listed_at
 from cortet.simulation.growth import age_of, time_of
+from cortet.simulation.growth_map import ages_of_maps
 from cortet.simulation.journal import (
     CHECKPOINT,
     SECONDS,
@@ -42,12 +43,14 @@ from cortet.simulation.plausible import check_cells, check_mesh
 from cortet.simulation.run import advance_to, beginning, described, measured, millimetres, prepared, thickness_mm
 from cortet.simulation.state import Moment, Run, Settings
 
-VERSION: int = 6
+VERSION: int = 7
 
 #: wall time between two checkpoints, and between two updates of the tables
 _CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0
 #: weeks by which two ages may differ and be the same
 SAME_AGE = 1e-6
+#: weeks by which the age in the name of a field may be rounded
+_ROUNDED = 1e-3
 
 logger = logging.getLogger(__name__)
 
@@ -104,7 +107,7 @@ def fold(
     *,
     frames_at: Sequence[float] = (),
 ) -> Verdict:
-    """Grow the cortex of a mesh until the end, or until the first element inverts.
+    """Grow the cortex of a mesh until the end, its last map of growth, or the first element that inverts.
 
     The folder gets the table of measurements with its sidecar, a table of wall seconds, frames with their series, and
     the verdict. A run that was killed continues from its last checkpoint there and ends with the same bits. With
@@ -122,6 +125,10 @@ def fold(
     """
     mesh = with_interface(mesh)
     doubts = check_mesh(mesh, settings)
+    known = max(ages_of_maps(mesh), default=settings.end)
+    if known < settings.end - _ROUNDED:
+        doubts.append(f"growth was measured up to {known:g} weeks, so the fold ends there, not at {settings.end:g}")
+        settings = replace(settings, end=known)
     run = prepared(mesh, settings)
     for sentence in [*described(run), *(f"warning: {doubt}" for doubt in [*doubts, *check_cells(run)])]:
         say(sentence)

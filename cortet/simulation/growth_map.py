@@ -13,7 +13,6 @@ volumes.
 
 from __future__ import annotations
 
-import re
 from typing import NamedTuple
 
 import numpy as np
@@ -21,12 +20,10 @@ import numpy as np
 from cortet.errors import InputError
 from cortet.meshes import FloatArray, TetMesh, node_field
 from cortet.simulation.body import Body
+from cortet.simulation.fields import GROWTH_FIELD, age_of_growth, growth_field
 from cortet.simulation.growth import AGES
 from cortet.simulation.law import combined, cross, dot, exponential, fast, growth_share, vector
 
-#: names of point data of a mesh: one of these and an age, in weeks
-FIELD, CORE_FIELD = "growth_to_", "core_growth_to_"
-_NAME = re.compile(re.escape(FIELD) + r"(\d+(?:[._]\d+)?)")
 #: row and column of each of the six components
 _ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 #: logarithm of a stretch beyond which a map cannot be a map of growth: more than a factor of seven
@@ -43,14 +40,10 @@ class GrowthMap(NamedTuple):
     values: FloatArray
 
 
-def field_of(age: float, *, core: bool = False) -> str:
-    """The name of the point data with growth up to an age, of the cortex or of the core."""
-    return f"{CORE_FIELD if core else FIELD}{age:g}".replace(".", "_")
-
-
-def is_map(name: str) -> bool:
-    """Whether point data of this name hold growth up to an age."""
-    return _NAME.fullmatch(name) is not None
+def ages_of_maps(mesh: TetMesh) -> dict[float, str]:
+    """Ages, weeks, up to which the point data of a mesh hold growth, ascending -> their names."""
+    named = {age: name for name in mesh.point_data if (age := age_of_growth(name)) is not None}
+    return dict(sorted(named.items()))
 
 
 def map_of(mesh: TetMesh, body: Body, start: float) -> GrowthMap | None:
@@ -61,15 +54,15 @@ def map_of(mesh: TetMesh, body: Body, start: float) -> GrowthMap | None:
     InputError : a field does not have six finite numbers per node, stretches more than sevenfold, or is for an age that
         is not after the start
     """
-    named = {float(found[1].replace("_", ".")): name for name in mesh.point_data if (found := _NAME.fullmatch(name))}
+    named = ages_of_maps(mesh)
     if not named:
-        if wrong := next((name for name in mesh.point_data if name.startswith(FIELD)), None):
+        if wrong := next((name for name in mesh.point_data if name.startswith(GROWTH_FIELD)), None):
             raise InputError(
                 f"the field {wrong} is no map of growth",
                 remedy="carry the .func.gii that cortet growth wrote to the mesh",
             )
         return None
-    ages = sorted(named)
+    ages = list(named)
     if not (ages[0] > start and ages[-1] <= AGES[1]):
         raise InputError(
             f"the field {named[ages[0] if ages[0] <= start else ages[-1]]} is not for an age between that of the mesh, "
@@ -81,7 +74,7 @@ def map_of(mesh: TetMesh, body: Body, start: float) -> GrowthMap | None:
         nodes = np.asarray(mesh.point_data[named[age]], float)
         _check(nodes, named[age], len(mesh.points))
         values[row, :, :3] = _on_elements(nodes[body.cells].mean(axis=1), body.normals)
-        if (core := node_field(mesh, field_of(age, core=True))) is not None:
+        if (core := node_field(mesh, growth_field(age, core=True))) is not None:
             own = core[body.cells].mean(axis=1)
             values[row, :, 3] = own - np.average(own, weights=body.volumes)  # the mean belongs to the frame
     return GrowthMap(np.array([start, *ages]), values)

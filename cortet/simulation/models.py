@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +39,7 @@ from cortet.simulation.growth import (
     times_of,
     usual,
 )
-from cortet.simulation.growth_map import GrowthMap, grown_body, is_map, map_of
+from cortet.simulation.growth_map import GrowthMap, ages_of_maps, grown_body, map_of
 from cortet.simulation.kernels import grown_volume_of
 from cortet.simulation.law import ACROSS, ALONG, CORE
 from cortet.simulation.section import misplaced
@@ -184,12 +185,26 @@ def check_model(settings: Settings) -> None:
     ages = np.linspace(settings.gestational_age, settings.end, _CHECKED)
     laws: dict[str, ByAge] = {"growth_rate": chosen.growth_rate, "thickness_rate": chosen.thickness_rate}
     laws |= {f"core_regions[{region}]": law for region, law in settings.core_regions.items()}
+    for name in ("volume", "hull"):
+        _check_course(f"fold.{name}", getattr(settings, name) or {})
     for name, law in laws.items():
         left = 1 + by_age(law)(ages)
         if not left.min() > 0:
             raise InputError(
                 f"{name} leaves nothing at {ages[left.argmin()]:g} weeks",
                 remedy=f"mend fold.{name}: growth since 22 weeks must stay above -1",
+            )
+
+
+def _check_course(setting: str, table: Mapping[float, float]) -> None:
+    """Raise InputError for volumes at ages that change as no brain does."""
+    course = sorted((float(age), value) for age, value in table.items())  # a workflow rule passes ages as text
+    for (age, value), (later, after) in pairwise(course):
+        if abs(np.log2(after / value)) > max(later - age, 1):
+            raise InputError(
+                f"{setting} goes from {value:g} at {age:g} weeks to {after:g} at {later:g}: more than a factor of two "
+                "per week",
+                remedy="give volumes of one unit at gestational ages in weeks",
             )
 
 
@@ -307,7 +322,7 @@ def model_of(body: Body, mesh: TetMesh, settings: Settings) -> Growth:
 
 def _check_one_law(mesh: TetMesh, settings: Settings) -> None:
     """Raise InputError if a mesh with maps of growth has another law, too."""
-    maps = [name for name in mesh.point_data if is_map(name)]
+    maps = list(ages_of_maps(mesh).values())
     others = {
         "fold.model braingrowth": settings.model == "braingrowth",
         "fold.regions": bool(settings.regions),

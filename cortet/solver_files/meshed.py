@@ -89,7 +89,9 @@ def require_own_stem(
             )
 
 
-def made_from(meshed: Mapping[str, Path], given: Mapping[str, str | Path], folder: Path) -> dict[str, Any]:
+def made_from(
+    meshed: Mapping[str, Path], given: Mapping[str, str | Path], folder: Path, age: float | None = None
+) -> dict[str, Any]:
     """What the sidecar of a mesh says about its origin.
 
     Parameters
@@ -97,6 +99,7 @@ def made_from(meshed: Mapping[str, Path], given: Mapping[str, str | Path], folde
     meshed : region -> file of the surface that was meshed
     given : region -> file of the surface that the user gave
     folder : folder of the sidecar; names of files are relative to it
+    age : gestational age of the brain, weeks, if it is known
     """
     brain = next((given[region] for region in (OUTERMOST, BRAIN) if region in given), None)
     hemisphere = hemisphere_of(brain) if brain else None
@@ -107,7 +110,8 @@ def made_from(meshed: Mapping[str, Path], given: Mapping[str, str | Path], folde
         }
         for kind, files in {"given": given, "meshed": meshed}.items()
     }
-    return {**surfaces, **({"hemisphere": hemisphere} if hemisphere else {})}
+    facts = {"hemisphere": hemisphere, "gestational_age": age}
+    return {**surfaces, **{name: value for name, value in facts.items() if value is not None}}
 
 
 def moved(record: Mapping[str, Any] | None, source: Path, target: Path) -> dict[str, Any] | None:

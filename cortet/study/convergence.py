@@ -262,23 +262,28 @@ def large_enough(sizes: Sequence[float], values: Sequence[float | None], at_limi
 def sentence(table: pd.DataFrame) -> str:
     """Which cell size is small enough, and how locations of folds agree, from the rows of `convergence_table`."""
     found: list[tuple[str, float | None]] = []
+    without_limit = list[str]()
     for _, rows in table.groupby(["case", "mesher"], sort=False):
         measured, limits = rows[rows["cell_size_mm"] > 0], rows[rows["cell_size_mm"] == 0]
         for column, (name, _) in QUANTITIES.items():
             end = None if limits.empty or pd.isna(limits[column].iloc[0]) else float(limits[column].iloc[0])
             values = [None if pd.isna(value) else float(value) for value in measured[column]]
             found.append((name, large_enough(list(measured["h_over_thickness"]), values, end)))
-    failed = list(dict.fromkeys(name for name, size in found if size is None))
+            without_limit += [name] if end is None else []
+    failed = [name for name, size in found if size is None]
     sizes = [size for _, size in found if size is not None]
     measured = table[table["cell_size_mm"] > 0]
     if failed:
         first = (
             f"No size tried is small enough for every number: with the smallest cells, "
-            f"{measured['h_over_thickness'].min():.2f} of the thickness, {' and '.join(failed)} "
+            f"{measured['h_over_thickness'].min():.2f} of the thickness, {_listed(failed)} "
             f"may still be more than {TOLERANCE:.0%} off."
         )
     else:
-        first = f"Use h <= {min(sizes):.2f} of the thickness: every number is then within {TOLERANCE:.0%} of its limit."
+        first = f"Use h <= {min(sizes):.2f} of the thickness: every number is then within {TOLERANCE:.0%} of its limit"
+        if without_limit:
+            first += f", or, as no limit was found for {_listed(without_limit)}, of its value with the smallest cells"
+        first += "."
     finest = measured[measured["cell_size_mm"] == measured["cell_size_mm"].min()]
     places = [
         f"{finest[column].mean():.2f} {words}"
@@ -288,7 +293,16 @@ def sentence(table: pd.DataFrame) -> str:
         )
         if finest[column].notna().any()
     ]
+    if stopped := int(measured["stopped"].sum()):
+        all_folds = stopped + int(measured["runs"].sum())
+        first += f" This leaves out {stopped} of {all_folds} folds, which stopped at an inverted element."
     return first + (f" Locations of folds at the smallest size correlate by {' and '.join(places)}." if places else "")
+
+
+def _listed(names: Iterable[str]) -> str:
+    """Names in words, each once: a, b and c."""
+    *first, last = dict.fromkeys(names)
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 _MARKERS = {"lattice": (BLUE, "o"), "cgal": (VERMILION, "^")}
@@ -370,7 +384,8 @@ def _draw_places(axis: Axes, table: pd.DataFrame) -> None:
         if measured[f"correlation_{pair}"].notna().any():
             axis.plot([], [], style, color="black", label=words)
     axis.set(xlabel=_X_AXIS, ylabel="$r$ of gained depth", ylim=(None, 1))
-    axis.legend(loc="best", title="with the mesh of", title_fontsize=6)
+    if axis.get_legend_handles_labels()[1]:
+        axis.legend(loc="best", title="with the mesh of", title_fontsize=6)
 
 
 def write_convergence(folders: Sequence[Path], outputs: Sequence[str | Path]) -> None:

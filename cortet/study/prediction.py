@@ -33,9 +33,9 @@ from cortet.measure.surface_growth import (
     smoothed,
 )
 from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.simulation.fields import growth_field
 from cortet.simulation.fold import SAME_AGE, Say, Verdict, fold
 from cortet.simulation.growth import AREA, VOLUME, usual
-from cortet.simulation.growth_map import field_of
 from cortet.simulation.state import Settings
 from cortet.stages.transfer import transfer
 from cortet.study.carried import carried
@@ -225,6 +225,11 @@ def predict(
     until = max(age for age in series.ages if age <= until)
     if kind == "path":
         return Prediction(kind, without_mechanics(series, until), None, [])
+    if kind != "braingrowth" and settings.model != "growing":
+        raise InputError(
+            f"the kind {kind} imposes growth on the model growing, but fold.model is {settings.model}",
+            remedy="leave out fold.model; experiments.prediction.kinds may name braingrowth",
+        )
     if kind == "braingrowth":
         settings = _of_braingrowth(settings)
     elif kind not in ("unmapped", "forecast"):
@@ -324,9 +329,9 @@ def _folded(
     from cortet.report.fold_figures import series as frames_of
     from cortet.simulation.journal import SERIES
 
-    fields = {field_of(age): values for age, values in maps.items()}
+    fields = {growth_field(age): values for age, values in maps.items()}
     grown, _ = transfer(mesh, TriSurface(series.first.points, series.first.faces, fields))
-    below = {field_of(age, core=True): values for age, values in (core or {}).items()}
+    below = {growth_field(age, core=True): values for age, values in (core or {}).items()}
     grown = replace(grown, point_data={**grown.point_data, **below})
     folder.mkdir(parents=True, exist_ok=True)
     verdict = fold(grown, folder, settings, frames_at=series.ages[1:])

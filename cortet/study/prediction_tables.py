@@ -21,7 +21,7 @@ from cortet.report.figures import PAGE, drawn, letter, save
 from cortet.report.fold_figures import weeks
 from cortet.report.fold_views import Brain, Row, brain_of, centre, extent, sheet, sides, view
 from cortet.report.table_files import Table, write
-from cortet.simulation.growth_map import field_of
+from cortet.simulation.fields import growth_field
 from cortet.simulation.measurements import depth_below_hull, shape, smoothed_curvature
 from cortet.study.longitudinal import Series, aligned
 from cortet.study.prediction import Prediction
@@ -264,7 +264,7 @@ def write_run(prediction: Prediction, series: Series, folder: Path) -> dict[str,
     for earlier in folder.glob(f"{_PREDICTED}*"):
         earlier.unlink()
     if prediction.imposed:
-        fields = {field_of(age): values for age, values in sorted(prediction.imposed.items())}
+        fields = {growth_field(age): values for age, values in sorted(prediction.imposed.items())}
         write_fields(fields, folder / "imposed.func.gii")
     for age, points in prediction.points.items():
         path = folder / f"{_PREDICTED}{_exactly(age)}.surf.gii"

@@ -393,7 +393,7 @@ def test_a_time_step_that_is_not_stable_is_refused(
     assert words in capsys.readouterr().err
 
 
-def test_a_fold_of_the_other_hemisphere_than_the_files_is_refused(
+def test_a_fold_of_the_other_hemisphere_or_age_than_the_files_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "x.surf.gii"
@@ -401,10 +401,12 @@ def test_a_fold_of_the_other_hemisphere_than_the_files_is_refused(
     text = path.read_text()
     named = "<MetaData><MD><Name>AnatomicalStructurePrimary</Name><Value>CortexLeft</Value></MD></MetaData>"
     path.write_text(text.replace("<MetaData/>", named, 1).replace("<MetaData />", named, 1))
-    assert main(["mesh", str(path), "--cell-size", "5", "-o", str(tmp_path / "x.vtu")]) == 0
+    assert main(["mesh", str(path), "--ga", "28", "--cell-size", "5", "-o", str(tmp_path / "x.vtu")]) == 0
     assert main(["convert", str(tmp_path / "x.vtu"), str(tmp_path / "x.inp")]) == 0
     for mesh in ("x.vtu", "x.inp"):
-        command = ["fold", str(tmp_path / mesh), "--ga", "28", "--hemi", "R", "-o", str(tmp_path / "folded")]
-        assert main(command) == 1
+        command = ["fold", str(tmp_path / mesh), "-o", str(tmp_path / "folded")]
+        assert main([*command, "--ga", "28", "--hemi", "R"]) == 1
         assert "was made from a surface of hemisphere L" in capsys.readouterr().err
+        assert main([*command, "--ga", "22", "--hemi", "L"]) == 1
+        assert "was made for a brain of 28 weeks, as its sidecar says, not 22 (use --ga 28" in capsys.readouterr().err
     assert not (tmp_path / "folded").exists()

@@ -53,3 +53,10 @@ def test_a_value_that_is_not_finite_is_refused_before_anything_is_meshed(tmp_pat
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.shape\.gii"):
         with_fields(ball_surface(1), {"thickness": tmp_path / "none.shape.gii"})
+
+
+def test_growth_named_for_another_age_is_refused(tmp_path: Path) -> None:
+    file = shape_file(tmp_path / "growth.func.gii", growth_to_29=np.ones(42))
+    with pytest.raises(InputError, match=r"up to 29 weeks, but the field is named growth_to_31 \(name it growth_to_29"):
+        with_fields(ball_surface(1), {"growth_to_31": file})
+    assert "growth_to_29" in with_fields(ball_surface(1), {"growth_to_29": file}).point_data

@@ -23,8 +23,9 @@ from cortet.measure.surface_growth import (
     vertex_areas,
 )
 from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.simulation.fields import growth_field
 from cortet.simulation.fold import fold
-from cortet.simulation.growth_map import field_of, sheared, tangents
+from cortet.simulation.growth_map import sheared, tangents
 from cortet.simulation.law import deformation, grown_gradients
 from cortet.simulation.run import advance_to, beginning, prepared
 from cortet.simulation.state import Settings
@@ -97,6 +98,12 @@ def test_growth_that_no_cortex_has_is_refused(kind: str) -> None:
         measured(ball, replace(ball, points=points))
 
 
+def test_surfaces_in_the_wrong_order_are_refused() -> None:
+    ball = ball_surface(3, radius=25.0)
+    with pytest.raises(InputError, match=r"area is 0.69 and its volume 0.58 of those \(give the early surface"):
+        measured(replace(ball, points=1.2 * ball.points), ball)
+
+
 def test_an_output_that_is_no_gifti_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_surface(ball_surface(2, radius=25.0), tmp_path / "x.surf.gii")
     surfaces = [str(tmp_path / "x.surf.gii")] * 2
@@ -125,7 +132,7 @@ def test_an_element_that_has_the_shape_of_its_growth_is_free_of_stress() -> None
 
 
 def mapped(mesh: TetMesh, tensors: FloatArray, age: float = 24.0) -> TetMesh:
-    return replace(mesh, point_data={**mesh.point_data, field_of(age): tensors})
+    return replace(mesh, point_data={**mesh.point_data, growth_field(age): tensors})
 
 
 def radial(mesh: TetMesh, stretch: float) -> FloatArray:
@@ -209,3 +216,11 @@ def test_a_map_beside_another_law_is_refused() -> None:
         prepared(mesh, replace(THIN, model="braingrowth", envelope=None))
     with pytest.raises(InputError, match="the field growth says"):
         prepared(replace(mesh, point_data={**mesh.point_data, "growth": np.ones(len(mesh.points))}), THIN)
+
+
+def test_a_fold_ends_where_its_last_map_does(tmp_path: Path) -> None:
+    mesh = mapped(ball_mesh(1, radius=10.0), np.zeros((len(ball_mesh(1).points), 6)), 22.5)
+    said = list[str]()
+    verdict = fold(mesh, tmp_path, replace(THIN, end=24.0), say=said.append)
+    assert verdict.gestational_age == pytest.approx(22.5)
+    assert "warning: growth was measured up to 22.5 weeks, so the fold ends there, not at 24" in said

@@ -185,6 +185,12 @@ def test_what_the_section_cannot_mean_is_refused_by_name(section: dict[str, Any]
         load({"fold": section})
 
 
+def test_volumes_that_no_brain_has_are_refused(ball: TetMesh) -> None:
+    table = {"26": 30.0, "27": 0.001}  # ages as a rule hands them over
+    with pytest.raises(InputError, match="fold.volume goes from 30 at 26 weeks to 0.001 at 27: more than a factor of"):
+        prepared(ball, Settings(22.0, volume=table))  # type: ignore[arg-type]
+
+
 def test_a_table_by_age_reaches_the_run_as_it_was_written(ball: TetMesh) -> None:
     section = {"growth_rate": {22: 0, 30: 0.3}, "hull": {22: 1.0, 40: 4}, "volume": {22: 20, 38: 90}, "thickness": 2.0}
     values = load({"fold": section}).arguments("fold", {"gestational_age": 22.0, "hemisphere": None})

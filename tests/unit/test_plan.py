@@ -14,6 +14,7 @@ import pytest
 from cortet.cohort.plan import Mesh, Plan
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.config import load
+from cortet.errors import InputError
 from cortet.formats.hashing import sha256
 
 GOOD = Case("good", None, "L", 24.0, Path("good.surf.gii"))
@@ -175,3 +176,11 @@ def test_planning_loads_nothing_heavy() -> None:
     code = f"import sys, cortet.cohort.plan; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_series_with_two_cases_of_one_age_is_refused() -> None:
+    weeks = [replace(GOOD, session=f"w{number}", scan_age=age) for number, age in enumerate((24.0, 26.0, 26.0))]
+    made = plan(*weeks)
+    (first,) = made.prediction_series()
+    with pytest.raises(InputError, match="w1_hemi-L and .*w2_hemi-L have the same age, 26 weeks, in one series"):
+        made.surfaces_of_series(first)

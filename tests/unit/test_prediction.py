@@ -20,9 +20,9 @@ from cortet.geometry.topology import boundary_surface
 from cortet.measure.surface_growth import area_ratio, fitted
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.report.fold_figures import series as frames_of
+from cortet.simulation.fields import growth_field
 from cortet.simulation.fold import fold
 from cortet.simulation.growth import AREA, usual
-from cortet.simulation.growth_map import field_of
 from cortet.simulation.journal import SERIES
 from cortet.simulation.state import Settings
 from cortet.stages.transfer import transfer
@@ -168,7 +168,7 @@ def grown_balls(folder: Path) -> tuple[Series, TetMesh]:
     surface, _ = boundary_surface(mesh)
     normals = surface.points / np.linalg.norm(surface.points, axis=1, keepdims=True)
     plane = (np.eye(3) - normals[:, :, None] * normals[:, None, :])[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    fields = {field_of(23.0): 0.1 * plane * (1 + normals[:, 2:])}
+    fields = {growth_field(23.0): 0.1 * plane * (1 + normals[:, 2:])}
     grown, _ = transfer(mesh, replace(surface, point_data=fields))
     fold(grown, folder, SETTINGS)
     (last,) = [vtu.read(file) for file, age in frames_of(folder / SERIES) if age == 23.0]
@@ -235,6 +235,13 @@ def test_models_that_run_by_themselves_know_no_later_surface(tmp_path: Path) -> 
     volume = {kind: scores(series, one.points)[0]["volume_mm3"] for kind, one in run.items()}
     start = scores(series, {23.0: series.first.points})[0]["volume_mm3"]
     assert start < volume["braingrowth"] < volume["unmapped"], "in BrainGrowth only the cortex grows"
+
+
+def test_a_kind_of_another_model_is_refused(tmp_path: Path) -> None:
+    series, mesh = grown_balls(tmp_path)
+    settings = replace(SETTINGS, model="braingrowth", envelope=None)
+    with pytest.raises(InputError, match="kind mechanics imposes growth on the model growing, but fold.model is b"):
+        predict(series, mesh, "mechanics", tmp_path / "fold", settings=settings, until=23.0)
 
 
 def test_ages_of_weeks_and_days_are_predicted_as_they_are(tmp_path: Path) -> None:

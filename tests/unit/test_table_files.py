@@ -81,6 +81,7 @@ def test_numbers_are_given_as_the_paper_gives_them() -> None:
     assert mean_and_sd(0.1349, 0.0) == mean_and_sd(0.1349, 0.2, n=1) == "0.135"
     assert mean_and_sd(0.129, 0.001 * 2**0.5, n=2) == "0.129 [0.128-0.130]"
     assert mean_and_sd(0.129, 0.0001, n=2) == "0.129"
+    assert mean_and_sd(float("nan"), float("nan")) == "n/a" and mean_and_sd(1.0, float("inf")) == "1.000"
     assert number(15955.4, 0) == "15,955"
     assert median_and_range(0.78, 0.746, 0.82) == "0.780 [0.746-0.820]"
     assert median_and_range(0, 0, 0, digits=0) == "0"
