@@ -194,7 +194,7 @@ class Prediction(Section):
     participants: list[str] = []
     """Participants whose surfaces of several ages have vertices that correspond: a series each, by hemisphere. Empty:
     all that have two ages or more."""
-    cell_size: CellSize = 0.8
+    cell_size: CellSize = 1.1
     """Cell size h, mm, of the mesh of the first surface."""
     kinds: list[PredictionKind] = [
         *("mechanics", "core", "forecast"),
@@ -210,7 +210,7 @@ class Prediction(Section):
     """The early age, weeks: a forecast knows surfaces up to there."""
     rounds: Annotated[int, Field(ge=1, le=10)] = 3
     """Rounds in which the growth that has to be imposed is found: compressed tissue grows less than it is told to."""
-    smoothing: Annotated[float, Field(ge=0, le=50)] | None = 2.0
+    smoothing: Annotated[float, Field(ge=0, le=50)] | None = None
     """Smoothing of measured growth along the surface, full width at half maximum, mm; null: as much as noise asks
     for."""
     seed: NonNegativeInt = 0
@@ -219,7 +219,7 @@ class Prediction(Section):
     """Kinds that are predicted once more under each of variants. How far these predictions lie apart is a map, and
     whether the truth lies among them are columns of the table."""
     variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {
-        "coarser": {"cell_size": 1.0},
+        "coarser": {"cell_size": 1.4},
         "turned": {"seed": 1},
         "softer": {"core_stiffness": 0.1875},
         "stiffer": {"core_stiffness": 0.125},
