@@ -163,9 +163,9 @@ class BrokenSurface:
             self._replace(work, "doubled triangles removed", len(gone), "faces", places)
 
     def _rebuilding(self) -> None:
-        turned = TriSurface(self.work.points, outward(self.work.points, self.work.faces))
         from cortet.geometry.rebuilding import rebuilt  # here, as few surfaces need it
 
+        turned = TriSurface(self.work.points, outward(self.work.points, self.work.faces))
         made, self.volume_before = rebuilt(turned, self.limits.spacing)
         self._note(f"surface made anew on a grid of {self.limits.spacing:g} mm", 1, "surface", made.points.mean(axis=0))
         work = mending.triangles(made.points, made.faces)
