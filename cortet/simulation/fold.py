@@ -126,7 +126,7 @@ def fold(
     mesh = with_interface(mesh)
     doubts = check_mesh(mesh, settings)
     known = max(ages_of_maps(mesh), default=settings.end)
-    if known < settings.end - _ROUNDED:
+    if settings.gestational_age < known < settings.end - _ROUNDED:
         doubts.append(f"growth was measured up to {known:g} weeks, so the fold ends there, not at {settings.end:g}")
         settings = replace(settings, end=known)
     run = prepared(mesh, settings)

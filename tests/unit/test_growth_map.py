@@ -224,3 +224,9 @@ def test_a_fold_ends_where_its_last_map_does(tmp_path: Path) -> None:
     verdict = fold(mesh, tmp_path, replace(THIN, end=24.0), say=said.append)
     assert verdict.gestational_age == pytest.approx(22.5)
     assert "warning: growth was measured up to 22.5 weeks, so the fold ends there, not at 24" in said
+
+
+def test_a_map_of_an_earlier_age_than_the_mesh_is_refused_as_one(tmp_path: Path) -> None:
+    mesh = mapped(ball_mesh(1, radius=10.0), np.zeros((len(ball_mesh(1).points), 6)), 21.0)
+    with pytest.raises(InputError, match="growth_to_21 is not for an age between that of the mesh, 22 weeks"):
+        fold(mesh, tmp_path, THIN)
