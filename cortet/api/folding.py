@@ -106,14 +106,14 @@ def fold(
 
     Parameters
     ----------
-    ga : gestational age of the mesh, weeks; None: the age given when it was made
-    hemi : "L" or "R" for half a brain; None: that of the mesh
+    ga : gestational age of the mesh, weeks; None: the age given when it was made, which the sidecar of a file records
+    hemi : "L" or "R" for half a brain; None: that of the mesh, or of its sidecar
     folder : gets table and frames, and a run that was killed continues there; None: one that is deleted with the result
     settings : keys of the section `fold`: end, thickness, model, ...
 
     Raises
     ------
-    InputError : the age is unknown, or the mesh cannot be folded
+    InputError : the age is unknown, the sidecar of a file records another, or the mesh cannot be folded
     """
     import pandas as pd
 
@@ -122,10 +122,13 @@ def fold(
     from cortet.simulation.journal import TABLE, per_percent
     from cortet.simulation.plausible import refuse_shell
     from cortet.simulation.state import Settings as FoldSettings
+    from cortet.solver_files.meshed import brain_of
 
     if isinstance(made, Mesh):
         refuse_shell(region_names(made.surface.inner))
         ga, hemi = made.ga if ga is None else ga, hemi or made.hemi
+    elif isinstance(made, str | Path):
+        ga, hemi = brain_of(Path(made), ga, hemi)
     if ga is None:
         raise InputError("the gestational age of the mesh is not known", remedy="give ga, in weeks")
     keeper = tempfile.TemporaryDirectory(prefix="cortet-fold-") if folder is None else None

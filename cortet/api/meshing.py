@@ -29,6 +29,7 @@ from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, require_mea
 from cortet.pipeline import Meshed, Step, mesh_surface
 from cortet.solver_files.export import export
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
+from cortet.solver_files.meshed import facts
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.volumes import (
     TISSUE_COLUMNS,
@@ -158,6 +159,7 @@ class Mesh:
                     frame=self.surface.frame,
                     interior=self.config.transfer.interior,
                     holes=self.config.export.holes,
+                    made_from={"given": {}, "meshed": {}, **facts(self.ga, self.hemi)},
                     uncertified=force,
                 )
         except OSError as error:

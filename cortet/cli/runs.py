@@ -15,9 +15,6 @@ from cortet.errors import CortetError, InputError
 from cortet.formats.ownership import may_write
 from cortet.geometry.limits import CELL_SIZE_MM, FOLD_AGES
 
-#: weeks by which two ages of one scan may differ, rounded to weeks or not
-_SAME_SCAN = 1.0
-
 
 def add_commands(commands: Commands) -> None:
     """Add the long runs, and the commands that are used before them."""
@@ -27,7 +24,9 @@ def add_commands(commands: Commands) -> None:
     fold.add_argument(
         "--ga", type=Number(*FOLD_AGES), required=True, metavar="WEEKS", help="gestational age of the mesh"
     )
-    fold.add_argument("--hemi", choices=["L", "R"], help="half a brain, beside its other half")
+    fold.add_argument(
+        "--hemi", choices=["L", "R"], help="half a brain, beside its other half (default: as its surface said)"
+    )
     fold.add_argument(
         "--end", type=Number(*FOLD_AGES), metavar="WEEKS", help="gestational age at the end (default: 40)"
     )
@@ -128,22 +127,9 @@ def fold_command(args: argparse.Namespace) -> int:
     from cortet.simulation.fold import fold
     from cortet.simulation.journal import FILES, status
     from cortet.simulation.state import Settings
-    from cortet.solver_files.sidecar import read_sidecar
+    from cortet.solver_files.meshed import brain_of
 
-    origin = read_sidecar(args.mesh).get("made_from", {})
-    known, age = origin.get("hemisphere"), origin.get("gestational_age")
-    if age is not None and abs(args.ga - age) > _SAME_SCAN:
-        raise InputError(
-            f"was made for a brain of {age:g} weeks, as its sidecar says, not {args.ga:g}",
-            file=args.mesh,
-            remedy=f"use --ga {age:g}, or make the mesh again with the right age",
-        )
-    if args.hemi and known and args.hemi != known:
-        raise InputError(
-            f"was made from a surface of hemisphere {known}, as that says, not {args.hemi}",
-            file=args.mesh,
-            remedy=f"use --hemi {known}",
-        )
+    _, hemi = brain_of(args.mesh, args.ga, args.hemi)
     for name in (*FILES, NUMBERS, PICTURE, FILM):  # before the work
         may_write(args.output / name)
     if args.threads:
@@ -157,13 +143,13 @@ def fold_command(args: argparse.Namespace) -> int:
     if args.real:
         data["fold"]["real_surfaces"] = (data["fold"].get("real_surfaces") or {}) | dict(args.real)
     config = load(data)
-    values = config.arguments("fold", {"gestational_age": args.ga, "hemisphere": args.hemi})
-    real = config.fold.real_surfaces_of(args.hemi)
+    values = config.arguments("fold", {"gestational_age": args.ga, "hemisphere": hemi})
+    real = config.fold.real_surfaces_of(hemi)
     for path in real.values():  # before the work
         read_surface(path)
-        if args.hemi and (named := hemisphere_of(path)) not in (None, args.hemi):
+        if hemi and (named := hemisphere_of(path)) not in (None, hemi):
             raise InputError(
-                f"is of hemisphere {named}, as it says, not {args.hemi}",
+                f"is of hemisphere {named}, as it says, not {hemi}",
                 file=path,
                 remedy="name the surface of the same hemisphere",
             )
@@ -178,7 +164,7 @@ def fold_command(args: argparse.Namespace) -> int:
         print,
     )
     print(f"\n{verdict.reason}")
-    for path in draw(args.output, args.hemi, real):
+    for path in draw(args.output, hemi, real):
         print(f"{path}: drawn")
     return 0 if verdict.outcome == "folded" else 1
 

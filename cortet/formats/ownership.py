@@ -29,6 +29,8 @@ MARKER = ".cortet"
 MANIFEST = ".cortet.json"
 #: hashes that a manifest keeps per file: the current one and, in case the command is killed, the one it replaces
 _HASHES = 2
+#: what temporary names have between the number of their process and the name of the file, as a pattern
+_TEMPORARY = f"-{'[0-9a-f]' * 8}"
 #: key and value that distinguish a record from other JSON files
 _SIGNATURE = {"made_by": "cortet"}
 #: most bytes of a record or a manifest
@@ -161,6 +163,12 @@ def temporary_beside(path: Path) -> Path:
     return path.with_name(f"{_own_prefix()}{secrets.token_hex(4)}.{path.name}")
 
 
+def abandoned(folder: Path) -> list[Path]:
+    """Temporary files anywhere in the folder of a run, of processes of this machine that no longer run."""
+    found = sorted(folder.rglob(f".*{_TEMPORARY}.*"))
+    return [path for path in found if path.is_file() and not _runs(path.name[1:].partition("-")[0])]
+
+
 def is_ours(path: Path) -> bool:
     """Whether the manifest of its folder lists a file with its current SHA-256."""
     if not path.is_file() or path.is_symlink():
@@ -274,6 +282,17 @@ def _refuse_input(path: Path, guard: _Guard) -> None:
 def _own_prefix() -> str:
     """Beginning of the temporary names of this process."""
     return f".{os.getpid()}-"
+
+
+def _runs(process: str) -> bool:
+    """Whether a process of this number may run; true of what is no number."""
+    try:
+        os.kill(int(process), 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError, ValueError):  # another user's, or a file that is not cortet's
+        return True
+    return True
 
 
 def _identity(path: Path) -> tuple[int, int] | None:

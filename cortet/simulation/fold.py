@@ -13,7 +13,7 @@ import numpy as np
 
 from cortet.errors import place_mm
 from cortet.formats.atomic import write_json
-from cortet.formats.ownership import delete
+from cortet.formats.ownership import abandoned, delete
 from cortet.formats.tables import write_table
 from cortet.formats.tsv import write_tsv
 from cortet.meshes import TetMesh
@@ -191,6 +191,7 @@ class Journal:
     def resumed(self, run: Run) -> Moment:
         """The moment of the last checkpoint, or the beginning; then files of another run in the folder are deleted."""
         moment = beginning(run)
+        delete(*abandoned(self.folder))
         last = load_checkpoint(self.checkpoint, self.fingerprint)
         if last is None:
             rest = (self.folder / name for name in (VERDICT, SERIES, CHECKPOINT))

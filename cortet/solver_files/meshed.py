@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from cortet.errors import InputError
 from cortet.formats.gifti import hemisphere_of, read_surface, write_surface
@@ -18,6 +18,9 @@ from cortet.formats.ownership import json_of
 from cortet.geometry.nesting import nested, sheets
 from cortet.meshes import BRAIN, OUTERMOST, TriSurface, region_names
 from cortet.solver_files.sidecar import read_sidecar, sidecar_path
+
+#: weeks by which two ages of one scan may differ, rounded to weeks or not
+_SAME_SCAN = 1.0
 
 
 def write_meshed(surface: TriSurface, mesh: Path) -> dict[str, Path]:
@@ -70,7 +73,8 @@ def require_own_stem(
     beside = mesh.parent.iterdir() if mesh.parent.is_dir() else ()
     others = [file for file in beside if file.name.removesuffix(file.suffix) == stem and file.name != mesh.name]
     for other in others:
-        if sidecar_path(other).is_file() and (record := read_sidecar(other).get("made_from")):
+        record = read_sidecar(other).get("made_from") if sidecar_path(other).is_file() else None
+        if record and record["given"]:
             certificate = json_of(certificate_path(mesh))
             size = certificate.get("parameters", {}).get("generate", {}).get("cell_size", cell_size)
             hashes = {region: one["sha256"] for region, one in record["given"].items()}
@@ -110,8 +114,41 @@ def made_from(
         }
         for kind, files in {"given": given, "meshed": meshed}.items()
     }
-    facts = {"hemisphere": hemisphere, "gestational_age": age}
-    return {**surfaces, **{name: value for name, value in facts.items() if value is not None}}
+    return {**surfaces, **facts(age, hemisphere)}
+
+
+def facts(age: float | None, hemisphere: Literal["L", "R"] | None) -> dict[str, Any]:
+    """The entries of `made_from` about the brain, as far as they are known; `age` in weeks."""
+    return {
+        name: value for name, value in {"hemisphere": hemisphere, "gestational_age": age}.items() if value is not None
+    }
+
+
+def brain_of(
+    mesh: Path, age: float | None, hemisphere: Literal["L", "R"] | None
+) -> tuple[float | None, Literal["L", "R"] | None]:
+    """Gestational age, weeks, and hemisphere of a mesh: those given, or else those that its sidecar records.
+
+    Raises
+    ------
+    InputError
+        the sidecar records others than those given
+    """
+    origin = read_sidecar(mesh).get("made_from") or {}
+    known, side = origin.get("gestational_age"), origin.get("hemisphere")
+    if age is not None and known is not None and abs(age - known) > _SAME_SCAN:
+        raise InputError(
+            f"was made for a brain of {known:g} weeks, as its sidecar says, not {age:g}",
+            file=mesh,
+            remedy=f"give the age {known:g}, or make the mesh again with the right age",
+        )
+    if hemisphere and side and hemisphere != side:
+        raise InputError(
+            f"was made from a surface of hemisphere {side}, as its sidecar says, not {hemisphere}",
+            file=mesh,
+            remedy=f"give the hemisphere {side}",
+        )
+    return known if age is None else age, hemisphere or side
 
 
 def moved(record: Mapping[str, Any] | None, source: Path, target: Path) -> dict[str, Any] | None:

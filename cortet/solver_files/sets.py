@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, OUTER_SURFACE
-from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, interfaces
 from cortet.meshes import AROUND, BRAIN, REGION, IntArray, MeshSets, TetMesh, is_brain, region_names
 
@@ -213,15 +213,16 @@ def _label_name(field: str, key: int, names: Mapping[int, str], taken: Collectio
 
 def _is_cortex(mesh: TetMesh, faces: IntArray, depth: float, thickness: str | None) -> NDArray[np.bool_]:
     centroids = mesh.points[mesh.cells].mean(axis=1)
-    nearest = closest_points(surface_tree(mesh.points, faces), centroids)
+    tree = surface_tree(mesh.points, faces)
     if thickness is None:
-        return nearest.distances < depth
+        return closer_than(tree, centroids, depth)
     values = mesh.point_data.get(thickness)
     if values is None or values.ndim != 1 or _is_label(values):
         raise InputError(
             f"the mesh has no scalar field {thickness} for the depth of the cortex",
             remedy=_known(mesh.point_data),
         )
+    nearest = closest_points(tree, centroids)
     there = np.einsum("kc,kc->k", nearest.barycentric, values[faces[nearest.faces]])
     return nearest.distances < there
 

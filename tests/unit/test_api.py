@@ -235,6 +235,11 @@ def test_a_mesh_folds_from_the_age_it_was_made_at(made: cortet.Mesh, tmp_path: P
     assert "no element inverted" in folded._repr_html_()
     kept = cortet.fold(made, folder=tmp_path / "run", end=24.1, thickness=3.0, progress=False)
     assert (kept.folder / "fold.tsv").exists()
+    saved = made.save(tmp_path / "made.inp")
+    read = cortet.fold(saved, end=24.1, thickness=3.0, progress=False)
+    assert read.table["gestational_age"].iloc[0] == pytest.approx(24) and read.hemi == made.hemi
+    with pytest.raises(InputError, match="was made for a brain of 24 weeks, as its sidecar says, not 30"):
+        cortet.fold(saved, 30)
     with pytest.raises(InputError, match="is a file"):
         cortet.fold(made, folder=kept.folder / "fold.tsv")
     with pytest.raises(InputError, match="24 are not an early and a later age"):

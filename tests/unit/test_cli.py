@@ -408,5 +408,7 @@ def test_a_fold_of_the_other_hemisphere_or_age_than_the_files_is_refused(
         assert main([*command, "--ga", "28", "--hemi", "R"]) == 1
         assert "was made from a surface of hemisphere L" in capsys.readouterr().err
         assert main([*command, "--ga", "22", "--hemi", "L"]) == 1
-        assert "was made for a brain of 28 weeks, as its sidecar says, not 22 (use --ga 28" in capsys.readouterr().err
+        assert (
+            "was made for a brain of 28 weeks, as its sidecar says, not 22 (give the age 28," in capsys.readouterr().err
+        )
     assert not (tmp_path / "folded").exists()

@@ -6,6 +6,7 @@ import contextlib
 import csv
 import json
 import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -190,6 +191,19 @@ def test_a_killed_run_resumes_and_ends_with_the_same_bits(
     fold(ball, tmp_path, QUICK, lambda measurements, part, seconds: resumed.append(measurements.step))
     assert resumed[0] == reached[3]  # not from the beginning
     assert contents(tmp_path) == contents(finished[0])
+
+
+def test_what_a_killed_process_was_writing_is_deleted_by_the_next(ball: TetMesh, tmp_path: Path) -> None:
+    for path in (tmp_path / "checkpoint.npz", tmp_path / "frames/frame_0001.vtu"):
+        path.parent.mkdir(exist_ok=True)
+        write = "from pathlib import Path; import os, sys; from cortet.formats.atomic import atomic_path\n"
+        write += "with atomic_path(sys.argv[1]) as temporary: temporary.write_bytes(b'half'); os._exit(9)"
+        subprocess.run([sys.executable, "-c", write, path], check=False)
+    mine = tmp_path / ".notes-of-mine.txt"
+    mine.touch()
+    assert len(list(tmp_path.rglob(".*"))) == 3
+    fold(ball, tmp_path, Settings(22.0, end=22.2, thickness=3.0))
+    assert list(tmp_path.rglob(".*")) == [mine]
 
 
 @pytest.fixture
