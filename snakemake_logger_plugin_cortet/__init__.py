@@ -100,6 +100,8 @@ class Progress:
         if self.began is None or done < max(total / 10, 1) or done == total:
             return ""
         seconds = (self.clock() - self.began) / done * (total - done)
+        if seconds < 30:
+            return ", nearly done"
         return f", about {seconds / 60:.0f} min left" if seconds > 90 else ", about a minute left"
 
     def _done(self, known: Mapping[str, Any]) -> str:

@@ -104,8 +104,10 @@ def test_the_time_that_is_left_follows_from_the_jobs_that_are_done() -> None:
     assert run.left() == ""
     run.jobs = (20, 100)
     assert run.left() == ", about 40 min left"
-    run.jobs = (99, 100)
+    run.jobs = (90, 100)
     assert run.left() == ", about a minute left"
+    run.jobs = (99, 100)
+    assert run.left() == ", nearly done"
     run.jobs = (100, 100)
     assert run.left() == ""
 
