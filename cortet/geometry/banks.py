@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cortet.geometry.closest_point import closest_points, tree_of
+from cortet.geometry.closest_point import closer_than, closest_points, tree_of
 from cortet.geometry.topology import edges, face_normals
-from cortet.meshes import FloatArray, TriSurface
+from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: most rounds in which balls shrink; they stop changing after a few
 _ROUNDS = 20
@@ -38,18 +38,15 @@ class Banks:
 
 def banks(boundary: TriSurface, surface: TriSurface) -> Banks:
     """Compare the gaps in front of the faces of a boundary with the gaps of its surface at the nearest points."""
-    start, end = boundary.points[edges(boundary.faces)].transpose(1, 0, 2)
-    widest = float(np.linalg.norm(start - end, axis=1).mean())
-    centres = boundary.points[boundary.faces].mean(axis=1)
-    own = gaps(boundary, centres, _unit(face_normals(boundary.points, boundary.faces)), widest)
+    widest = _mean_edge(boundary)
+    centres, normals = _fronts(boundary)
+    own = gaps(boundary, centres, normals, widest)
     narrow = np.flatnonzero(own < widest)
     if not len(narrow):
         x, y, z = centres[0].tolist()
         return Banks(1.0, widest, widest, (x, y, z), widest)
-    found = closest_points(tree_of(surface), centres[narrow])
-    normals = _unit(face_normals(surface.points, surface.faces))[found.faces]
-    given = gaps(surface, found.points, normals, widest)
-    share = own[narrow] / np.maximum(given, np.finfo(float).tiny)
+    given = _given(surface, centres[narrow], widest)
+    share = own[narrow] / given
     worst = int(share.argmin())
     x, y, z = centres[narrow[worst]].tolist()
     return Banks(
@@ -59,6 +56,34 @@ def banks(boundary: TriSurface, surface: TriSurface) -> Banks:
         place_mm=(x, y, z),
         widest_mm=widest,
     )
+
+
+def slits(boundary: TriSurface, surface: TriSurface, least_share: float) -> IntArray:
+    """Faces of a boundary with a gap in front of them below a share of that of its surface: (k,) int32, ascending."""
+    widest = _mean_edge(boundary)
+    centres, normals = _fronts(boundary)
+    radius = least_share * widest / 2  # of a ball that fits in front of every other face, and of some of these
+    touched = closer_than(tree_of(boundary), centres + radius * normals, (1 - _TOUCHES) * radius)
+    close = np.flatnonzero(touched).astype(np.int32)
+    own = gaps(boundary, centres[close], normals[close], widest)
+    return close[own < least_share * _given(surface, centres[close], widest)]
+
+
+def _mean_edge(surface: TriSurface) -> float:
+    start, end = surface.points[edges(surface.faces)].transpose(1, 0, 2)
+    return float(np.linalg.norm(start - end, axis=1).mean())
+
+
+def _fronts(surface: TriSurface) -> tuple[FloatArray, FloatArray]:
+    """Centres (m, 3) of the faces, mm, and their outward unit normals (m, 3)."""
+    return surface.points[surface.faces].mean(axis=1), _unit(face_normals(surface.points, surface.faces))
+
+
+def _given(surface: TriSurface, places: FloatArray, widest: float) -> FloatArray:
+    """Gaps of the surface at the points of it that are nearest to places (k, 3) mm, at most `widest`: (k,) mm."""
+    found = closest_points(tree_of(surface), places)
+    normals = _unit(face_normals(surface.points, surface.faces))[found.faces]
+    return np.maximum(gaps(surface, found.points, normals, widest), np.finfo(float).tiny)
 
 
 def gaps(surface: TriSurface, places: FloatArray, normals: FloatArray, widest: float) -> FloatArray:

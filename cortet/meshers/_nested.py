@@ -16,7 +16,9 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from cortet.errors import StageError
+from cortet.geometry.banks import slits
 from cortet.geometry.closest_point import tree_of
+from cortet.geometry.limits import LEAST_BANK_GAP
 from cortet.geometry.nesting import joined, parents, region_boundary, sheets
 from cortet.geometry.thickness import thickness
 from cortet.geometry.topology import TET_FACES, enclosed_volume, neighbours, packed, vertex_normals
@@ -88,21 +90,23 @@ def wanted(
 
 
 def remesh_apart(surface: TriSurface, want: Sequence[Wanted]) -> list[Remeshed]:
-    """Remesh all surfaces; then repeat, finer and nearer to them, around triangles that cross or are flat.
+    """Remesh all surfaces; then repeat, finer and nearer to them, around triangles that cross, are flat or close a gap.
 
-    After a few rounds the last result is returned, in which some such triangles may remain.
+    A gap is closed if the certificate would refuse what is left of it. After a few rounds the last result is returned,
+    in which some such triangles may remain.
     """
     every, wants = sheets(surface), list(want)
     made = [remesh(one, its) for one, its in zip(every, wants, strict=True)]
     for number in range(2, ROUNDS + 1):
         both = joined([one.surface for one in made])
-        bad = unsound(both)
+        # the triangles of the outer surface come first
+        bad = np.union1d(unsound(both), slits(made[0].surface, every[0], LEAST_BANK_GAP))
         if not len(bad):
             break
         corners = both.faces[bad]
         centres = both.points[corners].mean(axis=1)
         radius = REACH * np.concatenate([one.size for one in made])[corners].max(axis=1)
-        logger.info("%d triangles cross or are flat: again, finer around them", len(bad))
+        logger.info("%d triangles cross, are flat or close a gap: again, finer around them", len(bad))
         for sheet, one in enumerate(every):
             tighter = tightened(one, wants[sheet], centres, radius)
             again = made[sheet] if tighter is wants[sheet] else remesh(one, tighter)

@@ -1,8 +1,9 @@
-"""Optimise a mesh so that its boundary neither crosses itself nor leaves the surface it slides on.
+"""Optimise a mesh so that its boundary neither crosses itself, closes a gap nor leaves the surface it slides on.
 
 A local check cannot see the opposite bank of a narrow sulcus, nor a thin crest that vertices on both sides slide away
-from. So the whole boundary is checked afterwards. Where it crosses itself or has left a part of the surface behind, the
-changes around that spot are undone, and the optimisation is repeated there with the vertices of the spot held.
+from. So the whole boundary is checked afterwards. Where it crosses itself, has nearly closed a gap of the surface or
+has left a part of the surface behind, the changes around that spot are undone, and the optimisation is repeated there
+with the vertices of the spot held.
 """
 
 from __future__ import annotations
@@ -10,14 +11,17 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cortet.geometry import topology
+from cortet.geometry.banks import slits
 from cortet.geometry.closest_point import closer_than, closest_points, tree_of
 from cortet.geometry.intersection import self_intersections
+from cortet.geometry.limits import LEAST_BANK_GAP
 from cortet.measure.lost import surface_samples
 from cortet.meshes import IntArray, TetMesh, TriSurface
 from cortet.optimise.backing_off import back_off
@@ -45,17 +49,22 @@ def crossing_faces(mesh: TetMesh) -> IntArray:
     return topology.boundary_faces(mesh)[self_intersections(topology.boundary_surface(mesh)[0])]
 
 
+def _closing_faces(surface: TriSurface, mesh: TetMesh) -> IntArray:
+    """Boundary faces in front of which a gap of the surface is closed so far that the certificate would refuse it."""
+    return topology.boundary_faces(mesh)[slits(topology.boundary_surface(mesh)[0], surface, LEAST_BANK_GAP)]
+
+
 class Flaws(NamedTuple):
     """What became worse in the boundary of a mesh since an earlier one, (k, 3) int32 node indices each."""
 
-    #: faces that cross other faces
-    crossed: IntArray
+    #: faces that cross other faces or close a gap of the surface
+    met: IntArray
     #: corners of the faces of the earlier boundary, nearest first, whose points of the surface are now left behind
     left: IntArray
 
     def __bool__(self) -> bool:
         """Whether there are any flaws."""
-        return len(self.crossed) > 0 or len(self.left) > 0
+        return len(self.met) > 0 or len(self.left) > 0
 
     def to_hold(self, held: IntArray) -> IntArray:
         """For each spot left behind, its nearest vertex that is not `held` yet: (k,) int32."""
@@ -68,13 +77,21 @@ def flaws_since(
 ) -> Callable[[TetMesh], Flaws]:
     """A function that finds the flaws of a mesh made from `mesh`, apart from those that `mesh` has already."""
     left_in = _nothing_left if surface is None else _left_behind(mesh, surface, cell_size)
+    finders: list[Callable[[TetMesh], IntArray]] = [crossing_faces]
+    if surface is not None:
+        finders.append(partial(_closing_faces, surface))
 
     def flaws(result: TetMesh) -> Flaws:
-        crossing = crossing_faces(result)
-        new = len(crossing) and len(crossing) > len(crossing_faces(mesh))
-        return Flaws(crossing if new else crossing[:0], left_in(result))
+        met = np.concatenate([_new(find, mesh, result) for find in finders])
+        return Flaws(met, left_in(result))
 
     return flaws
+
+
+def _new(find: Callable[[TetMesh], IntArray], before: TetMesh, after: TetMesh) -> IntArray:
+    """What is found after, if it is more than before; otherwise nothing."""
+    found = find(after)
+    return found if len(found) and len(found) > len(find(before)) else found[:0]
 
 
 def without_crossing(
@@ -87,8 +104,9 @@ def without_crossing(
 ) -> tuple[TetMesh, Report, IntArray]:
     """Call `optimise(mesh, held)`, then repeat it around spots of the boundary that it spoils, until none are left.
 
-    The boundary must not cross itself. If a `surface` is given, the boundary must not leave its points farther behind
-    than `MOST_LEFT_BEHIND`. Flaws that `mesh` has already do not count.
+    The boundary must not cross itself. If a `surface` is given, the boundary must not close its gaps to less than
+    `LEAST_BANK_GAP`, nor leave its points farther behind than `MOST_LEFT_BEHIND`. Flaws that `mesh` has already do not
+    count.
 
     Parameters
     ----------
@@ -109,10 +127,10 @@ def without_crossing(
     for number in range(_ROUNDS + _LAST_ROUNDS):
         if not flaws:
             break
-        touched = np.isin(mesh.cells, flaws.crossed).any(axis=1)
+        touched = np.isin(mesh.cells, flaws.met).any(axis=1)
         sliding = flaws.to_hold(held) if number < _ROUNDS else flaws.left
         spoilt = np.union1d(mesh.cells[touched], sliding)
-        what = f"{len(flaws.crossed)} boundary faces cross, {len(flaws.left)} places are left behind"
+        what = f"{len(flaws.met)} boundary faces cross or close a gap, {len(flaws.left)} places are left behind"
         logger.info("%s: undone there, %d vertices held in place", what, len(np.union1d(held, spoilt)))
         # a vertex that slid away first goes half-way back: at its start, its tetrahedra were bad
         earlier = mesh if number else _half_way(mesh, result, sliding, surface)
@@ -148,7 +166,7 @@ def _half_way(before: TetMesh, after: TetMesh, vertices: NDArray[np.integer], su
 
 def _warn(mesh: TetMesh, flaws: Flaws) -> None:
     """Log the flaws that remain after all rounds, and where."""
-    words = "boundary faces cross", "places of the surface are left behind"
+    words = "boundary faces cross or close a gap", "places of the surface are left behind"
     for faces, what in zip(flaws, words, strict=True):
         if len(faces):
             x, y, z = mesh.points[faces[0]].mean(axis=0)

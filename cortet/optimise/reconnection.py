@@ -165,7 +165,7 @@ def searched(
         tried = better_of_each(best, _best_tries(only(best, again), stiffer, surface, threshold, boundary))
         result = put_back(mesh, part, tried)
         flaws = flaws_of(result)
-        crossing = result.points[flaws.crossed.ravel()]
+        crossing = result.points[flaws.met.ravel()]
         spoilt = places_at(tried, np.concatenate([crossing, mesh.points[flaws.left[:, 0]]]))
         best = mixed(tried, best, spoilt)
         held = np.union1d(held, np.concatenate([flaws.to_hold(held), nodes_near(part, crossing)])).astype(np.int32)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from cortet.geometry.closest_point import SurfaceTree
     from cortet.measure.fidelity import Distances
 
-VERSION: int = 7
+VERSION: int = 8
 
 Method = Literal["laplacian", "workbench"]
 

@@ -22,7 +22,7 @@ from cortet.stages.stage import Certificate, Stage, parameters_of
 if TYPE_CHECKING:
     from cortet.geometry.closest_point import SurfaceTree
 
-VERSION: int = 5
+VERSION: int = 6
 
 #: boundary nodes nearer than this (mm) lie on the surface; CGAL leaves them up to 2e-6 mm off
 ON_SURFACE_MM = 1e-4

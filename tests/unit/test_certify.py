@@ -14,7 +14,7 @@ from shapes import horseshoe
 from wrong_meshes import sound, with_slit
 
 from cortet.errors import InputError
-from cortet.geometry.banks import banks, gaps
+from cortet.geometry.banks import banks, gaps, slits
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import Certificate, certify
 from cortet.measure.checks import LOSS_REMEDY, for_cell_size, for_mesher, judged
@@ -194,7 +194,11 @@ def test_a_gap_that_the_surface_has_is_no_slit() -> None:
     end = 0.3 / 5 / 2  # radians
     place, normal = np.array([[np.cos(end), np.sin(end), 0]]) * 5, np.array([[np.sin(end), -np.cos(end), 0]])
     assert gaps(narrow, place, normal, 2.0) == pytest.approx([0.3], rel=1e-3)
-    assert banks(horseshoe(0.006), narrow).least_share < 0.03
+    closed = horseshoe(0.006)
+    assert banks(closed, narrow).least_share < 0.03
+    faces = slits(closed, narrow, 0.03)
+    assert len(faces) and np.abs(closed.points[closed.faces[faces]].mean(axis=1)[:, 1]).max() < 0.01  # of both ends
+    assert not len(slits(narrow, narrow, 0.03)) and not len(slits(closed, narrow, 0.01))
 
 
 def test_centres_of_faces_far_from_the_surface_are_refused(mesh: TetMesh, surface: TriSurface) -> None:

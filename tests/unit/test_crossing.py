@@ -9,6 +9,8 @@ import pytest
 from shapes import horseshoe
 
 from cortet.geometry import topology
+from cortet.geometry.banks import banks as smallest
+from cortet.geometry.limits import LEAST_BANK_GAP
 from cortet.meshes import IntArray, TetMesh, TriSurface
 from cortet.optimise import crossing
 from cortet.optimise.crossing import Flaws, crossing_faces, flaws_since, without_crossing
@@ -67,6 +69,27 @@ def test_vertices_that_cross_are_held_and_the_others_still_move(mesh: TetMesh) -
     assert result.points[elsewhere, 0] == mesh.points[elsewhere, 0] + 0.01
 
 
+def test_banks_that_almost_close_their_gap_are_held_though_nothing_crosses(mesh: TetMesh, surface: TriSurface) -> None:
+    nodes = topology.boundary_nodes(mesh)
+    banks = nodes[(np.abs(mesh.points[nodes, 1]) <= GAP) & (mesh.points[nodes, 0] > 3.5)]
+    numbered = replace(mesh, point_data={"number": np.arange(len(mesh.points))})
+
+    def close(start: TetMesh, held: IntArray) -> tuple[TetMesh, None]:
+        points = start.points.copy()
+        moved = np.setdiff1d(np.flatnonzero(np.isin(start.point_data["number"], banks)), held)
+        points[moved, 1] *= 0.002
+        return replace(start, points=points), None
+
+    def least_share(of: TetMesh) -> float:
+        return smallest(topology.boundary_surface(of)[0], surface).least_share
+
+    closed, _ = close(numbered, np.zeros(0, np.int32))
+    assert len(crossing_faces(closed)) == 0 and least_share(closed) < LEAST_BANK_GAP < least_share(mesh)
+    result, _, held = without_crossing(numbered, close, surface, cell_size=1.2)
+    assert len(crossing_faces(result)) == 0 and least_share(result) >= LEAST_BANK_GAP and np.isin(held, banks).any()
+    assert not flaws_since(closed, surface, 1.2)(closed).met.size  # what is there from the beginning does not count
+
+
 def test_what_crosses_whatever_is_held_stays_undone(mesh: TetMesh) -> None:
     result, _, held = without_crossing(mesh, lambda start, _: (crossed(start), None))
     assert len(crossing_faces(crossed(mesh))) > 0 == len(crossing_faces(result)) and len(held) > 0
@@ -87,7 +110,7 @@ def test_a_crest_that_vertices_slide_away_from_is_held_by_the_vertex_that_covere
     flaws = flaws_since(mesh, surface, cell_size=0.6)
     assert not flaws(mesh)
     found = flaws(replace(mesh, points=points))
-    assert not len(found.crossed) and found.to_hold(np.zeros(0, np.int32)).tolist() == [top]
+    assert not len(found.met) and found.to_hold(np.zeros(0, np.int32)).tolist() == [top]
     assert not flaws_since(mesh, surface, cell_size=5.0)(replace(mesh, points=points))
 
 
