@@ -163,9 +163,9 @@ def temporary_beside(path: Path) -> Path:
     return path.with_name(f"{_own_prefix()}{secrets.token_hex(4)}.{path.name}")
 
 
-def abandoned(folder: Path) -> list[Path]:
-    """Temporary files anywhere in the folder of a run, of processes of this machine that no longer run."""
-    found = sorted(folder.rglob(f".*{_TEMPORARY}.*"))
+def abandoned(folder: Path, *names: str) -> list[Path]:
+    """Temporary files in a folder, for files of these names or patterns, whose processes no longer run."""
+    found = sorted(path for name in names for path in folder.glob(f".*{_TEMPORARY}.{name}"))
     return [path for path in found if path.is_file() and not _runs(path.name[1:].partition("-")[0])]
 
 

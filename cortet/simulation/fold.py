@@ -24,6 +24,7 @@ from cortet.simulation.growth import age_of, time_of
 from cortet.simulation.growth_map import ages_of_maps
 from cortet.simulation.journal import (
     CHECKPOINT,
+    FILES,
     SECONDS,
     SERIES,
     SIDECAR,
@@ -47,6 +48,8 @@ VERSION: int = 7
 
 #: wall time between two checkpoints, and between two updates of the tables
 _CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0
+#: names of frames
+_FRAMES = "frame_*.vtu"
 #: weeks by which two ages may differ and be the same
 SAME_AGE = 1e-6
 #: weeks by which the age in the name of a field may be rounded
@@ -191,11 +194,11 @@ class Journal:
     def resumed(self, run: Run) -> Moment:
         """The moment of the last checkpoint, or the beginning; then files of another run in the folder are deleted."""
         moment = beginning(run)
-        delete(*abandoned(self.folder))
+        delete(*abandoned(self.folder, *FILES), *abandoned(self.folder / "frames", _FRAMES))
         last = load_checkpoint(self.checkpoint, self.fingerprint)
         if last is None:
             rest = (self.folder / name for name in (VERDICT, SERIES, CHECKPOINT))
-            delete(*sorted(self.folder.glob("frames/frame_*.vtu")), *rest)
+            delete(*sorted(self.folder.glob(f"frames/{_FRAMES}")), *rest)
             return moment
         logger.info("resumed at step %d, time %.3f", last.step, last.time)
         self.rows, self.frames, self.seconds = last.rows, last.frames, last.seconds

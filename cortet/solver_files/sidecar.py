@@ -118,7 +118,7 @@ class _MadeFrom(BaseModel):
     given: dict[str, _Surface]
     meshed: dict[str, _Surface]
     hemisphere: Literal["L", "R"] | None = None
-    gestational_age: Annotated[float, Field(allow_inf_nan=False)] | None = None
+    gestational_age: Annotated[float, Field(strict=True, allow_inf_nan=False)] | None = None
 
 
 class _Record(BaseModel):

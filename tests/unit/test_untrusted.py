@@ -162,6 +162,7 @@ def test_a_field_named_as_a_path_writes_nothing_elsewhere(mesh, tmp_path: Path) 
         ("units", 3),
         ("coordinate_system", {"matrix": [1]}),
         ("nodes_sha256", None),
+        ("made_from", {"given": {}, "meshed": {}, "gestational_age": "28"}),
         ("coordinate_system", {"dataspace": "x", "xformspace": "x", "matrix": [float("inf")] * 16}),
     ],
 )
