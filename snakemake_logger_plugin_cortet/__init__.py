@@ -100,7 +100,7 @@ class Progress:
         if self.began is None or done < max(total / 10, 1) or done == total:
             return ""
         seconds = (self.clock() - self.began) / done * (total - done)
-        if seconds < 30:
+        if seconds < 30 and done > total / 2:  # the first jobs of a cohort are its shortest
             return ", nearly done"
         return f", about {seconds / 60:.0f} min left" if seconds > 90 else ", about a minute left"
 

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.api.given import SurfaceLike, surface
+from cortet.api.given import SurfaceLike, require_hemisphere, surface
 from cortet.api.meshing import Mesh, image, say, tetrahedra
 from cortet.config import load
 from cortet.errors import InputError
+from cortet.geometry.limits import FOLD_AGES, require_within
 from cortet.meshes import TetMesh, region_names
 
 if TYPE_CHECKING:
@@ -113,7 +114,7 @@ def fold(
 
     Raises
     ------
-    InputError : the age is unknown, the sidecar of a file records another, or the mesh cannot be folded
+    InputError : the age is unknown, the mesh was made for another age or hemisphere, or it cannot be folded
     """
     import pandas as pd
 
@@ -122,10 +123,15 @@ def fold(
     from cortet.simulation.journal import TABLE, per_percent
     from cortet.simulation.plausible import refuse_shell
     from cortet.simulation.state import Settings as FoldSettings
-    from cortet.solver_files.meshed import brain_of
+    from cortet.solver_files.meshed import brain_of, require_same_brain
 
+    require_hemisphere(hemi)
+    if ga is not None:
+        require_within(ga, FOLD_AGES, "the gestational age in weeks")
+    mesh = tetrahedra(made)
     if isinstance(made, Mesh):
         refuse_shell(region_names(made.surface.inner))
+        require_same_brain((ga, hemi), (made.ga, made.hemi))
         ga, hemi = made.ga if ga is None else ga, hemi or made.hemi
     elif isinstance(made, str | Path):
         ga, hemi = brain_of(Path(made), ga, hemi)
@@ -137,7 +143,6 @@ def fold(
         raise InputError("is a file", file=place, remedy="give the name of a folder")
     values = load({"fold": settings}).arguments("fold", {"gestational_age": ga, "hemisphere": hemi})
     speak = progress if callable(progress) else per_percent(say)
-    mesh = tetrahedra(made)
     regions = (*values["core_regions"], *values["region_stiffness"])
     if isinstance(made, Mesh) and any(isinstance(region, str) for region in regions):
         mesh = made.named()

@@ -46,6 +46,12 @@ def surface(shape: SurfaceLike) -> TriSurface:
     )
 
 
+def require_hemisphere(hemi: Any) -> None:
+    """Raise InputError for what is no hemisphere; None is a whole brain, or unknown."""
+    if hemi not in ("L", "R", None):
+        raise InputError(f"{hemi!r} is no hemisphere", remedy='use "L", "R" or None')
+
+
 def require_named(given: Any, what: str) -> None:
     """Raise InputError for things without names."""
     if not isinstance(given, Mapping | None):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.api.given import Settings, SurfaceLike, require_fields, require_named, surface
+from cortet.api.given import Settings, SurfaceLike, require_fields, require_hemisphere, require_named, surface
 from cortet.config import Config, load, read
 from cortet.errors import InputError
 from cortet.formats import format_of, read_mesh
@@ -219,8 +219,7 @@ def mesh(
         data["generate"] = {**(data.get("generate") or {}), "cell_size": cell_size}
     config, outer, source = load(data), surface(shape), shape if isinstance(shape, str | Path) else None
     require_measurable(outer)
-    if hemi not in ("L", "R", None):
-        raise InputError(f"{hemi!r} is no hemisphere", remedy='use "L", "R" or None')
+    require_hemisphere(hemi)
     for given, what in ((inner, "inner surfaces"), (fields, "fields"), (volumes, "volumes")):
         require_named(given, what)
     of_vertices = {**outer.point_data, **(fields or {})}

@@ -22,7 +22,10 @@ def add_commands(commands: Commands) -> None:
     fold.add_argument("mesh", type=Path, metavar="MESH")
     fold.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
     fold.add_argument(
-        "--ga", type=Number(*FOLD_AGES), required=True, metavar="WEEKS", help="gestational age of the mesh"
+        "--ga",
+        type=Number(*FOLD_AGES),
+        metavar="WEEKS",
+        help="gestational age of the mesh (default: the one it was made for)",
     )
     fold.add_argument(
         "--hemi", choices=["L", "R"], help="half a brain, beside its other half (default: as its surface said)"
@@ -129,7 +132,10 @@ def fold_command(args: argparse.Namespace) -> int:
     from cortet.simulation.state import Settings
     from cortet.solver_files.meshed import brain_of
 
-    _, hemi = brain_of(args.mesh, args.ga, args.hemi)
+    mesh = read_mesh(args.mesh, whole=True)
+    age, hemi = brain_of(args.mesh, args.ga, args.hemi)
+    if age is None:
+        raise InputError("does not say for which gestational age it was made", file=args.mesh, remedy="add --ga WEEKS")
     for name in (*FILES, NUMBERS, PICTURE, FILM):  # before the work
         may_write(args.output / name)
     if args.threads:
@@ -143,7 +149,7 @@ def fold_command(args: argparse.Namespace) -> int:
     if args.real:
         data["fold"]["real_surfaces"] = (data["fold"].get("real_surfaces") or {}) | dict(args.real)
     config = load(data)
-    values = config.arguments("fold", {"gestational_age": args.ga, "hemisphere": hemi})
+    values = config.arguments("fold", {"gestational_age": age, "hemisphere": hemi})
     real = config.fold.real_surfaces_of(hemi)
     for path in real.values():  # before the work
         read_surface(path)
@@ -155,7 +161,7 @@ def fold_command(args: argparse.Namespace) -> int:
             )
     live = sys.stdout.isatty()
     verdict = fold(
-        read_mesh(args.mesh, whole=True),
+        mesh,
         args.output,
         Settings(**values),
         lambda *progress: print(

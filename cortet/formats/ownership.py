@@ -12,11 +12,13 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import re
 import secrets
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +31,8 @@ MARKER = ".cortet"
 MANIFEST = ".cortet.json"
 #: hashes that a manifest keeps per file: the current one and, in case the command is killed, the one it replaces
 _HASHES = 2
-#: what temporary names have between the number of their process and the name of the file, as a pattern
-_TEMPORARY = f"-{'[0-9a-f]' * 8}"
+#: temporary names: the number of their process, a token, and the name of the file
+_TEMPORARY = re.compile(r"\.([0-9]+)-[0-9a-f]{8}\.(.+)")
 #: key and value that distinguish a record from other JSON files
 _SIGNATURE = {"made_by": "cortet"}
 #: most bytes of a record or a manifest
@@ -163,10 +165,17 @@ def temporary_beside(path: Path) -> Path:
     return path.with_name(f"{_own_prefix()}{secrets.token_hex(4)}.{path.name}")
 
 
-def abandoned(folder: Path, *names: str) -> list[Path]:
-    """Temporary files in a folder, for files of these names or patterns, whose processes no longer run."""
-    found = sorted(path for name in names for path in folder.glob(f".*{_TEMPORARY}.{name}"))
-    return [path for path in found if path.is_file() and not _runs(path.name[1:].partition("-")[0])]
+def delete_abandoned(folder: Path, *names: str) -> None:
+    """Delete temporary files for the manifest and for files of these names or patterns, whose processes no longer run.
+
+    No manifest lists temporary files, so only their names tell that they are cortet's.
+    """
+    for path in sorted(folder.glob(".*")):
+        found = _TEMPORARY.fullmatch(path.name)
+        if not found or path.is_symlink() or not path.is_file() or _runs(int(found[1])):
+            continue
+        if any(fnmatchcase(found[2], name) for name in (MANIFEST, *names)):
+            path.unlink(missing_ok=True)
 
 
 def is_ours(path: Path) -> bool:
@@ -243,13 +252,21 @@ def _list_in_manifest(path: Path, digest: str) -> None:
 
 
 def _require_own_folder(folder: Path, *, force: bool) -> None:
-    """Raise InputError for a folder that holds files but no manifest of cortet."""
+    """Raise InputError for a folder without a manifest of cortet that holds more than a killed command leaves there."""
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError("is a file", file=folder, remedy="give the name of a folder")
-    if folder.is_dir() and not (folder / MANIFEST).is_file() and any(folder.iterdir()) and not force:
+    unlisted = folder.is_dir() and not (folder / MANIFEST).is_file()
+    if unlisted and not force and not all(_left_by_a_kill(path) for path in folder.iterdir()):
         raise InputError(
             "holds files that cortet did not make", file=folder, remedy="give an empty or a new folder, or add --force"
         )
+
+
+def _left_by_a_kill(path: Path) -> bool:
+    """Whether cortet may have made this before the manifest beside it: a temporary file, or a folder with such."""
+    if path.is_dir() and not path.is_symlink():
+        return any(one.name == MANIFEST or _TEMPORARY.fullmatch(one.name) for one in path.iterdir())
+    return _TEMPORARY.fullmatch(path.name) is not None
 
 
 def _require_short(path: Path) -> None:
@@ -284,13 +301,13 @@ def _own_prefix() -> str:
     return f".{os.getpid()}-"
 
 
-def _runs(process: str) -> bool:
-    """Whether a process of this number may run; true of what is no number."""
+def _runs(process: int) -> bool:
+    """Whether a process of this machine may run."""
     try:
-        os.kill(int(process), 0)
+        os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except (PermissionError, OverflowError, ValueError):  # another user's, or a file that is not cortet's
+    except (PermissionError, OverflowError):  # another user's, or no number of a process
         return True
     return True
 

@@ -62,7 +62,7 @@ def slits(boundary: TriSurface, surface: TriSurface, least_share: float) -> IntA
     """Faces of a boundary with a gap in front of them below a share of that of its surface: (k,) int32, ascending."""
     widest = _mean_edge(boundary)
     centres, normals = _fronts(boundary)
-    radius = least_share * widest / 2  # of a ball that fits in front of every other face, and of some of these
+    radius = least_share * widest / 2  # of a ball that fits in front of every face that is not a slit
     touched = closer_than(tree_of(boundary), centres + radius * normals, (1 - _TOUCHES) * radius)
     close = np.flatnonzero(touched).astype(np.int32)
     own = gaps(boundary, centres[close], normals[close], widest)

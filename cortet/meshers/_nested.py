@@ -92,8 +92,8 @@ def wanted(
 def remesh_apart(surface: TriSurface, want: Sequence[Wanted]) -> list[Remeshed]:
     """Remesh all surfaces; then repeat, finer and nearer to them, around triangles that cross, are flat or close a gap.
 
-    A gap is closed if the certificate would refuse what is left of it. After a few rounds the last result is returned,
-    in which some such triangles may remain.
+    A gap of the outer surface is closed if less than `LEAST_BANK_GAP` is left of it. After a few rounds the last result
+    is returned, in which some such triangles may remain.
     """
     every, wants = sheets(surface), list(want)
     made = [remesh(one, its) for one, its in zip(every, wants, strict=True)]

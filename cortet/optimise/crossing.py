@@ -50,7 +50,7 @@ def crossing_faces(mesh: TetMesh) -> IntArray:
 
 
 def _closing_faces(surface: TriSurface, mesh: TetMesh) -> IntArray:
-    """Boundary faces in front of which a gap of the surface is closed so far that the certificate would refuse it."""
+    """Boundary faces in front of which less than `LEAST_BANK_GAP` is left of a gap of the surface."""
     return topology.boundary_faces(mesh)[slits(topology.boundary_surface(mesh)[0], surface, LEAST_BANK_GAP)]
 
 
@@ -82,7 +82,7 @@ def flaws_since(
         finders.append(partial(_closing_faces, surface))
 
     def flaws(result: TetMesh) -> Flaws:
-        met = np.concatenate([_new(find, mesh, result) for find in finders])
+        met = np.unique(np.concatenate([_new(find, mesh, result) for find in finders]), axis=0)
         return Flaws(met, left_in(result))
 
     return flaws

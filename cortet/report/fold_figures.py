@@ -18,6 +18,7 @@ from matplotlib.ticker import MultipleLocator
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.gifti import hemisphere_of
+from cortet.formats.ownership import delete_abandoned
 from cortet.formats.tsv import read_tsv
 from cortet.report import published
 from cortet.report.colours import BLUE, VERMILION
@@ -85,6 +86,7 @@ def draw(folder: Path, hemisphere: str | None, real: Mapping[float, Path] | None
     ------
     InputError : the frames or a surface cannot be read
     """
+    delete_abandoned(folder, NUMBERS, PICTURE, FILM)
     save(numbers(folder / TABLE, hemisphere), folder / NUMBERS)
     frames = series(folder / SERIES)
     save(sheet(rows_of(frames, hemisphere, real or {}), hemisphere), folder / PICTURE)

@@ -13,7 +13,7 @@ import numpy as np
 
 from cortet.errors import place_mm
 from cortet.formats.atomic import write_json
-from cortet.formats.ownership import abandoned, delete
+from cortet.formats.ownership import delete, delete_abandoned
 from cortet.formats.tables import write_table
 from cortet.formats.tsv import write_tsv
 from cortet.meshes import TetMesh
@@ -194,7 +194,8 @@ class Journal:
     def resumed(self, run: Run) -> Moment:
         """The moment of the last checkpoint, or the beginning; then files of another run in the folder are deleted."""
         moment = beginning(run)
-        delete(*abandoned(self.folder, *FILES), *abandoned(self.folder / "frames", _FRAMES))
+        delete_abandoned(self.folder, *FILES)
+        delete_abandoned(self.folder / "frames", _FRAMES)
         last = load_checkpoint(self.checkpoint, self.fingerprint)
         if last is None:
             rest = (self.folder / name for name in (VERDICT, SERIES, CHECKPOINT))

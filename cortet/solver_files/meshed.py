@@ -19,6 +19,10 @@ from cortet.geometry.nesting import nested, sheets
 from cortet.meshes import BRAIN, OUTERMOST, TriSurface, region_names
 from cortet.solver_files.sidecar import read_sidecar, sidecar_path
 
+#: a hemisphere
+Hemisphere = Literal["L", "R"]
+#: gestational age, weeks, and hemisphere, where they are known
+Brain = tuple[float | None, Hemisphere | None]
 #: weeks by which two ages of one scan may differ, rounded to weeks or not
 _SAME_SCAN = 1.0
 
@@ -117,38 +121,47 @@ def made_from(
     return {**surfaces, **facts(age, hemisphere)}
 
 
-def facts(age: float | None, hemisphere: Literal["L", "R"] | None) -> dict[str, Any]:
+def facts(age: float | None, hemisphere: Hemisphere | None) -> dict[str, Any]:
     """The entries of `made_from` about the brain, as far as they are known; `age` in weeks."""
-    return {
-        name: value for name, value in {"hemisphere": hemisphere, "gestational_age": age}.items() if value is not None
-    }
+    known = {"hemisphere": hemisphere, "gestational_age": None if age is None else float(age)}
+    return {name: value for name, value in known.items() if value is not None}
 
 
-def brain_of(
-    mesh: Path, age: float | None, hemisphere: Literal["L", "R"] | None
-) -> tuple[float | None, Literal["L", "R"] | None]:
-    """Gestational age, weeks, and hemisphere of a mesh: those given, or else those that its sidecar records.
+def brain_of(mesh: Path, age: float | None, hemisphere: Hemisphere | None) -> Brain:
+    """Gestational age, weeks, and hemisphere of a mesh file: those given, or else those that its sidecar records.
+
+    A sidecar of another file, or of the mesh before it was edited, gives none.
 
     Raises
     ------
     InputError
         the sidecar records others than those given
     """
-    origin = read_sidecar(mesh).get("made_from") or {}
+    record = read_sidecar(mesh)
+    origin = record.get("made_from") or {}
     known, side = origin.get("gestational_age"), origin.get("hemisphere")
+    require_same_brain((age, hemisphere), (known, side), file=mesh)
+    if (age is None or hemisphere is None) and record.get("files") and sha256(mesh) not in record["files"].values():
+        return age, hemisphere
+    return known if age is None else age, hemisphere or side
+
+
+def require_same_brain(given: Brain, made: Brain, *, file: Path | None = None) -> None:
+    """Raise InputError if age or hemisphere differ from those that a mesh, which may come from a file, was made for."""
+    (age, hemisphere), (known, side) = given, made
+    mesh, says = ("", ", as its sidecar says") if file else ("the mesh ", "")
     if age is not None and known is not None and abs(age - known) > _SAME_SCAN:
         raise InputError(
-            f"was made for a brain of {known:g} weeks, as its sidecar says, not {age:g}",
-            file=mesh,
+            f"{mesh}was made for a brain of {known:g} weeks{says}, not {age:g}",
+            file=file,
             remedy=f"give the age {known:g}, or make the mesh again with the right age",
         )
     if hemisphere and side and hemisphere != side:
         raise InputError(
-            f"was made from a surface of hemisphere {side}, as its sidecar says, not {hemisphere}",
-            file=mesh,
-            remedy=f"give the hemisphere {side}",
+            f"{mesh}was made from a surface of hemisphere {side}{says}, not {hemisphere}",
+            file=file,
+            remedy=f"give the hemisphere {side}, or make the mesh again with the right one",
         )
-    return known if age is None else age, hemisphere or side
 
 
 def moved(record: Mapping[str, Any] | None, source: Path, target: Path) -> dict[str, Any] | None:

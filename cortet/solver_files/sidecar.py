@@ -119,6 +119,7 @@ class _MadeFrom(BaseModel):
     meshed: dict[str, _Surface]
     hemisphere: Literal["L", "R"] | None = None
     gestational_age: Annotated[float, Field(strict=True, allow_inf_nan=False)] | None = None
+    holes: list[str] = []
 
 
 class _Record(BaseModel):

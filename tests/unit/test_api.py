@@ -19,6 +19,7 @@ from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.geometry.topology import boundary_surface
 from cortet.meshes import CoordinateFrame, TriSurface
+from cortet.solver_files.sidecar import sidecar_path
 
 COARSE = 2.5
 
@@ -240,6 +241,19 @@ def test_a_mesh_folds_from_the_age_it_was_made_at(made: cortet.Mesh, tmp_path: P
     assert read.table["gestational_age"].iloc[0] == pytest.approx(24) and read.hemi == made.hemi
     with pytest.raises(InputError, match="was made for a brain of 24 weeks, as its sidecar says, not 30"):
         cortet.fold(saved, 30)
+    with pytest.raises(InputError, match="the mesh was made for a brain of 24 weeks, not 30"):
+        cortet.fold(made, 30)
+    with pytest.raises(InputError, match="'left' is no hemisphere"):
+        cortet.fold(saved, hemi="left")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="gestational age in weeks is '24', not a number"):
+        cortet.fold(saved, "24")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="nowhere.vtu: cannot be read: No such file"):
+        cortet.fold(tmp_path / "nowhere.vtu")
+    of_another = tmp_path / "of_another.inp"
+    of_another.write_text(saved.read_text() + "**\n")
+    sidecar_path(of_another).write_text(sidecar_path(saved).read_text())
+    with pytest.raises(InputError, match="gestational age of the mesh is not known"):
+        cortet.fold(of_another)
     with pytest.raises(InputError, match="is a file"):
         cortet.fold(made, folder=kept.folder / "fold.tsv")
     with pytest.raises(InputError, match="24 are not an early and a later age"):

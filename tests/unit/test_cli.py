@@ -24,8 +24,10 @@ from cortet.cohort.sheet import read_sheet
 from cortet.config import load
 from cortet.formats import braingrowth, vtu
 from cortet.formats.gifti import read_surface, write_surface
+from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface, surface_topology
 from cortet.meshes import TriSurface
+from cortet.solver_files.sidecar import sidecar_path
 
 
 @pytest.fixture
@@ -411,4 +413,24 @@ def test_a_fold_of_the_other_hemisphere_or_age_than_the_files_is_refused(
         assert (
             "was made for a brain of 28 weeks, as its sidecar says, not 22 (give the age 28," in capsys.readouterr().err
         )
+    sidecar_path(tmp_path / "x.inp").unlink()
+    assert main(["fold", str(tmp_path / "x.inp"), "-o", str(tmp_path / "folded")]) == 1
+    assert "does not say for which gestational age it was made (add --ga WEEKS)" in capsys.readouterr().err
     assert not (tmp_path / "folded").exists()
+
+
+def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(tmp_path: Path) -> None:
+    assert main(["phantom", "--ga", "24", "--subdivisions", "4", "-o", str(tmp_path / "x.surf.gii")]) == 0
+    mesh = ["mesh", str(tmp_path / "x.surf.gii"), "--ga", "24", "--cell-size", "4", "-o", str(tmp_path / "x.vtu")]
+    assert main(mesh) == 0
+    command = ["fold", str(tmp_path / "x.vtu"), "-o", str(tmp_path / "folded"), "--end", "24.1"]
+    killed = (
+        "import os, sys; from pathlib import Path; from cortet.cli import main; from cortet.simulation import fold\n"
+    )
+    killed += "fold.write_series = lambda *_: setattr(Path, 'replace', lambda *_: os._exit(9)); main(sys.argv[1:])"
+    # ends as if it were killed while it writes the file after the first frame
+    assert subprocess.run([sys.executable, "-c", killed, *command], check=False).returncode == 9
+    assert list((tmp_path / "folded").rglob(".[0-9]*"))
+    assert main(command) == 0
+    assert not list((tmp_path / "folded").rglob(".[0-9]*"))
+    assert read_tsv(tmp_path / "folded/fold.tsv").iloc[0]["gestational_age"] == "24"

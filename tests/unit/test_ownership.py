@@ -14,6 +14,7 @@ from cortet.formats.atomic import atomic_folder, atomic_path, write_json
 from cortet.formats.ownership import (
     MANIFEST,
     delete,
+    delete_abandoned,
     delete_made,
     guarded,
     has_read,
@@ -235,3 +236,29 @@ def test_a_name_beside_which_no_temporary_file_fits_is_refused(tmp_path: Path, l
     with pytest.raises(InputError, match=what), guarded([], files=[too_long]):
         raise AssertionError("it was let through")
     assert list(fits.parent.glob(f"*{fits.suffix}")) == [fits]
+
+
+def test_temporary_files_of_ended_processes_are_deleted_and_nothing_else(tmp_path: Path) -> None:
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    left = [f".{ended.pid}-0123abcd.{name}" for name in ("fold.tsv", "frame_0001.vtu", MANIFEST)]
+    kept = [
+        f".{ended.pid}-0123abcd.mesh.vtu",  # of another command
+        f".{os.getpid()}-0123abcd.fold.tsv",
+        f".{ended.pid}-20241231.csv",
+        f".{ended.pid}-notes-0123abcd.fold.tsv",
+        f". {ended.pid} -0123abcd.fold.tsv",
+        f".{10**30}-0123abcd.fold.tsv",
+        f"deep/{left[0]}",
+        "fold.tsv",
+    ]
+    (tmp_path / "deep").mkdir()
+    for name in (*left, *kept):
+        (tmp_path / name).touch()
+    link = tmp_path / f".{ended.pid}-ffffffff.fold.tsv"
+    link.symlink_to(tmp_path / "fold.tsv")
+    with guarded([], files=[tmp_path / "new"]):
+        delete_abandoned(tmp_path, "fold.tsv", "frame_*.vtu")
+    assert not any((tmp_path / name).exists() for name in left)
+    assert link.is_symlink() and all((tmp_path / name).exists() for name in kept)
+    delete_abandoned(tmp_path / "nowhere", "fold.tsv")
