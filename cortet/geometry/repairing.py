@@ -18,7 +18,7 @@ from cortet.geometry.interpolation import at_triangles
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.mending import CAP, REPLACED, Triangles
 from cortet.geometry.orientation import outward
-from cortet.geometry.topology import enclosed_volume, neighbour_means, surface_topology
+from cortet.geometry.topology import enclosed_volume, face_areas, face_normals, neighbour_means, surface_topology
 from cortet.geometry.uncrossing import uncrossed
 from cortet.meshes import FILLED, FloatArray, IntArray, TriSurface, single_precision
 
@@ -28,6 +28,9 @@ PLACES, APART_MM = 10, 5.0
 _ROUNDING = 1e-6
 #: a vertex is a spike if its distance from the middle of its neighbours exceeds this many mean edges around it
 _SPIKE = 5.0
+#: and if its faces point so differently that their normals add up to less than this share of their areas, as those of a
+#: cone do whose sides are steeper than 60 degrees; the hub of a flat fan lies off the middle without standing out
+_STEEP = 0.5
 #: the copies of a split vertex move this share of the way to the middle of their neighbours, so that they separate
 _PARTED = 0.1
 
@@ -74,13 +77,16 @@ def has_flaw(surface: TriSurface, allow_genus: int) -> bool:
 
 
 def _spikes(points: FloatArray, faces: IntArray) -> IntArray:
-    """Vertices that are far from the middle of their neighbours, relative to the edges between the neighbours."""
+    """Vertices that stand out, far from the middle of their neighbours relative to the edges between the neighbours."""
     away = np.linalg.norm(points - neighbour_means(points, faces), axis=1)
     corners = points[faces]
     opposite = np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1), axis=2)
     vertex, count = faces.ravel(), len(points)
     ring = np.bincount(vertex, opposite.ravel(), minlength=count) / np.maximum(np.bincount(vertex, minlength=count), 1)
-    return np.flatnonzero(away > _SPIKE * ring).astype(np.int32)
+    normals, area = face_normals(points, faces), np.bincount(vertex, np.repeat(face_areas(points, faces), 3), count)
+    total = [np.bincount(vertex, np.repeat(normals[:, i], 3), count) / 2 for i in range(3)]
+    steep = np.linalg.norm(total, axis=0) < _STEEP * area
+    return np.flatnonzero((away > _SPIKE * ring) & steep).astype(np.int32)
 
 
 class BrokenSurface:

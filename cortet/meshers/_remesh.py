@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from cortet.errors import StageError, place_mm
 from cortet.geometry.closest_point import SurfaceTree, surface_tree
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import compact, edges, face_areas
 from cortet.meshers import _half_edges as half_edges
 from cortet.meshers import _triangles as triangles
-from cortet.meshers._half_edges import FLAT, Work
+from cortet.meshers._half_edges import FLAT, Scratch, Work
 from cortet.meshers._samples import Limits
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
@@ -38,6 +39,10 @@ SHARE_OF_GAP = 0.4
 #: where triangles cross, remeshing is repeated at most this often; each time, edges and distances shrink by these
 #: factors, within this multiple of the target edge length
 ROUNDS, TIGHTER_SIZE, TIGHTER_DISTANCE, REACH = 6, 0.8, 0.6, 1.0
+#: an edge longer than this multiple of its target belongs to a triangle that is long and thin, or much too large
+MUCH_TOO_LONG = 6
+#: long thin triangles may be split into this many times as many points as the targets ask for; collapses follow
+MOST_POINTS = 100
 #: factor by which targets may grow back in each round
 _EASE = 1.2
 
@@ -93,8 +98,7 @@ def remesh(surface: TriSurface, want: Wanted) -> Remeshed:
     for _ in range(ITERATIONS):
         triangles.relax(work, size, tree_faces, _EASE)
         half_edges.limit_growth(work.faces[: work.used[1]], work.points, work.size, GROWTH)
-        while (split := triangles.split_long(work, tree, scratch, limits)) < 0:
-            work = _with_room(work)
+        work, split = _split(work, tree, scratch, limits)
         collapsed = triangles.collapse_short(work, tree, scratch, limits, SHORTEST * longest)
         work = _with_room(work)
         half_edges.limit_growth(work.faces[: work.used[1]], work.points, work.size, GROWTH)
@@ -104,6 +108,32 @@ def remesh(surface: TriSurface, want: Wanted) -> Remeshed:
     live = work.faces[: work.used[1]]
     made = TriSurface(work.points[: work.used[0]], live)
     return Remeshed(made, work.size[: work.used[0]].copy(), work.samples, np.sqrt(work.distance2))
+
+
+def _split(work: Work, tree: SurfaceTree, scratch: Scratch, limits: Limits) -> tuple[Work, int]:
+    """Split long edges; return the work, with more room if it needed that, and the number of splits of the last round.
+
+    Where edges are many times too long, the longest of their triangles are split first, until none is left. In any
+    other order, long thin triangles would leave ever thinner ones.
+
+    Raises
+    ------
+    StageError : there would be more than `MOST_POINTS` times as many points as the targets and the samples ask for
+    """
+    longest = triangles.longest_edge(work) > MUCH_TOO_LONG
+    most = MOST_POINTS * (triangles.points_wanted(work) + len(work.samples)) if longest else np.inf
+    while True:
+        split = triangles.split_long(work, tree, scratch, limits, longest)
+        if split < 0 and work.used[0] > most:
+            raise StageError(
+                f"remeshing was given up at {work.used[0]:,} points, {MOST_POINTS} times what the cell size asks for, "
+                f"at last near {place_mm(work.points[work.used[0] - 1])}",
+                remedy="remesh the surface, so that it has no triangles that are long and thin",
+            )
+        if split < 0:
+            work = _with_room(work)
+        elif split == 0 or not longest:
+            return work, split
 
 
 def unsound(surface: TriSurface) -> IntArray:

@@ -51,8 +51,41 @@ _MIN_SHAPE = 0.3
 
 
 @numba.njit(cache=True)
-def split_long(w, tree, s, limits):  # type: ignore[no-untyped-def]
-    """Split the edges longer than 4/3 of the target; return the number of splits, -1 if there was no room for all."""
+def longest_edge(w):  # type: ignore[no-untyped-def]
+    """The length of an edge over its target, where that is largest."""
+    most = 0.0
+    for h in range(3 * w.used[1]):
+        if w.faces[h // 3, 0] >= 0:
+            a, b = origin_of(w, h), origin_of(w, next_of(h))
+            most = max(most, length_of(w, a, b) / min(w.size[a], w.size[b]))
+    return most
+
+
+@numba.njit(cache=True)
+def points_wanted(w):  # type: ignore[no-untyped-def]
+    """About how many points equilateral triangles of the target edge length would have."""
+    total = 0.0
+    for f in range(w.used[1]):
+        if w.faces[f, 0] >= 0:
+            nx, ny, nz = normal_of(w, f)
+            size = min(w.size[w.faces[f, 0]], w.size[w.faces[f, 1]], w.size[w.faces[f, 2]])
+            total += np.sqrt(nx * nx + ny * ny + nz * nz) / (np.sqrt(3.0) * size * size)
+    return total
+
+
+@numba.njit(cache=True)
+def _is_longest(w, h, length):  # type: ignore[no-untyped-def]
+    """Whether half-edge h, of this length, is the longest edge of its triangle, or as long as another."""
+    a, b, c = origin_of(w, h), origin_of(w, next_of(h)), origin_of(w, previous_of(h))
+    return length >= length_of(w, b, c) and length >= length_of(w, c, a)
+
+
+@numba.njit(cache=True)
+def split_long(w, tree, s, limits, longest):  # type: ignore[no-untyped-def]
+    """Split the edges longer than 4/3 of the target; return the number of splits, -1 if there was no room for all.
+
+    If `longest` is true, only those that are the longest of both their triangles: others leave thinner triangles.
+    """
     done = 0
     face_of = np.empty(4, np.int64)
     for h in range(3 * w.used[1]):
@@ -61,7 +94,10 @@ def split_long(w, tree, s, limits):  # type: ignore[no-untyped-def]
             continue
         g = w.opposite[h]
         a, b = origin_of(w, h), origin_of(w, g)
-        if g < h or length_of(w, a, b) <= LONG * min(w.size[a], w.size[b]):
+        length = length_of(w, a, b)
+        if g < h or length <= LONG * min(w.size[a], w.size[b]):
+            continue
+        if longest and not (_is_longest(w, h, length) and _is_longest(w, g, length)):
             continue
         if w.used[0] + 1 > len(w.points) or w.used[1] + 2 > len(w.faces):
             return -1

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from cortet.geometry.repairing import BrokenSurface, RepairStep
     from cortet.measure.fidelity import Distances
 
-VERSION: int = 2
+VERSION: int = 3
 
 #: how a broken surface is repaired
 Method = Literal["local", "voxel"]

@@ -16,6 +16,29 @@ def ball_surface(subdivisions: int = 3, radius: float = 5.0) -> TriSurface:
     return TriSurface(sphere.vertices, sphere.faces)
 
 
+def can(sides: int, rings: int = 1, hub: float = 0.0) -> TriSurface:
+    """A closed cylinder of radius 25 mm and length 60 mm; each end is a fan of `sides` triangles around one vertex.
+
+    Parameters
+    ----------
+    rings : number of bands of triangles along it
+    hub : mm, distance of the vertices of the fans from the axis
+    """
+    angle = 2 * np.pi * np.arange(sides) / sides
+    circle = np.column_stack([25 * np.cos(angle), 25 * np.sin(angle), np.zeros(sides)])
+    height = np.array([0, 0, 60.0])
+    points = [*(circle + height * ring / rings for ring in range(rings + 1)), [[hub, 0, 0]], [[hub, 0, 60.0]]]
+    a, last = np.arange(sides), sides * rings
+    b = np.roll(a, -1)
+    faces = [
+        np.column_stack([b, a, np.full(sides, last + sides)]),
+        np.column_stack([a + last, b + last, np.full(sides, last + sides + 1)]),
+    ]
+    for low in range(0, last, sides):
+        faces += [np.column_stack([a, b, b + sides]) + low, np.column_stack([a, b + sides, a + sides]) + low]
+    return TriSurface(np.concatenate(points), np.concatenate(faces).astype(np.int32))
+
+
 def horseshoe(gap: float, ring: float = 5.0, tube: float = 2.0, sections: int = 60, sides: int = 24) -> TriSurface:
     """A ring (radii in mm) cut open: genus 0, its flat ends facing each other across `gap` mm, like a sulcus."""
     opening = gap / ring

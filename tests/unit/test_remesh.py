@@ -5,15 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from shapes import ball_surface, bowl, horseshoe
+from shapes import ball_surface, bowl, can, horseshoe
 
+from cortet.errors import StageError
 from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.thickness import thickness
-from cortet.geometry.topology import edges, enclosed_volume, surface_topology, vertex_normals
+from cortet.geometry.topology import edges, enclosed_volume, face_areas, surface_topology, vertex_normals
+from cortet.meshers import _remesh
 from cortet.meshers._nested import remesh_apart, wanted
-from cortet.meshers._remesh import Remeshed, remesh
+from cortet.meshers._remesh import Remeshed, remesh, unsound
 from cortet.meshes import FloatArray, TriSurface
 
 
@@ -53,6 +55,22 @@ def test_a_coarser_surface_than_the_edges_is_split():
     ball = ball_surface(2, radius=10.0)
     made = remeshed(ball, 0.8).surface
     assert edge_lengths(made).max() < 1.5 and left_behind(ball, made) < 0.01 * 10
+
+
+@pytest.mark.parametrize("surface", [can(200), can(200, rings=30, hub=24.9)])
+def test_fans_of_long_thin_triangles_become_triangles_of_one_size(surface: TriSurface):
+    made = remeshed(surface, 4.0, distance=0.4).surface
+    area = face_areas(made.points, made.faces).sum()
+    assert area == pytest.approx(2 * np.pi * 25 * (25 + 60), rel=0.01)
+    assert len(made.faces) < 2 * area / (np.sqrt(3) / 4 * 4.0**2)
+    assert not len(unsound(made)) and surface_topology(made.faces).problems() == []
+    assert left_behind(surface, made) <= 0.4
+
+
+def test_remeshing_that_needs_far_too_many_points_is_given_up(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(_remesh, "MOST_POINTS", 1)
+    with pytest.raises(StageError, match=r"given up at .* points, 1 times .* near \("):
+        remeshed(can(200), 4.0)
 
 
 def test_distances_attached_are_no_less_than_those_measured():

@@ -9,7 +9,7 @@ import breakages
 import numpy as np
 import pytest
 import trimesh
-from shapes import ball_surface
+from shapes import ball_surface, can
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
@@ -65,6 +65,11 @@ def test_a_good_surface_passes_with_the_very_same_arrays(surface: TriSurface) ->
     assert report.steps == ()
     assert report.relative_volume_change == report.surface_to_file_mm.max == 0
     assert report.volume_ml == pytest.approx(enclosed_volume(surface.points, surface.faces) / 1000)
+
+
+def test_the_hub_of_a_flat_fan_is_no_spike() -> None:
+    surface = can(200, rings=30, hub=24.9)
+    assert repair(surface, source="a.stl")[0] is surface
 
 
 #: breakage -> beginning of the step that mends it, and farthest that the repaired surface is from the good one, mm
