@@ -109,7 +109,7 @@ def closer_than(tree: SurfaceTree, queries: FloatArray, distance: float) -> NDAr
     return _closer_than(tuple(tree), np.ascontiguousarray(queries, dtype=np.float64), distance)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _build(corners: NDArray[np.float64]):  # type: ignore[no-untyped-def]
     """Split boxes at the median centroid along their longest side until each leaf is small enough."""
     m = len(corners)
@@ -146,7 +146,7 @@ def _build(corners: NDArray[np.float64]):  # type: ignore[no-untyped-def]
     return order, boxes[:used].copy(), child[:used].copy(), size[:used].copy()
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _partition(order, centroids, axis, lo, hi, middle):  # type: ignore[no-untyped-def]
     """Arrange order[lo:hi] so that no centroid before `middle` exceeds one at or after it (Hoare, FIND)."""
     hi -= 1
@@ -170,7 +170,7 @@ def _partition(order, centroids, axis, lo, hi, middle):  # type: ignore[no-untyp
             return
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _box_distance2(boxes, box, x, y, z):  # type: ignore[no-untyped-def]
     dx = max(boxes[box, 0] - x, 0.0, x - boxes[box, 3])
     dy = max(boxes[box, 1] - y, 0.0, y - boxes[box, 4])
@@ -178,7 +178,7 @@ def _box_distance2(boxes, box, x, y, z):  # type: ignore[no-untyped-def]
     return dx * dx + dy * dy + dz * dz
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def on_triangle(c, x, y, z):  # type: ignore[no-untyped-def]
     """Barycentric weights of the point of triangle `c` (9 coordinates) closest to (x, y, z).
 
@@ -217,7 +217,7 @@ def on_triangle(c, x, y, z):  # type: ignore[no-untyped-def]
     return 1 - v - w, v, w
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def triangle_normal(c):  # type: ignore[no-untyped-def]
     """Unit normal of triangle `c` (9 coordinates); NaN if it has no area."""
     ux, uy, uz = c[3] - c[0], c[4] - c[1], c[5] - c[2]
@@ -227,7 +227,7 @@ def triangle_normal(c):  # type: ignore[no-untyped-def]
     return nx / length, ny / length, nz / length
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def closest_point(tree, x, y, z, hint):  # type: ignore[no-untyped-def]
     """Nearest point of the surface to (x, y, z).
 
@@ -276,7 +276,7 @@ def closest_point(tree, x, y, z, hint):  # type: ignore[no-untyped-def]
     return px, py, pz, face, u, v, w
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def _closest_points(tree, queries):  # type: ignore[no-untyped-def]
     k = len(queries)
     points, barycentric = np.empty((k, 3)), np.empty((k, 3))
@@ -293,7 +293,7 @@ def _closest_points(tree, queries):  # type: ignore[no-untyped-def]
     return points, faces, barycentric, distances
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def _closer_than(tree, queries, distance):  # type: ignore[no-untyped-def]
     near = np.empty(len(queries), np.bool_)
     for i in numba.prange(len(queries)):
@@ -301,7 +301,7 @@ def _closer_than(tree, queries, distance):  # type: ignore[no-untyped-def]
     return near
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _is_closer(tree, x, y, z, limit):  # type: ignore[no-untyped-def]
     """Whether the squared distance from (x, y, z) to the surface is below `limit`."""
     stack = np.empty(_STACK_SIZE, np.int32)

@@ -15,7 +15,7 @@ def planes_of(hull: ConvexHull) -> FloatArray:
     return np.unique(hull.equations, axis=0)  # the hull has one plane per triangle, and a flat side has many triangles
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def beyond(planes: FloatArray, points: FloatArray, size: float = 1.0) -> tuple[FloatArray, NDArray[np.int32]]:
     """How far points lie beyond the planes of a hull: the largest distance of each point, and its plane.
 

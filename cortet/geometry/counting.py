@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def cells_around(cells, vertex_count):  # type: ignore[no-untyped-def]
     """The arrays of `topology.Incidence` for cells (m, k): offsets (n + 1,), cells and corners (total,)."""
     offsets = np.zeros(vertex_count + 1, np.int64)
@@ -24,7 +24,7 @@ def cells_around(cells, vertex_count):  # type: ignore[no-untyped-def]
     return offsets, around, corners
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def behind_faces(cells, faces, vertex_count):  # type: ignore[no-untyped-def]
     """The tetrahedron behind the face opposite each corner: (m, 4) int32, -1 outside.
 
@@ -59,14 +59,14 @@ def behind_faces(cells, faces, vertex_count):  # type: ignore[no-untyped-def]
     return behind.reshape(m, 4)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _sorted(cells, faces, e, k):  # type: ignore[no-untyped-def]
     """Vertices of a face, ascending."""
     a, b, c = cells[e, faces[k, 0]], cells[e, faces[k, 1]], cells[e, faces[k, 2]]
     return min(a, b, c), max(min(a, b), min(max(a, b), c)), max(a, b, c)
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def wrong_faces(points, cells, faces, behind):  # type: ignore[no-untyped-def]
     """Fault of the face opposite each corner: (m, 4) int8, 0: none, 1: folded, 2: in more than two tetrahedra.
 
@@ -87,7 +87,7 @@ def wrong_faces(points, cells, faces, behind):  # type: ignore[no-untyped-def]
     return wrong
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _fault(points, cells, faces, behind, e, k):  # type: ignore[no-untyped-def]
     """Fault of one face, as in `wrong_faces`."""
     f, fault = behind[e, k], 0
@@ -106,7 +106,7 @@ def _fault(points, cells, faces, behind, e, k):  # type: ignore[no-untyped-def]
     return fault
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def repeated_rows(rows, vertex_count):  # type: ignore[no-untyped-def]
     """Whether each row (ascending vertex numbers) equals an earlier one: (m,) bool.
 
@@ -134,7 +134,7 @@ def repeated_rows(rows, vertex_count):  # type: ignore[no-untyped-def]
     return repeated
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _is_inverted(points, cells, e):  # type: ignore[no-untyped-def]
     """Whether a tetrahedron has negative volume."""
     a, b, c, d = cells[e, 0], cells[e, 1], cells[e, 2], cells[e, 3]
@@ -144,7 +144,7 @@ def _is_inverted(points, cells, e):  # type: ignore[no-untyped-def]
     return (uy * vz - uz * vy) * wx + (uz * vx - ux * vz) * wy + (ux * vy - uy * vx) * wz < 0
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _is_odd(cells, faces, e, k):  # type: ignore[no-untyped-def]
     """Whether it takes an odd number of swaps to sort the corners of a face."""
     a, b, c = cells[e, faces[k, 0]], cells[e, faces[k, 1]], cells[e, faces[k, 2]]

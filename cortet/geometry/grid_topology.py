@@ -135,7 +135,7 @@ def _largest(inside: NDArray[np.bool_], joined: NDArray[np.bool_]) -> NDArray[np
     return piece == 1 + np.bincount(piece.ravel(), minlength=count + 1)[1:].argmax()
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _grown(start, value, border, steps, own, other):  # type: ignore[no-untyped-def]
     """A set grown from one point: points of positive value join, the highest first, if the topology stays.
 
@@ -171,7 +171,7 @@ def _grown(start, value, border, steps, own, other):  # type: ignore[no-untyped-
     return inside
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _hangs_together(members, joined, near):  # type: ignore[no-untyped-def]
     """Whether at least one of some neighbours (bits) touches the point, and all that touch it are connected.
 
@@ -190,7 +190,7 @@ def _hangs_together(members, joined, near):  # type: ignore[no-untyped-def]
         reached = more
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _joined_to(some, members, joined):  # type: ignore[no-untyped-def]
     """`some` of the members, and all members that they are joined to."""
     more = some

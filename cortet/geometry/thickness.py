@@ -39,7 +39,7 @@ def thickness(tree: SurfaceTree, points: FloatArray, normals: FloatArray, most: 
     return _thickness(tuple(tree), np.ascontiguousarray(points), np.ascontiguousarray(normals), most, side)
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def _thickness(tree, points, normals, most, side):  # type: ignore[no-untyped-def]
     found = np.empty(len(points))
     for i in numba.prange(len(points)):
@@ -47,7 +47,7 @@ def _thickness(tree, points, normals, most, side):  # type: ignore[no-untyped-de
     return found
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _radius(tree, point, normal, most, side):  # type: ignore[no-untyped-def]
     """Radius of the ball at one point: it shrinks until no other side of the surface is within it."""
     radius, place = most, -1

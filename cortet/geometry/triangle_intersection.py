@@ -16,7 +16,7 @@ _BLOCK = 64
 _FLAT = 1e-12
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def crossing(vertices, corners, boxes, child, size):  # type: ignore[no-untyped-def]
     """Flag the triangles that meet others.
 
@@ -31,7 +31,7 @@ def crossing(vertices, corners, boxes, child, size):  # type: ignore[no-untyped-
     return flagged
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _flag_block(block, vertices, corners, boxes, child, size, flagged):  # type: ignore[no-untyped-def]
     stack = np.empty(_STACK_SIZE, np.int64)
     low, high = np.empty(3), np.empty(3)
@@ -55,7 +55,7 @@ def _flag_block(block, vertices, corners, boxes, child, size, flagged):  # type:
                 top += 2
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _overlap(box, low, high):  # type: ignore[no-untyped-def]
     return (
         box[0] <= high[0]
@@ -67,7 +67,7 @@ def _overlap(box, low, high):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _meet(one, other, a, b):  # type: ignore[no-untyped-def]
     """Whether two triangles (vertices `one`, `other`; coordinates `a`, `b`) meet beyond what they share.
 
@@ -94,7 +94,7 @@ def _meet(one, other, a, b):  # type: ignore[no-untyped-def]
     return False
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _folded(a, b, apex_a, apex_b):  # type: ignore[no-untyped-def]
     """Whether triangles that share the edge opposite these corners lie in one plane on the same side of the edge."""
     start = 3 * ((apex_a + 1) % 3)
@@ -109,7 +109,7 @@ def _folded(a, b, apex_a, apex_b):  # type: ignore[no-untyped-def]
     return cosine > 0 and sx * sx + sy * sy + sz * sz <= (_FLAT * cosine) ** 2
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _edge_meets(a, start, end, t):  # type: ignore[no-untyped-def]
     """Whether the edge of triangle `a` from corner `start` to `end` meets the closed triangle `t`."""
     px, py, pz = a[3 * start] - t[0], a[3 * start + 1] - t[1], a[3 * start + 2] - t[2]

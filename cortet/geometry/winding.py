@@ -35,7 +35,7 @@ def _dipoles_of(surface: TriSurface) -> FloatArray:
     return found
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _dipoles(tree):  # type: ignore[no-untyped-def]
     """For each box: the sum of its triangles' area vectors, their area-weighted centre, and the radius."""
     corners, boxes, child, size = tree.corners, tree.boxes, tree.child, tree.size
@@ -70,7 +70,7 @@ def _dipoles(tree):  # type: ignore[no-untyped-def]
     return found
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def _winding_numbers(tree, dipoles, points):  # type: ignore[no-untyped-def]
     found = np.empty(len(points))
     for block in numba.prange((len(points) + _BLOCK - 1) // _BLOCK):
@@ -79,7 +79,7 @@ def _winding_numbers(tree, dipoles, points):  # type: ignore[no-untyped-def]
     return found
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _winding_number(tree, dipoles, x, y, z):  # type: ignore[no-untyped-def]
     """Sum over 4 pi of the solid angles of near triangles and of the dipoles of far boxes."""
     stack = np.empty(_STACK_SIZE, np.int64)
@@ -101,7 +101,7 @@ def _winding_number(tree, dipoles, x, y, z):  # type: ignore[no-untyped-def]
     return total / (4 * np.pi)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _solid_angle(c, x, y, z):  # type: ignore[no-untyped-def]
     """Solid angle of a triangle (9 coordinates) at a point.
 

@@ -74,7 +74,7 @@ def quality(points: FloatArray, cells: IntArray) -> FloatArray:
     return _quality(np.ascontiguousarray(points, np.float64), np.ascontiguousarray(cells, np.int32))
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def _quality(points, cells):  # type: ignore[no-untyped-def]
     q = np.empty(len(cells))
     for e in numba.prange(len(cells)):
@@ -125,7 +125,7 @@ def measures(points: FloatArray, cells: IntArray) -> Measures:
     return Measures(*table.T)
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def _measures(points, cells):  # type: ignore[no-untyped-def]
     table = np.empty((len(cells), 7))
     for e in numba.prange(len(cells)):

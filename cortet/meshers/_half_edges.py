@@ -76,22 +76,22 @@ def scratch(samples: int) -> Scratch:
     )
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def next_of(h):  # type: ignore[no-untyped-def]
     return h - 2 if h % 3 == 2 else h + 1
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def previous_of(h):  # type: ignore[no-untyped-def]
     return h + 2 if h % 3 == 0 else h - 1
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def origin_of(w, h):  # type: ignore[no-untyped-def]
     return w.faces[h // 3, h % 3]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def link(faces, opposite, leaving):  # type: ignore[no-untyped-def]
     """Fill `opposite` and `leaving` for the faces (m, 3) of a closed, oriented manifold."""
     m, n = len(faces), len(leaving)
@@ -116,13 +116,13 @@ def link(faces, opposite, leaving):  # type: ignore[no-untyped-def]
                 opposite[h] = g
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def length_of(w, a, b):  # type: ignore[no-untyped-def]
     dx, dy, dz = w.points[a, 0] - w.points[b, 0], w.points[a, 1] - w.points[b, 1], w.points[a, 2] - w.points[b, 2]
     return np.sqrt(dx * dx + dy * dy + dz * dz)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def corners_of(w, f, moved, x, y, z, row):  # type: ignore[no-untyped-def]
     """Coordinates of face f, with vertex `moved` at (x, y, z)."""
     for i in range(3):
@@ -133,12 +133,12 @@ def corners_of(w, f, moved, x, y, z, row):  # type: ignore[no-untyped-def]
             row[3 * i], row[3 * i + 1], row[3 * i + 2] = w.points[v, 0], w.points[v, 1], w.points[v, 2]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def set_corner(row, i, points, v):  # type: ignore[no-untyped-def]
     row[3 * i], row[3 * i + 1], row[3 * i + 2] = points[v, 0], points[v, 1], points[v, 2]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def cross_of(c):  # type: ignore[no-untyped-def]
     """Normal of a triangle (9 coordinates), of length twice its area."""
     ux, uy, uz = c[3] - c[0], c[4] - c[1], c[5] - c[2]
@@ -146,7 +146,7 @@ def cross_of(c):  # type: ignore[no-untyped-def]
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def has_turned(new, old):  # type: ignore[no-untyped-def]
     """Whether the normal of a triangle has turned too far; a nearly flat old triangle has no normal to turn from."""
     if not shape_of(old) > FLAT:
@@ -157,7 +157,7 @@ def has_turned(new, old):  # type: ignore[no-untyped-def]
     return not (nx * mx + ny * my + nz * mz > MIN_COSINE * np.sqrt(was * now))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def shape_of(c):  # type: ignore[no-untyped-def]
     """4 sqrt(3) area over the sum of squared edges: 1 for the equilateral triangle, 0 for a flat one."""
     ux, uy, uz = c[3] - c[0], c[4] - c[1], c[5] - c[2]
@@ -168,7 +168,7 @@ def shape_of(c):  # type: ignore[no-untyped-def]
     return 2 * np.sqrt(3.0) * np.sqrt(nx * nx + ny * ny + nz * nz) / squares if squares > 0 else 0.0
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def normal_of(w, f):  # type: ignore[no-untyped-def]
     """Normal of face f, of length twice its area."""
     a, b, c = w.points[w.faces[f, 0]], w.points[w.faces[f, 1]], w.points[w.faces[f, 2]]
@@ -177,7 +177,7 @@ def normal_of(w, f):  # type: ignore[no-untyped-def]
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def valence_of(w, v):  # type: ignore[no-untyped-def]
     h = w.leaving[v]
     count = 0
@@ -188,7 +188,7 @@ def valence_of(w, v):  # type: ignore[no-untyped-def]
             return count
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def share_an_edge(w, a, b):  # type: ignore[no-untyped-def]
     """Whether an edge joins two vertices."""
     h = w.leaving[a]
@@ -200,20 +200,20 @@ def share_an_edge(w, a, b):  # type: ignore[no-untyped-def]
             return False
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def pair(w, h, g):  # type: ignore[no-untyped-def]
     w.opposite[h] = g
     w.opposite[g] = h
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def face_row(w, f):  # type: ignore[no-untyped-def]
     row = np.empty(9)
     corners_of(w, f, -1, 0.0, 0.0, 0.0, row)
     return row
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def limit_growth(faces, points, size, growth):  # type: ignore[no-untyped-def]
     """Lower `size` (n,) until along no edge of `faces` it grows by more than `growth` times the length of the edge."""
     changed = True

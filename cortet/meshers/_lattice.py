@@ -146,7 +146,7 @@ def _cells_near(centres: FloatArray, radius: FloatArray) -> NDArray[np.int64]:
     return found
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _marked(centres, radius, size):  # type: ignore[no-untyped-def]
     """Whether each integer point from 0 on is within `radius` (k,) of `centres` (k, 3): (size[0], size[1], size[2])."""
     near = np.zeros((size[0], size[1], size[2]), np.bool_)
@@ -213,7 +213,7 @@ def _grid_inside(surface: TriSurface, origin: FloatArray, spacing: float) -> Flo
     return origin + spacing * np.column_stack([number, line // size[2], line % size[2]])
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _crossings(points, faces, spacing, rows, columns):  # type: ignore[no-untyped-def]
     """Where the lines y = j spacing, z = k spacing meet the triangles: numbers j * columns + k, and x.
 

@@ -24,7 +24,7 @@ class Limits(NamedTuple):
     most: float
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def measure(w, s, olds, news, most):  # type: ignore[no-untyped-def]
     """Find the new triangle nearest to each sample of the old faces.
 
@@ -58,7 +58,7 @@ def measure(w, s, olds, news, most):  # type: ignore[no-untyped-def]
     return count, total
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def attach(w, s, olds, count, face_of):  # type: ignore[no-untyped-def]
     """Attach the measured samples to the faces that `face_of` names for the new triangles."""
     for k in range(olds):
@@ -70,7 +70,7 @@ def attach(w, s, olds, count, face_of):  # type: ignore[no-untyped-def]
         w.first[f] = i
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def onto_surface(tree, x, y, z, hint, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Nearest point of the surface and its triangle; triangle -1 if the point is on the bank opposite to normal n."""
     px, py, pz, place, _, _, _ = closest_point(tree, x, y, z, hint)

@@ -50,7 +50,7 @@ _LEAST_VALENCE = 4
 _MIN_SHAPE = 0.3
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def longest_edge(w):  # type: ignore[no-untyped-def]
     """The length of an edge over its target, where that is largest."""
     most = 0.0
@@ -61,7 +61,7 @@ def longest_edge(w):  # type: ignore[no-untyped-def]
     return most
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def points_wanted(w):  # type: ignore[no-untyped-def]
     """About how many points equilateral triangles of the target edge length would have."""
     total = 0.0
@@ -73,14 +73,14 @@ def points_wanted(w):  # type: ignore[no-untyped-def]
     return total
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _is_longest(w, h, length):  # type: ignore[no-untyped-def]
     """Whether half-edge h, of this length, is the longest edge of its triangle, or as long as another."""
     a, b, c = origin_of(w, h), origin_of(w, next_of(h)), origin_of(w, previous_of(h))
     return length >= length_of(w, b, c) and length >= length_of(w, c, a)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def split_long(w, tree, s, limits, longest):  # type: ignore[no-untyped-def]
     """Split the edges longer than 4/3 of the target; return the number of splits, -1 if there was no room for all.
 
@@ -154,7 +154,7 @@ def split_long(w, tree, s, limits, longest):  # type: ignore[no-untyped-def]
     return done
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _collapsed(w, s, a, b, x, y, z, first, second):  # type: ignore[no-untyped-def]
     """Record the changes if a and b are collapsed into (x, y, z); `first` and `second` are the faces that vanish.
 
@@ -189,7 +189,7 @@ def _collapsed(w, s, a, b, x, y, z, first, second):  # type: ignore[no-untyped-d
     return olds
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _may_collapse(w, h):  # type: ignore[no-untyped-def]
     """Whether collapsing half-edge h leaves a manifold: its ends share two neighbours, and all keep enough faces."""
     a, b = origin_of(w, h), origin_of(w, w.opposite[h])
@@ -206,7 +206,7 @@ def _may_collapse(w, h):  # type: ignore[no-untyped-def]
             return shared == 2
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def collapse_short(w, tree, s, limits, floor):  # type: ignore[no-untyped-def]
     """Collapse the edges shorter than 4/5 of the target, and vertices of three faces; return the number of collapses.
 
@@ -268,7 +268,7 @@ def collapse_short(w, tree, s, limits, floor):  # type: ignore[no-untyped-def]
     return done
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _collapse(w, h):  # type: ignore[no-untyped-def]
     """Remove vertex a of half-edge a -> b; its faces get b instead, and the two faces of the edge die."""
     g = w.opposite[h]
@@ -292,7 +292,7 @@ def _collapse(w, h):  # type: ignore[no-untyped-def]
     w.faces[g // 3, 0] = -1
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def flip(w, s, limits):  # type: ignore[no-untyped-def]
     """Flip edges if that brings the numbers of neighbours nearer to six; return the number of flips."""
     done = 0
@@ -348,7 +348,7 @@ def flip(w, s, limits):  # type: ignore[no-untyped-def]
     return done
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def smooth(w, tree, s, limits):  # type: ignore[no-untyped-def]
     """Move every vertex along the surface towards the middle of its triangles; return the number of moves.
 
@@ -416,7 +416,7 @@ def smooth(w, tree, s, limits):  # type: ignore[no-untyped-def]
     return moved
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def relax(w, given, tree_faces, ease):  # type: ignore[no-untyped-def]
     """Let targets grow by the factor `ease`, up to the smallest one `given` at the surface triangle under a vertex."""
     for v in range(w.used[0]):

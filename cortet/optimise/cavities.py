@@ -24,7 +24,7 @@ _MAX_STAR = 512
 EDGE_FRAMES = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]])
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def mu2_at(points, a, b, c, d):  # type: ignore[no-untyped-def]
     """mu^2 of a tetrahedron, infinite unless its volume is positive."""
     ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
@@ -39,7 +39,7 @@ def mu2_at(points, a, b, c, d):  # type: ignore[no-untyped-def]
     return s * s * s / (2 * v6 * v6)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def corner_of(cells, e, vertex):  # type: ignore[no-untyped-def]
     """The index of the corner of tetrahedron e that is `vertex`, -1 if none."""
     for i in range(4):
@@ -48,7 +48,7 @@ def corner_of(cells, e, vertex):  # type: ignore[no-untyped-def]
     return -1
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def fourth(cells, e, a, b, c):  # type: ignore[no-untyped-def]
     """The vertex of tetrahedron e that is none of a, b, c."""
     for i in range(4):
@@ -58,7 +58,7 @@ def fourth(cells, e, a, b, c):  # type: ignore[no-untyped-def]
     return -1
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def ring_around(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
     """Walk around edge (a, b) of tetrahedron e.
 
@@ -98,7 +98,7 @@ def ring_around(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
     return a, b, size if closed else size + 1, size
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def ring_of_two(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
     """Walk around an edge of tetrahedron e that lies on the interface of two regions.
 
@@ -141,7 +141,7 @@ def ring_of_two(mesh, e, frame, ring, cavity):  # type: ignore[no-untyped-def]
         ahead = fourth(cells, f, a, b, before)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def best_filling(points, a, b, ring, n, limit, cost, split):  # type: ignore[no-untyped-def]
     """Best triangulation of the polygon ring[0..n-1], each triangle joined to a and to b. Returns its worst mu^2.
 
@@ -168,7 +168,7 @@ def best_filling(points, a, b, ring, n, limit, cost, split):  # type: ignore[no-
     return cost[0, n - 1]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def filled_with(a, b, ring, n, split, new):  # type: ignore[no-untyped-def]
     """Write the tetrahedra of the triangulation in `split` to `new`; return their number."""
     stack = np.empty((MAX_RING + 1, 2), np.int64)
@@ -189,7 +189,7 @@ def filled_with(a, b, ring, n, split, new):  # type: ignore[no-untyped-def]
     return size
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _same_face(cells, e, i, f, j):  # type: ignore[no-untyped-def]
     """Whether the face of e opposite corner i has the vertices of the face of f opposite corner j."""
     for k in range(4):
@@ -200,7 +200,7 @@ def _same_face(cells, e, i, f, j):  # type: ignore[no-untyped-def]
     return True
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def replace_cells(mesh, cavity, old, new, size):  # type: ignore[no-untyped-def]
     """Replace tetrahedra cavity[:old] by new[:size], and write the rows of the new ones to cavity[:size].
 
@@ -272,7 +272,7 @@ def replace_cells(mesh, cavity, old, new, size):  # type: ignore[no-untyped-def]
                             neighbours[f, back] = e
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def share_an_edge(mesh, e, a, b):  # type: ignore[no-untyped-def]
     """Whether vertex a, a corner of tetrahedron e, shares an edge with vertex b; also True if its star is too large."""
     seen = np.empty(_MAX_STAR, np.int32)
@@ -298,7 +298,7 @@ def share_an_edge(mesh, e, a, b):  # type: ignore[no-untyped-def]
 
 
 # scalars throughout: a small array for each difference takes longer than the arithmetic
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def unit_normal(a, b, c):  # type: ignore[no-untyped-def]
     """Unit normal of triangle a, b, c: x, y, z. The corners are counter-clockwise seen from its tip; NaN if flat."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -308,7 +308,7 @@ def unit_normal(a, b, c):  # type: ignore[no-untyped-def]
     return x / length, y / length, z / length
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def signed_volume(points, a, b, c, d):  # type: ignore[no-untyped-def]
     """Volume of a tetrahedron, positive when d sees a, b, c counter-clockwise from outside."""
     ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]

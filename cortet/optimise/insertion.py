@@ -98,7 +98,7 @@ def insert_vertices(
     return made, int(used[0]) - count
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _insert_all(mesh, tree, queue, like, used, changed, threshold, gain):  # type: ignore[no-untyped-def]
     done = 0
     for e in queue:
@@ -110,7 +110,7 @@ def _insert_all(mesh, tree, queue, like, used, changed, threshold, gain):  # typ
     return done
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _insert(mesh, tree, e, like, used, changed, gain):  # type: ignore[no-untyped-def]
     """Try a new vertex on every edge, on every face and in the middle of a tetrahedron, and make the best one.
 
@@ -151,7 +151,7 @@ def _insert(mesh, tree, e, like, used, changed, gain):  # type: ignore[no-untype
     return True
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _begun(mesh, tree, e, seed, part, cavity, place, halved, ring, around):  # type: ignore[no-untyped-def]
     """Write the smallest cavity of a new vertex, and its `place`; return the number of tetrahedra, 0 for no vertex.
 
@@ -182,7 +182,7 @@ def _begun(mesh, tree, e, seed, part, cavity, place, halved, ring, around):  # t
     return count
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _on_crest(mesh, tree, halved, part, place):  # type: ignore[no-untyped-def]
     """Set `place` to the surface point nearest to the share `part` of a boundary edge; False if no vertex may go there.
 
@@ -210,7 +210,7 @@ def _on_crest(mesh, tree, halved, part, place):  # type: ignore[no-untyped-def]
     return True
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _outer_faces(mesh, cavity, size, faces, halved):  # type: ignore[no-untyped-def]
     """Write the faces around a cavity, outward, and the tetrahedron behind each (-1: none); return their number.
 
@@ -234,7 +234,7 @@ def _outer_faces(mesh, cavity, size, faces, halved):  # type: ignore[no-untyped-
     return count
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _best_cavity(mesh, cavity, count, faces, place, halved):  # type: ignore[no-untyped-def]
     """Grow a cavity behind its worst face, and find the size whose filling improves the worst mu^2 most.
 
@@ -262,7 +262,7 @@ def _best_cavity(mesh, cavity, count, faces, place, halved):  # type: ignore[no-
         worst = max(worst, mesh.mu2[behind])
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _settled(mesh, faces, outer, place, star, steps):  # type: ignore[no-untyped-def]
     """Move a vertex joined to all `faces` to where these tetrahedra are best; return their worst mu^2, and which."""
     for _ in range(steps):
@@ -291,7 +291,7 @@ def _settled(mesh, faces, outer, place, star, steps):  # type: ignore[no-untyped
     return worst, at
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _rows(mesh, faces, outer, place, star):  # type: ignore[no-untyped-def]
     points = mesh.points
     x, y, z = place[0], place[1], place[2]

@@ -24,7 +24,7 @@ def q_of(mu2: FloatArray) -> FloatArray:
     return 1 - 1 / np.sqrt(mu2)
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def fill_row(row, ax, ay, az, bx, by, bz, cx, cy, cz):  # type: ignore[no-untyped-def]
     """Describe tetrahedron (v, a, b, c) with v at the origin, for `row_mu2` and the functions below it."""
     ux, uy, uz = bx - ax, by - ay, bz - az
@@ -40,7 +40,7 @@ def fill_row(row, ax, ay, az, bx, by, bz, cx, cy, cz):  # type: ignore[no-untype
     )  # fmt: skip
 
 
-@numba.njit(cache=True, inline="always")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def row_mu2(row, x, y, z):  # type: ignore[no-untyped-def]
     """mu^2 of the tetrahedron of one row with v at (x, y, z); infinite unless its volume is positive."""
     v6 = row[3] - (row[0] * x + row[1] * y + row[2] * z)
@@ -50,7 +50,7 @@ def row_mu2(row, x, y, z):  # type: ignore[no-untyped-def]
     return s * s * s / (2 * v6 * v6)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def row_energy(star, size, x, y, z, half_power, cap):  # type: ignore[no-untyped-def]
     """Sum of mu^p with v at (x, y, z); infinite if some mu^2 exceeds `cap` or a volume is not positive."""
     total = 0.0
@@ -62,7 +62,7 @@ def row_energy(star, size, x, y, z, half_power, cap):  # type: ignore[no-untyped
     return total
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def row_derivatives(star, size, half_power):  # type: ignore[no-untyped-def]
     """Gradient and positive-definite Hessian at the origin: gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz."""
     gx = gy = gz = hxx = hxy = hxz = hyy = hyz = hzz = 0.0
@@ -87,7 +87,7 @@ def row_derivatives(star, size, half_power):  # type: ignore[no-untyped-def]
     return gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def newton_step(d):  # type: ignore[no-untyped-def]
     """-H^-1 g for symmetric positive-definite H, by cofactors."""
     gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz = d
@@ -103,7 +103,7 @@ def newton_step(d):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def tangent_step(d, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Newton step within the plane of unit normal n: the 2 x 2 system in an orthonormal basis u, w of that plane."""
     gx, gy, gz, hxx, hxy, hxz, hyy, hyz, hzz = d

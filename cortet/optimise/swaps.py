@@ -144,7 +144,7 @@ def live_cells(mesh: Swappable) -> Live:
     return Live(*_live_rows(mesh.cells, mesh.neighbours, mesh.origin, mesh.counters[0]))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _live_rows(cells, neighbours, origin, used):  # type: ignore[no-untyped-def]
     """The arrays of `Live`, from the first `used` rows."""
     number = np.full(used, -1, np.int32)
@@ -164,7 +164,7 @@ def _live_rows(cells, neighbours, origin, used):  # type: ignore[no-untyped-def]
     return live, behind, made_of
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _is_inside(mesh, e, first, last, a, b):  # type: ignore[no-untyped-def]
     """Whether edge (first, last) of tetrahedron e, whose other corners are a and b, lies inside one region."""
     ring, around = np.empty(MAX_RING + 1, np.int32), np.empty(MAX_RING, np.int32)
@@ -175,7 +175,7 @@ def _is_inside(mesh, e, first, last, a, b):  # type: ignore[no-untyped-def]
     return n > 0 and n == tets
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size, worst):  # type: ignore[no-untyped-def]
     """Whether (first, last) may replace boundary edge (a, b): still a manifold, and still near the input surface.
 
@@ -195,7 +195,7 @@ def _flip_is_sound(mesh, tree, a, b, first, last, cavity, size, worst):  # type:
     return _stays_on_surface(points, tree, a, b, first, last, worst, -1)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _interface_flip_is_sound(mesh, tree, e, a, b, first, last, alone, worst):  # type: ignore[no-untyped-def]
     """Whether (first, last) may replace edge (a, b) of an interface, as `_flip_is_sound` for the boundary.
 
@@ -209,7 +209,7 @@ def _interface_flip_is_sound(mesh, tree, e, a, b, first, last, alone, worst):  #
     return _stays_on_surface(mesh.points, tree, a, b, first, last, worst, mesh.place[first])
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _stays_on_surface(points, tree, a, b, first, last, worst, place):  # type: ignore[no-untyped-def]
     """Whether faces at (first, last) point like those at (a, b), and stay near the surface of triangle `place`."""
     ox, oy, oz = unit_normal(points[a], points[first], points[b])
@@ -231,7 +231,7 @@ def _stays_on_surface(points, tree, a, b, first, last, worst, place):  # type: i
     return sag2 <= allowed**2 * (sx * sx + sy * sy + sz * sz)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _improve_cell(mesh, tree, e, tally, changed, work):  # type: ignore[no-untyped-def]
     """Try every swap of one tetrahedron and make the best one; return the number of new tetrahedra, -1 for none.
 
@@ -326,7 +326,7 @@ def _improve_cell(mesh, tree, e, tally, changed, work):  # type: ignore[no-untyp
     return best_size
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _improve(mesh, tree, queue, threshold, tally, changed):  # type: ignore[no-untyped-def]
     """Work through the rows in `queue`, and through new tetrahedra that are still above `threshold`.
 

@@ -75,7 +75,7 @@ class State(NamedTuple):
     stale: np.ndarray
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def _locate(points, tree, freedom, place):  # type: ignore[no-untyped-def]
     """Find the surface triangle under every sliding vertex; `place` is a triangle of its surface, -1 the first."""
     for v in numba.prange(len(points)):
@@ -83,7 +83,7 @@ def _locate(points, tree, freedom, place):  # type: ignore[no-untyped-def]
             place[v] = closest_point(SurfaceTree(*tree), points[v, 0], points[v, 1], points[v, 2], place[v])[3]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _gather(points, p, v, star):  # type: ignore[no-untyped-def]
     """Describe the tetrahedra around v, with v at the origin: V' = d - n.x and 6 S = 3 x.x - 2 m.x + k.
 
@@ -110,7 +110,7 @@ def _gather(points, p, v, star):  # type: ignore[no-untyped-def]
     return size
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _lowest_cosine(points, p, v, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Smallest cosine between n and the normals of the boundary faces around v, with v at (x, y, z)."""
     lowest = 1.0
@@ -124,7 +124,7 @@ def _lowest_cosine(points, p, v, x, y, z, nx, ny, nz):  # type: ignore[no-untype
     return lowest
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-def]
     """Try to improve one vertex; True if it moved."""
     points = state.points
@@ -166,14 +166,14 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
     return False
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def _choose(wanted, state, patches, threshold):  # type: ignore[no-untyped-def]
     """Set `wanted` for the stale vertices of the tetrahedra with mu^2 above `threshold`."""
     for run in numba.prange((len(wanted) + _RUN - 1) // _RUN):
         _choose_run(run, wanted, State(*state), Patches(*patches), threshold)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _choose_run(run, wanted, state, p, threshold):  # type: ignore[no-untyped-def]
     for v in range(run * _RUN, min(len(wanted), (run + 1) * _RUN)):
         wanted[v] = False
@@ -182,7 +182,7 @@ def _choose_run(run, wanted, state, p, threshold):  # type: ignore[no-untyped-de
                 wanted[v] |= state.mu2[p.around[i]] > threshold
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def _visit(wanted, state, patches, tree, runs, half_power, cap):  # type: ignore[no-untyped-def]
     """Visit the wanted and stale vertices of runs that share no tetrahedron once; return the number of moves."""
     moved = 0
@@ -191,7 +191,7 @@ def _visit(wanted, state, patches, tree, runs, half_power, cap):  # type: ignore
     return moved
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _visit_run(run, wanted, state, p, tree, half_power, cap):  # type: ignore[no-untyped-def]
     """Visit the vertices of one run in index order.
 
@@ -220,7 +220,7 @@ def _colours(patches: Patches) -> list[NDArray[np.int64]]:
     return [np.flatnonzero(colour == number) for number in range(colour.max() + 1)]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _coloured(cells, offsets, around):  # type: ignore[no-untyped-def]
     """The lowest colour for each run that no earlier run beside it has."""
     vertices = len(offsets) - 1

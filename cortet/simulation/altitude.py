@@ -29,7 +29,7 @@ def smallest_altitude(points: FloatArray, cells: IntArray) -> float:
     return float((3 * signed_volumes(points, among) / areas).min())
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _squared(points, cells) -> NDArray[np.float64]:  # type: ignore[no-untyped-def]
     """The square of the smallest altitude of each tetrahedron, negative if its volume is, NaN without area: (m,)."""
     found = np.empty(len(cells))

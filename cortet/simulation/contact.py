@@ -148,7 +148,7 @@ def listed_at(contact: Contact, x: FloatArray, envelope: float) -> Contact:
     return contact._replace(offsets=offsets, candidates=candidates, listed=listed, plane=plane, envelope=envelope)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _search(contact, x, normals, node_normals, grid, offsets, candidates):  # type: ignore[no-untyped-def]
     """Number of triangles within the radius of each surface node; also writes them unless `candidates` is empty."""
     low, size, counts, starts, order = grid
@@ -175,7 +175,7 @@ def _search(contact, x, normals, node_normals, grid, offsets, candidates):  # ty
     return found
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _of_the_same_fold(contact, i, face):  # type: ignore[no-untyped-def]
     """Whether a triangle has the surface node i, or a neighbour of it, as a corner."""
     for k in range(3):
@@ -188,14 +188,14 @@ def _of_the_same_fold(contact, i, face):  # type: ignore[no-untyped-def]
     return False
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _corners(x, faces, face):  # type: ignore[no-untyped-def]
     """The nine coordinates of a triangle."""
     a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
     return x[a, 0], x[a, 1], x[a, 2], x[b, 0], x[b, 1], x[b, 2], x[c, 0], x[c, 1], x[c, 2]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def moved_too_far(contact, x):  # type: ignore[no-untyped-def]
     """Whether some surface node has moved so far that the list may lack a contact."""
     for i in range(len(contact.nodes)):  # noqa: SIM110 - Numba compiles no generator in `any`
@@ -204,7 +204,7 @@ def moved_too_far(contact, x):  # type: ignore[no-untyped-def]
     return False
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def has_moved_too_far(contact, x, i):  # type: ignore[no-untyped-def]
     """Whether surface node i has moved so far."""
     limit, node = 0.5 * (contact.radius - contact.reach), contact.nodes[i]
@@ -214,13 +214,13 @@ def has_moved_too_far(contact, x, i):  # type: ignore[no-untyped-def]
     return not d < limit**2
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def _touch_all(contact, x, nodes):  # type: ignore[no-untyped-def]
     for i in numba.prange(nodes):
         touch(contact, x, i)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def touch(contact, x, i):  # type: ignore[no-untyped-def]
     """The triangle nearest to surface node i, if it is within reach, and the force it exerts on the node."""
     contact = Contact(*contact)  # Numba's parallel loops take no named tuples
@@ -247,14 +247,14 @@ def touch(contact, x, i):  # type: ignore[no-untyped-def]
         nearest2 = distance2
         distance = math.sqrt(distance2)
         size = contact.strength * (1 - (distance if in_front else -distance) / contact.reach)
-        if in_front:
+        if in_front and distance > 0:
             n0, n1, n2 = d0 / distance, d1 / distance, d2 / distance
         contact.touched[i] = face
         contact.weights[i, 0], contact.weights[i, 1], contact.weights[i, 2] = a, b, c
         contact.force[i, 0], contact.force[i, 1], contact.force[i, 2] = size * n0, size * n1, size * n2
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def contact_forces(contact, x, external, envelope):  # type: ignore[no-untyped-def]
     """Set the contact forces of all surface nodes in `external` (n, 3); return the number of nodes in contact."""
     for node in contact.nodes:
@@ -279,7 +279,7 @@ def contact_forces(contact, x, external, envelope):  # type: ignore[no-untyped-d
     return count
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _against_plane(contact, x, external):  # type: ignore[no-untyped-def]
     """Push nodes beyond the medial plane back; the force per depth is that of a contact."""
     count = 0
@@ -291,14 +291,14 @@ def _against_plane(contact, x, external):  # type: ignore[no-untyped-def]
     return count
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def plane_force(contact, x):  # type: ignore[no-untyped-def]
     """Force of the medial plane along x on a node at coordinate `x`."""
     depth = -contact.side * x - contact.gap
     return contact.side * contact.stiffness * depth if depth > 0 else 0.0
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def envelope_force(contact, x, i, envelope):  # type: ignore[no-untyped-def]
     """Force of an envelope of size `envelope` on surface node i, by the plane nearest when contacts were listed."""
     node, plane = contact.nodes[i], contact.plane[i]

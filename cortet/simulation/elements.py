@@ -128,7 +128,7 @@ def put_forces(rows, e, forces):  # type: ignore[no-untyped-def]
     put(rows, EDGES + 6, e, forces[2])
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def open_degenerate(rows, constants, material, e, x, corners):  # type: ignore[no-untyped-def]
     """Write the forces of an element that may be in the degenerate branch; return whether it is."""
     origin = vector(x, corners[e])

@@ -157,7 +157,7 @@ def _volumes(patch, patches, x, growth, thickening, elements, slot_volumes, rows
         slot_volumes[slot + i, 0], slot_volumes[slot + i, 1] = own[i, 4], own[i, 5]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _record(work, x, growth, thickening):  # type: ignore[no-untyped-def]
     """Growth, current and grown volume of each element, for measurements; no step needs them."""
     patches, rows, own = work.patches, work.own_rows[0], work.own_nodes[0]
@@ -271,7 +271,7 @@ def move(first, last, patches, held, material, state, slot_forces, external, nod
     return dissipated, pushed
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def _elastic_forces(  # type: ignore[no-untyped-def]
     patches, material, x, growth, thickening, elements, node_grown, ratio, slots, own, block_min, degenerate
 ):
@@ -289,7 +289,7 @@ def _elastic_forces(  # type: ignore[no-untyped-def]
         )
 
 
-@numba.njit(parallel=True, cache=True)
+@numba.njit(parallel=True, cache=True, error_model="numpy")
 def _move_all(patches, held, material, state, slot_forces, external, node_grown, dt, block_energy):  # type: ignore[no-untyped-def]
     for block in numba.prange(len(block_energy)):
         first, last = block * _BLOCK, min(len(node_grown), (block + 1) * _BLOCK)
@@ -298,7 +298,7 @@ def _move_all(patches, held, material, state, slot_forces, external, node_grown,
         )
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _all_forces(material, x, work, growth, thickening):  # type: ignore[no-untyped-def]
     """Compute `work.slot_forces` and the nodal volumes for positions x; return the smallest J, NaN if any is."""
     _elastic_forces(
@@ -331,7 +331,7 @@ def grown_volume_of(body, growth):  # type: ignore[no-untyped-def]
     return total
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def elastic_forces(material, x, work, growth, thickening):  # type: ignore[no-untyped-def]
     """Compute forces, growth and volumes in `work` for positions x; return the smallest J, NaN if any is.
 
@@ -344,7 +344,7 @@ def elastic_forces(material, x, work, growth, thickening):  # type: ignore[no-un
     return _all_forces(material, x, work, growth, thickening)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def advance(body, material, state, work, contact, course, dt):  # type: ignore[no-untyped-def]
     """Take the steps of a course, unless an element inverts or the contact list is outdated.
 
@@ -389,7 +389,7 @@ def nodal_forces(work: Work) -> FloatArray:
     return _nodal_forces(work)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _nodal_forces(work):  # type: ignore[no-untyped-def]
     result = np.empty((len(work.ratio), 3))
     for i in range(len(result)):

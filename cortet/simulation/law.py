@@ -195,7 +195,7 @@ def phi(s):  # type: ignore[no-untyped-def]
     return at * (1 - 2 / 3 * r + 5 / 9 * r * r), at / SMALLEST_STRETCH * (-2 / 3 + 10 / 9 * r)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def stretches(f0, f1, f2):  # type: ignore[no-untyped-def]
     """U, s and V^T of F = U diag(s) V^T, s descending; of an inverted element the last s is negative, not U or V^T."""
     f = np.array([[f0[0], f0[1], f0[2]], [f1[0], f1[1], f1[2]], [f2[0], f2[1], f2[2]]])
@@ -206,7 +206,7 @@ def stretches(f0, f1, f2):  # type: ignore[no-untyped-def]
     return u, s, vt
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def degenerate_stress(u, s, vt, mu):  # type: ignore[no-untyped-def]
     """Rows of the deviatoric P from the stretches of F."""
     (a, da), (b, db), (c, dc) = phi(s[0]), phi(s[1]), phi(s[2])

@@ -75,7 +75,7 @@ def renew(patches: Patches, body: Body) -> None:
     _renew(patches.constants, body.gradients, body.amount, body.volumes)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _renew(constants, gradients, amount, volumes):  # type: ignore[no-untyped-def]
     m = len(amount)
     for patch in range(len(constants)):

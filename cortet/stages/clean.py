@@ -21,7 +21,7 @@ from cortet.stages.stage import BOUNDARY_WORDS, Certificate, Stage, parameters_o
 if TYPE_CHECKING:
     from cortet.optimise.vertices import Pass, PassReport
 
-VERSION: int = 8
+VERSION: int = 9
 
 #: sweeps over all vertices that improve the mean, before and after the threshold passes
 _FIRST_MEAN_SWEEPS, _LAST_MEAN_SWEEPS = 4, 3

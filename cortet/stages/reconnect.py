@@ -15,7 +15,7 @@ from cortet.meshes import TetMesh, TriSurface
 from cortet.sections import Boundary, Cost, Section, Threshold
 from cortet.stages.stage import BOUNDARY_WORDS, Certificate, Stage, parameters_of
 
-VERSION: int = 12
+VERSION: int = 13
 
 
 class Reconnect(Section):

@@ -201,6 +201,18 @@ def test_a_gap_that_the_surface_has_is_no_slit() -> None:
     assert not len(slits(narrow, narrow, 0.03)) and not len(slits(closed, narrow, 0.01))
 
 
+@pytest.mark.parametrize("left", [1e-6, 1e-3])
+def test_a_node_a_hair_from_the_other_bank_is_a_slit(left: float) -> None:
+    narrow = horseshoe(0.3)
+    points = narrow.points.copy()
+    hub = int(np.abs(points - np.array([5 * np.cos(0.03), 5 * np.sin(0.03), 0])).sum(axis=1).argmin())
+    points[hub, 1] = -points[hub, 1] + left  # onto the flat end opposite, but for this
+    spiked = TriSurface(points, narrow.faces)
+    found = banks(spiked, narrow)
+    assert found.gap_mm == pytest.approx(left, rel=0.05) and found.least_share < 0.03
+    assert hub in narrow.faces[slits(spiked, narrow, 0.03)]
+
+
 def test_centres_of_faces_far_from_the_surface_are_refused(mesh: TetMesh, surface: TriSurface) -> None:
     moved = TriSurface(surface.points + np.array([0, 0, 0.5]), surface.faces)
     certificate = certify(mesh, moved, cell_size=0.6, max_boundary_distance=None, max_surface_distance=None)

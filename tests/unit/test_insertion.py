@@ -10,7 +10,7 @@ from cortet.geometry import topology
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh, TriSurface
 from cortet.optimise.insertion import insert_vertices
-from cortet.optimise.star import mu2_of
+from cortet.optimise.star import fill_row, mu2_of, row_mu2
 
 #: four tetrahedra around a long edge: whatever swaps do with the six points, they stay long
 SPINDLE = np.array([[0, 0, -2.0], [0, 0, 2.0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]])
@@ -38,6 +38,13 @@ def test_a_vertex_halves_a_long_edge_in_its_middle():
     assert signed_volumes(made.points, made.cells).sum() == pytest.approx(signed_volumes(SPINDLE, AROUND).sum())
     assert quality(made.points, made.cells).max() < quality(SPINDLE, AROUND).max()
     assert np.array_equal(like[:6], np.arange(6)) and like[6] in range(6) and set(origin) <= set(range(4))
+
+
+@pytest.mark.parametrize("height", [1e-170, 0.0, -1.0])
+def test_a_tetrahedron_whose_squared_volume_is_zero_is_infinitely_bad(height: float):
+    row = np.zeros(8)
+    fill_row(row, *[1.0, 0, 0], *[0, 0, height], *[0, 1.0, 0])
+    assert row_mu2(-row * [1, 1, 1, 1, 0, 0, 0, 0] + row * [0, 0, 0, 0, 1, 1, 1, 1], 0.0, 0.0, 0.0) == np.inf
 
 
 def test_nothing_is_inserted_where_nothing_would_be_better():

@@ -11,6 +11,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 RULES = ["Snakefile", *(str(path.relative_to(ROOT)) for path in sorted(ROOT.glob("rules/*.smk")))]
 
+KERNELS = [path for path in sorted(ROOT.glob("cortet/**/*.py")) if "njit(" in path.read_text()]
+
 
 @pytest.mark.parametrize(
     "command",
@@ -33,6 +35,13 @@ def test_the_map_of_the_rooms_is_the_contract() -> None:
     layers = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]["layers"]
     rooms = (ROOT / "CONTRIBUTING.md").read_text().partition("| room |")[2]
     assert re.findall(r"^\| `(\w+)` \|", rooms, flags=re.MULTILINE) == layers
+
+
+@pytest.mark.parametrize("kernels", KERNELS, ids=lambda path: path.stem)
+def test_kernels_divide_as_ieee_says_and_raise_nothing(kernels: Path) -> None:
+    """A flat element somewhere in a search has an infinite mu; it does not end the run."""
+    text = kernels.read_text()
+    assert text.count('error_model="numpy"') == len(re.findall(r"\bnjit\(", text))
 
 
 @pytest.mark.parametrize("script", ["tools/setup.sh", "tools/lock.sh", "tools/check.sh", "tools/slurm.sh", ".ci/run"])
