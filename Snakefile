@@ -8,6 +8,10 @@ from snakemake.utils import min_version
 min_version("9.0")
 
 
+# what the command line and its --configfile say
+GIVEN = dict(config)
+
+
 configfile: "config.yaml"
 
 

@@ -15,7 +15,7 @@ from cortet.cohort.plan import OVER_ALL_CASES, Plan, existing
 from cortet.cohort.receipts import content
 from cortet.cohort.selection import ageless_notice
 from cortet.cohort.sheet import read_sheet
-from cortet.config import load, read, version_of
+from cortet.config import keys_not_given, load, read, version_of
 from cortet.errors import CortetError
 from cortet.meshers import OWN
 from cortet.stages import STAGES
@@ -46,6 +46,11 @@ try:
     CONFIG.require_nesting(any(case.inner for case in CASES.values()))
 except CortetError as error:
     raise WorkflowError(str(error)) from None
+DEFAULTS = keys_not_given(config, GIVEN) if "sheet" in GIVEN.get("cohort", {}) else []
+if DEFAULTS:
+    logger.warning(
+        f"from config.yaml in {Path.cwd()}, since your own configuration does not say: {'; '.join(DEFAULTS)}"
+    )
 for notice in [*CONFIG.notices(), *PLAN.notices(), *ageless_notice(list(CASES.values()))]:
     logger.warning(notice)
 

@@ -15,7 +15,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from logging import ERROR, LogRecord
+from logging import ERROR, WARNING, LogRecord
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -193,6 +193,8 @@ class LogHandler(LogHandlerBase):
         elif event == LogEvent.ERROR or record.levelno >= ERROR:
             if not self._was_said(record):
                 yield record.getMessage()
+        elif record.levelno == WARNING and record.pathname.endswith(".smk"):  # a notice of cortet's own rules
+            yield record.getMessage()
         elif "Nothing to be done" in record.getMessage():
             yield "nothing to do: everything is up to date"
 

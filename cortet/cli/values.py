@@ -25,7 +25,7 @@ class Number:
         """The number in a text; an error names the text and the limits."""
         with contextlib.suppress(ValueError):
             value = int(text) if self.whole else float(text)
-            if self.low <= value <= self.high or (self.endless and text == "inf"):
+            if "_" not in text and (self.low <= value <= self.high or (self.endless and text == "inf")):
                 return value
         kind = "a whole number" if self.whole else "a number"
         also = ", or inf" if self.endless else ""

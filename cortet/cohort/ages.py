@@ -33,8 +33,18 @@ _UNITS = {
     "months": r"months?|mo|mos|mths?",
     "years": r"years?|yrs?|y",
 }
+#: what may stand in Units beside the unit; with anything else, such as a number, nobody knows what is meant
+_BESIDE_UNIT = (
+    r"gestation(al)?|(post)?menstrual|(post)?concept(ion|ional|ual)|(post)?natal|post|chronological|ages?|pma|ga|scan|"
+    r"births?|life|last|period|completed|decimal|in|the|since|from|of|after|at"
+)
 #: words in a sidecar for ages from birth, and for ages from conception or the last period
-_BIRTH, _GESTATION = r"\b(birth|born|postnatal|chronological)", r"gestation|menstrual|concept|\bPMA\b|\bGA\b"
+_BIRTH = r"\b(birth|born|post-?natal|chronological|of life)\b"
+_GESTATION = r"gestation|menstrual|concept|\bPMA\b|\bGA\b"
+#: why such ages are not read
+_AT_BIRTH = "it counts from birth"
+#: words for the age of somebody else
+_PARENT = r"\b(mothers?|maternal|fathers?|paternal|parents?)\b"
 #: cells that mean an unknown value
 _MISSING = frozenset({"", "n/a", "na", "nan", "none", "null"})
 _LARGEST_SIDECAR = 10_000_000
@@ -74,12 +84,12 @@ class _Reading:
 
 
 def number(text: str | None) -> float | None:
-    """A finite number, or None."""
+    """A finite number, or None; Python's own form `2_5` is none."""
     try:
         value = float(text or "")
     except ValueError:
         return None
-    return value if math.isfinite(value) else None
+    return value if math.isfinite(value) and "_" not in str(text) else None
 
 
 def ages_at_scan(
@@ -109,7 +119,7 @@ def ages_at_scan(
     for session in sessions:
         for table, path in tables[session]:
             if path not in read:
-                read[path] = _rows_by_participant(path) if path.exists() else {}
+                read[path] = _rows_by_participant(path, columns) if path.exists() else {}
                 described[path] = _sidecar(path, table)
             reading = _reading(session, read[path], described[path], table, columns, named=named)
             readings += [reading] if reading else []
@@ -144,7 +154,8 @@ def _reading(
         return None
     name = given[0][0]
     texts = list(dict.fromkeys(row[name] for one, row in given if one == name))
-    column = _column(table, name, sidecar.get(name), named=named)
+    entry = next((entry for key, entry in sidecar.items() if key.lower() == name.lower()), None)
+    column = _column(table, name, entry, named=named)
     shared = label is not None and not given[0][1].get("session_id")
     return _Reading(session, column, " and ".join(texts), _weeks(texts, column), shared)
 
@@ -162,28 +173,44 @@ def _weeks(texts: Sequence[str], column: Column) -> float | None:
 def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
     """How a column is read, according to its sidecar."""
     said = {key.lower(): str(value) for key, value in entry.items()} if isinstance(entry, Mapping) else {}
-    about = " ".join(said.get(key, "") for key in ("longname", "description", "units"))
-    written = said.get("units", "")
-    units = [unit for unit, words in _UNITS.items() if re.search(rf"\b({words})\b", written, re.IGNORECASE)]
-    unit = units[0] if units else None
-    described = _described_unit(f"{said.get('longname', '')} {said.get('description', '')}")
-    born = name == FROM_BIRTH and not re.search(_GESTATION, about, re.IGNORECASE)
-    if unit is None and born and not named:
-        return Column(table, name, "years", "BIDS, where no sidecar has Units", "it counts from birth")
-    if unit is None and described:
-        return Column(table, name, described, "by its description", "it has no Units", only_described=True)
-    if unit is None:
-        return Column(table, name, "weeks", "no sidecar has its Units")
-    source = f"its sidecar says Units: {written}"
-    if len(units) > 1:
-        return Column(table, name, unit, source, f"its Units name {' and '.join(units)}")
-    counts_from_birth = re.search(_BIRTH, about, re.IGNORECASE) or (born and unit != "weeks")
-    return Column(table, name, unit, source, "it counts from birth" if counts_from_birth else "")
+    written, description = said.get("units", ""), f"{said.get('longname', '')} {said.get('description', '')}"
+    about = f"{description} {written}"
+    units = _units_in(written)
+    described = _described_unit(description)
+    parent = re.search(_PARENT, about, re.IGNORECASE)
+    born = name == FROM_BIRTH and (parent or not re.search(_GESTATION, about, re.IGNORECASE))
+    from_birth = re.search(_BIRTH, about, re.IGNORECASE)
+    reason = "it is the age of a parent" if parent else _AT_BIRTH if from_birth else ""
+    if written:
+        source = f"its sidecar says Units: {written}"
+        if not units:
+            return Column(table, name, "an unknown unit", source, "these Units are not understood")
+        if len(units) > 1:
+            return Column(table, name, units[0], source, f"its Units name {' and '.join(units)}")
+        return Column(table, name, units[0], source, reason or (_AT_BIRTH if born and units != ["weeks"] else ""))
+    if born and not named:
+        return Column(table, name, "years", "BIDS, where no sidecar has Units", reason or _AT_BIRTH)
+    if described:
+        return Column(
+            table, name, described, "by its description", reason or "it has no Units", only_described=not reason
+        )
+    return Column(table, name, "weeks", "no sidecar has its Units", reason)
+
+
+def _units_in(text: str) -> list[str]:
+    """The units of time that Units name; none where they hold something else, too."""
+    words = re.findall(r"[^\s(),;]+", text.lower().replace("-", " "))
+    units = [[unit for unit, names in _UNITS.items() if re.fullmatch(names, word)] for word in words]
+    known = all(unit or re.fullmatch(_BESIDE_UNIT, word) for unit, word in zip(units, words, strict=True))
+    return list(dict.fromkeys(unit for found in units for unit in found)) if known else []
 
 
 def _described_unit(text: str) -> str | None:
     """The unit of ages that a description names; None if it names weeks or no unit."""
     words = {unit: rf"\b{unit}\b|\bin {unit[:-1]}\b" for unit in WEEKS}
+    words["months"] += r"|\b(mos?|mths?)\b"
+    words["years"] += r"|\b(yrs?|y)\b"
+    words["weeks"] += r"|\bwks?\b"
     named = [unit for unit, pattern in words.items() if re.search(pattern, text, re.IGNORECASE)]
     return named[0] if named and "weeks" not in named else None
 
@@ -258,11 +285,25 @@ def _sidecar(path: Path, table: str) -> Mapping[str, object]:
     return said
 
 
-def _rows_by_participant(path: Path) -> _RowsByParticipant:
-    """Rows of a table by the participant's label, which is empty if the table has no such column."""
+def _rows_by_participant(path: Path, columns: Sequence[str]) -> _RowsByParticipant:
+    """Rows of a table by the participant's label, which is empty if the table has no such column.
+
+    Columns that are looked for may be written in another case.
+
+    Raises
+    ------
+    InputError : as `read_uneven_tsv`; or the table has one of these columns twice
+    """
     table, _ = read_uneven_tsv(path)
+    wanted = {name.lower(): name for name in (*columns, "participant_id", "session_id")}
+    names = [wanted.get(name.lower(), name) for name in table.columns]
+    for name in wanted.values():
+        if names.count(name) > 1:
+            raise InputError(
+                f"line 1: {names.count(name)} columns are called {name}", file=path, remedy="keep one of them"
+            )
     found: _RowsByParticipant = {}
-    for row in table.to_dict("records"):
+    for row in table.set_axis(names, axis="columns").to_dict("records"):
         found.setdefault(_label(row.get("participant_id", "")), []).append(row)
     return found
 

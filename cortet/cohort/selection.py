@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from cortet.cohort.sheet import FOLD, NO, YES, Case
+from cortet.cohort.sheet import FOLD, MISSING, NO, YES, Case
 from cortet.errors import InputError
 from cortet.sections import Cases
 
@@ -45,8 +45,12 @@ def _says_yes(case: Case, column: str) -> bool:
             remedy=f"add it; further columns are {', '.join(case.extra) or 'none'}",
         )
     value = case.extra[column]
+    if value in MISSING:
+        return False
     if value.lower() not in YES | NO:
-        raise InputError(f"column {column} of {case.name}: {value!r} is no decision", remedy="use yes or no")
+        raise InputError(
+            f"column {column} of {case.name}: {value!r} is no decision", remedy="use yes or no; n/a counts as no"
+        )
     return value.lower() in YES
 
 

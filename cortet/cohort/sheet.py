@@ -47,7 +47,7 @@ LONGEST_LABEL = 40
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 #: words for a hemisphere, in lower case -> letter in file names
 HEMISPHERES = {"l": "L", "left": "L", "lh": "L", "r": "R", "right": "R", "rh": "R"}
-_MISSING = {"", "n/a"}
+MISSING = {"", "n/a"}
 #: names of sets that every mesh for a solver has
 _STANDING = ("core", "tissue")
 #: words of a decision, in lower case
@@ -231,21 +231,21 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
     """What is wrong with one row, each as `column NAME: VALUE ... (remedy)`."""
     for column, prefix in (("participant_id", "sub-"), ("session_id", "ses-")):
         label = row[column].removeprefix(prefix)
-        optional = column == "session_id" and label in _MISSING
+        optional = column == "session_id" and label in MISSING
         if not optional and not re.fullmatch("[A-Za-z0-9]+", label):
             yield f"column {column}: {row[column]!r} is no BIDS label (use letters and digits only)"
         if len(label) > LONGEST_LABEL:
             yield f"column {column}: {len(label)} characters are too many (use at most {LONGEST_LABEL})"
-    if row["hemi"].lower() not in HEMISPHERES and row["hemi"] not in _MISSING:
+    if row["hemi"].lower() not in HEMISPHERES and row["hemi"] not in MISSING:
         yield f"column hemi: {row['hemi']!r} is no hemisphere (use L, R, or n/a for a whole brain)"
-    if row["surface"] == PHANTOM and row["hemi"] in _MISSING:
+    if row["surface"] == PHANTOM and row["hemi"] in MISSING:
         yield f"column hemi: {row['hemi']!r}, but a {PHANTOM} is one hemisphere (use L or R)"
     if row["include"].lower() not in YES | NO:
         yield f"column include: {row['include']!r} is no decision (use yes or no)"
-    if row["include"].lower() in NO and row["exclude_reason"] in _MISSING:
+    if row["include"].lower() in NO and row["exclude_reason"] in MISSING:
         yield f"column exclude_reason: {row['exclude_reason']!r} does not say why the row is excluded (give a reason)"
     youngest, oldest = SCAN_AGES
-    if row["scan_age"] in _MISSING:
+    if row["scan_age"] in MISSING:
         if row["surface"] == PHANTOM:
             yield (
                 f"column scan_age: {row['scan_age']!r}, but a {PHANTOM} is made for an age "
@@ -258,7 +258,7 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
             "the surface is then not smoothed by age)"
         )
     for column, value in row.items():
-        if column == "surface" and value in _MISSING:
+        if column == "surface" and value in MISSING:
             yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
         named = _region(column) if column.startswith(INNER_PREFIX) else column.removeprefix(VOLUME_PREFIX)
         if column.startswith((INNER_PREFIX, VOLUME_PREFIX)) and not re.fullmatch("[A-Za-z][A-Za-z0-9]*", named):
@@ -266,22 +266,22 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
             yield f"column {column}: {named!r} is no name of {what} (use letters and digits only)"
         if len(_region(column)) > LONGEST_LABEL:
             yield f"column {column}: {len(_region(column))} characters are too many (use at most {LONGEST_LABEL})"
-        if _region(column) in _STANDING and value not in _MISSING:
+        if _region(column) in _STANDING and value not in MISSING:
             yield f"column {column}: {_region(column)!r} stands for another part of every mesh (use another name)"
-        given = _region(column) and value not in _MISSING
+        given = _region(column) and value not in MISSING
         if given and PHANTOM in (value, row["surface"]) and (column != INNER or value != row["surface"]):
             yield (
                 f"column {column}: {value!r}, but a {PHANTOM} and nothing else has an inner surface {PHANTOM} "
                 f"(use {PHANTOM} in both columns, surface and {INNER}, or n/a here)"
             )
-        if column == SPHERE and (value == PHANTOM) != (row["surface"] == PHANTOM) and value not in _MISSING:
+        if column == SPHERE and (value == PHANTOM) != (row["surface"] == PHANTOM) and value not in MISSING:
             yield (
                 f"column {column}: {value!r}, but a {PHANTOM} and nothing else has the sphere {PHANTOM} "
                 f"(use {PHANTOM} in both columns, surface and {column}, or n/a here)"
             )
-        if column == UNIT and value not in (*UNITS, *_MISSING):
+        if column == UNIT and value not in (*UNITS, *MISSING):
             yield f"column {column}: {value!r} is no unit (use {', '.join(UNITS)})"
-        if column == CELL_SIZE and value not in _MISSING and not _is_cell_size(number(value)):
+        if column == CELL_SIZE and value not in MISSING and not _is_cell_size(number(value)):
             smallest, largest = CELL_SIZE_MM
             yield (
                 f"column {column}: {value!r} is no cell size (use a number from {smallest:g} to {largest:g}, mm, a "
@@ -330,7 +330,7 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
     volumes = {
         name.removeprefix(VOLUME_PREFIX): str(_located(value, folder))
         for name, value in row.items()
-        if name.startswith(VOLUME_PREFIX) and value not in _MISSING
+        if name.startswith(VOLUME_PREFIX) and value not in MISSING
     }
     known = {*COLUMNS, *own, *inner, SPHERE, UNIT, AFFINE, CELL_SIZE}
     fields = {name: filled_in(pattern, row) for name, pattern in field_patterns.items()}
@@ -339,29 +339,29 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
     include = row["include"].lower() in YES
     return Case(
         participant=row["participant_id"].removeprefix("sub-"),
-        session=None if session in _MISSING else session,
-        hemi=None if hemi in _MISSING else HEMISPHERES[hemi.lower()],
+        session=None if session in MISSING else session,
+        hemi=None if hemi in MISSING else HEMISPHERES[hemi.lower()],
         scan_age=number(row["scan_age"]),
         surface=PHANTOM if row["surface"] == PHANTOM else _located(row["surface"], folder),
         include=include,
         exclude_reason="" if include else row["exclude_reason"],
-        fields={name: _located(value, folder) for name, value in fields.items() if value not in _MISSING},
+        fields={name: _located(value, folder) for name, value in fields.items() if value not in MISSING},
         volumes=volumes,
         inner={
             _region(name): PHANTOM if value == PHANTOM else _located(value, folder)
             for name, value in inner.items()
-            if value not in _MISSING
+            if value not in MISSING
         },
         sphere=_sphere(row.get(SPHERE, ""), folder),
-        unit=None if row.get(UNIT, "") in _MISSING else row[UNIT],
-        affine=None if row.get(AFFINE, "") in _MISSING else _located(row[AFFINE], folder),
+        unit=None if row.get(UNIT, "") in MISSING else row[UNIT],
+        affine=None if row.get(AFFINE, "") in MISSING else _located(row[AFFINE], folder),
         cell_size=number(row.get(CELL_SIZE, "n/a")),
         extra={name: value for name, value in row.items() if name not in known and not name.startswith(VOLUME_PREFIX)},
     )
 
 
 def _sphere(value: str, folder: Path) -> Path | str | None:
-    return None if value in _MISSING else PHANTOM if value == PHANTOM else _located(value, folder)
+    return None if value in MISSING else PHANTOM if value == PHANTOM else _located(value, folder)
 
 
 def filled_in(pattern: str, values: Mapping[str, Any]) -> str:

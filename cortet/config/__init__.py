@@ -5,9 +5,9 @@
 runs.
 """
 
-from cortet.config.files import load, read, refresh, render
+from cortet.config.files import keys_not_given, load, read, refresh, render
 from cortet.config.model import STEPS, Config, version_of
 from cortet.config.sections import Scan
 from cortet.config.settings import SETTINGS
 
-__all__ = ["SETTINGS", "STEPS", "Config", "Scan", "load", "read", "refresh", "render", "version_of"]
+__all__ = ["SETTINGS", "STEPS", "Config", "Scan", "keys_not_given", "load", "read", "refresh", "render", "version_of"]

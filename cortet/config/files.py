@@ -76,6 +76,21 @@ def read(path: Path) -> dict[str, Any]:
     return data
 
 
+def keys_not_given(data: Mapping[str, Any], given: Mapping[str, Any]) -> list[str]:
+    """Keys whose value is neither in `given` nor the default: for each `section.key: value (default: value)`."""
+    defaults, own = dict(_leaves(Config().model_dump())), dict(_leaves(given))
+    others = {key: value for key, value in _leaves(data) if key not in own and value != defaults.get(key)}
+    return [f"{key}: {_yaml(value)} (default: {_yaml(defaults.get(key))})" for key, value in others.items()]
+
+
+def _leaves(data: Mapping[str, Any], parents: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in data.items():
+        if isinstance(value, Mapping) and value:
+            yield from _leaves(value, f"{parents}{key}.")
+        else:
+            yield parents + str(key), value
+
+
 class _Twice(Exception):  # noqa: N818, becomes an InputError
     """A key that a mapping of a YAML file holds twice."""
 

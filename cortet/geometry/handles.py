@@ -90,7 +90,7 @@ def _cut(work: Triangles, loop: IntArray, max_piece: float, genus: int, crossing
     handle = back_to_the_feet(opened.points, opened.faces, (loop, copies))
     for wider in _WIDER:
         try:
-            made = replaced(opened, within(opened, handle, wider), max_piece)
+            made = replaced(opened, within(opened, handle, wider), max_piece, "handles")
         except InputError:
             continue
         topology = surface_topology(made.faces)

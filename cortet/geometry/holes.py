@@ -105,12 +105,13 @@ def capped(work: Triangles, rim: IntArray, made: int) -> Triangles:
     )
 
 
-def replaced(work: Triangles, vertices: IntArray, max_piece: float) -> Triangles:
+def replaced(work: Triangles, vertices: IntArray, max_piece: float, flaw: str) -> Triangles:
     """The triangles without the faces at some vertices; the holes are closed smoothly.
 
     Parameters
     ----------
     max_piece : largest share of the area of a piece that comes loose and is dropped
+    flaw : what is wrong with the faces at these vertices, for messages
 
     Raises
     ------
@@ -121,11 +122,12 @@ def replaced(work: Triangles, vertices: IntArray, max_piece: float) -> Triangles
     marked[vertices] = True
     rest, _ = split_fans(chosen_faces(work, ~faces_at(work.faces, marked)))
     if not len(rest.faces):
-        raise InputError("nothing would be left of the surface")
+        raise InputError(f"{flaw}; if they were cut out, nothing would be left of the surface")
     piece, area = pieces(rest)
     if len(area) > 1 and area[1] > max_piece * area.sum():
         where = place_mm(rest.points[rest.faces[piece == 1]].mean(axis=(0, 1)))
-        raise InputError(f"{area[1] / area.sum():.1%} of the area would come loose, around {where}")
+        share = f"{area[1] / area.sum():.1%} of the area"
+        raise InputError(f"{flaw}; if they were cut out, {share} would be cut off as well, around {where}")
     rest = chosen_faces(rest, piece == 0)
     for rim in rims(rest.faces):
         rest = capped(rest, rim, REPLACED)

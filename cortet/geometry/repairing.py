@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +21,7 @@ from cortet.geometry.mending import CAP, REPLACED, Triangles
 from cortet.geometry.orientation import outward
 from cortet.geometry.topology import enclosed_volume, face_areas, face_normals, neighbour_means, surface_topology
 from cortet.geometry.uncrossing import uncrossed
+from cortet.geometry.winding import winding_numbers
 from cortet.meshes import FILLED, FloatArray, IntArray, TriSurface, single_precision
 
 #: most locations listed of one kind, and their least distance from each other, mm
@@ -205,6 +207,12 @@ class BrokenSurface:
         if len(large) > 1:
             shares = ", ".join(f"{value:.1%}" for value in share[large[:4]])
             where = in_mm(np.array([self._middle(piece == number) for number in large[:2]]))
+            if walls := self._inside_the_first(piece, large):
+                raise InputError(
+                    f"{walls} of {len(large)} separate pieces lie inside the largest, as walls of a ventricle or of "
+                    f"another cavity do; they have {shares} of the area, around {where}",
+                    remedy="give the outer surface alone, and the inner ones as surfaces of regions (--inner NAME=FILE)",
+                )
             raise InputError(
                 f"{len(large)} separate pieces with {shares} of the area, around {where}: which one is meant is not "
                 "known",
@@ -214,6 +222,15 @@ class BrokenSurface:
             centres = np.array([self._middle(piece == number) for number in range(1, min(len(area), PLACES + 1))])
             self._note("small separate pieces dropped", len(area) - 1, "pieces", centres)
             self.work = mending.chosen_faces(self.work, piece == 0)
+
+    def _inside_the_first(self, piece: IntArray, large: NDArray[np.int64]) -> int:
+        """How many of the `large` pieces, all closed, lie inside the first of them."""
+        faces = [self.work.faces[piece == number] for number in large]
+        if not all(surface_topology(one).is_closed_manifold for one in faces):
+            return 0
+        points = np.array([self.work.points[one[0, 0]] for one in faces[1:]])
+        winding = winding_numbers(TriSurface(self.work.points, faces[0]), points)
+        return int((np.abs(winding) > 0.5).sum())
 
     def _orientation(self) -> None:
         topology = surface_topology(self.work.faces)
@@ -234,7 +251,7 @@ class BrokenSurface:
             length = rim_length(self.work.points, rim)
             if length > self.limits.max_hole:
                 raise InputError(
-                    f"a hole with a rim of {length:.0f} mm around {in_mm(self.work.points[rim].mean(axis=0))}, "
+                    f"a hole with a rim of {math.ceil(10 * length) / 10:g} mm around {in_mm(self.work.points[rim].mean(axis=0))}, "
                     f"where up to {self.limits.max_hole:g} mm are filled",
                     remedy="close the surface there, or set repair.max_hole",
                 )
@@ -254,10 +271,10 @@ class BrokenSurface:
         work = self.work = mending.compacted(self.work)
         if len(spikes := _spikes(work.points, work.faces)):
             self._note("spikes cut off", len(spikes), "vertices", work.points[spikes])
-            work = self.work = mending.compacted(replaced(work, spikes, self.limits.max_piece))
+            work = self.work = mending.compacted(replaced(work, spikes, self.limits.max_piece, f"{len(spikes)} spikes"))
         if len(flat := work.faces[flat_faces(work.points, work.faces)]):
             self._note("triangles without area replaced", len(flat), "faces", work.points[flat].mean(axis=1))
-            self.work = replaced(work, flat.ravel(), self.limits.max_piece)
+            self.work = replaced(work, flat.ravel(), self.limits.max_piece, f"{len(flat)} triangles without area")
 
     def _handles(self) -> None:
         limits = self.limits

@@ -60,7 +60,8 @@ def uncrossed(work: Triangles, *, max_displacement: float, max_piece: float) -> 
     work = _smoothed_apart(work, first, max_displacement)
     rest, number = self_intersections(as_surface(work)), 0
     while len(rest) and number < _REPLACINGS:
-        work = compacted(replaced(work, within(work, work.faces[rest].ravel(), number // 2), max_piece))
+        around = within(work, work.faces[rest].ravel(), number // 2)
+        work = compacted(replaced(work, around, max_piece, f"{len(first)} triangles cross others"))
         rest = self_intersections(as_surface(work))
         number += 1
     if len(rest):

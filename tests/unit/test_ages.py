@@ -63,6 +63,65 @@ def test_the_unit_of_the_sidecar_counts(
     assert said.startswith(f"{'ages are from' if weeks else 'not read:'} column {column} of participants.tsv, in ")
 
 
+UNKNOWN = ["a", "mois", "Jahre", "hours", "1/7 weeks", "mm/week", "10 days", "m", "weeks^2"]
+
+
+@pytest.mark.parametrize("named", [False, True])
+@pytest.mark.parametrize("units", UNKNOWN)
+def test_units_that_are_not_understood_are_never_weeks(tmp_path: Path, units: str, named: bool) -> None:
+    patterns = Scan(age_columns=["scan_age"]) if named else None
+    found, said = ages(dataset(tmp_path, "scan_age", {"a": "28"}, {"Units": units}), patterns)
+    assert found == [None]
+    assert (
+        f"not read: column scan_age of participants.tsv, in an unknown unit (its sidecar says Units: {units})" in said
+    )
+    assert "these Units are not understood" in said and "no sidecar has" not in said
+
+
+@pytest.mark.parametrize(
+    "units",
+    ["weeks", "Weeks", "gestational weeks", "weeks (PMA)", "weeks of gestation", "wk", "post-menstrual weeks", "w"],
+)
+def test_weeks_may_be_qualified(tmp_path: Path, units: str) -> None:
+    assert ages(dataset(tmp_path, "age", {"a": "28"}, {"Units": units}))[0] == [28.0]
+
+
+@pytest.mark.parametrize(
+    ("column", "described", "why"),
+    [
+        ("scan_age", {"Description": "postnatal age"}, "it counts from birth"),
+        ("scan_age", {"Description": "post-natal age at scan, weeks", "Units": "weeks"}, "it counts from birth"),
+        ("ga", {"LongName": "weeks of life"}, "it counts from birth"),
+        ("age", {"Description": "age of the mother at conception"}, "it is the age of a parent"),
+        ("age", {"Description": "maternal age at conception", "Units": "weeks"}, "it is the age of a parent"),
+        ("scan_age", {"Description": "30 yrs at most"}, "in years (by its description)"),
+        ("scan_age", {"Description": "age (mo)"}, "in months (by its description)"),
+        ("scan_age", {"Description": "age, y"}, "in years (by its description)"),
+    ],
+)
+def test_what_a_description_says_counts_without_units(
+    tmp_path: Path, column: str, described: dict[str, str], why: str
+) -> None:
+    found, said = ages(dataset(tmp_path, column, {"a": "28"}, described))
+    assert found == [None] and why in said
+
+
+def test_columns_and_keys_in_another_case_are_the_same_and_a_column_twice_is_refused(tmp_path: Path) -> None:
+    folder = dataset(tmp_path, "Scan_Age", {"a": "196"})
+    (folder / "participants.json").write_text('{"SCAN_AGE": {"Units": "days"}}')
+    assert ages(folder)[0] == [28.0]
+    (folder / "participants.tsv").write_text("participant_id\tscan_age\tSCAN_AGE\nsub-a\t28\t35\n")
+    with pytest.raises(
+        InputError, match=r"participants.tsv: line 1: 2 columns are called scan_age \(keep one of them\)"
+    ):
+        ages(folder)
+
+
+def test_numbers_as_programs_write_them_are_no_ages(tmp_path: Path) -> None:
+    found, said = ages(dataset(tmp_path, "scan_age", {"a": "2_5"}))
+    assert found == [None] and "2_5 of sub-a: no age from 12 to 60 gestational weeks" in said
+
+
 @pytest.mark.parametrize("named", [False, True])
 @pytest.mark.parametrize(
     ("said", "unit"),

@@ -329,8 +329,8 @@ def test_the_column_fold_says_what_is_folded_where_the_configuration_does_not(tm
     assert folded(cases, None) == [cases[0]]
     assert folded(cases, "all") == cases and folded(cases, []) == []
     assert folded(marked(tmp_path, "3T", "7T", column="scanner"), None) == []
-    with pytest.raises(InputError, match="'n/a' is no decision"):
-        folded(marked(tmp_path, "yes", "n/a"), None)
+    said = marked(tmp_path, "yes", "n/a")
+    assert folded(said, None) == [said[0]], "as in BIDS, n/a says nothing"
 
 
 def test_the_demo_folds_one_case_and_another_sheet_none() -> None:

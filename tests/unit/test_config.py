@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 from cortet import config
+from cortet.config import keys_not_given
 from cortet.errors import InputError
 from cortet.sections import Section
 from cortet.simulation.state import Settings
@@ -182,3 +183,9 @@ def test_one_value_may_stand_for_a_list() -> None:
 
 def test_an_empty_section_is_the_default() -> None:
     assert config.load({"clean": None}) == config.Config()
+
+
+def test_what_another_file_sets_in_place_of_a_default_is_named() -> None:
+    shipped = {"generate": {"cell_size": [1.6], "seed": 0}, "output": "mine"}
+    assert keys_not_given(shipped, {"output": "mine"}) == ["generate.cell_size: [1.6] (default: [0.6])"]
+    assert keys_not_given(shipped, shipped) == []

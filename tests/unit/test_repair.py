@@ -210,12 +210,31 @@ def moved(surface: TriSurface, distance: float) -> TriSurface:
     return replace(surface, points=surface.points + np.array([distance, 0, 0]))
 
 
+def shells() -> TriSurface:
+    """A ball with two walls inside."""
+    wall = TriSurface(ball().points / 4, ball().faces[:, ::-1])
+    return joined([ball(), moved(wall, 8), moved(wall, -8)])
+
+
+def dumbbell() -> TriSurface:
+    """Two balls that a neck without any width joins."""
+    surface = ball()
+    points = surface.points.copy()
+    neck = np.abs(points[:, 2]) < 2
+    points[neck, :2] = 0
+    points[neck, 2] *= 0.5
+    return TriSurface(points, surface.faces)
+
+
 @pytest.mark.parametrize(
     ("surface", "limits", "words"),
     [
         (joined([ball(), moved(ball(), 60)]), {}, r"2 separate pieces with 50.0%, 50.0% of the area, around \(.* mm"),
         (one_sided(), {}, "no inside"),
-        (breakages.hole(ball(), 30.0), {"max_hole": 50.0}, r"a hole with a rim of 88 mm around \(.*up to 50 mm"),
+        (breakages.hole(ball(), 30.0), {"max_hole": 50.0}, r"a hole with a rim of 88.4 mm around \(.*up to 50 mm"),
+        (breakages.hole(ball(), 30.0), {"max_hole": 88.3}, r"a rim of 88.4 mm around \(.*up to 88.3 mm"),
+        (shells(), {}, r"2 of 3 separate pieces lie inside the largest, as walls of a ventricle.*--inner NAME=FILE"),
+        (dumbbell(), {}, r"\d+ triangles without area; if they were cut out, \d+.\d% of the area would be cut off"),
         (torus(), {}, r"1 handle, the thinnest with a loop of 3\d mm around \(.*up to 30 mm.*repair.max_loop"),
         (breakages.handle(ball(), 8.0), {"max_volume_change": 0.001}, "change the volume by -.*0.1% are allowed"),
         (crossed(), {"max_displacement": 0.001}, "0.001 mm are allowed"),

@@ -123,8 +123,8 @@ def new_handler() -> LogHandler:
     return LogHandler(SimpleNamespace(dryrun=False), None)  # type: ignore[arg-type]
 
 
-def emit(handler: LogHandler, message: str = "", level: int = logging.INFO, **known: Any) -> None:
-    record = logging.LogRecord("snakemake", level, "", 0, message, (), None)
+def emit(handler: LogHandler, message: str = "", level: int = logging.INFO, path: str = "", **known: Any) -> None:
+    record = logging.LogRecord("snakemake", level, path, 0, message, (), None)
     record.__dict__.update(known)
     handler.emit(record)
 
@@ -153,6 +153,13 @@ def test_other_errors_of_snakemake_are_shown(capsys: pytest.CaptureFixture[str])
         "Target rules may not contain wildcards.",
         "nothing to do: everything is up to date",
     ]
+
+
+def test_notices_of_the_rules_are_shown_and_those_of_snakemake_are_not(capsys: pytest.CaptureFixture[str]) -> None:
+    handler = new_handler()
+    emit(handler, "Assuming unrestricted shared filesystem usage.", logging.WARNING, "/x/snakemake/dag.py")
+    emit(handler, "2 cases without an age", logging.WARNING, "/x/rules/common.smk")
+    assert capsys.readouterr().out.splitlines() == ["2 cases without an age"]
 
 
 def test_a_log_file_says_what_is_running_after_a_minute_of_silence(capsys: pytest.CaptureFixture[str]) -> None:
