@@ -211,7 +211,7 @@ class BrokenSurface:
                 raise InputError(
                     f"{walls} of {len(large)} separate pieces lie inside the largest, as walls of a ventricle or of "
                     f"another cavity do; they have {shares} of the area, around {where}",
-                    remedy="give the outer surface alone, and the inner ones as surfaces of regions (--inner NAME=FILE)",
+                    remedy="give the outer surface alone, and the others as surfaces of regions (--inner NAME=FILE)",
                 )
             raise InputError(
                 f"{len(large)} separate pieces with {shares} of the area, around {where}: which one is meant is not "
@@ -250,9 +250,10 @@ class BrokenSurface:
         for rim in found:
             length = rim_length(self.work.points, rim)
             if length > self.limits.max_hole:
+                where, rounded = in_mm(self.work.points[rim].mean(axis=0)), math.ceil(10 * length) / 10
+                most = self.limits.max_hole
                 raise InputError(
-                    f"a hole with a rim of {math.ceil(10 * length) / 10:g} mm around {in_mm(self.work.points[rim].mean(axis=0))}, "
-                    f"where up to {self.limits.max_hole:g} mm are filled",
+                    f"a hole with a rim of {rounded:g} mm around {where}, where up to {most:g} mm are filled",
                     remedy="close the surface there, or set repair.max_hole",
                 )
         # the file had no hole where the steps above removed faces
