@@ -56,7 +56,9 @@ MESH_COLUMNS = (
         "tets_per_cpu_second",
         "MB_per_million_tets",
     ),
-    *("nodes_off_mm", "surface_off_mm", "volume_change", "euler", "certified", "why_not", "sha256"),
+    *("dihedral_min_deg", "dihedral_max_deg", "nodes_to_surface_max_mm"),
+    *("surface_to_boundary_mean_mm", "surface_to_boundary_max_mm"),
+    *("volume_change", "euler", "certified", "why_not", "sha256"),
 )
 
 
@@ -125,8 +127,11 @@ def run_chain(  # type: ignore[no-untyped-def]
             "edge_mean_h": edge_lengths(mesh.points, mesh.cells).mean() / cell_size,
             "tets_per_cpu_second": cells / used["cpu_seconds"],
             "MB_per_million_tets": (used["peak_MB"] - idle_mb) / cells * 1e6,
-            "nodes_off_mm": found.fidelity.nodes_to_surface_mm.max,
-            "surface_off_mm": found.fidelity.surface_to_boundary_mm.mean,
+            "dihedral_min_deg": found.quality.dihedral_min_deg,
+            "dihedral_max_deg": found.quality.dihedral_max_deg,
+            "nodes_to_surface_max_mm": found.fidelity.nodes_to_surface_mm.max,
+            "surface_to_boundary_mean_mm": found.fidelity.surface_to_boundary_mm.mean,
+            "surface_to_boundary_max_mm": found.fidelity.surface_to_boundary_mm.max,
             "volume_change": found.fidelity.relative_volume_change,
             "euler": found.topology.euler_number,
             "certified": found.certified,
