@@ -297,7 +297,7 @@ def picture_command(args: argparse.Namespace) -> int:
 
 
 def print_verdict(certificate: Certificate) -> None:
-    """Print whether a mesh is certified, and if not, why."""
+    """Print whether a mesh is certified, and if not, why; and what else should be known."""
     print("certified" if certificate.certified else "NOT certified:")
-    for reason in certificate.reasons:
-        print(f"  {reason}")
+    for line in (*certificate.reasons, *certificate.remarks):
+        print(f"  {line}")

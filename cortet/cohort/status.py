@@ -31,7 +31,7 @@ COLUMNS = (
         },
         heading="State",
     ),
-    Column("reason", "Why the state is not `certified`"),
+    Column("reason", "Why the state is not `certified`; of a certified case, what should be known all the same"),
     Column("log", "Log of the job that failed"),
 )
 
@@ -102,6 +102,7 @@ def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             if not content["certified"]:
                 outcome |= {"stage": "certify", "state": "uncertified", "reason": "; ".join(content["reasons"])}
             elif "state" not in outcome:
-                outcome |= {"stage": "certify", "state": "certified"}
+                remarks = "; ".join(content.get("remarks", ()))
+                outcome |= {"stage": "certify", "state": "certified", "reason": remarks}
         rows.append(outcome)
     return rows

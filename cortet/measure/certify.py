@@ -64,11 +64,12 @@ from cortet.measure.regions import (
     region_records,
     sheets_of,
 )
+from cortet.measure.remarks import remarks
 from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound, worst_elements
 from cortet.meshes import FloatArray, TetMesh, TriSurface, require_measurable
 from cortet.version import __version__
 
-VERSION: int = 6
+VERSION: int = 7
 
 #: relative difference allowed between the sum of volumes and the volume inside the boundary
 VOLUME_TOLERANCE = 1e-9
@@ -87,6 +88,8 @@ class Certificate:
     certified: bool
     #: why the mesh is not certified, in plain words, with location and remedy; empty if it is certified
     reasons: tuple[str, ...]
+    #: what should be known of a mesh even if it is certified, such as how far a repair went
+    remarks: tuple[str, ...]
     checks: tuple[Check, ...]
     #: worst first
     worst_elements: tuple[WorstElement, ...]
@@ -264,6 +267,7 @@ def certify(
         case=case,
         certified=all(check.passed for check in checks),
         reasons=tuple(_reason(check, places.get(check.name, "")) for check in checks if not check.passed),
+        remarks=remarks(reports, parameters or {}),
         checks=checks,
         worst_elements=worst,
         valence_bound=valence_bound(around),

@@ -289,6 +289,11 @@ PANELS: tuple[tuple[str, str, Callable[[Judged], list[Part]]], ...] = (
         "Why it is not certified",
         lambda of: [("points", of.certificate["reasons"])] if of.certificate["reasons"] else [],
     ),
+    (
+        "remarks",
+        "What became of the surfaces",
+        lambda of: [("points", of.certificate["remarks"])] if of.certificate.get("remarks") else [],
+    ),
     ("pictures", "Surface and mesh", _surface_and_mesh),
     ("tissues", "In the volume", _tissues),
     ("resampled", "On the common mesh", _resampled),

@@ -86,6 +86,7 @@ def _with_verdict(content: Certificate) -> dict[str, Any]:
         "surface_state": "repaired" if content["input_repaired"] else "as given",
         "verdict": "pass" if content["certified"] else "fail",
         "reasons": "; ".join(content["reasons"]),
+        "remarks": "; ".join(content.get("remarks", ())),
     }
 
 

@@ -21,7 +21,10 @@ from cortet.meshes import TriSurface, region_names
 from cortet.sections import Cost, Positive, Section
 from cortet.stages.stage import Stage
 
-VERSION: int = 3
+VERSION: int = 4
+
+#: shares of the requested gap that are tried, until no triangles cross
+_SHARES = (1.0, 0.5, 0.25)
 
 logger = logging.getLogger(__name__)
 
@@ -48,6 +51,7 @@ class Separated:
 
     #: name of the region inside it
     name: str
+    #: the gap that was kept: what was asked for, or less where triangles would have crossed
     min_gap_mm: float
     #: triangles of the two surfaces that crossed, before
     crossing_faces_before: int
@@ -165,17 +169,20 @@ def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap:
     from cortet.geometry.topology import enclosed_volume
 
     tree = tree_of(container)
-    gaps = gaps_to_keep(container, tree, gap)
     depth, _, _ = depths(tree, container, surface.points)
     crossing = len(self_intersections(joined([surface, container])))
-    moved, remaining = kept_apart(surface, container, tree, gaps, gap)
-    points = moved.points
+    for share in _SHARES:  # a smaller gap asks for shorter moves, after which fewer triangles cross
+        gaps = gaps_to_keep(container, tree, share * gap)
+        moved, remaining = kept_apart(surface, container, tree, gaps, share * gap)
+        if not len(remaining):
+            break
+    gap, points = share * gap, moved.points
     if len(remaining):
         both = joined([moved, container])
         first = both.points[both.faces[remaining[0]]].mean(axis=0)
         raise InputError(
-            f"the inner surface {name} cannot be moved away from the one around it: {len(remaining)} triangles "
-            f"cross, the first at {place_mm(first)}",
+            f"the inner surface {name} cannot be moved {gap:g} mm away from the one around it: {len(remaining)} "
+            f"triangles still cross, the first at {place_mm(first)}",
             remedy="edit the surfaces there, or choose a smaller regions.min_gap",
         )
     after, _, found = depths(tree, container, points)

@@ -1,0 +1,55 @@
+"""What a certified mesh says of the surfaces that were changed for it."""
+
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+from shapes import ball_surface
+
+from cortet.geometry.nesting import nested
+from cortet.measure.remarks import remarks
+from cortet.stages import separate as stage
+from cortet.stages.separate import separate
+
+PARAMETERS = {"separate": {"min_gap": 0.5}, "generate": {"cell_size": 2.0}}
+
+
+def told(*, inner: float, outer: float = 14.0) -> tuple[str, ...]:
+    ball = ball_surface(4, radius=inner)
+    _, report = separate(nested(ball_surface(4, radius=outer), {"white": ball}), cell_size=2.0, min_gap=0.5)
+    return remarks({"separate": asdict(report)}, PARAMETERS)
+
+
+def test_an_inner_surface_that_gave_way_far_is_told_with_the_volume() -> None:
+    (sentence,) = told(inner=13.7)
+    volume = 4 / 3 * np.pi * (13.7**3 - 13.0**3) / 1000
+    between = 4 / 3 * np.pi * (14.0**3 - 13.0**3) / 1000
+    millilitres, share = (float(word.strip("%,")) for word in sentence.split() if word[0].isdigit())
+    assert millilitres == pytest.approx(volume, rel=0.1) and share == pytest.approx(100 * volume / between, rel=0.1)
+    assert sentence.startswith("white gave way to the surface around it: ")
+    assert told(inner=12.0) == ()
+
+
+def test_a_gap_that_would_make_triangles_cross_is_halved_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = []
+
+    def stubborn(surface, container, tree, gaps, gap):  # type: ignore[no-untyped-def]
+        """Triangles cross with every gap above half a millimetre."""
+        tried.append(gap)
+        moved, remaining = kept_apart(surface, container, tree, gaps, gap)
+        return moved, np.array([0]) if gap > 0.5 else remaining
+
+    from cortet.geometry.separation import kept_apart
+
+    monkeypatch.setattr("cortet.geometry.separation.kept_apart", stubborn)
+    assert told(inner=13.7)[-1].startswith("white keeps 0.5 mm from the surface around it instead of 1 mm")
+    assert tried == [1.0, 0.5]
+    monkeypatch.setattr(stage, "_SHARES", (1.0,))
+    with pytest.raises(Exception, match="cannot be moved 1 mm away from the one around it: 1 triangles still cross"):
+        told(inner=13.7)
+
+
+def test_a_repair_is_told_from_half_a_per_cent_of_the_volume_on() -> None:
+    report = {"relative_volume_change": 0.0049, "inner": {"white": {"relative_volume_change": -0.012}}}
+    assert remarks({"repair": report}, {}) == ("repair changed the volume of white by -1.2%",)
+    assert remarks({}, {}) == ()
