@@ -382,8 +382,13 @@ def filled_in(pattern: str, values: Mapping[str, Any]) -> str:
 
 
 def _located(name: str, folder: Path) -> Path:
-    """A file named in a sheet, from the folder of the sheet; `a/../b` becomes `b`."""
-    return Path(os.path.normpath(folder / name))
+    """A file named in a sheet, from the folder of the sheet; `a/../b` becomes `b`.
+
+    A file below the working folder has one spelling, relative to it, since Snakemake runs jobs again for another one.
+    """
+    path = Path(os.path.normpath(folder / name))
+    whole, here = Path(os.path.normpath(path.absolute())), Path.cwd()
+    return whole.relative_to(here) if whole.is_relative_to(here) else path
 
 
 def _relative(path: Path | str, folder: Path) -> str:

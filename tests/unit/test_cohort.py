@@ -314,6 +314,17 @@ def marked(tmp_path: Path, *words: str, column: str = "fold") -> list[Case]:
     return read_sheet(sheet(tmp_path, *rows, extra=f"\t{column}"))
 
 
+def test_a_file_below_the_working_folder_has_one_spelling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data/x.gii").touch()
+    monkeypatch.chdir(tmp_path)
+    for name in ("data/x.gii", "./data/x.gii", f"../{tmp_path.name}/data/x.gii", str(tmp_path / "data/x.gii")):
+        path = Path("c.tsv")
+        path.write_text("\t".join(COLUMNS) + "\n" + GOOD.replace("data/a.surf.gii", name) + "\n")
+        assert read_sheet(path)[0].surface == Path("data/x.gii"), name
+        assert read_sheet(path.absolute())[0].surface == Path("data/x.gii"), name
+
+
 def test_a_column_of_the_sheet_may_choose_cases(tmp_path: Path) -> None:
     cases = marked(tmp_path, "yes", "no", "TRUE", "0", column="simulated")
     assert chosen(cases, {"column": "simulated"}) == [cases[0], cases[2]]
