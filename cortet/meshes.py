@@ -93,6 +93,10 @@ def _fields(fields: Mapping[str, Any], count: int, of: str) -> dict[str, NDArray
     return result
 
 
+#: spaces of the images of a brain: that of the scanner, and that of an image which others are aligned to
+ANATOMICAL = ("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_ALIGNED_ANAT")
+
+
 @dataclass(frozen=True)
 class CoordinateFrame:
     """Coordinate system, as GIfTI states it; carried from the input to every sidecar, never changed silently."""
@@ -103,6 +107,16 @@ class CoordinateFrame:
     xformspace: str = "NIFTI_XFORM_UNKNOWN"
     #: row-major 4 x 4 affine from dataspace to xformspace
     matrix: tuple[float, ...] = (1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1)
+
+    @property
+    def leads_to_scanner(self) -> bool:
+        """Whether `matrix` leads from coordinates that are elsewhere to the space of the images of this brain."""
+        return self.xformspace in ANATOMICAL and self.dataspace not in (ANATOMICAL[0], self.xformspace)
+
+    @property
+    def to_scanner(self) -> FloatArray:
+        """(4, 4) from the stored coordinates to the space of images; the identity if nothing is known to lead there."""
+        return np.reshape(self.matrix, (4, 4)).astype(float) if self.leads_to_scanner else np.eye(4)
 
 
 #: integer field of the region of each tetrahedron, 0 between the boundary and the inner surfaces, and i inside the i-th

@@ -3,8 +3,8 @@
 nibabel reads surfaces. This module reads values and annotations, since nibabel reserves whatever memory a damaged file
 states.
 
-Coordinates are in the tool's own space ("surface RAS", mm). The translation to the scanner's space, if the file has
-it, becomes the matrix of the coordinate frame (https://surfer.nmr.mgh.harvard.edu/fswiki/CoordinateSystems).
+Coordinates are in the tool's own space ("surface RAS", mm). The way to the scanner's space, if the file has it, becomes
+the matrix of the coordinate frame (`formats.frames`).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from nibabel.freesurfer.io import read_geometry
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.formats import frames
 from cortet.formats.untrusted import content, safe_name
 from cortet.meshes import CoordinateFrame, TriSurface
 
@@ -57,7 +58,7 @@ def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
     if len(faces) and not (faces.min() >= 0 and faces.max() < len(points)):
         what = f"triangles refer to vertices {faces.min()} to {faces.max()}, but there are {len(points)}"
         raise InputError(what, file=path, remedy=remedy)
-    return TriSurface(points, faces, frame=_frame(footer))
+    return TriSurface(points, faces, frame=_frame(footer, path))
 
 
 def read_values(path: Path) -> dict[str, NDArray[Any]]:
@@ -169,10 +170,9 @@ def _field_name(path: Path) -> str:
     return safe_name(".".join(words[1:] or words))
 
 
-def _frame(footer: dict[str, Any]) -> CoordinateFrame:
-    """The translation in a file's footer; none if the footer says that it is not valid."""
+def _frame(footer: dict[str, Any], path: Path) -> CoordinateFrame:
+    """The place of the volume in a file's footer; none if the footer says that it is not valid."""
     if not str(footer.get("valid", "")).startswith("1"):
         return CoordinateFrame()
-    matrix = np.eye(4)
-    matrix[:3, 3] = footer["cras"]
-    return CoordinateFrame("NIFTI_XFORM_UNKNOWN", "NIFTI_XFORM_SCANNER_ANAT", tuple(matrix.ravel().tolist()))
+    axes = np.stack([footer[name] for name in ("xras", "yras", "zras")], axis=1)
+    return frames.of_volume(axes, footer["cras"], path)

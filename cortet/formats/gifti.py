@@ -28,8 +28,9 @@ from nibabel.nifti1 import xform_codes
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.formats import foreign
+from cortet.formats import foreign, frames
 from cortet.formats.atomic import atomic_path
+from cortet.formats.frames import System
 from cortet.formats.numbering import in_32_bits
 from cortet.formats.untrusted import (
     MOST_ELEMENTS,
@@ -45,7 +46,7 @@ from cortet.formats.untrusted import (
     xml_root,
 )
 from cortet.geometry.nesting import nested
-from cortet.meshes import CoordinateFrame, TriSurface
+from cortet.meshes import TriSurface
 
 #: name of the region in the file name of an inner surface
 _REGION = re.compile(r"_inner-([A-Za-z0-9]+)_")
@@ -66,8 +67,6 @@ _MAX_BYTES = 2**31
 _MAX_DIMENSIONS = 6
 #: bytes that are read at a time
 _PART = 1 << 16
-#: relative change of lengths up to which a matrix is a rigid motion; spaces to which brains are normalised
-_RIGID, _TEMPLATES = 0.01, ("NIFTI_XFORM_TALAIRACH", "NIFTI_XFORM_MNI_152")
 _GEOMETRY = ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
 
 
@@ -79,7 +78,9 @@ class _Array(NamedTuple):
     intent: str
     name: str
     values: NDArray[Any]
-    frame: CoordinateFrame
+    systems: list[System]
+    #: metadata
+    about: dict[str, str]
 
 
 def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
@@ -101,16 +102,16 @@ def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
     """
     if (read := foreign.surface_reader(Path(path))) is not None:
         return read(Path(path), finite=finite)
-    arrays = _read(Path(path))
+    arrays, provenance = _read(Path(path))
     points = _geometry(arrays, "NIFTI_INTENT_POINTSET", path)
     triangles = _geometry(arrays, "NIFTI_INTENT_TRIANGLE", path)
-    _check_frame(points.frame, path)
+    frame = frames.of_gifti(points.systems, points.about, provenance, path)
     bad = np.flatnonzero(~np.isfinite(points.values).all(axis=1))
     if finite and len(bad):
         what = f"{len(bad)} vertices have coordinates that are not finite, the first is vertex {bad[0]}"
         raise InputError(f"{what}: {points.values[bad[0]].tolist()}", file=path, remedy=_EXPORT_AGAIN)
     with naming(path):
-        return TriSurface(points.values, triangles.values, _fields(arrays, path, len(points.values)), points.frame)
+        return TriSurface(points.values, triangles.values, _fields(arrays, path, len(points.values)), frame)
 
 
 def hemisphere_of(path: str | Path) -> Literal["L", "R"] | None:
@@ -152,7 +153,7 @@ def read_fields(path: str | Path) -> dict[str, NDArray[Any]]:
     """
     if (fields := foreign.fields_of(Path(path))) is not None:
         return fields
-    return _fields(_read(Path(path)), path)
+    return _fields(_read(Path(path))[0], path)
 
 
 def read_label_names(path: str | Path) -> dict[int, str]:
@@ -240,23 +241,24 @@ def _fields(arrays: list[_Array], path: str | Path, count: int | None = None) ->
     return safely_named(fields)
 
 
-def _read(path: Path) -> list[_Array]:
-    """All arrays of a file."""
+def _read(path: Path) -> tuple[list[_Array], str]:
+    """All arrays of a file, and its own metadata as text."""
     size = check_file(path)
     if not size:
         raise InputError("the file is empty", file=path, remedy=_EXPORT_AGAIN)
     arrays: list[_Array] = []
+    provenance = ""
     left = _MAX_BYTES
     try:
         with path.open("rb") as file:
             refuse_declarations(iter(lambda: file.read(_PART), b""), path)
             file.seek(0)
             parser = ElementTree.iterparse(file, events=("start", "end"))
-            root = next(parser)[1].tag
-            if root != "GIFTI":
+            root = next(parser)[1]
+            if root.tag != "GIFTI":
                 if other := foreign.name_of(path):
                     raise InputError(f"is not GIfTI but {other}", file=path, remedy=_INSTEAD)
-                raise InputError(f"not GIfTI: its XML begins with <{root}>", file=path, remedy=_EXPORT_AGAIN)
+                raise InputError(f"not GIfTI: its XML begins with <{root.tag}>", file=path, remedy=_EXPORT_AGAIN)
             for number, (event, element) in enumerate(parser):
                 if number > 2 * MOST_ELEMENTS:
                     raise InputError(f"has more than {MOST_ELEMENTS:,} XML elements", file=path, remedy=_EXPORT_AGAIN)
@@ -264,6 +266,7 @@ def _read(path: Path) -> list[_Array]:
                     arrays.append(_array(element, path, left))
                     left -= arrays[-1].values.nbytes
                     element.clear()
+            provenance = " ".join(_metadata(root).values())
     except OSError as error:
         remedy = "check the path and its permissions"
         raise InputError(f"cannot be read: {error.strerror}", file=path, remedy=remedy) from error
@@ -272,14 +275,15 @@ def _read(path: Path) -> list[_Array]:
             raise InputError(f"is not GIfTI but {other}", file=path, remedy=_INSTEAD) from error
         what = f"truncated or not GIfTI: {error} (the file has {size:,} bytes)"
         raise InputError(what, file=path, remedy=_EXPORT_AGAIN) from error
-    return arrays
+    return arrays, provenance
 
 
 def _array(element: ElementTree.Element, path: Path, most: int) -> _Array:
     """Decode one <DataArray> of at most `most` bytes, after a check that it holds what it declares."""
     get = element.attrib.get
     intent = get("Intent", "NIFTI_INTENT_NONE")
-    name = next((_text(md, "Value") for md in element.iter("MD") if _text(md, "Name") == "Name"), "") or _stem(path)
+    about = _metadata(element)
+    name = about.get("Name") or _stem(path)
     try:
         shape = [int(get(f"Dim{i}", "")) for i in range(min(int(get("Dimensionality", "")), _MAX_DIMENSIONS + 1))]
         dtype = _TYPES[get("DataType", "")].newbyteorder(">" if get("Endian") == "BigEndian" else "<")
@@ -287,12 +291,12 @@ def _array(element: ElementTree.Element, path: Path, most: int) -> _Array:
             raise ValueError(f"dimensions {shape}")
         flat = _decode(element, math.prod(shape), dtype, path.parent, most)
         values = flat.reshape(shape, order="F" if get("ArrayIndexingOrder") == "ColumnMajorOrder" else "C")
-        frame = _frame(element)
+        systems = _systems(element)
     except KeyError as error:
         raise InputError(f"{intent} array: {error} is not known", file=path, remedy=_EXPORT_AGAIN) from error
     except (ValueError, OverflowError, OSError, zlib.error) as error:
         raise InputError(f"{intent} array: {error}", file=path, remedy=_EXPORT_AGAIN) from error
-    return _Array(intent, name, values.astype(dtype.newbyteorder("=")), frame)
+    return _Array(intent, name, values.astype(dtype.newbyteorder("=")), systems, about)
 
 
 def _decode(element: ElementTree.Element, count: int, dtype: np.dtype[Any], folder: Path, most: int) -> NDArray[Any]:
@@ -331,18 +335,16 @@ def _external(element: ElementTree.Element, folder: Path, size: int) -> bytes:
         return file.read(size)
 
 
-def _frame(element: ElementTree.Element) -> CoordinateFrame:
-    """The first coordinate system of a <DataArray>; unknown when it has none."""
-    system = element.find("CoordinateSystemTransformMatrix")
-    if system is None:
-        return CoordinateFrame()
-    dataspace, xformspace = (str(xform_codes.niistring[_text(system, t)]) for t in ("DataSpace", "TransformedSpace"))
-    matrix = tuple(float(word) for word in _text(system, "MatrixData").split())
-    if len(matrix) != 16:
-        raise ValueError(f"coordinate transform of {len(matrix)} numbers instead of 16")
-    if not np.isfinite(matrix).all():
-        raise ValueError("coordinate transform with numbers that are not finite")
-    return CoordinateFrame(dataspace, xformspace, matrix)
+def _systems(element: ElementTree.Element) -> list[System]:
+    """The coordinate systems of a <DataArray>."""
+    return [
+        System(
+            _text(one, "DataSpace"),
+            _text(one, "TransformedSpace"),
+            [float(word) for word in _text(one, "MatrixData").split()],
+        )
+        for one in element.iterfind("CoordinateSystemTransformMatrix")
+    ]
 
 
 def surface_of(image: Any) -> TriSurface:
@@ -355,35 +357,16 @@ def surface_of(image: Any) -> TriSurface:
     points, faces = (image.get_arrays_from_intent(f"NIFTI_INTENT_{name}") for name in ("POINTSET", "TRIANGLE"))
     if not (points and faces):
         raise InputError("the image holds no surface", remedy="give one with a pointset and triangles")
-    frame, system = CoordinateFrame(), points[0].coordsys
+    system, systems = points[0].coordsys, []
     if system is not None:
         dataspace, xformspace = (str(xform_codes.niistring[code]) for code in (system.dataspace, system.xformspace))
-        frame = CoordinateFrame(dataspace, xformspace, tuple(np.asarray(system.xform, float).ravel().tolist()))
-    _check_frame(frame, "the image")
+        systems = [System(dataspace, xformspace, np.asarray(system.xform, float).ravel().tolist())]
+    frame = frames.of_gifti(systems, dict(points[0].meta), str(dict(image.meta)), "the image")
     return TriSurface(points[0].data, faces[0].data, frame=frame)
 
 
-def _check_frame(frame: CoordinateFrame, path: str | Path) -> None:
-    """Raise InputError if the matrix of the coordinates implies that they are not mm.
-
-    Coordinates stay as they are stored, in the space of the data; the matrix maps them to another space (GIfTI 1.0,
-    section 2.3.4). A rigid motion changes no length. A matrix to a template does, but the stored brain is in mm. Any
-    other matrix implies that the stored coordinates must be scaled or sheared to become mm.
-    """
-    linear = np.reshape(frame.matrix, (4, 4))[:3, :3]
-    stretches = np.linalg.svd(linear, compute_uv=False)
-    rigid = np.allclose(stretches, 1, atol=_RIGID) and np.linalg.det(linear) > 0
-    normalised = frame.xformspace in _TEMPLATES and frame.dataspace not in ("NIFTI_XFORM_UNKNOWN", frame.xformspace)
-    if rigid or normalised:
-        return
-    low, high = stretches[-1], stretches[0]
-    raise InputError(
-        f"the matrix from its coordinates ({frame.dataspace}) to {frame.xformspace} is no rigid motion: lengths change "
-        f"by {low:.4g} to {high:.4g}" + (", mirrored" if np.linalg.det(linear) < 0 else ""),
-        file=path,
-        remedy="apply the matrix to the coordinates and store the identity; where coordinates are mm as they stand, "
-        "take the matrix out of the file",
-    )
+def _metadata(element: ElementTree.Element) -> dict[str, str]:
+    return {_text(one, "Name"): _text(one, "Value") for one in element.iterfind("MetaData/MD")}
 
 
 def _text(element: ElementTree.Element, tag: str) -> str:

@@ -7,6 +7,7 @@ the lookup table of BIDS beside it: `*_dseg.tsv`, or `dseg.tsv`, with the column
 from __future__ import annotations
 
 import gzip
+import logging
 import os
 import re
 import zlib
@@ -27,6 +28,8 @@ from cortet.meshes import CoordinateFrame, FloatArray
 
 if TYPE_CHECKING:
     from nibabel.spatialimages import SpatialImage
+
+logger = logging.getLogger(__name__)
 
 #: labels: whole numbers; numbers: one of any kind per voxel; tensors: xx xy xz yy yz zz along the axes of the voxels,
 #: as FSL's dtifit writes them; mrtrix: xx yy zz xy xz yz along x, y and z, as MRtrix's dwi2tensor writes them
@@ -68,8 +71,8 @@ class Volume:
 
 
 def to_scanner(points: FloatArray, frame: CoordinateFrame) -> FloatArray:
-    """Points (n, 3), mm, of a surface, mapped to the space of volumes by the matrix of the frame."""
-    whole = np.reshape(frame.matrix, (4, 4))
+    """Points (n, 3), mm, of a surface, in the space of volumes: mapped by the matrix of the frame if it leads there."""
+    whole = frame.to_scanner
     return np.asarray(points @ whole[:3, :3].T + whole[:3, 3])
 
 
@@ -238,6 +241,7 @@ def _content(image: SpatialImage, path: str | Path) -> tuple[NDArray[Any], Float
             raise InputError(what, file=path, remedy="crop it to the brain, or give a coarser one")
         affine = np.asarray(image.affine, float)
         _require_placed(image, affine, path)
+        _say_disagreement(image, path)
         values = np.asarray(image.dataobj)
     if values.dtype.kind not in "iuf":
         raise InputError(f"holds values of type {values.dtype}", file=path, remedy="export it as numbers")
@@ -286,6 +290,18 @@ def _require_placed(image: Any, affine: FloatArray, path: str | Path) -> None:
     else:
         return
     raise InputError(what, file=path, remedy="write it in mm, as the surface is")
+
+
+def _say_disagreement(image: Any, path: str | Path) -> None:
+    """Warn if the header places the voxels in two ways that differ by more than half a voxel."""
+    header = image.header
+    if "sform_code" not in header or not (int(header["sform_code"]) > 0 and int(header["qform_code"]) > 0):
+        return
+    sform, qform = header.get_sform(), header.get_qform()
+    corners = np.array(np.meshgrid(*([0, n - 1] for n in image.shape[:3]))).reshape(3, -1).T
+    apart = float(np.linalg.norm(corners @ (sform - qform)[:3, :3].T + (sform - qform)[:3, 3], axis=1).max())
+    if apart > np.linalg.norm(sform[:3, :3], axis=0).min() / 2:
+        logger.warning("%s: its sform and its qform differ by up to %.1f mm: the sform is taken", path, apart)
 
 
 def _are_labels(values: NDArray[Any], path: str | Path) -> bool:

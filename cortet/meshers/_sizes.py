@@ -94,8 +94,7 @@ def _sources_of(
         voxels = np.argwhere(chosen)
         points.append(voxels @ volume.affine[:3, :3].T + volume.affine[:3, 3])
         wanted.append(mine)
-    whole = np.reshape(surface.frame.matrix, (4, 4))
-    back = np.linalg.inv(whole)
+    back = np.linalg.inv(surface.frame.to_scanner)
     return Sources(np.concatenate(points) @ back[:3, :3].T + back[:3, 3], np.concatenate(wanted))
 
 

@@ -103,7 +103,7 @@ def _of_labels(
 ) -> tuple[dict[str, TriSurface], list[str]]:
     """The surfaces of labels, in the coordinates of `outer`, by name; and what they are."""
     volume, keys = read_labels(text)
-    to_scanner = np.array(to_mm) if to_mm is not None else np.reshape(outer.frame.matrix, (4, 4))
+    to_scanner = np.array(to_mm) if to_mm is not None else outer.frame.to_scanner
     moved = replace(outer, points=_mapped(to_scanner, outer.points), inner={})
     if np.isfinite(moved.points).all():
         require_in_place({name: volume}, replace(moved, frame=type(outer.frame)()))

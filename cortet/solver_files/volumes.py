@@ -236,8 +236,7 @@ def _logarithms(tensors: NDArray[Any]) -> NDArray[np.float64]:
 
 def _from_logarithms(means: FloatArray, frame: CoordinateFrame) -> tuple[FloatArray, FloatArray]:
     """Tensors (m, 6) from logarithms (m, 6), in the axes of the surface, and their principal directions (m, 3)."""
-    linear = np.reshape(frame.matrix, (4, 4))[:3, :3]
-    left, _, right = np.linalg.svd(linear)
+    left, _, right = np.linalg.svd(frame.to_scanner[:3, :3])
     turn = (left @ right).T
     values, vectors = np.linalg.eigh(matrices(means))
     vectors = turn @ vectors

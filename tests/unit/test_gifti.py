@@ -116,7 +116,8 @@ def test_a_transform_that_is_not_finite_is_refused(tmp_path: Path) -> None:
 
 def test_what_is_written_is_read_back_and_is_what_nibabel_reads(tmp_path: Path) -> None:
     ball = ball_surface(2)
-    frame = CoordinateFrame("NIFTI_XFORM_ALIGNED_ANAT", "NIFTI_XFORM_MNI_152", tuple(np.arange(16.0)))
+    matrix = (*np.add(np.eye(4), 0.1).ravel()[:12].tolist(), 0, 0, 0, 1)
+    frame = CoordinateFrame("NIFTI_XFORM_ALIGNED_ANAT", "NIFTI_XFORM_MNI_152", matrix)
     fields = {"thickness": np.linspace(1, 2, len(ball.points)), "region": np.arange(len(ball.points)) % 3}
     surface = single_precision(replace(ball, point_data=fields, frame=frame))
     path = tmp_path / "new" / "x.surf.gii"

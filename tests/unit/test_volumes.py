@@ -39,6 +39,7 @@ from cortet.solver_files.sets import named_sets
 from cortet.solver_files.volumes import require_in_place, with_volumes
 
 RADIUS, SIZE = 10.0, 32
+SCANNER = "NIFTI_XFORM_SCANNER_ANAT"
 #: voxels of 1 mm around a ball of 10 mm about 0
 AFFINE = np.array([[-1, 0, 0, 15.5], [0, 1, 0, -15.5], [0, 0, 1, -15.5], [0, 0, 0, 1.0]])
 TET = TetMesh([[0, 0, 0], [4, 0, 0], [0, 4, 0], [0, 0, 4]], [[0, 1, 2, 3]])
@@ -351,7 +352,7 @@ def test_the_frame_of_a_surface_leads_to_the_volume() -> None:
     """FreeSurfer's surfaces are shifted against the scanner by a translation that they state."""
     values = np.zeros((40, 4, 4), np.int32)
     values[30:] = 9
-    frame = CoordinateFrame(matrix=(1, 0, 0, 32, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1))
+    frame = CoordinateFrame(xformspace=SCANNER, matrix=(1, 0, 0, 32, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1))
     volume = {"tissue": Volume(values, np.eye(4), "labels", file=__file__)}
     assert with_volumes(TET, volume)[0].cell_data["tissue"].tolist() == [0]
     assert with_volumes(TET, volume, frame=frame)[0].cell_data["tissue"].tolist() == [9]
@@ -457,7 +458,7 @@ def test_inner_surfaces_of_labels_are_named(tmp_path: Path, ball: TriSurface, la
     assert found.told[0].startswith("ventricle1: ")
     assert found.surfaces["ventricle1"].points[:, 0].mean() < 0  # label 6; x falls as voxels rise
     assert list(inner_surfaces({"left": f"{file}:5"}, ball).surfaces) == ["left"]
-    frame = CoordinateFrame(matrix=(1, 0, 0, 3, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1))
+    frame = CoordinateFrame(xformspace=SCANNER, matrix=(1, 0, 0, 3, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1))
     moved = inner_surfaces({"left": f"{file}:5"}, replace(ball, points=ball.points - [3, 0, 0], frame=frame))
     straight = inner_surfaces({"left": f"{file}:5"}, ball)
     np.testing.assert_allclose(

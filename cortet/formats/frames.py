@@ -1,0 +1,156 @@
+"""In which space the coordinates of a surface are, and by which matrix they get to the scanner's, where images are.
+
+FreeSurfer's surfaces lie in the axes of a volume ("surface RAS"). Its footer, or the metadata `VolGeom...` of a GIfTI,
+state where that volume lies (https://surfer.nmr.mgh.harvard.edu/fswiki/CoordinateSystems).
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from nibabel.nifti1 import xform_codes
+
+from cortet.errors import InputError
+from cortet.meshes import ANATOMICAL, CoordinateFrame
+
+logger = logging.getLogger(__name__)
+
+#: relative change of lengths up to which a matrix is a rigid motion; spaces to which brains are normalised
+_RIGID, _TEMPLATES = 0.01, ("NIFTI_XFORM_TALAIRACH", "NIFTI_XFORM_MNI_152")
+#: least stretch by a matrix from an unknown space to a template; an adult brain has 0.9 to 1.2, a child's more
+_LEAST_STRETCH = 0.7
+_UNKNOWN = "NIFTI_XFORM_UNKNOWN"
+#: axes of FreeSurfer's coordinates, by row, along the axes of the voxels
+_SURFACE_RAS = np.array([[-1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
+#: Workbench records commands; this one moves coordinates, and leaves metadata as they were
+_MOVED = re.compile(r"-surface-apply-(affine|warpfield)")
+_TAKE_OUT = "apply the matrix to the coordinates and store the identity; where coordinates are mm as they stand, "
+_AGAIN = "export the surface again as GIfTI (.surf.gii)"
+
+
+class System(NamedTuple):
+    """A coordinate system as a GIfTI file states it: names of spaces, and the 16 numbers of the matrix."""
+
+    dataspace: str
+    xformspace: str
+    matrix: Sequence[float]
+
+
+def of_gifti(systems: Sequence[System], about: Mapping[str, str], provenance: str, path: str | Path) -> CoordinateFrame:
+    """The coordinate system of a pointset: of several the one that leads to the scanner.
+
+    Parameters
+    ----------
+    about : metadata of the pointset
+    provenance : metadata of the file, in which Workbench records its commands
+
+    Raises
+    ------
+    InputError : a name is not known, the matrix is no affine, or it implies that the coordinates are not mm
+    """
+    stated = [_frame(system, path) for system in systems]
+    frame = next((one for one in stated if one.leads_to_scanner), stated[0] if stated else CoordinateFrame())
+    if len(stated) > 1:
+        named = ", ".join(f"{one.dataspace} to {one.xformspace}" for one in stated)
+        logger.warning("%s: states %s: %s is taken", path, named, f"{frame.dataspace} to {frame.xformspace}")
+    if not frame.leads_to_scanner and frame.dataspace == _UNKNOWN and (own := _of_volume(about, path)):
+        if _MOVED.search(provenance):
+            logger.warning("%s: its VolGeom metadata are ignored, as Workbench has moved the coordinates since", path)
+        else:
+            logger.info("%s: placed in the scanner by its VolGeom metadata", path)
+            frame = own
+    _check(frame, path)
+    return frame
+
+
+def of_volume(axes: Any, centre: Any, path: str | Path) -> CoordinateFrame:
+    """The frame of coordinates in FreeSurfer's axes of a volume.
+
+    The number and the width of its voxels do not matter: the origin is the centre of the volume, whatever they are.
+
+    Parameters
+    ----------
+    axes : (3, 3), in each column the direction of an axis of the voxels, in the scanner's space
+    centre : (3,) mm, of the volume
+
+    Raises
+    ------
+    InputError : the directions are not perpendicular and of length 1, or mirrored
+    """
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = np.asarray(axes, float) @ _SURFACE_RAS.T, centre
+    if not np.isfinite(matrix).all():
+        raise InputError("the place of its volume is not finite", file=path, remedy=_AGAIN)
+    frame = CoordinateFrame(_UNKNOWN, ANATOMICAL[0], tuple((matrix + 0.0).ravel().tolist()))
+    _check(frame, path)
+    return frame
+
+
+def _of_volume(about: Mapping[str, str], path: str | Path) -> CoordinateFrame | None:
+    """The frame by the metadata `VolGeom...`; None if they are not complete."""
+    try:
+        numbers = [[float(about[f"VolGeom{axis}_{to}"]) for axis in "XYZC"] for to in "RAS"]
+    except (KeyError, ValueError):
+        return None
+    return of_volume(np.array(numbers)[:, :3], np.array(numbers)[:, 3], path)
+
+
+def _frame(system: System, path: str | Path) -> CoordinateFrame:
+    """A system as a frame; one that says nothing has the identity."""
+    dataspace, xformspace = (_space(name, path) for name in system[:2])
+    values = np.asarray(system.matrix, float)
+    if values.size != 16:
+        what = f"coordinate transform of {values.size} numbers instead of 16"
+        raise InputError(what, file=path, remedy=_AGAIN)
+    whole = values.reshape(4, 4)
+    if not np.isfinite(whole).all():
+        raise InputError("coordinate transform with numbers that are not finite", file=path, remedy=_AGAIN)
+    named = all(name.strip().startswith("NIFTI") for name in system[:2])
+    if not whole.any() or not named:
+        if not np.array_equal(whole, np.eye(4)):
+            why = "the matrix of its coordinates is 0" if named else f"its spaces are {system[0]!r} and {system[1]!r}"
+            logger.warning("%s: %s: no transform, the coordinates are taken as they stand", path, why)
+        return CoordinateFrame(dataspace, dataspace)
+    if not np.allclose(whole[3], [0, 0, 0, 1], atol=1e-6):
+        what = f"the last row of the matrix of its coordinates is {whole[3].tolist()}, not 0 0 0 1"
+        raise InputError(what, file=path, remedy=_AGAIN)
+    return CoordinateFrame(dataspace, xformspace, tuple(whole.ravel().tolist()))
+
+
+def _space(name: str, path: str | Path) -> str:
+    """The name of a space; NIfTI's number of it stands for the name, and no name for the unknown space."""
+    name = name.strip()
+    try:
+        code: Any = int(name) if name.isdigit() else name
+        return str(xform_codes.niistring[code]) if name else _UNKNOWN
+    except KeyError:
+        raise InputError(f"the space {name!r} is not known", file=path, remedy=_AGAIN) from None
+
+
+def _check(frame: CoordinateFrame, path: str | Path) -> None:
+    """Raise InputError if the matrix of the coordinates implies that they are not mm.
+
+    Coordinates stay as they are stored, in the space of the data; the matrix maps them to another space (GIfTI 1.0,
+    section 2.3.4). A rigid motion changes no length. A matrix to a template does, but the stored brain is in mm. Any
+    other matrix implies that the stored coordinates must be scaled or sheared to become mm.
+    """
+    linear = np.reshape(frame.matrix, (4, 4))[:3, :3]
+    stretches = np.linalg.svd(linear, compute_uv=False)
+    low, high, mirrored = stretches[-1], stretches[0], np.linalg.det(linear) < 0
+    rigid = np.allclose(stretches, 1, atol=_RIGID) and not mirrored
+    # FreeSurfer up to 7.3 names the space of its coordinates UNKNOWN, and gives the way to Talairach's
+    least = _LEAST_STRETCH if frame.dataspace == _UNKNOWN else 0
+    normalised = frame.xformspace in _TEMPLATES and frame.dataspace != frame.xformspace and low > least
+    if rigid or (normalised and not (mirrored and least)):
+        return
+    raise InputError(
+        f"the matrix from its coordinates ({frame.dataspace}) to {frame.xformspace} is no rigid motion: lengths change "
+        f"by {low:.4g} to {high:.4g}" + (", mirrored" if mirrored else ""),
+        file=path,
+        remedy=_TAKE_OUT + "take the matrix out of the file",
+    )

@@ -1,0 +1,243 @@
+"""A surface lies where its file says, whichever tool wrote it, and volumes are sampled there."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import nibabel
+import nibabel.freesurfer.io as freesurfer
+import numpy as np
+import pytest
+from nibabel.freesurfer.mghformat import MGHHeader
+from numpy.typing import NDArray
+from shapes import ball_mesh, ball_surface
+
+from cortet.errors import InputError
+from cortet.formats.gifti import read_surface, surface_of
+from cortet.formats.volumes import Volume, read_volume, six
+from cortet.meshes import CoordinateFrame, TetMesh
+from cortet.solver_files.volumes import require_in_place, with_volumes
+
+UNKNOWN, SCANNER, TALAIRACH = (f"NIFTI_XFORM_{name}" for name in ("UNKNOWN", "SCANNER_ANAT", "TALAIRACH"))
+BALL = ball_surface(2, 15.0)
+#: where the ball lies in the scanner, mm
+CENTRE = np.array([-31.0, 12.0, 47.0])
+#: shape and voxel width of the phantom's volumes
+SHAPE, WIDTH = (44, 50, 46), np.array([1.0, 0.9, 1.1])
+#: the fibres' direction in the scanner
+ALONG = np.array([0.6, 0.0, 0.8])
+#: 12 parameters, as of talairach.xfm
+TO_TALAIRACH = np.array([[1.05, 0.02, -0.01, 2], [0.01, 1.12, 0.1, -15], [0.02, -0.12, 1.18, 20], [0, 0, 0, 1.0]])
+
+
+def turned(degrees: float, axis: int) -> NDArray[np.float64]:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.roll(np.array([[1, 0, 0], [0, c, -s], [0, s, c]]), (axis, axis), (0, 1))
+
+
+def scan(degrees: float = 20.0) -> MGHHeader:
+    """The header of a volume around the ball, in FreeSurfer's order of axes and oblique."""
+    header = MGHHeader()
+    header.set_data_shape(SHAPE)
+    header["delta"], header["goodRASFlag"] = WIDTH, 1
+    axes = turned(degrees, 0) @ turned(degrees / 2, 2) @ np.array([[-1, 0, 0], [0, 0, 1], [0, -1, 0.0]])
+    header["Mdc"], header["Pxyz_c"] = axes.T, np.add(CENTRE, [1.0, -2.0, 1.5])
+    return header
+
+
+SCAN = scan()
+#: from FreeSurfer's surface RAS to the scanner, by the way that its wiki describes
+TO_SCANNER = SCAN.get_vox2ras() @ np.linalg.inv(SCAN.get_vox2ras_tkr())
+IN_SCANNER = BALL.points + CENTRE
+
+
+def mapped(matrix: NDArray[Any], points: NDArray[Any]) -> NDArray[np.float64]:
+    return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
+
+
+IN_FREESURFER = mapped(np.linalg.inv(TO_SCANNER), IN_SCANNER)
+
+
+def volume_geometry() -> dict[str, str]:
+    """The metadata of FreeSurfer about its volume."""
+    known = dict(zip(("VolGeomWidth", "VolGeomHeight", "VolGeomDepth"), map(str, SHAPE), strict=True))
+    for axis, width, direction in zip("XYZ", WIDTH, SCAN["Mdc"], strict=True):
+        known[f"VolGeom{axis}size"] = f"{width:f}"
+        known |= {f"VolGeom{axis}_{to}": f"{value:f}" for to, value in zip("RAS", direction, strict=True)}
+    return known | {f"VolGeomC_{to}": f"{value:f}" for to, value in zip("RAS", SCAN["Pxyz_c"], strict=True)}
+
+
+def xml(kind: str, values: NDArray[Any], inside: str = "", endian: str = "LittleEndian") -> str:
+    stored = base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()
+    return (
+        f'<DataArray Intent="NIFTI_INTENT_{kind}" DataType="NIFTI_TYPE_{values.dtype.newbyteorder("=").name.upper()}" '
+        f'ArrayIndexingOrder="RowMajorOrder" Dimensionality="2" Dim0="{len(values)}" Dim1="3" Encoding="Base64Binary" '
+        f'Endian="{endian}">{inside}<Data>{stored}</Data></DataArray>'
+    )
+
+
+def gifti(
+    path: Path,
+    points: NDArray[Any],
+    *systems: tuple[str, str, NDArray[Any]],
+    about: Mapping[str, str] | None = None,
+    program: str = "",
+) -> Path:
+    """A GIfTI of the ball at these points, with coordinate systems and metadata of the pointset and of the file."""
+    inside = "".join(f"<MD><Name>{name}</Name><Value>{value}</Value></MD>" for name, value in (about or {}).items())
+    stated = "".join(
+        f"<CoordinateSystemTransformMatrix><DataSpace><![CDATA[{dataspace}]]></DataSpace><TransformedSpace><![CDATA["
+        f"{space}]]></TransformedSpace><MatrixData>{' '.join(f'{x:f}' for x in np.ravel(matrix))}</MatrixData>"
+        "</CoordinateSystemTransformMatrix>"
+        for dataspace, space, matrix in systems
+    )
+    path.write_text(
+        f'<?xml version="1.0" encoding="UTF-8"?><GIFTI Version="1.0" NumberOfDataArrays="2"><MetaData><MD><Name>'
+        f"Provenance</Name><Value>{program}</Value></MD></MetaData>"
+        + xml("POINTSET", points.astype("<f4"), f"<MetaData>{inside}</MetaData>{stated}")
+        + xml("TRIANGLE", BALL.faces.astype("<i4"))
+        + "</GIFTI>"
+    )
+    return path
+
+
+def own(path: Path, header: MGHHeader = SCAN, valid: str = "1  # volume info valid") -> Path:
+    footer = {"head": np.array([2, 0, 20], np.int32), "valid": valid, "filename": "x.mgz"}
+    footer |= {"volume": np.array(SHAPE), "voxelsize": WIDTH, "cras": np.array(header["Pxyz_c"])}
+    footer |= dict(zip(("xras", "yras", "zras"), np.array(header["Mdc"]), strict=True))
+    freesurfer.write_geometry(str(path), IN_FREESURFER, BALL.faces, volume_info=footer)
+    return path
+
+
+FORMS: dict[str, Callable[[Path], Path]] = {
+    "own": lambda folder: own(folder / "lh.white"),
+    "7.2 with Talairach": lambda folder: gifti(
+        folder / "x.surf.gii", IN_FREESURFER, (UNKNOWN, TALAIRACH, TO_TALAIRACH), about=volume_geometry()
+    ),
+    "7.2 without": lambda folder: gifti(folder / "x.surf.gii", IN_FREESURFER, about=volume_geometry()),
+    "7.4": lambda folder: gifti(
+        folder / "x.surf.gii", IN_FREESURFER, (UNKNOWN, SCANNER, TO_SCANNER), about=volume_geometry()
+    ),
+    "to-scanner": lambda folder: gifti(
+        folder / "x.surf.gii", IN_SCANNER, (SCANNER, UNKNOWN, np.linalg.inv(TO_SCANNER)), about=volume_geometry()
+    ),
+}
+
+
+def phantom() -> dict[str, Volume]:
+    """Labels by the octant around the centre, FA that rises along x, and tensors along `ALONG`."""
+    affine = SCAN.get_vox2ras()
+    where = mapped(affine, np.indices(SHAPE).reshape(3, -1).T) - CENTRE
+    labels = 1 + (where > 0) @ [1, 2, 4]
+    anisotropy = 0.5 + where[:, 0] / 100
+    tensor = six((0.2 * np.eye(3) + 1.5 * np.outer(ALONG, ALONG))[None])
+    return {
+        "tissue": Volume(labels.reshape(SHAPE).astype(np.int32), affine, "labels"),
+        "fa": Volume(anisotropy.reshape(SHAPE), affine, "numbers"),
+        "tensor": Volume(np.broadcast_to(tensor[0], (*SHAPE, 6)), affine, "tensors"),
+    }
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_subject_of_freesurfer_lies_at_the_same_place_in_every_form(tmp_path: Path, form: str) -> None:
+    """The same tetrahedra get the labels, FA and fibres that are known, from an oblique volume."""
+    surface = read_surface(FORMS[form](tmp_path))
+    to_scanner = surface.frame.to_scanner
+    np.testing.assert_allclose(mapped(to_scanner, surface.points), IN_SCANNER, atol=1e-3)
+    inside = ball_mesh(2, 14.0)
+    placed = TetMesh(mapped(np.linalg.inv(to_scanner), inside.points + CENTRE), inside.cells)
+    volumes = phantom()
+    require_in_place(volumes, surface)
+    fields = with_volumes(placed, volumes, frame=surface.frame)[0].cell_data
+    middle = inside.points[inside.cells].mean(axis=1)
+    one_octant = (np.sign(inside.points[inside.cells]) == np.sign(inside.points[inside.cells])[:, :1]).all(axis=(1, 2))
+    assert one_octant.sum() > 100
+    assert np.array_equal(fields["tissue"][one_octant], 1 + (middle[one_octant] > 0) @ [1, 2, 4])
+    np.testing.assert_allclose(fields["fa"], 0.5 + middle[:, 0] / 100, atol=3e-3)
+    np.testing.assert_allclose(np.abs(fields["fibre"] @ to_scanner[:3, :3].T @ ALONG), 1, atol=1e-5)
+
+
+def test_a_footer_that_is_not_valid_says_nothing(tmp_path: Path) -> None:
+    assert read_surface(own(tmp_path / "lh.white", valid="0  # volume info invalid")).frame == CoordinateFrame()
+
+
+def test_the_matrix_of_talairach_alone_is_kept_and_not_followed(tmp_path: Path) -> None:
+    surface = read_surface(gifti(tmp_path / "x.surf.gii", IN_FREESURFER, (UNKNOWN, TALAIRACH, TO_TALAIRACH)))
+    assert surface.frame == CoordinateFrame(UNKNOWN, TALAIRACH, tuple(TO_TALAIRACH.ravel().tolist()))
+    assert np.array_equal(surface.frame.to_scanner, np.eye(4))
+    assert np.array_equal(surface.points, IN_FREESURFER.astype(np.float32))
+
+
+def test_coordinates_that_workbench_has_moved_are_not_moved_again(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    program = "wb_command -surface-apply-affine in.surf.gii c_ras.mat out.surf.gii"
+    path = gifti(tmp_path / "x.surf.gii", IN_SCANNER, about=volume_geometry(), program=program)
+    assert np.array_equal(read_surface(path).frame.to_scanner, np.eye(4))
+    assert "VolGeom metadata are ignored" in caplog.text
+
+
+def test_of_two_systems_that_to_the_scanner_is_taken_and_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    systems = (UNKNOWN, TALAIRACH, TO_TALAIRACH), (UNKNOWN, SCANNER, TO_SCANNER)
+    surface = read_surface(gifti(tmp_path / "x.surf.gii", IN_FREESURFER, *systems))
+    np.testing.assert_allclose(surface.frame.to_scanner, TO_SCANNER, atol=1e-6)
+    assert f"{UNKNOWN} to {SCANNER} is taken" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("dataspace", "space", "matrix", "kept", "words"),
+    [
+        (UNKNOWN, SCANNER, np.zeros((4, 4)), UNKNOWN, "the matrix of its coordinates is 0"),
+        ("", "", TO_SCANNER, UNKNOWN, "its spaces are '' and ''"),
+        ("0", "1", TO_SCANNER, UNKNOWN, "its spaces are '0' and '1'"),
+        ("1", "3", TO_TALAIRACH, SCANNER, "its spaces are '1' and '3'"),
+        ("4", "4", np.eye(4), "NIFTI_XFORM_MNI_152", ""),
+    ],
+)
+def test_a_system_that_says_nothing_is_no_transform(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, dataspace: str, space: str, matrix: Any, kept: str, words: str
+) -> None:
+    surface = read_surface(gifti(tmp_path / "x.surf.gii", IN_SCANNER, (dataspace, space, matrix)))
+    assert surface.frame == CoordinateFrame(kept, kept)
+    assert (words in caplog.text) if words else not caplog.text
+
+
+def test_a_matrix_that_is_no_affine_is_refused(tmp_path: Path) -> None:
+    broken = np.eye(4)
+    broken[3] = [0, 0, 1, 1]
+    with pytest.raises(InputError, match=r"last row of the matrix of its coordinates is \[0.0, 0.0, 1.0, 1.0\]"):
+        read_surface(gifti(tmp_path / "x.surf.gii", IN_SCANNER, (UNKNOWN, SCANNER, broken)))
+    with pytest.raises(InputError, match="the space 'MY_SPACE' is not known"):
+        read_surface(gifti(tmp_path / "x.surf.gii", IN_SCANNER, ("MY_SPACE", SCANNER, np.eye(4))))
+
+
+def test_a_volume_whose_axes_are_not_perpendicular_is_refused(tmp_path: Path) -> None:
+    header = scan()
+    header["Mdc"] = header["Mdc"] * 1.1
+    with pytest.raises(InputError, match=r"lh\.white: .*no rigid motion: lengths change by 1.1 to 1.1"):
+        read_surface(own(tmp_path / "lh.white", header))
+
+
+@pytest.mark.parametrize("form", ["7.2 without", "7.4", "to-scanner"])
+def test_an_image_of_nibabel_lies_where_its_file_does(tmp_path: Path, form: str) -> None:
+    path = FORMS[form](tmp_path)
+    assert surface_of(nibabel.load(path)).frame == read_surface(path).frame
+
+
+@pytest.mark.parametrize(("shift", "said"), [(0.3, False), (4.0, True)])
+def test_an_image_that_is_placed_in_two_ways_says_which_is_taken(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, shift: float, said: bool
+) -> None:
+    image = nibabel.Nifti1Image(np.ones((4, 5, 6), np.float32) / 3, np.eye(4))
+    elsewhere = np.eye(4)
+    elsewhere[0, 3] = shift
+    image.set_sform(elsewhere, 2)
+    image.set_qform(np.eye(4), 1)
+    nibabel.save(image, tmp_path / "x.nii")
+    assert read_volume(tmp_path / "x.nii").affine[0, 3] == pytest.approx(shift)
+    assert ("its sform and its qform differ by up to 4.0 mm: the sform is taken" in caplog.text) == said
