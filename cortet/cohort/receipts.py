@@ -17,7 +17,7 @@ from typing import Any
 
 from cortet.errors import InputError, StageError
 from cortet.formats.atomic import write_json
-from cortet.formats.hashing import sha256
+from cortet.formats.hashing import companions, input_sha256
 
 #: folder of the receipts in the output folder
 FOLDER = ".cortet"
@@ -96,12 +96,22 @@ def _essential(value: Any) -> Any:
 
 def _hash(path: Path) -> str | None:
     try:
-        stat = path.stat()
-        return _hash_of(path, (stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns))
+        state = _state(path)
+        return _hash_of(path, state, *map(_state, _companions(path, state)))
     except (OSError, InputError):
         return None
 
 
+def _state(path: Path) -> tuple[int, ...]:
+    stat = path.stat()
+    return stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns
+
+
 @cache
-def _hash_of(path: Path, _state: tuple[int, ...]) -> str:
-    return sha256(path)
+def _companions(path: Path, _state: tuple[int, ...]) -> list[Path]:
+    return companions(path)
+
+
+@cache
+def _hash_of(path: Path, *_states: tuple[int, ...]) -> str:
+    return input_sha256(path)

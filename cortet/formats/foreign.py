@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from cortet.formats import freesurfer, obj, ply, stl
+from cortet.formats import freesurfer, obj, off, ply, stl
 from cortet.meshes import TriSurface
 
 #: number of bytes examined; an OBJ file may begin with comments
@@ -21,7 +21,7 @@ _NAMES: tuple[tuple[bytes, str], ...] = (
     (b"#!ascii", "a FreeSurfer surface in text (convert it: mris_convert)"),
     (b"version https://git-lfs", "a pointer of Git LFS, not the file (git lfs pull)"),
     (b"/annex/objects", "a pointer of git-annex, not the file (git annex get)"),
-    (b"\x1f\x8b", "compressed by gzip (gunzip it)"),
+    (b"\x1f\x8b", "compressed by gzip, and no GIfTI within (gunzip it)"),
     (b"PK\x03\x04", "a ZIP archive (unpack it)"),
     (b"<!DOCTYPE html", "a web page, not the file (download it again)"),
     (b"<html", "a web page, not the file (download it again)"),
@@ -29,7 +29,6 @@ _NAMES: tuple[tuple[bytes, str], ...] = (
     (b"$MeshFormat", "a Gmsh mesh"),
     (b"*HEADING", "an Abaqus mesh"),
     (b"\x89HDF", "an HDF5 file"),
-    (b"OFF", "an OFF surface (convert it to PLY, STL or OBJ)"),
     (b"\x5c\x01\x00\x00", "a NIfTI image"),
     (b"\x1c\x02\x00\x00", "a NIfTI-2 or CIFTI file"),
     (b"\x00\x00\x00\x01\x00\x00", "an MGH image"),
@@ -47,6 +46,8 @@ def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
         return _always_finite(stl.read)
     if head.startswith(ply.MAGIC):
         return _always_finite(ply.read)
+    if off.BEGINS.match(head):
+        return _always_finite(off.read)
     if _OBJ.search(head) and b"\0" not in head and not head.lstrip().startswith(b"<"):
         return _always_finite(obj.read)
     return None
@@ -74,7 +75,7 @@ def name_of(path: Path) -> str:
     known = [name for begin, name in _NAMES if head.lstrip().startswith(begin) or head.startswith(begin)]
     if known:
         return known[0]
-    if stl.begins(head, size) or head.startswith(ply.MAGIC) or _OBJ.search(head):
+    if stl.begins(head, size) or head.startswith(ply.MAGIC) or off.BEGINS.match(head) or _OBJ.search(head):
         return "a surface without values"
     if head.startswith((freesurfer.SURFACE, freesurfer.VALUES)):
         return "a FreeSurfer surface" if head.startswith(freesurfer.SURFACE) else "values of FreeSurfer, no surface"

@@ -18,8 +18,9 @@ import re
 import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import IO, Any, Literal, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -43,6 +44,7 @@ from cortet.formats.untrusted import (
     refuse_declarations,
     safe_name,
     safely_named,
+    unpacked,
     xml_root,
 )
 from cortet.geometry.nesting import nested
@@ -51,7 +53,7 @@ from cortet.meshes import TriSurface
 #: name of the region in the file name of an inner surface
 _REGION = re.compile(r"_inner-([A-Za-z0-9]+)_")
 _INSTEAD = (
-    "give GIfTI; a surface may also be one of FreeSurfer, STL, PLY or OBJ, and a field values or an annotation of "
+    "give GIfTI; a surface may also be one of FreeSurfer, STL, PLY, OBJ or OFF, and a field values or an annotation of "
     "FreeSurfer"
 )
 _EXPORT_AGAIN = "export the surface again as GIfTI (.surf.gii)"
@@ -59,6 +61,14 @@ _TYPES = {
     f"NIFTI_TYPE_{name.upper()}": np.dtype(name)
     for name in ("uint8", "int8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64")
 }
+#: GIfTI 1.0 has the first two; NiBabel up to 2.1 wrote the others
+_ENDIANS: dict[str, Literal["<", ">"]] = {
+    "LittleEndian": "<",
+    "BigEndian": ">",
+    "GIFTI_ENDIAN_LITTLE": "<",
+    "GIFTI_ENDIAN_BIG": ">",
+}
+_GZIP = b"\x1f\x8b"
 #: deflate cannot shrink data more than this (https://zlib.net/zlib_tech.html), so no array claims more per stored byte
 _MAX_COMPRESSION = 1032
 #: most bytes of all arrays of a file; 40 million vertices with their triangles need less
@@ -86,10 +96,11 @@ class _Array(NamedTuple):
 def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
     """Read a triangulated surface; further per-vertex arrays in the file become its `point_data`.
 
-    A surface of FreeSurfer (`lh.white`), STL, PLY or OBJ is read as well; its first bytes tell what it is.
+    A surface of FreeSurfer (`lh.white`), STL, PLY, OBJ or OFF is read as well; its first bytes tell what it is.
     Any valid GIfTI will do: arrays in either order, row- or column-major, either endianness, ASCII, base64, compressed
-    or in an external file, integer triangles of any type. Memory is bounded by what the file can hold, and by 2 GiB of
-    values. Names of fields that cannot be part of a file name are changed (`untrusted.safe_name`).
+    or in an external file, integer triangles of any type; or all of that packed by gzip. Memory is bounded by what the
+    file can hold, and by 2 GiB of values. Names of fields that cannot be part of a file name are changed
+    (`untrusted.safe_name`).
 
     Parameters
     ----------
@@ -121,7 +132,7 @@ def hemisphere_of(path: str | Path) -> Literal["L", "R"] | None:
     ------
     InputError : the file cannot be read
     """
-    named = re.search(_STRUCTURE, content(path), re.DOTALL)
+    named = re.search(_STRUCTURE, _content(path), re.DOTALL)
     known: dict[bytes, Literal["L", "R"]] = {b"CortexLeft": "L", b"CortexRight": "R"}
     return known.get(named[1]) if named else None
 
@@ -166,7 +177,7 @@ def read_label_names(path: str | Path) -> dict[int, str]:
     try:
         return {
             int(label.get("Key", "")): safe_name(label.text or "")
-            for label in xml_root(content(path), path).iterfind("LabelTable/Label")
+            for label in xml_root(_content(path), path).iterfind("LabelTable/Label")
         }
     except ValueError as error:
         raise InputError(f"its label table cannot be read: {error}", file=path, remedy=_EXPORT_AGAIN) from error
@@ -250,7 +261,7 @@ def _read(path: Path) -> tuple[list[_Array], str]:
     provenance = ""
     left = _MAX_BYTES
     try:
-        with path.open("rb") as file:
+        with _opened(path) as file:
             refuse_declarations(iter(lambda: file.read(_PART), b""), path)
             file.seek(0)
             parser = ElementTree.iterparse(file, events=("start", "end"))
@@ -278,6 +289,22 @@ def _read(path: Path) -> tuple[list[_Array], str]:
     return arrays, provenance
 
 
+def _content(path: str | Path) -> bytes:
+    """The bytes of a file, unpacked if it is packed by gzip."""
+    data = content(path)
+    try:
+        return unpacked(data) if data.startswith(_GZIP) else data
+    except (ValueError, zlib.error) as error:
+        raise InputError(f"cannot be unpacked: {error}", file=path, remedy=_EXPORT_AGAIN) from error
+
+
+def _opened(path: Path) -> IO[bytes]:
+    """A file to read from; one that is packed by gzip is unpacked in memory."""
+    with path.open("rb") as file:
+        packed = file.read(len(_GZIP)) == _GZIP
+    return BytesIO(_content(path)) if packed else path.open("rb")
+
+
 def _array(element: ElementTree.Element, path: Path, most: int) -> _Array:
     """Decode one <DataArray> of at most `most` bytes, after a check that it holds what it declares."""
     get = element.attrib.get
@@ -286,7 +313,7 @@ def _array(element: ElementTree.Element, path: Path, most: int) -> _Array:
     name = about.get("Name") or _stem(path)
     try:
         shape = [int(get(f"Dim{i}", "")) for i in range(min(int(get("Dimensionality", "")), _MAX_DIMENSIONS + 1))]
-        dtype = _TYPES[get("DataType", "")].newbyteorder(">" if get("Endian") == "BigEndian" else "<")
+        dtype = _TYPES[get("DataType", "")].newbyteorder(_ENDIANS[get("Endian", "LittleEndian")])
         if not shape or min(shape) < 0 or len(shape) > _MAX_DIMENSIONS:
             raise ValueError(f"dimensions {shape}")
         flat = _decode(element, math.prod(shape), dtype, path.parent, most)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cortet.meshes import TetMesh
+
+#: attribute of an array of a GIfTI file that lies in another file
+_EXTERNAL = re.compile(rb"""ExternalFileName\s*=\s*["']([^"']+)["']""")
 
 
 def sha256(path: str | Path) -> str:
@@ -28,6 +32,29 @@ def sha256(path: str | Path) -> str:
         raise InputError(
             f"cannot be read: {error.strerror}", file=path, remedy="check the path and its permissions"
         ) from error
+
+
+def companions(path: str | Path) -> list[Path]:
+    """The binary files beside a GIfTI file that hold its arrays, as SPM and CAT12 write them; none for other files."""
+    path = Path(path)
+    if path.suffix != ".gii" or not path.is_file():
+        return []
+    try:
+        names = {name.decode() for name in _EXTERNAL.findall(path.read_bytes())}
+    except (OSError, UnicodeDecodeError):
+        return []
+    return [path.parent / name for name in sorted(names) if Path(name).name == name and (path.parent / name).is_file()]
+
+
+def input_sha256(path: str | Path) -> str:
+    """Hash of a file of the user: that of `sha256`, or of this and those of its companions, if it has any.
+
+    Raises
+    ------
+    InputError : a file cannot be read
+    """
+    hashes = [sha256(file) for file in (path, *companions(path))]
+    return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
 
 
 def array_sha256(values: NDArray[Any]) -> str:

@@ -113,6 +113,15 @@ def inflated(data: bytes, size: int) -> bytes:
     return unpacked
 
 
+def unpacked(data: bytes, most: int = LARGEST) -> bytes:
+    """What data packed by gzip unpack to; ValueError or zlib.error if they are damaged, or hold more than `most`."""
+    worker = zlib.decompressobj(wbits=31)
+    result = worker.decompress(data, most)
+    if not worker.eof:
+        raise ValueError("it is truncated" if len(result) < most else f"it holds more than {most:,} bytes")
+    return result
+
+
 def numbers(text: str, dtype: np.dtype[Any]) -> NDArray[Any]:
     """The numbers of a text, separated by white space; ValueError if one is no number of `dtype`."""
     kind = int if np.issubdtype(dtype, np.integer) else float

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from cortet.errors import InputError, StageError, place_mm
-from cortet.formats.hashing import mesh_sha256, sha256
+from cortet.formats.hashing import input_sha256, mesh_sha256
 from cortet.geometry.banks import Banks, banks
 from cortet.geometry.defects import defective_vertices
 from cortet.geometry.filling import flaws
@@ -281,7 +281,7 @@ def certify(
         topology=topology,
         regions=regions,
         interfaces=interfaces,
-        input={} if source is None else {"file": str(source), "sha256": sha256(source)},
+        input={} if source is None else {"file": str(source), "sha256": input_sha256(source)},
         mesh_sha256=mesh_sha256(mesh),
         input_repaired=repaired,
         parameters=dict(parameters or {}),

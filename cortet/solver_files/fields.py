@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_fields, read_label_names
-from cortet.formats.hashing import sha256
+from cortet.formats.hashing import input_sha256
 from cortet.meshes import TriSurface
 from cortet.simulation.fields import age_of_growth
 
@@ -90,7 +90,7 @@ def field_sources(files: Mapping[str, str | Path], units: Mapping[str, str] | No
     return {
         field: FieldSource(
             file=str(file),
-            sha256=sha256(file),
+            sha256=input_sha256(file),
             units=units.get(field, units.get(name, "unknown")),
             kind="label" if np.issubdtype(values.dtype, np.integer) else "scalar",
             labels=read_label_names(file),

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from cortet.errors import InputError
 from cortet.formats.gifti import hemisphere_of, read_surface, write_surface
-from cortet.formats.hashing import sha256
+from cortet.formats.hashing import input_sha256, sha256
 from cortet.formats.ownership import json_of
 from cortet.geometry.nesting import nested, sheets
 from cortet.meshes import BRAIN, OUTERMOST, TriSurface, region_names
@@ -82,7 +82,7 @@ def require_own_stem(
             certificate = json_of(certificate_path(mesh))
             size = certificate.get("parameters", {}).get("generate", {}).get("cell_size", cell_size)
             hashes = {region: one["sha256"] for region, one in record["given"].items()}
-            if hashes != {region: sha256(file) for region, file in given.items()}:
+            if hashes != {region: input_sha256(file) for region, file in given.items()}:
                 differs = "a mesh of another surface"
             elif size != cell_size:
                 differs = f"a mesh of cell size {size:g} mm"
@@ -113,7 +113,7 @@ def made_from(
     hemisphere = hemisphere_of(brain) if brain else None
     surfaces = {
         kind: {
-            region: {"file": Path(os.path.relpath(file, folder)).as_posix(), "sha256": sha256(file)}
+            region: {"file": Path(os.path.relpath(file, folder)).as_posix(), "sha256": input_sha256(file)}
             for region, file in files.items()
         }
         for kind, files in {"given": given, "meshed": meshed}.items()
@@ -199,7 +199,9 @@ def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) ->
     named = ({region_names(inner)[0]: given} if given else {}) | dict(inner)
     if record and not record["meshed"]:
         record = None
-    if record and all(sha256(file) == record["given"].get(region, {}).get("sha256") for region, file in named.items()):
+    if record and all(
+        input_sha256(file) == record["given"].get(region, {}).get("sha256") for region, file in named.items()
+    ):
         files = {region: mesh.parent / one["file"] for region, one in record["meshed"].items()}
         for region, file in files.items():
             if not file.is_file() or sha256(file) != record["meshed"][region]["sha256"]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, ValidationError
 
 from cortet.errors import InputError
-from cortet.formats.hashing import array_sha256, sha256
+from cortet.formats.hashing import array_sha256, input_sha256, sha256
 from cortet.formats.ownership import files_of, record_of
 from cortet.formats.untrusted import content
 from cortet.geometry.topology import boundary_faces, face_areas
@@ -187,7 +187,7 @@ def stale(path: Path, as_read: TetMesh | TriSurface) -> Iterator[str]:
         elif (
             field["source"]
             and os.path.isfile(field["source"])  # noqa: PTH113, false of names that are too long; no device, which has no end
-            and sha256(field["source"]) != field["source_sha256"]
+            and input_sha256(field["source"]) != field["source_sha256"]
         ):
             yield f"field {name} is stale: {field['source']} has changed since"
 

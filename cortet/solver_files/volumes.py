@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError, place_mm
 from cortet.formats.hashing import sha256
 from cortet.formats.tables import Column
-from cortet.formats.volumes import Volume, matrices, read_named, six, to_scanner, volume_file, volume_of
+from cortet.formats.volumes import Volume, label_table, matrices, read_named, six, to_scanner, volume_file, volume_of
 from cortet.geometry.coverage import coverage
 from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import joined
@@ -160,7 +160,11 @@ def label_names(volumes: Mapping[str, Volume]) -> dict[str, dict[int, str]]:
 
 def sources(files: Mapping[str, str]) -> dict[str, dict[str, str]]:
     """What the sidecar of a mesh says about the files `NAME -> FILE` or `NAME -> FILE:KIND` of its volumes."""
-    return {name: {"file": file, "sha256": sha256(volume_file(file))} for name, file in files.items()}
+    return {
+        name: {"file": file, "sha256": sha256(volume_file(file))}
+        | ({"names": str(table), "names_sha256": sha256(table)} if (table := label_table(volume_file(file))) else {})
+        for name, file in files.items()
+    }
 
 
 def _tissues(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
 import nibabel
@@ -24,6 +25,7 @@ WRITTEN = {
     "binary.ply": lambda: MESH.export(file_type="ply"),
     "text.ply": lambda: MESH.export(file_type="ply", encoding="ascii"),
     "plain.obj": lambda: MESH.export(file_type="obj").encode(),
+    "plain.off": lambda: MESH.export(file_type="off").encode(),
 }
 
 
@@ -44,6 +46,13 @@ def test_a_surface_of_another_program_is_closed_and_of_its_size(tmp_path: Path, 
 def test_faces_of_an_obj_file_may_have_more_corners_and_indices(tmp_path: Path) -> None:
     text = b"# a square\nv 0 0 0\nv 1 0 0 1.0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nf 1/2/1 2//1 3 4 # all\n"
     assert read_surface(saved(tmp_path, "q.obj", text)).faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+
+
+def test_an_off_file_may_have_colours_comments_and_more_corners(tmp_path: Path) -> None:
+    text = b"COFF # a square\n4 1 0\n0 0 0 1 1 1 1\n\n1 0 0 1 1 1 1\n1 1 0 0 0 0 0 # third\n0 1 0 0 0 0 0\n"
+    text += b"4 0 1 2 3 0.5 0 0\n"
+    surface = read_surface(saved(tmp_path, "q.off", text))
+    assert surface.faces.tolist() == [[0, 1, 2], [0, 2, 3]] and surface.points[2].tolist() == [1, 1, 0]
 
 
 def test_a_ply_file_of_either_order_and_with_other_properties(tmp_path: Path) -> None:
@@ -76,6 +85,10 @@ PLY += b"property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "vertices run from 0 to 2"),
         (b"v 0 0 0\nv 1 0 x\nf 1 2 1\n", "no readable OBJ surface"),
         (b"v 0 0 0\n", "no vertices or no triangles"),
+        (b"OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "ends before its 3 vertices and 2 faces do"),
+        (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4 0 1 2\n", "face '4 0 1 2' does not name its corners"),
+        (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "vertices run from 0 to 2"),
+        (b"OFF\n3 1 0\n0 0 0\n1 0 x\n0 1 0\n3 0 1 2\n", "no readable OFF surface"),
         (MESH.export(file_type="stl_ascii").encode()[:3000], "no complete STL"),
     ],
 )
@@ -127,7 +140,9 @@ def test_a_damaged_file_of_freesurfer_is_refused(tmp_path: Path, name: str) -> N
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"\x1f\x8b\x08\x00" + bytes(20), r"is not GIfTI but compressed by gzip \(gunzip it\)"),
+        (b"\x1f\x8b\x08\x00" + bytes(20), "cannot be unpacked: "),
+        (gzip.compress(b"what is this"), r"is not GIfTI but compressed by gzip, and no GIfTI within \(gunzip it\)"),
+        (b"OFF BINARY\n" + bytes(40), "truncated or not GIfTI"),
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "a pointer of Git LFS, not the file"),
         (b"<!DOCTYPE html><html><body>404</body>", "a web page, not the file"),
         (b"# vtk DataFile Version 3.0\n", "a VTK file"),

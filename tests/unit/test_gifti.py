@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import re
 import zlib
 from dataclasses import replace
@@ -13,8 +14,10 @@ import numpy as np
 import pytest
 from shapes import ball_surface
 
-from cortet.errors import InputError
+from cortet.cohort.receipts import content, require_unchanged
+from cortet.errors import InputError, StageError
 from cortet.formats.gifti import hemisphere_of, read_fields, read_surface, write_fields, write_surface
+from cortet.formats.hashing import input_sha256, sha256
 from cortet.meshes import CoordinateFrame, TriSurface, single_precision
 
 POINTS = np.array([[0, 0, 0], [1.5, 0, 0], [0, 2.25, 0], [0, 0, -3]], np.float32)
@@ -92,6 +95,43 @@ def test_every_valid_form_is_read(file, encoding, order, endian, index) -> None:
         assert surface.frame.dataspace == "NIFTI_XFORM_SCANNER_ANAT"
         assert surface.frame.xformspace == "NIFTI_XFORM_TALAIRACH"
         assert surface.frame.matrix == tuple(map(float, MATRIX.split()))
+
+
+@pytest.mark.parametrize(("name", "order"), [("GIFTI_ENDIAN_BIG", ">"), ("GIFTI_ENDIAN_LITTLE", "<")])
+def test_names_of_endianness_that_nibabel_wrote_are_known(file, name: str, order: str) -> None:
+    how = {"encoding": "Base64Binary", "endian": order, "Endian": name}
+    assert np.array_equal(read_surface(file(points(**how), triangles(**how))).points, POINTS)
+    with pytest.raises(InputError, match="POINTSET array: 'BIG' is not known"):
+        read_surface(file(points(Endian="BIG"), triangles()))
+
+
+def test_a_file_that_is_packed_as_a_whole_is_read(file, tmp_path: Path) -> None:
+    named = points().replace(
+        "<DataArray",
+        "<MetaData><MD><Name>AnatomicalStructurePrimary</Name><Value>CortexLeft</Value></MD></MetaData><DataArray",
+    )
+    packed = tmp_path / "x.surf.gii.gz"
+    packed.write_bytes(gzip.compress(file(named, triangles()).read_bytes()))
+    assert np.array_equal(read_surface(packed).points, POINTS)
+    assert hemisphere_of(packed) == "L"
+    packed.write_bytes(packed.read_bytes()[:-20])
+    with pytest.raises(InputError, match=r"x\.surf\.gii\.gz: cannot be unpacked: it is truncated"):
+        read_surface(packed)
+
+
+def test_a_file_beside_the_gifti_is_an_input_like_it(file, tmp_path: Path) -> None:
+    """The hash of an input, by which a case runs again, is that of both files."""
+    (tmp_path / "x.dat").write_bytes(POINTS.tobytes())
+    path = file(points(encoding="ExternalFileBinary", ExternalFileName="x.dat"), triangles())
+    before, planned = input_sha256(path), content({"surface": path})
+    assert before == planned["surface"] != sha256(path)
+    (tmp_path / "x.dat").write_bytes((POINTS + 1).astype(np.float32).tobytes())
+    assert input_sha256(path) != before
+    assert content({"surface": path}) == {"surface": input_sha256(path)}
+    with pytest.raises(StageError, match="has changed since this run was planned"):
+        require_unchanged({"surface": path}, planned)
+    plain = file(points(), triangles())
+    assert input_sha256(plain) == sha256(plain)
 
 
 def test_data_in_an_external_file_is_read(file, tmp_path: Path) -> None:
