@@ -1,5 +1,7 @@
 """What the volumes of a case hold inside each tetrahedron of its mesh."""
 
+import logging
+
 from _job import start
 
 job = start(snakemake)
@@ -7,12 +9,14 @@ job = start(snakemake)
 from cortet.formats import gifti, vtu
 from cortet.formats.tables import write_table
 from cortet.report.slices import slices
-from cortet.solver_files.volumes import TISSUE_COLUMNS, read_volumes, require_in_place, with_volumes
+from cortet.solver_files.volumes import TISSUE_COLUMNS, backgrounds, read_volumes, require_in_place, with_volumes
 
 volumes = read_volumes(job.params.volumes)
 job.require_unchanged_input()
 surface = gifti.read_nested(job.input.surface, job.input.inner)
 require_in_place(volumes, surface)
+for line in backgrounds(volumes, surface):
+    logging.info("%s", line)
 mesh, rows = with_volumes(vtu.read(job.input.mesh), volumes, frame=surface.frame, shares=job.params.shares)
 vtu.write(mesh, job.output.mesh)
 write_table(TISSUE_COLUMNS, rows, job.output.table, job.output.sidecar)

@@ -33,6 +33,7 @@ from cortet.solver_files.meshed import facts
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.volumes import (
     TISSUE_COLUMNS,
+    backgrounds,
     label_names,
     read_volumes,
     require_in_place,
@@ -231,6 +232,9 @@ def mesh(
     images = read_volumes(volumes or {})
     in_mm = placed(outer, config.placement())
     require_in_place(images, in_mm)
+    for line in backgrounds(images, in_mm):
+        if progress is True:
+            say(line)
     whole = nested(outer, {**within.surfaces, **others})
     if shell is not None:
         require_within(shell, SHELL_MM, "the distance of the shell in mm")

@@ -129,7 +129,14 @@ def mesh_command(args: argparse.Namespace) -> int:
     from cortet.solver_files.meshed import certificate_path, made_from, meshed_files, require_own_stem, write_meshed
     from cortet.solver_files.sets import named_sets
     from cortet.solver_files.sidecar import sidecar_path
-    from cortet.solver_files.volumes import TISSUE_COLUMNS, label_names, read_volumes, require_in_place, with_volumes
+    from cortet.solver_files.volumes import (
+        TISSUE_COLUMNS,
+        backgrounds,
+        label_names,
+        read_volumes,
+        require_in_place,
+        with_volumes,
+    )
     from cortet.solver_files.volumes import sources as sources_of_volumes
 
     if args.slices and not args.volume:
@@ -151,6 +158,8 @@ def mesh_command(args: argparse.Namespace) -> int:
     volumes = read_volumes(dict(args.volume))
     frame = placed(surface, config.placement()).frame
     require_in_place(volumes, placed(surface, config.placement()))
+    for line in backgrounds(volumes, placed(surface, config.placement())):
+        print(line)
     sphere = sphere_of(args)
     progress = Progress(config, args.ga, nested=bool(surface.inner), registered=sphere is not None)
     mesh, certificate, meshed = mesh_surface(

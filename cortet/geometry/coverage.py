@@ -1,7 +1,8 @@
-"""Whether the labels of a volume lie inside a surface, and which shift or flip would bring them there."""
+"""Whether the labels or numbers of a volume lie inside a surface, and which shift or flip would bring them there."""
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,9 +17,12 @@ _FINEST = 80
 #: shifts whose coverage is this close to the best count as equally good
 _AS_GOOD = 0.01
 
+#: axes that may be reversed
+_FLIPS = [axes for count in (1, 2, 3) for axes in combinations(range(3), count)]
+
 
 class Coverage(NamedTuple):
-    """Shares of the inside of a surface that have a label."""
+    """Shares of the inside of a surface that have a label or a number."""
 
     #: with the volume as it lies
     here: float
@@ -27,8 +31,8 @@ class Coverage(NamedTuple):
     #: the best after a shift, and the shortest shift of the labels that reaches it, (3,) mm
     shifted: float
     shift: FloatArray
-    #: after reversing each axis of the voxels, (3,)
-    flipped: FloatArray
+    #: after reversing axes of the voxels: which of them -> the share, one axis first
+    flipped: dict[tuple[int, ...], float]
 
 
 def coverage(surface: TriSurface, labelled: NDArray[np.bool_], affine: FloatArray) -> Coverage:
@@ -36,7 +40,7 @@ def coverage(surface: TriSurface, labelled: NDArray[np.bool_], affine: FloatArra
 
     Parameters
     ----------
-    labelled : (i, j, k), voxels that have a label
+    labelled : (i, j, k), voxels that have a label, or a number other than 0
     affine : (4, 4) from voxels to mm
     """
     from scipy.signal import fftconvolve  # takes long to load, and few jobs have volumes
@@ -53,7 +57,7 @@ def coverage(surface: TriSurface, labelled: NDArray[np.bool_], affine: FloatArra
         min(1.0, float(has.sum()) / total),
         float(together.max()) / total,
         shifts[np.linalg.norm(shifts, axis=1).argmin()],
-        np.array([(_averaged(np.flip(labelled, axis), step) * inside).sum() / total for axis in range(3)]),
+        {axes: float((_averaged(np.flip(labelled, axes), step) * inside).sum()) / total for axes in _FLIPS},
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -15,7 +16,7 @@ from cortet.errors import InputError, place_mm
 from cortet.formats.hashing import sha256
 from cortet.formats.tables import Column
 from cortet.formats.volumes import Volume, label_table, matrices, read_named, six, to_scanner, volume_file, volume_of
-from cortet.geometry.coverage import coverage
+from cortet.geometry.coverage import Coverage, coverage
 from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import joined
 from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
@@ -25,7 +26,9 @@ from cortet.meshes import REGION, CoordinateFrame, FloatArray, IntArray, TetMesh
 if TYPE_CHECKING:
     from nibabel.spatialimages import SpatialImage
 
-VERSION: int = 1
+VERSION: int = 2
+
+logger = logging.getLogger(__name__)
 
 #: field of the principal direction of a tensor, which CARP's fibre files use
 FIBRE = "fibre"
@@ -33,6 +36,8 @@ FIBRE = "fibre"
 _TAKEN = (REGION, FIBRE, "q")
 #: labels are misplaced if another position covers this much more of the inside, and this share of what they can cover
 _GAIN, _NEARLY = 0.03, 0.9
+#: a warning is given if more than this share of a brain lies where a volume is 0 or holds no number
+_BARE = 0.05
 #: label 0 is the outside, not a tissue, if less than this share of a mesh has it
 _OUTSIDE = 0.1
 #: eigenvalues of a tensor below this share of its largest one are raised to it, since a logarithm needs them
@@ -87,13 +92,28 @@ def require_in_place(volumes: Mapping[str, Volume], surface: TriSurface) -> None
     ----------
     surface : of the brain, or with brains inside it; in mm, in its frame; coordinates need not be finite
     """
+    brain = _brain(surface)
+    for volume in volumes.values():
+        _require_cover(volume, brain.points)
+        if volume.kind == "labels":
+            _require_on(volume, brain)
+
+
+def backgrounds(volumes: Mapping[str, Volume], surface: TriSurface) -> list[str]:
+    """How much of a brain lies where volumes of numbers or tensors hold none, in words; where it is much, a warning.
+
+    Parameters are those of `require_in_place`, which was called before.
+    """
+    measured = {name: volume for name, volume in volumes.items() if volume.kind != "labels"}
+    brain = _brain(surface) if measured else surface
+    return [_background(name, volume, brain) for name, volume in measured.items()]
+
+
+def _brain(surface: TriSurface) -> TriSurface:
+    """The brain of a surface, or the brains inside it, in the space of volumes."""
     inside = [one for name, one in surface.inner.items() if is_brain(name)] or [surface]
     brain = joined([measurable(one) for one in inside])
-    moved = replace(brain, points=to_scanner(brain.points, surface.frame), inner={})
-    for volume in volumes.values():
-        _require_cover(volume, moved.points)
-        if volume.kind == "labels":
-            _require_on(volume, moved)
+    return replace(brain, points=to_scanner(brain.points, surface.frame), inner={})
 
 
 def with_volumes(
@@ -212,9 +232,9 @@ def _require_on(volume: Volume, surface: TriSurface) -> None:
     found = coverage(surface, volume.values != 0, volume.affine)
     enough = max(found.here + _GAIN, _NEARLY * found.possible)
     covers = f"its labels cover {found.here:.0%} of the surface's inside"
-    axis = int(found.flipped.argmax())
-    if found.flipped[axis] >= enough and found.flipped[axis] >= found.shifted - _GAIN:
-        what = f"{covers}, and {found.flipped[axis]:.0%} if its {('first', 'second', 'third')[axis]} axis were reversed"
+    best = max(found.flipped.values())
+    if best >= enough and best >= found.shifted - _GAIN:
+        what = f"{covers}, and {_reversed(found)}"
         raise InputError(what, file=volume.file, remedy="it seems to be flipped: export it again with its own affine")
     if found.shifted >= enough and np.linalg.norm(found.shift) > volume.voxel:
         what = f"{covers}, and {found.shifted:.0%} if they were moved by {place_mm(found.shift)}"
@@ -223,6 +243,31 @@ def _require_on(volume: Volume, surface: TriSurface) -> None:
         raise InputError(
             "none of its labels lies inside the surface", file=volume.file, remedy="give a volume of this brain"
         )
+
+
+def _background(name: str, volume: Volume, surface: TriSurface) -> str:
+    """How much of a brain lies where a volume has no number but 0, in words."""
+    values = volume.values if volume.kind == "tensors" else volume.values[..., None]
+    found = coverage(surface, np.isfinite(values).all(axis=3) & values.any(axis=3), volume.affine)
+    bare = max(0.0, 1 - found.here)
+    what = f"{name}: {bare:.1%} of the brain lies where {volume.file or 'the volume'} is 0 or holds no number"
+    if bare > _BARE:
+        better = max(found.flipped.values()) >= found.here + _GAIN
+        seems = f"; its values would cover {_reversed(found)}: is it flipped?" if better else ""
+        logger.warning("%s%s", what, seems)
+    return what
+
+
+def _reversed(found: Coverage) -> str:
+    """Which axes, reversed, fit best, with the share that is covered then, in words."""
+    best = max(found.flipped.values())
+    fits = {axes: share for axes, share in found.flipped.items() if share >= best - _GAIN}
+    names = ("first", "second", "third")
+    first, *more = (
+        f"{share:.0%} if its {' and '.join(names[axis] for axis in axes)} {'axis' if len(axes) == 1 else 'axes'} were"
+        for axes, share in fits.items()
+    )
+    return ", ".join([f"{first} reversed", *more])
 
 
 def _logarithms(tensors: NDArray[Any]) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import matplotlib.image
 import nibabel
@@ -36,7 +37,7 @@ from cortet.phantom.head import LABELS, direction, head
 from cortet.report.slices import cut
 from cortet.solver_files.label_surfaces import inner_surfaces
 from cortet.solver_files.sets import named_sets
-from cortet.solver_files.volumes import require_in_place, with_volumes
+from cortet.solver_files.volumes import backgrounds, require_in_place, with_volumes
 
 RADIUS, SIZE = 10.0, 32
 SCANNER = "NIFTI_XFORM_SCANNER_ANAT"
@@ -224,6 +225,45 @@ def test_labels_that_are_flipped_are_refused(ball: TriSurface, labels: NDArray[n
     require_in_place(volume_of(there), aside)
     with pytest.raises(InputError, match="cover 0% of the surface's inside, and 100% if its first axis were reversed"):
         require_in_place(volume_of(there[::-1]), aside)
+
+
+def test_all_flips_that_fit_are_named(ball: TriSurface, labels: NDArray[np.int16]) -> None:
+    """A ball towards a corner: all three axes, since no fewer bring it there; a ball on the third axis, any with it."""
+    for centre, words in (
+        ([6, 6, 6], "100% if its first and second and third axes were reversed "),
+        (
+            [0, 0, 6],
+            "100% if its third axis were reversed, 100% if its first and third axes were, 100% if its second and",
+        ),
+    ):
+        aside = TriSurface(ball.points * 0.5 + centre, ball.faces)
+        centres = np.indices(labels.shape).reshape(3, -1).T @ AFFINE[:3, :3].T + AFFINE[:3, 3]
+        there = (winding_numbers(aside, centres) > 0.5).reshape(labels.shape).astype(np.int16)
+        with pytest.raises(InputError, match=words):
+            require_in_place(volume_of(np.flip(there)), aside)
+
+
+@pytest.mark.parametrize("kind", ["numbers", "tensors"])
+def test_how_much_of_a_brain_has_no_number_is_said(
+    ball: TriSurface, labels: NDArray[np.int16], kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A ball of values around a ball; then both lie aside and the volume is flipped: nothing of the brain has any."""
+    values = np.where(labels > 0, 0.5, 0.0)
+    values[:16][labels[:16] == 0] = np.nan
+
+    def said(values: NDArray[Any], surface: TriSurface) -> str:
+        held = values[..., None] * [1.0, 0, 0, 1, 0, 1] if kind == "tensors" else values
+        (line,) = backgrounds({"fa": Volume(held, AFFINE, kind, file="fa.nii")}, surface)
+        return line
+
+    inner = replace(ball, points=0.9 * ball.points)
+    assert said(values, inner) == "fa: 0.0% of the brain lies where fa.nii is 0 or holds no number"
+    assert not caplog.text
+    aside = replace(ball, points=0.5 * ball.points + [6, 0, 0])
+    centres = np.indices(labels.shape).reshape(3, -1).T @ AFFINE[:3, :3].T + AFFINE[:3, 3]
+    there = (winding_numbers(aside, centres) > 0.5).reshape(labels.shape) * 0.5
+    assert said(there[::-1], aside).startswith("fa: 100.0% of the brain lies where fa.nii is 0")
+    assert "its values would cover 100% if its first axis were reversed, 100% if its first and second" in caplog.text
 
 
 def test_a_lesion_inside_and_labels_all_around_are_no_shift(ball: TriSurface, labels: NDArray[np.int16]) -> None:
