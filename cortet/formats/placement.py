@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import zlib
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,11 +12,15 @@ from typing import Any
 import numpy as np
 
 from cortet.errors import InputError
-from cortet.meshes import CoordinateFrame, TriSurface
+from cortet.meshes import CoordinateFrame, FloatArray, TriSurface
+
+logger = logging.getLogger(__name__)
 
 #: unit of coordinates -> mm
 UNITS = {"mm": 1.0, "m": 1000.0, "um": 0.001}
 
+#: shares of the cell size: a distance between neighbouring numbers that is said, and one that is refused
+_COARSE, _TOO_COARSE = 0.01, 0.05
 #: a matrix is singular if its determinant, over the product of its columns' lengths, is at most this
 _SINGULAR = 1e-6
 
@@ -67,6 +72,26 @@ def placed(surface: TriSurface, to_mm: Sequence[Sequence[float]] | None) -> TriS
         inner={name: placed(one, to_mm) for name, one in surface.inner.items()},
         frame=CoordinateFrame(),  # the frame in the file does not hold for the new coordinates
     )
+
+
+def require_precision(points: FloatArray, cell_size: float) -> None:
+    """Warn if files of single precision place coordinates (n, 3), mm, coarsely for a cell size, mm.
+
+    Raises
+    ------
+    InputError : they place them so coarsely that rounding could turn tetrahedra inside out
+    """
+    furthest = np.abs(points).max(initial=0)
+    step = float(np.spacing(np.float32(furthest)))
+    if step <= _COARSE * cell_size:
+        return
+    what = (
+        f"its coordinates reach {furthest:.4g} mm, where the numbers of a file in single precision are {step:.2g} mm "
+        f"apart, {step / cell_size:.1%} of the cell size"
+    )
+    if step > _TOO_COARSE * cell_size:
+        raise InputError(what, remedy="move the surface, and its volumes, near the origin")
+    logger.warning("the surface: %s", what)
 
 
 def _of_image(path: str | Path) -> Any:

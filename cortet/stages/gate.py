@@ -19,7 +19,7 @@ from cortet.stages.stage import Stage
 if TYPE_CHECKING:
     from cortet.geometry.topology import SurfaceTopology
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: longest side of the bounding box, mm: from a small monkey's hemisphere to an adult human brain in its shell
 EXTENT_MM = (15.0, 220.0)

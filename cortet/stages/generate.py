@@ -194,6 +194,7 @@ def generate(
     StageError
         the backend failed, is not installed, or returned nothing
     """
+    from cortet.formats.placement import require_precision
     from cortet.geometry.orientation import random_rotation
     from cortet.meshers._sizes import checked
 
@@ -202,6 +203,7 @@ def generate(
     if not cell_size > 0 or not np.isfinite(cell_size):
         raise InputError(f"cell size {cell_size} mm is not a positive length")
     require_within(cell_size, CELL_SIZE_MM, "the cell size in mm")
+    require_precision(surface.points, cell_size)
     if not facet_distance or min(facet_distance) <= 0:
         raise InputError(f"facet distances {list(facet_distance)} are not positive fractions of the cell size")
     if not edge_length or min(edge_length) <= 0:

@@ -23,7 +23,7 @@ from cortet.stages.stage import Certificate, Stage, counted
 if TYPE_CHECKING:
     from cortet.measure.fidelity import Distances
 
-VERSION: int = 1
+VERSION: int = 2
 
 logger = logging.getLogger(__name__)
 
