@@ -11,6 +11,12 @@ from cortet.cohort.ages import ages_at_scan
 from cortet.cohort.sheet import HEMISPHERES, WHITE, Case, filled_in
 from cortet.config import Scan
 from cortet.errors import InputError
+from cortet.formats.untrusted import ELSEWHERE, content_is_elsewhere, is_there
+
+#: any entities of BIDS, such as `_ses-1_acq-T1w_hemi-L`
+_ENTITIES = "(?:_[A-Za-z0-9]+-[A-Za-z0-9+.]+)*"
+#: what names a white surface in `sub-1_hemi-L_wm.surf.gii`, `lh.white` or `1.L.white.native.surf.gii`
+_WHITE = re.compile(r"(?<![A-Za-z0-9])(wm|white|smoothwm)(?=(\.[A-Za-z0-9_]+)*$)")
 
 
 def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], object] = lambda _: None) -> list[Case]:
@@ -23,15 +29,7 @@ def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], obj
     InputError : no surface matches, or a table cannot be read
     """
     patterns = patterns or Scan()
-    found: dict[tuple[str, str | None, str | None], Path] = {}
-    folders: dict[str, str] = {}
-    for pattern in patterns.surfaces:
-        for path, values in _matches(directory, pattern):
-            hemi = values.get("hemi")
-            if hemi is None or hemi.lower() in HEMISPHERES:
-                participant = _label(values["participant"], folders, directory, say)
-                key = (participant, values.get("session"), hemi and HEMISPHERES[hemi.lower()])
-                found.setdefault(key, path)
+    found = _surfaces(directory, patterns, say)
     if not found:
         raise InputError(
             "no surfaces found",
@@ -49,12 +47,64 @@ def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], obj
         surface, inner = _around(path) if patterns.pial else (path, {})
         sphere = _beside(path, patterns.spheres)
         fields = {name: file for name, ends in patterns.fields.items() if (file := _beside(path, ends))}
-        volumes = _volumes_of(directory, {"participant": participant, "session": session, "hemi": hemi}, patterns)
+        labels = {"participant": participant, "session": session, "hemi": hemi}
+        volumes = _volumes_of(directory, labels, patterns, say)
         age = ages.get((participant, session))
         cases.append(
             Case(participant, session, hemi, age, surface, inner=inner, sphere=sphere, fields=fields, volumes=volumes)
         )
+    _say_which(cases, say, pial=patterns.pial)
     return cases
+
+
+def _surfaces(
+    directory: Path, patterns: Scan, say: Callable[[str], object]
+) -> dict[tuple[str, str | None, str | None], Path]:
+    """The surface of each participant, session and hemisphere: of several that with fewest entities.
+
+    Raises
+    ------
+    InputError : two participants would have the same label
+    """
+    found: dict[tuple[str, str | None, str | None], Path] = {}
+    folders: dict[str, str] = {}
+    for pattern in patterns.surfaces:
+        alike: dict[tuple[str, str | None, str | None], list[Path]] = {}
+        for path, values in _matches(directory, pattern):
+            hemi = values.get("hemi")
+            if hemi is None or hemi.lower() in HEMISPHERES:
+                participant = _label(values["participant"], folders, directory, say)
+                key = (participant, values.get("session"), hemi and HEMISPHERES[hemi.lower()])
+                alike.setdefault(key, []).append(path)
+        for key, paths in alike.items():
+            if key in found:
+                continue
+            first, *others = sorted(paths, key=lambda path: (path.name.count("_"), path))
+            found[key] = first
+            if others:
+                named = ", ".join(path.relative_to(directory).as_posix() for path in (first, *others))
+                say(f"{len(paths)} surfaces of one hemisphere: {named}; the first is taken (see cohort.scan.surfaces)")
+    return found
+
+
+def _say_which(cases: Sequence[Case], say: Callable[[str], object], *, pial: bool) -> None:
+    """Say which surfaces are taken, white or pial, and which lie beside them."""
+    white = [case for case in cases if not case.inner and _WHITE.search(Path(case.surface).name)]
+    beside = [case for case in white if is_there(_pial_of(Path(case.surface)))]
+    both = len(cases) - len(white) if pial else 0
+    if both:
+        say(f"{both} pial surfaces are taken with the white ones inside: the cortex is a layer of its own")
+    if white:
+        words = f"{len(white)} white surfaces are taken alone: what they enclose is white matter, without the cortex"
+        if beside:
+            words += f"; {len(beside)} have a pial surface beside them (--pial takes both)"
+        elif pial:
+            words += f"; no pial surface lies beside {', '.join(case.name for case in white)}"
+        say(words)
+    for case in cases:
+        for path in (case.surface, *case.inner.values()):
+            if content_is_elsewhere(path):
+                say(f"{path}: {ELSEWHERE} (datalad get {path})")
 
 
 def _age_tables(directory: Path, participant: str, session: str | None, patterns: Scan) -> list[tuple[str, Path]]:
@@ -66,12 +116,12 @@ def _age_tables(directory: Path, participant: str, session: str | None, patterns
 def _label(name: str, folders: dict[str, str], directory: Path, say: Callable[[str], object]) -> str:
     """A participant's label, only letters and digits as BIDS requires; `folders` holds label -> name of the folder."""
     label = re.sub("[^A-Za-z0-9]", "", name)
-    if folders.setdefault(label, name) != name:
-        raise InputError(
-            f"{folders[label]} and {name} would both be sub-{label}",
-            file=directory,
-            remedy="rename one: labels of BIDS have letters and digits alone",
-        )
+    if (other := folders.setdefault(label.lower(), name)) != name:
+        if other.lower() == name.lower():
+            what, why = f"{other} and {name} differ in case only", "some file systems ignore case"
+        else:
+            what, why = f"{other} and {name} would both be sub-{label}", "labels of BIDS have letters and digits alone"
+        raise InputError(what, file=directory, remedy=f"rename one: {why}")
     if label != name:
         say(f"{name} is called sub-{label}")
     return label
@@ -79,15 +129,18 @@ def _label(name: str, folders: dict[str, str], directory: Path, say: Callable[[s
 
 def _beside(path: Path, endings: Sequence[str]) -> Path | None:
     """The file beside a surface, such as its sphere: the first that exists, by these ends of names."""
-    begin = re.sub(r"[A-Za-z]+(\.surf\.gii)?$", "", path.name)
+    kind = _WHITE.search(path.name)
+    begin = path.name[: kind.start()] if kind else re.sub(r"[A-Za-z]+(\.surf\.gii)?$", "", path.name)
     for ending in endings:
         if found := sorted(path.parent.glob(glob.escape(begin) + ending)):
             return found[0]
     return None
 
 
-def _volumes_of(directory: Path, labels: dict[str, str | None], patterns: Scan) -> dict[str, str]:
-    """The volumes of a case: of each name the first file that exists."""
+def _volumes_of(
+    directory: Path, labels: dict[str, str | None], patterns: Scan, say: Callable[[str], object]
+) -> dict[str, str]:
+    """The volumes of a case: of each name the first file that exists; one that is only a link is left out, and said."""
     known = {name: value for name, value in labels.items() if value is not None}
     found = {}
     for name, several in patterns.volumes.items():
@@ -95,13 +148,23 @@ def _volumes_of(directory: Path, labels: dict[str, str | None], patterns: Scan) 
         files = [directory / filled_in(pattern, known) for pattern in usable]
         if existing := [file for file in files if file.is_file()]:
             found[name] = str(existing[0])
+        elif away := [file for file in files if content_is_elsewhere(file)]:
+            say(f"{away[0]}: {ELSEWHERE}, so the volume {name} is left out (datalad get {away[0]})")
     return found
 
 
 def _around(path: Path) -> tuple[Path, dict[str, Path]]:
-    """The pial surface beside a white surface, with the white one as inner surface; else the white surface alone."""
-    pial = path.with_name(re.sub(r"(wm|white)(\.surf\.gii)?$", r"pial\2", path.name))
-    return (pial, {WHITE: path}) if pial != path and pial.is_file() else (path, {})
+    """The pial surface beside a white surface, with the white one as inner surface; else the white surface alone.
+
+    A pial surface that is a link counts, even if its content is elsewhere: the white one alone would be another mesh.
+    """
+    pial = _pial_of(path)
+    return (pial, {WHITE: path}) if pial != path and is_there(pial) else (path, {})
+
+
+def _pial_of(path: Path) -> Path:
+    """The name that the pial surface beside a white one has."""
+    return path.with_name(_WHITE.sub("pial", path.name))
 
 
 def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, str]]]:
@@ -111,14 +174,19 @@ def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, st
             f"cohort.scan.surfaces: {pattern!r} finds nothing",
             remedy="give a pattern below the folder with the placeholder {participant}",
         )
-    parts = re.split(r"\{(participant|session|hemi)\}", pattern)
+    parts = re.split(r"\{(participant|session|hemi|entities)\}", pattern)
     expression, seen = "", set[str]()
     for text, name in zip(parts[::2], [*parts[1::2], ""], strict=True):
         anyhow = name == "participant" and pattern.startswith("{participant}/")
         form = r"(?!sub-|fsaverage)[A-Za-z0-9][A-Za-z0-9_.-]*" if anyhow else "[A-Za-z0-9]+"
+        form = _ENTITIES if name == "entities" else form
         label = f"(?P={name})" if name in seen else f"(?P<{name}>{form})"
         expression += re.escape(text) + (label if name else "")
         seen.add(name)
-    for path in sorted(directory.glob("*".join(parts[::2]))):
+    for path in sorted(directory.glob(re.sub(r"\*+", "*", "*".join(parts[::2])))):
         if match := re.fullmatch(expression, path.relative_to(directory).as_posix()):
-            yield path, match.groupdict()
+            values = match.groupdict()
+            named = dict(one.split("-", 1) for one in (values.pop("entities", "") or "").split("_") if one)
+            own = {name: named[key] for name, key in (("session", "ses"), ("hemi", "hemi")) if key in named}
+            if all(values.get(name, value) == value for name, value in own.items()):  # else a file in a wrong folder
+                yield path, values | own

@@ -132,10 +132,10 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
         if not wrong:
             case = _case(row, path.parent, field_patterns or {})
             cases.append(case)
-            if lines.setdefault(case.name, line) != line:
+            if (other := lines.setdefault(case.name.lower(), line)) != line:
                 wrong.append(
-                    f"columns participant_id, session_id, hemi: {case.name} is already in line {lines[case.name]} "
-                    "(give every hemisphere one row)"
+                    f"columns participant_id, session_id, hemi: {case.name} is already in line {other} "
+                    "(give every hemisphere one row, and a label that differs in more than case)"
                 )
         found += [f"line {line}, {problem}" for problem in wrong]
     if table.empty:

@@ -6,10 +6,13 @@ from pathlib import Path
 
 from cortet.errors import InputError
 from cortet.formats.gifti import hemisphere_of
+from cortet.formats.untrusted import ELSEWHERE, content_is_elsewhere
 
 
 def missing_surface(source: object, *, column: str) -> InputError:
     """The error for a surface of the sheet that is missing."""
+    if content_is_elsewhere(str(source)):
+        return InputError(ELSEWHERE, file=source, remedy=f"datalad get {source}")
     return InputError("no such file", file=source, remedy=f"mend the column {column} of the cohort sheet")
 
 

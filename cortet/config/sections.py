@@ -30,18 +30,24 @@ else:  # what may be chosen from the lists of meshers, formats and stages
 
 
 class Scan(Section):
-    """How `cortet cohort scan` reads a data release. Placeholders: {participant}, {session}, {hemi}."""
+    """How `cortet cohort scan` reads a data release. Placeholders: {participant}, {session}, {hemi}, {entities}."""
 
     surfaces: list[str] = [
-        "sub-{participant}/ses-{session}/anat/sub-{participant}_ses-{session}_hemi-{hemi}_wm.surf.gii",
-        "sub-{participant}/ses-{session}/anat/sub-{participant}_ses-{session}_hemi-{hemi}_white.surf.gii",
-        "sub-{participant}/anat/sub-{participant}_hemi-{hemi}_wm.surf.gii",
-        "sub-{participant}/anat/sub-{participant}_hemi-{hemi}_white.surf.gii",
+        "sub-{participant}/ses-{session}/anat/sub-{participant}{entities}_wm.surf.gii",
+        "sub-{participant}/ses-{session}/anat/sub-{participant}{entities}_white.surf.gii",
+        "sub-{participant}/ses-{session}/anat/sub-{participant}{entities}_smoothwm.surf.gii",
+        "sub-{participant}/anat/sub-{participant}{entities}_wm.surf.gii",
+        "sub-{participant}/anat/sub-{participant}{entities}_white.surf.gii",
+        "sub-{participant}/anat/sub-{participant}{entities}_smoothwm.surf.gii",
         "sub-{participant}/surf/{hemi}.white",
+        "sub-{participant}_ses-{session}/surf/{hemi}.white",
+        "sub-{participant}/ses-{session}/surf/{hemi}.white",
         "{participant}/surf/{hemi}.white",
+        "{participant}/T1w/Native/{participant}.{hemi}.white.native.surf.gii",
     ]
-    """Where surfaces lie below the release's folder; the first pattern that finds a case wins. A pattern that begins
-    with {participant}/ takes folders of any name, as FreeSurfer's, but sub-... and fsaverage."""
+    """Where surfaces lie below the release's folder; the first pattern that finds a case wins. {entities} are any of
+    BIDS, such as _ses-1_run-2_hemi-L_space-T1w. A pattern that begins with {participant}/ takes folders of any name, as
+    FreeSurfer's and HCP's, but sub-... and fsaverage."""
     pial: bool = False
     """true: a pial surface beside a white one becomes the surface, and the white one its inner surface."""
     fields: dict[str, list[str]] = {}

@@ -20,7 +20,7 @@ _NAMES: tuple[tuple[bytes, str], ...] = (
     (b"\xff\xff\xfd", "a FreeSurfer surface of quadrangles (convert it: mris_convert)"),
     (b"#!ascii", "a FreeSurfer surface in text (convert it: mris_convert)"),
     (b"version https://git-lfs", "a pointer of Git LFS, not the file (git lfs pull)"),
-    (b"/annex/objects", "a pointer of git-annex, not the file (git annex get)"),
+    (b"/annex/objects", "a pointer of git-annex, not the file (datalad get, or git annex get)"),
     (b"\x1f\x8b", "compressed by gzip, and no GIfTI within (gunzip it)"),
     (b"PK\x03\x04", "a ZIP archive (unpack it)"),
     (b"<!DOCTYPE html", "a web page, not the file (download it again)"),

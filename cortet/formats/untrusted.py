@@ -30,10 +30,22 @@ LARGEST = 2**32
 #: most XML elements of a file; the long lists of these formats hold no elements, or are read separately
 MOST_ELEMENTS = 5_000_000
 _LONGEST_NAME = 80
+#: what is said of a link whose content is not here
+ELSEWHERE = "is a link whose content is not here"
 #: errors that parsers raise for XML that is truncated, not well-formed, or in an unknown encoding
 XML_ERRORS = (ElementTree.ParseError, LookupError, ValueError)
 
 _T = TypeVar("_T")
+
+
+def is_there(path: str | Path) -> bool:
+    """Whether a file exists, or a link to one whose content may be elsewhere."""
+    return Path(path).is_file() or Path(path).is_symlink()
+
+
+def content_is_elsewhere(path: str | Path) -> bool:
+    """Whether a file is a link to what is not here, as DataLad and git-annex leave it until `datalad get`."""
+    return Path(path).is_symlink() and not Path(path).exists()
 
 
 def check_file(path: str | Path, largest: int = LARGEST) -> int:
@@ -47,6 +59,8 @@ def check_file(path: str | Path, largest: int = LARGEST) -> int:
     try:
         found = Path(path).stat()
     except (OSError, ValueError) as error:
+        if content_is_elsewhere(path):
+            raise InputError(ELSEWHERE, file=path, remedy=f"datalad get {path}") from error
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"cannot be read: {reason}", file=path, remedy="check the path and its permissions") from error
     if not stat.S_ISREG(found.st_mode):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,8 +12,10 @@ import pytest
 from cortet.cohort.scan import scan
 from cortet.cohort.selection import ageless_notice, chosen, folded
 from cortet.cohort.sheet import COLUMNS, Case, add_to_sheet, read_sheet, write_sheet
+from cortet.cohort.surface_files import missing_surface
 from cortet.config import Scan, load
 from cortet.errors import InputError
+from cortet.formats.gifti import read_surface
 
 GOOD = "007\t01\tL\t27.5\tdata/a.surf.gii\tyes\tn/a"
 
@@ -282,6 +286,93 @@ def test_scan_takes_freesurfer_subjects_of_any_name_but_the_template(tmp_path: P
         f"sub-{who}_hemi-{hemi}" for who in ("bertlong", "subj01") for hemi in "LR"
     ]
     assert "subj_01 is called sub-subj01" in said
+
+
+@pytest.mark.parametrize(
+    ("file", "case"),
+    [
+        ("sub-01/ses-1/anat/sub-01_ses-1_acq-T1w_run-1_hemi-L_space-T1w_desc-x_white.surf.gii", "sub-01_ses-1_hemi-L"),
+        ("sub-01/ses-1/anat/sub-01_hemi-R_ses-1_space-MNIInfant_cohort-3_wm.surf.gii", "sub-01_ses-1_hemi-R"),
+        ("sub-01/anat/sub-01_hemi-L_smoothwm.surf.gii", "sub-01_hemi-L"),
+        ("sub-01/anat/sub-01_ses-2_run-1_hemi-L_white.surf.gii", "sub-01_ses-2_hemi-L"),
+        ("sub-01/anat/sub-01_acq-b_white.surf.gii", "sub-01"),
+        ("sub-01_ses-1/surf/lh.white", "sub-01_ses-1_hemi-L"),
+        ("sub-01/ses-1/surf/rh.white", "sub-01_ses-1_hemi-R"),
+        ("100307/T1w/Native/100307.L.white.native.surf.gii", "sub-100307_hemi-L"),
+    ],
+)
+def test_scan_knows_the_names_of_other_pipelines(tmp_path: Path, file: str, case: str) -> None:
+    """Of fMRIPrep, nibabies, FreeSurfer and HCP, with the pial surface beside, where asked."""
+    path = tmp_path / file
+    path.parent.mkdir(parents=True)
+    pial = path.with_name(re.sub("smoothwm|white|wm", "pial", path.name))
+    for one in (path, pial):
+        one.touch()
+    said: list[str] = []
+    (found,) = scan(tmp_path, say=said.append)
+    assert (found.name, found.surface) == (case, path)
+    assert "1 white surfaces are taken alone: what they enclose is white matter" in said[-1]
+    assert said[-1].endswith("1 have a pial surface beside them (--pial takes both)")
+    (both,) = scan(tmp_path, Scan(pial=True), said.append)
+    assert (both.surface, both.inner) == (pial, {"white": path})
+    assert said[-1].startswith("1 pial surfaces are taken with the white ones inside")
+
+
+def test_a_file_in_the_folder_of_another_session_is_no_case(tmp_path: Path) -> None:
+    anat = tmp_path / "sub-01/ses-1/anat"
+    anat.mkdir(parents=True)
+    (anat / "sub-01_ses-2_hemi-L_white.surf.gii").touch()
+    with pytest.raises(InputError, match="no surfaces found"):
+        scan(tmp_path)
+
+
+def test_two_runs_of_a_hemisphere_are_both_named(tmp_path: Path) -> None:
+    anat = tmp_path / "sub-01/anat"
+    anat.mkdir(parents=True)
+    for name in ("sub-01_run-2_hemi-L_white", "sub-01_run-1_hemi-L_white", "sub-01_run-1_hemi-L_space-T1w_white"):
+        (anat / f"{name}.surf.gii").touch()
+    said: list[str] = []
+    (case,) = scan(tmp_path, say=said.append)
+    assert Path(case.surface).name == "sub-01_run-1_hemi-L_white.surf.gii"
+    (line,) = [
+        line for line in said if line.startswith("3 surfaces of one hemisphere: sub-01/anat/sub-01_run-1_hemi-L")
+    ]
+    assert "sub-01_run-2_hemi-L_white.surf.gii" in line and "the first is taken" in line
+
+
+def test_links_whose_content_is_elsewhere_are_named(tmp_path: Path) -> None:
+    """As DataLad leaves them. The white surface alone is not taken for a pair whose pial surface is elsewhere."""
+    folder = freesurfer(tmp_path / "fs", "bert")
+    surf = folder / "bert/surf"
+    (surf / "rh.pial").symlink_to("../../.git/annex/objects/x")
+    (surf / "lh.white").unlink()
+    (surf / "lh.white").symlink_to("../../.git/annex/objects/y")
+    said: list[str] = []
+    left, right = scan(folder, Scan(pial=True, volumes={"aseg": ["{participant}/surf/rh.pial"]}), said.append)
+    assert (left.surface, right.surface) == (surf / "lh.pial", surf / "rh.pial")
+    assert right.inner == {"white": surf / "rh.white"} and not right.volumes
+    for name in ("lh.white", "rh.pial"):
+        assert f"{surf / name}: is a link whose content is not here (datalad get {surf / name})" in said
+    assert any("so the volume aseg is left out" in line for line in said)
+    for error in (
+        missing_surface(surf / "rh.pial", column="surface"),
+        _refused(lambda: read_surface(surf / "rh.pial")),
+    ):
+        assert str(error) == f"{surf / 'rh.pial'}: is a link whose content is not here (datalad get {surf / 'rh.pial'})"
+
+
+def _refused(call: Callable[[], object]) -> InputError:
+    with pytest.raises(InputError) as caught:
+        call()
+    return caught.value
+
+
+def test_labels_that_differ_in_case_only_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"S1 and s1 differ in case only .rename one: some file systems ignore case"):
+        scan(freesurfer(tmp_path / "fs", "sub-S1", "sub-s1"))
+    rows = (GOOD.replace("007", "S1"), GOOD.replace("007", "s1"))
+    with pytest.raises(InputError, match=r"sub-s1_ses-01_hemi-L is already in line 2 .*a label that differs in more"):
+        read_sheet(sheet(tmp_path, *rows))
 
 
 def test_scan_refuses_subjects_whose_labels_are_alike(tmp_path: Path) -> None:
