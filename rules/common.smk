@@ -9,6 +9,7 @@ from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
 from cortet import __version__
+from cortet.cohort.app import require_plain_python
 from cortet.cohort.bids import Places, descriptions
 from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, Layout, beside, file_of
 from cortet.cohort.plan import OVER_ALL_CASES, Plan, existing
@@ -26,6 +27,7 @@ FAILURES = {tuple(record["mesh"]): record["failure"] for record in config.pop("f
 MISSING = config.pop("missing", {})
 
 try:
+    require_plain_python()
     if workflow.is_main_process:
         for file in workflow.configfiles:  # Snakemake takes the last of two values of a key in silence
             read(Path(file))

@@ -159,6 +159,9 @@ compile_pygalmesh() {
 # --- the environment -------------------------------------------------------------------------------------------------
 
 [[ $what =~ ^(default|published|test)$ ]] || fail "unknown: $what (say published, test, or nothing)"
+# https://github.com/snakemake/snakemake/issues/2645: no job would run, and none would have a log
+[[ ! $PWD =~ [^[:alnum:]_@%+=:,./~-] ]] ||
+    fail "the path of this folder has '${BASH_REMATCH[0]}', by which Snakemake cannot run jobs: move it to one without blanks, quotes and parentheses"
 is_ready && exit
 exec 9<.
 flock -n 9 || { say "another set-up is running here; waiting for it"; flock 9; }

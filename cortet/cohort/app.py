@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -155,13 +156,19 @@ def snakemake(
 ) -> int:
     """Run the workflow in its working folder and return Snakemake's exit code. This process holds the lock.
 
+    Raises InputError if Snakemake cannot start jobs by the Python of this process.
+
     Parameters
     ----------
     level : key of `LEVELS`
     profile : a profile of Snakemake, or the name of one that comes with the workflow, such as `slurm`
     verbose : everything that Snakemake says, instead of a line per case
     """
+    from cortet.geometry.kernel_cache import cache_folder  # takes long to load
+
     folder = workflow()
+    require_plain_python()
+    cache_folder()  # where there is none, this process says so, and its jobs know the temporary one
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(folder / "Snakefile"), "--cores", str(cores)]
     # the output folder has a lock of its own, which ends with a killed run
     command += ["--directory", str(work), *([] if verbose else ["--logger", "cortet"]), "--nolock"]
@@ -186,6 +193,19 @@ def snakemake(
             if verbose or _PROFILE not in line:
                 sys.stderr.write(line)
     return run.returncode
+
+
+def require_plain_python(python: str = sys.executable) -> None:
+    """Raise InputError if Snakemake cannot start jobs by this path of Python, which it gives to a shell unquoted.
+
+    See https://github.com/snakemake/snakemake/issues/2645: no job would run, and none would have a log.
+    """
+    if odd := re.search(r"[^\w@%+=:,./~-]", python):
+        raise InputError(
+            f"Snakemake cannot run jobs by a Python whose path has {odd[0]!r}",
+            file=python,
+            remedy="make the environment in a folder without blanks, quotes and parentheses in its path",
+        )
 
 
 def outcome(output: Path, cases: Sequence[Case], level: str) -> str:

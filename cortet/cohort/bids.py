@@ -148,6 +148,8 @@ def require_own_output(output: Path, dataset: Path | None) -> None:
     dataset : root of the dataset that is meshed; None if it is not known
     """
     remedy = "name an empty or a new folder, e.g. DATASET/derivatives/cortet"
+    if {"{", "}"} & set(str(output.absolute())):
+        raise InputError("has braces in its name, which are wildcards to Snakemake", file=output, remedy=remedy)
     if dataset is not None and dataset.resolve().is_relative_to(output.resolve()):
         what = "is the dataset" if dataset.resolve() == output.resolve() else "contains the dataset"
         raise InputError(f"{what} that is meshed, so nothing is written there", file=output, remedy=remedy)

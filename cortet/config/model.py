@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import create_model
+from pydantic import create_model, field_validator
 
 from cortet.config.sections import Cohort, Experiments, Export, Phantom, Quality, Setting
 from cortet.errors import InputError
@@ -52,6 +52,13 @@ class _BeforeTheLine(Section):
     """Minutes a job may take before it is ended and its case has failed; null: no limit."""
     cohort: Cohort = Cohort()
     phantom: Phantom = Phantom()
+
+    @field_validator("output")
+    @classmethod
+    def _without_braces(cls, output: Path) -> Path:
+        if {"{", "}"} & set(str(output)):
+            raise ValueError("braces in the name of the output folder are wildcards to Snakemake: use another name")
+        return output
 
 
 if TYPE_CHECKING:

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 import cortet
+from cortet.cohort.app import lock, require_plain_python
 from cortet.cohort.bids import Places, descriptions, provenance, write_dataset_description, write_descriptions
 from cortet.config import load
+from cortet.errors import InputError
 from cortet.formats.tsv import read_tsv
 
 
@@ -68,3 +70,19 @@ def test_every_desc_is_documented(tmp_path: Path) -> None:
     assert {"desc-smoothed", "desc-phantom", "desc-resampled", "desc-cgalGenerated"} <= set(table.index)
     assert "desc-cgalPublishedReconnected" not in table, "the setting has no such stage"
     assert "desc-cgalPublishedGenerated" not in table, "its meshes of S1 are shared"
+
+
+def test_an_output_folder_with_braces_is_refused_before_anything_is_made(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"has braces in its name, which are wildcards to Snakemake"):
+        lock(tmp_path / "bids", tmp_path / "out{x}")
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(InputError, match="output = 'out{x}': braces in the name of the output folder"):
+        load({"output": "out{x}"})
+
+
+@pytest.mark.parametrize("folder", ["my env", "env (1)", "it's", 'so "named"', "a$b"])
+def test_a_python_that_snakemake_cannot_call_is_refused(folder: str) -> None:
+    """Snakemake issue 2645."""
+    require_plain_python("/home/josé/env-1.2/bin/python")
+    with pytest.raises(InputError, match="Snakemake cannot run jobs by a Python whose path has"):
+        require_plain_python(f"/home/{folder}/bin/python")

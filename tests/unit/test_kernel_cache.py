@@ -84,3 +84,19 @@ def test_it_does_not_matter_which_is_imported_first(first: str) -> None:
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     assert Path(done.stdout.strip()).parent == kernel_cache.cache_folder()
+
+
+def test_without_a_place_for_caches_a_temporary_one_is_used_and_said(tmp_path: Path) -> None:
+    """As with a home that cannot be written to; jobs of the process inherit the place."""
+    code = "import os; from cortet.geometry.kernel_cache import cache_folder; print(cache_folder(), cache_folder(), "
+    code += "os.environ['XDG_CACHE_HOME'])"
+    environment = {key: value for key, value in os.environ.items() if key != "XDG_CACHE_HOME"}
+    environment |= {"HOME": "/proc/nowhere", "TMPDIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    own = tmp_path / f"cortet-{os.getuid()}"
+    assert done.stdout.split() == [str(own / "cortet/kernels")] * 2 + [str(own)]
+    assert done.stderr.count(f"no place for caches in the home folder: {own} is used") == 1
+    assert own.stat().st_mode & 0o777 == 0o700
+    own.chmod(0o777)  # somebody else may have put compiled code there
+    again = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert str(own) not in again.stdout and str(tmp_path / "cortet-") in again.stdout
