@@ -17,7 +17,7 @@ from cortet.api.given import Settings, SurfaceLike, require_fields, require_hemi
 from cortet.config import Config, load, read
 from cortet.errors import InputError
 from cortet.formats import format_of, read_mesh
-from cortet.formats.gifti import hemisphere_of
+from cortet.formats.gifti import hemisphere_of, kind_of
 from cortet.formats.ownership import guarded
 from cortet.formats.placement import placed
 from cortet.formats.tables import names
@@ -67,6 +67,8 @@ class Mesh:
     tissue_rows: tuple[Mapping[str, Any], ...] = ()
     #: volume -> label -> name
     label_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+    #: which surface was given, if its file says: a mesh of a white one has no cortex
+    kind: Literal["white", "pial"] | None = None
 
     @property
     def points(self) -> FloatArray:
@@ -123,7 +125,7 @@ class Mesh:
         """The mesh with its named sets, as files hold it; they replace the numbers of regions."""
         return named_sets(
             self.mesh,
-            **self.config.export.sets,
+            **self.config.export.sets(self.kind),
             inner=list(self.surface.inner),
             label_names=self.label_names,
             tissues=self.label_names,
@@ -160,7 +162,7 @@ class Mesh:
                     frame=self.surface.frame,
                     interior=self.config.transfer.interior,
                     holes=self.config.export.holes,
-                    made_from={"given": {}, "meshed": {}, **facts(self.ga, self.hemi)},
+                    made_from={"given": {}, "meshed": {}, **facts(self.ga, self.hemi, self.kind)},
                     uncertified=force,
                 )
         except OSError as error:
@@ -252,7 +254,8 @@ def mesh(
     read_from = (source, *within.files.values(), *(volume.file for volume in images.values()))
     files = tuple(Path(file) for file in read_from if file)
     side = hemi or (hemisphere_of(source) if source else None)
-    return Mesh(filled, *made[1:], ga, side, config, files, tuple(rows), label_names(images))
+    kind = kind_of(source) if source else None
+    return Mesh(filled, *made[1:], ga, side, config, files, tuple(rows), label_names(images), kind)
 
 
 def _told(step: Step) -> None:

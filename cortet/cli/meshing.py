@@ -19,6 +19,9 @@ from cortet.formats import format_of, require_holes
 from cortet.formats.ownership import delete_made, may_write, record_of
 from cortet.geometry.limits import CELL_SIZE_MM, SCAN_AGES, SHELL_MM
 
+#: said of a mesh of a white surface without others
+WHITE_ALONE = "the surface is a white one: the mesh is what it encloses, white matter, without the cortex around it"
+
 if TYPE_CHECKING:
     from cortet.cli.shared import Commands
     from cortet.config import Config
@@ -119,6 +122,7 @@ def add_commands(commands: Commands) -> None:
 
 def mesh_command(args: argparse.Namespace) -> int:
     """Mesh a surface, judge the mesh and write it with its companions."""
+    from cortet.formats.gifti import kind_of
     from cortet.formats.placement import placed
     from cortet.formats.tables import printed, write_table
     from cortet.meshes import region_names
@@ -156,7 +160,7 @@ def mesh_command(args: argparse.Namespace) -> int:
         require_own_stem(args.output, given, cell_size=size)
     require_regions(config.export.holes, surface.inner)
     volumes = read_volumes(dict(args.volume))
-    frame = placed(surface, config.placement()).frame
+    frame, kind = placed(surface, config.placement()).frame, kind_of(args.surface)
     require_in_place(volumes, placed(surface, config.placement()))
     for line in backgrounds(volumes, placed(surface, config.placement())):
         print(line)
@@ -186,7 +190,7 @@ def mesh_command(args: argparse.Namespace) -> int:
         export(
             named_sets(
                 mesh,
-                **config.export.sets,
+                **config.export.sets(kind),
                 label_names=labels | label_names(volumes),
                 inner=list(meshed.inner),
                 tissues=label_names(volumes),
@@ -222,6 +226,8 @@ def mesh_command(args: argparse.Namespace) -> int:
     print(f"{record}: every number beside its limit")
     if certificate.certified:
         print(f"{args.output}: written, with the surface that was meshed: {next(iter(surfaces.values())).name}")
+        if kind == "white" and not surface.inner:
+            print(WHITE_ALONE)
     else:
         print(f"{args.output}: not written")
     return 0 if certificate.certified else 1
@@ -240,9 +246,15 @@ def _mesh_views(
     if args.picture:
         draw(mesh, args.picture, place)
     if args.page:
+        from cortet.formats.gifti import kind_of
         from cortet.report.case_page import about, write_case_page
 
-        chosen = {"scan_age": args.ga, "cell_size": config.generate.cell_size[0], "mesher": config.generate.meshers[0]}
+        chosen = {
+            "surface": kind_of(args.surface),
+            "scan_age": args.ga,
+            "cell_size": config.generate.cell_size[0],
+            "mesher": config.generate.meshers[0],
+        }
         write_case_page(mesh, given, certificate, place(args.page), meshed=meshed, facts=about(chosen))
         print(f"{args.page}: written")
 

@@ -9,7 +9,7 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -227,6 +227,15 @@ class Jobs:
         named = by_region(case.surface, case.inner)
         return {region: str(path) for region, path in named.items() if path != PHANTOM}
 
+    def kind_of_surface(self, job: Job) -> str | None:
+        """Which surface of the cortex is given, white or pial; None if its file does not say, or cannot be read."""
+        case = self.case(job)
+        return None if case.is_phantom else _kind_of(case.surface)
+
+    def sets(self, job: Job) -> dict[str, Any]:
+        """What the sets of an exported mesh are made by."""
+        return self.config.export.sets(self.kind_of_surface(job))
+
     def input_sha256(self, job: Job) -> dict[str, str | None]:
         """Hashes of `paths`. Editing a file reruns its whole case; touching it reruns nothing."""
         return content(self.paths(job))
@@ -397,3 +406,13 @@ class Jobs:
 def existing(path: str | Path | None) -> str | list[str]:
     """The file if it exists: the job reports a missing file, so that other cases continue."""
     return str(path) if path and os.path.isfile(path) else []  # noqa: PTH113, false of names that are too long
+
+
+@cache
+def _kind_of(path: str | Path) -> str | None:
+    from cortet.formats.gifti import kind_of  # loads what most jobs do without
+
+    try:
+        return kind_of(path)
+    except InputError:
+        return None

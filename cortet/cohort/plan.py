@@ -283,6 +283,7 @@ class Plan(Jobs):
         """The facts at the top of the page of a mesh."""
         case = self.case(job)
         return {
+            "surface": self.kind_of_surface(job),
             "scan_age": case.scan_age,
             "hemi": case.hemi,
             "cell_size": int(job["res"]) / 1000,

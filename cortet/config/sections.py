@@ -126,6 +126,9 @@ class Export(Section):
     """Unit of the coordinates in CARP files: um for openCARP, mm for meshtool."""
     cortex_depth: Positive = 1.5
     """Tetrahedra whose centroid is less than this below the cortical surface, mm, are cortex, the others core."""
+    cortex_layer: bool | None = None
+    """Whether a mesh without inner surfaces has such a layer. null: unless the surface is a white one, which has the
+    cortex outside it. CalculiX, FEBio and FEniCS grow the layer."""
     cortex_thickness: str | None = None
     """Field of the cohort, mm, that takes the place of cortex_depth, e.g. thickness."""
     medial_wall: dict[str, list[int]] = {}
@@ -137,10 +140,16 @@ class Export(Section):
     field_units: dict[str, str] = {}
     """Units of the fields, e.g. {thickness: mm}, for the sidecars."""
 
-    @property
-    def sets(self) -> dict[str, Any]:
-        """Arguments of `cortet.solver_files.sets.named_sets`."""
-        return self.model_dump(mode="json", include={"cortex_depth", "cortex_thickness", "medial_wall"})
+    def sets(self, kind: str | None) -> dict[str, Any]:
+        """Arguments of `cortet.solver_files.sets.named_sets`.
+
+        Parameters
+        ----------
+        kind : of the surface, `formats.gifti.kind_of`
+        """
+        layer = kind != "white" if self.cortex_layer is None else self.cortex_layer
+        named = self.model_dump(mode="json", include={"cortex_depth", "cortex_thickness", "medial_wall"})
+        return {**named, "cortex_layer": layer}
 
 
 class Ablation(Section):

@@ -80,8 +80,9 @@ _PART = 1 << 16
 _GEOMETRY = ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
 
 
-#: value of the metadata that names the structure, as CDATA or as it stands
+#: value of the metadata that names the structure, as CDATA or as it stands; and of that which names the surface
 _STRUCTURE = rb"AnatomicalStructurePrimary.{0,99}?<Value>\s*(?:<!\[CDATA\[)?\s*(\w+)"
+_SECONDARY = _STRUCTURE.replace(b"Primary", b"Secondary")
 
 
 class _Array(NamedTuple):
@@ -135,6 +136,21 @@ def hemisphere_of(path: str | Path) -> Literal["L", "R"] | None:
     named = re.search(_STRUCTURE, _content(path), re.DOTALL)
     known: dict[bytes, Literal["L", "R"]] = {b"CortexLeft": "L", b"CortexRight": "R"}
     return known.get(named[1]) if named else None
+
+
+def kind_of(path: str | Path) -> Literal["white", "pial"] | None:
+    """Which surface of the cortex a file holds: by AnatomicalStructureSecondary of a GIfTI, or its name; None: unknown.
+
+    Raises
+    ------
+    InputError : the file cannot be read
+    """
+    stated = re.search(_SECONDARY, _content(path), re.DOTALL)
+    known: dict[bytes, Literal["white", "pial"]] = {b"GrayWhite": "white", b"Pial": "pial"}
+    if stated and stated[1] in known:
+        return known[stated[1]]
+    name = re.search(r"(?<![A-Za-z0-9])(?:(wm|white|smoothwm)|pial)(?![A-Za-z0-9])", Path(path).name)
+    return None if name is None else "white" if name[1] else "pial"
 
 
 def read_nested(path: str | Path, inner: Iterable[str | Path], fields: str | Path | None = None) -> TriSurface:

@@ -161,16 +161,21 @@ def split_remedy(reason: str) -> tuple[str, str]:
     return text, ""
 
 
+#: kind of the surface that was given -> what the page says
+_SURFACES = {"white": "white, with the cortex outside it", "pial": "pial, with the cortex inside it"}
+
+
 def about(case: Mapping[str, Any]) -> Facts:
     """Facts of a case for its page; unknown facts are left out.
 
     Parameters
     ----------
-    case : `scan_age` weeks, `hemi`, `cell_size` mm, `mesher`
+    case : `surface` white or pial, `scan_age` weeks, `hemi`, `cell_size` mm, `mesher`
     """
     hemispheres = {"L": "left hemisphere", "R": "right hemisphere", None: "whole brain"}
     known = {
         "Age at scan": case.get("scan_age") and f"{case['scan_age']:g} weeks",
+        "Surface": case.get("surface") and _SURFACES[case["surface"]],
         "Shape": "hemi" in case and hemispheres[case["hemi"]],
         "Cell size": case.get("cell_size") and f"{case['cell_size']:g} mm",
         "Mesher": case.get("mesher"),

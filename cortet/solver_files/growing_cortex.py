@@ -43,7 +43,8 @@ def growing(mesh: TetMesh, growth: float, *, most: float) -> tuple[IntArray, Flo
         raise InputError(f"growth is {growth:g}, but the material holds for {strains}", remedy=f"0.01 to {most:g}")
     cortex = mesh.sets.cells.get(CORTEX, np.zeros(0, np.int32))
     if not len(cortex):
-        raise InputError("the mesh has no set `cortex`", remedy="read one that cortet exported")
+        remedy = "read one that cortet exported; of a white surface, one with export.cortex_layer: true"
+        raise InputError("the mesh has no set `cortex`", remedy=remedy)
     inside = np.ones(len(mesh.cells), bool)
     for name in AROUND:
         inside[mesh.sets.cells.get(name, [])] = False

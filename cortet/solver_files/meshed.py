@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from cortet.errors import InputError
-from cortet.formats.gifti import hemisphere_of, read_surface, write_surface
+from cortet.formats.gifti import hemisphere_of, kind_of, read_surface, write_surface
 from cortet.formats.hashing import input_sha256, sha256
 from cortet.formats.ownership import json_of
 from cortet.geometry.nesting import nested, sheets
@@ -110,7 +110,7 @@ def made_from(
     age : gestational age of the brain, weeks, if it is known
     """
     brain = next((given[region] for region in (OUTERMOST, BRAIN) if region in given), None)
-    hemisphere = hemisphere_of(brain) if brain else None
+    hemisphere, kind = (hemisphere_of(brain), kind_of(brain)) if brain else (None, None)
     surfaces = {
         kind: {
             region: {"file": Path(os.path.relpath(file, folder)).as_posix(), "sha256": input_sha256(file)}
@@ -118,12 +118,12 @@ def made_from(
         }
         for kind, files in {"given": given, "meshed": meshed}.items()
     }
-    return {**surfaces, **facts(age, hemisphere)}
+    return {**surfaces, **facts(age, hemisphere, kind)}
 
 
-def facts(age: float | None, hemisphere: Hemisphere | None) -> dict[str, Any]:
-    """The entries of `made_from` about the brain, as far as they are known; `age` in weeks."""
-    known = {"hemisphere": hemisphere, "gestational_age": None if age is None else float(age)}
+def facts(age: float | None, hemisphere: Hemisphere | None, kind: str | None = None) -> dict[str, Any]:
+    """The entries of `made_from` about the brain, as far as they are known; `age` in weeks, `kind` of the surface."""
+    known = {"hemisphere": hemisphere, "gestational_age": None if age is None else float(age), "surface": kind}
     return {name: value for name, value in known.items() if value is not None}
 
 

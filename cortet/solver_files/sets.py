@@ -30,6 +30,7 @@ def named_sets(
     mesh: TetMesh,
     *,
     cortex_depth: float = 1.5,
+    cortex_layer: bool = True,
     cortex_thickness: str | None = None,
     medial_wall: Mapping[str, Collection[int]] | None = None,
     label_names: Mapping[str, Mapping[int, str]] | None = None,
@@ -42,6 +43,7 @@ def named_sets(
     ----------
     mesh : its labels are the integer fields of its nodes
     cortex_depth : mm; a tetrahedron whose centroid is nearer to the cortical surface than this is cortex
+    cortex_layer : false: no tetrahedron is cortex by its distance, as inside a white surface
     cortex_thickness : field of nodes, mm, whose value at the nearest point of the cortical surface replaces
         `cortex_depth`
     medial_wall : label field -> keys that mark the medial wall
@@ -84,7 +86,9 @@ def named_sets(
         around = np.isin(number, [i for i, name in enumerate(names_of) if name in AROUND])
         _add_interfaces(sets, mesh, inner)
     if number is None or BRAIN in names_of:
-        cortex = ~around & _is_cortex(mesh, faces[~wall], cortex_depth, cortex_thickness)
+        cortex = ~around & cortex_layer
+        if cortex_layer:
+            cortex &= _is_cortex(mesh, faces[~wall], cortex_depth, cortex_thickness)
     else:
         cortex = np.isin(number, brain)
     core = ~cortex & ~around

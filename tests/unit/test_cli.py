@@ -18,6 +18,7 @@ import pytest
 from cubes import cube_mesh
 from shapes import ball_mesh, ball_surface
 
+import cortet
 from cortet.cli import Number, main, parser
 from cortet.cli.values import inner_file
 from cortet.cohort.sheet import read_sheet
@@ -252,6 +253,26 @@ def test_certify_judges_regions_of_an_exported_mesh_by_the_surfaces_they_were_ma
     more = ["--inner", files[2], "--inner", f"deep={tmp_path / 'deep.surf.gii'}"]
     assert main(["certify", *files[:2], *more]) == 1
     assert "in none of the sets cortex, white, deep (it has: " in capsys.readouterr().err
+
+
+def test_a_white_surface_is_meshed_without_a_cortex_and_that_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In words, in the sidecar, on the page and in its sets; a layer that is asked for is there."""
+    given, out, page = tmp_path / "lh.white.surf.gii", tmp_path / "x.vtu", tmp_path / "x.html"
+    write_surface(ball_surface(3, 14.0), given)
+    command = ["mesh", str(given), "--cell-size", "5", "-o", str(out)]
+    assert main([*command, "--page", str(page)]) == 0
+    assert "white matter, without the cortex around it" in capsys.readouterr().out
+    record = json.loads((tmp_path / "x.vtu.json").read_text())
+    assert record["made_from"]["surface"] == "white"
+    assert record["sets"]["cells"].keys() == {"core"}
+    assert "white, with the cortex outside it" in page.read_text(encoding="utf-8")
+    (tmp_path / "layer.yaml").write_text("export: {cortex_layer: true}\n")
+    assert main([*command, "--config", str(tmp_path / "layer.yaml")]) == 0
+    assert json.loads((tmp_path / "x.vtu.json").read_text())["sets"]["cells"].keys() == {"core", "cortex"}
+    made = cortet.mesh(given, 5.0, progress=False)
+    assert made.kind == "white" and made.named().sets.cells.keys() == {"core"}
 
 
 def test_verify_checks_the_written_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,7 +16,7 @@ from shapes import ball_surface
 
 from cortet.cohort.receipts import content, require_unchanged
 from cortet.errors import InputError, StageError
-from cortet.formats.gifti import hemisphere_of, read_fields, read_surface, write_fields, write_surface
+from cortet.formats.gifti import hemisphere_of, kind_of, read_fields, read_surface, write_fields, write_surface
 from cortet.formats.hashing import input_sha256, sha256
 from cortet.meshes import CoordinateFrame, TriSurface, single_precision
 
@@ -103,6 +103,28 @@ def test_names_of_endianness_that_nibabel_wrote_are_known(file, name: str, order
     assert np.array_equal(read_surface(file(points(**how), triangles(**how))).points, POINTS)
     with pytest.raises(InputError, match="POINTSET array: 'BIG' is not known"):
         read_surface(file(points(Endian="BIG"), triangles()))
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("sub-01_hemi-L_wm.surf.gii", "white"),
+        ("sub-01_hemi-L_desc-x_smoothwm.surf.gii", "white"),
+        ("100307.L.white.native.surf.gii", "white"),
+        ("lh.white", "white"),
+        ("lh.pial.T1", "pial"),
+        ("whitehead_surface.gii", None),
+        ("sub-wm01.surf.gii", None),
+    ],
+)
+def test_which_surface_a_file_holds(file, tmp_path: Path, name: str, kind: str | None) -> None:
+    assert kind_of(file(points(), triangles()).rename(tmp_path / name)) == kind
+    stated = points().replace(
+        "<DataArray",
+        "<MetaData><MD><Name><![CDATA[AnatomicalStructureSecondary]]></Name><Value>"
+        "<![CDATA[Pial]]></Value></MD></MetaData><DataArray",
+    )
+    assert kind_of(file(stated, triangles()).rename(tmp_path / name)) == "pial"
 
 
 def test_a_file_that_is_packed_as_a_whole_is_read(file, tmp_path: Path) -> None:

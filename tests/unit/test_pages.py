@@ -186,7 +186,11 @@ def test_a_remedy_is_what_stands_in_brackets_at_the_end(reason: str, parts: tupl
 
 
 def test_what_is_not_known_of_a_case_is_left_out() -> None:
-    assert about({"scan_age": 28.0, "hemi": None}) == [("Age at scan", "28 weeks"), ("Shape", "whole brain")]
+    assert about({"surface": "white"}) == [("Surface", "white, with the cortex outside it")]
+    assert about({"surface": None, "scan_age": 28.0, "hemi": None}) == [
+        ("Age at scan", "28 weeks"),
+        ("Shape", "whole brain"),
+    ]
     assert about({"cell_size": 0.6, "mesher": "cgal"}) == [("Cell size", "0.6 mm"), ("Mesher", "cgal")]
 
 

@@ -10,6 +10,7 @@ from cubes import cube_mesh
 from exported import full_mesh
 from shapes import ball_mesh
 
+from cortet.config import load
 from cortet.errors import InputError
 from cortet.geometry.topology import boundary_faces, boundary_nodes
 from cortet.measure.quality import signed_volumes
@@ -37,6 +38,14 @@ def test_cortex_is_what_lies_within_a_depth(ball):
     assert radius[cells["cortex"]].min() > 6.8 and radius[cells["core"]].max() < 7.2
     volume = signed_volumes(ball.points, ball.cells)
     assert volume[cells["core"]].sum() / volume.sum() == pytest.approx(0.7**3, rel=0.1)
+
+
+def test_inside_a_white_surface_nothing_is_cortex_unless_asked(ball):
+    cells = named_sets(ball, **load({}).export.sets("white")).sets.cells
+    assert cells.keys() == {"core"} and len(cells["core"]) == len(ball.cells)
+    asked = load({"export": {"cortex_layer": True}}).export.sets("white")
+    for chosen in (asked, load({}).export.sets("pial"), load({}).export.sets(None)):
+        assert named_sets(ball, **chosen).sets.cells.keys() == {"cortex", "core"}
 
 
 def test_cortex_by_a_field_is_as_deep_as_the_field_says_there(ball):
