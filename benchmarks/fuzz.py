@@ -322,7 +322,7 @@ def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
 def of_other_programs(surface: TriSurface, folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
     """The surface and its fields as other programs write them."""
     mesh = trimesh.Trimesh(surface.points, surface.faces, process=False)
-    kinds = {"text_stl": "stl_ascii", "ply": "ply", "text_ply": "ply", "obj": "obj"}
+    kinds = {"text_stl": "stl_ascii", "ply": "ply", "text_ply": "ply", "obj": "obj", "off": "off"}
     found: dict[str, tuple[Path, Callable[[Path], Any]]] = {}
     for name, kind in kinds.items():
         options = {"encoding": "ascii"} if name == "text_ply" else {}
