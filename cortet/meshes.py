@@ -114,6 +114,11 @@ class CoordinateFrame:
         return self.xformspace in ANATOMICAL and self.dataspace not in (ANATOMICAL[0], self.xformspace)
 
     @property
+    def is_placed(self) -> bool:
+        """Whether it is known where the coordinates lie in the space of images."""
+        return self.leads_to_scanner or self.dataspace in ANATOMICAL
+
+    @property
     def to_scanner(self) -> FloatArray:
         """(4, 4) from the stored coordinates to the space of images; the identity if nothing is known to lead there."""
         return np.reshape(self.matrix, (4, 4)).astype(float) if self.leads_to_scanner else np.eye(4)

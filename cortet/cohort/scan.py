@@ -118,10 +118,10 @@ def _label(name: str, folders: dict[str, str], directory: Path, say: Callable[[s
     label = re.sub("[^A-Za-z0-9]", "", name)
     if (other := folders.setdefault(label.lower(), name)) != name:
         if other.lower() == name.lower():
-            what, why = f"{other} and {name} differ in case only", "some file systems ignore case"
-        else:
-            what, why = f"{other} and {name} would both be sub-{label}", "labels of BIDS have letters and digits alone"
-        raise InputError(what, file=directory, remedy=f"rename one: {why}")
+            remedy = "rename one: some file systems ignore case"
+            raise InputError(f"{other} and {name} differ in case only", file=directory, remedy=remedy)
+        remedy = "rename one: labels of BIDS have letters and digits alone"
+        raise InputError(f"{other} and {name} would both be sub-{label}", file=directory, remedy=remedy)
     if label != name:
         say(f"{name} is called sub-{label}")
     return label

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cortet.errors import InputError
 from cortet.geometry.closest_point import ClosestPoints, SurfaceTree, closest_points, tree_of
 from cortet.geometry.remembering import once_per_object
 from cortet.geometry.topology import enclosed_volume, face_normals, packed, vertex_normals
@@ -19,12 +20,36 @@ from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: a point with a barycentric weight below this lies on the opposite edge
 _ON_EDGE = 1e-9
+#: frames place coordinates alike up to this, mm; files round matrices to six decimals
+_SAME_SPACE = 0.1
 
 
 def nested(surface: TriSurface, inner: Mapping[str, TriSurface]) -> TriSurface:
-    """The surface with inner surfaces in order of enclosed volume, largest first; so each precedes what it contains."""
+    """The surface with inner surfaces in order of enclosed volume, largest first; so each precedes what it contains.
+
+    Raises
+    ------
+    InputError : by their frames, an inner surface and the surface have their coordinates in different spaces
+    """
+    for name, one in inner.items():
+        _require_same_space(surface, name, one)
     volumes = {name: abs(enclosed_volume(one.points, one.faces)) for name, one in inner.items()}
     return replace(surface, inner={name: inner[name] for name in sorted(inner, key=lambda name: -volumes[name])})
+
+
+def _require_same_space(surface: TriSurface, name: str, inner: TriSurface) -> None:
+    """Raise InputError if equal coordinates of two surfaces whose places are known mean different points."""
+    if not (surface.frame.is_placed and inner.frame.is_placed) or surface.frame == inner.frame:
+        return
+    finite = inner.points[np.isfinite(inner.points).all(axis=1)]
+    apart = inner.frame.to_scanner - surface.frame.to_scanner
+    off = float(np.linalg.norm(finite @ apart[:3, :3].T + apart[:3, 3], axis=1).max(initial=0))
+    if off > _SAME_SPACE:
+        raise InputError(
+            f"the inner surface {name} is in another space than the surface: their files place equal coordinates up to "
+            f"{off:.1f} mm apart",
+            remedy="export both in the same way, for example by mris_convert --to-scanner",
+        )
 
 
 def sheets(surface: TriSurface) -> list[TriSurface]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from shapes import ball_mesh, ball_surface
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface, surface_of
 from cortet.formats.volumes import Volume, read_volume, six
+from cortet.geometry.nesting import nested
 from cortet.meshes import CoordinateFrame, TetMesh
 from cortet.solver_files.volumes import require_in_place, with_volumes
 
@@ -241,3 +243,20 @@ def test_an_image_that_is_placed_in_two_ways_says_which_is_taken(
     nibabel.save(image, tmp_path / "x.nii")
     assert read_volume(tmp_path / "x.nii").affine[0, 3] == pytest.approx(shift)
     assert ("its sform and its qform differ by up to 4.0 mm: the sform is taken" in caplog.text) == said
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_surfaces_in_different_spaces_are_not_nested(tmp_path: Path, form: str) -> None:
+    """A pial surface in the scanner and a white one in FreeSurfer's axes would be off by the place of the volume."""
+    surface = read_surface(FORMS["to-scanner"](tmp_path))
+    (tmp_path / "inner").mkdir()
+    inner = read_surface(FORMS[form](tmp_path / "inner"))
+    if form == "to-scanner":
+        assert list(nested(surface, {"white": inner}).inner) == ["white"]
+        return
+    with pytest.raises(InputError, match=r"the inner surface white is in another space .* up to \d+\.\d mm apart"):
+        nested(surface, {"white": inner})
+    own = replace(
+        surface, frame=CoordinateFrame()
+    )  # nothing is known of the place of one: they are taken as they stand
+    assert list(nested(own, {"white": inner}).inner) == ["white"]
