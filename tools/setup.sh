@@ -160,7 +160,8 @@ compile_pygalmesh() {
 
 [[ $what =~ ^(default|published|test)$ ]] || fail "unknown: $what (say published, test, or nothing)"
 # https://github.com/snakemake/snakemake/issues/2645: no job would run, and none would have a log
-[[ ! $PWD =~ [^[:alnum:]_@%+=:,./~-] ]] ||
+odd=$'[][ \t\n\'"()$&;|<>*?{}!#\\\\`]'
+[[ ! $PWD =~ $odd ]] ||
     fail "the path of this folder has '${BASH_REMATCH[0]}', by which Snakemake cannot run jobs: move it to one without blanks, quotes and parentheses"
 is_ready && exit
 exec 9<.

@@ -93,11 +93,11 @@ def _say_which(cases: Sequence[Case], say: Callable[[str], object], *, pial: boo
     beside = [case for case in white if is_there(_pial_of(Path(case.surface)))]
     both = len(cases) - len(white) if pial else 0
     if both:
-        say(f"{both} pial surfaces are taken with the white ones inside: the cortex is a layer of its own")
+        say(f"pial surfaces with the white ones inside: {both}; the cortex is a layer of its own")
     if white:
-        words = f"{len(white)} white surfaces are taken alone: what they enclose is white matter, without the cortex"
+        words = f"white surfaces alone: {len(white)}; what they enclose is white matter, without the cortex"
         if beside:
-            words += f"; {len(beside)} have a pial surface beside them (--pial takes both)"
+            words += f"; pial surfaces beside them: {len(beside)} (--pial takes both)"
         elif pial:
             words += f"; no pial surface lies beside {', '.join(case.name for case in white)}"
         say(words)

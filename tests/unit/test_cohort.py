@@ -311,11 +311,11 @@ def test_scan_knows_the_names_of_other_pipelines(tmp_path: Path, file: str, case
     said: list[str] = []
     (found,) = scan(tmp_path, say=said.append)
     assert (found.name, found.surface) == (case, path)
-    assert "1 white surfaces are taken alone: what they enclose is white matter" in said[-1]
-    assert said[-1].endswith("1 have a pial surface beside them (--pial takes both)")
+    assert "white surfaces alone: 1; what they enclose is white matter" in said[-1]
+    assert said[-1].endswith("; pial surfaces beside them: 1 (--pial takes both)")
     (both,) = scan(tmp_path, Scan(pial=True), said.append)
     assert (both.surface, both.inner) == (pial, {"white": path})
-    assert said[-1].startswith("1 pial surfaces are taken with the white ones inside")
+    assert said[-1] == "pial surfaces with the white ones inside: 1; the cortex is a layer of its own"
 
 
 def test_a_file_in_the_folder_of_another_session_is_no_case(tmp_path: Path) -> None:
