@@ -260,7 +260,7 @@ def swapped_regions(good: Wrong) -> Wrong:
     inner = _central(mesh, 0.5)
     within = without_unused(mesh.points, mesh.cells[inner])
     surface = replace(good.surface, inner={"white": boundary_surface(within)[0]})
-    labelled = replace(mesh, cell_data={REGION: (~inner).astype(np.int32)})
+    labelled = replace(mesh, cell_data={REGION: 1 + (~inner).astype(np.int32)})
     return replace(good, fault="regions swapped", mesh=labelled, surface=surface, unseen_by=BLIND | {"quadratic"})
 
 

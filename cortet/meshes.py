@@ -124,14 +124,15 @@ class CoordinateFrame:
         return np.reshape(self.matrix, (4, 4)).astype(float) if self.leads_to_scanner else np.eye(4)
 
 
-#: integer field of the region of each tetrahedron, 0 between the boundary and the inner surfaces, and i inside the i-th
-#: inner surface but outside the surfaces that it contains
+#: integer field of the region of each tetrahedron, from the outside in: 1 between the boundary and the inner surfaces,
+#: i + 1 inside the i-th inner surface but outside the surfaces that it contains. Files have the same numbers: 0 is no
+#: number of a region in several formats
 REGION = "region"
-#: name of region 0; the other regions have the names of the inner surfaces around them
+#: name of region 1; the other regions have the names of the inner surfaces around them
 OUTERMOST = "cortex"
 #: name of everything inside the cortex
 INNERMOST = "core"
-#: names of region 0 if the brain is an inner surface; name of that surface if it contains no other
+#: names of region 1 if the brain is an inner surface; name of that surface if it contains no other
 AROUND, BRAIN = ("csf", "skull", "skin"), "brain"
 #: name of the set of faces that bound holes, which are regions left out of a file
 HOLE_SURFACE = "hole_surface"
@@ -140,9 +141,9 @@ FILLED = "filled"
 
 
 def region_names(inner: Iterable[str]) -> list[str]:
-    """Name of each region by its number, from the names of the inner surfaces.
+    """Name of each region, from 1 on, from the names of the inner surfaces.
 
-    Region 0 is the cortex. If an inner surface is the brain or its cortex (`brain`, `cortex`, `cortexL`), region 0 is
+    Region 1 is the cortex. If an inner surface is the brain or its cortex (`brain`, `cortex`, `cortexL`), region 1 is
     the space around it, `csf`, or the first of `AROUND` that no inner surface is named.
 
     Raises

@@ -12,7 +12,7 @@ made = cortet.mesh(pial, cell_size=2.5, ga=26, inner={"white": white}, progress=
 print(made)
 corners = made.points[made.cells]
 volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
-for number, name in enumerate(("cortex", "white matter")):
+for number, name in enumerate(("cortex", "white matter"), start=1):
     print(f"{name}: {volumes[made.mesh.cell_data['region'] == number].sum() / 1000:.1f} mL")
 plt.imsave("two_regions.png", made.plot((800, 600)))
 

@@ -252,13 +252,15 @@ def quadratic_command(args: argparse.Namespace) -> int:
     limit = args.max_boundary_distance
     surface = _filled_surface(args.mesh, args)
     curved = quadratic(mesh, surface, max_boundary_distance=None if limit == math.inf else limit)
-    write_ten_nodes(mesh, curved, args.output)
+    told = write_ten_nodes(mesh, curved, args.output)
     straight = curved.straightened_for_elements + curved.straightened_for_crossings
     print(
         f"{curved.curved} edges follow the surface, their middles moved by up to {curved.largest_move_mm:.3f} mm; "
         f"{straight} were left straight"
     )
     print(f"least Jacobian determinant, of that of the straight element: {curved.least_jacobian:.3f}")
+    for what in told:
+        print(f"{args.output}: {what}")
     print(f"{args.output}: written")
     return 0
 

@@ -35,6 +35,8 @@ class Format:
     has_unit: bool = False
     #: whether it holds only the boundary, as a TriSurface
     is_surface: bool = False
+    #: largest rounding of coordinates and fields, of the largest number
+    rounding: float = 1e-9
     #: whether it holds named sets of faces
     names_faces: bool = True
 
@@ -75,9 +77,9 @@ FORMATS: dict[str, Format] = {
         Format("gmsh", ".msh", "msh"),
         Format("nastran", ".bdf", "nastran"),
         Format("carp", ".pts", "carp", has_unit=True),
-        Format("carp_binary", ".bpts", "carp", "_binary", has_unit=True),
-        Format("stl", ".stl", "stl", is_surface=True, names_faces=False),
-        Format("gifti", ".surf.gii", "gifti", "_surface", is_surface=True, names_faces=False),
+        Format("carp_binary", ".bpts", "carp", "_binary", has_unit=True, rounding=1e-6),
+        Format("stl", ".stl", "stl", is_surface=True, names_faces=False, rounding=1e-6),
+        Format("gifti", ".surf.gii", "gifti", "_surface", is_surface=True, names_faces=False, rounding=1e-6),
     )
 }
 

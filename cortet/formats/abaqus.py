@@ -6,7 +6,7 @@ There is no material and no step: a job includes the file (`*INCLUDE, INPUT=mesh
 12 significant digits, since CalculiX reads 20 characters of a number.
 
 Fields of nodes are in a separate file, `<name>_fields.inp`, as `*INITIAL CONDITIONS, TYPE=FIELD`. Abaqus reads it,
-CalculiX does not. A field of k components takes k variables; a comment before each variable names it.
+CalculiX does not. Comments `** region 1: cortex` give the numbers of the sets that are regions (`tags`). A field of k components takes k variables; a comment before each variable names it.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.numbering import indices, whole
 from cortet.formats.surface_sets import faces_of_sides, sides, with_surface
+from cortet.formats.tags import regions
 from cortet.formats.text import BadRowError, read_rows, write_rows, write_wrapped
 from cortet.formats.untrusted import content, require_ascii, sound
-from cortet.meshes import FloatArray, IntArray, MeshSets, TetMesh
+from cortet.meshes import REGION, FloatArray, IntArray, MeshSets, TetMesh
 
 #: names of the sets of all nodes and of all elements
 ALL_NODES, ALL_ELEMENTS = "all_nodes", "all_elements"
@@ -46,6 +47,7 @@ _ELSEWHERE = {
 }
 #: most numbers that the ranges of one block may expand to
 _MOST_GENERATED = 2**24
+_REGION = re.compile(rb"^\*\* region (\d{1,9}): (\S+)\s*$", re.MULTILINE)
 _COMMENT = re.compile(rb"^\*\*[^\n]*", re.MULTILINE)
 _FIELD = re.compile(rb"^\*\* variable (\d+): (\S+), component (\d+) of (\d+), (\w+)$", re.MULTILINE)
 
@@ -83,6 +85,7 @@ def write_elements(
         for name, nodes in node_sets.items():
             file.write(f"*NSET, NSET={name}\n")
             write_wrapped(file, nodes + 1, _PER_LINE)
+        file.writelines(f"** region {number}: {name}\n" for name, number in regions(mesh).items())
         for name, members in mesh.sets.cells.items():
             file.write(f"*ELSET, ELSET={name}\n")
             write_wrapped(file, members + 1, _PER_LINE)
@@ -167,7 +170,16 @@ def read(path: str | Path) -> TetMesh:
             if name != ALL_ELEMENTS
         },
     )
-    return sound(path, nodes[:, 1:], cells, _read_fields(fields_path(path), number_of_node), sets=sets)
+    fields = _read_fields(fields_path(path), number_of_node)
+    return sound(path, nodes[:, 1:], cells, fields, _region(content(path), sets, len(cells)), sets)
+
+
+def _region(text: bytes, sets: MeshSets, count: int) -> dict[str, IntArray]:
+    """The number of the region of each element, if comments number sets that hold them all."""
+    number = np.zeros(count, np.int32)
+    for tag, name in _REGION.findall(text):
+        number[sets.cells.get(name.decode("ascii", "replace"), [])] = int(tag)
+    return {REGION: number} if count and number.all() else {}
 
 
 def _line_of(row: int, data: bytes, line: int) -> int:

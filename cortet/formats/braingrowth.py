@@ -2,7 +2,7 @@
 
 Text: the number of nodes and `x y z` each; the number of tetrahedra and `tag a b c d` each; the number of boundary
 triangles and `tag a b c` each. Nodes count from 1, surface nodes come first, tetrahedra have **negative** volume,
-triangles face outward, all tags are 1. (The solver's loader swaps x with y and c with d; these two mirrors cancel.)
+triangles face outward. Tags, which the solver skips, are those of `tags`: of regions, and of parts of the surface. (The solver's loader swaps x with y and c with d; these two mirrors cancel.)
 """
 
 from __future__ import annotations
@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 from cortet.errors import DamagedFileError, InputError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
-from cortet.formats.surface_sets import CORTICAL_SURFACE, surface_faces
+from cortet.formats.numbering import in_32_bits
+from cortet.formats.surface_sets import CORTICAL_SURFACE, SURFACE, with_surface
+from cortet.formats.tags import face_tags, region_numbers
 from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.formats.untrusted import check_file, in_range, sound
 from cortet.geometry.topology import boundary_nodes, compact
-from cortet.meshes import FloatArray, IntArray, MeshSets, TetMesh
+from cortet.meshes import REGION, FloatArray, IntArray, MeshSets, TetMesh
 
 
 class Tables(NamedTuple):
@@ -50,17 +52,19 @@ def write(mesh: TetMesh, path: str | Path) -> None:
         file.write(f"{len(mesh.points)}\n")
         write_rows(file, "%.9f %.9f %.9f\n", mesh.points)
         file.write(f"{len(mesh.cells)}\n")
-        write_rows(file, "1 %d %d %d %d\n", mesh.cells[:, [0, 1, 3, 2]] + 1)
-        faces = surface_faces(mesh)
-        file.write(f"{len(faces)}\n")
-        write_rows(file, "1 %d %d %d\n", faces + 1)
+        write_rows(file, "%d %d %d %d %d\n", region_numbers(mesh), mesh.cells[:, [0, 1, 3, 2]] + 1)
+        named = with_surface(mesh)
+        parts = {tag: named.sets.faces[name] for name, tag in face_tags(named).items() if name in SURFACE}
+        file.write(f"{sum(map(len, parts.values()))}\n")
+        for tag, faces in parts.items():
+            write_rows(file, f"{tag} %d %d %d\n", faces + 1)
 
 
 def read(path: str | Path) -> TetMesh:
     """Read a file that keeps the conventions above (`verify.braingrowth` checks them); unused nodes are dropped."""
     tables = read_tables(path)
     points, cells, _ = compact(tables.points, _cells(tables, path))
-    return sound(path, points, cells)
+    return sound(path, points, cells, cell_data=_tags(tables, path))
 
 
 def read_tables(path: str | Path) -> Tables:
@@ -109,11 +113,22 @@ def as_read(path: Path) -> AsRead:
     cells = _cells(tables, path)
     first_cell, first_face = len(tables.points) + 3, len(tables.points) + len(cells) + 4
     return AsRead(
-        TetMesh(tables.points, cells, sets=MeshSets(faces={CORTICAL_SURFACE: faces} if len(faces) else {})),
+        TetMesh(
+            tables.points,
+            cells,
+            cell_data=_tags(tables, path),
+            sets=MeshSets(faces={CORTICAL_SURFACE: faces} if len(faces) else {}),
+        ),
         sign="negative",
         cell=lambda index: f"on line {first_cell + index}",
         face=lambda index: f"on line {first_face + index}",
     )
+
+
+def _tags(tables: Tables, path: str | Path) -> dict[str, IntArray]:
+    """The regions of the tetrahedra, if there are several."""
+    tags = in_32_bits(tables.tetrahedra[:, 0], "the region of an element", path)
+    return {REGION: tags} if len(np.unique(tags)) > 1 else {}
 
 
 def _cells(tables: Tables, path: str | Path) -> IntArray:

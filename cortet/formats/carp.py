@@ -1,8 +1,8 @@
 """CARP: `.pts` (nodes), `.elem` (tetrahedra with a region tag) and `.lon` (one fibre direction each), 0-based.
 
 openCARP expects micrometres, meshtool takes millimetres; the files do not say which. Text: openCARP user's manual,
-section "Mesh files" (https://opencarp.org/manual). Region tags come from the mesh's regions (1 core, 2 cortex), else
-from the cell field `region`, else all are 1. Fibres come from the cell field `fibre`, else all are the x axis. Each set
+section "Mesh files" (https://opencarp.org/manual). Tags are those of `tags.region_numbers`, and `<name>.regions.tsv`
+names them. Fibres come from the cell field `fibre`, else all are the x axis. Each set
 of nodes has its own file `<name>.<set>.vtx`, each set of faces `<name>.<set>.surf`, and each field of nodes
 `<name>.<field>.dat` (scalars) or `.vec` (three components). A field with any other number k of components becomes k
 scalars `<field>_1` to `<field>_k`.
@@ -25,10 +25,10 @@ from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
 from cortet.formats.numbering import in_32_bits
-from cortet.formats.surface_sets import REGION_TAGS, region_tags
+from cortet.formats.tags import region_numbers, regions, with_names
 from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.formats.untrusted import content, in_range, sound
-from cortet.meshes import IntArray, MeshSets, TetMesh
+from cortet.meshes import REGION, MeshSets, TetMesh
 
 Unit = Literal["mm", "um"]
 _PER_MM = {"mm": 1.0, "um": 1000.0}
@@ -36,6 +36,8 @@ _PER_MM = {"mm": 1.0, "um": 1000.0}
 _HEADER_BYTES = 1024
 #: end of a binary header, after the counts: little-endian, and a number that identifies the file to readers
 _ENDIANNESS_AND_CHECKSUM = "0 666"
+#: end of the name of the table of tags
+_NAMES = ".regions.tsv"
 #: number of the tetrahedron's element type in binary files
 _TETRAHEDRON = 0
 
@@ -52,7 +54,7 @@ def write(mesh: TetMesh, path: str | Path, *, unit: Unit = "um") -> None:
         pts.write(f"{len(mesh.points)}\n")
         write_rows(pts, "%.17g %.17g %.17g\n", mesh.points * _PER_MM[unit])
         elem.write(f"{len(mesh.cells)}\n")
-        write_rows(elem, "Tt %d %d %d %d %d\n", mesh.cells, _regions(mesh))
+        write_rows(elem, "Tt %d %d %d %d %d\n", mesh.cells, region_numbers(mesh))
         lon.write("1\n")
         write_rows(lon, "%.9g %.9g %.9g\n", _fibres(mesh))
         _write_sets_and_fields(files, mesh, path)
@@ -60,7 +62,7 @@ def write(mesh: TetMesh, path: str | Path, *, unit: Unit = "um") -> None:
 
 def write_binary(mesh: TetMesh, path: str | Path, *, unit: Unit = "um") -> None:
     """Write `path`.bpts, .belem and .blon (an extension .bpts of `path` is ignored), each complete or not at all."""
-    elements = np.column_stack([np.full(len(mesh.cells), _TETRAHEDRON), mesh.cells, _regions(mesh)])
+    elements = np.column_stack([np.full(len(mesh.cells), _TETRAHEDRON), mesh.cells, region_numbers(mesh)])
     files_of: dict[str, tuple[str, NDArray[Any]]] = {
         ".bpts": (f"{len(mesh.points)}", (mesh.points * _PER_MM[unit]).astype("<f4")),
         ".belem": (f"{len(mesh.cells)}", elements.astype("<i4")),
@@ -75,6 +77,8 @@ def write_binary(mesh: TetMesh, path: str | Path, *, unit: Unit = "um") -> None:
 
 
 def _write_sets_and_fields(files: ExitStack, mesh: TetMesh, path: str | Path) -> None:
+    names = "".join(f"{number}\t{name}\n" for name, number in regions(mesh).items())
+    _opened(files, _beside(path, _NAMES)).write(f"tag\tname\n{names}")
     for name, nodes in mesh.sets.nodes.items():
         file = _opened(files, _beside(path, f".{name}.vtx"))
         file.write(f"{len(nodes)}\nextra\n")
@@ -96,13 +100,6 @@ def _opened(files: ExitStack, path: Path) -> IO[str]:
     return files.enter_context(files.enter_context(atomic_path(path)).open("w", encoding="ascii"))
 
 
-def _regions(mesh: TetMesh) -> IntArray:
-    if REGION_TAGS.keys() & mesh.sets.cells.keys():
-        return region_tags(mesh)
-    regions = mesh.cell_data.get("region", np.ones(len(mesh.cells), np.int32))
-    return in_32_bits(regions, "the region of an element")
-
-
 def _fibres(mesh: TetMesh) -> NDArray[Any]:
     return np.asarray(mesh.cell_data.get("fibre", np.broadcast_to([1.0, 0.0, 0.0], (len(mesh.cells), 3))))
 
@@ -110,7 +107,7 @@ def _fibres(mesh: TetMesh) -> NDArray[Any]:
 def read(path: str | Path, *, unit: Unit = "um") -> TetMesh:
     """Read what `write` writes; tetrahedra are returned as they are in the file, positive or not.
 
-    The cell field `region` holds the tags. Tags 1 and 2 also name the regions.
+    The cell field `region` holds the tags; those that `<name>.regions.tsv` names are sets of tetrahedra, too.
 
     Raises
     ------
@@ -139,11 +136,9 @@ def read_binary(path: str | Path, *, unit: Unit = "um") -> TetMesh:
 
 
 def _mesh(
-    path: str | Path, points: NDArray[Any], cells: NDArray[Any], regions: NDArray[Any], fibres: NDArray[Any]
+    path: str | Path, points: NDArray[Any], cells: NDArray[Any], tags: NDArray[Any], fibres: NDArray[Any]
 ) -> TetMesh:
     """The mesh with the sets and fields in the files beside it."""
-    tags = {name: np.flatnonzero(regions == tag).astype(np.int32) for name, tag in REGION_TAGS.items()}
-    named = len(cells) == sum(map(len, tags.values())) and len(tags["cortex"]) > 0
     node_sets = {name: _text(file, 1, np.int32, skip=1)[:, 0] for name, file in _siblings(path, ".vtx")}
     face_sets = {name: _text(file, 3, np.int32, kind=b"Tr") for name, file in _siblings(path, ".surf")}
     fields: dict[str, NDArray[Any]] = {}
@@ -156,9 +151,20 @@ def _mesh(
         points,
         cells,
         fields,
-        {"region": in_32_bits(regions, "the region of an element", path), "fibre": fibres},
-        MeshSets(node_sets, face_sets, {name: cells for name, cells in tags.items() if len(cells)} if named else {}),
+        {REGION: in_32_bits(tags, "the region of an element", path), "fibre": fibres},
+        with_names(MeshSets(node_sets, face_sets), tags, _names(_beside(path, _NAMES))),
     )
+
+
+def _names(file: Path) -> dict[str, int]:
+    """Name -> tag of each region, from the table beside a mesh; empty if there is none."""
+    if not file.exists():
+        return {}
+    rows = [line.split("\t") for line in content(file).decode("ascii", "replace").splitlines()[1:]]
+    try:
+        return {name: int(tag) for tag, name in rows}
+    except ValueError as error:
+        raise DamagedFileError(f"is no table of tags and names: {error}", file=file) from error
 
 
 def _beside(path: str | Path, suffix: str) -> Path:

@@ -1,7 +1,8 @@
 """FEBio `.feb`, specification 4.0 (FEBio User Manual 4, chapter 3, "Free Format Input"; https://febio.org/knowledgebase).
 
 Nodes and elements count from 1 in the order of the mesh; `tet4` elements have positive volume, `tri3` facets face
-outward. Every region is an `Elements` part with a `SolidDomain` and a material of its own. The materials are
+outward. Every region is an `Elements` part with a `SolidDomain` and a material of its own, whose id is the number of the
+region (`tags`); since FEBio wants ids in sequence, materials without a part fill gaps. The materials are
 neo-Hookean with a shear modulus of 1 and a bulk modulus of 5, the ratio of the folding model (Tallinen et al. 2016).
 To run the file, replace them by yours and add `Control`, `Boundary`, `Loads` and `Output`. Fields of nodes are
 `MeshData`, where FEBio allows scalars and vectors of three components; a field with any other number k of components
@@ -25,13 +26,16 @@ from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
 from cortet.formats.numbering import indices, whole
-from cortet.formats.surface_sets import REGION_TAGS, with_surface
+from cortet.formats.surface_sets import with_surface
+from cortet.formats.tags import TISSUE, region_numbers, regions
 from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.formats.untrusted import content, require_ascii, sound, xml_root
-from cortet.meshes import FloatArray, IntArray, MeshSets, TetMesh
+from cortet.meshes import REGION, FloatArray, IntArray, MeshSets, TetMesh
 
-#: name of the set of all nodes, and of the only part of a mesh without regions
-ALL_NODES, TISSUE = "all_nodes", "tissue"
+#: name of the set of all nodes
+ALL_NODES = "all_nodes"
+#: largest number of a region that is the id of its material; beyond, ids follow the order of the parts
+_MOST_MATERIALS = 100
 #: Young's modulus and Poisson's ratio of the placeholder materials, for shear modulus 1 and bulk modulus 5
 _YOUNG, _POISSON = 2.8125, 0.40625
 
@@ -102,12 +106,14 @@ def write_elements(
         of `SECTIONS` that the mesh does not fill, and `MeshData` if there are no fields
     """
     require_ascii([*node_sets, *faces, *fields, *mesh.sets.cells], path)
-    parts, more = _parts(mesh), sections or {}
+    number = region_numbers(mesh)
+    parts = {name: np.flatnonzero(number == tag) for name, tag in regions(mesh).items()}
+    more = sections or {}
     element, facet = {4: ("tet4", "tri3"), 10: ("tet10", "tri6")}[cells.shape[1]]
     with atomic_path(path) as temporary, temporary.open("w", encoding="ascii") as file:
         file.write('<?xml version="1.0" encoding="ISO-8859-1"?>\n<febio_spec version="4.0">\n')
         file.write('<Module type="solid"/>\n')
-        _write_sections(file, {"Material": _placeholders(parts), **more}, before="Mesh")
+        _write_sections(file, {"Material": _placeholders(regions(mesh)), **more}, before="Mesh")
         file.write('<Mesh>\n<Nodes name="nodes">\n')
         ids = np.arange(1, len(points) + 1)
         write_rows(file, '<node id="%d">%.12g,%.12g,%.12g</node>\n', ids, points)
@@ -131,12 +137,15 @@ def write_elements(
         file.write("</febio_spec>\n")
 
 
-def _placeholders(parts: Iterable[str]) -> str:
-    """A neo-Hookean material for each part."""
+def _placeholders(parts: Mapping[str, int]) -> str:
+    """A neo-Hookean material for each part, given by its number."""
+    names = {number: name for name, number in parts.items()}
+    if not 1 <= min(names) <= max(names) <= _MOST_MATERIALS:
+        names = dict(enumerate(parts, start=1))
     return "".join(
-        f'<material id="{number}" name={quoteattr(name)} type="neo-Hookean">'
+        f'<material id="{number}" name={quoteattr(names.get(number, f"no_part_{number}"))} type="neo-Hookean">'
         f"<density>1</density><E>{_YOUNG}</E><v>{_POISSON}</v></material>\n"
-        for number, name in enumerate(parts, start=1)
+        for number in range(1, max(names) + 1)
     )
 
 
@@ -151,14 +160,6 @@ def _write_sections(file: IO[str], sections: Mapping[str, str], *, before: str =
 def _row(tag: str, nodes: int) -> str:
     """Template of the line of one element."""
     return f'<{tag} id="%d">{",".join(["%d"] * nodes)}</{tag}>\n'
-
-
-def _parts(mesh: TetMesh) -> dict[str, IntArray]:
-    """Elements of each part: one part per region, or a single one if there are no regions."""
-    regions = {name: mesh.sets.cells[name] for name in REGION_TAGS if name in mesh.sets.cells}
-    return {name: cells for name, cells in regions.items() if len(cells)} or {
-        TISSUE: np.arange(len(mesh.cells), dtype=np.int32)
-    }
 
 
 def _write_sets(file: IO[str], tag: str, sets: dict[str, Any]) -> None:
@@ -234,7 +235,18 @@ def read(path: str | Path) -> TetMesh:
     if len(fields) < len(given):
         raise InputError("two <NodeData> have the same name", file=path, remedy="name each field otherwise")
     corners = indices(np.concatenate(cells)[order], node_ids, "node", path)
-    return sound(path, points, corners, fields, sets=sets)
+    return sound(path, points, corners, fields, _region(root, sets, len(corners)), sets)
+
+
+def _region(root: ElementTree.Element, sets: MeshSets, count: int) -> dict[str, IntArray]:
+    """The id of the material of each element, if all have one."""
+    ids = {str(one.get("name")): str(one.get("id")) for one in root.iterfind("Material/material")}
+    number = np.zeros(count, np.int32)
+    for domain in root.iterfind("MeshDomains/SolidDomain"):
+        own = ids.get(str(domain.get("mat")), "")
+        if re.fullmatch(r"\d{1,9}", own):
+            number[sets.cells.get(str(domain.get("name")), [])] = int(own)
+    return {REGION: number} if count and number.all() else {}
 
 
 def read_xml(path: str | Path) -> tuple[ElementTree.Element, list[bytes]]:

@@ -2,8 +2,8 @@
 
 dolfinx opens the HDF5 file of the same name. Both XDMF files refer to one table of nodes, that of `<name>.h5`, since
 `dolfinx.io.XDMFFile.read_meshtags` finds a facet by the numbers of its nodes. Grids are named `mesh` and `facets`; the
-first attribute of each is what `read_meshtags` returns: `region` (1 core, 2 cortex) and `surface` (1 cortical surface,
-2 medial wall). Further attributes hold sets as 0 and 1, and the fields of nodes. Numbers count from 0, volumes are
+first attribute of each is what `read_meshtags` returns, `region` and `surface`: the numbers of `tags`, which a table in
+each file names (<Information>, as meshio has it). Further attributes hold sets as 0 and 1, and the fields of nodes. Numbers count from 0, volumes are
 positive, triangles face outward. Sources: https://www.xdmf.org (XDMF Model and Format, version 3) and the dolfinx
 documentation of `XDMFFile`.
 
@@ -28,20 +28,18 @@ from numpy.typing import NDArray
 from cortet.errors import DamagedFileError, InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import (
-    FIRST_INTERFACE,
-    REGION_TAGS,
-    SURFACE_TAGS,
-    interface_sets,
     listed_faces,
     members,
-    region_tags,
     with_surface,
 )
+from cortet.formats.tags import face_tags, region_numbers, regions, with_names
 from cortet.formats.untrusted import check_file, content, sound, xml_root
 from cortet.geometry.topology import packed
-from cortet.meshes import IntArray, MeshSets, TetMesh
+from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
 
 _NODE_SET, _CELL_SET, _FACE_SET = "node_set_", "cell_set_", "face_set_"
+#: name of the table of tags
+_NAMES = "Information"
 _XDMF_TYPES = {"i": "Int", "u": "UInt", "f": "Float"}
 _CORNERS = {"Tetrahedron": 4, "Triangle": 3}
 
@@ -49,35 +47,32 @@ _CORNERS = {"Tetrahedron": 4, "Triangle": 3}
 def write(mesh: TetMesh, path: str | Path) -> None:
     """Write `path` (.xdmf) and the three files beside it, each complete or not at all."""
     mesh = with_surface(mesh)
-    faces, interfaces = listed_faces(mesh), interface_sets(mesh)
-    tags = SURFACE_TAGS | {name: number for number, name in enumerate(interfaces, start=FIRST_INTERFACE)}
+    faces, tags, known = listed_faces(mesh), face_tags(mesh), regions(mesh)
+    names = {"mesh": {name: (tag, 3) for name, tag in known.items()}}
+    names["facets"] = {name: (tag, 2) for name, tag in tags.items()}
     arrays: dict[str, NDArray[Any]] = {
         "nodes": mesh.points,
         "mesh/topology": mesh.cells,
-        "mesh/region": region_tags(mesh),
+        "mesh/region": region_numbers(mesh),
         "facets/topology": faces,
         "facets/surface": np.concatenate(
-            [
-                np.full(len(mesh.sets.faces[name]), tag, np.int32)
-                for name, tag in tags.items()
-                if name in mesh.sets.faces
-            ]
+            [np.full(len(mesh.sets.faces[name]), tag, np.int32) for name, tag in tags.items()]
         ),
     }
     arrays |= {f"mesh/node/{name}": values for name, values in mesh.point_data.items()}
-    arrays |= {f"mesh/cell/{name}": values for name, values in mesh.cell_data.items()}
+    arrays |= {f"mesh/cell/{name}": values for name, values in mesh.cell_data.items() if name != REGION}
     arrays |= {
         f"mesh/node/{_NODE_SET}{name}": members(len(mesh.points), nodes) for name, nodes in mesh.sets.nodes.items()
     }
     arrays |= {
         f"mesh/cell/{_CELL_SET}{name}": members(len(mesh.cells), cells)
         for name, cells in mesh.sets.cells.items()
-        if name not in REGION_TAGS
+        if name not in known
     }
     arrays |= {
         f"facets/cell/{_FACE_SET}{name}": _faces_among(faces, subset).astype(np.uint8)
         for name, subset in mesh.sets.faces.items()
-        if name not in SURFACE_TAGS
+        if name not in tags
     }
     files = {"mesh": Path(path), "facets": facets_path(path)}
     place = {key: f"{data_path(files[_grid_of(key)]).name}:/{key}" for key in arrays}
@@ -87,7 +82,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
                 if _grid_of(key) == grid:
                     file.create_dataset(key, data=values)
         with atomic_path(target) as temporary:
-            document = ElementTree.ElementTree(_document(grid, arrays, place))
+            document = ElementTree.ElementTree(_document(grid, arrays, place, names[grid]))
             document.write(temporary, encoding="utf-8", xml_declaration=True)
 
 
@@ -106,8 +101,10 @@ def data_path(path: str | Path) -> Path:
     return Path(path).with_name(Path(path).name.removesuffix(".xdmf") + ".h5")
 
 
-def _document(grid: str, arrays: dict[str, NDArray[Any]], place: dict[str, str]) -> ElementTree.Element:
-    """XDMF of one grid: its topology, the nodes, its tags first and then its other attributes."""
+def _document(
+    grid: str, arrays: dict[str, NDArray[Any]], place: dict[str, str], names: dict[str, tuple[int, int]]
+) -> ElementTree.Element:
+    """XDMF of one grid: its topology, the nodes, its tags first and then its other attributes, and names of its tags."""
     root = ElementTree.Element("Xdmf", Version="3.0")
     domain = ElementTree.SubElement(root, "Domain")
     uniform = ElementTree.SubElement(domain, "Grid", Name=grid, GridType="Uniform")
@@ -134,6 +131,11 @@ def _document(grid: str, arrays: dict[str, NDArray[Any]], place: dict[str, str])
         )
         _item(attribute, values, place[key])
     ElementTree.indent(root)
+    table = ElementTree.Element("main")
+    for name, (tag, dimension) in names.items():
+        ElementTree.SubElement(table, "map", key=name, dim=str(dimension)).text = str(tag)
+    information = ElementTree.SubElement(uniform, "Information", Name=_NAMES, Value=str(len(names)))
+    information.text = ElementTree.tostring(table, "unicode")
     return root
 
 
@@ -162,9 +164,9 @@ def read(path: str | Path) -> TetMesh:
     facets = _grid(facets_path(path), "facets", "Triangle")
     if not np.array_equal(cells.points, facets.points):
         raise DamagedFileError("has other nodes than the tetrahedra", file=facets_path(path))
-    regions = _tags(cells, "region", path)
+    number = _tags(cells, REGION, path)
     surface = _tags(facets, "surface", facets_path(path))
-    faces = {name: facets.topology[surface == tag] for name, tag in SURFACE_TAGS.items() if (surface == tag).any()}
+    faces = {name: facets.topology[surface == tag] for name, tag in facets.names.items() if (surface == tag).any()}
     sets = MeshSets(
         {
             name: np.flatnonzero(values).astype(np.int32)
@@ -176,16 +178,12 @@ def read(path: str | Path) -> TetMesh:
             for name, values in _taken(facets.cells_of, _FACE_SET, facets_path(path)).items()
         },
         {
-            name: np.flatnonzero(regions == tag).astype(np.int32)
-            for name, tag in REGION_TAGS.items()
-            if (regions == tag).any()
-        }
-        | {
             name: np.flatnonzero(values).astype(np.int32)
             for name, values in _taken(cells.cells_of, _CELL_SET, path).items()
         },
     )
-    return sound(path, cells.points, cells.topology, cells.nodes_of, cells.cells_of, sets)
+    of_cells = {REGION: number, **cells.cells_of}
+    return sound(path, cells.points, cells.topology, cells.nodes_of, of_cells, with_names(sets, number, cells.names))
 
 
 class _Grid:
@@ -196,6 +194,7 @@ class _Grid:
         self.topology: IntArray = np.empty((0, 4), np.int32)
         self.nodes_of: dict[str, NDArray[Any]] = {}
         self.cells_of: dict[str, NDArray[Any]] = {}
+        self.names: dict[str, int] = {}
 
 
 def _grid(path: Path, name: str, kind: str) -> _Grid:
@@ -225,7 +224,17 @@ def _grid(path: Path, name: str, kind: str) -> _Grid:
                 f"attribute {called} has {len(values)} values for {count} {centre.lower()}s", file=path
             )
         where[called] = values
+    if table := grid.findtext(f"Information[@Name='{_NAMES}']"):
+        found.names = _names(table, path)
     return found
+
+
+def _names(table: str, path: Path) -> dict[str, int]:
+    """Name -> tag of a table of tags."""
+    try:
+        return {row.get("key", ""): int(row.text or "") for row in xml_root(table.encode(), path)}
+    except ValueError as error:
+        raise DamagedFileError(f"its table of tags cannot be read: {error}", file=path) from error
 
 
 def _values(element: ElementTree.Element, path: Path) -> NDArray[Any]:

@@ -46,7 +46,9 @@ def arrays_of(path: str) -> dict[str, NDArray[Any]]:
         for name, (kind, dimension) in KINDS.items():
             arrays[f"{name}_tags"], arrays[f"{name}_nodes"] = gmsh.model.mesh.getElementsByType(kind)
             names[name] = []
-            for _, number in gmsh.model.getPhysicalGroups(dimension):
+            groups = [number for _, number in gmsh.model.getPhysicalGroups(dimension)]
+            arrays[f"{name}_groups"] = np.array(groups, np.int64)
+            for number in groups:
                 entities = gmsh.model.getEntitiesForPhysicalGroup(dimension, number)
                 members = [gmsh.model.mesh.getElementsByType(kind, entity)[0] for entity in entities]
                 arrays[f"{name}_group_{len(names[name])}"] = np.concatenate([np.empty(0, np.uint64), *members])

@@ -1,16 +1,15 @@
 """Gmsh `.msh` 4.1 and 2.2, binary: a mesh with physical groups (https://gmsh.info/doc/texinfo, file formats).
 
-Nodes have the tags 1 to n in the order of the mesh, triangles and then tetrahedra the tags 1 to m in the order of the
-file. Each set of faces or tetrahedra is a physical group of the same name. Where sets overlap, Gmsh needs one entity
-for each combination of sets; that entity belongs to several groups. Sets of nodes are not written: the nodes of a part
-of the surface follow from its faces, and the nodes of a label from the field. In version 2.2, for SimNIBS and older
-programs, an element belongs to one group: the parts of the surface and the regions are groups, and other sets are left
-out. (meshio 5.3 fails on any file of that version with a field of elements: give it version 4.1.)
+Nodes have the tags 1 to n in the order of the mesh and of the file, triangles and then tetrahedra the tags 1 to m in the
+order of the file. All nodes belong to one entity, since meshio, which PyVista uses, takes fields of nodes by their order.
+Each region, part of the surface and interface is a physical group of its name, with the number of `tags`. No element is
+in two groups, and no number means two groups: dolfinx makes an element of each member of each group, so elements in two
+would be doubled. Other sets are not written: the nodes of a part of the surface follow from its faces, and labels are
+fields. (meshio 5.3 fails on any file of version 2.2 with a field of elements: give it version 4.1.)
 
 Fields are `$NodeData` and `$ElementData` of 1, 3 or 9 components. A field with any other number k of components becomes
 k fields `<name>_1` to `<name>_k`. Fields are read as real numbers. A field of the tetrahedra also has values for the
-triangles of the file: those of the tetrahedra behind them. meshio, which PyVista uses, needs one value per element, and
-tags that rise by one from the first element of the file to the last. So the tetrahedra of a mesh with several entities
+triangles of the file: those of the tetrahedra behind them. meshio needs one value per element, and tags that rise by one from the first element of the file to the last. So the tetrahedra of a mesh with several entities
 change their order; the field `number_in_mesh` keeps the old one, and `read` restores it.
 """
 
@@ -34,15 +33,14 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
 from cortet.formats.gmsh_reader import FIELDS, KINDS, TETRAHEDRON, TRIANGLE, session
 from cortet.formats.numbering import indices
-from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS, listed_faces, region_tags, with_surface
+from cortet.formats.surface_sets import listed_faces, with_surface
+from cortet.formats.tags import TISSUE, face_tags, region_numbers, regions
 from cortet.formats.untrusted import check_file, sound
 from cortet.geometry.topology import TET_FACES, packed
 from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
 
-__all__ = ["TISSUE", "check_version", "read", "read_v2", "session", "write", "write_v2"]
+__all__ = ["check_version", "read", "read_v2", "session", "write", "write_v2"]
 
-#: group of all tetrahedra of a mesh without regions
-TISSUE = "tissue"
 #: field of the numbers that tetrahedra had before they changed their order
 _NUMBER = "number_in_mesh"
 #: numbers of components that the format allows for a field
@@ -55,45 +53,54 @@ _SECONDS, _BYTES_PER_SECOND = 30, 500_000
 def write(mesh: TetMesh, path: str | Path) -> None:
     """Write `path` as version 4.1, complete or not at all."""
     mesh = with_surface(mesh)
-    faces, face_groups = listed_faces(mesh), _face_groups(mesh)
-    cell_groups = _cell_groups(mesh)
+    faces, number = listed_faces(mesh), region_numbers(mesh)
+    fields = dict(mesh.cell_data) | ({REGION: number} if mesh.sets.cells else {})
     with session(), atomic_path(path) as temporary:
         gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
         gmsh.option.setNumber("Mesh.Binary", 1)
         gmsh.model.add("mesh")
-        placed = np.zeros(len(mesh.points), bool)
-        surfaces, face_order = _add_entities(2, TRIANGLE, mesh, faces, 1, face_groups, placed, [])
-        first_tag = len(faces) + 1
-        _, cell_order = _add_entities(3, TETRAHEDRON, mesh, mesh.cells, first_tag, cell_groups, placed, surfaces)
+        groups = {2: face_tags(mesh), 3: regions(mesh)}
+        for dimension, names in groups.items():
+            for name, group in names.items():
+                gmsh.model.addDiscreteEntity(dimension, group, list(groups[2].values()) if dimension == 3 else [])
+                gmsh.model.addPhysicalGroup(dimension, [group], group, name)
+        tags = np.arange(1, len(mesh.points) + 1)
+        gmsh.model.mesh.addNodes(3, int(number.min()), tags, mesh.points.ravel())
+        _add_elements(TRIANGLE, faces, _of_faces(mesh), 1)
+        _add_elements(TETRAHEDRON, mesh.cells, number, len(faces) + 1)
         gmsh.write(str(temporary))
-        fields = dict(mesh.cell_data)
-        if np.any(np.diff(cell_order) < 0):
+        order = np.argsort(number, kind="stable")
+        if np.any(np.diff(order) < 0):
             fields[_NUMBER] = np.arange(len(mesh.cells))
         with temporary.open("ab") as file:
-            _write_fields(file, mesh.point_data, fields, np.concatenate([_behind(faces[face_order], mesh), cell_order]))
+            faces = faces[np.argsort(_of_faces(mesh), kind="stable")]
+            _write_fields(file, mesh.point_data, fields, np.concatenate([_behind(faces, mesh), order]))
 
 
 def write_v2(mesh: TetMesh, path: str | Path) -> None:
     """Write `path` as version 2.2, complete or not at all."""
     mesh = with_surface(mesh)
-    parts = {name: mesh.sets.faces[name] for name in SURFACE_TAGS if name in mesh.sets.faces}
-    faces, tags = np.concatenate([*parts.values()]), region_tags(mesh)
-    regions = {name: tag for name, tag in REGION_TAGS.items() if name in mesh.sets.cells} or {TISSUE: 1}
-    tags[tags == 0] = max(regions.values()) if len(regions) == 1 else 0
-    names = [(2, SURFACE_TAGS[name], name) for name in parts] + [(3, tag, name) for name, tag in regions.items()]
+    faces = listed_faces(mesh)
+    names = [(2, tag, name) for name, tag in face_tags(mesh).items()]
+    names += [(3, tag, name) for name, tag in regions(mesh).items()]
     nodes = np.empty(len(mesh.points), [("tag", "<i4"), ("place", "<f8", 3)])
     nodes["tag"], nodes["place"] = np.arange(1, len(nodes) + 1), mesh.points
     fields = {name: values for name, values in mesh.cell_data.items() if name != REGION}  # the groups say so
-    of_faces = np.repeat([SURFACE_TAGS[name] for name in parts], [len(part) for part in parts.values()])
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         file.write(b"$MeshFormat\n2.2 1 8\n" + np.int32(1).tobytes() + b"\n$EndMeshFormat\n")
         file.write(f"$PhysicalNames\n{len(names)}\n".encode())
         file.writelines(f'{dimension} {tag} "{name}"\n'.encode() for dimension, tag, name in names)
         file.write(f"$EndPhysicalNames\n$Nodes\n{len(nodes)}\n".encode() + nodes.tobytes() + b"\n$EndNodes\n")
         file.write(f"$Elements\n{len(faces) + len(mesh.cells)}\n".encode())
-        file.write(_elements_v2(TRIANGLE, faces, of_faces, 1))
-        file.write(_elements_v2(TETRAHEDRON, mesh.cells, tags, len(faces) + 1) + b"\n$EndElements\n")
+        file.write(_elements_v2(TRIANGLE, faces, _of_faces(mesh), 1))
+        file.write(_elements_v2(TETRAHEDRON, mesh.cells, region_numbers(mesh), len(faces) + 1) + b"\n$EndElements\n")
         _write_fields(file, mesh.point_data, fields, np.concatenate([_behind(faces, mesh), np.arange(len(mesh.cells))]))
+
+
+def _of_faces(mesh: TetMesh) -> NDArray[np.int64]:
+    """The number of the group of each of the listed faces: (k,)."""
+    tags = face_tags(mesh)
+    return np.repeat(list(tags.values()), [len(mesh.sets.faces[name]) for name in tags])
 
 
 def _elements_v2(kind: int, elements: IntArray, groups: NDArray[np.integer[Any]], first: int) -> bytes:
@@ -133,70 +140,17 @@ def _write_field(file: BinaryIO, kind: str, name: str, values: NDArray[Any]) -> 
     file.write(head.encode() + rows.tobytes() + f"\n$End{kind}\n".encode())
 
 
-def _face_groups(mesh: TetMesh) -> dict[str, NDArray[np.bool_]]:
-    """Name -> which of the listed faces belong to it: parts of the surface by order, other sets by nodes."""
-    parts = [name for name in SURFACE_TAGS if name in mesh.sets.faces]
-    faces = listed_faces(mesh)
-    part = np.full(len(faces), -1)
-    count = [len(mesh.sets.faces[name]) for name in parts]
-    part[: sum(count)] = np.repeat(np.arange(len(parts)), count)
-    groups = {name: part == number for number, name in enumerate(parts)}
-    for name in mesh.sets.faces.keys() - groups.keys():
-        key = packed(np.concatenate([faces, mesh.sets.faces[name]]))
-        groups[name] = np.isin(key[: len(faces)], key[len(faces) :])
-    return {name: groups[name] for name in mesh.sets.faces}
+def _add_elements(kind: int, elements: IntArray, groups: NDArray[np.integer[Any]], first: int) -> None:
+    """Add elements of one kind, each to the entity of its group (k,), in the order of the groups' numbers.
 
-
-def _cell_groups(mesh: TetMesh) -> dict[str, NDArray[np.bool_]]:
-    groups = {}
-    for name, cells in mesh.sets.cells.items():
-        groups[name] = np.zeros(len(mesh.cells), bool)
-        groups[name][cells] = True
-    if not REGION_TAGS.keys() & groups.keys():
-        groups[TISSUE] = np.ones(len(mesh.cells), bool)
-    return groups
-
-
-def _add_entities(
-    dimension: int,
-    kind: int,
-    mesh: TetMesh,
-    elements: IntArray,
-    first_tag: int,
-    groups: dict[str, NDArray[np.bool_]],
-    placed: NDArray[np.bool_],
-    boundary: list[int],
-) -> tuple[list[int], NDArray[np.int64]]:
-    """Add a discrete entity for each combination of groups, with the nodes that are not yet `placed` in one.
-
-    Returns
-    -------
-    tags of the entities, and the elements in the order of the file
+    Parameters
+    ----------
+    first : tag of the first element
     """
-    combination = np.zeros(len(elements), np.int64)
-    for belongs in groups.values():
-        combination = np.unique(2 * combination + belongs, return_inverse=True)[1]
-    entities: dict[str, list[int]] = {name: [] for name in groups}
-    order = np.argsort(combination, kind="stable")
-    count = int(combination.max(initial=-1)) + 1
-    limits = np.searchsorted(combination[order], np.arange(count + 1))
-    for number in range(count):
-        tag = number + 1
-        mine = order[limits[number] : limits[number + 1]]
-        gmsh.model.addDiscreteEntity(dimension, tag, boundary)
-        nodes = np.unique(elements[mine])
-        nodes = nodes[~placed[nodes]]
-        placed[nodes] = True
-        gmsh.model.mesh.addNodes(dimension, tag, nodes + 1, mesh.points[nodes].ravel())
-        tags = np.arange(limits[number], limits[number + 1]) + first_tag
-        gmsh.model.mesh.addElementsByType(tag, kind, tags, elements[mine].ravel() + 1)
-        for name, belongs in groups.items():
-            if belongs[mine[0]]:
-                entities[name].append(tag)
-    for name, members in entities.items():
-        if members:
-            gmsh.model.addPhysicalGroup(dimension, members, name=name)
-    return list(range(1, count + 1)), order
+    for group in np.unique(groups).tolist():
+        mine = elements[groups == group]
+        gmsh.model.mesh.addElementsByType(group, kind, np.arange(first, first + len(mine)), mine.ravel() + 1)
+        first += len(mine)
 
 
 def read(path: str | Path) -> TetMesh:
@@ -230,8 +184,18 @@ def read(path: str | Path) -> TetMesh:
         kind: {name: _field(arrays[f"{kind}_{number}"]) for number, name in enumerate(names[kind])} for kind in FIELDS
     }
     sets = MeshSets(faces={name: faces[rows] for name, rows in groups["triangle"].items()}, cells=groups["tetrahedron"])
-    cells, of_cells, sets = _in_old_order(cells, fields["ElementData"], sets)
+    of_cells = fields["ElementData"] | _region(arrays["tetrahedron_groups"], groups["tetrahedron"], len(cells))
+    cells, of_cells, sets = _in_old_order(cells, of_cells, sets)
     return sound(path, arrays["coordinates"][order], cells, fields["NodeData"], of_cells, sets)
+
+
+def _region(numbers: NDArray[Any], groups: Mapping[str, IntArray], count: int) -> dict[str, NDArray[Any]]:
+    """The number of the group of each tetrahedron, if each is in just one; `numbers` are those of the groups."""
+    times, region = np.zeros(count, np.int32), np.zeros(count, np.int32)
+    for number, members in zip(numbers.tolist(), groups.values(), strict=False):
+        times[members] += 1
+        region[members] = number
+    return {REGION: region} if len(groups) == len(numbers) and (times == 1).all() else {}
 
 
 def _in_old_order(

@@ -1,7 +1,8 @@
 """Named sets as arrays, for formats that hold only arrays: VTU and VTK legacy.
 
 Sets of nodes and tetrahedra are arrays of 0 and 1. A set of faces is an array with one value per tetrahedron, whose bit
-k says that the face opposite corner k belongs to the set. `region` is 1 in the core and 2 in the cortex.
+k says that the face opposite corner k belongs to the set. `region` has the numbers of `tags.regions`, and a file has, for
+each name, the number and the dimension, as meshio has it for groups of Gmsh.
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.formats.surface_sets import faces_of_sides, members, region_tags, sides
+from cortet.formats.surface_sets import faces_of_sides, members, sides
+from cortet.formats.tags import face_tags, region_numbers, regions
 from cortet.formats.untrusted import sound
-from cortet.meshes import FloatArray, IntArray, MeshSets, TetMesh
+from cortet.meshes import REGION, FloatArray, IntArray, MeshSets, TetMesh
 
 #: prefixes of the names of arrays that hold a set
 _NODE_SET, _FACE_SET, _CELL_SET = "node_set_", "face_set_", "cell_set_"
@@ -26,9 +28,15 @@ def with_sets(mesh: TetMesh) -> tuple[Arrays, Arrays]:
     """Fields and sets of a mesh as arrays of its nodes and of its tetrahedra, by name."""
     node_sets = {f"{_NODE_SET}{name}": members(len(mesh.points), nodes) for name, nodes in mesh.sets.nodes.items()}
     cell_sets = {f"{_CELL_SET}{name}": members(len(mesh.cells), cells) for name, cells in mesh.sets.cells.items()}
-    regions = {"region": region_tags(mesh)} if mesh.sets.cells else {}
+    numbers = {REGION: region_numbers(mesh)} if mesh.sets.cells and REGION not in mesh.cell_data else {}
     face_sets = {f"{_FACE_SET}{name}": _bits(mesh, faces) for name, faces in mesh.sets.faces.items()}
-    return {**mesh.point_data, **node_sets}, {**mesh.cell_data, **regions, **face_sets, **cell_sets}
+    return {**mesh.point_data, **node_sets}, {**mesh.cell_data, **numbers, **face_sets, **cell_sets}
+
+
+def names_of(mesh: TetMesh) -> dict[str, tuple[int, int]]:
+    """Name -> number and dimension (3 or 2) of each region and of each part of the surface, if the mesh has any."""
+    cells = regions(mesh).items() if mesh.sets.cells else ()
+    return {name: (tag, 3) for name, tag in cells} | {name: (tag, 2) for name, tag in face_tags(mesh).items()}
 
 
 def without_sets(path: str | Path, points: FloatArray, cells: IntArray, of_nodes: Arrays, of_cells: Arrays) -> TetMesh:

@@ -9,26 +9,23 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.geometry.topology import TET_FACES, boundary, boundary_faces, packed
-from cortet.meshes import AROUND, HOLE_SURFACE, INNERMOST, OUTERMOST, IntArray, MeshSets, TetMesh
+from cortet.meshes import HOLE_SURFACE, INNERMOST, OUTERMOST, IntArray, MeshSets, TetMesh
 
 #: the two parts of the boundary of a brain; every boundary face belongs to one of them
 CORTICAL_SURFACE, MEDIAL_WALL = "cortical_surface", "medial_wall"
 #: the boundary of a mesh in which other regions lie around the brain
 OUTER_SURFACE = "outer_surface"
-#: the two parts of a brain; every tetrahedron belongs to one of them, or to a region around the brain
+#: the two parts of a brain
 CORTEX, CORE = OUTERMOST, INNERMOST
 #: suffix of the name of a set of faces between two regions, counter-clockwise seen from outside the inner region
 INTERFACE = "_interface"
-#: tags for formats that number parts instead of naming them
-SURFACE_TAGS = {CORTICAL_SURFACE: 1, MEDIAL_WALL: 2, OUTER_SURFACE: 100, HOLE_SURFACE: 101}
-REGION_TAGS = {CORE: 1, CORTEX: 2} | {name: tag for tag, name in enumerate(AROUND, start=3)}
-#: tag of the first interface, for formats that also number interfaces
-FIRST_INTERFACE = 3
+#: the sets that divide the boundary of a mesh
+SURFACE = (CORTICAL_SURFACE, MEDIAL_WALL, OUTER_SURFACE, HOLE_SURFACE)
 
 
 def with_surface(mesh: TetMesh) -> TetMesh:
     """The mesh itself if its surface is named; otherwise all boundary faces and nodes become `cortical_surface`."""
-    if SURFACE_TAGS.keys() & mesh.sets.faces.keys():
+    if mesh.sets.faces.keys() & set(SURFACE):
         return mesh
     faces = boundary_faces(mesh)
     sets = MeshSets(
@@ -42,7 +39,7 @@ def with_surface(mesh: TetMesh) -> TetMesh:
 def surface_faces(mesh: TetMesh) -> IntArray:
     """Faces of the parts of the surface, one part after the other: (k, 3)."""
     faces = with_surface(mesh).sets.faces
-    return np.concatenate([faces[name] for name in SURFACE_TAGS if name in faces])
+    return np.concatenate([faces[name] for name in SURFACE if name in faces])
 
 
 def interface_sets(mesh: TetMesh) -> dict[str, IntArray]:
@@ -53,14 +50,6 @@ def interface_sets(mesh: TetMesh) -> dict[str, IntArray]:
 def listed_faces(mesh: TetMesh) -> IntArray:
     """Faces of the parts of the surface, then of the interfaces: (k, 3)."""
     return np.concatenate([surface_faces(mesh), *interface_sets(mesh).values()])
-
-
-def region_tags(mesh: TetMesh) -> IntArray:
-    """`REGION_TAGS` of each tetrahedron: (m,) int32, 0 for a tetrahedron in none of the named regions."""
-    tags = np.zeros(len(mesh.cells), np.int32)
-    for name, tag in REGION_TAGS.items():
-        tags[mesh.sets.cells.get(name, [])] = tag
-    return tags
 
 
 def members(count: int, indices: IntArray) -> NDArray[np.uint8]:

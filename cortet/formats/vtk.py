@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
-from cortet.formats.set_arrays import Arrays, with_sets, without_sets
+from cortet.formats.set_arrays import Arrays, names_of, with_sets, without_sets
 from cortet.formats.untrusted import content, numbers
 from cortet.meshes import TetMesh
 
@@ -48,6 +48,10 @@ def write(mesh: TetMesh, path: str | Path) -> None:
     corners = np.column_stack([np.full(len(mesh.cells), 4), mesh.cells])
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         file.write(b"# vtk DataFile Version 4.2\ncortet\nBINARY\nDATASET UNSTRUCTURED_GRID\n")
+        if names := names_of(mesh):
+            file.write(f"FIELD FieldData {len(names)}\n".encode())
+            for name, tags in names.items():
+                _write_values(file, f"{quote(name)} 1 {len(tags)} int", np.array(tags, ">i4"))
         _write_values(file, f"POINTS {len(mesh.points)} double", mesh.points.astype(">f8"))
         _write_values(file, f"CELLS {len(corners)} {corners.size}", corners.astype(">i4"))
         _write_values(file, f"CELL_TYPES {len(corners)}", np.full(len(corners), _TETRAHEDRON, ">i4"))
@@ -88,7 +92,7 @@ class _Grid:
         self.points = np.empty((0, 3))
         self.cells, self.offsets, self.types = (np.empty(0, np.int64) for _ in range(3))
         self.arrays: dict[str, Arrays] = {"POINT_DATA": {}, "CELL_DATA": {}}
-        self.rows, self.fields = 0, self.arrays["POINT_DATA"]
+        self.rows, self.fields = 0, Arrays()  # at first, those of the file as a whole
         if not self._line().startswith("# vtk DataFile"):
             raise ValueError("it does not begin with `# vtk DataFile`")
         self._line()
@@ -155,7 +159,7 @@ class _Grid:
                 pass
 
     def _keep(self, name: str, values: NDArray[Any], width: int, rows: int) -> None:
-        if rows != self.rows:
+        if self.rows and rows != self.rows:
             raise ValueError(f"array {name} has {rows} rows, not {self.rows}")
         self.fields[unquote(name)] = values if width == 1 else values.reshape(-1, width)
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from cortet.errors import DamagedFileError, InputError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
-from cortet.formats.set_arrays import with_sets, without_sets
+from cortet.formats.set_arrays import names_of, with_sets, without_sets
 from cortet.formats.untrusted import LARGEST, content, inflated, naming, numbers, xml_root
 from cortet.meshes import TetMesh
 
@@ -206,6 +206,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
     of_nodes, of_cells = with_sets(mesh)
     count = len(mesh.cells)
     sections: dict[str, dict[str, NDArray[Any]]] = {
+        "FieldData": {name: np.array(tags, np.int32) for name, tags in names_of(mesh).items()},
         "Points": {"Points": mesh.points},
         "Cells": {
             "connectivity": mesh.cells.ravel(),
@@ -220,6 +221,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
         lines = []
         for name, values in arrays.items():
             shape = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
+            shape += f' NumberOfTuples="{len(values)}"' if section == "FieldData" else ""
             kind = f'type="{values.dtype.name.capitalize().replace("Ui", "UI")}" Name={quoteattr(name)}{shape}'
             lines.append(f'<DataArray {kind} format="appended" offset="{offset}"/>\n')
             stored.append(_stored(values))
@@ -229,7 +231,8 @@ def write(mesh: TetMesh, path: str | Path) -> None:
         file.write(
             '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
             'header_type="UInt32" compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n'
-            f'<Piece NumberOfPoints="{len(mesh.points)}" NumberOfCells="{count}">\n{"".join(heads)}</Piece>\n'
+            f'{heads[0]}<Piece NumberOfPoints="{len(mesh.points)}" NumberOfCells="{count}">\n'
+            f"{''.join(heads[1:])}</Piece>\n"
             '</UnstructuredGrid>\n<AppendedData encoding="raw">\n_'.encode()
         )
         for data in stored:

@@ -211,12 +211,12 @@ def sheet(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
 
     Parameters
     ----------
-    number : 0 for the boundary, i for the faces between region i and the one around it
+    number : 0 for the boundary, i for the faces around the i-th inner surface: region i + 1 is inside it
     """
     if number == 0:
         return boundary_surface(mesh)
     found = interfaces(mesh)
-    points, faces, nodes = compact(mesh.points, found.faces[found.region == number])
+    points, faces, nodes = compact(mesh.points, found.faces[found.region == number + 1])
     return TriSurface(points, faces), nodes
 
 

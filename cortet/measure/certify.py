@@ -62,6 +62,7 @@ from cortet.measure.regions import (
     RegionRecord,
     interface_records,
     region_records,
+    require_known_regions,
     sheets_of,
 )
 from cortet.measure.remarks import remarks
@@ -199,6 +200,8 @@ def certify(
     require_measurable(mesh)
     for one in sheets(surface):
         require_measurable(one)
+    if surface.inner:
+        require_known_regions(mesh, surface)
     reports = dict(reports or {})
     found = flaws(mesh)
     if not len(boundary_faces(mesh)):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from cortet.errors import InputError
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.nesting import joined, parents, region_boundary, sheets
 from cortet.geometry.topology import (
@@ -88,6 +89,18 @@ class InterfaceRecord:
     thinnest: tuple[ThinPlace, ...]
 
 
+def require_known_regions(mesh: TetMesh, surface: TriSurface) -> None:
+    """Raise InputError for a tetrahedron whose number is that of no region between the surfaces of a nested one."""
+    names, region = region_names(surface.inner), _region(mesh)
+    unknown = ~np.isin(region, np.arange(1, len(names) + 1))
+    if unknown.any():
+        known = ", ".join(f"{number} {name}" for number, name in enumerate(names, start=1))
+        raise InputError(
+            f"{np.count_nonzero(unknown)} tetrahedra are in the region {region[unknown][0]}, which no surface bounds",
+            remedy=f"number the regions as the surfaces do: {known}",
+        )
+
+
 def region_records(mesh: TetMesh, surface: TriSurface) -> tuple[RegionRecord, ...]:
     """One record for each region; `mesh` has the cell data `region` of the nested `surface`."""
     region = _region(mesh)
@@ -95,14 +108,14 @@ def region_records(mesh: TetMesh, surface: TriSurface) -> tuple[RegionRecord, ..
     around = parents(surface)
     records = []
     for number, name in enumerate(region_names(surface.inner)):
-        mine = region == number
+        mine = region == number + 1
         bounds = region_boundary(surface, number)
         volume, given = float(volumes[mine].sum()) / 1000, enclosed_volume(bounds.points, bounds.faces) / 1000
         within = [child for child, parent in enumerate(around) if parent == number]
         records.append(
             RegionRecord(
                 name=name,
-                number=number,
+                number=number + 1,
                 tetrahedra=int(mine.sum()),
                 volume_ml=volume,
                 surfaces_volume_ml=given,
@@ -122,7 +135,7 @@ def interface_records(mesh: TetMesh, surface: TriSurface) -> tuple[InterfaceReco
     records = []
     for number, one in enumerate(sheets(surface)[1:], start=1):
         faces, nodes = sheet(mesh, number)
-        mine = found.region == number
+        mine = found.region == number + 1
         if len(nodes):
             off = summary(closest_points(tree_of(one), faces.points).distances)
             lost = summary(distances_to(faces, one))
@@ -135,7 +148,7 @@ def interface_records(mesh: TetMesh, surface: TriSurface) -> tuple[InterfaceReco
                 faces=len(faces.faces),
                 topology=surface_topology(faces.faces),
                 surface_euler_number=surface_topology(one.faces).euler_number,
-                misplaced_faces=int((region[found.behind[mine]] != around[number]).sum()),
+                misplaced_faces=int((region[found.behind[mine]] != around[number] + 1).sum()),
                 nodes_to_surface_mm=off,
                 surface_to_interface_mm=lost,
                 relative_area_change=_area(faces) / _area(one) - 1,
@@ -163,15 +176,15 @@ def _thinnest(inner: TriSurface, outer: TriSurface) -> tuple[ThinPlace, ...]:
 def sheets_of(mesh: TetMesh) -> TriSurface:
     """The boundary, then the interfaces of a mesh, as one surface, none of whose faces may cross another."""
     numbers = np.unique(interfaces(mesh).region).tolist()
-    return joined([boundary_surface(mesh)[0], *(sheet(mesh, number)[0] for number in numbers)])
+    return joined([boundary_surface(mesh)[0], *(sheet(mesh, number - 1)[0] for number in numbers)])
 
 
 def _region(mesh: TetMesh) -> NDArray[np.integer]:
-    return np.asarray(mesh.cell_data.get(REGION, np.zeros(len(mesh.cells), np.int32)))
+    return np.asarray(mesh.cell_data.get(REGION, np.ones(len(mesh.cells), np.int32)))
 
 
 def _across(mesh: TetMesh, number: int, within: list[int]) -> Across | None:
-    links = edges(mesh.cells[_region(mesh) == number])
+    links = edges(mesh.cells[_region(mesh) == number + 1])
     graph = coo_matrix((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(len(mesh.points),) * 2)
     outer = sheet(mesh, number)[1]
     inner = np.concatenate([sheet(mesh, other)[1] for other in within])

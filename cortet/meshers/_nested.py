@@ -115,7 +115,7 @@ def remesh_apart(surface: TriSurface, want: Sequence[Wanted]) -> list[Remeshed]:
 
 
 def regions_of(points: FloatArray, cells: IntArray, walls: Sequence[TriSurface]) -> IntArray:
-    """The region of each tetrahedron: (m,) int32.
+    """The region of each tetrahedron, 1 inside the outer surface alone: (m,) int32.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def regions_of(points: FloatArray, cells: IntArray, walls: Sequence[TriSurface])
             f"the surfaces divide the mesh into {len(label)} bodies instead of {len(walls)}",
             remedy="look at the certificate of each surface alone, or use a smaller cell size",
         )
-    return label[part].astype(np.int32)
+    return (1 + label[part]).astype(np.int32)
 
 
 def _parts(behind: IntArray, cell: NDArray[np.int64], corner: NDArray[np.int64]) -> NDArray[np.int32]:

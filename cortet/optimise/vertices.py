@@ -304,7 +304,7 @@ def interface_places(mesh: TetMesh, tree: SurfaceTree) -> IntArray:
     first = first_triangles(tree)
     if len(first) > 1:
         found = topology.interfaces(mesh)
-        place[found.faces] = first[found.region][:, None]
+        place[found.faces] = first[found.region - 1][:, None]
     return place
 
 

@@ -118,7 +118,7 @@ def cut_view(mesh: TetMesh, *, regions: bool = False, size: tuple[int, int] = (1
         if regions:
             number = np.asarray(shell.cell_data[REGION])
             for one in np.unique(number).tolist():
-                colour = REGION_COLOURS[one % len(REGION_COLOURS)]
+                colour = REGION_COLOURS[(one - 1) % len(REGION_COLOURS)]
                 plotter.add_mesh(shell.extract_cells(number == one), color=colour, **_REGION_LOOK)
         else:
             plotter.add_mesh(shell, **_CUT_LOOK, show_scalar_bar=False)

@@ -15,17 +15,19 @@ from numpy.typing import NDArray
 
 from cortet.formats.as_read import AsRead
 from cortet.formats.surface_sets import (
+    CORE,
+    CORTEX,
     INTERFACE,
     OUTER_SURFACE,
-    REGION_TAGS,
-    SURFACE_TAGS,
+    SURFACE,
     interface_sets,
     surface_faces,
 )
+from cortet.formats.tags import region_numbers
 from cortet.geometry.filling import broken_body
 from cortet.geometry.topology import TET_FACES, boundary_faces, enclosed_volume, packed, surface_topology
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshes import AROUND, FloatArray, IntArray, TetMesh, TriSurface
 
 #: largest coordinate, in any unit: a sidecar cannot hold the volume of a larger body
 _LARGEST_COORDINATE = 1e15
@@ -94,7 +96,7 @@ def _surface(file: AsRead) -> Iterator[str]:
     negative = signed_volumes(mesh.points, mesh.cells) < 0
     positive = TetMesh(mesh.points, np.where(negative[:, None], mesh.cells[:, [0, 1, 3, 2]], mesh.cells))
     boundary = boundary_faces(positive)
-    if file.lists_faces and not SURFACE_TAGS.keys() & mesh.sets.faces.keys():
+    if file.lists_faces and not mesh.sets.faces.keys() & set(SURFACE):
         yield "there are no triangles"
         return
     listed = surface_faces(mesh) if file.lists_faces else boundary
@@ -127,24 +129,18 @@ def _other_faces(mesh: TetMesh, boundary: IntArray) -> Iterator[str]:
         if name.endswith(INTERFACE) and len(faces):
             if misplaced := _not_between_regions(mesh, faces):
                 yield f"face set {name} names {misplaced} faces that are not between two regions"
-        elif name not in SURFACE_TAGS and len(faces):
+        elif name not in SURFACE and len(faces):
             both = packed(np.concatenate([known, faces]))
             if strange := np.count_nonzero(~np.isin(both[-len(faces) :], both[: -len(faces)])):
                 yield f"face set {name} names {strange} faces that are not on the boundary"
 
 
 def _not_between_regions(mesh: TetMesh, faces: IntArray) -> int:
-    """Number of faces that are not shared by two tetrahedra of different sets.
-
-    A file with several interfaces, but only core and cortex, cannot tell the regions within the core apart. There a
-    face need only be shared by two tetrahedra.
-    """
-    several = sum(name.endswith(INTERFACE) for name in mesh.sets.faces) > 1
-    tells = bool(mesh.sets.cells.keys() - REGION_TAGS.keys()) or not several
+    """Number of faces that are not shared by two tetrahedra of different regions or sets."""
     near = np.flatnonzero(np.isin(mesh.cells, faces).sum(axis=1) >= 3)
     every = mesh.cells[near][:, TET_FACES].reshape(-1, 3)
     key = packed(np.concatenate([faces, every]))
-    belongs = np.zeros(len(mesh.cells), np.int64)
+    belongs = region_numbers(mesh).astype(np.int64)
     for cells in mesh.sets.cells.values():
         belongs *= 2
         belongs[cells] += 1
@@ -155,19 +151,19 @@ def _not_between_regions(mesh: TetMesh, faces: IntArray) -> int:
     first = np.searchsorted(ordered, key[: len(faces)], "left")
     count = np.searchsorted(ordered, key[: len(faces)], "right") - first
     two = count == 2
-    good[two] = (belongs[owner[first[two]]] != belongs[owner[first[two] + 1]]) | (not tells)
+    good[two] = belongs[owner[first[two]]] != belongs[owner[first[two] + 1]]
     return int(np.count_nonzero(~good))
 
 
 def _sets(mesh: TetMesh) -> Iterator[str]:
     """The node set of a part of the surface holds the nodes of its faces; each tetrahedron is in one region."""
-    for name in SURFACE_TAGS:
+    for name in SURFACE:
         if name in mesh.sets.nodes and name in mesh.sets.faces:
             nodes = np.unique(mesh.sets.faces[name])
             if differing := len(np.setxor1d(mesh.sets.nodes[name], nodes)):
                 yield f"node set {name} differs from the nodes of its faces in {differing} nodes"
-    regions = [mesh.sets.cells[name] for name in REGION_TAGS if name in mesh.sets.cells]
-    if regions:
+    if {CORTEX, CORE} <= mesh.sets.cells.keys():
+        regions = [mesh.sets.cells[name] for name in (CORTEX, CORE, *AROUND) if name in mesh.sets.cells]
         times = np.bincount(np.concatenate(regions), minlength=len(mesh.cells))
         if wrong := np.count_nonzero(times != 1):
             yield f"{wrong} tetrahedra are in no region, or in two"

@@ -13,9 +13,9 @@ from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, format_of, require_holes
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_folder, write_json
-from cortet.formats.hashing import mesh_sha256
+from cortet.formats.hashing import array_sha256, mesh_sha256
 from cortet.formats.ownership import delete_made, may_write
-from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL
+from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL, with_surface
 from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
@@ -23,6 +23,7 @@ from cortet.solver_files.fields import FieldSource
 from cortet.solver_files.holes import hollow
 from cortet.solver_files.meshed import moved
 from cortet.solver_files.names import ASCII, in_ascii, left_out
+from cortet.solver_files.others import not_as_meant, seen_otherwise
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar, sidecar_path
 from cortet.solver_files.verify import problems
@@ -116,11 +117,17 @@ def _write_verified(
     may_write(sidecar_path(path))
     with atomic_folder(path) as folder:
         write(content, folder / path.name, solver=solver, unit=unit, frame=frame)
-        as_read = FORMATS[solver].as_read(folder / path.name)
-        if broken := problems(as_read, body=body):
+        form, content = FORMATS[solver], with_surface(content) if isinstance(content, TetMesh) else content
+        as_read = form.as_read(folder / path.name)
+        back = as_read if isinstance(as_read, TriSurface) else as_read.mesh
+        broken = problems(as_read, body=body)
+        if form.has_unit and unit == "mm":  # it was read as micrometres
+            back = replace(back, points=1000 * back.points)
+        if broken := broken or [*not_as_meant(content, back, form), *seen_otherwise(folder / path.name, solver, back)]:
             raise StageError("the written file is not what the solver reads: " + "; ".join(broken), file=path)
         record = sidecar(
-            as_read if isinstance(as_read, TriSurface) else as_read.mesh,
+            back,
+            nodes_sha256=array_sha256((as_read if isinstance(as_read, TriSurface) else as_read.mesh).points),
             solver=solver,
             files=sorted(folder.iterdir()),
             unit=unit if FORMATS[solver].has_unit else "mm",

@@ -41,7 +41,9 @@ def write_job(mesh: TetMesh, folder: Path, *, growth: float, material: Material 
     material = material or Material()
     held = supports(mesh)
     shown = with_surface(mesh)
-    cells = {**mesh.sets.cells, GROWING: cortex}
+    # the parts are cortex and core, which come first, whatever regions the mesh has
+    cells = {name: mesh.sets.cells[name] for name in (CORE, CORTEX) if name in mesh.sets.cells}
+    cells |= {**mesh.sets.cells, GROWING: cortex}
     nodes = {**shown.sets.nodes, **{support.name: support.nodes for support in held}}
     folder.mkdir(parents=True, exist_ok=True)
     febio.write_elements(

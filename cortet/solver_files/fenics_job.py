@@ -9,7 +9,8 @@ import numpy as np
 
 from cortet.formats import fenics
 from cortet.formats.atomic import atomic_path, write_json
-from cortet.formats.surface_sets import MEDIAL_WALL, SURFACE_TAGS
+from cortet.formats.surface_sets import MEDIAL_WALL, with_surface
+from cortet.formats.tags import face_tags
 from cortet.meshes import TetMesh
 from cortet.simulation.body import Material
 from cortet.solver_files.growing_cortex import growing, parts, supports
@@ -45,12 +46,13 @@ def write_job(
     for name, values in (("normals", normals), ("moduli", of_cells)):
         with atomic_path(folder / f"{name}.npy") as temporary, temporary.open("wb") as file:
             np.save(file, values)
+    numbers = face_tags(with_surface(mesh))
     write_json(
         {
             "growth": growth,
             "steps": int(np.ceil(growth / STEP)),
             "supports": [
-                {"axes": list(support.axes), "facets": SURFACE_TAGS[MEDIAL_WALL]}
+                {"axes": list(support.axes), "facets": numbers[MEDIAL_WALL]}
                 if support.name == MEDIAL_WALL
                 else {"axes": list(support.axes), "point": mesh.points[support.nodes[0]].tolist()}
                 for support in supports(mesh)

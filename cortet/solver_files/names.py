@@ -40,7 +40,8 @@ def left_out(mesh: TetMesh, back: TetMesh) -> list[str]:
         lost = [name for name in before if name not in after and f"{name}_1" not in after]
         if before is mesh.cell_data and mesh.sets.cells:  # the regions are sets as well
             lost = [name for name in lost if name != REGION]
-        told += [f"left out, as the format has no {what}: {', '.join(lost)}"] if lost else []
+        why = f"the format has no {what}" if not after else "an element has one number, and is in one set"
+        told += [f"left out, as {why}: {', '.join(lost)}"] if lost else []
     return told
 
 

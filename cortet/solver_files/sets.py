@@ -1,7 +1,7 @@
-"""Named sets of a mesh on its way to a solver: the parts of its surface, cortex and core, one set per label.
+"""Named sets of a mesh on its way to a solver: the parts of its surface, its regions, one set per label.
 
-The surface of the brain is divided into `cortical_surface` and `medial_wall`, its tetrahedra into `cortex` and `core`.
-It is the boundary of the mesh, or an interface if there is a region around the brain. A label of the surface becomes a
+Regions come first among the sets of tetrahedra, in the order of their numbers (`formats.tags`). The surface of the brain
+is divided into `cortical_surface` and `medial_wall`, its tetrahedra into `cortex` and `core`. It is the boundary of the mesh, or an interface if there is a region around the brain. A label of the surface becomes a
 set of surface nodes, a set of faces and a set of cortical tetrahedra, all of the same name. A face or tetrahedron gets
 the label of most of its nodes, or that of its first node if there is no majority.
 """
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.formats import tags
 from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, OUTER_SURFACE
 from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, interfaces
@@ -49,10 +50,11 @@ def named_sets(
     medial_wall : label field -> keys that mark the medial wall
     label_names : label field -> key -> name, if there are names
     tissues : integer fields of tetrahedra; each label is a set `FIELD_NAME`, or `FIELD_KEY` where it has no name
-    inner : names of the regions of the mesh from 1 on, if it has any. Then region 0 is the cortex, whatever its depth,
-        and the others are the core. If there are several others, each is also a set; so are the faces between two
-        regions. If the brain is among them (`meshes.region_names`), region 0 lies around it, neither cortex nor core,
-        and the boundary is the set of faces `outer_surface`
+    inner : names of the regions of the mesh from 2 on, if it has any. Each region is a set, and so are the faces between
+        two. Then region 1 is the cortex, whatever its depth, and the others together are the core. If the brain is among
+        them (`meshes.region_names`), region 1 lies around it, neither cortex nor core, and the boundary is the set of
+        faces `outer_surface`. Without inner surfaces the cortex is region 1 and the core region 2, unless the mesh has
+        numbers of regions already
 
     Raises
     ------
@@ -61,7 +63,7 @@ def named_sets(
     """
     number = mesh.cell_data.get(REGION) if inner else None
     names_of = region_names(inner)
-    brain = [i for i, name in enumerate(names_of) if is_brain(name)]
+    brain = [i for i, name in enumerate(names_of, start=1) if is_brain(name)]
     whole = number is None or names_of[0] == CORTEX  # nothing lies around the brain
     faces = boundary_faces(mesh) if whole else _outer_faces(mesh, brain)
     labels = {name: values for name, values in mesh.point_data.items() if _is_label(values)}
@@ -83,7 +85,7 @@ def named_sets(
     }
     around = np.zeros(len(mesh.cells), bool)
     if number is not None:
-        around = np.isin(number, [i for i, name in enumerate(names_of) if name in AROUND])
+        around = np.isin(number, [i for i, name in enumerate(names_of, start=1) if name in AROUND])
         _add_interfaces(sets, mesh, inner)
     if number is None or BRAIN in names_of:
         cortex = ~around & cortex_layer
@@ -91,14 +93,16 @@ def named_sets(
             cortex &= _is_cortex(mesh, faces[~wall], cortex_depth, cortex_thickness)
     else:
         cortex = np.isin(number, brain)
-    core = ~cortex & ~around
-    regions = {CORE: np.flatnonzero(core).astype(np.int32), CORTEX: np.flatnonzero(cortex).astype(np.int32)}
-    if number is not None:  # sets replace the numbers
-        mesh = replace(mesh, cell_data={name: values for name, values in mesh.cell_data.items() if name != REGION})
-        for i, name in enumerate(_region_sets(inner)):
-            if name not in (CORE, CORTEX):
-                regions[name] = np.flatnonzero(number == i).astype(np.int32)
-    cells = regions[CORTEX]
+    numbered = {set_name(name): one for one, name in enumerate(names_of, start=1)}
+    if number is None and REGION in mesh.cell_data:
+        numbered = tags.regions(mesh)
+    if numbered.keys() <= {CORTEX, CORE}:  # by their depth
+        numbered, number = {CORTEX: 1, CORE: 2}, np.where(cortex, 1, 2).astype(np.int32)
+        mesh = replace(mesh, cell_data={**mesh.cell_data, REGION: number})
+    of_cell = tags.region_numbers(mesh)
+    cells = np.flatnonzero(cortex).astype(np.int32)
+    regions = {name: np.flatnonzero(of_cell == one) for name, one in numbered.items()}
+    regions |= {CORTEX: cells, CORE: np.flatnonzero(~cortex & ~around)}
     for field, sets_of in parcels.items():
         of_cells = cell_labels(labels[field], mesh.cells[cells])
         regions |= {name: cells[of_cells == key] for key, name in sets_of.items()}
@@ -107,9 +111,8 @@ def named_sets(
         for key in np.unique(mesh.cell_data[field]).tolist():
             same = np.flatnonzero(mesh.cell_data[field] == key).astype(np.int32)
             regions[_label_name(field, key, names, regions)] = same
-    return replace(
-        mesh, sets=MeshSets(sets.nodes, sets.faces, {name: cells for name, cells in regions.items() if len(cells)})
-    )
+    filled = {name: members.astype(np.int32) for name, members in regions.items() if len(members)}
+    return replace(mesh, sets=MeshSets(sets.nodes, sets.faces, filled))
 
 
 def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
@@ -117,32 +120,29 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
 
     Parameters
     ----------
-    inner : names of the regions from 1 on
+    inner : names of the regions from 2 on
 
     Raises
     ------
     InputError
         the mesh has no such sets
     """
-    if REGION in mesh.cell_data and not mesh.sets.cells:  # if there are sets, it is a tag of the format
+    if REGION in mesh.cell_data and not mesh.sets.cells:
         return mesh
-    region = np.full(len(mesh.cells), -1, np.int32)
-    names = _region_sets(inner)
-    for number, name in enumerate(names):
-        region[mesh.sets.cells.get(name, [])] = number
-    if (region < 0).any():
-        known = ", ".join(mesh.sets.cells) or "none"
+    region, sets = np.zeros(len(mesh.cells), np.int32), mesh.sets.cells
+    names = [*map(set_name, region_names(inner))]
+    if len(names) == 2 and names[0] == CORTEX and names[1] not in sets:
+        names[1] = CORE  # in files of cortet before its region had a name
+    for number, name in enumerate(names, start=1):
+        region[sets.get(name, [])] = number
+    if not region.all():
+        known = ", ".join(sets) or "none"
         raise InputError(
-            f"its regions are not known: {np.count_nonzero(region < 0)} tetrahedra are in none of the sets "
+            f"its regions are not known: {np.count_nonzero(region == 0)} tetrahedra are in none of the sets "
             f"{', '.join(names)} (it has: {known})",
             remedy="give a mesh that was made with these inner surfaces",
         )
     return replace(mesh, cell_data={**mesh.cell_data, REGION: region})
-
-
-def _region_sets(inner: Sequence[str]) -> list[str]:
-    """Name of the set of each region by its number: a single one inside the cortex is the core."""
-    return [CORTEX, CORE] if len(inner) == 1 and not is_brain(inner[0]) else [*map(set_name, region_names(inner))]
 
 
 def _outer_faces(mesh: TetMesh, brain: Sequence[int]) -> IntArray:
@@ -155,7 +155,7 @@ def _add_interfaces(sets: MeshSets, mesh: TetMesh, inner: Sequence[str]) -> None
     """Add a set of nodes and a set of faces for the outside of each region but the first, seen from outside it."""
     found = interfaces(mesh)
     for number in np.unique(found.region).tolist():
-        name = set_name(f"{inner[number - 1]}{INTERFACE}", [*sets.nodes, *sets.faces])
+        name = set_name(f"{inner[number - 2]}{INTERFACE}", [*sets.nodes, *sets.faces])
         sets.faces[name] = found.faces[found.region == number]
         sets.nodes[name] = np.unique(sets.faces[name])
 

@@ -20,6 +20,7 @@ from pydantic import BaseModel, Field, ValidationError
 from cortet.errors import InputError
 from cortet.formats.hashing import array_sha256, input_sha256, sha256
 from cortet.formats.ownership import files_of, record_of
+from cortet.formats.tags import face_tags, regions
 from cortet.formats.untrusted import content
 from cortet.geometry.topology import boundary_faces, face_areas
 from cortet.measure.quality import signed_volumes
@@ -40,6 +41,7 @@ def sidecar_path(path: Path) -> Path:
 def sidecar(
     as_read: TetMesh | TriSurface,
     *,
+    nodes_sha256: str,
     solver: str,
     files: Iterable[Path],
     unit: str,
@@ -52,7 +54,8 @@ def sidecar(
 
     Parameters
     ----------
-    as_read : the mesh, read back from the file
+    as_read : the mesh, read back from the file, in mm
+    nodes_sha256 : of the nodes as `verify` reads them, whatever the unit of the file
     files : files of the export
     unit : unit of the coordinates in the file
     frame : coordinate system of the surface the mesh was made from
@@ -66,7 +69,7 @@ def sidecar(
         "units": {"coordinates": unit},
         "coordinate_system": asdict(frame),
         "nodes": len(as_read.points),
-        "nodes_sha256": array_sha256(as_read.points),
+        "nodes_sha256": nodes_sha256,
     }
     if made_from:
         record["made_from"] = dict(made_from)
@@ -75,6 +78,8 @@ def sidecar(
         record |= {
             "tetrahedra": len(as_read.cells),
             "volume_mm3": float(signed_volumes(as_read.points, as_read.cells).sum()),
+            "regions": regions(as_read),
+            "surface": face_tags(as_read),
             "sets": {
                 kind: {name: len(members) for name, members in sets.items()}
                 for kind, sets in vars(as_read.sets).items()

@@ -9,7 +9,7 @@ VTU, XDMF and Gmsh files, and knows the order of midside nodes in each; Abaqus a
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +20,17 @@ from numpy.typing import NDArray
 from cortet.errors import InputError, StageError
 from cortet.formats import abaqus, febio
 from cortet.formats.atomic import atomic_folder, write_json
-from cortet.formats.surface_sets import region_tags, sides, with_surface
+from cortet.formats.surface_sets import sides, with_surface
+from cortet.formats.tags import face_tags, region_numbers, regions
 from cortet.geometry.quadratic import EDGES, QuadraticMesh
 from cortet.geometry.topology import TRI_EDGES, boundary_nodes
 from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
-from cortet.solver_files.names import in_ascii
+from cortet.solver_files.names import in_ascii, left_out
 
 VERSION: int = 1
 
 
-def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> None:
+def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> list[str]:
     """Write `path`, and beside it `<stem>.quadratic.json` with the counts; complete and read back, or not at all.
 
     Parameters
@@ -37,6 +38,10 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> None:
     mesh : the straight mesh, its named sets and fields
     curved : `geometry.quadratic.quadratic` of it
     path : its suffix selects the program
+
+    Returns
+    -------
+    what the file cannot hold, in words
 
     Raises
     ------
@@ -50,8 +55,9 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> None:
     sets = MeshSets(node_sets(mesh, curved), mesh.sets.faces, mesh.sets.cells)
     with atomic_folder(path) as folder:
         writer(mesh, curved, sets, folder / path.name)
-        _check(curved, folder / path.name)
+        _check(mesh, curved, folder / path.name)
         write_json(record(curved), folder / f"{path.stem}.quadratic.json")
+    return left_out(mesh, _held(mesh, path.suffix))
 
 
 def record(curved: QuadraticMesh) -> dict[str, Any]:
@@ -105,31 +111,49 @@ def _write_febio(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Pat
 
 
 def _by_meshio(file_format: str) -> Callable[[TetMesh, QuadraticMesh, MeshSets, Path], None]:
-    """Writer of a format that meshio knows: fields, regions as tags, and faces of the surface with six nodes."""
+    """Writer of a format that meshio knows: fields, and sets as arrays of 0 and 1."""
 
     def write(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
-        cells: list[tuple[str, IntArray]] = [("tetra10", curved.cells)]
-        regions = region_tags(mesh) if mesh.sets.cells else np.ones(len(curved.cells), np.int32)
-        tags: dict[str, list[NDArray[Any]]] = {"region": [regions]}
-        groups = {}
-        if file_format == "gmsh22":
-            for number, (name, faces) in enumerate(sets.faces.items(), start=1):
-                cells.append(("triangle6", _six_nodes(mesh, curved, faces)))
-                tags["region"].append(np.full(len(faces), number, np.int32))
-                groups[name] = np.array([number, 2])
-            tags = {"gmsh:physical": tags["region"], "gmsh:geometrical": tags["region"]}
-            groups |= {f"region_{tag}": np.array([tag, 3]) for tag in np.unique(regions)}
         of_nodes = {name: with_middles(curved, values) for name, values in mesh.point_data.items()}
-        if (
-            file_format != "gmsh22"
-        ):  # its groups are the sets; the others have no sets, so they become arrays of 0 and 1
-            of_nodes |= {f"node_set_{name}": _marked(nodes, len(curved.points)) for name, nodes in sets.nodes.items()}
-            tags |= {f"cell_set_{name}": [_marked(part, len(curved.cells))] for name, part in sets.cells.items()}
-            tags |= {name: [values] for name, values in mesh.cell_data.items() if name != REGION}
-        content = meshio.Mesh(curved.points, cells, point_data=of_nodes, cell_data=tags, field_data=groups)
+        of_nodes |= {f"node_set_{name}": _marked(nodes, len(curved.points)) for name, nodes in sets.nodes.items()}
+        of_cells = {REGION: [region_numbers(mesh)]}
+        of_cells |= {f"cell_set_{name}": [_marked(part, len(curved.cells))] for name, part in sets.cells.items()}
+        of_cells |= {name: [values] for name, values in mesh.cell_data.items() if name != REGION}
+        names = {name: np.array([tag, 3]) for name, tag in regions(mesh).items()}
+        content = meshio.Mesh(
+            curved.points, [("tetra10", curved.cells)], point_data=of_nodes, cell_data=of_cells, field_data=names
+        )
         meshio.write(path, content, file_format=file_format)
 
     return write
+
+
+def _write_gmsh(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
+    """Write a file whose groups are those of the straight mesh: regions, parts of the surface and interfaces."""
+    numbers = {2: face_tags(mesh), 3: regions(mesh)}
+    cells: list[tuple[str, IntArray]] = [("tetra10", curved.cells)]
+    cells += [("triangle6", _six_nodes(mesh, curved, sets.faces[name])) for name in numbers[2]]
+    groups = [region_numbers(mesh), *(np.full(len(sets.faces[name]), tag) for name, tag in numbers[2].items())]
+    content = meshio.Mesh(
+        curved.points,
+        cells,
+        point_data={name: with_middles(curved, values) for name, values in mesh.point_data.items()},
+        cell_data={"gmsh:physical": groups, "gmsh:geometrical": groups},
+        field_data={name: np.array([tag, dim]) for dim, tags in numbers.items() for name, tag in tags.items()},
+    )
+    meshio.write(path, content, file_format="gmsh22")
+
+
+def _held(mesh: TetMesh, suffix: str) -> TetMesh:
+    """The part of the fields and sets of a mesh that a file holds."""
+    sets = mesh.sets
+    if suffix == ".msh":
+        groups = regions(mesh) | face_tags(mesh)
+        kept = ({name: some for name, some in of.items() if name in groups} for of in (sets.faces, sets.cells))
+        return replace(mesh, cell_data={}, sets=MeshSets({}, *kept))
+    if suffix in _PLAIN:
+        return replace(mesh, cell_data={}, point_data=mesh.point_data if suffix == ".feb" else {})
+    return replace(mesh, sets=MeshSets(sets.nodes, {}, sets.cells))
 
 
 def _marked(members: IntArray, count: int) -> NDArray[np.uint8]:
@@ -145,19 +169,28 @@ _WRITERS: Mapping[str, Callable[[TetMesh, QuadraticMesh, MeshSets, Path], None]]
     ".inp": _write_abaqus,
     ".feb": _write_febio,
     ".vtu": _by_meshio("vtu"),
-    ".msh": _by_meshio("gmsh22"),
+    ".msh": _write_gmsh,
     ".xdmf": _by_meshio("xdmf"),
 }
 
 
-def _check(curved: QuadraticMesh, path: Path) -> None:
-    """Read a file back and compare it with the mesh; meshio reads the formats that it knows.
+def _check(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> None:
+    """Read a file back and compare nodes, elements, fields and regions; meshio reads the formats that it knows.
 
     Raises StageError if the file does not hold the mesh.
     """
     if path.suffix == ".feb":
         return
     found = meshio.read(path)
-    cells = [block.data for block in found.cells if block.type == "tetra10"]
-    if not (cells and np.array_equal(np.concatenate(cells), curved.cells) and len(found.points) == len(curved.points)):
-        raise StageError("the written file does not hold the ten-node mesh", file=path)
+    (own,) = (number for number, block in enumerate(found.cells) if block.type == "tetra10")
+    regions_of = found.cell_data.get("gmsh:physical", found.cell_data.get(REGION))
+    same = {
+        "elements": np.array_equal(found.cells[own].data, curved.cells),
+        "nodes": found.points.shape == curved.points.shape and np.allclose(found.points, curved.points, rtol=1e-9),
+        "regions": regions_of is None or np.array_equal(regions_of[own], region_numbers(mesh)),
+    }
+    for name, values in found.point_data.items():
+        if name in mesh.point_data:
+            same[f"field {name}"] = np.allclose(values, with_middles(curved, mesh.point_data[name]), rtol=1e-9)
+    if wrong := [name for name, right in same.items() if not right]:
+        raise StageError(f"the written file does not hold the ten-node mesh: other {wrong[0]}", file=path)

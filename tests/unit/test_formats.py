@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats import FORMATS, fenics, format_of, msh
 from cortet.formats.gifti import read_surface
-from cortet.formats.surface_sets import REGION_TAGS, SURFACE_TAGS
+from cortet.formats import surface_sets
+from cortet.formats.tags import regions
 from cortet.geometry.topology import boundary_faces, boundary_surface, face_areas
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh
@@ -42,9 +43,9 @@ WITHOUT_FACE_SETS = {"vtu", "vtk", "braingrowth"}
 WITHOUT_NODE_SETS = {"gmsh", "gmsh_v2", "nastran", "braingrowth"}
 WITHOUT_REGIONS = {"braingrowth"}
 #: formats of whose sets of tetrahedra there are but the regions
-ONLY_REGIONS = {"gmsh_v2", "nastran", "carp", "carp_binary"}
+ONLY_REGIONS = {"gmsh", "gmsh_v2", "nastran", "carp", "carp_binary"}
 #: formats that hold the parts of the surface, but no other sets of faces
-ONE_GROUP_PER_ELEMENT = {"gmsh_v2", "nastran"}
+ONE_GROUP_PER_ELEMENT = {"gmsh", "gmsh_v2", "nastran"}
 
 
 @pytest.fixture(scope="module")
@@ -74,11 +75,12 @@ def assert_survives(mesh: TetMesh, name: str, folder: Path) -> None:
     if name not in WITHOUT_NODE_SETS:
         assert_same_sets(back.sets.nodes, mesh.sets.nodes)
     if name not in WITHOUT_FACE_SETS:
-        kept = SURFACE_TAGS if name in ONE_GROUP_PER_ELEMENT else mesh.sets.faces
+        kept = surface_sets.SURFACE if name in ONE_GROUP_PER_ELEMENT else mesh.sets.faces
         assert_same_sets(back.sets.faces, {of: faces for of, faces in mesh.sets.faces.items() if of in kept})
     if name not in WITHOUT_REGIONS:
-        of_cells = REGION_TAGS if name in ONLY_REGIONS else mesh.sets.cells
+        of_cells = regions(mesh) if name in ONLY_REGIONS else mesh.sets.cells
         assert_same_sets(back.sets.cells, {of: cells for of, cells in mesh.sets.cells.items() if of in of_cells})
+    assert np.array_equal(back.cell_data["region"], mesh.cell_data["region"])
     if name not in WITHOUT_FIELDS:
         assert_same_fields(back.point_data, mesh.point_data)
 
@@ -176,7 +178,9 @@ def test_gmsh_lists_the_groups(mesh, tmp_path):
             for name, group in found.items()
         }
         nodes, _ = gmsh.model.mesh.getNodesForPhysicalGroup(*found["medial_wall"])
-    given = {**mesh.sets.faces, **mesh.sets.cells}
+    numbers = {"cortical_surface": 101, "medial_wall": 102, "cortex": 1, "core": 2}
+    assert {name: number for name, (_, number) in found.items()} == numbers
+    given = {name: members for name, members in {**mesh.sets.faces, **mesh.sets.cells}.items() if name in numbers}
     assert sizes == {name: len(members) for name, members in given.items()}
     assert np.array_equal(np.sort(nodes) - 1, mesh.sets.nodes["medial_wall"])
 
@@ -212,14 +216,16 @@ def test_elements_of_another_kind_and_groups_of_one_name_in_a_gmsh_file(tmp_path
 def test_meshio_reads_the_gmsh_file(mesh, tmp_path):
     found = meshio.read(written(mesh, tmp_path, "gmsh"))
     assert sum(len(block.data) for block in found.cells if block.type == "tetra") == len(mesh.cells)
-    assert {"cortical_surface", "medial_wall", "cortex", "core", "area_V1"} <= found.cell_sets.keys()
-    assert np.allclose(np.sort(found.point_data["thickness"]), np.sort(mesh.point_data["thickness"]))
+    assert {"cortical_surface", "medial_wall", "cortex", "core"} <= found.cell_sets.keys()
+    assert np.allclose(found.points, mesh.points) and np.allclose(
+        found.point_data["thickness"], mesh.point_data["thickness"]
+    )
 
 
 def test_pyvista_reads_the_vtu_file(mesh, tmp_path):
     grid = pyvista.read(written(mesh, tmp_path, "vtu"))
     assert grid.volume == pytest.approx(8.0**3) and set(grid.celltypes) == {pyvista.CellType.TETRA}
-    assert np.array_equal(np.flatnonzero(grid.cell_data["region"] == 2), mesh.sets.cells["cortex"])
+    assert np.array_equal(np.flatnonzero(grid.cell_data["region"] == 1), mesh.sets.cells["cortex"])
     assert np.array_equal(grid.point_data["normal"], mesh.point_data["normal"])
     assert grid.extract_surface(algorithm="dataset_surface").area == pytest.approx(6 * 8.0**2)
 
@@ -229,7 +235,7 @@ def test_pyvista_and_meshio_read_the_legacy_vtk_file(mesh, tmp_path):
     path = written(named, tmp_path, "vtk")
     grid = pyvista.read(path)
     assert grid.volume == pytest.approx(8.0**3) and set(grid.celltypes) == {pyvista.CellType.TETRA}
-    assert np.array_equal(np.flatnonzero(grid.cell_data["region"] == 2), mesh.sets.cells["cortex"])
+    assert np.array_equal(np.flatnonzero(grid.cell_data["region"] == 1), mesh.sets.cells["cortex"])
     assert np.array_equal(grid.point_data["two words"], mesh.point_data["thickness"])
     assert np.array_equal(meshio.read(path).cells_dict["tetra"], mesh.cells)
 
@@ -253,13 +259,13 @@ def test_another_grid_in_a_legacy_vtk_file_is_named(tmp_path):
 
 def test_gmsh_reads_the_nastran_file(mesh, tmp_path):
     path = written(mesh, tmp_path, "nastran")
-    assert path.read_text().startswith("$ property 1: core\n$ property 2: cortex\n$ property 11: cortical_surface\n")
+    assert path.read_text().startswith("$ property 1: cortex\n$ property 2: core\n$ property 101: cortical_surface\n")
     with msh.session():
         gmsh.open(str(path))
         tets = {tag: len(gmsh.model.mesh.getElements(3, tag)[1][0]) for _, tag in gmsh.model.getEntities(3)}
         faces = {tag: len(gmsh.model.mesh.getElements(2, tag)[1][0]) for _, tag in gmsh.model.getEntities(2)}
-    assert tets == {1: len(mesh.sets.cells["core"]), 2: len(mesh.sets.cells["cortex"])}
-    assert faces == {11: len(mesh.sets.faces["cortical_surface"]), 12: len(mesh.sets.faces["medial_wall"])}
+    assert tets == {1: len(mesh.sets.cells["cortex"]), 2: len(mesh.sets.cells["core"])}
+    assert faces == {101: len(mesh.sets.faces["cortical_surface"]), 102: len(mesh.sets.faces["medial_wall"])}
 
 
 def test_an_xdmf_reader_reads_the_fenics_files(mesh, tmp_path):
@@ -267,8 +273,8 @@ def test_an_xdmf_reader_reads_the_fenics_files(mesh, tmp_path):
     cells, facets = meshio.read(path), meshio.read(fenics.facets_path(path))
     assert np.array_equal(cells.points, facets.points)  # one node numbering
     assert np.array_equal(cells.cells_dict["tetra"], mesh.cells)
-    assert np.array_equal(np.flatnonzero(cells.cell_data["region"][0] == 1), mesh.sets.cells["core"])
-    wall = facets.cells_dict["triangle"][facets.cell_data["surface"][0] == 2]
+    assert np.array_equal(np.flatnonzero(cells.cell_data["region"][0] == 2), mesh.sets.cells["core"])
+    wall = facets.cells_dict["triangle"][facets.cell_data["surface"][0] == 102]
     assert np.array_equal(wall, mesh.sets.faces["medial_wall"])
     assert np.array_equal(cells.point_data["area"], mesh.point_data["area"])
 
