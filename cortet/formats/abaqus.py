@@ -85,7 +85,8 @@ def write_elements(
         for name, nodes in node_sets.items():
             file.write(f"*NSET, NSET={name}\n")
             write_wrapped(file, nodes + 1, _PER_LINE)
-        file.writelines(f"** region {number}: {name}\n" for name, number in regions(mesh).items())
+        named = {name: number for name, number in regions(mesh).items() if name in mesh.sets.cells}
+        file.writelines(f"** region {number}: {name}\n" for name, number in named.items())
         for name, members in mesh.sets.cells.items():
             file.write(f"*ELSET, ELSET={name}\n")
             write_wrapped(file, members + 1, _PER_LINE)

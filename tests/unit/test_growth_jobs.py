@@ -120,7 +120,7 @@ def test_the_fenics_job_has_the_mesh_directions_and_supports(mesh: TetMesh, tmp_
     assert (moduli[mesh.sets.cells["cortex"]] == [1.0, 5.0]).all()
     assert (moduli[mesh.sets.cells["core"]] == [1.167, 5.0]).all()
     wall, centre, ahead = job["supports"]
-    assert wall == {"axes": [0], "facets": 2} and centre["axes"] == [1, 2] and ahead["axes"] == [2]
+    assert wall == {"axes": [0], "facets": 102} and centre["axes"] == [1, 2] and ahead["axes"] == [2]
     assert centre["point"][0] == ahead["point"][0] == 0
     assert (folder / "job.py").read_text() == fenics_job.PROGRAM.read_text()
 

@@ -136,7 +136,7 @@ def test_another_surface_than_the_meshed_one_is_refused(ball: tuple[TetMesh, Tri
 def test_the_nodes_of_an_interface_are_judged_too() -> None:
     mesh = cube_mesh(4, side=4.0)
     inner = (np.abs(mesh.points[mesh.cells].mean(axis=1) - 2) < 1).all(axis=1)
-    mesh = replace(mesh, cell_data={REGION: inner.astype(np.int32)})
+    mesh = replace(mesh, cell_data={REGION: 1 + inner.astype(np.int32)})
     within, _ = sheet(mesh, 1)
     outer = replace(boundary_surface(mesh)[0], inner={"white": within})
     assert quadratic(mesh, outer).least_jacobian == 1

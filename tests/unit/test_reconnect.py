@@ -48,11 +48,11 @@ def test_fixed_boundary_keeps_its_triangles(cleaned):
 
 def test_labels_keep_their_interface_and_values_follow(cleaned):
     above = cleaned.points[cleaned.cells].mean(axis=1)[:, 2] > 0
-    mesh = TetMesh(cleaned.points, cleaned.cells, cell_data={"region": above.astype(np.int32)})
+    mesh = TetMesh(cleaned.points, cleaned.cells, cell_data={"region": 1 + above.astype(np.int32)})
 
     def interface(m: TetMesh) -> set:
         halves = [
-            np.sort(m.cells[m.cell_data["region"] == k][:, topology.TET_FACES].reshape(-1, 3)).tolist() for k in (0, 1)
+            np.sort(m.cells[m.cell_data["region"] == k][:, topology.TET_FACES].reshape(-1, 3)).tolist() for k in (1, 2)
         ]
         return set(map(tuple, halves[0])) & set(map(tuple, halves[1]))
 
@@ -62,7 +62,7 @@ def test_labels_keep_their_interface_and_values_follow(cleaned):
     assert interface(result) == interface(mesh)
     more, _ = reconnect(mesh, SURFACE)
     assert len(more.cell_data["region"]) == len(more.cells) and len(interface(more)) == len(interface(mesh))
-    for k in (0, 1):
+    for k in (1, 2):
         before, after = (m.cells[m.cell_data["region"] == k] for m in (mesh, result))
         assert set(np.unique(after)) == set(np.unique(before))
 

@@ -243,8 +243,8 @@ def test_the_certificate_sees_a_vertex_off_the_interface_and_a_tetrahedron_on_th
         "distance of a node of the interface white to its surface, at most"
     ]
     region = mesh.cell_data[REGION].copy()
-    region[interfaces(mesh).behind[0]] = 1  # a face of it may still be flat on the surface
-    region[np.flatnonzero(region == 0)[np.argmax(mesh.points[mesh.cells[region == 0]].mean(axis=1)[:, 0])]] = 1
+    region[interfaces(mesh).behind[0]] = 2  # a face of it may still be flat on the surface
+    region[np.flatnonzero(region == 1)[np.argmax(mesh.points[mesh.cells[region == 1]].mean(axis=1)[:, 0])]] = 2
     judged = certify(replace(mesh, cell_data={REGION: region}), surface)
     assert not judged.certified
     assert "topology problems of the interface white" in [c.name for c in judged.checks if not c.passed]

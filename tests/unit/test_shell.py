@@ -141,7 +141,7 @@ def test_a_brain_without_a_white_surface_has_a_cortex_by_depth(tmp_path: Path) -
     assert centre[sets["cortex"]].min() > 8.0 and centre[sets["csf"]].min() > 9.5 and centre[sets["core"]].max() < 8.8
     assert np.array_equal(np.sort(np.concatenate([sets["cortex"], sets["core"]])), sets["brain"])
     assert np.array_equal(
-        with_regions(mesh, ["brain"]).cell_data["region"] == 1, np.isin(np.arange(len(centre)), sets["brain"])
+        with_regions(mesh, ["brain"]).cell_data["region"] == 2, np.isin(np.arange(len(centre)), sets["brain"])
     )
 
 
