@@ -62,6 +62,9 @@ def add_commands(commands: Commands) -> None:
     convert.add_argument("target", type=OutputFile, metavar="OUT", help="its suffix says for which solver")
     convert.add_argument("--unit", choices=["mm", "um"], default="um", help="of a CARP file that is written")
     convert.add_argument("--source-unit", choices=["mm", "um"], default="um", help="of a CARP file without a sidecar")
+    convert.add_argument(
+        "--tags", metavar="VOLUME", help="number the tetrahedra by the labels of this volume, not by their regions"
+    )
     convert.set_defaults(run=convert_command)
 
     quadratic = commands.add_parser(
@@ -237,7 +240,7 @@ def convert_command(args: argparse.Namespace) -> int:
     """Write a mesh in another format, verified."""
     from cortet.solver_files.export import convert
 
-    for change in convert(args.source, args.target, unit=args.unit, source_unit=args.source_unit):
+    for change in convert(args.source, args.target, unit=args.unit, source_unit=args.source_unit, tags=args.tags):
         print(f"{args.target}: {change}")
     print(f"{args.target}: written and verified")
     return 0

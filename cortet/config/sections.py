@@ -135,6 +135,9 @@ class Export(Section):
     """Label fields and their keys that mark the medial wall, e.g. {parcellation: [0]}; the rest is cortical surface."""
     holes: list[str] = []
     """Inner regions without tetrahedra in the files, e.g. [ventricle]; their walls are the faces `hole_surface`."""
+    tags: str | None = None
+    """Volume of labels whose labels take the place of the regions, e.g. tissue: a format with one number for each
+    tetrahedron holds one of the two. null: the regions."""
     label_shares: bool = False
     """true also writes the share of each label in each tetrahedron, for volumes of labels."""
     field_units: dict[str, str] = {}
@@ -148,7 +151,7 @@ class Export(Section):
         kind : of the surface, `formats.gifti.kind_of`
         """
         layer = kind != "white" if self.cortex_layer is None else self.cortex_layer
-        named = self.model_dump(mode="json", include={"cortex_depth", "cortex_thickness", "medial_wall"})
+        named = self.model_dump(mode="json", include={"cortex_depth", "cortex_thickness", "medial_wall", "tags"})
         return {**named, "cortex_layer": layer}
 
 

@@ -127,7 +127,8 @@ def _other_faces(mesh: TetMesh, boundary: IntArray) -> Iterator[str]:
     known = np.concatenate([boundary, *between])
     for name, faces in mesh.sets.faces.items():
         if name.endswith(INTERFACE) and len(faces):
-            if misplaced := _not_between_regions(mesh, faces):
+            tells = name.removesuffix(INTERFACE) in mesh.sets.cells
+            if misplaced := _not_between_regions(mesh, faces, tells=tells):
                 yield f"face set {name} names {misplaced} faces that are not between two regions"
         elif name not in SURFACE and len(faces):
             both = packed(np.concatenate([known, faces]))
@@ -135,8 +136,8 @@ def _other_faces(mesh: TetMesh, boundary: IntArray) -> Iterator[str]:
                 yield f"face set {name} names {strange} faces that are not on the boundary"
 
 
-def _not_between_regions(mesh: TetMesh, faces: IntArray) -> int:
-    """Number of faces that are not shared by two tetrahedra of different regions or sets."""
+def _not_between_regions(mesh: TetMesh, faces: IntArray, *, tells: bool) -> int:
+    """Number of faces that are not shared by two tetrahedra, of different regions or sets if the file tells them."""
     near = np.flatnonzero(np.isin(mesh.cells, faces).sum(axis=1) >= 3)
     every = mesh.cells[near][:, TET_FACES].reshape(-1, 3)
     key = packed(np.concatenate([faces, every]))
@@ -151,7 +152,7 @@ def _not_between_regions(mesh: TetMesh, faces: IntArray) -> int:
     first = np.searchsorted(ordered, key[: len(faces)], "left")
     count = np.searchsorted(ordered, key[: len(faces)], "right") - first
     two = count == 2
-    good[two] = belongs[owner[first[two]]] != belongs[owner[first[two] + 1]]
+    good[two] = (belongs[owner[first[two]]] != belongs[owner[first[two] + 1]]) | (not tells)
     return int(np.count_nonzero(~good))
 
 

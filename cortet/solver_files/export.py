@@ -16,15 +16,16 @@ from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.hashing import array_sha256, mesh_sha256
 from cortet.formats.ownership import delete_made, may_write
 from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL, with_surface
+from cortet.formats.tags import region_numbers
 from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
-from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
+from cortet.meshes import REGION, CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
 from cortet.solver_files.holes import hollow
 from cortet.solver_files.meshed import moved
 from cortet.solver_files.names import ASCII, in_ascii, left_out
 from cortet.solver_files.others import not_as_meant, seen_otherwise
-from cortet.solver_files.sets import named_sets
+from cortet.solver_files.sets import named_sets, tagged
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar, sidecar_path
 from cortet.solver_files.verify import problems
 from cortet.stages.solver_ready import surface_nodes_first
@@ -161,7 +162,9 @@ def _boundary(mesh: TetMesh) -> TriSurface:
     return replace(surface, point_data={name: values[nodes] for name, values in mesh.point_data.items()})
 
 
-def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = "um") -> list[str]:
+def convert(
+    source: Path, target: Path, *, unit: str = "um", source_unit: str = "um", tags: str | None = None
+) -> list[str]:
     """Convert a mesh file to the format that the name of `target` selects, and verify the written file.
 
     Nodes are renumbered if those of the surface do not come first; a mesh without sets gets the default sets. If
@@ -170,6 +173,7 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
     Parameters
     ----------
     unit, source_unit : unit of the coordinates, for formats that do not state it; a sidecar of `source` has precedence
+    tags : field of tetrahedra whose labels take the place of the regions (`sets.tagged`)
 
     Returns
     -------
@@ -201,6 +205,8 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
         if not content.sets.faces:
             content, what = _with_face_sets(content)
             done.append(what)
+        content, what = _numbered(content, tags)
+        done += what
         if written_as.name in ASCII:
             content, renamed = in_ascii(content)
             done += renamed
@@ -219,6 +225,17 @@ def convert(source: Path, target: Path, *, unit: str = "um", source_unit: str = 
     if isinstance(content, TetMesh) and not isinstance(back, TriSurface):
         done += left_out(content, back.mesh)
     return done
+
+
+def _numbered(mesh: TetMesh, tags: str | None) -> tuple[TetMesh, list[str]]:
+    """The mesh with numbers of regions from 1 on, or with labels in their place; and what was changed, in words."""
+    if tags:
+        return tagged(mesh, tags), []
+    number = region_numbers(mesh)
+    if (least := int(number.min())) < 1:
+        told = f"regions are numbered from 1: {1 - least} more than in the file"
+        return replace(mesh, cell_data={**mesh.cell_data, REGION: number + np.int32(1 - least)}), [told]
+    return replace(mesh, cell_data={**mesh.cell_data, REGION: number}), []
 
 
 def _with_face_sets(mesh: TetMesh) -> tuple[TetMesh, str]:

@@ -38,8 +38,7 @@ def left_out(mesh: TetMesh, back: TetMesh) -> list[str]:
     told = []
     for what, before, after in zip(whats, _named(mesh), _named(back), strict=True):
         lost = [name for name in before if name not in after and f"{name}_1" not in after]
-        if before is mesh.cell_data and mesh.sets.cells:  # the regions are sets as well
-            lost = [name for name in lost if name != REGION]
+        lost = [name for name in lost if name != REGION]  # every format has the numbers
         why = f"the format has no {what}" if not after else "an element has one number, and is in one set"
         told += [f"left out, as {why}: {', '.join(lost)}"] if lost else []
     return told

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.formats import tags
+from cortet.formats.tags import region_numbers
+from cortet.formats.tags import regions as regions_of
 from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, OUTER_SURFACE
 from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, interfaces
@@ -37,6 +38,7 @@ def named_sets(
     label_names: Mapping[str, Mapping[int, str]] | None = None,
     inner: Sequence[str] = (),
     tissues: Collection[str] = (),
+    tags: str | None = None,
 ) -> TetMesh:
     """The mesh with its sets, which replace those that it had.
 
@@ -50,6 +52,7 @@ def named_sets(
     medial_wall : label field -> keys that mark the medial wall
     label_names : label field -> key -> name, if there are names
     tissues : integer fields of tetrahedra; each label is a set `FIELD_NAME`, or `FIELD_KEY` where it has no name
+    tags : the field whose labels take the place of the regions (`tagged`)
     inner : names of the regions of the mesh from 2 on, if it has any. Each region is a set, and so are the faces between
         two. Then region 1 is the cortex, whatever its depth, and the others together are the core. If the brain is among
         them (`meshes.region_names`), region 1 lies around it, neither cortex nor core, and the boundary is the set of
@@ -95,11 +98,11 @@ def named_sets(
         cortex = np.isin(number, brain)
     numbered = {set_name(name): one for one, name in enumerate(names_of, start=1)}
     if number is None and REGION in mesh.cell_data:
-        numbered = tags.regions(mesh)
+        numbered = regions_of(mesh)
     if numbered.keys() <= {CORTEX, CORE}:  # by their depth
         numbered, number = {CORTEX: 1, CORE: 2}, np.where(cortex, 1, 2).astype(np.int32)
         mesh = replace(mesh, cell_data={**mesh.cell_data, REGION: number})
-    of_cell = tags.region_numbers(mesh)
+    of_cell = region_numbers(mesh)
     cells = np.flatnonzero(cortex).astype(np.int32)
     regions = {name: np.flatnonzero(of_cell == one) for name, one in numbered.items()}
     regions |= {CORTEX: cells, CORE: np.flatnonzero(~cortex & ~around)}
@@ -112,7 +115,31 @@ def named_sets(
             same = np.flatnonzero(mesh.cell_data[field] == key).astype(np.int32)
             regions[_label_name(field, key, names, regions)] = same
     filled = {name: members.astype(np.int32) for name, members in regions.items() if len(members)}
-    return replace(mesh, sets=MeshSets(sets.nodes, sets.faces, filled))
+    named = replace(mesh, sets=MeshSets(sets.nodes, sets.faces, filled))
+    return tagged(named, tags) if tags else named
+
+
+def tagged(mesh: TetMesh, field: str) -> TetMesh:
+    """The mesh with the labels of a field of tetrahedra in place of its regions, which remain as sets.
+
+    A label below 1, which several formats take for none, gets the number after the largest.
+
+    Raises
+    ------
+    InputError : the mesh has no such field, or it holds other than whole numbers from 0 on
+    """
+    values, known = mesh.cell_data.get(field), [name for name, some in mesh.cell_data.items() if _is_label(some)]
+    if values is None or (field not in known and not (values == np.round(values)).all()) or values.min() < 0:
+        raise InputError(f"the tetrahedra have no labels {field} from 0 on", remedy=_known(known))
+    labels = np.where(values == 0, values.max() + 1, values).astype(np.int32)
+    own = {name: cells for name, cells in mesh.sets.cells.items() if name.startswith(f"{field}_")}
+    own |= {
+        set_name(f"{field}_{one % (values.max() + 1):g}", mesh.sets.cells): np.flatnonzero(labels == one).astype(np.int32)
+        for one in np.unique(labels)
+        if not any(np.array_equal(np.flatnonzero(labels == one), cells) for cells in own.values())
+    }
+    sets = MeshSets(mesh.sets.nodes, mesh.sets.faces, {**own, **mesh.sets.cells})
+    return replace(mesh, cell_data={**mesh.cell_data, REGION: labels}, sets=sets)
 
 
 def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:

@@ -102,7 +102,7 @@ def test_two_balls_are_certified_with_known_volumes(pair, meshed):
 def test_regions_are_numbers_of_tetrahedra_and_follow_every_stage(meshed):
     mesh = meshed.mesh
     centres = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1)
-    assert centres[mesh.cell_data[REGION] == 1].max() < 10.01 and centres[mesh.cell_data[REGION] == 0].min() > 9.5
+    assert centres[mesh.cell_data[REGION] == 2].max() < 10.01 and centres[mesh.cell_data[REGION] == 1].min() > 9.5
     faces = interfaces(mesh)
     normals = np.cross(*(mesh.points[faces.faces[:, i]] - mesh.points[faces.faces[:, 0]] for i in (1, 2)))
     assert (np.einsum("ij,ij->i", normals, mesh.points[faces.faces[:, 0]]) > 0).all()  # outward
@@ -352,8 +352,9 @@ def test_regions_are_materials_and_the_interface_a_named_surface_of_every_format
     assert verify(path, solver) == []
     back = FORMATS[solver].read(path)
     sets = back.sets
-    if solver != "braingrowth":  # which has one material
-        for name in ("cortex", "core"):
+    assert np.array_equal(back.cell_data[REGION], meshed.mesh.cell_data[REGION])
+    if solver != "braingrowth":  # which has no names
+        for name in ("cortex", "white"):
             assert np.array_equal(np.sort(sets.cells[name]), mesh.sets.cells[name])
     if solver in ("abaqus", "febio", "fenics", "gmsh", "vtu"):
         assert len(sets.faces["white_interface"]) == len(interfaces(meshed.mesh).faces)
@@ -375,7 +376,7 @@ def test_the_outer_region_is_what_grows_in_the_direction_across_it(meshed):
     mesh = with_interface(meshed.mesh)
     scale = scale_of(mesh, None)
     body = body_of(mesh, scale)
-    cortex = mesh.cell_data[REGION] == 0
+    cortex = mesh.cell_data[REGION] == 1
     assert body.depth[cortex].max() == 0 and (body.depth[~cortex] >= 9 * body.thickness[~cortex]).all()
     assert body.thickness[cortex] * scale.length == pytest.approx(np.full(cortex.sum(), 4.0), rel=0.06)
     radial = mesh.points[mesh.cells].mean(axis=1)
@@ -449,7 +450,7 @@ def test_fields_of_both_surfaces_are_carried(meshed, interior):
 def test_an_empty_region_is_said_in_a_sentence() -> None:
     good = sound(4)
     wrong = swapped_regions(good)
-    none = replace(wrong.mesh, cell_data={REGION: np.zeros(len(wrong.mesh.cells), np.int32)})
+    none = replace(wrong.mesh, cell_data={REGION: np.ones(len(wrong.mesh.cells), np.int32)})
     (reason,) = (one for one in certify(none, wrong.surface).reasons if one.startswith("tetrahedra of region white"))
     assert reason == "tetrahedra of region white 0, must be at least 1"
     swapped = certify(wrong.mesh, wrong.surface)
