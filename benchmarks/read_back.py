@@ -65,14 +65,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tags", help="the volume whose labels take the place of the regions")
     mesh = model(parser.parse_args().tags)
-    print(f"{'format':<13}{'read by':<9}{'tags and numbers of tetrahedra':<32}{'names':<34}worst")
+    print(f"{'format':<13}{'read by':<9}{'tags and numbers of tetrahedra':<32}{'names, or sets: tetrahedra':<34}worst")
     for name in FORMATS:
         with tempfile.TemporaryDirectory() as folder:
             for program, found in seen(mesh, name, Path(folder)):
-                sets = [(called, len(members)) for called, members in found.sets.items()]
-                count = sets if found.region is None else zip(*np.unique(found.region, return_counts=True), strict=True)
+                count = zip(*np.unique(found.region, return_counts=True), strict=True) if found.region is not None else ()
                 tags = ", ".join(f"{tag}: {times}" for tag, times in count) or "none"
-                names = ", ".join(f"{tag} {called}" for tag, called in found.names.items()) or "none"
+                names = ", ".join(f"{tag} {called}" for tag, called in found.names.items())
+                names = names or ", ".join(f"{called}: {len(some)}" for called, some in found.sets.items()) or "none"
                 off = "no field"
                 if "linear" in found.fields:
                     off = f"{np.abs(found.fields['linear'] - linear(found.points)).max():.1e}"

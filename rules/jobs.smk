@@ -1,13 +1,29 @@
 """Log, benchmark, environment, memory and minutes of every rule that has a script; and when it runs again.
 
-What is there is used only if it was made with what is asked for now: its receipt says so (cortet.cohort.receipts).
+What is there is used only if it was made with what is asked for now: its receipt says so (cortet.cohort.receipts). A job
+runs again, too, if a file is gone that a record among its outputs lists (cortet.formats.ownership): the files of some
+formats are several. One that was changed is left, and said.
 Snakemake compares parameters with those it remembers, in the folder where it was started, and only with those.
 """
 
+from functools import cache
+from itertools import chain
+
 from cortet.cohort.receipts import is_current, receipt_path
 from cortet.cohort.resources import cost
+from cortet.formats.ownership import changed_of, is_whole
 from snakemake.iocontainers import InputFiles, OutputFiles
 from snakemake.resources import Resources
+
+
+#: rules that write files beside their outputs, and a record of all
+EXPORTS = ("export", "ten_nodes")
+
+
+@cache
+def say_changed(path):
+    """Warn, once, of a file that is not as its job wrote it."""
+    logger.warning(f"{path} was changed after cortet wrote it: delete it, and it is made again")
 
 
 def rerun_without_receipt(step):
@@ -21,8 +37,14 @@ def rerun_without_receipt(step):
         if workflow.is_main_process and not workflow.touch:
             log = Path(step.expand_log(wildcards)[0])
             parameters, _ = step.expand_params(wildcards, InputFiles(), OutputFiles(), None)
-            if not is_current(receipt_path(Path(OUT), log), dict(parameters.items())):
-                workflow.dag.forcefiles.update(step.expand_output(wildcards)[0])
+            outputs = step.expand_output(wildcards)[0]
+            records = [Path(output) for output in outputs if step.name in EXPORTS and output.endswith(".json")]
+            current = is_current(receipt_path(Path(OUT), log), dict(parameters.items()))
+            if not current or not all(map(is_whole, records)):
+                workflow.dag.forcefiles.update(outputs)
+            else:
+                for path in chain.from_iterable(map(changed_of, records)):
+                    say_changed(path)
         return []
 
     return no_files

@@ -154,8 +154,12 @@ def mesh_command(args: argparse.Namespace) -> int:
     surface, given = surface_of(args, config)
     surfaces = meshed_files(region_names(surface.inner), args.output)
     tissues = args.output.with_name(f"{stem_of(args.output)}.volumes.tsv")
-    for file in (record, sidecar_path(args.output), *surfaces.values(), *([tissues] if args.volume else [])):
+    beside = [record, sidecar_path(args.output), *surfaces.values(), *([tissues] if args.volume else [])]
+    for file in beside:
         may_write(file)
+    for file in (args.page, args.picture, args.slices):
+        if file and file.absolute() in [one.absolute() for one in beside]:
+            refuse_companion(file)
     if not args.force:
         require_own_stem(args.output, given, cell_size=size)
     require_regions(config.export.holes, surface.inner)

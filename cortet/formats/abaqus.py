@@ -48,6 +48,12 @@ _ELSEWHERE = {
 #: most numbers that the ranges of one block may expand to
 _MOST_GENERATED = 2**24
 _REGION = re.compile(rb"^\*\* region (\d{1,9}): (\S+)\s*$", re.MULTILINE)
+#: elements of four nodes: C3D4, and its kin for hybrid, thermal, acoustic and other analyses
+_TETRAHEDRON = re.compile(r"[AD]?C3D4[A-Z]*$")
+#: exponents of double precision, as Fortran writes them
+_EXPONENT = re.compile(rb"(?<=[\d.])[dD](?=[+-]?\d)")
+#: commas that are not within quotation marks
+_OUTSIDE_QUOTES = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')
 _COMMENT = re.compile(rb"^\*\*[^\n]*", re.MULTILINE)
 _FIELD = re.compile(rb"^\*\* variable (\d+): (\S+), component (\d+) of (\d+), (\w+)$", re.MULTILINE)
 
@@ -126,27 +132,30 @@ def read(path: str | Path) -> TetMesh:
     """
     node_rows, element_rows = [np.empty((0, 4))], [np.empty((0, 5), np.int64)]
     node_sets, cell_sets, surfaces = _Sets(), _Sets(), _Sets()
-    for keyword, options, data, line in _blocks(path):
+    blocks = _blocks(path)
+    _refuse_several(blocks, path)
+    for keyword, options, data, line in blocks:
         _refuse_unread(keyword, options, data, line, path)
         try:
             if keyword == "NODE":
-                node_rows.append(read_rows(data, 4, float, delimiter=","))
+                node_rows.append(read_rows(_EXPONENT.sub(b"E", data), 4, float, delimiter=","))
                 node_sets.add(options.get("NSET", ALL_NODES), whole(node_rows[-1][:, 0], "node", path))
             elif keyword == "ELEMENT":
-                if options.get("TYPE") != "C3D4":
-                    raise DamagedFileError(f"line {line}: elements of type {options.get('TYPE')}, not C3D4", file=path)
+                if not _TETRAHEDRON.match(kind := options.get("TYPE", "none")):
+                    what = f"line {line}: elements of type {kind}, not C3D4"
+                    raise InputError(what, file=path, remedy="export the tetrahedra of four nodes alone")
                 element_rows.append(read_rows(data, 5, np.int64, delimiter=","))
                 cell_sets.add(options.get("ELSET", ALL_ELEMENTS), element_rows[-1][:, 0])
             elif keyword in ("NSET", "ELSET"):
                 named = node_sets if keyword == "NSET" else cell_sets
-                named.add(options[keyword], _ranges(data) if "GENERATE" in options else _numbers(data))
+                named.add(options[keyword], _ranges(data) if "GENERATE" in options else named.members(data))
             elif keyword == "SURFACE":
-                sides_of = data.replace(b"S", b"").replace(b"s", b"")
-                surfaces.add(options["NAME"], read_rows(sides_of, 2, np.int64, delimiter=","))
+                surfaces.add(options["NAME"], _sides(data, cell_sets))
         except BadRowError as error:
             raise DamagedFileError(f"line {_line_of(error.row, data, line)} {error}", file=path) from error
         except (KeyError, ValueError, OverflowError) as error:
-            raise DamagedFileError(f"line {line}: *{keyword} cannot be read: {error}", file=path) from error
+            what = f"line {line}: *{keyword} cannot be read: {error}"
+            raise InputError(what, file=path, remedy="write sets as numbers, and sides as S1 to S4") from error
     nodes, elements = np.concatenate(node_rows), np.concatenate(element_rows)
     if not len(nodes) or not len(elements):
         raise DamagedFileError("holds no nodes or no elements", file=path)
@@ -199,12 +208,65 @@ class _Sets:
         """Add the members that a block lists, one per row."""
         self._parts.setdefault(name, []).append(members)
 
+    def members(self, data: bytes) -> NDArray[np.int64]:
+        """The integers of lines of any length, and the members of the sets that they name; ValueError for no set."""
+        plain = data.replace(b",", b" ")
+        if not re.search(rb"[^\s0-9+-]", plain):
+            return np.array(plain.split(), np.int64)
+        return np.unique(np.concatenate([self.of_word(word) for word in _words(data)]))
+
+    def of_word(self, word: str) -> NDArray[np.int64]:
+        """The number that a word is, or the members of the set that it names, perhaps after an instance and a dot."""
+        if re.fullmatch(r"[+-]?\d+", word):
+            return np.array([int(word)], np.int64)
+        for name in (word, word.partition(".")[2]):
+            if found := [part for own, part in self._parts.items() if own.lower() == name.lower()]:
+                return np.concatenate(found[0])
+        raise ValueError(f"there is no set {word} before it")
+
     def joined(self) -> dict[str, NDArray[np.int64]]:
         """All members of each set, without repetitions even if several blocks list them."""
         return {
             name: parts[0] if len(parts) == 1 else np.unique(np.concatenate(parts), axis=0)
             for name, parts in self._parts.items()
         }
+
+
+def _sides(data: bytes, sets: _Sets) -> NDArray[np.int64]:
+    """Elements and sides (k, 2) of lines `element, side` or `set of elements, side`."""
+    plain = data.replace(b"S", b"").replace(b"s", b"")
+    if not re.search(rb"[^\s0-9,]", plain):
+        return read_rows(plain, 2, np.int64, delimiter=",")
+    found = [np.empty((0, 2), np.int64)]
+    for line in data.split(b"\n"):
+        if len(words := _words(line)) == 2 and (side := re.fullmatch(r"[Ss](\d+)", words[1])):
+            members = sets.of_word(words[0])
+            found.append(np.column_stack([members, np.full(len(members), int(side[1]))]))
+        elif words:
+            raise ValueError(f"`{', '.join(words)}` names no element or set, and a side S1 to S4")
+    return np.concatenate(found)
+
+
+def _words(line: bytes) -> list[str]:
+    """The words between commas, without quotation marks."""
+    words = _OUTSIDE_QUOTES.split(line.decode("ascii", "replace").replace("\n", ","))
+    return [word.strip().strip('"') for word in words if word.strip()]
+
+
+def _refuse_several(blocks: list[tuple[str, dict[str, str], bytes, int]], path: str | Path) -> None:
+    """Raise InputError for a file with more than one part or instance, or with nodes outside of it."""
+    remedy, where = "export one part as one mesh", "a part"
+    for keyword in ("PART", "INSTANCE"):
+        lines = [(options.get("NAME", ""), line) for word, options, _, line in blocks if word == keyword]
+        if len(lines) > 1:
+            what = f"line {lines[1][1]}: *{keyword}, NAME={lines[1][0]} is the second, and one mesh is read"
+            raise InputError(what, file=path, remedy=remedy)
+    for keyword, _, _, line in blocks:
+        if keyword in ("PART", "ASSEMBLY", "INSTANCE", "END PART", "END INSTANCE"):
+            where = "the assembly" if keyword in ("ASSEMBLY", "END INSTANCE") else "a part"
+        elif keyword in ("NODE", "ELEMENT") and where == "the assembly":
+            what = f"line {line}: *{keyword} in the assembly, beside the part, is not read"
+            raise InputError(what, file=path, remedy=remedy)
 
 
 def _refuse_unread(keyword: str, options: Mapping[str, str], data: bytes, line: int, path: str | Path) -> None:
@@ -242,9 +304,9 @@ def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:
         while head.rstrip().endswith(b","):  # the keyword line continues
             more, _, data = data.partition(b"\n")
             head, lines = head + more, lines + 1
-        keyword, *options = (word.strip() for word in head[1:].decode("ascii", "replace").split(","))
+        keyword, *options = (word.strip() for word in _OUTSIDE_QUOTES.split(head[1:].decode("ascii", "replace")))
         pairs = (option.partition("=") for option in options)
-        values = {key.strip().upper(): value.strip() for key, _, value in pairs}
+        values = {key.strip().upper(): value.strip().strip('"') for key, _, value in pairs}
         if "TYPE" in values:
             values["TYPE"] = values["TYPE"].upper()
         blocks.append((keyword.upper(), values, data, line + lines - 1))
@@ -252,26 +314,21 @@ def _blocks(path: str | Path) -> list[tuple[str, dict[str, str], bytes, int]]:
     return blocks
 
 
-def _numbers(data: bytes) -> NDArray[np.int64]:
-    """The integers of lines of any length."""
-    return np.array(data.replace(b",", b" ").split(), np.int64)
-
-
 def _ranges(data: bytes) -> NDArray[np.int64]:
-    """The integers of lines `first, last, increment`, both ends included; without an increment it is 1."""
+    """The integers of lines `first, last, increment`, both ends included; without an increment it is 1 or -1."""
     found, total = [np.empty(0, np.int64)], 0
     for text in data.replace(b",", b" ").split(b"\n"):
         numbers = [int(word) for word in text.split()]
         if not numbers:
             continue
-        first, last, step = (*numbers, 1) if len(numbers) == 2 else numbers
-        if step < 1 or last < first:
+        first, last, step = (*numbers, 1 if numbers[0] <= numbers[1] else -1) if len(numbers) == 2 else numbers
+        if step == 0 or (last - first) * step < 0:
             raise ValueError(f"{first} to {last} by {step} is no range")
         total += (last - first) // step + 1
         if total > _MOST_GENERATED:
             raise ValueError(f"generates more than {_MOST_GENERATED:,} numbers")
-        found.append(np.arange(first, last + 1, step))
-    return np.concatenate(found)
+        found.append(np.arange(first, last + (1 if step > 0 else -1), step))
+    return np.sort(np.concatenate(found))
 
 
 def _read_fields(path: Path, number_of_node: NDArray[np.int64]) -> dict[str, NDArray[Any]]:

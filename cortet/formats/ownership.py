@@ -147,17 +147,30 @@ def has_read(path: Path) -> None:
 
 
 def about_to_write(temporary: Path, path: Path) -> None:
-    """Record that a file is about to get its name. The manifest lists it first, so that a kill does no harm."""
+    """Record that a file is about to get its name. The manifest lists it first, so that a kill does no harm.
+
+    Raises
+    ------
+    InputError
+        the command was told to write this file, and has written another there
+    """
     guard = _guard.get()
     if guard is None:
         return
     place = path.absolute()
+    if place in guard.made and place in [one.absolute() for one in guard.files]:
+        refuse_companion(path)
     guard.made.add(place)
     if identity := _identity(temporary):
         guard.inputs.pop(identity, None)  # the command read the file back before it got its name
     within_temporary = path.parent.name.startswith(_own_prefix())  # all files of that folder get their names together
     if not within_temporary and not guard.is_below_own_folder(place):
         _list_in_manifest(path, sha256(temporary))
+
+
+def refuse_companion(path: Path) -> None:
+    """Raise InputError for an output whose name another file has that the same command writes."""
+    raise InputError("is the name of another file that this command writes", file=path, remedy="give another name")
 
 
 def temporary_beside(path: Path) -> Path:
@@ -204,6 +217,18 @@ def files_of(record: Path) -> dict[str, str]:
     data = json_of(record)
     files = data.get("files") if data.items() >= _SIGNATURE.items() else None
     return {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else {}
+
+
+def is_whole(record: Path) -> bool:
+    """Whether a record is there, and all files that it lists."""
+    return record.is_file() and all((record.parent / name).is_file() for name in files_of(record))
+
+
+def changed_of(record: Path) -> list[Path]:
+    """The files that a record lists and that have another content now; only those newer than the record are read."""
+    beside = {record.parent / name: digest for name, digest in files_of(record).items()}
+    newer = [path for path in beside if path.stat().st_mtime_ns > record.stat().st_mtime_ns]
+    return [path for path in newer if sha256(path) != beside[path]]
 
 
 def delete_made(record: Path) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.errors import place_mm
 from cortet.formats.as_read import AsRead
 from cortet.formats.surface_sets import (
     CORE,
@@ -25,6 +26,7 @@ from cortet.formats.surface_sets import (
 )
 from cortet.formats.tags import region_numbers
 from cortet.geometry.filling import broken_body
+from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import TET_FACES, boundary_faces, enclosed_volume, packed, surface_topology
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import AROUND, FloatArray, IntArray, TetMesh, TriSurface
@@ -38,7 +40,7 @@ def broken_conventions(file: AsRead, *, body: bool = True) -> list[str]:
 
     Parameters
     ----------
-    body : whether to check, too, that the tetrahedra fill a body
+    body : whether to check, too, that the tetrahedra fill a body whose boundary and interfaces do not cross
     """
     mesh = file.mesh
     if absurd := list(_coordinates(mesh.points)):
@@ -50,7 +52,7 @@ def broken_conventions(file: AsRead, *, body: bool = True) -> list[str]:
     return [
         *file.problems,
         *_volumes(file),
-        *(broken_body(mesh, holes=True) if body else ()),
+        *((*broken_body(mesh, holes=True), *_crossings(_walls(mesh))) if body else ()),
         *_surface(file),
         *_sets(mesh),
         *_fields(mesh.point_data, len(mesh.points), "nodes"),
@@ -67,6 +69,7 @@ def broken_surface(surface: TriSurface) -> list[str]:
     topology = surface_topology(surface.faces)
     genus = int(topology.genus) if topology.is_closed_manifold else 0
     problems = [f"the surface has {problem}" for problem in topology.problems(genus)]
+    problems += [*_crossings(surface)]
     if not problems and enclosed_volume(surface.points, surface.faces) <= 0:
         problems.append(f"{len(surface.faces)} of {len(surface.faces)} triangles face inward")
     return [*problems, *_fields(surface.point_data, len(surface.points), "nodes")]
@@ -76,6 +79,18 @@ def _coordinates(points: FloatArray) -> Iterator[str]:
     """Coordinates so large that areas and volumes overflow."""
     if (largest := float(np.abs(points).max(initial=0))) > _LARGEST_COORDINATE:
         yield f"a coordinate is {largest:g}, which is no length of a body"
+
+
+def _walls(mesh: TetMesh) -> TriSurface:
+    """The boundary of a mesh and its interfaces."""
+    return TriSurface(mesh.points, np.concatenate([boundary_faces(mesh), *interface_sets(mesh).values()]))
+
+
+def _crossings(surface: TriSurface) -> Iterator[str]:
+    """Triangles that cross as the file has them: what is apart in double precision may touch after rounding."""
+    if len(crossing := self_intersections(surface)):
+        where = place_mm(surface.points[surface.faces[crossing[0]]].mean(axis=0))
+        yield f"{len(crossing)} triangles cross others with the coordinates of the file, the first at {where}"
 
 
 def _volumes(file: AsRead) -> Iterator[str]:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError, StageError
 from cortet.formats import abaqus, febio
 from cortet.formats.atomic import atomic_folder, write_json
+from cortet.formats.ownership import record_of
 from cortet.formats.surface_sets import sides, with_surface
 from cortet.formats.tags import face_tags, region_numbers, regions
 from cortet.geometry.quadratic import EDGES, QuadraticMesh
@@ -56,7 +57,8 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> list[st
     with atomic_folder(path) as folder:
         writer(mesh, curved, sets, folder / path.name)
         _check(mesh, curved, folder / path.name)
-        write_json(record(curved), folder / f"{path.stem}.quadratic.json")
+        made = record_of(sorted(folder.iterdir()))
+        write_json(made | record(curved), folder / f"{path.stem}.quadratic.json")
     return left_out(mesh, _held(mesh, path.suffix))
 
 

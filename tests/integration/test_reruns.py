@@ -270,3 +270,23 @@ def wait_for(found: Callable[[], int | None], run: subprocess.Popen[bytes], seco
             return result
         time.sleep(0.02)
     raise AssertionError("the job to kill never ran")
+
+
+@pytest.mark.parametrize("companion", [".h5", "_facets.xdmf", ".xdmf.json"])
+def test_a_file_that_vanished_beside_an_export_is_made_again(study: Study, companion: str) -> None:
+    study.config["export"] = {"formats": ["fenics"]}
+    study.jobs_of_run()
+    (mesh,) = (file for file in study.files("sub-a*.xdmf") if "_facets" not in file.name)
+    gone = mesh.with_name(mesh.name.removesuffix(".xdmf") + companion)
+    before = gone.read_bytes()
+    gone.unlink()
+    assert ("export", "sub-a") in study.jobs_of_run()
+    assert gone.read_bytes() == before
+
+
+def test_an_export_that_was_changed_is_left_and_said(study: Study) -> None:
+    (mesh,) = study.files("sub-a*.mesh")
+    mesh.write_text(mesh.read_text() + "\n")
+    done = study.run("--dry-run")
+    assert f"{mesh.name} was changed after cortet wrote it" in done.stdout + done.stderr
+    assert ("export", "sub-a") not in study.planned_jobs()
