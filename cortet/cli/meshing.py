@@ -191,7 +191,7 @@ def mesh_command(args: argparse.Namespace) -> int:
     if certificate.certified:
         sources = field_sources(dict(args.field), config.export.field_units)
         labels = {name: field.labels for name, field in sources.items()}
-        export(
+        told = export(
             named_sets(
                 mesh,
                 **config.export.sets(kind),
@@ -229,6 +229,8 @@ def mesh_command(args: argparse.Namespace) -> int:
     print_verdict(certificate)
     print(f"{record}: every number beside its limit")
     if certificate.certified:
+        for what in told:
+            print(f"{args.output}: {what}")
         print(f"{args.output}: written, with the surface that was meshed: {next(iter(surfaces.values())).name}")
         if kind == "white" and not surface.inner:
             print(WHITE_ALONE)

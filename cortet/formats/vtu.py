@@ -206,7 +206,6 @@ def write(mesh: TetMesh, path: str | Path) -> None:
     of_nodes, of_cells = with_sets(mesh)
     count = len(mesh.cells)
     sections: dict[str, dict[str, NDArray[Any]]] = {
-        "FieldData": {name: np.array(tags, np.int32) for name, tags in names_of(mesh).items()},
         "Points": {"Points": mesh.points},
         "Cells": {
             "connectivity": mesh.cells.ravel(),
@@ -215,6 +214,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
         },
         "PointData": of_nodes,
         "CellData": of_cells,
+        "FieldData": {name: np.array(tags, np.int32) for name, tags in names_of(mesh).items()},
     }
     heads, stored, offset = [], [], 0
     for section, arrays in sections.items():
@@ -231,8 +231,8 @@ def write(mesh: TetMesh, path: str | Path) -> None:
         file.write(
             '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
             'header_type="UInt32" compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n'
-            f'{heads[0]}<Piece NumberOfPoints="{len(mesh.points)}" NumberOfCells="{count}">\n'
-            f"{''.join(heads[1:])}</Piece>\n"
+            f'{heads[-1]}<Piece NumberOfPoints="{len(mesh.points)}" NumberOfCells="{count}">\n'
+            f"{''.join(heads[:-1])}</Piece>\n"
             '</UnstructuredGrid>\n<AppendedData encoding="raw">\n_'.encode()
         )
         for data in stored:

@@ -82,7 +82,7 @@ def _of_regions(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
     if not meshed.inner or REGION not in mesh.cell_data:
         return []
     names = region_names(meshed.inner)
-    colours = ", ".join(f"{name} {COLOUR_NAMES[i % len(COLOUR_NAMES)]}" for i, name in enumerate(names))
+    colours = ", ".join(f"{i + 1} {name} {COLOUR_NAMES[i % len(COLOUR_NAMES)]}" for i, name in enumerate(names))
     return [
         captioned(cut_view(mesh, regions=True), "Regions", colours),
         *(

@@ -46,7 +46,7 @@ def export(
     interior: str | None = None,
     made_from: Mapping[str, Any] | None = None,
     holes: Collection[str] = (),
-) -> None:
+) -> list[str]:
     """Write `path`, the files that belong to it and its sidecar, complete and verified or not at all.
 
     Parameters
@@ -62,6 +62,10 @@ def export(
     made_from : which surfaces were meshed, from `meshed.made_from`
     holes : inner regions whose tetrahedra are left out; the certificate is that of the whole mesh
 
+    Returns
+    -------
+    which fields and sets the format cannot hold, in words
+
     Raises
     ------
     InputError
@@ -74,7 +78,7 @@ def export(
     require_certified(mesh, certificate, path, uncertified=uncertified)
     if len((hollowed := hollow(mesh, holes)).cells) < len(mesh.cells):
         mesh, made_from = hollowed, {**(made_from or {}), "holes": list(holes)}
-    _write_verified(
+    back = _write_verified(
         mesh,
         path,
         solver=solver,
@@ -85,6 +89,7 @@ def export(
         made_from=made_from,
         body=bool(certificate["certified"]),
     )
+    return [] if isinstance(back, TriSurface) else left_out(mesh, back.mesh)
 
 
 def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path, *, uncertified: bool) -> None:

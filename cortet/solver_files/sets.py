@@ -162,11 +162,15 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
         names[1] = CORE  # in files of cortet before its region had a name
     for number, name in enumerate(names, start=1):
         region[sets.get(name, [])] = number
-    if not region.all():
-        known = ", ".join(sets) or "none"
+    missing = [name for name in names if name not in sets]
+    if missing or not region.all():
+        what = (
+            f"there is no set {missing[0]}"
+            if missing
+            else f"{np.count_nonzero(region == 0)} tetrahedra are in none of the sets {', '.join(names)}"
+        )
         raise InputError(
-            f"its regions are not known: {np.count_nonzero(region == 0)} tetrahedra are in none of the sets "
-            f"{', '.join(names)} (it has: {known})",
+            f"its regions are not known: {what} (it has: {', '.join(sets) or 'none'})",
             remedy="give a mesh that was made with these inner surfaces",
         )
     return replace(mesh, cell_data={**mesh.cell_data, REGION: region})
