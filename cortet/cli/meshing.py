@@ -16,7 +16,7 @@ from cortet.cli.shared import inner, writes
 from cortet.cli.values import Number, OutputFile, named_file, output_picture, size
 from cortet.errors import InputError
 from cortet.formats import format_of, require_holes
-from cortet.formats.ownership import delete_made, may_write, record_of
+from cortet.formats.ownership import delete_made, may_write, record_of, refuse_companion
 from cortet.geometry.limits import CELL_SIZE_MM, SCAN_AGES, SHELL_MM
 
 #: said of a mesh of a white surface without others

@@ -207,11 +207,12 @@ def convert(
         if surface_nodes[-1] != len(surface_nodes) - 1:
             content = surface_nodes_first(content)[0]
             done.append("nodes were renumbered, those of the surface first")
-        if not content.sets.faces:
-            content, what = _with_face_sets(content)
-            done.append(what)
-        content, what = _numbered(content, tags)
+        content, what = _numbered(content)
         done += what
+        if not content.sets.faces:
+            content, how = _with_face_sets(content)
+            done.append(how)
+        content = tagged(content, tags) if tags else content
         if written_as.name in ASCII:
             content, renamed = in_ascii(content)
             done += renamed
@@ -232,15 +233,13 @@ def convert(
     return done
 
 
-def _numbered(mesh: TetMesh, tags: str | None) -> tuple[TetMesh, list[str]]:
-    """The mesh with numbers of regions from 1 on, or with labels in their place; and what was changed, in words."""
-    if tags:
-        return tagged(mesh, tags), []
-    number = region_numbers(mesh)
-    if (least := int(number.min())) < 1:
-        told = f"regions are numbered from 1: {1 - least} more than in the file"
-        return replace(mesh, cell_data={**mesh.cell_data, REGION: number + np.int32(1 - least)}), [told]
-    return replace(mesh, cell_data={**mesh.cell_data, REGION: number}), []
+def _numbered(mesh: TetMesh) -> tuple[TetMesh, list[str]]:
+    """The mesh with numbers of regions from 1 on; and what was changed, in words."""
+    if REGION not in mesh.cell_data or (least := int(region_numbers(mesh).min())) >= 1:
+        return mesh, []
+    region = region_numbers(mesh) + np.int32(1 - least)
+    told = f"regions are numbered from 1: {1 - least} more than in the file"
+    return replace(mesh, cell_data={**mesh.cell_data, REGION: region}), [told]
 
 
 def _with_face_sets(mesh: TetMesh) -> tuple[TetMesh, str]:

@@ -1,0 +1,234 @@
+"""Each format as other programs read it: regions by the same number and name, elements, and fields on the right nodes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import gmsh
+import meshio
+import numpy as np
+import pytest
+import pyvista
+from cubes import cube_mesh
+from read_back import linear, main, model, seen
+
+from cortet.cli import main as cortet_command
+from cortet.errors import InputError, StageError
+from cortet.formats import FORMATS, msh, nastran, vtu
+from cortet.formats.tags import face_tags, region_numbers, regions
+from cortet.geometry.quadratic import quadratic
+from cortet.geometry.topology import boundary_faces, boundary_surface, compact
+from cortet.measure.certify import certify
+from cortet.meshes import REGION, TetMesh
+from cortet.solver_files import others
+from cortet.solver_files.export import convert, export
+from cortet.solver_files.sets import named_sets
+from cortet.solver_files.ten_nodes import write_ten_nodes
+from cortet.stages.solver_ready import surface_nodes_first
+
+CERTIFIED = {"certified": True, "reasons": []}
+VOLUMES = [name for name, form in FORMATS.items() if not form.is_surface]
+
+
+@pytest.mark.parametrize("tags", [None, "tissue"])
+@pytest.mark.parametrize("name", VOLUMES)
+def test_every_program_finds_the_same_numbers_and_names_and_the_field_where_it_is(
+    name: str, tags: str | None, tmp_path: Path
+) -> None:
+    mesh = model(tags)
+    names = {1: "cortex", 2: "white"} if tags is None else {3: "tissue_left", 7: "tissue_right"}
+    sizes = [336, 48] if tags is None else [192, 192]
+    for program, found in seen(mesh, name, tmp_path):
+        if found.region is None:  # sets alone
+            assert {called: len(found.sets[called]) for called in names.values()} == dict(
+                zip(names.values(), sizes, strict=True)
+            )
+        else:
+            numbers, count = np.unique(found.region, return_counts=True)
+            assert numbers.tolist() == list(names) and count.tolist() == sizes, program
+            assert found.names in ({}, names), program
+            inside = (np.abs(found.points[found.cells].mean(axis=1) - 4) < 2).all(axis=1)
+            if tags is None:
+                assert np.array_equal(found.region == 2, inside), program
+        if name not in ("braingrowth", "nastran", "abaqus"):  # these have no fields, or have them in a file beside it
+            assert np.abs(found.fields["linear"] - linear(found.points)).max() < 1e-5, program
+
+
+def test_the_table_is_printed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["read_back.py"])
+    main()
+    rows = capsys.readouterr().out.splitlines()
+    assert {row.split()[0] for row in rows[1:]} == FORMATS.keys()
+    assert sum("1 cortex, 2 white" in row for row in rows) >= 9
+
+
+def test_the_sidecar_and_the_file_have_the_table(tmp_path: Path) -> None:
+    for name in ("vtu", "vtk", "nastran", "carp", "abaqus", "fenics"):
+        path = tmp_path / f"m{FORMATS[name].suffix}"
+        export(model(), path, solver=name, certificate=CERTIFIED)
+        record = json.loads(path.with_name(f"{path.name}.json").read_text())
+        assert record["regions"] == {"cortex": 1, "white": 2}
+        surface = {"cortical_surface": 101, "white_interface": 112}
+        kept = {"carp": surface, "nastran": surface}.get(name, surface)
+        assert record["surface"] == kept
+    assert pyvista.read(tmp_path / "m.vtu").field_data["white"].tolist() == [2, 3]
+    assert pyvista.read(tmp_path / "m.vtk").field_data["white_interface"].tolist() == [112, 2]
+    assert meshio.read(tmp_path / "m_facets.xdmf").field_data["white_interface"].tolist() == [112, 2]
+    assert (tmp_path / "m.regions.tsv").read_text() == "tag\tname\n1\tcortex\n2\twhite\n"
+    assert "$ property 2: white\n$ property 101: cortical_surface" in (tmp_path / "m.bdf").read_text()
+    assert "** region 1: cortex\n** region 2: white\n" in (tmp_path / "m.inp").read_text()
+
+
+def test_no_element_of_a_gmsh_file_is_in_two_groups_and_no_number_means_two(tmp_path: Path) -> None:
+    """dolfinx gathers the elements of each group (`gmshio.extract_topology_and_markers`): those in two would be doubled."""
+    mesh = model()
+    msh.write(mesh, tmp_path / "m.msh")
+    with msh.session():
+        gmsh.open(str(tmp_path / "m.msh"))
+        groups = gmsh.model.getPhysicalGroups()
+        elements: dict[int, list[int]] = {2: [], 3: []}
+        for dimension, number in groups:
+            for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, number):
+                elements[dimension] += gmsh.model.mesh.getElements(dimension, entity)[1][0].tolist()
+    numbers = [number for _, number in groups]
+    assert len(set(numbers)) == len(numbers) == 4
+    assert len(set(elements[3])) == len(elements[3]) == len(mesh.cells)
+    assert len(set(elements[2])) == len(elements[2]) == len(boundary_faces(mesh)) + len(mesh.sets.faces["white_interface"])
+
+
+def test_regions_beyond_99_and_labels_of_0_have_numbers_of_their_own() -> None:
+    mesh = model()
+    labels = np.where(mesh.cell_data["tissue"] == 3, 0, 1035).astype(np.int32)
+    tagged = named_sets(
+        replace(mesh, cell_data={REGION: mesh.cell_data[REGION], "parc": labels}),
+        inner=["white"],
+        tissues=["parc"],
+        tags="parc",
+    )
+    assert regions(tagged) == {"parc_1035": 1035, "parc_0": 1036}
+    assert face_tags(tagged) == {"cortical_surface": 10001, "white_interface": 10010 + 1037}
+    with pytest.raises(InputError, match="the tetrahedra have no labels missing"):
+        named_sets(mesh, inner=["white"], tags="missing")
+
+
+def test_region_is_kept_where_no_names_are_known(tmp_path: Path) -> None:
+    """A mesh of another program, with numbers from 0."""
+    cube = surface_nodes_first(cube_mesh(2))[0]
+    number = np.arange(len(cube.cells), dtype=np.int32) % 3
+    vtu.write(replace(cube, cell_data={REGION: number}), tmp_path / "m.vtu")
+    told = convert(tmp_path / "m.vtu", tmp_path / "m.bdf")
+    assert "regions are numbered from 1: 1 more than in the file" in told
+    back = nastran.read(tmp_path / "m.bdf")
+    assert np.array_equal(region_numbers(back), number + 1)
+    assert regions(back) == {"region_1": 1, "region_2": 2, "region_3": 3}
+
+
+@pytest.mark.parametrize("name", ["vtu", "gmsh", "abaqus", "nastran", "fenics", "stl", "gifti"])
+def test_a_difference_that_another_program_sees_is_named(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program, read = next(reversed(others.READERS[name].items()))
+
+    def turned(path: Path) -> others.Seen:
+        found = read(path)
+        return replace(found, points=found.points[::-1])
+
+    monkeypatch.setitem(others.READERS, name, {program: turned})
+    with pytest.raises(StageError, match=f"{program} reads other (nodes|triangles)"):
+        export(model(), tmp_path / f"m{FORMATS[name].suffix}", solver=name, certificate=CERTIFIED)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("what", ["points", "cells", "linear", "region", "white"])
+def test_a_file_that_holds_another_mesh_is_refused(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def other(mesh: TetMesh, path: Path) -> None:
+        if what == "points":
+            mesh = replace(mesh, points=mesh.points * 1.001)
+        elif what == "cells":
+            mesh = replace(mesh, cells=mesh.cells[::-1], cell_data={}, sets=replace(mesh.sets, cells={}))
+        elif what == "linear":
+            mesh = replace(mesh, point_data={"linear": mesh.point_data["linear"][::-1]})
+        elif what == "region":
+            mesh = replace(mesh, cell_data={REGION: 3 - mesh.cell_data[REGION]})
+        else:
+            mesh = replace(mesh, sets=replace(mesh.sets, cells={**mesh.sets.cells, "white": mesh.sets.cells["cortex"][:9]}))
+        vtu_write(mesh, path)
+
+    vtu_write = vtu.write
+    monkeypatch.setattr(vtu, "write", other)
+    with pytest.raises(StageError, match="not (those|that) of the mesh"):
+        export(model(), tmp_path / "m.vtu", solver="vtu", certificate=CERTIFIED)
+
+
+def slit(gap: float) -> TetMesh:
+    """A cube with a slit whose two banks are `gap` apart, turned so that no coordinate is a whole number; mm."""
+    cube = cube_mesh(6, side=6.0)
+    x, _, z = cube.points[cube.cells].mean(axis=1).T
+    points, cells, _ = compact(cube.points, cube.cells[~((x > 2) & (x < 3) & (z > 2))])
+    moved = points.copy()
+    moved[(points[:, 2] > 2.01) & (np.abs(points[:, 0] - 3) < 1e-9), 0] = 2 + gap
+    turn, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
+    return surface_nodes_first(TetMesh(moved @ (turn * np.linalg.det(turn)).T + [30.1, 40.7, 10.3], cells))[0]
+
+
+@pytest.mark.parametrize("suffix", [".mesh", ".bdf", ".bpts", ".stl", ".surf.gii"])
+def test_banks_that_cross_once_they_are_rounded_are_refused(suffix: str, tmp_path: Path) -> None:
+    vtu.write(slit(1e-9), tmp_path / "m.vtu")
+    with pytest.raises(StageError, match="triangles cross others with the coordinates of the file"):
+        convert(tmp_path / "m.vtu", tmp_path / f"n{suffix}")
+    vtu.write(slit(1e-3), tmp_path / "m.vtu")
+    convert(tmp_path / "m.vtu", tmp_path / f"n{suffix}")
+
+
+def test_ten_nodes_for_gmsh_have_each_triangle_once_and_the_names_of_regions(tmp_path: Path) -> None:
+    mesh = model()
+    parcels = {"half": np.where(mesh.points[:, 1] < 4, 1, 2).astype(np.int32)}
+    mesh = named_sets(replace(mesh, point_data=parcels), inner=["white"], tissues=["tissue"])
+    curved = quadratic(mesh, boundary_surface(mesh)[0])
+    told = write_ten_nodes(mesh, curved, tmp_path / "m.msh")
+    found = meshio.read(tmp_path / "m.msh")
+    corners = np.concatenate([block.data[:, :3] for block in found.cells if block.type == "triangle6"])
+    assert len(np.unique(np.sort(corners, axis=1), axis=0)) == len(corners)
+    assert {name: tag.tolist() for name, tag in found.field_data.items()} == {
+        "cortex": [1, 3],
+        "white": [2, 3],
+        "cortical_surface": [101, 2],
+        "white_interface": [112, 2],
+    }
+    assert any("half_1, half_2" in words for words in told) and any("tissue_3, tissue_7" in words for words in told)
+
+
+@pytest.mark.parametrize("strange", [7, 0, -1, 2**31 - 1, np.nan, 1.5])
+def test_a_region_that_no_surface_bounds_is_refused(strange: float) -> None:
+    mesh = model()
+    inner = np.flatnonzero(mesh.cell_data[REGION] == 2)
+    within = boundary_surface(TetMesh(*compact(mesh.points, mesh.cells[inner])[:2]))[0]
+    surface = replace(boundary_surface(mesh)[0], inner={"white": within})
+    mesh = TetMesh(mesh.points, mesh.cells, cell_data={REGION: mesh.cell_data[REGION]})
+    assert [one.number for one in certify(mesh, surface).regions] == [1, 2]
+    region = mesh.cell_data[REGION].astype(float)
+    region[:5] = strange
+    with pytest.raises(InputError, match=r"5 tetrahedra are in the region .*which no surface bounds.*1 cortex, 2 white"):
+        certify(replace(mesh, cell_data={REGION: region}), surface)
+
+
+def companions() -> Iterator[str]:
+    yield from ("m.vtu.json", "m.meshed.surf.gii", "m.certificate.json", "m.vtu")
+
+
+@pytest.mark.parametrize("name", companions())
+def test_a_page_does_not_take_the_name_of_what_the_command_makes(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from shapes import ball_surface
+
+    from cortet.formats.gifti import write_surface
+
+    write_surface(ball_surface(3, radius=10.0), tmp_path / "s.surf.gii")
+    command = ["mesh", str(tmp_path / "s.surf.gii"), "--cell-size", "4", "-o", str(tmp_path / "m.vtu")]
+    assert cortet_command([*command, "--page", str(tmp_path / name)]) == 1
+    assert "another" in (said := capsys.readouterr().err) or "twice" in said
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["s.surf.gii"]
