@@ -4,8 +4,8 @@
 
 The mesh is a cube with a white matter inside, and a volume whose labels 3 (left) and 7 (right) cross both regions. Each
 format is written and verified as an export is, and read by every program that reads it, as `solver_files.others` has
-them; a format without one is read by cortet. `worst` is the largest difference of the field 1 + 2 x + 3 y + 4 z from its value
-where the program finds the node.
+them; a format without one is read by cortet. `worst` is the largest difference of the field 1 + 2 x + 3 y + 4 z from
+its value where the program finds the node.
 """
 
 from __future__ import annotations
@@ -37,9 +37,7 @@ def model(tags: str | None = None) -> TetMesh:
     centre = mesh.points[mesh.cells].mean(axis=1)
     region = np.where((np.abs(centre - 4) < 2).all(axis=1), 2, 1).astype(np.int32)
     tissue = np.where(centre[:, 0] < 4, 3, 7).astype(np.int32)
-    mesh = replace(
-        mesh, point_data={"linear": linear(mesh.points)}, cell_data={REGION: region, "tissue": tissue}
-    )
+    mesh = replace(mesh, point_data={"linear": linear(mesh.points)}, cell_data={REGION: region, "tissue": tissue})
     return named_sets(mesh, inner=["white"], label_names={"tissue": LABELS}, tissues=["tissue"], tags=tags)
 
 
@@ -69,7 +67,9 @@ def main() -> None:
     for name in FORMATS:
         with tempfile.TemporaryDirectory() as folder:
             for program, found in seen(mesh, name, Path(folder)):
-                count = zip(*np.unique(found.region, return_counts=True), strict=True) if found.region is not None else ()
+                count = (
+                    zip(*np.unique(found.region, return_counts=True), strict=True) if found.region is not None else ()
+                )
                 tags = ", ".join(f"{tag}: {times}" for tag, times in count) or "none"
                 names = ", ".join(f"{tag} {called}" for tag, called in found.names.items())
                 names = names or ", ".join(f"{called}: {len(some)}" for called, some in found.sets.items()) or "none"

@@ -15,7 +15,6 @@ from cortet.formats.ownership import changed_of, is_whole
 from snakemake.iocontainers import InputFiles, OutputFiles
 from snakemake.resources import Resources
 
-
 #: rules that write files beside their outputs, and a record of all
 EXPORTS = ("export", "ten_nodes")
 

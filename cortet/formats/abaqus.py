@@ -6,7 +6,8 @@ There is no material and no step: a job includes the file (`*INCLUDE, INPUT=mesh
 12 significant digits, since CalculiX reads 20 characters of a number.
 
 Fields of nodes are in a separate file, `<name>_fields.inp`, as `*INITIAL CONDITIONS, TYPE=FIELD`. Abaqus reads it,
-CalculiX does not. Comments `** region 1: cortex` give the numbers of the sets that are regions (`tags`). A field of k components takes k variables; a comment before each variable names it.
+CalculiX does not. Comments `** region 1: cortex` give the numbers of the sets that are regions (`tags`). A field of k
+components takes k variables; a comment before each variable names it.
 """
 
 from __future__ import annotations

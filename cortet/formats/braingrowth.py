@@ -2,7 +2,8 @@
 
 Text: the number of nodes and `x y z` each; the number of tetrahedra and `tag a b c d` each; the number of boundary
 triangles and `tag a b c` each. Nodes count from 1, surface nodes come first, tetrahedra have **negative** volume,
-triangles face outward. Tags, which the solver skips, are those of `tags`: of regions, and of parts of the surface. (The solver's loader swaps x with y and c with d; these two mirrors cancel.)
+triangles face outward. Tags, which the solver skips, are those of `tags`: of regions, and of parts of the surface. (The
+solver's loader swaps x with y and c with d; these two mirrors cancel.)
 """
 
 from __future__ import annotations

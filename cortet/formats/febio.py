@@ -1,12 +1,12 @@
 """FEBio `.feb`, specification 4.0 (FEBio User Manual 4, chapter 3, "Free Format Input"; https://febio.org/knowledgebase).
 
 Nodes and elements count from 1 in the order of the mesh; `tet4` elements have positive volume, `tri3` facets face
-outward. Every region is an `Elements` part with a `SolidDomain` and a material of its own, whose id is the number of the
-region (`tags`); since FEBio wants ids in sequence, materials without a part fill gaps. The materials are
-neo-Hookean with a shear modulus of 1 and a bulk modulus of 5, the ratio of the folding model (Tallinen et al. 2016).
-To run the file, replace them by yours and add `Control`, `Boundary`, `Loads` and `Output`. Fields of nodes are
-`MeshData`, where FEBio allows scalars and vectors of three components; a field with any other number k of components
-becomes k scalars `<name>_1` to `<name>_k`.
+outward. Every region is an `Elements` part with a `SolidDomain` and a material of its own, whose id is the number of
+the region (`tags`); since FEBio wants ids in sequence, materials without a part fill gaps. The materials are
+neo-Hookean with a shear modulus of 1 and a bulk modulus of 5, the ratio of the folding model (Tallinen et al. 2016). To
+run the file, replace them by yours and add `Control`, `Boundary`, `Loads` and `Output`. Fields of nodes are `MeshData`,
+where FEBio allows scalars and vectors of three components; a field with any other number k of components becomes k
+scalars `<name>_1` to `<name>_k`.
 """
 
 from __future__ import annotations

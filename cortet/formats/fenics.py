@@ -3,9 +3,9 @@
 dolfinx opens the HDF5 file of the same name. Both XDMF files refer to one table of nodes, that of `<name>.h5`, since
 `dolfinx.io.XDMFFile.read_meshtags` finds a facet by the numbers of its nodes. Grids are named `mesh` and `facets`; the
 first attribute of each is what `read_meshtags` returns, `region` and `surface`: the numbers of `tags`, which a table in
-each file names (<Information>, as meshio has it). Further attributes hold sets as 0 and 1, and the fields of nodes. Numbers count from 0, volumes are
-positive, triangles face outward. Sources: https://www.xdmf.org (XDMF Model and Format, version 3) and the dolfinx
-documentation of `XDMFFile`.
+each file names (<Information>, as meshio has it). Further attributes hold sets as 0 and 1, and the fields of nodes.
+Numbers count from 0, volumes are positive, triangles face outward. Sources: https://www.xdmf.org (XDMF Model and
+Format, version 3) and the dolfinx documentation of `XDMFFile`.
 
     with XDMFFile(comm, "mesh.xdmf", "r") as file:
         mesh = file.read_mesh(name="mesh")
@@ -104,7 +104,7 @@ def data_path(path: str | Path) -> Path:
 def _document(
     grid: str, arrays: dict[str, NDArray[Any]], place: dict[str, str], names: dict[str, tuple[int, int]]
 ) -> ElementTree.Element:
-    """XDMF of one grid: its topology, the nodes, its tags first and then its other attributes, and names of its tags."""
+    """XDMF of one grid: its topology, the nodes, its tags first and then its other attributes, and the tags' names."""
     root = ElementTree.Element("Xdmf", Version="3.0")
     domain = ElementTree.SubElement(root, "Domain")
     uniform = ElementTree.SubElement(domain, "Grid", Name=grid, GridType="Uniform")

@@ -1,16 +1,17 @@
 """Gmsh `.msh` 4.1 and 2.2, binary: a mesh with physical groups (https://gmsh.info/doc/texinfo, file formats).
 
-Nodes have the tags 1 to n in the order of the mesh and of the file, triangles and then tetrahedra the tags 1 to m in the
-order of the file. All nodes belong to one entity, since meshio, which PyVista uses, takes fields of nodes by their order.
-Each region, part of the surface and interface is a physical group of its name, with the number of `tags`. No element is
-in two groups, and no number means two groups: dolfinx makes an element of each member of each group, so elements in two
-would be doubled. Other sets are not written: the nodes of a part of the surface follow from its faces, and labels are
-fields. (meshio 5.3 fails on any file of version 2.2 with a field of elements: give it version 4.1.)
+Nodes have the tags 1 to n in the order of the mesh and of the file, triangles and then tetrahedra the tags 1 to m in
+the order of the file. All nodes belong to one entity, since meshio, which PyVista uses, takes fields of nodes by their
+order. Each region, part of the surface and interface is a physical group of its name, with the number of `tags`. No
+element is in two groups, and no number means two groups: dolfinx makes an element of each member of each group, so
+elements in two would be doubled. Other sets are not written: the nodes of a part of the surface follow from its faces,
+and labels are fields. (meshio 5.3 fails on any file of version 2.2 with a field of elements: give it version 4.1.)
 
 Fields are `$NodeData` and `$ElementData` of 1, 3 or 9 components. A field with any other number k of components becomes
 k fields `<name>_1` to `<name>_k`. Fields are read as real numbers. A field of the tetrahedra also has values for the
-triangles of the file: those of the tetrahedra behind them. meshio needs one value per element, and tags that rise by one from the first element of the file to the last. So the tetrahedra of a mesh with several entities
-change their order; the field `number_in_mesh` keeps the old one, and `read` restores it.
+triangles of the file: those of the tetrahedra behind them. meshio needs one value per element, and tags that rise by
+one from the first element of the file to the last. So the tetrahedra of a mesh with several entities change their
+order; the field `number_in_mesh` keeps the old one, and `read` restores it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Named sets as arrays, for formats that hold only arrays: VTU and VTK legacy.
 
 Sets of nodes and tetrahedra are arrays of 0 and 1. A set of faces is an array with one value per tetrahedron, whose bit
-k says that the face opposite corner k belongs to the set. `region` has the numbers of `tags.regions`, and a file has, for
-each name, the number and the dimension, as meshio has it for groups of Gmsh.
+k says that the face opposite corner k belongs to the set. `region` has the numbers of `tags.regions`, and a file has,
+for each name, the number and the dimension, as meshio has it for groups of Gmsh.
 """
 
 from __future__ import annotations

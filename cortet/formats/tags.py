@@ -1,7 +1,7 @@
 """The number and the name of each region, and of each named part of the surface: the same in every format.
 
-Regions count from 1, from the outside in, as the cell data `region` of a mesh does; without inner surfaces `cortex` is 1
-and `core` is 2. Parts of the surface have numbers above 100, so that no number means two things: 101 to 104 are those
+Regions count from 1, from the outside in, as the cell data `region` of a mesh does; without inner surfaces `cortex` is
+1 and `core` is 2. Parts of the surface have numbers above 100, so that no number means two things: 101 to 104 are those
 of `SURFACE`, and 110 + n is the interface around region n. Where a region has a number above 99, such as a label of a
 volume, the next power of ten replaces 100.
 """
@@ -46,11 +46,11 @@ def regions(mesh: TetMesh) -> dict[str, int]:
     number = region_numbers(mesh)
     numbers, count = np.unique(number, return_counts=True)
     names: dict[int, str] = {}
+    size = dict(zip(numbers.tolist(), count.tolist(), strict=True))
     for name, cells in mesh.sets.cells.items():
         own = int(number[cells[0]]) if len(cells) else 0
-        if len(cells) and own not in names and count[np.searchsorted(numbers, own)] == len(cells):
-            if (number[cells] == own).all():
-                names[own] = name
+        if own not in names and len(cells) == size.get(own) and (number[cells] == own).all():
+            names[own] = name
     alone = TISSUE if len(numbers) == 1 and not mesh.sets.cells else None
     return {names.get(one) or alone or f"region_{one}": one for one in numbers.tolist()}
 

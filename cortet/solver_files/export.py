@@ -30,7 +30,7 @@ from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, si
 from cortet.solver_files.verify import problems
 from cortet.stages.solver_ready import surface_nodes_first
 
-VERSION: int = 5
+VERSION: int = 6
 
 
 def export(

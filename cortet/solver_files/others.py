@@ -1,7 +1,7 @@
 """A written file beside the mesh that was meant, and beside what other programs find in it.
 
-These are meshio, which PyVista uses for some formats, VTK, Gmsh and NiBabel. FEBio, openCARP and BrainGrowth have readers of their own, and
-no package has one; there, cortet's must do.
+These are meshio, which PyVista uses for some formats, VTK, Gmsh and NiBabel. FEBio, openCARP and BrainGrowth have
+readers of their own, and no package has one; there, cortet's must do.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _by_gmsh(path: Path) -> Seen:
 def _by_nibabel(path: Path) -> Seen:
     import nibabel
 
-    image = nibabel.load(path)
+    image: Any = nibabel.load(path)
     points, faces = image.agg_data(("pointset", "triangle"))
     return Seen(points, faces, {one.meta["Name"]: one.data for one in image.darrays if "Name" in one.meta})
 
@@ -154,7 +154,9 @@ def _differences(found: Seen, own: TetMesh | TriSurface) -> Iterator[str]:
 
 def _same(found: NDArray[Any], own: NDArray[Any], rounding: float = _SAME) -> bool:
     """Whether two arrays have the same shape and numbers, up to rounding."""
-    return found.shape == own.shape and bool(np.allclose(found, own, rtol=0, atol=rounding * np.abs(own).max(initial=0)))
+    return found.shape == own.shape and bool(
+        np.allclose(found, own, rtol=0, atol=rounding * np.abs(own).max(initial=0))
+    )
 
 
 def not_as_meant(meant: TetMesh | TriSurface, back: TetMesh | TriSurface, form: Format) -> Iterator[str]:

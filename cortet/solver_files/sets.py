@@ -1,9 +1,10 @@
 """Named sets of a mesh on its way to a solver: the parts of its surface, its regions, one set per label.
 
-Regions come first among the sets of tetrahedra, in the order of their numbers (`formats.tags`). The surface of the brain
-is divided into `cortical_surface` and `medial_wall`, its tetrahedra into `cortex` and `core`. It is the boundary of the mesh, or an interface if there is a region around the brain. A label of the surface becomes a
-set of surface nodes, a set of faces and a set of cortical tetrahedra, all of the same name. A face or tetrahedron gets
-the label of most of its nodes, or that of its first node if there is no majority.
+Regions come first among the sets of tetrahedra, in the order of their numbers (`formats.tags`). The surface of the
+brain is divided into `cortical_surface` and `medial_wall`, its tetrahedra into `cortex` and `core`. It is the boundary
+of the mesh, or an interface if there is a region around the brain. A label of the surface becomes a set of surface
+nodes, a set of faces and a set of cortical tetrahedra, all of the same name. A face or tetrahedron gets the label of
+most of its nodes, or that of its first node if there is no majority.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, OUTER_SURFACE
 from cortet.formats.tags import region_numbers
 from cortet.formats.tags import regions as regions_of
-from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, OUTER_SURFACE
 from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, interfaces
 from cortet.meshes import AROUND, BRAIN, REGION, IntArray, MeshSets, TetMesh, is_brain, region_names
@@ -53,11 +54,11 @@ def named_sets(
     label_names : label field -> key -> name, if there are names
     tissues : integer fields of tetrahedra; each label is a set `FIELD_NAME`, or `FIELD_KEY` where it has no name
     tags : the field whose labels take the place of the regions (`tagged`)
-    inner : names of the regions of the mesh from 2 on, if it has any. Each region is a set, and so are the faces between
-        two. Then region 1 is the cortex, whatever its depth, and the others together are the core. If the brain is among
-        them (`meshes.region_names`), region 1 lies around it, neither cortex nor core, and the boundary is the set of
-        faces `outer_surface`. Without inner surfaces the cortex is region 1 and the core region 2, unless the mesh has
-        numbers of regions already
+    inner : names of the regions of the mesh from 2 on, if it has any. Each region is a set, and so are the faces
+        between two. Region 1 is then the cortex, whatever its depth, and the others together are the core. If the
+        brain is among them (`meshes.region_names`), region 1 lies around it, neither cortex nor core, and the boundary
+        is the set of faces `outer_surface`. Without inner surfaces the cortex is region 1 and the core region 2, unless
+        the mesh has numbers of regions already
 
     Raises
     ------
@@ -103,9 +104,9 @@ def named_sets(
         numbered, number = {CORTEX: 1, CORE: 2}, np.where(cortex, 1, 2).astype(np.int32)
         mesh = replace(mesh, cell_data={**mesh.cell_data, REGION: number})
     of_cell = region_numbers(mesh)
-    cells = np.flatnonzero(cortex).astype(np.int32)
-    regions = {name: np.flatnonzero(of_cell == one) for name, one in numbered.items()}
-    regions |= {CORTEX: cells, CORE: np.flatnonzero(~cortex & ~around)}
+    cells, core = (np.flatnonzero(some).astype(np.int32) for some in (cortex, ~cortex & ~around))
+    regions = {name: np.flatnonzero(of_cell == one).astype(np.int32) for name, one in numbered.items()}
+    regions |= {CORTEX: cells, CORE: core}
     for field, sets_of in parcels.items():
         of_cells = cell_labels(labels[field], mesh.cells[cells])
         regions |= {name: cells[of_cells == key] for key, name in sets_of.items()}
@@ -114,7 +115,7 @@ def named_sets(
         for key in np.unique(mesh.cell_data[field]).tolist():
             same = np.flatnonzero(mesh.cell_data[field] == key).astype(np.int32)
             regions[_label_name(field, key, names, regions)] = same
-    filled = {name: members.astype(np.int32) for name, members in regions.items() if len(members)}
+    filled = {name: members for name, members in regions.items() if len(members)}
     named = replace(mesh, sets=MeshSets(sets.nodes, sets.faces, filled))
     return tagged(named, tags) if tags else named
 
@@ -134,7 +135,9 @@ def tagged(mesh: TetMesh, field: str) -> TetMesh:
     labels = np.where(values == 0, values.max() + 1, values).astype(np.int32)
     own = {name: cells for name, cells in mesh.sets.cells.items() if name.startswith(f"{field}_")}
     own |= {
-        set_name(f"{field}_{one % (values.max() + 1):g}", mesh.sets.cells): np.flatnonzero(labels == one).astype(np.int32)
+        set_name(f"{field}_{one % (values.max() + 1):g}", mesh.sets.cells): np.flatnonzero(labels == one).astype(
+            np.int32
+        )
         for one in np.unique(labels)
         if not any(np.array_equal(np.flatnonzero(labels == one), cells) for cells in own.values())
     }

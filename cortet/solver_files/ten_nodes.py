@@ -28,7 +28,7 @@ from cortet.geometry.topology import TRI_EDGES, boundary_nodes
 from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
 from cortet.solver_files.names import in_ascii, left_out
 
-VERSION: int = 1
+VERSION: int = 2
 
 
 def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> list[str]:
@@ -118,7 +118,7 @@ def _by_meshio(file_format: str) -> Callable[[TetMesh, QuadraticMesh, MeshSets, 
     def write(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
         of_nodes = {name: with_middles(curved, values) for name, values in mesh.point_data.items()}
         of_nodes |= {f"node_set_{name}": _marked(nodes, len(curved.points)) for name, nodes in sets.nodes.items()}
-        of_cells = {REGION: [region_numbers(mesh)]}
+        of_cells: dict[str, list[NDArray[Any]]] = {REGION: [region_numbers(mesh)]}
         of_cells |= {f"cell_set_{name}": [_marked(part, len(curved.cells))] for name, part in sets.cells.items()}
         of_cells |= {name: [values] for name, values in mesh.cell_data.items() if name != REGION}
         names = {name: np.array([tag, 3]) for name, tag in regions(mesh).items()}

@@ -28,7 +28,7 @@ else:  # the names of all meshers, and of those that always keep the topology
     MesherName = Literal[tuple(MESHERS)]
     Fallback = Literal[tuple(name for name, mesher in OWN.items() if not mesher.may_change_topology)]
 
-VERSION: int = 10
+VERSION: int = 11
 
 logger = logging.getLogger(__name__)
 

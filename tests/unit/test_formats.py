@@ -18,9 +18,8 @@ from exported import full_mesh
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.formats import FORMATS, fenics, format_of, msh
+from cortet.formats import FORMATS, fenics, format_of, msh, surface_sets
 from cortet.formats.gifti import read_surface
-from cortet.formats import surface_sets
 from cortet.formats.tags import regions
 from cortet.geometry.topology import boundary_faces, boundary_surface, face_areas
 from cortet.measure.quality import signed_volumes

@@ -1,4 +1,4 @@
-"""Each format as other programs read it: regions by the same number and name, elements, and fields on the right nodes."""
+"""Each format as other programs read it: regions by one number and name, elements, and fields on the right nodes."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_the_sidecar_and_the_file_have_the_table(tmp_path: Path) -> None:
 
 
 def test_no_element_of_a_gmsh_file_is_in_two_groups_and_no_number_means_two(tmp_path: Path) -> None:
-    """dolfinx gathers the elements of each group (`gmshio.extract_topology_and_markers`): those in two would be doubled."""
+    """dolfinx makes an element of each member of each group (`gmshio.extract_topology_and_markers`)."""
     mesh = model()
     msh.write(mesh, tmp_path / "m.msh")
     with msh.session():
@@ -96,7 +96,9 @@ def test_no_element_of_a_gmsh_file_is_in_two_groups_and_no_number_means_two(tmp_
     numbers = [number for _, number in groups]
     assert len(set(numbers)) == len(numbers) == 4
     assert len(set(elements[3])) == len(elements[3]) == len(mesh.cells)
-    assert len(set(elements[2])) == len(elements[2]) == len(boundary_faces(mesh)) + len(mesh.sets.faces["white_interface"])
+    assert (
+        len(set(elements[2])) == len(elements[2]) == len(boundary_faces(mesh)) + len(mesh.sets.faces["white_interface"])
+    )
 
 
 def test_regions_beyond_99_and_labels_of_0_have_numbers_of_their_own() -> None:
@@ -154,7 +156,9 @@ def test_a_file_that_holds_another_mesh_is_refused(what: str, tmp_path: Path, mo
         elif what == "region":
             mesh = replace(mesh, cell_data={REGION: 3 - mesh.cell_data[REGION]})
         else:
-            mesh = replace(mesh, sets=replace(mesh.sets, cells={**mesh.sets.cells, "white": mesh.sets.cells["cortex"][:9]}))
+            mesh = replace(
+                mesh, sets=replace(mesh.sets, cells={**mesh.sets.cells, "white": mesh.sets.cells["cortex"][:9]})
+            )
         vtu_write(mesh, path)
 
     vtu_write = vtu.write
@@ -211,7 +215,9 @@ def test_a_region_that_no_surface_bounds_is_refused(strange: float) -> None:
     assert [one.number for one in certify(mesh, surface).regions] == [1, 2]
     region = mesh.cell_data[REGION].astype(float)
     region[:5] = strange
-    with pytest.raises(InputError, match=r"5 tetrahedra are in the region .*which no surface bounds.*1 cortex, 2 white"):
+    with pytest.raises(
+        InputError, match=r"5 tetrahedra are in the region .*which no surface bounds.*1 cortex, 2 white"
+    ):
         certify(replace(mesh, cell_data={REGION: region}), surface)
 
 
