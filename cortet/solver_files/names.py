@@ -7,6 +7,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeVar
 
+import numpy as np
+
+from cortet.formats.surface_sets import CORE
+from cortet.formats.tags import region_numbers
 from cortet.formats.untrusted import safely_named
 from cortet.meshes import REGION, MeshSets, TetMesh
 
@@ -39,9 +43,22 @@ def left_out(mesh: TetMesh, back: TetMesh) -> list[str]:
     for what, before, after in zip(whats, _named(mesh), _named(back), strict=True):
         lost = [name for name in before if name not in after and f"{name}_1" not in after]
         lost = [name for name in lost if name != REGION]  # every format has the numbers
-        why = f"the format has no {what}" if not after else "an element has one number, and is in one set"
+        if before is mesh.sets.cells and after and _is_of_regions(mesh, CORE):
+            lost = [name for name in lost if name != CORE]
+        one = after and what in whats[3:]
+        why = "an element has one number, and is in one set" if one else f"the format has no {what}"
         told += [f"left out, as {why}: {', '.join(lost)}"] if lost else []
+        volumes = [name for name in mesh.cell_data if any(one.startswith(f"{name}_") for one in lost)]
+        if before is mesh.sets.cells and after and volumes:
+            told.append(f"`cortet convert --tags {volumes[0]}` writes labels of {volumes[0]} in place of the regions")
     return told
+
+
+def _is_of_regions(mesh: TetMesh, name: str) -> bool:
+    """Whether a set of tetrahedra is made of whole regions, which tell it."""
+    number = region_numbers(mesh)
+    own = number[mesh.sets.cells.get(name, np.empty(0, np.int32))]
+    return int(np.count_nonzero(np.isin(number, own))) == len(own)
 
 
 def _named(mesh: TetMesh) -> tuple[Mapping[str, object], ...]:

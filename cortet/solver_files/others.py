@@ -106,6 +106,10 @@ READERS: dict[str, dict[str, Callable[[Path], Seen]]] = {
 }
 
 
+#: formats that cortet itself reads by such a program
+_ITS_OWN = {("nastran", "meshio"), ("gmsh", "Gmsh"), ("gmsh_v2", "Gmsh")}
+
+
 def seen_otherwise(path: Path, solver: str, own: TetMesh | TriSurface) -> Iterator[str]:
     """What other programs find in a file that differs from what cortet read there, in words.
 
@@ -114,6 +118,8 @@ def seen_otherwise(path: Path, solver: str, own: TetMesh | TriSurface) -> Iterat
     own : the file as cortet reads it
     """
     for program, read in READERS.get(solver, {}).items():
+        if (solver, program) in _ITS_OWN:
+            continue
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")

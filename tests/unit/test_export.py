@@ -146,7 +146,7 @@ def test_what_a_format_cannot_hold_is_told(tmp_path: Path, target: str) -> None:
     fields = {**mesh.cell_data, "stiffness": np.ones(len(mesh.cells))}
     vtu.write(replace(mesh, cell_data=fields), tmp_path / "m.vtu")
     told = convert(tmp_path / "m.vtu", tmp_path / f"n{FORMATS[target].suffix}")
-    assert [words for words in told if re.fullmatch("left out, as .*: stiffness", words)]
+    assert [words for words in told if words == "left out, as the format has no fields of the tetrahedra: stiffness"]
 
 
 @pytest.mark.parametrize("suffix", [".inp", ".feb"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from read_back import linear, main, model, seen
 
 from cortet.cli import main as cortet_command
 from cortet.errors import InputError, StageError
-from cortet.formats import FORMATS, msh, nastran, vtu
+from cortet.formats import FORMATS, format_of, msh, nastran, vtu
 from cortet.formats.tags import face_tags, region_numbers, regions
 from cortet.geometry.quadratic import quadratic
 from cortet.geometry.topology import boundary_faces, boundary_surface, compact
@@ -128,7 +127,7 @@ def test_region_is_kept_where_no_names_are_known(tmp_path: Path) -> None:
     assert regions(back) == {"region_1": 1, "region_2": 2, "region_3": 3}
 
 
-@pytest.mark.parametrize("name", ["vtu", "gmsh", "abaqus", "nastran", "fenics", "stl", "gifti"])
+@pytest.mark.parametrize("name", ["vtu", "vtk", "gmsh", "abaqus", "fenics", "stl", "gifti"])
 def test_a_difference_that_another_program_sees_is_named(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -221,11 +220,21 @@ def test_a_region_that_no_surface_bounds_is_refused(strange: float) -> None:
         certify(replace(mesh, cell_data={REGION: region}), surface)
 
 
-def companions() -> Iterator[str]:
-    yield from ("m.vtu.json", "m.meshed.surf.gii", "m.certificate.json", "m.vtu")
+@pytest.mark.parametrize("suffix", [".pts", ".v2.msh", ".msh", ".bdf"])
+def test_labels_that_a_file_cannot_hold_beside_its_regions_are_said_and_may_take_their_place(
+    suffix: str, tmp_path: Path
+) -> None:
+    export(model(), tmp_path / "m.vtu", solver="vtu", certificate=CERTIFIED)
+    told = convert(tmp_path / "m.vtu", tmp_path / f"m{suffix}")
+    assert "left out, as an element has one number, and is in one set: tissue_left, tissue_right" in told
+    assert "`cortet convert --tags tissue` writes labels of tissue in place of the regions" in told
+    command = ["convert", str(tmp_path / "m.vtu"), str(tmp_path / f"n{suffix}"), "--tags", "tissue"]
+    assert cortet_command(command) == 0
+    back = format_of(tmp_path / f"n{suffix}").read(tmp_path / f"n{suffix}")
+    assert regions(back) == {"tissue_left": 3, "tissue_right": 7}
 
 
-@pytest.mark.parametrize("name", companions())
+@pytest.mark.parametrize("name", ["m.vtu.json", "m.meshed.surf.gii", "m.certificate.json", "m.vtu"])
 def test_a_page_does_not_take_the_name_of_what_the_command_makes(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
