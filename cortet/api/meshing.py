@@ -21,6 +21,7 @@ from cortet.formats.gifti import hemisphere_of, kind_of
 from cortet.formats.ownership import guarded
 from cortet.formats.placement import placed
 from cortet.formats.tables import names
+from cortet.formats.tags import regions
 from cortet.formats.volumes import Volume
 from cortet.geometry.limits import SHELL_MM, require_within
 from cortet.geometry.nesting import nested
@@ -104,6 +105,11 @@ class Mesh:
 
         return pd.DataFrame(list(self.tissue_rows), columns=names(TISSUE_COLUMNS))
 
+    @property
+    def regions(self) -> dict[str, int]:
+        """Name -> number of each region, from the outside in, as files have them; without inner surfaces by depth."""
+        return regions(self.named())
+
     def to_pyvista(self) -> pyvista.UnstructuredGrid:
         """The mesh for PyVista, with its fields and the quality q of each tetrahedron."""
         import pyvista
@@ -122,7 +128,7 @@ class Mesh:
         return cut_view(self.mesh, regions=bool(self.surface.inner), size=size)
 
     def named(self) -> TetMesh:
-        """The mesh with its named sets, as files hold it; they replace the numbers of regions."""
+        """The mesh with its named sets and the numbers of its regions, as files hold it."""
         return named_sets(
             self.mesh,
             **self.config.export.sets(self.kind),

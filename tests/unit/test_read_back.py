@@ -13,10 +13,13 @@ import pytest
 import pyvista
 from cubes import cube_mesh
 from read_back import linear, main, model, seen
+from shapes import ball_surface
 
+import cortet
 from cortet.cli import main as cortet_command
 from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, format_of, msh, nastran, vtu
+from cortet.formats.gifti import write_surface
 from cortet.formats.tags import face_tags, region_numbers, regions
 from cortet.geometry.quadratic import quadratic
 from cortet.geometry.topology import boundary_faces, boundary_surface, compact
@@ -238,12 +241,36 @@ def test_labels_that_a_file_cannot_hold_beside_its_regions_are_said_and_may_take
 def test_a_page_does_not_take_the_name_of_what_the_command_makes(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from shapes import ball_surface
-
-    from cortet.formats.gifti import write_surface
-
     write_surface(ball_surface(3, radius=10.0), tmp_path / "s.surf.gii")
     command = ["mesh", str(tmp_path / "s.surf.gii"), "--cell-size", "4", "-o", str(tmp_path / "m.vtu")]
     assert cortet_command([*command, "--page", str(tmp_path / name)]) == 1
     assert "another" in (said := capsys.readouterr().err) or "twice" in said
     assert sorted(file.name for file in tmp_path.iterdir()) == ["s.surf.gii"]
+
+
+@pytest.mark.parametrize("name", VOLUMES)
+def test_a_region_keeps_its_number_where_a_hole_leaves_one_out(name: str, tmp_path: Path) -> None:
+    """As of cortex 1 and ventricle 3 without the white matter 2."""
+    mesh = model()
+    mesh = replace(mesh, cell_data={REGION: np.where(mesh.cell_data[REGION] == 2, 3, 1).astype(np.int32)})
+    path = tmp_path / f"m{FORMATS[name].suffix}"
+    export(mesh, path, solver=name, certificate=CERTIFIED)
+    back = FORMATS[name].read(path)
+    assert np.array_equal(back.cell_data[REGION], mesh.cell_data[REGION])
+    if name != "braingrowth":
+        assert regions(back) == {"cortex": 1, "white": 3}
+
+
+def test_python_has_the_same_numbers_and_names(tmp_path: Path) -> None:
+    balls = [ball_surface(3, radius=radius) for radius in (10.0, 7.0)]
+    made = cortet.mesh(balls[0], 2.0, inner={"white": balls[1]}, progress=False)
+    assert made.regions == {"cortex": 1, "white": 2}
+    record = {one.name: one.number for one in made.certificate.regions}
+    back = meshio.read(made.save(tmp_path / "m.vtu"))
+    in_file = {name: int(tag[0]) for name, tag in back.field_data.items() if tag[1] == 3}
+    assert made.regions == record == in_file
+    assert np.array_equal(back.cell_data["region"][0], made.named().cell_data[REGION])
+    far = np.linalg.norm(made.points[made.cells].mean(axis=1), axis=1)
+    assert np.array_equal(made.mesh.cell_data[REGION] == 1, far > 6.9)
+    alone = cortet.mesh(balls[0], 2.5, progress=False)
+    assert alone.regions == {"cortex": 1, "core": 2}
