@@ -132,6 +132,10 @@ def seen_otherwise(path: Path, solver: str, own: TetMesh | TriSurface) -> Iterat
 
 
 def _differences(found: Seen, own: TetMesh | TriSurface) -> Iterator[str]:
+    for name, values in own.point_data.items():
+        seen = found.fields.get(name)
+        if seen is not None and (seen.size != values.size or not _same(seen.reshape(values.shape), values)):
+            yield f"values of the field {name}"
     if isinstance(own, TriSurface):  # an STL file has no vertices, only triangles
         if not _same(found.points[found.cells], own.points[own.faces]):
             yield "triangles"
@@ -145,9 +149,6 @@ def _differences(found: Seen, own: TetMesh | TriSurface) -> Iterator[str]:
     if found.cells.shape != corners.shape or not np.array_equal(found.cells[order], corners[given]):
         yield "elements"
         return
-    for name, values in own.point_data.items():
-        if name in found.fields and not _same(found.fields[name], values):
-            yield f"values of the field {name}"
     for name, members in found.sets.items():
         if not np.array_equal(np.sort(members), own.sets.cells.get(name, np.arange(len(own.cells)))):
             yield f"members of the set {name}"

@@ -129,20 +129,18 @@ def tagged(mesh: TetMesh, field: str) -> TetMesh:
     ------
     InputError : the mesh has no such field, or it holds other than whole numbers from 0 on
     """
-    values, known = mesh.cell_data.get(field), [name for name, some in mesh.cell_data.items() if _is_label(some)]
-    if values is None or (field not in known and not (values == np.round(values)).all()) or values.min() < 0:
+    values = mesh.cell_data.get(field)
+    if values is None or values.ndim > 1 or not ((values >= 0) & (values == np.round(values))).all():
+        known = [name for name, some in mesh.cell_data.items() if _is_label(some)]
         raise InputError(f"the tetrahedra have no labels {field} from 0 on", remedy=_known(known))
-    labels = np.where(values == 0, values.max() + 1, values).astype(np.int32)
-    own = {name: cells for name, cells in mesh.sets.cells.items() if name.startswith(f"{field}_")}
-    own |= {
-        set_name(f"{field}_{one % (values.max() + 1):g}", mesh.sets.cells): np.flatnonzero(labels == one).astype(
-            np.int32
-        )
-        for one in np.unique(labels)
-        if not any(np.array_equal(np.flatnonzero(labels == one), cells) for cells in own.values())
-    }
-    sets = MeshSets(mesh.sets.nodes, mesh.sets.faces, {**own, **mesh.sets.cells})
-    return replace(mesh, cell_data={**mesh.cell_data, REGION: labels}, sets=sets)
+    number = np.where(values == 0, values.max() + 1, values).astype(np.int32)
+    sets = {name: cells for name, cells in mesh.sets.cells.items() if name.startswith(f"{field}_")}
+    for one, key in zip(*np.unique((number, values), axis=1).astype(int).tolist(), strict=True):
+        cells = np.flatnonzero(number == one).astype(np.int32)
+        if not any(np.array_equal(cells, named) for named in sets.values()):
+            sets[set_name(f"{field}_{key}", mesh.sets.cells)] = cells
+    region = {**mesh.cell_data, REGION: number}
+    return replace(mesh, cell_data=region, sets=replace(mesh.sets, cells={**sets, **mesh.sets.cells}))
 
 
 def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
