@@ -70,13 +70,13 @@ def main() -> None:
                 count = (
                     zip(*np.unique(found.region, return_counts=True), strict=True) if found.region is not None else ()
                 )
-                tags = ", ".join(f"{tag}: {times}" for tag, times in count) or "none"
+                tags = ", ".join(f"{tag:g}: {times}" for tag, times in count) or "none"
                 names = ", ".join(f"{tag} {called}" for tag, called in found.names.items())
                 names = names or ", ".join(f"{called}: {len(some)}" for called, some in found.sets.items()) or "none"
                 off = "no field"
                 if "linear" in found.fields:
                     off = f"{np.abs(found.fields['linear'] - linear(found.points)).max():.1e}"
-                print(f"{name:<13}{program:<9}{tags:<32}{names:<34}{off}")
+                print(f"{name:<13}{program:<9}{tags:<32}{names:<33} {off}")
 
 
 if __name__ == "__main__":

@@ -63,7 +63,8 @@ def write(mesh: TetMesh, path: str | Path) -> None:
         groups = {2: face_tags(mesh), 3: regions(mesh)}
         for dimension, names in groups.items():
             for name, group in names.items():
-                gmsh.model.addDiscreteEntity(dimension, group, list(groups[2].values()) if dimension == 3 else [])
+                # without the surfaces around a volume, whose numbers PyVista, by meshio, takes for those of elements
+                gmsh.model.addDiscreteEntity(dimension, group)
                 gmsh.model.addPhysicalGroup(dimension, [group], group, name)
         tags = np.arange(1, len(mesh.points) + 1)
         gmsh.model.mesh.addNodes(3, int(number.min()), tags, mesh.points.ravel())

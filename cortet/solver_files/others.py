@@ -6,6 +6,8 @@ readers of their own, and no package has one; there, cortet's must do.
 
 from __future__ import annotations
 
+import contextlib
+import io
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -66,11 +68,15 @@ def _by_meshio(module: str, tags: str) -> Callable[[Path], Seen]:
 def _by_vtk(path: Path) -> Seen:
     import pyvista
 
-    grid = pyvista.read(str(path))
+    with contextlib.redirect_stdout(
+        io.StringIO()
+    ):  # meshio, by which it reads Gmsh files, prints which formats it tries
+        grid = pyvista.read(str(path))
     if isinstance(grid, pyvista.PolyData):
         return Seen(np.asarray(grid.points), np.asarray(grid.regular_faces))
     fields = {name: np.asarray(grid.point_data[name]) for name in grid.point_data}
-    region = np.asarray(grid.cell_data[REGION]) if REGION in grid.cell_data else None
+    tetrahedra = grid.celltypes == pyvista.CellType.TETRA  # a file of Gmsh has triangles, too
+    region = np.asarray(grid.cell_data[REGION])[tetrahedra] if REGION in grid.cell_data else None
     tags = {name: np.asarray(grid.field_data[name]) for name in grid.field_data}
     names = {int(one[0]): name for name, one in tags.items() if len(one) == 2 and one[1] == 3}
     return Seen(np.asarray(grid.points), grid.cells_dict[pyvista.CellType.TETRA], fields, region, names)
@@ -94,20 +100,20 @@ def _by_nibabel(path: Path) -> Seen:
 
 #: format -> program -> its reader
 READERS: dict[str, dict[str, Callable[[Path], Seen]]] = {
-    "vtu": {"VTK": _by_vtk, "meshio": _by_meshio("vtu", REGION)},
-    "vtk": {"VTK": _by_vtk, "meshio": _by_meshio("vtk", REGION)},
+    "vtu": {"PyVista": _by_vtk, "meshio": _by_meshio("vtu", REGION)},
+    "vtk": {"PyVista": _by_vtk, "meshio": _by_meshio("vtk", REGION)},
     "abaqus": {"meshio": _by_meshio("abaqus", REGION)},
     "fenics": {"meshio": _by_meshio("xdmf", REGION)},
-    "gmsh": {"Gmsh": _by_gmsh, "meshio": _by_meshio("gmsh", "gmsh:physical")},
+    "gmsh": {"Gmsh": _by_gmsh, "PyVista": _by_vtk, "meshio": _by_meshio("gmsh", "gmsh:physical")},
     "gmsh_v2": {"Gmsh": _by_gmsh},
     "nastran": {"meshio": _by_meshio("nastran", "nastran:ref")},
-    "stl": {"VTK": _by_vtk},
+    "stl": {"PyVista": _by_vtk},
     "gifti": {"NiBabel": _by_nibabel},
 }
 
 
 #: formats that cortet itself reads by such a program
-_ITS_OWN = {("nastran", "meshio"), ("gmsh", "Gmsh"), ("gmsh_v2", "Gmsh")}
+_NO_OTHER = {("nastran", "meshio"), ("gmsh", "Gmsh"), ("gmsh_v2", "Gmsh")}
 
 
 def seen_otherwise(path: Path, solver: str, own: TetMesh | TriSurface) -> Iterator[str]:
@@ -118,7 +124,7 @@ def seen_otherwise(path: Path, solver: str, own: TetMesh | TriSurface) -> Iterat
     own : the file as cortet reads it
     """
     for program, read in READERS.get(solver, {}).items():
-        if (solver, program) in _ITS_OWN:
+        if (solver, program) in _NO_OTHER:
             continue
         try:
             with warnings.catch_warnings():

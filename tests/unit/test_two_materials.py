@@ -103,7 +103,7 @@ def test_meshio_sees_the_regions_and_surfaces_of_a_gmsh_file_by_name(balls: TetM
     read = meshio.read(tmp_path / "balls.msh")
     tags = {name: int(number) for name, (number, _) in read.field_data.items()}
     cells, faces = (np.concatenate(read.cell_data_dict["gmsh:physical"][kind][None]) for kind in ("tetra", "triangle"))
-    for name in ("cortex", "core"):
+    for name in ("cortex", "white"):
         assert (cells == tags[name]).sum() == len(balls.sets.cells[name])
     for name in ("cortical_surface", "white_interface"):
         assert (faces == tags[name]).sum() == len(balls.sets.faces[name])
@@ -113,13 +113,12 @@ def test_meshio_sees_the_tags_that_dolfinx_reads(balls: TetMesh, tmp_path: Path)
     fenics.write(balls, tmp_path / "balls.xdmf")
     cells = meshio.read(tmp_path / "balls.xdmf")
     region = cells.cell_data["region"][0]
-    assert (region == 1).sum() == len(balls.sets.cells["core"]) and (region == 2).sum() == len(
-        balls.sets.cells["cortex"]
-    )
+    assert (region == 1).sum() == len(balls.sets.cells["cortex"])
+    assert (region == 2).sum() == len(balls.sets.cells["white"])
     facets = meshio.read(tmp_path / "balls_facets.xdmf")
     tag = facets.cell_data["surface"][0]
-    assert (tag == 1).sum() == len(balls.sets.faces["cortical_surface"])
-    between = facets.cells_dict["triangle"][tag == 3]
+    assert (tag == 101).sum() == len(balls.sets.faces["cortical_surface"])
+    between = facets.cells_dict["triangle"][tag == 112]
     assert set(map(tuple, np.sort(between, axis=1))) == set(
         map(tuple, np.sort(balls.sets.faces["white_interface"], axis=1))
     )
