@@ -129,7 +129,7 @@ def as_read(path: Path) -> AsRead:
 def _tags(tables: Tables, path: str | Path) -> dict[str, IntArray]:
     """The regions of the tetrahedra, if there are several."""
     tags = in_32_bits(tables.tetrahedra[:, 0], "the region of an element", path)
-    return {REGION: tags} if len(np.unique(tags)) > 1 else {}
+    return {REGION: tags} if (tags != 1).any() else {}
 
 
 def _cells(tables: Tables, path: str | Path) -> IntArray:

@@ -147,19 +147,11 @@ def has_read(path: Path) -> None:
 
 
 def about_to_write(temporary: Path, path: Path) -> None:
-    """Record that a file is about to get its name. The manifest lists it first, so that a kill does no harm.
-
-    Raises
-    ------
-    InputError
-        the command was told to write this file, and has written another there
-    """
+    """Record that a file is about to get its name. The manifest lists it first, so that a kill does no harm."""
     guard = _guard.get()
     if guard is None:
         return
     place = path.absolute()
-    if place in guard.made and place in [one.absolute() for one in guard.files]:
-        refuse_companion(path)
     guard.made.add(place)
     if identity := _identity(temporary):
         guard.inputs.pop(identity, None)  # the command read the file back before it got its name

@@ -1,9 +1,9 @@
 """The number and the name of each region, and of each named part of the surface: the same in every format.
 
-Regions count from 1, from the outside in, as the cell data `region` of a mesh does; without inner surfaces `cortex` is
-1 and `core` is 2. Parts of the surface have numbers above 100, so that no number means two things: 101 to 104 are those
-of `SURFACE`, and 110 + n is the interface around region n. Where a region has a number above 99, such as a label of a
-volume, the next power of ten replaces 100.
+Regions count from 1, from the outside in, as the cell data `region` of a mesh does. Without inner surfaces `cortex` is
+1 and `core` is 2; `core` is 1 where there is no cortex. Parts of the surface have numbers above 100, so that no number
+means two things: 101 to 104 are those of `SURFACE`, and 110 + n is the interface around region n. Where a region has a
+number above 99, such as a label of a volume, the next power of ten replaces 100.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def region_numbers(mesh: TetMesh) -> IntArray:
     for cells in mesh.sets.cells.values():
         if len(cells) and len(cells) < len(number) and not number[cells].any():
             number[cells] = number.max() + 1
-    number[number == 0] = number.max() + 1
+    number[number == 0] = number.max(initial=0) + 1
     return number
 
 

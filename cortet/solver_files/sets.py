@@ -101,7 +101,8 @@ def named_sets(
     if number is None and REGION in mesh.cell_data:
         numbered = regions_of(mesh)
     if numbered.keys() <= {CORTEX, CORE}:  # by their depth
-        numbered, number = {CORTEX: 1, CORE: 2}, np.where(cortex, 1, 2).astype(np.int32)
+        numbered = {CORTEX: 1, CORE: 2} if cortex.any() else {CORE: 1}
+        number = np.where(cortex, 1, numbered[CORE]).astype(np.int32)
         mesh = replace(mesh, cell_data={**mesh.cell_data, REGION: number})
     of_cell = region_numbers(mesh)
     cells, core = (np.flatnonzero(some).astype(np.int32) for some in (cortex, ~cortex & ~around))

@@ -34,7 +34,7 @@ def test_cases_with_and_without_inner_surfaces(study: Study) -> None:
     assert [region["name"] for region in certificate["regions"]] == ["cortex", "white"]
     assert certificate["reports"]["separate"]["surfaces"][0]["vertices_moved"] == 0
     mesh = vtu.read(study.files("sub-b*Solver_tetmesh.vtu")[0])
-    assert np.unique(mesh.cell_data[REGION]).tolist() == [0, 1]
+    assert np.unique(mesh.cell_data[REGION]).tolist() == [1, 2]
     assert REGION not in vtu.read(study.files("sub-a*Solver_tetmesh.vtu")[0]).cell_data
     assert "NAME=white_interface" in study.files("sub-b*Solver_tetmesh.inp")[0].read_text()
 
