@@ -1,25 +1,35 @@
-"""The whole line in memory, for one surface and its inner surfaces: from resampling and repair to the certificate.
+"""The whole line for one surface and its inner surfaces: from resampling and repair to the certificate and the files.
 
-The workflow runs the same stages with the same arguments in the same order, one file at a time.
+The workflow runs the same stages with the same arguments in the same order, one file at a time. What it, the command
+and Python write for solvers goes through `write`.
 """
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from cortet.config import Config, load
+from cortet.formats import format_of
+from cortet.formats.atomic import recorded
+from cortet.formats.ownership import delete_made, may_write
 from cortet.formats.placement import placed
+from cortet.formats.tables import write_table
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
-from cortet.meshes import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface, region_names
 from cortet.phantom import phantom
-from cortet.solver_files.volumes import require_in_place
+from cortet.solver_files.export import export
+from cortet.solver_files.fields import FieldSource, field_sources
+from cortet.solver_files.meshed import Origin, certificate_path, meshed_files, require_own_stem, write_meshed
+from cortet.solver_files.sets import named_sets
+from cortet.solver_files.sidecar import sidecar_path
+from cortet.solver_files.volumes import TISSUE_COLUMNS, require_in_place
 from cortet.stages import STAGES
 
 logger = logging.getLogger(__name__)
@@ -202,3 +212,147 @@ def mesh_surface(
         reports=reports,
     )
     return Meshed(mesh, certificate, meshed)
+
+
+def with_sets(
+    mesh: TetMesh,
+    surface: TriSurface,
+    origin: Origin,
+    *,
+    sets: Mapping[str, Any],
+    labels: Mapping[str, Mapping[int, str]],
+    units: Mapping[str, str],
+) -> tuple[TetMesh, dict[str, FieldSource]]:
+    """A mesh with its named sets, as files hold it, and where each of its fields comes from.
+
+    Parameters
+    ----------
+    surface : that was meshed
+    sets : `Export.sets`
+    labels : volume -> label -> name
+    units : field -> unit
+    """
+    sources = field_sources(origin.fields, units)
+    names = {**{name: source.labels for name, source in sources.items()}, **labels}
+    return named_sets(mesh, **sets, inner=list(surface.inner), label_names=names, tissues=labels), sources
+
+
+def write(
+    mesh: TetMesh,
+    surface: TriSurface,
+    path: Path,
+    *,
+    certificate: Mapping[str, Any],
+    origin: Origin,
+    sets: Mapping[str, Any],
+    labels: Mapping[str, Mapping[int, str]],
+    units: Mapping[str, str],
+    written: Mapping[str, Any],
+) -> list[str]:
+    """Write a mesh for a solver, with its sets and a sidecar, verified as written; returns what the format cannot hold.
+
+    Every mesh that cortet makes leaves it here. Parameters are those of `with_sets`; and
+
+    Parameters
+    ----------
+    mesh : from `stages.solver_ready`, with the values of its volumes
+    certificate : content of its certificate.json
+    written : `Config.written`
+
+    Raises
+    ------
+    InputError, StageError : as `solver_files.export.export`
+    """
+    named, sources = with_sets(mesh, surface, origin, sets=sets, labels=labels, units=units)
+    made_from = origin.made_from(path.parent)
+    frame = surface.frame
+    return export(named, path, certificate=certificate, frame=frame, sources=sources, made_from=made_from, **written)
+
+
+class Companions(NamedTuple):
+    """Files that are written with a mesh; their names begin with its stem."""
+
+    certificate: Path
+    #: region -> surface that was meshed
+    surfaces: dict[str, Path]
+    #: table of the labels of its volumes, where it has some
+    tissues: Path | None
+
+    @property
+    def files(self) -> list[Path]:
+        """All of them."""
+        return [self.certificate, *self.surfaces.values(), *([self.tissues] if self.tissues else [])]
+
+
+def companions(path: Path, inner: Iterable[str], *, volumes: bool) -> Companions:
+    """The companions of a mesh with some inner regions, and with or without volumes."""
+    table = path.with_name(f"{path.name.removesuffix(path.suffix)}.volumes.tsv")
+    return Companions(certificate_path(path), meshed_files(region_names(inner), path), table if volumes else None)
+
+
+def save(
+    made: Meshed,
+    path: Path,
+    config: Config,
+    origin: Origin,
+    *,
+    kind: str | None,
+    labels: Mapping[str, Mapping[int, str]],
+    rows: Sequence[Mapping[str, Any]] = (),
+    force: bool = False,
+    uncertified: bool = False,
+    views: Callable[[Callable[[Path], Path]], None] = lambda _: None,
+) -> list[str]:
+    """Write a mesh with its certificate, the surface that was meshed, and a table of its labels.
+
+    The file of a mesh that is not certified is left out unless `uncertified` is true.
+
+    Parameters
+    ----------
+    made : its mesh with the values of volumes
+    kind : of the given surface
+    labels, rows : names of the labels of volumes, and rows of `TISSUE_COLUMNS`
+    force : replace the companions of another mesh
+    views : writes pictures and pages; gets a function that gives the temporary name of each
+
+    Returns
+    -------
+    What the format cannot hold, in words.
+
+    Raises
+    ------
+    InputError, StageError : as `export`; a companion is not to be replaced
+    """
+    mesh, certificate, surface = made
+    beside = companions(path, surface.inner, volumes=bool(rows))
+    if not force:
+        require_own_stem(
+            path,
+            origin.given,
+            cell_size=config.generate.cell_size[0],
+            mesh_sha256=certificate.mesh_sha256,
+        )
+    for file in (*beside.files, sidecar_path(path)):
+        may_write(file)
+    delete_made(beside.certificate)  # so that files of an earlier run are not taken for this run's
+    delete_made(sidecar_path(path))
+    with recorded(asdict(certificate), beside.certificate) as place:
+        write_meshed(surface, place(path))
+        if beside.tissues:
+            write_table(TISSUE_COLUMNS, rows, place(beside.tissues))
+        views(place)
+    if not (certificate.certified or uncertified):
+        if force:
+            path.unlink(missing_ok=True)  # so that an earlier run's file is not taken for this one's
+        return []
+    return write(
+        mesh,
+        surface,
+        path,
+        certificate=asdict(certificate),
+        origin=replace(origin, meshed=beside.surfaces),
+        sets=config.export.sets(kind),
+        labels=labels,
+        units=config.export.field_units,
+        written={**config.written(format_of(path).name), "uncertified": uncertified},
+    )

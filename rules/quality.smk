@@ -93,13 +93,7 @@ rule export:
         mesh=LAYOUT.mesh("Solver", "{suffix}"),
         sidecar=LAYOUT.mesh("Solver", "{suffix}.json"),
     params:
-        arguments=lambda wildcards: {
-            "solver": EXPORTED[wildcards.suffix],
-            "uncertified": CONFIG.export.uncertified,
-            "unit": CONFIG.export.carp_unit,
-            "holes": CONFIG.export.holes,
-            "interior": CONFIG.transfer.interior,
-        },
+        arguments=lambda wildcards: CONFIG.written(EXPORTED[wildcards.suffix]),
         version=version_of("solver_files.export"),
         sets=PLAN.sets,
         inner=lambda wildcards: list(CASES[wildcards.case].inner),

@@ -8,31 +8,29 @@ from _job import start
 
 job = start(snakemake)
 
-from _exported import with_sets
+from _exported import read_made
 
 from cortet.meshes import by_region
-from cortet.solver_files.export import export
-from cortet.solver_files.meshed import made_from
-from cortet.solver_files.volumes import sources as sources_of_volumes
+from cortet.pipeline import write
+from cortet.solver_files.meshed import Origin
 
-logger = logging.getLogger("cortet")
 job.require_unchanged_input()
-mesh, surface, sources = with_sets(job.input, job.params)
-certificate = json.loads(Path(job.input.certificate).read_text(encoding="utf-8"))
+mesh, surface, named = read_made(job.input, job.params)
 inner = dict(zip(job.params.inner, map(Path, job.input.inner), strict=True))
-meshed = by_region(Path(job.input.surface), inner)
-target = Path(job.output.mesh)
-told = export(
+told = write(
     mesh,
-    target,
-    certificate=certificate,
-    made_from={
-        **made_from(meshed, job.params.given, target.parent, job.params.age),
-        **({"volumes": sources_of_volumes(job.params.volumes)} if job.params.volumes else {}),
-    },
-    frame=surface.frame,
-    sources=sources,
-    **job.arguments,
+    surface,
+    Path(job.output.mesh),
+    certificate=json.loads(Path(job.input.certificate).read_text(encoding="utf-8")),
+    origin=Origin(
+        job.params.given,
+        by_region(Path(job.input.surface), inner),
+        job.params.paths,
+        job.params.volumes,
+        age=job.params.age,
+    ),
+    **named,
+    written=job.arguments,
 )
 for what in told:
-    logger.info("%s", what)
+    logging.getLogger("cortet").info("%s", what)

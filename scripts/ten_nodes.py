@@ -7,14 +7,17 @@ from _job import start
 
 job = start(snakemake)
 
-from _exported import with_sets
+from _exported import read_made
 
 from cortet.geometry.quadratic import quadratic
+from cortet.pipeline import with_sets
 from cortet.solver_files.export import require_certified
+from cortet.solver_files.meshed import Origin
 from cortet.solver_files.ten_nodes import write_ten_nodes
 
 job.require_unchanged_input()
-mesh, surface, _ = with_sets(job.input, job.params)
+mesh, surface, named = read_made(job.input, job.params)
+mesh, _ = with_sets(mesh, surface, Origin(fields=job.params.paths), **named)
 certificate = json.loads(Path(job.input.certificate).read_text(encoding="utf-8"))
 targets = [Path(file) for file in job.output[:-1]]
 require_certified(mesh, certificate, targets[0], uncertified=job.arguments["uncertified"])

@@ -26,12 +26,10 @@ from cortet.formats.volumes import Volume
 from cortet.geometry.limits import SHELL_MM, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate
-from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, require_measurable
-from cortet.pipeline import Meshed, Step, mesh_surface
-from cortet.solver_files.export import export
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, require_measurable
+from cortet.pipeline import Meshed, Step, mesh_surface, save, with_sets
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
-from cortet.solver_files.meshed import facts
-from cortet.solver_files.sets import named_sets
+from cortet.solver_files.meshed import Origin
 from cortet.solver_files.volumes import (
     TISSUE_COLUMNS,
     backgrounds,
@@ -64,12 +62,20 @@ class Mesh:
     config: Config = field(default_factory=Config)
     #: files that it was made from; they are never overwritten
     inputs: tuple[Path, ...] = ()
+    #: region -> file of the surface that was given, and name -> file of its volumes, as far as they come from files
+    given: Mapping[str, str | Path] = field(default_factory=dict)
+    volumes: Mapping[str, str] = field(default_factory=dict)
     #: a row for each label of each volume, as `solver_files.volumes.TISSUE_COLUMNS`
     tissue_rows: tuple[Mapping[str, Any], ...] = ()
     #: volume -> label -> name
     label_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     #: which surface was given, if its file says: a mesh of a white one has no cortex
     kind: Literal["white", "pial"] | None = None
+
+    @property
+    def origin(self) -> Origin:
+        """Where the mesh comes from, as far as it is known."""
+        return Origin(self.given, volumes=self.volumes, age=self.ga, hemisphere=self.hemi, kind=self.kind)
 
     @property
     def points(self) -> FloatArray:
@@ -129,16 +135,14 @@ class Mesh:
 
     def named(self) -> TetMesh:
         """The mesh with its named sets and the numbers of its regions, as files hold it."""
-        return named_sets(
-            self.mesh,
-            **self.config.export.sets(self.kind),
-            inner=list(self.surface.inner),
-            label_names=self.label_names,
-            tissues=self.label_names,
-        )
+        export = self.config.export
+        sets = {"sets": export.sets(self.kind), "labels": self.label_names, "units": export.field_units}
+        return with_sets(self.mesh, self.surface, self.origin, **sets)[0]
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
-        """Write the mesh in the format that the file's ending names, verified, with its sidecar.
+        """Write the mesh in the format that the file's ending names, verified, with its companions.
+
+        They are the sidecar, the certificate, the surface that was meshed, and a table of the labels of volumes.
 
         Parameters
         ----------
@@ -150,7 +154,7 @@ class Mesh:
         InputError : the mesh is not certified, or the file exists and cortet did not make it
         """
         path = Path(path)
-        solver = format_of(path).name
+        format_of(path)
         if not self.certified and not force:
             raise InputError(
                 f"is not written, as the mesh is not certified: {'; '.join(self.certificate.reasons)}",
@@ -159,16 +163,15 @@ class Mesh:
             )
         try:
             with guarded(self.inputs, files=[path], force=force):
-                export(
-                    self.named(),
+                save(
+                    Meshed(self.mesh, self.certificate, self.surface),
                     path,
-                    solver=solver,
-                    certificate=asdict(self.certificate),
-                    unit=self.config.export.carp_unit,
-                    frame=self.surface.frame,
-                    interior=self.config.transfer.interior,
-                    holes=self.config.export.holes,
-                    made_from={"given": {}, "meshed": {}, **facts(self.ga, self.hemi, self.kind)},
+                    self.config,
+                    self.origin,
+                    kind=self.kind,
+                    labels=self.label_names,
+                    rows=self.tissue_rows,
+                    force=force,
                     uncertified=force,
                 )
         except OSError as error:
@@ -261,7 +264,32 @@ def mesh(
     files = tuple(Path(file) for file in read_from if file)
     side = hemi or (hemisphere_of(source) if source else None)
     kind = kind_of(source) if source else None
-    return Mesh(filled, *made[1:], ga, side, config, files, tuple(rows), label_names(images), kind)
+    named = {name: str(file) for name, file in (volumes or {}).items() if isinstance(file, str | Path)}
+    return Mesh(
+        filled,
+        *made[1:],
+        ga,
+        side,
+        config,
+        inputs=files,
+        given=_given(source, within.files, made.surface, shelled=shell is not None),
+        volumes=named,
+        tissue_rows=tuple(rows),
+        label_names=label_names(images),
+        kind=kind,
+    )
+
+
+def _given(
+    source: str | Path | None, inner: Mapping[str, str], meshed: TriSurface, *, shelled: bool
+) -> dict[str, str | Path]:
+    """Region -> file of the surface that was given; none where the outer one is no file."""
+    if source is None:
+        return {}
+    if shelled:
+        (brain,) = meshed.inner.keys() - inner.keys()
+        return {brain: source, **inner}
+    return by_region(source, {name: inner[name] for name in meshed.inner if name in inner})
 
 
 def _told(step: Step) -> None:

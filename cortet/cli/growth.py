@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cortet.cli.given import stem_of
-from cortet.cli.meshing import recorded
 from cortet.cli.shared import writes
 from cortet.cli.values import Number, OutputFile, output_picture
 from cortet.errors import InputError
+from cortet.formats.atomic import recorded
 from cortet.formats.ownership import may_write
 from cortet.geometry.limits import FOLD_AGES
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +15,7 @@ from cortet.cli.shared import inner, writes
 from cortet.cli.values import Number, OutputFile, named_file, output_picture, size
 from cortet.errors import InputError
 from cortet.formats import format_of, require_holes
-from cortet.formats.ownership import delete_made, may_write, record_of, refuse_companion
+from cortet.formats.ownership import may_write, refuse_companion
 from cortet.geometry.limits import CELL_SIZE_MM, SCAN_AGES, SHELL_MM
 
 #: said of a mesh of a white surface without others
@@ -124,14 +123,10 @@ def mesh_command(args: argparse.Namespace) -> int:
     """Mesh a surface, judge the mesh and write it with its companions."""
     from cortet.formats.gifti import kind_of
     from cortet.formats.placement import placed
-    from cortet.formats.tables import printed, write_table
-    from cortet.meshes import region_names
-    from cortet.pipeline import mesh_surface
-    from cortet.solver_files.export import export
-    from cortet.solver_files.fields import field_sources
+    from cortet.formats.tables import printed
+    from cortet.pipeline import companions, mesh_surface, save
     from cortet.solver_files.holes import require_regions
-    from cortet.solver_files.meshed import certificate_path, made_from, meshed_files, require_own_stem, write_meshed
-    from cortet.solver_files.sets import named_sets
+    from cortet.solver_files.meshed import Origin, require_own_stem
     from cortet.solver_files.sidecar import sidecar_path
     from cortet.solver_files.volumes import (
         TISSUE_COLUMNS,
@@ -141,36 +136,31 @@ def mesh_command(args: argparse.Namespace) -> int:
         require_in_place,
         with_volumes,
     )
-    from cortet.solver_files.volumes import sources as sources_of_volumes
 
     if args.slices and not args.volume:
         raise InputError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
     # a file that cannot be written is refused before the work, and before files of an earlier run are deleted
-    solver = format_of(args.output).name
-    record = certificate_path(args.output)
     config = config_of(args)
-    require_holes(config.export.holes, solver)
-    size = config.generate.cell_size[0]
+    require_holes(config.export.holes, format_of(args.output).name)
     surface, given = surface_of(args, config)
-    surfaces = meshed_files(region_names(surface.inner), args.output)
-    tissues = args.output.with_name(f"{stem_of(args.output)}.volumes.tsv")
-    beside = [record, sidecar_path(args.output), *surfaces.values(), *([tissues] if args.volume else [])]
-    for file in beside:
+    beside = companions(args.output, surface.inner, volumes=bool(args.volume))
+    every = [*beside.files, sidecar_path(args.output)]
+    for file in every:
         may_write(file)
     for file in (args.page, args.picture, args.slices):
-        if file and file.absolute() in [one.absolute() for one in beside]:
+        if file and file.absolute() in [one.absolute() for one in every]:
             refuse_companion(file)
     if not args.force:
-        require_own_stem(args.output, given, cell_size=size)
+        require_own_stem(args.output, given, cell_size=config.generate.cell_size[0])
     require_regions(config.export.holes, surface.inner)
     volumes = read_volumes(dict(args.volume))
-    frame, kind = placed(surface, config.placement()).frame, kind_of(args.surface)
-    require_in_place(volumes, placed(surface, config.placement()))
-    for line in backgrounds(volumes, placed(surface, config.placement())):
+    in_mm, kind = placed(surface, config.placement()), kind_of(args.surface)
+    require_in_place(volumes, in_mm)
+    for line in backgrounds(volumes, in_mm):
         print(line)
     sphere = sphere_of(args)
     progress = Progress(config, args.ga, nested=bool(surface.inner), registered=sphere is not None)
-    mesh, certificate, meshed = mesh_surface(
+    made = mesh_surface(
         surface,
         config,
         gestational_age=args.ga,
@@ -181,57 +171,38 @@ def mesh_command(args: argparse.Namespace) -> int:
         case=stem_of(args.output),
         progress=progress,
     )
-    if not args.force:
-        require_own_stem(args.output, given, cell_size=size, mesh_sha256=certificate.mesh_sha256)
-    delete_made(record)  # so that files of an earlier run are not taken for this run's
-    delete_made(sidecar_path(args.output))
-    mesh, rows = with_volumes(mesh, volumes, frame=frame, shares=config.export.label_shares)
-    with recorded(asdict(certificate), record) as place:
-        write_meshed(meshed, place(args.output))
-    if certificate.certified:
-        sources = field_sources(dict(args.field), config.export.field_units)
-        labels = {name: field.labels for name, field in sources.items()}
-        told = export(
-            named_sets(
-                mesh,
-                **config.export.sets(kind),
-                label_names=labels | label_names(volumes),
-                inner=list(meshed.inner),
-                tissues=label_names(volumes),
-            ),
-            args.output,
-            solver=solver,
-            certificate=asdict(certificate),
-            unit=config.export.carp_unit,
-            frame=surface.frame,
-            sources=sources,
-            interior=config.transfer.interior,
-            holes=config.export.holes,
-            made_from={
-                **made_from(surfaces, given, args.output.parent, args.ga),
-                **({"volumes": sources_of_volumes(dict(args.volume))} if args.volume else {}),
-            },
-        )
-    elif args.force:
-        args.output.unlink(missing_ok=True)  # so that an earlier run's file is not taken for this one's
-    with recorded(asdict(certificate), record, surfaces.values()) as place:
-        if rows:
-            write_table(TISSUE_COLUMNS, rows, place(tissues))
+    mesh, rows = with_volumes(made.mesh, volumes, frame=in_mm.frame, shares=config.export.label_shares)
+    made, certificate = made._replace(mesh=mesh), made.certificate
+
+    def views(place: Callable[[Path], Path]) -> None:
         if args.slices:
             from cortet.report.slices import slices
 
-            slices(mesh, *next(iter(volumes.items())), place(args.slices), frame)
+            slices(mesh, *next(iter(volumes.items())), place(args.slices), in_mm.frame)
             print(f"{args.slices}: drawn")
-        _mesh_views(args, mesh, meshed, placed(surface, config.placement()), asdict(certificate), config, place)
+        _mesh_views(args, mesh, made.surface, in_mm, asdict(certificate), config, place)
+
+    told = save(
+        made,
+        args.output,
+        config,
+        Origin(given, fields=dict(args.field), volumes=dict(args.volume), age=args.ga),
+        kind=kind,
+        labels=label_names(volumes),
+        rows=rows,
+        force=args.force,
+        views=views,
+    )
     print()
     if rows:
         print(printed(TISSUE_COLUMNS, rows) + "\n")
     print_verdict(certificate)
-    print(f"{record}: every number beside its limit")
+    print(f"{beside.certificate}: every number beside its limit")
     if certificate.certified:
         for what in told:
             print(f"{args.output}: {what}")
-        print(f"{args.output}: written, with the surface that was meshed: {next(iter(surfaces.values())).name}")
+        meshed = next(iter(beside.surfaces.values())).name
+        print(f"{args.output}: written, with the surface that was meshed: {meshed}")
         if kind == "white" and not surface.inner:
             print(WHITE_ALONE)
     else:
@@ -263,25 +234,6 @@ def _mesh_views(
         }
         write_case_page(mesh, given, certificate, place(args.page), meshed=meshed, facts=about(chosen))
         print(f"{args.page}: written")
-
-
-@contextlib.contextmanager
-def recorded(
-    content: Mapping[str, Any], record: Path, earlier: Iterable[Path] = ()
-) -> Iterator[Callable[[Path], Path]]:
-    """Write a report that lists the files made with it, so that a later run may replace them, even after a kill.
-
-    Yields a function that gives the temporary name of each file. After the report, the files get their own names.
-
-    Parameters
-    ----------
-    earlier : further files beside the report that it lists
-    """
-    from cortet.formats.atomic import atomic_folder, write_json
-
-    with atomic_folder(record) as folder:
-        yield lambda file: folder / file.name if file.parent.absolute() == record.parent.absolute() else file
-        write_json({**content, **record_of([*earlier, *sorted(folder.iterdir())])}, folder / record.name)
 
 
 def stages_command(args: argparse.Namespace) -> int:

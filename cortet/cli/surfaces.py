@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cortet.cli.given import stem_of
-from cortet.cli.meshing import recorded
 from cortet.cli.shared import common, writes
 from cortet.cli.values import FolderOfFiles, Number, named_file, output_picture, output_surface
 from cortet.errors import CortetError
+from cortet.formats.atomic import recorded
 from cortet.formats.ownership import may_write
 from cortet.geometry.limits import CLOSING_MM, PHANTOM_AGES, SHELL_MM, SUBDIVISIONS, THICKNESS_MM
 

@@ -168,6 +168,17 @@ class Config(_WithTheLine):
         """
         return STEPS[step].arguments(self, facts or {})
 
+    def written(self, solver: str) -> dict[str, Any]:
+        """Arguments of `export` for one format, plain values."""
+        export = self.export
+        return {
+            "solver": solver,
+            "uncertified": export.uncertified,
+            "unit": export.carp_unit,
+            "holes": export.holes,
+            "interior": self.transfer.interior,
+        }
+
     def placement(
         self, unit: str | None = None, affine: str | Path | None = None
     ) -> tuple[tuple[float, ...], ...] | None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from cortet.formats.ownership import about_to_write, may_write, temporary_beside
+from cortet.formats.ownership import about_to_write, may_write, record_of, temporary_beside
 
 
 @contextmanager
@@ -67,3 +67,14 @@ def write_json(data: Any, path: str | Path) -> None:
     """Write `data` as indented JSON, complete or not at all; NaN and infinity, which JSON lacks, raise ValueError."""
     with atomic_path(path) as temporary:
         temporary.write_text(json.dumps(data, indent=2, allow_nan=False) + "\n")
+
+
+@contextmanager
+def recorded(content: Mapping[str, Any], record: Path) -> Iterator[Callable[[Path], Path]]:
+    """Write a report that lists the files made with it, so that a later run may replace them, even after a kill.
+
+    Yields a function that gives the temporary name of each file. After the report, the files get their own names.
+    """
+    with atomic_folder(record) as folder:
+        yield lambda file: folder / file.name if file.parent.absolute() == record.parent.absolute() else file
+        write_json({**content, **record_of(sorted(folder.iterdir()))}, folder / record.name)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,6 +19,7 @@ from cortet.formats.ownership import json_of
 from cortet.geometry.nesting import nested, sheets
 from cortet.meshes import BRAIN, OUTERMOST, TriSurface, region_names
 from cortet.solver_files.sidecar import read_sidecar, sidecar_path
+from cortet.solver_files.volumes import sources
 
 #: a hemisphere
 Hemisphere = Literal["L", "R"]
@@ -97,34 +99,38 @@ def require_own_stem(
             )
 
 
-def made_from(
-    meshed: Mapping[str, Path], given: Mapping[str, str | Path], folder: Path, age: float | None = None
-) -> dict[str, Any]:
-    """What the sidecar of a mesh says about its origin.
+@dataclass(frozen=True)
+class Origin:
+    """Where a mesh comes from, as far as it is known: what its sidecar records."""
 
-    Parameters
-    ----------
-    meshed : region -> file of the surface that was meshed
-    given : region -> file of the surface that the user gave
-    folder : folder of the sidecar; names of files are relative to it
-    age : gestational age of the brain, weeks, if it is known
-    """
-    brain = next((given[region] for region in (OUTERMOST, BRAIN) if region in given), None)
-    hemisphere, kind = (hemisphere_of(brain), kind_of(brain)) if brain else (None, None)
-    surfaces = {
-        kind: {
-            region: {"file": Path(os.path.relpath(file, folder)).as_posix(), "sha256": input_sha256(file)}
-            for region, file in files.items()
+    #: region -> file of the surface that the user gave, and of the surface that was meshed
+    given: Mapping[str, str | Path] = field(default_factory=dict)
+    meshed: Mapping[str, Path] = field(default_factory=dict)
+    #: name -> file of a field of the surface, and `FILE` or `FILE:KIND` of a volume
+    fields: Mapping[str, str | Path] = field(default_factory=dict)
+    volumes: Mapping[str, str] = field(default_factory=dict)
+    #: gestational age of the brain, weeks; its hemisphere and the kind of surface if no given file says them
+    age: float | None = None
+    hemisphere: Hemisphere | None = None
+    kind: str | None = None
+
+    def made_from(self, folder: Path) -> dict[str, Any]:
+        """The entries of a sidecar in a folder, to which names of files are relative."""
+        brain = next((self.given[region] for region in (OUTERMOST, BRAIN) if region in self.given), None)
+        known = {
+            "hemisphere": self.hemisphere or (hemisphere_of(brain) if brain else None),
+            "gestational_age": None if self.age is None else float(self.age),
+            "surface": self.kind or (kind_of(brain) if brain else None),
+            "volumes": sources(self.volumes) or None,
         }
-        for kind, files in {"given": given, "meshed": meshed}.items()
-    }
-    return {**surfaces, **facts(age, hemisphere, kind)}
-
-
-def facts(age: float | None, hemisphere: Hemisphere | None, kind: str | None = None) -> dict[str, Any]:
-    """The entries of `made_from` about the brain, as far as they are known; `age` in weeks, `kind` of the surface."""
-    known = {"hemisphere": hemisphere, "gestational_age": None if age is None else float(age), "surface": kind}
-    return {name: value for name, value in known.items() if value is not None}
+        surfaces = {
+            which: {
+                region: {"file": Path(os.path.relpath(file, folder)).as_posix(), "sha256": input_sha256(file)}
+                for region, file in files.items()
+            }
+            for which, files in {"given": self.given, "meshed": self.meshed}.items()
+        }
+        return {**surfaces, **{name: value for name, value in known.items() if value is not None}}
 
 
 def brain_of(mesh: Path, age: float | None, hemisphere: Hemisphere | None) -> Brain:

@@ -1,0 +1,111 @@
+"""The same surface through the command, Python and the workflow: the same mesh, byte for byte, and the same records."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import nibabel as nib
+import numpy as np
+import pytest
+import yaml
+
+import cortet
+from cortet.cli import main
+from cortet.cohort.sheet import Case
+from cortet.formats.gifti import write_surface
+from cortet.formats.volumes import write_volume
+from cortet.meshes import TriSurface
+from tests.integration.study import Study, surface
+
+#: rows and columns of an image whose voxels are 2 mm, turned and moved
+ASIDE = np.array([100.0, 0, 0])
+AFFINE = np.array([[0, -2.0, 0, 30], [2, 0, 0, -10], [0, 0, 2, 5], [0, 0, 0, 1]])
+
+
+def inputs(folder: Path, placement: str) -> tuple[dict[str, Any], dict[str, Path]]:
+    """Two surfaces and a volume of labels in a folder, and what places the surfaces in mm."""
+    pial = surface(0)
+    pial = TriSurface(pial.points + ASIDE, pial.faces)
+    inner = TriSurface(0.7 * (pial.points - ASIDE) + ASIDE, pial.faces)
+    files = {name: folder / f"{name}.{end}" for name, end in (("pial", "surf.gii"), ("white", "surf.gii"))}
+    files["tissue"] = folder / "tissue.nii.gz"
+    if placement == "affine":
+        nib.Nifti1Image(np.zeros((4, 4, 4), np.int16), AFFINE).to_filename(folder / "image.nii.gz")
+        back = np.linalg.inv(AFFINE)
+        stored = [one.points @ back[:3, :3].T + back[:3, 3] for one in (pial, inner)]
+        gate = {"affine": str(folder / "image.nii.gz")}
+    else:
+        stored = [one.points / 1000 for one in (pial, inner)]
+        gate = {"unit": "m"}
+    for name, one, points in zip(("pial", "white"), (pial, inner), stored, strict=True):
+        write_surface(TriSurface(points, one.faces), files[name])
+    to_mm = np.diag([1.0, 1, 1, 1])
+    to_mm[:3, 3] = [80.0, -20, -20]
+    labels = np.where(np.indices((40, 40, 40))[1] > 20, 2, 1).astype(np.int16)
+    write_volume(labels, to_mm, files["tissue"])
+    files["tissue"].with_name("tissue.tsv").write_text("index\tname\n1\tback\n2\tfront\n")
+    return gate, files
+
+
+@pytest.mark.parametrize("placement", ["unit", "affine"])
+def test_three_doors_lead_to_the_same_files(tmp_path: Path, placement: str) -> None:
+    study = Study(tmp_path)
+    (tmp_path / "surfaces").mkdir()
+    gate, files = inputs(tmp_path / "surfaces", placement)
+    study.config |= {"gate": gate, "export": {"formats": ["vtu"]}, "generate": {"cell_size": [4.0]}}
+    config = tmp_path / "alone.yaml"
+    config.write_text(yaml.safe_dump(study.config))
+
+    case = Case("a", None, "L", 24.0, files["pial"], inner={"white": files["white"]})
+    study.write_cases([replace(case, volumes={"tissue": str(files["tissue"])})])
+    assert study.run("meshes").returncode == 0
+    given = [str(files["pial"]), "--inner", f"white={files['white']}", "--volume", f"tissue={files['tissue']}"]
+    command = tmp_path / "command/x.vtu"
+    command.parent.mkdir()
+    assert main(["mesh", *given, "--config", str(config), "--ga", "24", "-o", str(command)]) == 0
+    made = cortet.mesh(
+        files["pial"],
+        inner={"white": files["white"]},
+        volumes={"tissue": files["tissue"]},
+        ga=24.0,
+        settings=config,
+        progress=False,
+    )
+    python = tmp_path / "python/x.vtu"
+    python.parent.mkdir()
+    made.save(python)
+
+    (workflow,) = study.files("*Solver_sets.vtu")
+    assert command.read_bytes() == python.read_bytes() == workflow.read_bytes()
+    assert {path.name for path in command.parent.iterdir()} == {path.name for path in python.parent.iterdir()}
+    companions = ("x.meshed.surf.gii", "x.meshed-white.surf.gii", "x.volumes.tsv")
+    for name in companions:
+        assert (command.parent / name).read_bytes() == (python.parent / name).read_bytes(), name
+
+    records = [json.loads(path.with_name(f"{path.name}.json").read_text()) for path in (command, python, workflow)]
+    certificates = [json.loads((path.parent / "x.certificate.json").read_text()) for path in (command, python)]
+    certificates.append(json.loads(study.files("*certificate.json")[0].read_text()))
+    for record in records:
+        origin = record.pop("made_from")
+        assert {region: one["sha256"] for region, one in origin["given"].items()} == {
+            region: one["sha256"] for region, one in records_given(command).items()
+        }
+        assert set(origin["meshed"]) == {"cortex", "white"} and origin["volumes"]["tissue"]["sha256"]
+        assert origin["gestational_age"] == 24
+        record.pop("files")
+    assert records[0] == records[1] == records[2]
+    for certificate in certificates:
+        for key in ("case", "input", "files", "made_by"):
+            certificate.pop(key, None)
+    checks = [certificate["checks"] for certificate in certificates]
+    assert checks[0] == checks[1] == checks[2]
+    assert len({certificate["mesh_sha256"] for certificate in certificates}) == 1
+
+
+def records_given(mesh: Path) -> dict[str, dict[str, str]]:
+    """The surfaces that the sidecar of a mesh says were given."""
+    given: dict[str, dict[str, str]] = json.loads(mesh.with_name(f"{mesh.name}.json").read_text())["made_from"]["given"]
+    return given
