@@ -14,6 +14,7 @@ from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.measure.certify import Certificate
 from cortet.meshes import TetMesh, TriSurface
+from cortet.solver_files.meshed import cell_size_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,10 +30,16 @@ def certify(
 
     Parameters
     ----------
-    cell_size : mm, the scale of limits on distances; None: taken from the mesh
+    cell_size : mm, the scale of limits on distances; None: the one that the mesh was made with, if that is known: of
+        what `cortet.mesh` returns, and of a file with its certificate beside it. Else distances are reported, and
+        have no limit
     """
     from cortet.measure.certify import certify as judged
 
+    if cell_size is None and isinstance(made, Mesh):
+        cell_size = made.config.generate.cell_size[0]
+    elif cell_size is None and isinstance(made, str | Path):
+        cell_size = cell_size_of(Path(made))
     config = load(settings if settings is not None else {})
     limits = config.arguments("certify", {"cell_size": cell_size})
     return judged(tetrahedra(made), surface(shape), **limits)

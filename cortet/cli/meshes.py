@@ -174,14 +174,15 @@ def _filled_surface(mesh: Path, args: argparse.Namespace) -> TriSurface:
 
 
 def _judged(mesh: TetMesh, surface: TriSurface, file: Path, args: argparse.Namespace) -> Certificate:
-    """The certificate of the mesh of a file, with the limits given to the command."""
+    """The certificate of the mesh of a file, by the limits given to the command and the cell size if that is known."""
     from cortet.config import load
     from cortet.measure.certify import certify
+    from cortet.solver_files.meshed import cell_size_of
 
     given = {"q_max": args.q_max, "max_boundary_distance": args.max_boundary_distance}
     chosen = {key: None if value == math.inf else value for key, value in given.items()}
     section = {key: value for key, value in chosen.items() if given[key] is not None}
-    limits = load({"certify": section}).arguments("certify", {"cell_size": args.cell_size})
+    limits = load({"certify": section}).arguments("certify", {"cell_size": args.cell_size or cell_size_of(file)})
     return certify(mesh, surface, **limits, case=stem_of(file), source=args.surface, parameters={"certify": limits})
 
 

@@ -60,6 +60,12 @@ def certificate_path(mesh: Path) -> Path:
     return mesh.with_name(f"{mesh.name.removesuffix(mesh.suffix)}.certificate.json")
 
 
+def cell_size_of(mesh: Path) -> float | None:
+    """Cell size, mm, that the certificate beside a mesh records; None if there is none."""
+    size: float | None = json_of(certificate_path(mesh)).get("parameters", {}).get("generate", {}).get("cell_size")
+    return size
+
+
 def require_own_stem(
     mesh: Path, given: Mapping[str, str | Path], *, cell_size: float, mesh_sha256: str | None = None
 ) -> None:
@@ -81,8 +87,7 @@ def require_own_stem(
     for other in others:
         record = read_sidecar(other).get("made_from") if sidecar_path(other).is_file() else None
         if record and record["given"]:
-            certificate = json_of(certificate_path(mesh))
-            size = certificate.get("parameters", {}).get("generate", {}).get("cell_size", cell_size)
+            certificate, size = json_of(certificate_path(mesh)), cell_size_of(mesh) or cell_size
             hashes = {region: one["sha256"] for region, one in record["given"].items()}
             if hashes != {region: input_sha256(file) for region, file in given.items()}:
                 differs = "a mesh of another surface"

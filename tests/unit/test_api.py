@@ -11,13 +11,15 @@ import nibabel as nib
 import numpy as np
 import pytest
 import pyvista
-from shapes import ball_mesh
+from shapes import ball_mesh, ball_surface
 
 import cortet
 from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.geometry.topology import boundary_surface
+from cortet.measure.certify import Certificate
+from cortet.measure.checks import SURFACE_DISTANCE
 from cortet.meshes import CoordinateFrame, TriSurface
 from cortet.solver_files.sidecar import sidecar_path
 
@@ -49,6 +51,21 @@ def holders(surface: TriSurface, folder: Path) -> dict[str, Any]:
         "trimesh": type("Trimesh", (), {"vertices": surface.points, "faces": surface.faces})(),
         "own": surface,
     }
+
+
+def test_certify_takes_the_cell_size_that_a_mesh_was_made_with(tmp_path: Path) -> None:
+    surface = ball_surface(3, radius=14.0)
+    made = cortet.mesh(surface, cell_size=4.0, progress=False)
+    made.save(tmp_path / "x.vtu")
+
+    def limits(found: Certificate) -> dict[str, object]:
+        return {check.name: check.limit for check in found.checks if check.name == SURFACE_DISTANCE}
+
+    scaled = limits(cortet.certify(made.mesh, made.surface, cell_size=4.0))
+    assert scaled and None not in scaled.values()
+    assert limits(cortet.certify(made, made.surface)) == scaled
+    assert limits(cortet.certify(tmp_path / "x.vtu", made.surface)) == scaled
+    assert set(limits(cortet.certify(made.mesh, made.surface)).values()) == {None}
 
 
 def test_a_surface_may_come_from_anything_that_holds_one(ball: TriSurface, tmp_path: Path) -> None:
