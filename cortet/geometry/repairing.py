@@ -33,6 +33,8 @@ _SPIKE = 5.0
 #: and if its faces point so differently that their normals add up to less than this share of their areas, as those of a
 #: cone do whose sides are steeper than 60 degrees; the hub of a flat fan lies off the middle without standing out
 _STEEP = 0.5
+#: and if its faces are less than this share of the area: a cone is a shape, and its tip no flaw
+_SMALL = 0.1
 #: the copies of a split vertex move this share of the way to the middle of their neighbours, so that they separate
 _PARTED = 0.1
 
@@ -88,7 +90,8 @@ def _spikes(points: FloatArray, faces: IntArray) -> IntArray:
     normals, area = face_normals(points, faces), np.bincount(vertex, np.repeat(face_areas(points, faces), 3), count)
     total = [np.bincount(vertex, np.repeat(normals[:, i], 3), count) / 2 for i in range(3)]
     steep = np.linalg.norm(total, axis=0) < _STEEP * area
-    return np.flatnonzero((away > _SPIKE * ring) & steep).astype(np.int32)
+    small = 3 * area < _SMALL * area.sum()  # the sum counts each face at its three corners
+    return np.flatnonzero((away > _SPIKE * ring) & steep & small).astype(np.int32)
 
 
 class BrokenSurface:

@@ -67,6 +67,15 @@ def test_a_good_surface_passes_with_the_very_same_arrays(surface: TriSurface) ->
     assert report.volume_ml == pytest.approx(enclosed_volume(surface.points, surface.faces) / 1000)
 
 
+def test_the_tip_of_a_cone_is_no_spike() -> None:
+    angle = 2 * np.pi * np.arange(200) / 200
+    rim = np.column_stack([25 * np.cos(angle), 25 * np.sin(angle), 0 * angle])
+    a, b = np.arange(200), np.roll(np.arange(200), -1)
+    sides, floor = (np.column_stack([*pair, np.full(200, tip)]) for pair, tip in (((a, b), 200), ((b, a), 201)))
+    cone = TriSurface(np.concatenate([rim, [[0, 0, 60.0], [0, 0, 0]]]), np.concatenate([sides, floor]))
+    assert repair(cone, source="a.stl")[0] is cone
+
+
 def test_the_hub_of_a_flat_fan_is_no_spike() -> None:
     surface = can(200, rings=30, hub=24.9)
     assert repair(surface, source="a.stl")[0] is surface
