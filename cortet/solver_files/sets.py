@@ -28,6 +28,9 @@ from cortet.meshes import AROUND, BRAIN, REGION, IntArray, MeshSets, TetMesh, is
 #: some solvers refuse longer names
 _LONGEST_NAME = 80
 
+#: labels are below this: files hold them in 32 bits, and 0 becomes the number after the largest
+_MOST_LABELS = 2**31 - 1
+
 
 def named_sets(
     mesh: TetMesh,
@@ -128,12 +131,13 @@ def tagged(mesh: TetMesh, field: str) -> TetMesh:
 
     Raises
     ------
-    InputError : the mesh has no such field, or it holds other than whole numbers from 0 on
+    InputError : the mesh has no such field, or it holds other than whole numbers from 0 on that formats can hold
     """
     values = mesh.cell_data.get(field)
-    if values is None or values.ndim > 1 or not ((values >= 0) & (values == np.round(values))).all():
+    whole = values is not None and values.ndim == 1 and bool((values == np.round(values)).all())
+    if values is None or not whole or not 0 <= values.min() <= values.max() < _MOST_LABELS:
         known = [name for name, some in mesh.cell_data.items() if _is_label(some)]
-        raise InputError(f"the tetrahedra have no labels {field} from 0 on", remedy=_known(known))
+        raise InputError(f"the tetrahedra have no labels {field} from 0 to {_MOST_LABELS - 1}", remedy=_known(known))
     number = np.where(values == 0, values.max() + 1, values).astype(np.int32)
     sets = {name: cells for name, cells in mesh.sets.cells.items() if name.startswith(f"{field}_")}
     for one, key in zip(*np.unique((number, values), axis=1).astype(int).tolist(), strict=True):
