@@ -392,8 +392,11 @@ def _located(name: str, folder: Path) -> Path:
 
 
 def _relative(path: Path | str, folder: Path) -> str:
-    """`path` as a sheet in `folder` names it: relative below the folder's parent, absolute elsewhere."""
+    """`path` as a sheet in `folder` names it: relative below the folder's parent, absolute elsewhere.
+
+    A link keeps its own name, which says what it is; DataLad keeps content under names that do not.
+    """
     if path == PHANTOM:
         return PHANTOM
-    target, start = Path(path).resolve(), folder.resolve()
+    target, start = Path(path).parent.resolve() / Path(path).name, folder.resolve()
     return os.path.relpath(target, start) if target.is_relative_to(start.parent) else str(target)

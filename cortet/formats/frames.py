@@ -92,12 +92,22 @@ def of_volume(axes: Any, centre: Any, path: str | Path) -> CoordinateFrame:
 
 
 def _of_volume(about: Mapping[str, str], path: str | Path) -> CoordinateFrame | None:
-    """The frame by the metadata `VolGeom...`; None if they are not complete."""
-    try:
-        numbers = [[float(about[f"VolGeom{axis}_{to}"]) for axis in "XYZC"] for to in "RAS"]
-    except (KeyError, ValueError):
+    """The frame by the metadata `VolGeom...`; None if there are none, or if they are not complete, which is said."""
+    values: list[float] = []
+    keys = [f"VolGeom{axis}_{to}" for to in "RAS" for axis in "XYZC"]
+    if not any(key in about for key in keys):
         return None
-    return of_volume(np.array(numbers)[:, :3], np.array(numbers)[:, 3], path)
+    for key in keys:
+        try:
+            values.append(float(about[key]))
+        except (KeyError, ValueError):
+            why = f"{key} is {repr(about[key]) if key in about else 'missing'}"
+            logger.warning(
+                "%s: its VolGeom metadata are ignored, as %s: coordinates are taken as they stand", path, why
+            )
+            return None
+    numbers = np.reshape(values, (3, 4))
+    return of_volume(numbers[:, :3], numbers[:, 3], path)
 
 
 def _frame(system: System, path: str | Path) -> CoordinateFrame:
@@ -119,6 +129,8 @@ def _frame(system: System, path: str | Path) -> CoordinateFrame:
     if not np.allclose(whole[3], [0, 0, 0, 1], atol=1e-6):
         what = f"the last row of the matrix of its coordinates is {whole[3].tolist()}, not 0 0 0 1"
         raise InputError(what, file=path, remedy=_AGAIN)
+    if dataspace == xformspace and not np.allclose(whole, np.eye(4), atol=1e-6):
+        logger.warning("%s: its matrix leads from %s to itself: it is not followed", path, dataspace)
     return CoordinateFrame(dataspace, xformspace, tuple(whole.ravel().tolist()))
 
 

@@ -51,7 +51,7 @@ def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
         warnings.simplefilter("ignore")  # a file without a footer is complete
         try:
             points, faces, footer = read_geometry(str(path), read_metadata=True)  # type: ignore[no-untyped-call]
-        except (ValueError, IndexError, OverflowError, MemoryError, UnicodeDecodeError) as error:
+        except (OSError, ValueError, IndexError, OverflowError, MemoryError, UnicodeDecodeError) as error:
             raise InputError(f"no complete FreeSurfer surface ({error})", file=path, remedy=remedy) from None
     if finite and not np.isfinite(points).all():
         raise InputError("coordinates are not finite", file=path, remedy=remedy)
@@ -174,5 +174,7 @@ def _frame(footer: dict[str, Any], path: Path) -> CoordinateFrame:
     """The place of the volume in a file's footer; none if the footer says that it is not valid."""
     if not str(footer.get("valid", "")).startswith("1"):
         return CoordinateFrame()
-    axes = np.stack([footer[name] for name in ("xras", "yras", "zras")], axis=1)
-    return frames.of_volume(axes, footer["cras"], path)
+    vectors = [footer[name] for name in ("xras", "yras", "zras", "cras")]
+    if any(np.shape(vector) != (3,) for vector in vectors):
+        raise InputError("no complete FreeSurfer surface (its footer lacks numbers)", file=path, remedy=_REMEDY)
+    return frames.of_volume(np.stack(vectors[:3], axis=1), vectors[3], path)

@@ -477,3 +477,21 @@ def test_scan_takes_the_pial_surface_beside_a_white_one_where_asked(tmp_path: Pa
     right = found["sub-CC01_ses-100_hemi-R"]
     assert Path(right.surface).name.endswith("right_wm.surf.gii") and not right.inner
     assert not any(case.inner for case in scan(folder))
+
+
+def test_a_sheet_names_links_not_what_they_lead_to(tmp_path: Path) -> None:
+    """DataLad keeps content under names that say neither surface nor hemisphere; a link may lead to itself."""
+    folder = freesurfer(tmp_path / "fs", "bert")
+    white = folder / "bert/surf/lh.white"
+    key = tmp_path / "fs/.git/annex/objects/MD5E-s9--0a"
+    key.parent.mkdir(parents=True)
+    white.rename(key)
+    white.symlink_to("../../.git/annex/objects/MD5E-s9--0a")
+    (folder / "bert/surf/rh.white").unlink()
+    (folder / "bert/surf/rh.white").symlink_to("rh.white")
+    cases = [case for case in scan(folder, Scan()) if case.surface.name == "lh.white"]
+    sheet = tmp_path / "surfaces.tsv"
+    write_sheet([*cases, replace(cases[0], hemi="R", surface=white.with_name("rh.white"))], sheet)
+    text = sheet.read_text()
+    assert "fs/bert/surf/lh.white" in text and "fs/bert/surf/rh.white" in text
+    assert ".git" not in text

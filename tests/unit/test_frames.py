@@ -260,3 +260,38 @@ def test_surfaces_in_different_spaces_are_not_nested(tmp_path: Path, form: str) 
         surface, frame=CoordinateFrame()
     )  # nothing is known of the place of one: they are taken as they stand
     assert list(nested(own, {"white": inner}).inner) == ["white"]
+
+
+@pytest.mark.parametrize(("key", "value"), [("VolGeomC_S", None), ("VolGeomX_R", None), ("VolGeomC_R", "8,0")])
+def test_volgeom_metadata_that_are_not_complete_are_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, key: str, value: str | None
+) -> None:
+    about = volume_geometry()
+    del about[key]
+    about |= {} if value is None else {key: value}
+    surface = read_surface(gifti(tmp_path / "x.surf.gii", IN_FREESURFER, about=about))
+    assert surface.frame == CoordinateFrame()
+    assert f"its VolGeom metadata are ignored, as {key} is {'missing' if value is None else repr(value)}" in caplog.text
+
+
+@pytest.mark.parametrize("space", [UNKNOWN, SCANNER])
+def test_a_matrix_from_a_space_to_itself_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture, space: str) -> None:
+    surface = read_surface(gifti(tmp_path / "x.surf.gii", IN_FREESURFER, (space, space, TO_SCANNER)))
+    assert np.array_equal(surface.frame.to_scanner, np.eye(4))
+    assert f"its matrix leads from {space} to itself: it is not followed" in caplog.text
+
+
+@pytest.mark.parametrize("cut", [30, 100])
+def test_a_footer_that_ends_early_is_refused(tmp_path: Path, cut: int) -> None:
+    path = own(tmp_path / "lh.white")
+    path.write_bytes(path.read_bytes()[:-cut])
+    with pytest.raises(InputError, match=r"lh\.white: no complete FreeSurfer surface"):
+        read_surface(path)
+
+
+def test_a_centre_of_two_numbers_is_refused(tmp_path: Path) -> None:
+    path = own(tmp_path / "lh.white")
+    data = path.read_bytes()
+    path.write_bytes(data[: data.index(b"cras")] + b"cras   = 1.0 2.0\n")
+    with pytest.raises(InputError, match=r"lh\.white: no complete FreeSurfer surface"):
+        read_surface(path)
