@@ -42,7 +42,7 @@ class System(NamedTuple):
 
 
 def of_gifti(systems: Sequence[System], about: Mapping[str, str], provenance: str, path: str | Path) -> CoordinateFrame:
-    """The coordinate system of a pointset: of several the one that leads to the scanner.
+    """The coordinate system of a pointset: of several the one that leads to the scanner, else one that is there.
 
     Parameters
     ----------
@@ -54,12 +54,14 @@ def of_gifti(systems: Sequence[System], about: Mapping[str, str], provenance: st
     InputError : a name is not known, the matrix is no affine, or it implies that the coordinates are not mm
     """
     stated = [_frame(system, path) for system in systems]
-    frame = next((one for one in stated if one.leads_to_scanner), stated[0] if stated else CoordinateFrame())
+    frame = min(stated, key=lambda one: (not one.leads_to_scanner, not one.is_placed), default=CoordinateFrame())
     if len(stated) > 1:
         named = ", ".join(f"{one.dataspace} to {one.xformspace}" for one in stated)
         logger.warning("%s: states %s: %s is taken", path, named, f"{frame.dataspace} to {frame.xformspace}")
-    if not frame.leads_to_scanner and frame.dataspace == _UNKNOWN and (own := _of_volume(about, path)):
-        if _MOVED.search(provenance):
+    if not frame.is_placed and (own := _of_volume(about, path)):
+        if frame.dataspace != _UNKNOWN:
+            logger.warning("%s: its VolGeom metadata are ignored, as its coordinates are in %s", path, frame.dataspace)
+        elif _MOVED.search(provenance):
             logger.warning("%s: its VolGeom metadata are ignored, as Workbench has moved the coordinates since", path)
         else:
             logger.info("%s: placed in the scanner by its VolGeom metadata", path)

@@ -182,6 +182,21 @@ def test_coordinates_that_workbench_has_moved_are_not_moved_again(
     assert "VolGeom metadata are ignored" in caplog.text
 
 
+def test_a_stated_template_is_not_the_space_of_the_volume_and_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Workbench writes Talairach where a file states no space."""
+    path = gifti(tmp_path / "x.surf.gii", IN_FREESURFER, (TALAIRACH, TALAIRACH, np.eye(4)), about=volume_geometry())
+    assert np.array_equal(read_surface(path).frame.to_scanner, np.eye(4))
+    assert f"ignored, as its coordinates are in {TALAIRACH}" in caplog.text
+
+
+def test_coordinates_that_a_second_system_states_to_be_in_the_scanner_stay(tmp_path: Path) -> None:
+    systems = (UNKNOWN, UNKNOWN, np.eye(4)), (SCANNER, SCANNER, np.eye(4))
+    surface = read_surface(gifti(tmp_path / "x.surf.gii", IN_SCANNER, *systems, about=volume_geometry()))
+    assert np.array_equal(surface.frame.to_scanner, np.eye(4)) and surface.frame.dataspace == SCANNER
+
+
 def test_of_two_systems_that_to_the_scanner_is_taken_and_named(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
