@@ -13,8 +13,8 @@ from cortet.errors import InputError
 from cortet.formats.untrusted import content, triangulated
 from cortet.meshes import TriSurface
 
-#: the first word of a file; the letters before OFF announce texture, colour or normals after the coordinates
-BEGINS = re.compile(rb"\s*(ST)?C?N?OFF\b(?!\s*BINARY)")
+#: comments, and the first word of a file; letters before OFF announce texture, colour or normals after the coordinates
+BEGINS = re.compile(rb"(?:\s|#[^\n]*\n)*(ST)?C?N?OFF\b(?!\s*BINARY)")
 #: most bytes of a file
 _LARGEST = 2**29
 _REMEDY = "export the surface again as GIfTI (.surf.gii)"
@@ -35,6 +35,8 @@ def read(path: str | Path) -> TriSurface:
         lines = [
             line for one in text[begin.end() if begin else 0 :].splitlines() if (line := one.split(b"#")[0].split())
         ]
+        if not lines or len(lines[0]) < 2:
+            raise ValueError("its numbers of vertices and of faces are not in one line")
         vertices, faces = int(lines[0][0]), int(lines[0][1])
         if min(vertices, faces) < 0 or len(lines) <= vertices + faces:
             raise ValueError(f"it ends before its {vertices:,} vertices and {faces:,} faces do")

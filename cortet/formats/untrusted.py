@@ -128,12 +128,20 @@ def inflated(data: bytes, size: int) -> bytes:
 
 
 def unpacked(data: bytes, most: int = LARGEST) -> bytes:
-    """What data packed by gzip unpack to; ValueError or zlib.error if they are damaged, or hold more than `most`."""
-    worker = zlib.decompressobj(wbits=31)
-    result = worker.decompress(data, most)
-    if not worker.eof:
-        raise ValueError("it is truncated" if len(result) < most else f"it holds more than {most:,} bytes")
-    return result
+    """What data packed by gzip, in one or several members, unpack to.
+
+    ValueError or zlib.error if they are damaged, or hold more than `most` bytes.
+    """
+    parts: list[bytes] = []
+    left = most
+    while data:
+        worker = zlib.decompressobj(wbits=31)
+        parts.append(worker.decompress(data, max(left, 1)))
+        left -= len(parts[-1])
+        if left < 0 or not worker.eof:
+            raise ValueError("it is truncated" if left > 0 else f"it holds more than {most:,} bytes")
+        data = worker.unused_data.lstrip(b"\0")
+    return b"".join(parts)
 
 
 def numbers(text: str, dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -49,7 +49,8 @@ def test_faces_of_an_obj_file_may_have_more_corners_and_indices(tmp_path: Path) 
 
 
 def test_an_off_file_may_have_colours_comments_and_more_corners(tmp_path: Path) -> None:
-    text = b"COFF # a square\n4 1 0\n0 0 0 1 1 1 1\n\n1 0 0 1 1 1 1\n1 1 0 0 0 0 0 # third\n0 1 0 0 0 0 0\n"
+    text = b"# by hand\n\n# of a square\nCOFF # a square\n"
+    text += b"4 1 0\n0 0 0 1 1 1 1\n\n1 0 0 1 1 1 1\n1 1 0 0 0 0 0 # third\n0 1 0 0 0 0 0\n"
     text += b"4 0 1 2 3 0.5 0 0\n"
     surface = read_surface(saved(tmp_path, "q.off", text))
     assert surface.faces.tolist() == [[0, 1, 2], [0, 2, 3]] and surface.points[2].tolist() == [1, 1, 0]
@@ -86,6 +87,8 @@ PLY += b"property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0
         (b"v 0 0 0\nv 1 0 x\nf 1 2 1\n", "no readable OBJ surface"),
         (b"v 0 0 0\n", "no vertices or no triangles"),
         (b"OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "ends before its 3 vertices and 2 faces do"),
+        (b"OFF\n3\n1\n0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "numbers of vertices and of faces are not in one line"),
+        (b"OFF\n", "numbers of vertices and of faces are not in one line"),
         (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4 0 1 2\n", "face '4 0 1 2' does not name its corners"),
         (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "vertices run from 0 to 2"),
         (b"OFF\n3 1 0\n0 0 0\n1 0 x\n0 1 0\n3 0 1 2\n", "no readable OFF surface"),
