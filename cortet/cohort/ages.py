@@ -39,7 +39,7 @@ _BESIDE_UNIT = (
     r"births?|life|last|period|completed|decimal|in|the|since|from|of|after|at"
 )
 #: words in a sidecar for ages from birth, and for ages from conception or the last period
-_BIRTH = r"\b(birth|born|post-?natal|chronological|of life)\b"
+_BIRTH = r"\b(birth|born|post-?natal|chronological|of life|(corrected|adjusted) age|ex[ -]?utero|DOL)\b"
 _GESTATION = r"gestation|menstrual|concept|\bPMA\b|\bGA\b"
 #: why such ages are not read
 _AT_BIRTH = "it counts from birth"

@@ -94,6 +94,8 @@ def test_weeks_may_be_qualified(tmp_path: Path, units: str) -> None:
         ("ga", {"LongName": "weeks of life"}, "it counts from birth"),
         ("age", {"Description": "age of the mother at conception"}, "it is the age of a parent"),
         ("age", {"Description": "maternal age at conception", "Units": "weeks"}, "it is the age of a parent"),
+        ("age", {"Description": "corrected age", "Units": "weeks"}, "it counts from birth"),
+        ("age", {"Description": "time ex utero", "Units": "weeks"}, "it counts from birth"),
         ("scan_age", {"Description": "30 yrs at most"}, "in years (by its description)"),
         ("scan_age", {"Description": "age (mo)"}, "in months (by its description)"),
         ("scan_age", {"Description": "age, y"}, "in years (by its description)"),
