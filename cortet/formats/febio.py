@@ -27,7 +27,7 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
 from cortet.formats.numbering import indices, whole
 from cortet.formats.surface_sets import with_surface
-from cortet.formats.tags import TISSUE, region_numbers, regions
+from cortet.formats.tags import region_numbers, regions, without_tissue
 from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.formats.untrusted import content, require_ascii, sound, xml_root
 from cortet.meshes import REGION, FloatArray, IntArray, MeshSets, TetMesh
@@ -219,11 +219,7 @@ def read(path: str | Path) -> TetMesh:
             for name, corners in _surfaces(root.iterfind("Mesh/Surface"), tables, path).items()
         },
         {
-            **{
-                name: indices(np.sort(rows), cell_ids, "element", path)
-                for name, rows in parts.items()
-                if name != TISSUE
-            },
+            **{name: indices(np.sort(rows), cell_ids, "element", path) for name, rows in without_tissue(parts).items()},
             **{
                 name: indices(numbers, cell_ids, "element", path)
                 for name, numbers in _sets(root.iterfind("Mesh/ElementSet"), path).items()

@@ -35,7 +35,7 @@ from cortet.formats.components import in_components
 from cortet.formats.gmsh_reader import FIELDS, KINDS, TETRAHEDRON, TRIANGLE, session
 from cortet.formats.numbering import indices
 from cortet.formats.surface_sets import listed_faces, with_surface
-from cortet.formats.tags import TISSUE, face_tags, region_numbers, regions
+from cortet.formats.tags import face_tags, region_numbers, regions, without_tissue
 from cortet.formats.untrusted import check_file, sound
 from cortet.geometry.topology import TET_FACES, packed
 from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
@@ -65,7 +65,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
             for name, group in names.items():
                 # without the surfaces around a volume, whose numbers PyVista, by meshio, takes for those of elements
                 gmsh.model.addDiscreteEntity(dimension, group)
-                gmsh.model.addPhysicalGroup(dimension, [group], group, name)
+                gmsh.model.addPhysicalGroup(dimension, [group], group, _quotable(name))
         tags = np.arange(1, len(mesh.points) + 1)
         gmsh.model.mesh.addNodes(3, int(number.min()), tags, mesh.points.ravel())
         _add_elements(TRIANGLE, faces, _of_faces(mesh), 1)
@@ -91,7 +91,7 @@ def write_v2(mesh: TetMesh, path: str | Path) -> None:
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         file.write(b"$MeshFormat\n2.2 1 8\n" + np.int32(1).tobytes() + b"\n$EndMeshFormat\n")
         file.write(f"$PhysicalNames\n{len(names)}\n".encode())
-        file.writelines(f'{dimension} {tag} "{name}"\n'.encode() for dimension, tag, name in names)
+        file.writelines(f'{dimension} {tag} "{_quotable(name)}"\n'.encode() for dimension, tag, name in names)
         file.write(f"$EndPhysicalNames\n$Nodes\n{len(nodes)}\n".encode() + nodes.tobytes() + b"\n$EndNodes\n")
         file.write(f"$Elements\n{len(faces) + len(mesh.cells)}\n".encode())
         file.write(_elements_v2(TRIANGLE, faces, _of_faces(mesh), 1))
@@ -133,12 +133,16 @@ def _behind(faces: IntArray, mesh: TetMesh) -> NDArray[np.int64]:
     return place[np.searchsorted(first, keys[count:])] % len(mesh.cells)
 
 
+def _quotable(name: str) -> str:
+    """A name between quotation marks, within which the format has no others."""
+    return name.replace('"', "'")
+
+
 def _write_field(file: BinaryIO, kind: str, name: str, values: NDArray[Any]) -> None:
     """Write a field, (n, k), of the tags 1 to n: its name, the time 0, its time step, components and length."""
     rows = np.empty(len(values), [("tag", "<i4"), ("values", "<f8", (values.shape[1],))])
     rows["tag"], rows["values"] = np.arange(1, len(values) + 1), values
-    quoted = name.replace('"', "'")
-    head = f'${kind}\n1\n"{quoted}"\n1\n0\n3\n0\n{values.shape[1]}\n{len(values)}\n'
+    head = f'${kind}\n1\n"{_quotable(name)}"\n1\n0\n3\n0\n{values.shape[1]}\n{len(values)}\n'
     file.write(head.encode() + rows.tobytes() + f"\n$End{kind}\n".encode())
 
 
@@ -177,8 +181,7 @@ def read(path: str | Path) -> TetMesh:
     groups = {
         kind: {
             name: indices(tags_of, known, kind, path)
-            for name, tags_of in _groups(kind, arrays, names[kind]).items()
-            if name != TISSUE
+            for name, tags_of in without_tissue(_groups(kind, arrays, names[kind])).items()
         }
         for kind, known in (("triangle", face_tags), ("tetrahedron", cell_tags))
     }

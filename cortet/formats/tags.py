@@ -9,19 +9,23 @@ number above 99, such as a label of a volume, the next power of ten replaces 100
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.formats.numbering import in_32_bits
+from cortet.errors import InputError
 from cortet.formats.surface_sets import INTERFACE, SURFACE, interface_sets
 from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
+
+T = TypeVar("T")
 
 #: name of the only region of a mesh without any
 TISSUE = "tissue"
 #: numbers of faces are above this one, those of interfaces by so much more
 _FACES, _INTERFACES = 100, 10
+#: numbers of regions are below this one: a field of a Nastran file has eight characters, which those of faces fill
+TOO_LARGE = 10**7
 
 
 def region_numbers(mesh: TetMesh) -> IntArray:
@@ -29,10 +33,18 @@ def region_numbers(mesh: TetMesh) -> IntArray:
 
     It is the cell data `region`, if these are whole numbers. Else the sets of tetrahedra are regions, in their order,
     that share none with an earlier one and do not hold everything; what is left is one more region.
+
+    Raises
+    ------
+    InputError : a number has more than seven digits
     """
     given = mesh.cell_data.get(REGION)
     if given is not None and given.ndim == 1 and np.isfinite(given).all() and (given == np.round(given)).all():
-        return in_32_bits(given, "the region of an element")
+        outside = (given <= -TOO_LARGE) | (given >= TOO_LARGE)
+        if outside.any():
+            what = f"a tetrahedron is in the region {given[outside][0]:.0f}, which has more than seven digits"
+            raise InputError(what, remedy="number the regions from 1 on")
+        return given.astype(np.int32)
     number = np.zeros(len(mesh.cells), np.int32)
     for cells in mesh.sets.cells.values():
         if len(cells) and len(cells) < len(number) and not number[cells].any():
@@ -69,11 +81,16 @@ def face_tags(mesh: TetMesh) -> dict[str, int]:
     return tags
 
 
+def without_tissue(groups: Mapping[str, T]) -> dict[str, T]:
+    """The groups of a file by name; none where the only one is that of a mesh without regions."""
+    return {} if [*groups] == [TISSUE] else dict(groups)
+
+
 def with_names(mesh_sets: MeshSets, number: NDArray[Any], names: Mapping[str, int]) -> MeshSets:
     """The sets, with one of the tetrahedra of each number in front."""
-    named = {name: np.flatnonzero(number == tag).astype(np.int32) for name, tag in names.items()}
+    named = {name: np.flatnonzero(number == tag).astype(np.int32) for name, tag in without_tissue(names).items()}
     return MeshSets(
         mesh_sets.nodes,
         mesh_sets.faces,
-        {name: cells for name, cells in named.items() if len(cells) and name != TISSUE} | mesh_sets.cells,
+        {name: cells for name, cells in named.items() if len(cells)} | mesh_sets.cells,
     )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,17 +13,19 @@ from cortet.formats.surface_sets import CORE
 from cortet.formats.tags import region_numbers
 from cortet.formats.untrusted import safely_named
 from cortet.meshes import REGION, MeshSets, TetMesh
+from cortet.solver_files.sets import set_name
 
 #: formats whose files are plain ASCII
-ASCII = ("abaqus", "febio")
+ASCII = ("abaqus", "febio", "nastran", "carp", "carp_binary")
 
 _T = TypeVar("_T")
 
 
-def in_ascii(mesh: TetMesh) -> tuple[TetMesh, list[str]]:
-    """The mesh with names in ASCII, and the changed names in words: `dïcke` becomes `dicke`."""
-    sets = MeshSets(*(_plain(named) for named in (mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells)))
-    made = replace(mesh, point_data=_plain(mesh.point_data), cell_data=_plain(mesh.cell_data), sets=sets)
+def in_ascii(mesh: TetMesh, solver: str) -> tuple[TetMesh, list[str]]:
+    """The mesh with names in ASCII, and the changed names in words: `dïcke` becomes `dicke`, for Abaqus `a b` `a_b`."""
+    plain: Callable[[Mapping[str, Any]], dict[str, Any]] = _for_abaqus if solver == "abaqus" else _plain
+    sets = MeshSets(*(plain(named) for named in (mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells)))
+    made = replace(mesh, point_data=plain(mesh.point_data), cell_data=plain(mesh.cell_data), sets=sets)
     changes = [
         f"{old} is called {new}"
         for before, after in zip(_named(mesh), _named(made), strict=True)
@@ -63,6 +65,14 @@ def _is_of_regions(mesh: TetMesh, name: str) -> bool:
 
 def _named(mesh: TetMesh) -> tuple[Mapping[str, object], ...]:
     return mesh.point_data, mesh.cell_data, mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells
+
+
+def _for_abaqus(values: Mapping[str, _T]) -> dict[str, _T]:
+    """The same values by names that differ in more than case, of the letters that Abaqus takes."""
+    result: dict[str, _T] = {}
+    for name, value in _plain(values).items():
+        result[set_name(name, result)] = value
+    return result
 
 
 def _plain(values: Mapping[str, _T]) -> dict[str, _T]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, OUTER_SURFACE
-from cortet.formats.tags import region_numbers
+from cortet.formats.tags import TOO_LARGE, region_numbers
 from cortet.formats.tags import regions as regions_of
 from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, interfaces
@@ -27,9 +27,6 @@ from cortet.meshes import AROUND, BRAIN, REGION, IntArray, MeshSets, TetMesh, is
 
 #: some solvers refuse longer names
 _LONGEST_NAME = 80
-
-#: labels are below this: files hold them in 32 bits, and 0 becomes the number after the largest
-_MOST_LABELS = 2**31 - 1
 
 
 def named_sets(
@@ -135,10 +132,11 @@ def tagged(mesh: TetMesh, field: str) -> TetMesh:
     """
     values = mesh.cell_data.get(field)
     whole = values is not None and values.ndim == 1 and bool((values == np.round(values)).all())
-    if values is None or not whole or not 0 <= values.min() <= values.max() < _MOST_LABELS:
+    if values is None or not whole or not 0 <= values.min() <= values.max() < TOO_LARGE - 1:
         known = [name for name, some in mesh.cell_data.items() if _is_label(some)]
-        raise InputError(f"the tetrahedra have no labels {field} from 0 to {_MOST_LABELS - 1}", remedy=_known(known))
-    number = np.where(values == 0, values.max() + 1, values).astype(np.int32)
+        raise InputError(f"the tetrahedra have no labels {field} from 0 to {TOO_LARGE - 2}", remedy=_known(known))
+    number = values.astype(np.int32)  # of bytes, none comes after 255
+    number[number == 0] = number.max() + 1
     sets = {name: cells for name, cells in mesh.sets.cells.items() if name.startswith(f"{field}_")}
     for one, key in zip(*np.unique((number, values), axis=1).astype(int).tolist(), strict=True):
         cells = np.flatnonzero(number == one).astype(np.int32)

@@ -164,9 +164,10 @@ def read_sidecar(path: Path) -> dict[str, Any]:
 
 
 def changed_since(path: Path) -> bool:
-    """Whether a file differs from what its sidecar records, so that no certificate beside it applies."""
-    recorded = files_of(sidecar_path(path)).get(path.name)
-    return recorded is not None and recorded != sha256(path)
+    """Whether a file, or one that belongs to it, differs from the sidecar, so that no certificate beside it applies."""
+    recorded = files_of(sidecar_path(path))
+    beside = {path.with_name(name): digest for name, digest in recorded.items()}
+    return path.name in recorded and any(file.is_file() and sha256(file) != digest for file, digest in beside.items())
 
 
 def stale(path: Path, as_read: TetMesh | TriSurface) -> Iterator[str]:

@@ -52,7 +52,7 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> list[st
     writer = _WRITERS.get(path.suffix)
     if writer is None:
         raise InputError("is of no format for ten-node elements", file=path, remedy=f"use {', '.join(_WRITERS)}")
-    mesh = with_surface(in_ascii(mesh)[0] if path.suffix in _PLAIN else mesh)
+    mesh = with_surface(in_ascii(mesh, _PLAIN[path.suffix])[0] if path.suffix in _PLAIN else mesh)
     sets = MeshSets(node_sets(mesh, curved), mesh.sets.faces, mesh.sets.cells)
     with atomic_folder(path) as folder:
         writer(mesh, curved, sets, folder / path.name)
@@ -165,8 +165,8 @@ def _marked(members: IntArray, count: int) -> NDArray[np.uint8]:
     return marks
 
 
-#: suffixes of files that are plain ASCII
-_PLAIN = (".inp", ".feb")
+#: suffixes of files that are plain ASCII, and for whom they are
+_PLAIN = {".inp": "abaqus", ".feb": "febio"}
 _WRITERS: Mapping[str, Callable[[TetMesh, QuadraticMesh, MeshSets, Path], None]] = {
     ".inp": _write_abaqus,
     ".feb": _write_febio,

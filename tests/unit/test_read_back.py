@@ -24,10 +24,10 @@ from cortet.formats.tags import face_tags, region_numbers, regions
 from cortet.geometry.quadratic import quadratic
 from cortet.geometry.topology import boundary_faces, boundary_surface, compact
 from cortet.measure.certify import certify
-from cortet.meshes import REGION, TetMesh
+from cortet.meshes import REGION, MeshSets, TetMesh
 from cortet.solver_files import others
 from cortet.solver_files.export import convert, export
-from cortet.solver_files.sets import named_sets
+from cortet.solver_files.sets import named_sets, tagged
 from cortet.solver_files.ten_nodes import write_ten_nodes
 from cortet.stages.solver_ready import surface_nodes_first
 
@@ -73,9 +73,7 @@ def test_the_sidecar_and_the_file_have_the_table(tmp_path: Path) -> None:
         export(model(), path, solver=name, certificate=CERTIFIED)
         record = json.loads(path.with_name(f"{path.name}.json").read_text())
         assert record["regions"] == {"cortex": 1, "white": 2}
-        surface = {"cortical_surface": 101, "white_interface": 112}
-        kept = {"carp": surface, "nastran": surface}.get(name, surface)
-        assert record["surface"] == kept
+        assert record["surface"] == {"cortical_surface": 101, "white_interface": 112}
     assert pyvista.read(tmp_path / "m.vtu").field_data["white"].tolist() == [2, 3]
     assert pyvista.read(tmp_path / "m.vtk").field_data["white_interface"].tolist() == [112, 2]
     assert meshio.read(tmp_path / "m_facets.xdmf").field_data["white_interface"].tolist() == [112, 2]
@@ -274,3 +272,114 @@ def test_python_has_the_same_numbers_and_names(tmp_path: Path) -> None:
     assert np.array_equal(made.mesh.cell_data[REGION] == 1, far > 6.9)
     alone = cortet.mesh(balls[0], 2.5, progress=False)
     assert alone.regions == {"cortex": 1, "core": 2}
+
+
+def test_the_number_after_the_largest_byte_does_not_wrap(tmp_path: Path) -> None:
+    mesh, half = model(), np.arange(384) < 192
+    vtu.write(replace(mesh, cell_data={"tissue": np.where(half, 0, 255).astype(np.uint8)}), tmp_path / "in.vtu")
+    convert(tmp_path / "in.vtu", tmp_path / "out.bdf", tags="tissue")
+    assert regions(nastran.read(tmp_path / "out.bdf")) == {"tissue_255": 255, "tissue_0": 256}
+
+
+def test_a_region_whose_number_no_format_holds_is_refused(tmp_path: Path) -> None:
+    mesh = model()
+    for number in (10**7, -(10**7), 2**31 - 1):
+        region = np.where(np.arange(384) < 192, number, 1)
+        with pytest.raises(InputError, match=f"in the region {number}, which has more than seven digits"):
+            region_numbers(replace(mesh, cell_data={REGION: region}))
+    largest = replace(mesh, cell_data={"tissue": np.where(np.arange(384) < 192, 10**7 - 2, 1)})
+    export(tagged(largest, "tissue"), tmp_path / "m.bdf", solver="nastran", certificate=CERTIFIED)
+    assert np.unique(nastran.read(tmp_path / "m.bdf").cell_data[REGION]).tolist() == [1, 10**7 - 2]
+
+
+@pytest.mark.parametrize("name", [name for name in VOLUMES if name != "braingrowth"])
+def test_a_region_may_be_called_tissue(name: str, tmp_path: Path) -> None:
+    mesh = named_sets(replace(model(), sets=MeshSets()), inner=["tissue"])
+    export(mesh, path := tmp_path / f"m{FORMATS[name].suffix}", solver=name, certificate=CERTIFIED)
+    assert regions(FORMATS[name].read(path)) == {"cortex": 1, "tissue": 2}
+
+
+@pytest.mark.parametrize(
+    ("name", "plain"),
+    [("abaqus", "weisse_Substanz"), ("nastran", "weisse, Substanz"), ("carp", "weisse, Substanz")],
+)
+def test_names_that_a_format_cannot_hold_are_said(name: str, plain: str, tmp_path: Path) -> None:
+    mesh, called = model(), "weiße, Substanz"
+    cells = {called if one == "white" else one: part for one, part in mesh.sets.cells.items()}
+    vtu.write(replace(mesh, sets=replace(mesh.sets, cells=cells)), tmp_path / "in.vtu")
+    told = convert(tmp_path / "in.vtu", out := tmp_path / f"out{FORMATS[name].suffix}")
+    assert f"{called} is called {plain}" in told
+    assert regions(FORMATS[name].read(out)) == {"cortex": 1, plain: 2}
+
+
+@pytest.mark.parametrize("name", ["gmsh", "gmsh_v2"])
+def test_a_name_with_quotation_marks_does_not_end_at_them(name: str, tmp_path: Path) -> None:
+    mesh = model()
+    cells = {'a "b" c' if one == "white" else one: part for one, part in mesh.sets.cells.items()}
+    mesh = replace(mesh, sets=replace(mesh.sets, cells=cells))
+    export(mesh, path := tmp_path / f"m{FORMATS[name].suffix}", solver=name, certificate=CERTIFIED)
+    assert regions(FORMATS[name].read(path)) == {"cortex": 1, "a 'b' c": 2}
+
+
+def test_a_field_does_not_take_the_name_of_a_component(tmp_path: Path) -> None:
+    mesh = model()
+    two = {"two": np.column_stack([mesh.points[:, 0], mesh.points[:, 1]]), "two_1": mesh.points[:, 2]}
+    with pytest.raises(InputError, match="field two would be written as two_1, two_2, and there is a field two_1"):
+        export(replace(mesh, point_data=two), tmp_path / "m.msh", solver="gmsh", certificate=CERTIFIED)
+
+
+@pytest.mark.parametrize("name", [name for name in VOLUMES if name not in ("nastran", "braingrowth")])
+def test_a_field_may_be_one_column(name: str, tmp_path: Path) -> None:
+    mesh = model()
+    column = replace(mesh, point_data={"linear": mesh.point_data["linear"][:, None]})
+    export(column, path := tmp_path / f"m{FORMATS[name].suffix}", solver=name, certificate=CERTIFIED)
+    found = FORMATS[name].read(path).point_data["linear"].ravel()
+    assert np.allclose(found, mesh.point_data["linear"], rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["vtu", "vtk", "carp"])
+def test_surface_groups_of_another_program_are_kept_beside_the_whole_surface(name: str, tmp_path: Path) -> None:
+    mesh = model()
+    group = mesh.sets.faces["cortical_surface"][:10]
+    vtu.write(replace(mesh, sets=MeshSets(faces={"inlet": group}, cells=mesh.sets.cells)), tmp_path / "in.vtu")
+    convert(tmp_path / "in.vtu", path := tmp_path / f"m{FORMATS[name].suffix}")
+    faces = FORMATS[name].read(path).sets.faces
+    assert len(faces["cortical_surface"]) == 192 and len(faces["inlet"]) == 10
+
+
+@pytest.mark.parametrize("sidecar", [True, False])
+@pytest.mark.parametrize(
+    ("inner", "now"),
+    [(["white", "ventricle"], {"cortex": 1, "white": 2, "ventricle": 3}), (["white"], {"cortex": 1, "core": 2})],
+)
+def test_a_file_of_an_earlier_cortet_is_numbered_as_today(
+    inner: list[str], now: dict[str, int], sidecar: bool, tmp_path: Path
+) -> None:
+    mesh = model()
+    centre = mesh.points[mesh.cells].mean(axis=1)
+    octant = ((centre > 4) & (centre < 6)).all(axis=1)
+    right = mesh.cell_data[REGION] + (octant if len(inner) == 2 else 0)
+    mesh = named_sets(replace(mesh, sets=MeshSets(), cell_data={REGION: right.astype(np.int32)}), inner=inner)
+    cells = {name: mesh.sets.cells[name] for name in ("core", "cortex", *inner)}
+    if len(inner) == 1:
+        del cells["white"]  # it was the core
+    old = replace(mesh, sets=replace(mesh.sets, cells=cells), cell_data={REGION: np.where(right == 1, 2, 1)})
+    vtu.write(old, tmp_path / "old.vtu")
+    if sidecar:
+        export(old, tmp_path / "old.vtu", solver="vtu", certificate=CERTIFIED)
+        record = json.loads((tmp_path / "old.vtu.json").read_text())
+        del record["regions"], record["surface"]
+        (tmp_path / "old.vtu.json").write_text(json.dumps(record))
+    told = convert(tmp_path / "old.vtu", tmp_path / "new.feb")
+    assert told[0].startswith(
+        "regions were numbered as by an earlier cortet, 1 core, 2 cortex; now they are 1 cortex, 2 "
+    )
+    back = FORMATS["febio"].read(tmp_path / "new.feb")
+    assert regions(back) == now and np.array_equal(region_numbers(back), right)
+
+
+def test_a_companion_that_was_edited_is_said(tmp_path: Path) -> None:
+    export(model(), path := tmp_path / "m.pts", solver="carp", certificate=CERTIFIED)
+    assert not any("was changed" in line for line in convert(path, tmp_path / "before.vtu"))
+    (tmp_path / "m.regions.tsv").write_text("tag\tname\n1\twhite\n2\tcortex\n")
+    assert convert(path, tmp_path / "after.vtu")[0].startswith("m.pts was changed after cortet wrote it")
