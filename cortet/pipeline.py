@@ -247,7 +247,7 @@ def write(
     sets: Mapping[str, Any],
     labels: Mapping[str, Mapping[int, str]],
     units: Mapping[str, str],
-    written: Mapping[str, Any],
+    arguments: Mapping[str, Any],
 ) -> list[str]:
     """Write a mesh for a solver, with its sets and a sidecar, verified as written; returns what the format cannot hold.
 
@@ -257,7 +257,7 @@ def write(
     ----------
     mesh : from `stages.solver_ready`, with the values of its volumes
     certificate : content of its certificate.json
-    written : `Config.written`
+    arguments : `Config.export_arguments`
 
     Raises
     ------
@@ -266,7 +266,7 @@ def write(
     named, sources = with_sets(mesh, surface, origin, sets=sets, labels=labels, units=units)
     made_from = origin.made_from(path.parent)
     frame = surface.frame
-    return export(named, path, certificate=certificate, frame=frame, sources=sources, made_from=made_from, **written)
+    return export(named, path, certificate=certificate, frame=frame, sources=sources, made_from=made_from, **arguments)
 
 
 class Companions(NamedTuple):
@@ -354,5 +354,5 @@ def save(
         sets=config.export.sets(kind),
         labels=labels,
         units=config.export.field_units,
-        written={**config.written(format_of(path).name), "uncertified": uncertified},
+        arguments={**config.export_arguments(format_of(path).name), "uncertified": uncertified},
     )

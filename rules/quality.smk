@@ -93,7 +93,7 @@ rule export:
         mesh=LAYOUT.mesh("Solver", "{suffix}"),
         sidecar=LAYOUT.mesh("Solver", "{suffix}.json"),
     params:
-        arguments=lambda wildcards: CONFIG.written(EXPORTED[wildcards.suffix]),
+        arguments=lambda wildcards: CONFIG.export_arguments(EXPORTED[wildcards.suffix]),
         version=version_of("solver_files.export"),
         sets=PLAN.sets,
         inner=lambda wildcards: list(CASES[wildcards.case].inner),

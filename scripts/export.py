@@ -30,7 +30,7 @@ told = write(
         age=job.params.age,
     ),
     **named,
-    written=job.arguments,
+    arguments=job.arguments,
 )
 for what in told:
     logging.getLogger("cortet").info("%s", what)

@@ -174,6 +174,7 @@ if ! has_stamp ''; then
     makes_venvs "$python" || fail "$python cannot make virtual environments (no module venv or ensurepip)"
 
     say "making $venv with $("$python" --version) and the packages of requirements.txt"
+    [[ ! -L $venv ]] || fail "$venv is a link: what it leads to would be emptied; delete the link"
     "$python" -m venv --clear $venv
     pip=($venv/bin/python -m pip --disable-pip-version-check --quiet)
     "${pip[@]}" install "$(grep '^pip==' requirements.txt)"

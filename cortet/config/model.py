@@ -168,7 +168,7 @@ class Config(_WithTheLine):
         """
         return STEPS[step].arguments(self, facts or {})
 
-    def written(self, solver: str) -> dict[str, Any]:
+    def export_arguments(self, solver: str) -> dict[str, Any]:
         """Arguments of `export` for one format, plain values."""
         export = self.export
         return {

@@ -19,7 +19,7 @@ from cortet.geometry.interpolation import at_triangles
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.mending import CAP, REPLACED, Triangles
 from cortet.geometry.orientation import outward
-from cortet.geometry.topology import enclosed_volume, face_areas, face_normals, neighbour_means, surface_topology
+from cortet.geometry.topology import enclosed_volume, face_normals, neighbour_means, surface_topology
 from cortet.geometry.uncrossing import uncrossed
 from cortet.geometry.winding import winding_numbers
 from cortet.meshes import FILLED, FloatArray, IntArray, TriSurface, single_precision
@@ -87,8 +87,9 @@ def _spikes(points: FloatArray, faces: IntArray) -> IntArray:
     opposite = np.linalg.norm(np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1), axis=2)
     vertex, count = faces.ravel(), len(points)
     ring = np.bincount(vertex, opposite.ravel(), minlength=count) / np.maximum(np.bincount(vertex, minlength=count), 1)
-    normals, area = face_normals(points, faces), np.bincount(vertex, np.repeat(face_areas(points, faces), 3), count)
-    total = [np.bincount(vertex, np.repeat(normals[:, i], 3), count) / 2 for i in range(3)]
+    normals = np.repeat(face_normals(points, faces) / 2, 3, axis=0)
+    area = np.bincount(vertex, np.linalg.norm(normals, axis=1), count)
+    total = [np.bincount(vertex, of_axis, count) for of_axis in normals.T]
     steep = np.linalg.norm(total, axis=0) < _STEEP * area
     small = 3 * area < _SMALL * area.sum()  # the sum counts each face at its three corners
     return np.flatnonzero((away > _SPIKE * ring) & steep & small).astype(np.int32)
