@@ -47,6 +47,11 @@ _AT_BIRTH = "it counts from birth"
 _PARENT = r"\b(mothers?|maternal|fathers?|paternal|parents?)\b"
 #: cells that mean an unknown value
 _MISSING = frozenset({"", "n/a", "na", "nan", "none", "null"})
+#: what makes a column be read
+_REMEDY = (
+    ", and a gestational age is needed. Where it is one: say Units: weeks in the sidecar, call the column scan_age, or "
+    "name it in cohort.scan.age_columns"
+)
 _LARGEST_SIDECAR = 10_000_000
 
 #: rows of a table, column -> value, by the participant's label
@@ -66,8 +71,8 @@ class Column:
     source: str
     #: why the column is not read; empty if it is read
     refused: str = ""
-    #: whether a description alone names the unit
-    only_described: bool = False
+    #: what to do about that, where it is not what `_REMEDY` says
+    remedy: str = ""
 
 
 @dataclass(frozen=True)
@@ -176,7 +181,7 @@ def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
     written, description = said.get("units", ""), f"{said.get('longname', '')} {said.get('description', '')}"
     about = f"{description} {written}"
     units = _units_in(written)
-    described = _described_unit(description)
+    described = _described_units(description)
     parent = re.search(_PARENT, about, re.IGNORECASE)
     born = name == FROM_BIRTH and (parent or not re.search(_GESTATION, about, re.IGNORECASE))
     from_birth = re.search(_BIRTH, about, re.IGNORECASE)
@@ -187,13 +192,21 @@ def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
             return Column(table, name, "an unknown unit", source, "these Units are not understood")
         if len(units) > 1:
             return Column(table, name, units[0], source, f"its Units name {' and '.join(units)}")
+        if described and units[0] not in described and not reason:
+            return Column(
+                table,
+                name,
+                units[0],
+                source,
+                f"by its description it is in {' or '.join(described)}",
+                " (mend the Units or the description in the sidecar)",
+            )
         return Column(table, name, units[0], source, reason or (_AT_BIRTH if born and units != ["weeks"] else ""))
     if born and not named:
         return Column(table, name, "years", "BIDS, where no sidecar has Units", reason or _AT_BIRTH)
-    if described:
-        return Column(
-            table, name, described, "by its description", reason or "it has no Units", only_described=not reason
-        )
+    if described and "weeks" not in described:
+        only = "" if reason else f" (say Units: {described[0]} in the sidecar)"
+        return Column(table, name, described[0], "by its description", reason or "a description is no unit", only)
     return Column(table, name, "weeks", "no sidecar has its Units", reason)
 
 
@@ -205,14 +218,13 @@ def _units_in(text: str) -> list[str]:
     return list(dict.fromkeys(unit for found in units for unit in found)) if known else []
 
 
-def _described_unit(text: str) -> str | None:
-    """The unit of ages that a description names; None if it names weeks or no unit."""
+def _described_units(text: str) -> list[str]:
+    """The units of ages that a description names."""
     words = {unit: rf"\b{unit}\b|\bin {unit[:-1]}\b" for unit in WEEKS}
     words["months"] += r"|\b(mos?|mths?)\b"
     words["years"] += r"|\b(yrs?|y)\b"
     words["weeks"] += r"|\bwks?\b"
-    named = [unit for unit, pattern in words.items() if re.search(pattern, text, re.IGNORECASE)]
-    return named[0] if named and "weeks" not in named else None
+    return [unit for unit, pattern in words.items() if re.search(pattern, text, re.IGNORECASE)]
 
 
 def _in_words(readings: Sequence[_Reading]) -> list[str]:
@@ -222,14 +234,8 @@ def _in_words(readings: Sequence[_Reading]) -> list[str]:
         own = [reading for reading in readings if reading.column == column]
         good = [reading.session for reading in own if reading.weeks is not None]
         which = f"column {column.name} of {column.table}, in {column.unit} ({column.source})"
-        if column.only_described:
-            told.append(f"not read: {which}; a description is no unit (say Units: {column.unit} in the sidecar)")
-            continue
         if column.refused:
-            told.append(
-                f"not read: {which}; {column.refused}, and a gestational age is needed. Where it is one: say "
-                "Units: weeks in the sidecar, call the column scan_age, or name it in cohort.scan.age_columns"
-            )
+            told.append(f"not read: {which}; {column.refused}{column.remedy or _REMEDY}")
             continue
         if good:
             told.append(f"ages are from {which}: {_counted(good)}")

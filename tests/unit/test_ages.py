@@ -143,8 +143,28 @@ def test_a_unit_that_only_a_description_names_is_never_read_as_weeks(
     assert found == [None, None]
     assert f"column scan_age of participants.tsv, in {unit} (by its description); a description is no unit" in told
     assert f"(say Units: {unit} in the sidecar)" in told
-    (folder / "participants.json").write_text(json.dumps({"scan_age": {**said, "Units": "weeks"}}))
-    assert ages(folder, patterns)[0] == [30.0, 45.0]
+
+
+@pytest.mark.parametrize("named", [False, True])
+@pytest.mark.parametrize(
+    ("column", "units", "said", "other"),
+    [
+        ("scan_age", "weeks", {"Description": "Age in years"}, "years"),
+        ("age", "weeks", {"Description": "Age in years"}, "years"),
+        ("ga", "weeks", {"LongName": "GA, days", "Description": "at scan"}, "days"),
+        ("scan_age", "days", {"Description": "postmenstrual age, weeks"}, "weeks"),
+    ],
+)
+def test_units_and_a_description_that_contradict_each_other_are_both_named(
+    tmp_path: Path, column: str, units: str, said: dict[str, str], other: str, named: bool
+) -> None:
+    patterns = Scan(age_columns=[column]) if named else None
+    found, told = ages(dataset(tmp_path, column, {"a": "30", "b": "45"}, {**said, "Units": units}), patterns)
+    assert found == [None, None]
+    assert told.startswith(
+        f"not read: column {column} of participants.tsv, in {units} (its sidecar says Units: {units}); "
+        f"by its description it is in {other} (mend the Units or the description in the sidecar)"
+    )
 
 
 @pytest.mark.parametrize("text", ["weeks, not days", "age in weeks at the day of scan", "postmenstrual, to one day"])
