@@ -10,22 +10,24 @@ from typing import Any
 from numpy.typing import NDArray
 
 from cortet.formats import freesurfer, obj, off, ply, stl
+from cortet.formats.untrusted import GZIP, content
 from cortet.meshes import TriSurface
 
 #: number of bytes examined; an OBJ file may begin with comments
 _HEAD = 1 << 16
 _OBJ = re.compile(rb"^v[ \t]+[-+.\d]", re.MULTILINE)
+_VTK = re.compile(rb"<VTKFile[^>]*\btype=[\"'](\w+)")
+_CONVERT = "convert it to GIfTI or PLY: ParaView, or pyvista.read(FILE).save(PLY)"
 #: first bytes and kind of files that are not read; a remedy, if there is one, follows in brackets
 _NAMES: tuple[tuple[bytes, str], ...] = (
     (b"\xff\xff\xfd", "a FreeSurfer surface of quadrangles (convert it: mris_convert)"),
     (b"#!ascii", "a FreeSurfer surface in text (convert it: mris_convert)"),
     (b"version https://git-lfs", "a pointer of Git LFS, not the file (git lfs pull)"),
     (b"/annex/objects", "a pointer of git-annex, not the file (datalad get, or git annex get)"),
-    (b"\x1f\x8b", "compressed by gzip, and no GIfTI within (gunzip it)"),
     (b"PK\x03\x04", "a ZIP archive (unpack it)"),
     (b"<!DOCTYPE html", "a web page, not the file (download it again)"),
     (b"<html", "a web page, not the file (download it again)"),
-    (b"# vtk DataFile", "a VTK file (convert it: wb_command, ParaView)"),
+    (b"# vtk DataFile", f"a VTK file ({_CONVERT})"),
     (b"$MeshFormat", "a Gmsh mesh"),
     (b"*HEADING", "an Abaqus mesh"),
     (b"\x89HDF", "an HDF5 file"),
@@ -75,6 +77,8 @@ def name_of(path: Path) -> str:
     known = [name for begin, name in _NAMES if head.lstrip().startswith(begin) or head.startswith(begin)]
     if known:
         return known[0]
+    if vtk := _VTK.search(head):
+        return f"VTK {vtk[1].decode()} ({_CONVERT})"
     if stl.begins(head, size) or head.startswith(ply.MAGIC) or off.BEGINS.match(head) or _OBJ.search(head):
         return "a surface without values"
     if head.startswith((freesurfer.SURFACE, freesurfer.VALUES)):
@@ -92,11 +96,15 @@ def _always_finite(read: Callable[[Path], TriSurface]) -> Callable[..., TriSurfa
 
 
 def _beginning(path: Path) -> tuple[bytes, int]:
-    """The first bytes of a file and its size; no bytes if it is not a regular file."""
+    """The first bytes of a file and its size, both unpacked from gzip; no bytes if it is not a regular file."""
     if not path.is_file():
         return b"", 0
     try:
         with path.open("rb") as file:
-            return file.read(_HEAD), path.stat().st_size
+            head, size = file.read(_HEAD), path.stat().st_size
     except OSError:
         return b"", 0
+    if head.startswith(GZIP):
+        data = content(path)
+        return data[:_HEAD], len(data)
+    return head, size

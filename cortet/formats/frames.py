@@ -25,11 +25,17 @@ _RIGID, _TEMPLATES = 0.01, ("NIFTI_XFORM_TALAIRACH", "NIFTI_XFORM_MNI_152")
 #: least stretch by a matrix from an unknown space to a template; an adult brain has 0.9 to 1.2, a child's more
 _LEAST_STRETCH = 0.7
 _UNKNOWN = "NIFTI_XFORM_UNKNOWN"
+#: most that a matrix may move coordinates, mm: a scanner is smaller. Least by which two ways to the scanner differ, mm
+_FAR, _APART = 1e4, 0.01
 #: axes of FreeSurfer's coordinates, by row, along the axes of the voxels
 _SURFACE_RAS = np.array([[-1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
 #: Workbench records commands; this one moves coordinates, and leaves metadata as they were
 _MOVED = re.compile(r"-surface-apply-(affine|warpfield)")
-_TAKE_OUT = "apply the matrix to the coordinates and store the identity; where coordinates are mm as they stand, "
+_TAKE_OUT = (
+    "apply the matrix to the coordinates and store the identity; where coordinates are mm as they stand, take the "
+    "matrix out of the file"
+)
+_OF_VOLUME = "mend {}, or take the volume out of the file: the coordinates are then used as they are"
 _AGAIN = "export the surface again as GIfTI (.surf.gii)"
 
 
@@ -51,14 +57,16 @@ def of_gifti(systems: Sequence[System], about: Mapping[str, str], provenance: st
 
     Raises
     ------
-    InputError : a name is not known, the matrix is no affine, or it implies that the coordinates are not mm
+    InputError : a name is not known, the matrix is no affine, or it implies that the coordinates are not mm; or two
+        systems lead to different locations in one space of the scanner
     """
     stated = [_frame(system, path) for system in systems]
+    _require_one_way(stated, path)
     frame = min(stated, key=lambda one: (not one.leads_to_scanner, not one.is_placed), default=CoordinateFrame())
     if len(stated) > 1:
         named = ", ".join(f"{one.dataspace} to {one.xformspace}" for one in stated)
         logger.warning("%s: states %s: %s is taken", path, named, f"{frame.dataspace} to {frame.xformspace}")
-    if not frame.is_placed and (own := _of_volume(about, path)):
+    if not frame.is_placed and (own := _of_volume(about, path)).is_placed:
         if frame.dataspace != _UNKNOWN:
             logger.warning("%s: its VolGeom metadata are ignored, as its coordinates are in %s", path, frame.dataspace)
         elif _MOVED.search(provenance):
@@ -70,8 +78,8 @@ def of_gifti(systems: Sequence[System], about: Mapping[str, str], provenance: st
     return frame
 
 
-def of_volume(axes: Any, centre: Any, path: str | Path) -> CoordinateFrame:
-    """The frame of coordinates in FreeSurfer's axes of a volume.
+def of_volume(axes: Any, centre: Any, path: str | Path, source: str) -> CoordinateFrame:
+    """The frame of coordinates in FreeSurfer's axes of a volume; that of nothing, which is said, if it is absurd.
 
     The number and the width of its voxels do not matter: the origin is the centre of the volume, whatever they are.
 
@@ -79,6 +87,7 @@ def of_volume(axes: Any, centre: Any, path: str | Path) -> CoordinateFrame:
     ----------
     axes : (3, 3), in each column the direction of an axis of the voxels, in the scanner's space
     centre : (3,) mm, of the volume
+    source : what states them, for messages
 
     Raises
     ------
@@ -86,19 +95,25 @@ def of_volume(axes: Any, centre: Any, path: str | Path) -> CoordinateFrame:
     """
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = np.asarray(axes, float) @ _SURFACE_RAS.T, centre
-    if not np.isfinite(matrix).all():
-        raise InputError("the place of its volume is not finite", file=path, remedy=_AGAIN)
+    why = "has axes of 0" if not np.any(axes) else "has axes that are not finite" if not np.isfinite(axes).all() else ""
+    if not (np.abs(centre) <= _FAR).all():
+        why = f"lies at {np.asarray(centre).tolist()} mm"
+    if why:
+        logger.warning(
+            "%s: the volume in %s %s: it is ignored, the coordinates are used as they are", path, source, why
+        )
+        return CoordinateFrame()
     frame = CoordinateFrame(_UNKNOWN, ANATOMICAL[0], tuple((matrix + 0.0).ravel().tolist()))
-    _check(frame, path)
+    _check(frame, path, _OF_VOLUME.format(source))
     return frame
 
 
-def _of_volume(about: Mapping[str, str], path: str | Path) -> CoordinateFrame | None:
-    """The frame by the metadata `VolGeom...`; None if there are none, or if they are not complete, which is said."""
+def _of_volume(about: Mapping[str, str], path: str | Path) -> CoordinateFrame:
+    """The frame by the metadata `VolGeom...`; that of nothing without them, or if they are not complete (said)."""
     values: list[float] = []
     keys = [f"VolGeom{axis}_{to}" for to in "RAS" for axis in "XYZC"]
     if not any(key in about for key in keys):
-        return None
+        return CoordinateFrame()
     for key in keys:
         try:
             values.append(float(about[key]))
@@ -107,9 +122,9 @@ def _of_volume(about: Mapping[str, str], path: str | Path) -> CoordinateFrame | 
             logger.warning(
                 "%s: its VolGeom metadata are ignored, as %s: coordinates are taken as they stand", path, why
             )
-            return None
+            return CoordinateFrame()
     numbers = np.reshape(values, (3, 4))
-    return of_volume(numbers[:, :3], numbers[:, 3], path)
+    return of_volume(numbers[:, :3], numbers[:, 3], path, "its VolGeom metadata")
 
 
 def _frame(system: System, path: str | Path) -> CoordinateFrame:
@@ -146,14 +161,35 @@ def _space(name: str, path: str | Path) -> str:
         raise InputError(f"the space {name!r} is not known", file=path, remedy=_AGAIN) from None
 
 
-def _check(frame: CoordinateFrame, path: str | Path) -> None:
-    """Raise InputError if the matrix of the coordinates implies that they are not mm.
+def _require_one_way(stated: Sequence[CoordinateFrame], path: str | Path) -> None:
+    """Raise InputError if the systems of one pointset lead to different locations in one space of the scanner."""
+    ways: dict[str, CoordinateFrame] = {}
+    for one in stated:
+        space = one.xformspace if one.leads_to_scanner else one.dataspace
+        if space in ANATOMICAL:
+            other = ways.setdefault(space, one)
+            apart = np.abs(one.to_scanner - other.to_scanner).max()
+            if apart > _APART:
+                what = f"{other.dataspace} to {other.xformspace} and {one.dataspace} to {one.xformspace}"
+                raise InputError(
+                    f"its systems {what} contradict each other: they lead to locations in {space} up to {apart:.4g} mm "
+                    "apart",
+                    file=path,
+                    remedy="keep the one that is true of these coordinates",
+                )
+
+
+def _check(frame: CoordinateFrame, path: str | Path, remedy: str = _TAKE_OUT) -> None:
+    """Raise InputError if the matrix of the coordinates implies that they are not mm, or leads out of the scanner.
 
     Coordinates stay as they are stored, in the space of the data; the matrix maps them to another space (GIfTI 1.0,
     section 2.3.4). A rigid motion changes no length. A matrix to a template does, but the stored brain is in mm. Any
     other matrix implies that the stored coordinates must be scaled or sheared to become mm.
     """
     linear = np.reshape(frame.matrix, (4, 4))[:3, :3]
+    if frame.leads_to_scanner and (moved := np.abs(frame.to_scanner[:3, 3]).max()) > _FAR:
+        what = f"the matrix to {frame.xformspace} moves its coordinates by {moved:.4g} mm"
+        raise InputError(what, file=path, remedy=remedy)
     stretches = np.linalg.svd(linear, compute_uv=False)
     low, high, mirrored = stretches[-1], stretches[0], np.linalg.det(linear) < 0
     rigid = np.allclose(stretches, 1, atol=_RIGID) and not mirrored
@@ -166,5 +202,5 @@ def _check(frame: CoordinateFrame, path: str | Path) -> None:
         f"the matrix from its coordinates ({frame.dataspace}) to {frame.xformspace} is no rigid motion: lengths change "
         f"by {low:.4g} to {high:.4g}" + (", mirrored" if mirrored else ""),
         file=path,
-        remedy=_TAKE_OUT + "take the matrix out of the file",
+        remedy=remedy,
     )

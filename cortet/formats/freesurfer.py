@@ -9,6 +9,7 @@ the matrix of the coordinate frame (`formats.frames`).
 
 from __future__ import annotations
 
+import logging
 import struct
 import warnings
 from pathlib import Path
@@ -20,8 +21,10 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats import frames
-from cortet.formats.untrusted import content, safe_name
+from cortet.formats.untrusted import GZIP, check_file, content, safe_name
 from cortet.meshes import CoordinateFrame, TriSurface
+
+logger = logging.getLogger(__name__)
 
 #: first bytes of a file of triangles, and of a file of values
 SURFACE, VALUES = b"\xff\xff\xfe", b"\xff\xff\xff"
@@ -47,6 +50,10 @@ def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
     InputError : the file is truncated, a coordinate is not finite, or a triangle refers to a vertex that does not exist
     """
     remedy = "run recon-all again, or export the surface as GIfTI (mris_convert)"
+    check_file(path)
+    with path.open("rb") as file:
+        if file.read(len(GZIP)) == GZIP:
+            raise InputError("is a FreeSurfer surface packed by gzip", file=path, remedy="gunzip it")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a file without a footer is complete
         try:
@@ -171,10 +178,13 @@ def _field_name(path: Path) -> str:
 
 
 def _frame(footer: dict[str, Any], path: Path) -> CoordinateFrame:
-    """The place of the volume in a file's footer; none if the footer says that it is not valid."""
-    if not str(footer.get("valid", "")).startswith("1"):
+    """The place of the volume in a file's footer; none if the footer says that it is not valid, which is said."""
+    valid = str(footer.get("valid", ""))
+    if not valid.startswith("1"):
+        if valid:
+            logger.warning("%s: its footer says `valid = %s`: the coordinates are used as they are", path, valid)
         return CoordinateFrame()
     vectors = [footer[name] for name in ("xras", "yras", "zras", "cras")]
     if any(np.shape(vector) != (3,) for vector in vectors):
         raise InputError("no complete FreeSurfer surface (its footer lacks numbers)", file=path, remedy=_REMEDY)
-    return frames.of_volume(np.stack(vectors[:3], axis=1), vectors[3], path)
+    return frames.of_volume(np.stack(vectors[:3], axis=1), vectors[3], path, "its footer")

@@ -20,7 +20,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from typing import IO, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -44,7 +44,6 @@ from cortet.formats.untrusted import (
     refuse_declarations,
     safe_name,
     safely_named,
-    unpacked,
     xml_root,
 )
 from cortet.geometry.nesting import nested
@@ -68,15 +67,12 @@ _ENDIANS: dict[str, Literal["<", ">"]] = {
     "GIFTI_ENDIAN_LITTLE": "<",
     "GIFTI_ENDIAN_BIG": ">",
 }
-_GZIP = b"\x1f\x8b"
 #: deflate cannot shrink data more than this (https://zlib.net/zlib_tech.html), so no array claims more per stored byte
 _MAX_COMPRESSION = 1032
 #: most bytes of all arrays of a file; 40 million vertices with their triangles need less
 _MAX_BYTES = 2**31
 #: most dimensions of an array (GIfTI 1.0, section 5)
 _MAX_DIMENSIONS = 6
-#: bytes that are read at a time
-_PART = 1 << 16
 _GEOMETRY = ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
 
 
@@ -133,7 +129,7 @@ def hemisphere_of(path: str | Path) -> Literal["L", "R"] | None:
     ------
     InputError : the file cannot be read
     """
-    named = re.search(_STRUCTURE, _content(path), re.DOTALL)
+    named = re.search(_STRUCTURE, content(path), re.DOTALL)
     known: dict[bytes, Literal["L", "R"]] = {b"CortexLeft": "L", b"CortexRight": "R"}
     return known.get(named[1]) if named else None
 
@@ -145,7 +141,7 @@ def kind_of(path: str | Path) -> Literal["white", "pial"] | None:
     ------
     InputError : the file cannot be read
     """
-    stated = re.search(_SECONDARY, _content(path), re.DOTALL)
+    stated = re.search(_SECONDARY, content(path), re.DOTALL)
     known: dict[bytes, Literal["white", "pial"]] = {b"GrayWhite": "white", b"Pial": "pial"}
     if stated and stated[1] in known:
         return known[stated[1]]
@@ -193,7 +189,7 @@ def read_label_names(path: str | Path) -> dict[int, str]:
     try:
         return {
             int(label.get("Key", "")): safe_name(label.text or "")
-            for label in xml_root(_content(path), path).iterfind("LabelTable/Label")
+            for label in xml_root(content(path), path).iterfind("LabelTable/Label")
         }
     except ValueError as error:
         raise InputError(f"its label table cannot be read: {error}", file=path, remedy=_EXPORT_AGAIN) from error
@@ -277,48 +273,28 @@ def _read(path: Path) -> tuple[list[_Array], str]:
     provenance = ""
     left = _MAX_BYTES
     try:
-        with _opened(path) as file:
-            refuse_declarations(iter(lambda: file.read(_PART), b""), path)
-            file.seek(0)
-            parser = ElementTree.iterparse(file, events=("start", "end"))
-            root = next(parser)[1]
-            if root.tag != "GIFTI":
-                if other := foreign.name_of(path):
-                    raise InputError(f"is not GIfTI but {other}", file=path, remedy=_INSTEAD)
-                raise InputError(f"not GIfTI: its XML begins with <{root.tag}>", file=path, remedy=_EXPORT_AGAIN)
-            for number, (event, element) in enumerate(parser):
-                if number > 2 * MOST_ELEMENTS:
-                    raise InputError(f"has more than {MOST_ELEMENTS:,} XML elements", file=path, remedy=_EXPORT_AGAIN)
-                if event == "end" and element.tag == "DataArray":
-                    arrays.append(_array(element, path, left))
-                    left -= arrays[-1].values.nbytes
-                    element.clear()
-            provenance = " ".join(_metadata(root).values())
-    except OSError as error:
-        remedy = "check the path and its permissions"
-        raise InputError(f"cannot be read: {error.strerror}", file=path, remedy=remedy) from error
+        data = content(path)
+        refuse_declarations([data], path)
+        parser = ElementTree.iterparse(BytesIO(data), events=("start", "end"))
+        root = next(parser)[1]
+        if root.tag != "GIFTI":
+            if other := foreign.name_of(path):
+                raise InputError(f"is not GIfTI but {other}", file=path, remedy=_INSTEAD)
+            raise InputError(f"not GIfTI: its XML begins with <{root.tag}>", file=path, remedy=_EXPORT_AGAIN)
+        for number, (event, element) in enumerate(parser):
+            if number > 2 * MOST_ELEMENTS:
+                raise InputError(f"has more than {MOST_ELEMENTS:,} XML elements", file=path, remedy=_EXPORT_AGAIN)
+            if event == "end" and element.tag == "DataArray":
+                arrays.append(_array(element, path, left))
+                left -= arrays[-1].values.nbytes
+                element.clear()
+        provenance = " ".join(_metadata(root).values())
     except XML_ERRORS as error:
         if other := foreign.name_of(path):
             raise InputError(f"is not GIfTI but {other}", file=path, remedy=_INSTEAD) from error
         what = f"truncated or not GIfTI: {error} (the file has {size:,} bytes)"
         raise InputError(what, file=path, remedy=_EXPORT_AGAIN) from error
     return arrays, provenance
-
-
-def _content(path: str | Path) -> bytes:
-    """The bytes of a file, unpacked if it is packed by gzip."""
-    data = content(path)
-    try:
-        return unpacked(data) if data.startswith(_GZIP) else data
-    except (ValueError, zlib.error) as error:
-        raise InputError(f"cannot be unpacked: {error}", file=path, remedy=_EXPORT_AGAIN) from error
-
-
-def _opened(path: Path) -> IO[bytes]:
-    """A file to read from; one that is packed by gzip is unpacked in memory."""
-    with path.open("rb") as file:
-        packed = file.read(len(_GZIP)) == _GZIP
-    return BytesIO(_content(path)) if packed else path.open("rb")
 
 
 def _array(element: ElementTree.Element, path: Path, most: int) -> _Array:
@@ -372,9 +348,12 @@ def _external(element: ElementTree.Element, folder: Path, size: int) -> bytes:
     name = element.get("ExternalFileName", "")
     if Path(name).name != name or not name:
         raise ValueError(f"external file `{name}` is not beside the file")
+    offset = element.get("ExternalFileOffset") or "0"
+    if not offset.isdecimal():
+        raise ValueError(f"ExternalFileOffset is {offset!r}, not a number of bytes from 0 on")
     check_file(folder / name)
     with (folder / name).open("rb") as file:
-        file.seek(int(element.get("ExternalFileOffset") or 0))
+        file.seek(int(offset))
         return file.read(size)
 
 

@@ -13,8 +13,9 @@ from cortet.errors import InputError
 from cortet.formats.untrusted import content, triangulated
 from cortet.meshes import TriSurface
 
-#: comments, and the first word of a file; letters before OFF announce texture, colour or normals after the coordinates
-BEGINS = re.compile(rb"(?:\s|#[^\n]*\n)*(ST)?C?N?OFF\b(?!\s*BINARY)")
+#: comments, and the first word of a file; letters before OFF announce texture, colour or normals after the coordinates,
+#: 4 and n another number of coordinates
+BEGINS = re.compile(rb"(?:\xef\xbb\xbf)?(?:\s|#[^\n]*\n)*((?:ST)?C?N?(4?n?)OFF|off|coff)\b(\s*BINARY)?")
 #: most bytes of a file
 _LARGEST = 2**29
 _REMEDY = "export the surface again as GIfTI (.surf.gii)"
@@ -26,20 +27,26 @@ def read(path: str | Path) -> TriSurface:
     Raises
     ------
     InputError
-        the file is missing, truncated or no OFF; a coordinate is not finite, or a face refers to a vertex that does not
-        exist
+        the file is missing or no OFF in text; it ends early, or goes on after the numbers that it declares; a
+        coordinate is not finite, or a face refers to a vertex that does not exist
     """
     text = content(path, largest=_LARGEST)
+    begin = BEGINS.match(text)
+    if begin and (begin[2] or begin[3]):
+        kind = "in binary" if begin[3] else f"of the kind {begin[1].decode()}, whose vertices may have four coordinates"
+        raise InputError(f"is an OFF surface {kind}", file=path, remedy="save it as OFF in text, with x, y and z alone")
     try:
-        begin = BEGINS.match(text)
         lines = [
             line for one in text[begin.end() if begin else 0 :].splitlines() if (line := one.split(b"#")[0].split())
         ]
         if not lines or len(lines[0]) < 2:
             raise ValueError("its numbers of vertices and of faces are not in one line")
         vertices, faces = int(lines[0][0]), int(lines[0][1])
+        declared = f"its {vertices:,} vertices and {faces:,} faces"
         if min(vertices, faces) < 0 or len(lines) <= vertices + faces:
-            raise ValueError(f"it ends before its {vertices:,} vertices and {faces:,} faces do")
+            raise ValueError(f"it ends before {declared} do")
+        if len(lines) > vertices + faces + 1:
+            raise ValueError(f"it goes on after {declared}: {len(lines) - 1 - vertices:,} lines of faces are in it")
         points = np.array([line[:3] for line in lines[1 : vertices + 1]], float).reshape(-1, 3)
         corners = np.fromiter(_corners(lines[vertices + 1 : vertices + 1 + faces]), np.int64)
     except (ValueError, IndexError, OverflowError) as error:

@@ -52,17 +52,20 @@ def read(path: str | Path) -> TriSurface:
     try:
         if not mark or len(header) > _LONGEST_HEADER:
             raise ValueError("it has no header that ends")
-        order, elements = _described(header.decode("ascii"))
+        order, elements, complete = _described(header.decode("ascii"))
         body = body.partition(b"\n")[2]
-        values = _of_text(body, elements) if not order else _of_bytes(body, elements, order)
+        values, rest = _of_text(body, elements) if not order else _of_bytes(body, elements, order)
+        if complete and rest:
+            numbers_of = " and ".join(f"{element.number:,} {element.name} elements" for element in elements)
+            raise ValueError(f"it goes on after its {numbers_of}: {rest:,} {'bytes' if order else 'numbers'} are left")
         points = np.stack([values["vertex"][axis] for axis in "xyz"], axis=1).astype(float)
         return triangulated(points, values["face"]["vertices"], path)
     except (KeyError, ValueError, OverflowError) as error:
         raise InputError(f"is no readable PLY surface of triangles: {error}", file=path, remedy=_REMEDY) from error
 
 
-def _described(header: str) -> tuple[str, list[_Element]]:
-    """The byte order (empty for text), and the elements up to the faces."""
+def _described(header: str) -> tuple[str, list[_Element], bool]:
+    """The byte order (empty for text), the elements up to the vertices and faces, and whether these are all."""
     order, elements = None, list[_Element]()
     for words in map(str.split, header.splitlines()):
         if words[:1] == ["format"]:
@@ -83,11 +86,14 @@ def _described(header: str) -> tuple[str, list[_Element]]:
         raise ValueError("it has lists other than that of the corners of faces")
     if any(element.number < 0 for element in found) or "vertices" not in dict(found[names.index("face")].properties):
         raise ValueError("its faces are no lists of corners, or a number is below 0")
-    return order, found
+    return order, found, len(found) == len(elements)
 
 
-def _of_bytes(body: bytes, elements: list[_Element], order: str) -> dict[str, dict[str, NDArray[Any]]]:
-    """The values of each element of a binary file; ValueError if values are missing, or faces are no triangles."""
+def _of_bytes(body: bytes, elements: list[_Element], order: str) -> tuple[dict[str, dict[str, NDArray[Any]]], int]:
+    """The values of each element of a binary file, and the number of bytes left, but for blanks at the end.
+
+    ValueError if values are missing, or faces are no triangles.
+    """
     start, found = 0, {}
     for element in elements:
         kind = np.dtype(
@@ -103,11 +109,11 @@ def _of_bytes(body: bytes, elements: list[_Element], order: str) -> dict[str, di
         rows = np.frombuffer(body, kind, element.number, start)
         found[element.name] = _triangles({name: rows[f"{n}"] for n, (name, _) in enumerate(element.properties)})
         start += rows.nbytes
-    return found
+    return found, len(body[start:].strip())
 
 
-def _of_text(body: bytes, elements: list[_Element]) -> dict[str, dict[str, NDArray[Any]]]:
-    """The values of each element of a text file; ValueError as for a binary file."""
+def _of_text(body: bytes, elements: list[_Element]) -> tuple[dict[str, dict[str, NDArray[Any]]], int]:
+    """The values of each element of a text file, and the number of values left; ValueError as for a binary file."""
     values, start, found = numbers(body.decode("ascii"), np.dtype(float)), 0, {}
     for element in elements:
         width = sum(3 if name == "vertices" else 1 for name, _ in element.properties)
@@ -122,7 +128,7 @@ def _of_text(body: bytes, elements: list[_Element]) -> dict[str, dict[str, NDArr
             at += 3 if name == "vertices" else 1
         found[element.name] = _triangles(columns)
         start += rows.size
-    return found
+    return found, len(values) - start
 
 
 def _triangles(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:

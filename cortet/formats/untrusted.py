@@ -30,6 +30,8 @@ LARGEST = 2**32
 #: most XML elements of a file; the long lists of these formats hold no elements, or are read separately
 MOST_ELEMENTS = 5_000_000
 _LONGEST_NAME = 80
+#: first bytes of what is packed by gzip
+GZIP = b"\x1f\x8b"
 #: what is said of a link whose content is not here
 ELSEWHERE = "is a link whose content is not here"
 #: errors that parsers raise for XML that is truncated, not well-formed, or in an unknown encoding
@@ -73,10 +75,13 @@ def check_file(path: str | Path, largest: int = LARGEST) -> int:
 
 
 def content(path: str | Path, largest: int = LARGEST) -> bytes:
-    """All bytes of a file. Raises InputError as `check_file`."""
+    """All bytes of a file, unpacked from gzip. Raises InputError as `check_file`, or if they cannot be unpacked."""
     check_file(path, largest)
     try:
-        return Path(path).read_bytes()
+        data = Path(path).read_bytes()
+        return unpacked(data, largest) if data.startswith(GZIP) else data
+    except (ValueError, zlib.error) as error:
+        raise DamagedFileError(f"cannot be unpacked: {error}", file=path) from error
     except OSError as error:
         raise InputError(
             f"cannot be read: {error.strerror}", file=path, remedy="check the path and its permissions"

@@ -56,6 +56,32 @@ def test_an_off_file_may_have_colours_comments_and_more_corners(tmp_path: Path) 
     assert surface.faces.tolist() == [[0, 1, 2], [0, 2, 3]] and surface.points[2].tolist() == [1, 1, 0]
 
 
+OFF = b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+
+
+@pytest.mark.parametrize(
+    "begin", [b"off\n", b"\xef\xbb\xbfOFF\n", b"\xef\xbb\xbf# x\noff # y\n", b"NOFF\n", b"COFF ", b"STCNOFF\n"]
+)
+def test_an_off_file_may_begin_in_many_ways(tmp_path: Path, begin: bytes) -> None:
+    for name, content in (("x.off", begin + OFF[4:]), ("x.off.gz", gzip.compress(begin + OFF[4:]))):
+        surface = read_surface(saved(tmp_path, name, content))
+        assert surface.faces.tolist() == [[0, 1, 2]] and surface.points.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_surface_that_is_packed_by_gzip_is_the_same(tmp_path: Path, name: str) -> None:
+    plain = read_surface(saved(tmp_path, name, WRITTEN[name]()))
+    packed = read_surface(saved(tmp_path, f"{name}.gz", gzip.compress(WRITTEN[name]())))
+    assert np.array_equal(plain.points, packed.points) and np.array_equal(plain.faces, packed.faces)
+
+
+def test_a_surface_of_freesurfer_that_is_packed_by_gzip_is_called_by_its_name(tmp_path: Path) -> None:
+    freesurfer.write_geometry(str(tmp_path / "lh.white"), BALL.points, BALL.faces)
+    path = saved(tmp_path, "lh.white.gz", gzip.compress((tmp_path / "lh.white").read_bytes()))
+    with pytest.raises(InputError, match=r"white\.gz: is a FreeSurfer surface packed by gzip \(gunzip it\)"):
+        read_surface(path)
+
+
 def test_a_ply_file_of_either_order_and_with_other_properties(tmp_path: Path) -> None:
     head = "ply\nformat binary_{}_endian 1.0\ncomment x\nelement vertex 3\nproperty double x\nproperty double y\n"
     head += "property double z\nproperty uchar red\nelement face 1\nproperty int part\n"
@@ -81,6 +107,11 @@ PLY += b"property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0
         (PLY.replace(b"vertex 3", b"vertex 300000000000"), "ends before its 300,000,000,000 elements vertex do"),
         (PLY.replace(b"ascii", b"binary_little_endian"), "ends before"),
         (PLY.replace(b"float x", b"float u"), "'x'"),
+        (PLY + b"3 0 2 1\n", "goes on after its 3 vertex elements and 1 face elements: 4 numbers are left"),
+        (
+            WRITTEN["binary.ply"]().replace(b"face 320", b"face 319"),
+            "162 vertex elements and 319 face elements: 13 bytes are left",
+        ),
         (PLY[:80], "no header that ends"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n", "no three corners counted from 1"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "vertices run from 0 to 2"),
@@ -89,6 +120,11 @@ PLY += b"property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0
         (b"OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "ends before its 3 vertices and 2 faces do"),
         (b"OFF\n3\n1\n0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "numbers of vertices and of faces are not in one line"),
         (b"OFF\n", "numbers of vertices and of faces are not in one line"),
+        (OFF + b"3 0 2 1\n\n3 1 2 0\n", "goes on after its 3 vertices and 1 faces: 3 lines of faces are in it"),
+        (OFF.replace(b"OFF", b"4OFF"), "is an OFF surface of the kind 4OFF, whose vertices may have four coordinates"),
+        (OFF.replace(b"OFF", b"STCN4nOFF"), "of the kind STCN4nOFF"),
+        (OFF.replace(b"OFF", b"nOFF\n3"), "of the kind nOFF"),
+        (OFF.replace(b"OFF", b"OFF BINARY"), "is an OFF surface in binary .save it as OFF in text"),
         (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4 0 1 2\n", "face '4 0 1 2' does not name its corners"),
         (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "vertices run from 0 to 2"),
         (b"OFF\n3 1 0\n0 0 0\n1 0 x\n0 1 0\n3 0 1 2\n", "no readable OFF surface"),
@@ -144,8 +180,13 @@ def test_a_damaged_file_of_freesurfer_is_refused(tmp_path: Path, name: str) -> N
     ("content", "words"),
     [
         (b"\x1f\x8b\x08\x00" + bytes(20), "cannot be unpacked: "),
-        (gzip.compress(b"what is this", mtime=0), r"is not GIfTI but compressed by gzip, and no GIfTI within \(gunzip it\)"),
-        (b"OFF BINARY\n" + bytes(40), "truncated or not GIfTI"),
+        (gzip.compress(b"what is this", mtime=0), "truncated or not GIfTI"),
+        (gzip.compress(nibabel.Nifti1Image(np.zeros((2, 2, 2)), np.eye(4)).to_bytes(), mtime=0), "but a NIfTI image"),
+        (
+            b'<?xml version="1.0"?>\n<VTKFile type="PolyData" version="1.0">',
+            r"but VTK PolyData \(convert it to GIfTI or PLY",
+        ),
+        (b"<VTKFile type='UnstructuredGrid'></VTKFile>", r"but VTK UnstructuredGrid \(convert it to GIfTI or PLY"),
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "a pointer of Git LFS, not the file"),
         (b"<!DOCTYPE html><html><body>404</body>", "a web page, not the file"),
         (b"# vtk DataFile Version 3.0\n", "a VTK file"),

@@ -162,8 +162,11 @@ def test_a_subject_of_freesurfer_lies_at_the_same_place_in_every_form(tmp_path: 
     np.testing.assert_allclose(np.abs(fields["fibre"] @ to_scanner[:3, :3].T @ ALONG), 1, atol=1e-5)
 
 
-def test_a_footer_that_is_not_valid_says_nothing(tmp_path: Path) -> None:
+def test_a_footer_that_is_not_valid_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     assert read_surface(own(tmp_path / "lh.white", valid="0  # volume info invalid")).frame == CoordinateFrame()
+    assert "lh.white: its footer says `valid = 0  # volume info invalid`: the coordinates are used as they are" in (
+        caplog.text
+    )
 
 
 def test_the_matrix_of_talairach_alone_is_kept_and_not_followed(tmp_path: Path) -> None:
@@ -287,6 +290,70 @@ def test_volgeom_metadata_that_are_not_complete_are_said(
     surface = read_surface(gifti(tmp_path / "x.surf.gii", IN_FREESURFER, about=about))
     assert surface.frame == CoordinateFrame()
     assert f"its VolGeom metadata are ignored, as {key} is {'missing' if value is None else repr(value)}" in caplog.text
+
+
+@pytest.mark.parametrize(("key", "value"), [("C_R", "1e30"), ("C_A", "-10001"), ("C_S", "inf"), ("X_R", "nan")])
+def test_a_volume_that_is_nowhere_near_is_ignored_and_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, key: str, value: str
+) -> None:
+    about = volume_geometry() | {f"VolGeom{key}": value}
+    surface = read_surface(gifti(tmp_path / "x.surf.gii", IN_FREESURFER, about=about))
+    assert surface.frame == CoordinateFrame() and np.array_equal(surface.frame.to_scanner, np.eye(4))
+    assert "x.surf.gii: the volume in its VolGeom metadata " in caplog.text
+    assert "it is ignored, the coordinates are used as they are" in caplog.text
+
+
+def test_a_footer_or_a_matrix_that_leads_out_of_the_scanner_is_not_followed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    header = scan()
+    header["Pxyz_c"] = [0, 2e4, 0]
+    assert read_surface(own(tmp_path / "lh.white", header)).frame == CoordinateFrame()
+    assert "the volume in its footer lies at [0.0, 20000.0, 0.0] mm: it is ignored" in caplog.text
+    far = TO_SCANNER.copy()
+    far[1, 3] = 2e4
+    with pytest.raises(InputError, match=rf"the matrix to {SCANNER} moves its coordinates by 2e\+04 mm"):
+        read_surface(gifti(tmp_path / "x.surf.gii", IN_FREESURFER, (UNKNOWN, SCANNER, far)))
+
+
+def test_volgeom_metadata_of_zeros_are_ignored_and_mirrored_ones_have_a_remedy_of_their_own(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    zeros = dict.fromkeys(volume_geometry(), "0.0")
+    assert read_surface(gifti(tmp_path / "x.surf.gii", IN_FREESURFER, about=zeros)).frame == CoordinateFrame()
+    assert "the volume in its VolGeom metadata has axes of 0: it is ignored" in caplog.text
+    mirrored = volume_geometry()
+    mirrored |= {f"VolGeomX_{to}": str(-float(mirrored[f"VolGeomX_{to}"])) for to in "RAS"}
+    with pytest.raises(
+        InputError, match="mirrored .mend its VolGeom metadata, or take the volume out of the file"
+    ) as caught:
+        read_surface(gifti(tmp_path / "x.surf.gii", IN_FREESURFER, about=mirrored))
+    assert "matrix out" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "systems",
+    [
+        ((SCANNER, UNKNOWN, np.linalg.inv(TO_SCANNER)), (UNKNOWN, SCANNER, TO_SCANNER)),
+        ((UNKNOWN, SCANNER, TO_SCANNER), (SCANNER, SCANNER, np.eye(4))),
+        ((UNKNOWN, SCANNER, TO_SCANNER), (TALAIRACH, SCANNER, SCAN.get_vox2ras_tkr())),
+    ],
+)
+def test_systems_that_contradict_each_other_are_refused(tmp_path: Path, systems: Any) -> None:
+    with pytest.raises(
+        InputError, match=rf"x\.surf\.gii: .*contradict each other: they lead to locations in {SCANNER}"
+    ):
+        read_surface(gifti(tmp_path / "x.surf.gii", IN_SCANNER, *systems))
+
+
+def test_a_bad_last_row_of_a_matrix_that_is_not_followed_is_no_fault(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """NIfTI's numbers as names mean no transform, whatever the 16 numbers are."""
+    broken = TO_SCANNER.copy()
+    broken[3] = [0, 0, 1, 1]
+    surface = read_surface(gifti(tmp_path / "x.surf.gii", IN_SCANNER, ("0", "1", broken)))
+    assert surface.frame == CoordinateFrame() and "its spaces are '0' and '1': no transform" in caplog.text
 
 
 @pytest.mark.parametrize("space", [UNKNOWN, SCANNER])

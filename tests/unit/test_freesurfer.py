@@ -31,11 +31,6 @@ def test_a_surface_is_read_with_its_place_in_the_scanner(tmp_path):
     assert np.array(surface.frame.matrix).reshape(4, 4)[:3, 3].tolist() == [1, 2, 3]
 
 
-def test_a_footer_that_is_not_valid_says_nothing(tmp_path):
-    surface = read_surface(written(tmp_path / "lh.white", valid="0  # volume info invalid"))
-    assert surface.frame.matrix == (1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1)
-
-
 @pytest.mark.parametrize("kept", [3, 40, 2000])
 def test_a_truncated_file_is_refused(tmp_path, kept):
     path = written(tmp_path / "lh.white")

@@ -167,6 +167,12 @@ def test_data_in_an_external_file_is_read(file, tmp_path: Path) -> None:
     (tmp_path / "x.data").write_bytes(POINTS.tobytes())
     with pytest.raises(InputError, match="declares 48 bytes, holds 44"):
         read_surface(path)
+    for offset in ("-1", "4.5", "x"):
+        wrong = file(
+            points(encoding="ExternalFileBinary", ExternalFileName="x.data", ExternalFileOffset=offset), triangles()
+        )
+        with pytest.raises(InputError, match=rf"ExternalFileOffset is '{offset}', not a number of bytes from 0 on"):
+            read_surface(wrong)
     with pytest.raises(InputError, match="not beside"):
         read_surface(file(points(encoding="ExternalFileBinary", ExternalFileName="../x.data"), triangles()))
 
