@@ -15,6 +15,26 @@ from cortet.formats.untrusted import ELSEWHERE, content_is_elsewhere, is_there
 
 #: any entities of BIDS, such as `_ses-1_acq-T1w_hemi-L`
 _ENTITIES = "(?:_[A-Za-z0-9]+-[A-Za-z0-9+.]+)*"
+#: the space that a name states, and those that are the subject's own: the subject lies there as in the scanner
+_SPACE = re.compile(r"_(space-([A-Za-z0-9+.]+))(?=_)")
+_OWN_SPACES = {
+    "t1w",
+    "t2w",
+    "flair",
+    "dwi",
+    "bold",
+    "anat",
+    "orig",
+    "native",
+    "individual",
+    "scanner",
+    "fsnative",
+    "fslr",
+}
+#: most files that a remark names
+_MOST_NAMES = 5
+#: participant, session and hemisphere
+_Key = tuple[str, str | None, str | None]
 #: what names a white surface in `sub-1_hemi-L_wm.surf.gii`, `lh.white` or `1.L.white.native.surf.gii`
 _WHITE = re.compile(r"(?<![A-Za-z0-9])(wm|white|smoothwm)(?=(\.[A-Za-z0-9_]+)*$)")
 
@@ -30,12 +50,6 @@ def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], obj
     """
     patterns = patterns or Scan()
     found = _surfaces(directory, patterns, say)
-    if not found:
-        raise InputError(
-            "no surfaces found",
-            file=directory,
-            remedy="check the folder, or set cohort.scan.surfaces; looked for " + ", ".join(patterns.surfaces),
-        )
     sessions = list(dict.fromkeys((participant, session) for participant, session, _ in found))
     tables = {key: _age_tables(directory, *key, patterns) for key in sessions}
     named = "age_columns" in patterns.model_fields_set
@@ -57,34 +71,93 @@ def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], obj
     return cases
 
 
-def _surfaces(
-    directory: Path, patterns: Scan, say: Callable[[str], object]
-) -> dict[tuple[str, str | None, str | None], Path]:
-    """The surface of each participant, session and hemisphere: of several that with fewest entities.
+def _surfaces(directory: Path, patterns: Scan, say: Callable[[str], object]) -> dict[_Key, Path]:
+    """The surface of each hemisphere: of the first pattern that finds one, of several that with fewest entities.
+
+    One in the space of a template is taken where there is no other and, of pairs, a white one without a pial one.
+    What is not taken is said.
 
     Raises
     ------
-    InputError : two participants would have the same label
+    InputError : no surface matches, or two participants would have the same label
     """
-    found: dict[tuple[str, str | None, str | None], Path] = {}
+
+    def rank(place: tuple[int, Path]) -> tuple[object, ...]:
+        number, path = place
+        no_pair = patterns.pial and not is_there(_pial_of(path))
+        return bool(_template_of(path)), number, no_pair, path.name.count("_"), path
+
+    def named(*paths: Path) -> str:
+        names = [path.relative_to(directory).as_posix() for path in paths[:_MOST_NAMES]]
+        return ", ".join(names + [f"and {len(paths) - _MOST_NAMES} more"] * (len(paths) > _MOST_NAMES))
+
+    taken: dict[_Key, Path] = {}
+    beside: list[Path] = []
+    for key, places in _candidates(directory, patterns.surfaces, say).items():
+        (number, first), *others = sorted(places, key=rank)
+        taken[key] = first
+        alike = [path for other, path in others if other == number]
+        beside += [path for other, path in others if other != number]
+        if alike:
+            words = f"{len(alike) + 1} surfaces of one hemisphere: {named(first, *alike)}"
+            say(f"{words}; the first is taken (see cohort.scan.surfaces)")
+    if beside:
+        say(f"surfaces of hemispheres that have another, not taken: {named(*beside)} (see cohort.scan.surfaces)")
+    if placed := [path for path in taken.values() if _template_of(path)]:
+        words = f"surfaces in the space of a template, {_template_of(placed[0])}: {named(*placed)}"
+        say(f"{words}; their size and location are not those of the subject")
+    names = dict.fromkeys(_WHITE.sub("pial", pattern) for pattern in patterns.surfaces)
+    pials = _candidates(directory, [name for name in names if name not in patterns.surfaces], lambda _: None)
+    left = sorted(min(places)[1] for key, places in pials.items() if key not in taken)
+    if taken and left:
+        say(f"hemispheres with a pial surface and no white one, left out: {named(*left)}")
+    if not taken:
+        raise _none_found(directory, patterns, left)
+    return taken
+
+
+def _candidates(
+    directory: Path, surfaces: Sequence[str], say: Callable[[str], object]
+) -> dict[_Key, list[tuple[int, Path]]]:
+    """The files of each participant, session and hemisphere that fit patterns, each with the number of its pattern."""
+    found: dict[_Key, list[tuple[int, Path]]] = {}
     folders: dict[str, str] = {}
-    for pattern in patterns.surfaces:
-        alike: dict[tuple[str, str | None, str | None], list[Path]] = {}
+    for number, pattern in enumerate(surfaces):
         for path, values in _matches(directory, pattern):
             hemi = values.get("hemi")
             if hemi is None or hemi.lower() in HEMISPHERES:
                 participant = _label(values["participant"], folders, directory, say)
                 key = (participant, values.get("session"), hemi and HEMISPHERES[hemi.lower()])
-                alike.setdefault(key, []).append(path)
-        for key, paths in alike.items():
-            if key in found:
-                continue
-            first, *others = sorted(paths, key=lambda path: (path.name.count("_"), path))
-            found[key] = first
-            if others:
-                named = ", ".join(path.relative_to(directory).as_posix() for path in (first, *others))
-                say(f"{len(paths)} surfaces of one hemisphere: {named}; the first is taken (see cohort.scan.surfaces)")
+                found.setdefault(key, []).append((number, path))
     return found
+
+
+def _template_of(path: Path) -> str:
+    """The entity of the space of a file, such as `space-MNI152`, unless it is the subject's own; empty without one."""
+    space = _SPACE.search(path.name)
+    return "" if space is None or space[2].lower() in _OWN_SPACES else space[1]
+
+
+def _none_found(directory: Path, patterns: Scan, pials: Sequence[Path]) -> InputError:
+    """The error for a folder without white surfaces, with what is there instead."""
+    what = "no surfaces found"
+    remedy = "check the folder, or set cohort.scan.surfaces; looked for " + ", ".join(patterns.surfaces)
+    hcp = sorted(directory.glob("*/MNINonLinear/**/*.white*.surf.gii"))
+    below = (path for depth in range(1, 5) for path in directory.glob("/".join("*" * depth)))
+    away = sorted(filter(content_is_elsewhere, below))
+    if pials:
+        what = f"no surfaces found, but {len(pials)} pial ones, as {pials[0]}"
+        remedy = "get the white ones, or name the pial ones in cohort.scan.surfaces: white matter is then no region"
+    elif hcp:
+        what = f"no surfaces found, but {len(hcp)} in the space of a template, as {hcp[0]}"
+        remedy = "get T1w/Native of HCP, whose surfaces have the size of the subject, or set cohort.scan.surfaces"
+    elif away:
+        what = f"no surfaces found, but {len(away)} links whose content is not here, as {away[0]}"
+        remedy = f"datalad get {away[0]}, or check the folder"
+    elif (directory / ".gitmodules").is_file():
+        what = "no surfaces found, in a dataset with parts that may not be here"
+        remedy = f"datalad get -n -r {directory}"
+    return InputError(what, file=directory, remedy=remedy)
 
 
 def _say_which(cases: Sequence[Case], say: Callable[[str], object], *, pial: bool) -> None:
@@ -130,7 +203,7 @@ def _label(name: str, folders: dict[str, str], directory: Path, say: Callable[[s
 def _beside(path: Path, endings: Sequence[str]) -> Path | None:
     """The file beside a surface, such as its sphere: the first that exists, by these ends of names."""
     kind = _WHITE.search(path.name)
-    begin = path.name[: kind.start()] if kind else re.sub(r"[A-Za-z]+(\.surf\.gii)?$", "", path.name)
+    begin = path.name[: kind.start()] if kind else re.sub(r"[A-Za-z]+(\.surf\.gii)?(\.gz)?$", "", path.name)
     for ending in endings:
         if found := sorted(path.parent.glob(glob.escape(begin) + ending)):
             return found[0]
@@ -183,7 +256,9 @@ def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, st
         label = f"(?P={name})" if name in seen else f"(?P<{name}>{form})"
         expression += re.escape(text) + (label if name else "")
         seen.add(name)
-    for path in sorted(directory.glob(re.sub(r"\*+", "*", "*".join(parts[::2])))):
+    # a surface of FreeSurfer that was converted lies beside its own; the last star also finds links that lead nowhere
+    expression += r"(\.surf\.gii)?(\.gz)?"
+    for path in sorted(directory.glob(re.sub(r"\*+", "*", "*".join(parts[::2])) + "*")):
         if match := re.fullmatch(expression, path.relative_to(directory).as_posix()):
             values = match.groupdict()
             named = dict(one.split("-", 1) for one in (values.pop("entities", "") or "").split("_") if one)

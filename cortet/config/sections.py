@@ -45,8 +45,9 @@ class Scan(Section):
         "{participant}/surf/{hemi}.white",
         "{participant}/T1w/Native/{participant}.{hemi}.white.native.surf.gii",
     ]
-    """Where surfaces lie below the release's folder; the first pattern that finds a case wins. {entities} are any of
-    BIDS, such as _ses-1_run-2_hemi-L_space-T1w. A pattern that begins with {participant}/ takes folders of any name, as
+    """Where surfaces lie below the release's folder; the first pattern that finds a case wins, but a surface in the
+    space of a template (_space-MNI...) comes last. They may be packed by gzip (.gz). {entities} are any of BIDS, such
+    as _ses-1_run-2_hemi-L_space-T1w. A pattern that begins with {participant}/ takes folders of any name, as
     FreeSurfer's and HCP's, but sub-... and fsaverage."""
     pial: bool = False
     """true: a pial surface beside a white one becomes the surface, and the white one its inner surface."""

@@ -340,6 +340,102 @@ def test_two_runs_of_a_hemisphere_are_both_named(tmp_path: Path) -> None:
     assert "sub-01_run-2_hemi-L_white.surf.gii" in line and "the first is taken" in line
 
 
+def touched(folder: Path, *names: str) -> Path:
+    """A folder with empty files of these names."""
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).touch()
+    return folder
+
+
+def scanned(folder: Path, patterns: Scan | None = None) -> tuple[list[str], str]:
+    """The surfaces of the cases, below the folder, and what was said."""
+    said: list[str] = []
+    cases = scan(folder, patterns, said.append)
+    return [Path(case.surface).relative_to(folder).as_posix() for case in cases], "\n".join(said)
+
+
+def test_a_side_with_a_pial_surface_alone_is_named(tmp_path: Path) -> None:
+    folder = touched(tmp_path, "sub-01/surf/lh.white", "sub-01/surf/lh.pial", "sub-01/surf/rh.pial")
+    touched(folder, "sub-02/anat/sub-02_hemi-L_pial.surf.gii")
+    for pial in (False, True):
+        taken, said = scanned(folder, Scan(pial=pial))
+        assert taken == [f"sub-01/surf/lh.{'pial' if pial else 'white'}"]
+        assert "hemispheres with a pial surface and no white one, left out: sub-01/surf/rh.pial, sub-02/anat/" in said
+
+
+def test_a_surface_that_was_converted_beside_that_of_freesurfer_is_named(tmp_path: Path) -> None:
+    folder = touched(tmp_path, "bert/surf/lh.white", "bert/surf/lh.white.surf.gii", "bert/surf/rh.white.surf.gii")
+    taken, said = scanned(folder)
+    assert taken == ["bert/surf/lh.white", "bert/surf/rh.white.surf.gii"]
+    assert "2 surfaces of one hemisphere: bert/surf/lh.white, bert/surf/lh.white.surf.gii; the first is taken" in said
+
+
+def test_surfaces_of_one_hemisphere_under_two_patterns_are_named(tmp_path: Path) -> None:
+    names = [f"sub-01/anat/sub-01_hemi-{hemi}_{kind}.surf.gii" for hemi in "LR" for kind in ("smoothwm", "white")]
+    taken, said = scanned(touched(tmp_path, *names))
+    assert taken == [names[1], names[3]]
+    assert f"surfaces of hemispheres that have another, not taken: {names[0]}, {names[2]} (see" in said
+
+
+def test_a_surface_in_the_space_of_a_template_is_named_and_not_preferred(tmp_path: Path) -> None:
+    own, other = (
+        "sub-01/anat/sub-01_hemi-L_space-T1w_white.surf.gii",
+        "sub-01/anat/sub-01_hemi-L_space-MNI152_wm.surf.gii",
+    )
+    only = "sub-01/anat/sub-01_hemi-R_space-MNI152_wm.surf.gii"
+    taken, said = scanned(touched(tmp_path, own, other, only))
+    assert taken == [own, only]
+    assert f"surfaces in the space of a template, space-MNI152: {only}; their size and location are not" in said
+    assert f"that have another, not taken: {other}" in said
+
+
+def test_surfaces_packed_by_gzip_are_found_with_what_lies_beside(tmp_path: Path) -> None:
+    begin = "sub-01/anat/sub-01_hemi-L"
+    folder = touched(tmp_path, f"{begin}_white.surf.gii.gz", f"{begin}_pial.surf.gii.gz", f"{begin}_sphere.surf.gii")
+    assert scanned(folder)[0] == [f"{begin}_white.surf.gii.gz"]
+    (case,) = scan(folder, Scan(pial=True))
+    assert case.surface == folder / f"{begin}_pial.surf.gii.gz" and case.inner
+    assert case.sphere == folder / f"{begin}_sphere.surf.gii"
+
+
+def test_of_two_runs_that_with_both_surfaces_is_taken_where_both_are_asked_for(tmp_path: Path) -> None:
+    begin = "sub-01/anat/sub-01_run"
+    names = [f"{begin}-{end}.surf.gii" for end in ("1_hemi-L_white", "2_hemi-L_white", "2_hemi-L_pial")]
+    folder = touched(tmp_path, *names)
+    assert scanned(folder)[0] == names[:1]
+    taken, said = scanned(folder, Scan(pial=True))
+    assert taken == names[2:]
+    assert f"2 surfaces of one hemisphere: {names[1]}, {names[0]}; the first is taken" in said
+
+
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [
+        ("sub-01/surf/lh.pial", r"no surfaces found, but 1 pial ones, as .*lh\.pial .get the white ones, or name"),
+        (
+            "100307/MNINonLinear/Native/100307.L.white.native.surf.gii",
+            r"but 1 in the space of a template, as .*native\.surf\.gii .get T1w/Native of HCP",
+        ),
+        (".gitmodules", "in a dataset with parts that may not be here .datalad get -n -r "),
+        ("x.surf.gii", r"no surfaces found .check the folder, or set cohort\.scan\.surfaces"),
+    ],
+)
+def test_a_folder_without_white_surfaces_says_what_is_there(tmp_path: Path, file: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        scan(touched(tmp_path, file))
+
+
+def test_a_folder_of_links_whose_content_is_elsewhere_says_so(tmp_path: Path) -> None:
+    (tmp_path / "sub-01").mkdir()
+    (tmp_path / "sub-01/anat").symlink_to("../.git/annex/objects/x")
+    with pytest.raises(InputError, match=r"but 1 links whose content is not here, as (.*sub-01/anat) .datalad get \1,"):
+        scan(tmp_path)
+    touched(tmp_path, "bert/surf/x")
+    (tmp_path / "bert/surf/lh.white").symlink_to("../../.git/annex/objects/y")
+    assert scanned(tmp_path, Scan(surfaces=["{participant}/surf/lh.white"]))[0] == ["bert/surf/lh.white"]
+
+
 def test_links_whose_content_is_elsewhere_are_named(tmp_path: Path) -> None:
     """As DataLad leaves them. The white surface alone is not taken for a pair whose pial surface is elsewhere."""
     folder = freesurfer(tmp_path / "fs", "bert")
