@@ -1,4 +1,4 @@
-"""Hostile input: damage valid files at random and look what each reader makes of them.
+"""Damaged input: damage valid files at random and look what each reader makes of them.
 
     python benchmarks/fuzz.py --minutes 10 --seed 1
 
@@ -81,15 +81,6 @@ WORDS = [
     *(b"n/a", b"NIFTI_INTENT_TRIANGLE", b"NIFTI_TYPE_FLOAT64", b"ASCII", b"GZipBase64Binary", b"ExternalFileBinary"),
     *(b"binary", b"appended", b"raw", b"UInt8", b"Float64", b"UInt64", b"C3D8", b"\xe2\x80\xa8", b"&lol9;", b"&x;"),
 ]
-_BOMB = zlib.compress(bytes(300_000_000), 9)
-_ENTITIES = b"".join(b'<!ENTITY lol%d "%s">' % (n, b"&lol%d;" % (n - 1) * 10) for n in range(1, 10))
-DOCTYPES = [
-    b'<!DOCTYPE x [<!ENTITY lol0 "lolololol">' + _ENTITIES + b"]>",
-    b'<!DOCTYPE x [<!ENTITY x SYSTEM "file:///etc/passwd">]>',
-    b'<!DOCTYPE x [<!ENTITY x "' + b"a" * 100_000 + b'">]>',
-    b'<!DOCTYPE x [<!ATTLIST Data y CDATA "' + b"a" * 10_000 + b'">]>',
-    b'<!DOCTYPE x SYSTEM "http://localhost:9/x.dtd">',
-]
 
 
 def _span(data: bytes, rng: random.Random, longest: int = 2000) -> tuple[int, int]:
@@ -171,16 +162,6 @@ def change_a_tag(data: bytes, rng: random.Random) -> bytes:
     return _replaced(data, rng, rb"<[^<>]{1,300}>", lambda tag: rng.choice([b"", tag * 2, tag * 20_000, *tags]))
 
 
-def add_a_doctype(data: bytes, rng: random.Random) -> bytes:
-    """Entities: a billion laughs, a file of this machine, one that is long, and default attributes."""
-    data = re.sub(rb"<!DOCTYPE[^>]*>", b"", data, count=1)
-    place = re.search(rb"<[A-Za-z]", data)
-    start = place.start() if place else 0
-    data = data[:start] + rng.choice(DOCTYPES) + data[start:]
-    entity = rng.choice([b"&lol9;", b"&x;", b"&x;" * 20_000])
-    return _replaced(data, rng, rb"(?<=>)[^<]*(?=<)", lambda text: entity + text)
-
-
 def change_an_encoding(data: bytes, rng: random.Random) -> bytes:
     """Another encoding, declared or real."""
     name = rng.choice([b"utf-16", b"latin-1", b"ascii", b"utf-7", b"shift_jis", b"none", b"idna", b"cp037"])
@@ -192,15 +173,13 @@ def change_an_encoding(data: bytes, rng: random.Random) -> bytes:
 
 
 def change_packed_data(data: bytes, rng: random.Random) -> bytes:
-    """Damage what stands there in base64, also what is compressed in it, or put a bomb in its place."""
+    """Damage what stands there in base64, also what is compressed in it."""
 
     def damaged(text: bytes) -> bytes:
         try:
             packed = base64.b64decode(text)
         except ValueError:
             return text
-        if rng.random() < 0.1:
-            return base64.b64encode(_BOMB)
         try:
             content = zlib.decompress(packed)
         except zlib.error:
@@ -224,7 +203,7 @@ def change_a_binary_number(data: bytes, rng: random.Random) -> bytes:
 
 DAMAGES: list[Damage] = [
     *(flip_a_bit, cut_off, cut_out, repeat, insert_bytes, change_a_number, change_a_number, change_a_word),
-    *(change_a_word, change_lines, change_a_tag, add_a_doctype, change_an_encoding, change_packed_data),
+    *(change_a_word, change_lines, change_a_tag, change_an_encoding, change_packed_data),
     *(change_packed_data, change_a_binary_number),
 ]
 
@@ -242,9 +221,7 @@ VALUES: list[Any] = [
     *([], [[]], {}, [1, 2, 3], ["x"], {"x": 1}, {1: 2}, [None], "x" * 100_000, list(range(10_000)), {"output": "x"}),
 ]
 YAMLS = [
-    b"a: &a [x,x,x,x,x,x,x,x,x]\n"
-    + b"".join(b"%c: &%c [%s]\n" % (c, c, b",".join([b"*%c" % (c - 1)] * 9)) for c in range(98, 108)),
-    *(b"cohort: &c {sheet: *c}\n", b"a: &a [*a]\n", b"generate: &g\n  cell_size: *g\n", b"[" * 20_000, b"{a: " * 5000),
+    *(b"[" * 20_000, b"{a: " * 5000),
     *(
         b"fold: !!python/object/apply:os.system ['true']\n",
         b"fold: 2026-13-45\n",

@@ -52,7 +52,6 @@ _REMEDY = (
     ", and a gestational age is needed. Where it is one: say Units: weeks in the sidecar, call the column scan_age, or "
     "name it in cohort.scan.age_columns"
 )
-_LARGEST_SIDECAR = 10_000_000
 
 #: rows of a table, column -> value, by the participant's label
 _RowsByParticipant = dict[str, list[dict[str, str]]]
@@ -282,7 +281,7 @@ def _sidecar(path: Path, table: str) -> Mapping[str, object]:
     for file in dict.fromkeys((general, beside)):
         if path.exists() and file.is_file():
             try:
-                data = json.loads(content(file, largest=_LARGEST_SIDECAR).decode("utf-8-sig"))
+                data = json.loads(content(file).decode("utf-8-sig"))
             except (ValueError, RecursionError) as error:
                 raise InputError(f"is no JSON: {error}", file=file, remedy="mend it, or delete it") from None
             if not isinstance(data, dict):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import itertools
 import re
 import reprlib
 import textwrap
@@ -30,8 +29,6 @@ def load(source: Path | str | Mapping[str, Any]) -> Config:
     """
     data = read(Path(source)) if isinstance(source, (str, Path)) else dict(source)
     place = source if isinstance(source, (str, Path)) else "configuration"
-    if sum(1 for _ in itertools.islice(_values(data), _MOST_VALUES + 1)) > _MOST_VALUES:
-        raise InputError(f"holds more than {_MOST_VALUES:,} values", file=place, remedy="use fewer aliases (*name)")
     data = _overlaid(SETTINGS.get(str(data.get("setting")), {}), _without_empty_sections(data, Config))
     try:
         return Config.model_validate(data)
@@ -66,7 +63,7 @@ def read(path: Path) -> dict[str, Any]:
     """
     remedy = "give a YAML file of keys and values"
     try:
-        data = yaml.load(content(path, largest=_LONGEST_FILE).decode("utf-8"), Loader=_UniqueKeys)
+        data = yaml.load(content(path).decode("utf-8"), Loader=_UniqueKeys)
     except _Twice as error:
         raise InputError(str(error), file=path, remedy="keep one of the two, with the keys of both") from None
     except (ValueError, TypeError, AttributeError, RecursionError, yaml.YAMLError) as error:  # PyYAML also raises these
@@ -109,10 +106,6 @@ class _UniqueKeys(yaml.SafeLoader):  # type: ignore[misc]
         return super().construct_mapping(node, deep)
 
 
-#: bounds of a configuration: bytes, and values with aliases expanded
-_LONGEST_FILE, _MOST_VALUES = 10_000_000, 100_000
-
-
 def _without_empty_sections(data: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
     """The data without sections that are null: YAML reads a section as null if all its keys are commented out."""
     kept = {}
@@ -124,18 +117,6 @@ def _without_empty_sections(data: Mapping[str, Any], model: type[BaseModel]) -> 
         elif value is not None or not (section or model is Config):
             kept[key] = value
     return kept
-
-
-def _values(data: Any) -> Iterator[Any]:
-    """All values, with aliases expanded; endless if an alias contains itself."""
-    waiting = [data]
-    while waiting:
-        value = waiting.pop()
-        yield value
-        if isinstance(value, Mapping):
-            waiting += [*value.values(), *value]
-        elif isinstance(value, (list, set, tuple)):
-            waiting += value
 
 
 def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

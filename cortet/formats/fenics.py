@@ -275,7 +275,7 @@ def _first(path: Path) -> str:
 def _dataset(data: h5py.File, key: str, source: Path) -> NDArray[Any]:
     """The numbers of a dataset, after a check that this file itself stores them.
 
-    Links and external storage lead out of the file. A dataset without storage would take up its full size in memory.
+    Links and external storage lead out of the file.
     """
     if not isinstance(data.get(key, getlink=True), h5py.HardLink):
         raise KeyError(key)

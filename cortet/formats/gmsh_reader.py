@@ -1,4 +1,4 @@
-"""Read a file with Gmsh in a separate process, since a damaged file can crash Gmsh, or take unbounded memory and time.
+"""Read a file with Gmsh in a separate process, since a damaged file can crash Gmsh: two of a hundred at random do.
 
 `cortet.formats.msh` runs this module as a program. It imports no other module of cortet, so it starts at once.
 Arrays go into an .npz file; names of groups and fields go beside them as JSON.
@@ -7,7 +7,6 @@ Arrays go into an .npz file; names of groups and fields go beside them as JSON.
 from __future__ import annotations
 
 import json
-import resource
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -65,18 +64,8 @@ def arrays_of(path: str) -> dict[str, NDArray[Any]]:
         return {**arrays, "names": np.array(json.dumps(names))}
 
 
-def limit(kind: int, most: int) -> None:
-    """Lower a limit of this process, unless it is lower already."""
-    _, hard = resource.getrlimit(kind)
-    most = most if hard == resource.RLIM_INFINITY else min(most, hard)
-    resource.setrlimit(kind, (most, most))
-
-
-def main(source: str, target: str, memory: str, seconds: str) -> None:
-    """Read one file and write the other, within limits on address space (bytes) and processor time (s)."""
-    limit(resource.RLIMIT_AS, int(memory))
-    limit(resource.RLIMIT_CPU, int(seconds))
-    limit(resource.RLIMIT_CORE, 0)
+def main(source: str, target: str) -> None:
+    """Read one file and write the other."""
     try:
         arrays = arrays_of(source)
     except Exception as error:  # the Gmsh API raises plain exceptions

@@ -46,9 +46,6 @@ __all__ = ["check_version", "read", "read_v2", "session", "write", "write_v2"]
 _NUMBER = "number_in_mesh"
 #: numbers of components that the format allows for a field
 _WIDTHS = (1, 3, 9)
-#: bytes of address space and seconds of processor time that Gmsh may take, with extra for larger files
-_MEMORY, _MEMORY_PER_BYTE = 2**32, 100
-_SECONDS, _BYTES_PER_SECOND = 30, 500_000
 
 
 def write(mesh: TetMesh, path: str | Path) -> None:
@@ -240,12 +237,10 @@ def check_version(path: str | Path) -> None:
 
 def _read_by_gmsh(path: str | Path) -> tuple[dict[str, NDArray[Any]], dict[str, list[str]]]:
     """Arrays and names of `gmsh_reader.arrays_of`."""
-    size = Path(path).stat().st_size
-    limits = [str(_MEMORY + _MEMORY_PER_BYTE * size), str(_SECONDS + size // _BYTES_PER_SECOND)]
     with TemporaryDirectory(prefix="cortet-gmsh-") as folder:
         source, target = Path(folder) / "mesh.msh", Path(folder) / "mesh.npz"
         source.symlink_to(Path(path).resolve())
-        command = [sys.executable, "-P", gmsh_reader.__file__, str(source), str(target), *limits]
+        command = [sys.executable, "-P", gmsh_reader.__file__, str(source), str(target)]
         done = child.run(command, cwd=folder)
         if done.returncode < 0:
             reason = f"Gmsh broke down reading it ({signal.Signals(-done.returncode).name})"

@@ -15,8 +15,6 @@ from cortet.meshes import TriSurface
 
 _VERTEX = re.compile(rb"^[ \t]*v[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.MULTILINE)
 _FACE = re.compile(rb"^[ \t]*f[ \t]+([^\r\n]*)", re.MULTILINE)
-#: most bytes of a file
-_LARGEST = 2**29
 _REMEDY = "export the surface again as GIfTI (.surf.gii)"
 
 
@@ -29,7 +27,7 @@ def read(path: str | Path) -> TriSurface:
         the file is missing or no OBJ; a face counts its corners from the end; a coordinate is not finite, or a face
         refers to a vertex that does not exist
     """
-    text = content(path, largest=_LARGEST)
+    text = content(path)
     try:
         points = np.fromiter((float(word) for match in _VERTEX.finditer(text) for word in match.groups()), float)
         corners = np.fromiter(_corners(text), np.int64)

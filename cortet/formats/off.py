@@ -16,8 +16,6 @@ from cortet.meshes import TriSurface
 #: comments, and the first word of a file; letters before OFF announce texture, colour or normals after the coordinates,
 #: 4 and n another number of coordinates
 BEGINS = re.compile(rb"(?:\xef\xbb\xbf)?(?:\s|#[^\n]*\n)*((?:ST)?C?N?(4?n?)OFF|off|coff)\b(\s*BINARY)?")
-#: most bytes of a file
-_LARGEST = 2**29
 _REMEDY = "export the surface again as GIfTI (.surf.gii)"
 
 
@@ -30,7 +28,7 @@ def read(path: str | Path) -> TriSurface:
         the file is missing or no OFF in text; it ends early, or goes on after the numbers that it declares; a
         coordinate is not finite, or a face refers to a vertex that does not exist
     """
-    text = content(path, largest=_LARGEST)
+    text = content(path)
     begin = BEGINS.match(text)
     if begin and (begin[2] or begin[3]):
         kind = "in binary" if begin[3] else f"of the kind {begin[1].decode()}, whose vertices may have four coordinates"

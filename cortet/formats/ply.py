@@ -26,8 +26,6 @@ _TYPES = {
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 #: name of any list other than the corners of faces
 _LIST = "another list"
-#: most bytes of a file, and of its header
-_LARGEST, _LONGEST_HEADER = 2**29, 1 << 16
 _REMEDY = "export the surface again as GIfTI (.surf.gii)"
 
 
@@ -47,10 +45,10 @@ def read(path: str | Path) -> TriSurface:
         the file is missing, truncated or no PLY; it has no vertices with x, y and z or faces other than triangles; a
         coordinate is not finite, or a triangle refers to a vertex that does not exist
     """
-    data = content(path, largest=_LARGEST)
+    data = content(path)
     header, mark, body = data.partition(b"end_header")
     try:
-        if not mark or len(header) > _LONGEST_HEADER:
+        if not mark:
             raise ValueError("it has no header that ends")
         order, elements, complete = _described(header.decode("ascii"))
         body = body.partition(b"\n")[2]
@@ -60,7 +58,7 @@ def read(path: str | Path) -> TriSurface:
             raise ValueError(f"it goes on after its {numbers_of}: {rest:,} {'bytes' if order else 'numbers'} are left")
         points = np.stack([values["vertex"][axis] for axis in "xyz"], axis=1).astype(float)
         return triangulated(points, values["face"]["vertices"], path)
-    except (KeyError, ValueError, OverflowError) as error:
+    except (KeyError, IndexError, ValueError, OverflowError) as error:
         raise InputError(f"is no readable PLY surface of triangles: {error}", file=path, remedy=_REMEDY) from error
 
 

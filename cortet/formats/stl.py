@@ -21,8 +21,6 @@ from cortet.meshes import TriSurface
 _HEADER_BYTES = 80
 _TEXT = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 _FACET, _END = re.compile(rb"\bendfacet\b", re.IGNORECASE), re.compile(rb"\bendsolid\b", re.IGNORECASE)
-#: most bytes of a text file
-_LARGEST_TEXT = 2**29
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
@@ -64,8 +62,6 @@ def read(path: str | Path) -> TriSurface:
 
 
 def _of_text(data: bytes, path: str | Path) -> TriSurface:
-    if len(data) > _LARGEST_TEXT:
-        raise InputError(f"has {len(data):,} bytes of text", file=path, remedy="save it as binary STL")
     try:
         words = (float(word) for match in _TEXT.finditer(data) for word in match.groups())
         corners = np.fromiter(words, float).reshape(-1, 3)

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 MISSING = "n/a"
 
-#: most bytes and columns of a table, and most problems that one message lists
-_LARGEST, _MOST_COLUMNS, _MOST_PROBLEMS = 100_000_000, 10_000, 100
+#: most columns of a table, and most problems that one message lists
+_MOST_COLUMNS, _MOST_PROBLEMS = 10_000, 100
 
 
 def read_tsv(path: Path) -> pd.DataFrame:
@@ -114,7 +114,7 @@ def refusal(found: Sequence[str], path: Path) -> InputError:
 def _lines(path: Path) -> list[tuple[int, str]]:
     """Number and text of every line that is not blank."""
     try:
-        text = content(path, largest=_LARGEST).decode("utf-8-sig")
+        text = content(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"cannot be read: {error}", file=path, remedy="give a UTF-8 TSV file") from None
     lines = [(n, line) for n, line in enumerate(re.split("\r\n|\n|\r", text), start=1) if line.strip()]

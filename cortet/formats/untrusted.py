@@ -1,12 +1,12 @@
-"""Reading files of unknown origin: limits on their memory, and checks before their content is used.
+"""What every reader does: it takes the bytes of a file, unpacked, and checks what it made of them.
 
-A file has at most `LARGEST` bytes, and so has the data unpacked from it. Both sizes are checked before anything is read
-or unpacked. An XML file may declare nothing: entities and default attributes turn a few bytes into many. They can only
-stand in the part of a DOCTYPE that is refused here. Nothing outside the file is ever fetched.
+Coordinates are finite, indices are in range, and an error names the file and the remedy. A file that is read becomes an
+input, which nothing writes over (`cortet.formats.ownership`).
 """
 
 from __future__ import annotations
 
+import gzip
 import re
 import stat
 import zlib
@@ -14,9 +14,8 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, TypeVar
 from xml.etree import ElementTree
-from xml.parsers import expat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +24,6 @@ from cortet.errors import DamagedFileError, InputError
 from cortet.formats.ownership import has_read
 from cortet.meshes import MeshSets, TetMesh, TriSurface
 
-#: most bytes of a file, and of the data unpacked from it; a mesh of 50 million tetrahedra needs less
-LARGEST = 2**32
-#: most XML elements of a file; the long lists of these formats hold no elements, or are read separately
-MOST_ELEMENTS = 5_000_000
 _LONGEST_NAME = 80
 #: first bytes of what is packed by gzip
 GZIP = b"\x1f\x8b"
@@ -50,14 +45,8 @@ def content_is_elsewhere(path: str | Path) -> bool:
     return Path(path).is_symlink() and not Path(path).exists()
 
 
-def check_file(path: str | Path, largest: int = LARGEST) -> int:
-    """Size of a regular file in bytes; devices and pipes, which have no end, are refused. The file becomes an input.
-
-    Raises
-    ------
-    InputError
-        it is missing or may not be read, is no regular file, has more than `largest` bytes, or is an output
-    """
+def check_file(path: str | Path) -> None:
+    """Raise InputError unless a regular file is there, and may be read; it becomes an input, and may be no output."""
     try:
         found = Path(path).stat()
     except (OSError, ValueError) as error:
@@ -67,20 +56,16 @@ def check_file(path: str | Path, largest: int = LARGEST) -> int:
         raise InputError(f"cannot be read: {reason}", file=path, remedy="check the path and its permissions") from error
     if not stat.S_ISREG(found.st_mode):
         raise InputError("is not a file", file=path, remedy="name a file, not a folder or a device")
-    if found.st_size > largest:
-        what = f"has {found.st_size:,} bytes, more than the {largest:,} that are read"
-        raise InputError(what, file=path, remedy="give a smaller mesh or surface")
     has_read(Path(path))
-    return found.st_size
 
 
-def content(path: str | Path, largest: int = LARGEST) -> bytes:
+def content(path: str | Path) -> bytes:
     """All bytes of a file, unpacked from gzip. Raises InputError as `check_file`, or if they cannot be unpacked."""
-    check_file(path, largest)
+    check_file(path)
     try:
         data = Path(path).read_bytes()
-        return unpacked(data, largest) if data.startswith(GZIP) else data
-    except (ValueError, zlib.error) as error:
+        return gzip.decompress(data) if data.startswith(GZIP) else data
+    except (EOFError, gzip.BadGzipFile, zlib.error) as error:
         raise DamagedFileError(f"cannot be unpacked: {error}", file=path) from error
     except OSError as error:
         raise InputError(
@@ -88,65 +73,12 @@ def content(path: str | Path, largest: int = LARGEST) -> bytes:
         ) from error
 
 
-def refuse_declarations(parts: Iterable[bytes], path: str | Path) -> None:
-    """Raise InputError if the DOCTYPE of an XML text declares anything; the rest of the text is not checked."""
-    parser = expat.ParserCreate()
-
-    def doctype(_name: str, _system: str | None, _public: str | None, declares: bool) -> None:
-        if declares:
-            raise InputError("its XML declares entities or attributes", file=path, remedy="export it again without")
-
-    def root(_name: str, _attributes: Any) -> NoReturn:
-        raise StopIteration
-
-    parser.StartDoctypeDeclHandler, parser.StartElementHandler = doctype, root
-    try:
-        for part in parts:
-            parser.Parse(part)
-    except (StopIteration, expat.ExpatError, LookupError, ValueError):
-        return
-
-
 def xml_root(text: bytes, path: str | Path) -> ElementTree.Element:
-    """The tree of an XML text.
-
-    Raises
-    ------
-    InputError
-        it is not well-formed, declares anything, or has more than `MOST_ELEMENTS` elements
-    """
-    refuse_declarations([text], path)
-    if text.count(b"<") > 2 * MOST_ELEMENTS:
-        raise InputError(f"has more than {MOST_ELEMENTS:,} XML elements", file=path, remedy="export it again")
+    """The tree of an XML text; raises DamagedFileError if it is truncated or not well-formed."""
     try:
         return ElementTree.fromstring(text)
     except XML_ERRORS as error:
         raise DamagedFileError(f"is not well-formed XML: {error}", file=path) from error
-
-
-def inflated(data: bytes, size: int) -> bytes:
-    """The `size` bytes that zlib or gzip data unpack to; ValueError or zlib.error if the size differs."""
-    unpacked = zlib.decompressobj(wbits=47).decompress(data, size + 1)
-    if len(unpacked) != size:
-        raise ValueError(f"declares {size:,} bytes, holds {'more' if len(unpacked) > size else f'{len(unpacked):,}'}")
-    return unpacked
-
-
-def unpacked(data: bytes, most: int = LARGEST) -> bytes:
-    """What data packed by gzip, in one or several members, unpack to.
-
-    ValueError or zlib.error if they are damaged, or hold more than `most` bytes.
-    """
-    parts: list[bytes] = []
-    left = most
-    while data:
-        worker = zlib.decompressobj(wbits=31)
-        parts.append(worker.decompress(data, max(left, 1)))
-        left -= len(parts[-1])
-        if left < 0 or not worker.eof:
-            raise ValueError("it is truncated" if left > 0 else f"it holds more than {most:,} bytes")
-        data = worker.unused_data.lstrip(b"\0")
-    return b"".join(parts)
 
 
 def numbers(text: str, dtype: np.dtype[Any]) -> NDArray[Any]:

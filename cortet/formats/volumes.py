@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tsv import read_tsv
-from cortet.formats.untrusted import LARGEST, check_file
+from cortet.formats.untrusted import check_file
 from cortet.meshes import CoordinateFrame, FloatArray
 
 if TYPE_CHECKING:
@@ -219,7 +219,17 @@ def _readable(path: str | Path) -> Iterator[None]:
 
     try:
         yield
-    except (OSError, EOFError, ValueError, TypeError, KeyError, ArithmeticError, AttributeError, zlib.error) as error:
+    except (
+        OSError,
+        EOFError,
+        ValueError,
+        TypeError,
+        KeyError,
+        ArithmeticError,
+        AttributeError,
+        MemoryError,
+        zlib.error,
+    ) as error:
         raise InputError(f"cannot be read as a volume: {error}", file=path, remedy="export it again") from None
     except (
         nibabel.filebasedimages.ImageFileError,
@@ -236,9 +246,6 @@ def _content(image: SpatialImage, path: str | Path) -> tuple[NDArray[Any], Float
     with _readable(path):
         shape = tuple(int(count) for count in image.shape)
         order = _shape_is_usable(shape, path)
-        if int(np.prod(shape, dtype=object)) * 8 > LARGEST:
-            what = f"has {shape} voxels, more than are read"
-            raise InputError(what, file=path, remedy="crop it to the brain, or give a coarser one")
         affine = np.asarray(image.affine, float)
         _require_placed(image, affine, path)
         _say_disagreement(image, path)

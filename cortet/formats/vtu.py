@@ -4,8 +4,7 @@ Binary, zlib-compressed, float64: every array, fields included, comes back bit f
 every stage. A VTU file has no sets; arrays stand for them (`set_arrays`).
 
 Files are written in VTK's default form: raw data behind the XML. They are read in every form that VTK writes (text,
-base64 or raw, in place or appended, with zlib or not; https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html),
-and the size of every array is known from the numbers of nodes and tetrahedra before anything is unpacked.
+base64 or raw, in place or appended, with zlib or not; https://docs.vtk.org/en/latest/vtk_file_formats/vtkxml_file_format.html).
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from cortet.errors import DamagedFileError, InputError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.set_arrays import names_of, with_sets, without_sets
-from cortet.formats.untrusted import LARGEST, content, inflated, naming, numbers, xml_root
+from cortet.formats.untrusted import content, naming, numbers, xml_root
 from cortet.meshes import TetMesh
 
 #: bytes that are compressed at a time
@@ -54,7 +53,7 @@ class _File(NamedTuple):
 
 
 def read(path: str | Path) -> TetMesh:
-    """Read a tetrahedral mesh; memory is bounded by what the file can hold, and by `untrusted.LARGEST`.
+    """Read a tetrahedral mesh.
 
     Raises
     ------
@@ -89,9 +88,6 @@ def _pieces(root: ElementTree.Element) -> list[ElementTree.Element]:
     found = root.findall("UnstructuredGrid/Piece")
     if not found:
         raise ValueError("it has no <Piece>")
-    stated = [int(piece.get(name, "")) for piece in found for name in ("NumberOfPoints", "NumberOfCells")]
-    if min(stated) < 0 or 24 * sum(stated) > LARGEST:
-        raise ValueError(f"it states {sum(stated):,} nodes and cells, more than are read or fewer than none")
     return found
 
 
@@ -110,8 +106,6 @@ def _piece(piece: ElementTree.Element, path: str | Path, file: _File) -> TetMesh
         {str(array.get("Name", "")): _values(array, count, file) for array in piece.iterfind(f"{place}/DataArray")}
         for place, count in (("PointData", nodes), ("CellData", cells))
     )
-    if sum(values.nbytes for fields in (point_data, cell_data) for values in fields.values()) > LARGEST:
-        raise ValueError(f"its fields take more than the {LARGEST:,} bytes that are read")
     with naming(path):
         return TetMesh(_values(points, nodes, file).reshape(-1, 3), corners.reshape(-1, 4), point_data, cell_data)
 
@@ -135,7 +129,7 @@ def _values(array: ElementTree.Element, rows: int, file: _File) -> NDArray[Any]:
     shape = (rows, int(stated)) if stated else (rows,)
     dtype = _TYPES[array.get("type", "")]
     size = int(np.prod(shape, dtype=object)) * dtype.itemsize
-    if not 0 <= size <= LARGEST:
+    if size < 0:
         raise ValueError(f"array {array.get('Name')} would take {size:,} bytes")
     form = array.get("format", "ascii")
     if form == "ascii":
@@ -170,20 +164,15 @@ def _decoded(data: bytes, size: int, dtype: np.dtype[Any], file: _File, *, raw: 
 
 def _unpacked(data: bytes, blocks: int, size: int, file: _File, raw: bool) -> bytes:
     """Content of compressed blocks; the header is (number of blocks, size of a block and of the last, packed sizes)."""
-    if blocks > size:
-        raise ValueError(f"{blocks:,} blocks for {size:,} bytes")
     width = (3 + blocks) * file.header.itemsize
-    _, block, last, *packed = np.frombuffer(_bytes(data, width, raw), file.header).tolist()
-    sizes = [block] * blocks
-    if blocks and last:
-        sizes[-1] = last
-    if sum(sizes) != size:
-        raise ValueError(f"{sum(sizes):,} bytes instead of {size:,}")
+    packed = np.frombuffer(_bytes(data, width, raw), file.header).tolist()[3:]
     body = _bytes(data[_length(width, raw) :], sum(packed), raw)
     parts, start = [], 0
-    for length, unpacked in zip(packed, sizes, strict=True):
-        parts.append(inflated(body[start : start + length], unpacked))
+    for length in packed:
+        parts.append(zlib.decompress(body[start : start + length]))
         start += length
+    if (found := sum(map(len, parts))) != size:
+        raise ValueError(f"declares {size:,} bytes, holds {found:,}")
     return b"".join(parts)
 
 

@@ -29,8 +29,6 @@ from cortet.solver_files.fields import FieldSource
 
 #: message for a file that differs from what its sidecar records
 CHANGED = "changed after cortet wrote it: no certificate beside it is of it"
-#: most bytes of a sidecar
-_LONGEST_FILE = 10_000_000
 
 
 def sidecar_path(path: Path) -> Path:
@@ -151,7 +149,7 @@ def read_sidecar(path: Path) -> dict[str, Any]:
     if not file.exists():
         return {}
     try:
-        record: dict[str, Any] = json.loads(content(file, largest=_LONGEST_FILE))
+        record: dict[str, Any] = json.loads(content(file))
         _Record.model_validate(record)
     except ValidationError as error:
         wrong = ", ".join(".".join(map(str, one["loc"])) for one in error.errors())

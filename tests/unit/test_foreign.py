@@ -112,6 +112,7 @@ PLY += b"property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0
             WRITTEN["binary.ply"]().replace(b"face 320", b"face 319"),
             "162 vertex elements and 319 face elements: 13 bytes are left",
         ),
+        (PLY.replace(b"vertex 3", b"vertex"), "no readable PLY"),
         (PLY[:80], "no header that ends"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n", "no three corners counted from 1"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "vertices run from 0 to 2"),

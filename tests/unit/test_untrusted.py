@@ -1,4 +1,4 @@
-"""Files that nobody vouches for: bounded in memory and time, and refused in words that name file and remedy."""
+"""Files that are damaged, truncated or of another kind are refused in words that name file and remedy."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import time
 import zlib
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ import numpy as np
 import pytest
 import pyvista
 from exported import full_mesh
-from fuzz import DOCTYPES, outcome, place_damaged, seeds
+from fuzz import outcome, place_damaged, seeds
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from shapes import ball_surface
@@ -32,7 +31,7 @@ from cortet.config import Scan, load
 from cortet.errors import InputError
 from cortet.formats import FORMATS, fenics, text
 from cortet.formats.gifti import read_fields, read_surface, write_surface
-from cortet.formats.untrusted import LARGEST, safely_named
+from cortet.formats.untrusted import safely_named
 from cortet.meshes import TetMesh
 from cortet.solver_files.export import convert, export, write
 from cortet.solver_files.sidecar import sidecar_path
@@ -82,17 +81,6 @@ def test_damaged_files_are_refused_or_give_a_sound_result(kind: str, valid, tmp_
 
 
 @pytest.mark.parametrize("name", XML)
-@pytest.mark.parametrize("doctype", DOCTYPES[:4], ids=["laughs", "external", "long", "default attribute"])
-def test_xml_that_declares_anything_is_refused(name: str, doctype: bytes, mesh, tmp_path: Path) -> None:
-    path = written(mesh, tmp_path, name)
-    text = re.sub(rb"<!DOCTYPE[^>]*>", b"", path.read_bytes())
-    start = re.search(rb"<[A-Za-z]", text).start()
-    path.write_bytes(text[:start] + b" " * 100_000 + doctype + text[start:])
-    with pytest.raises(InputError, match="declares entities"):
-        FORMATS[name].read(path)
-
-
-@pytest.mark.parametrize("name", XML)
 @pytest.mark.parametrize("encoding", ["none", "shift_jis", "idna"])
 def test_xml_in_an_encoding_that_cannot_be_read_is_refused(name: str, encoding: str, mesh, tmp_path: Path) -> None:
     path = written(mesh, tmp_path, name)
@@ -103,7 +91,7 @@ def test_xml_in_an_encoding_that_cannot_be_read_is_refused(name: str, encoding: 
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_devices_pipes_folders_and_files_without_end_are_refused(name: str, mesh, tmp_path: Path) -> None:
+def test_devices_pipes_and_folders_are_refused(name: str, mesh, tmp_path: Path) -> None:
     path = written(mesh, tmp_path, name)
     if name == "carp":
         path = path.with_suffix(".elem")
@@ -111,12 +99,11 @@ def test_devices_pipes_folders_and_files_without_end_are_refused(name: str, mesh
         lambda: path.symlink_to("/dev/zero"),
         lambda: os.mkfifo(path),
         path.mkdir,
-        lambda: os.truncate(os.open(path, os.O_CREAT | os.O_WRONLY), LARGEST + 1),
     ]
     for make in made:
         path.unlink()
         make()
-        with pytest.raises(InputError, match="is not a file|more than the"):
+        with pytest.raises(InputError, match="is not a file"):
             FORMATS[name].read(path.with_suffix(".pts") if name == "carp" else path)
         if path.is_dir():
             path.rmdir()
@@ -246,12 +233,12 @@ def test_every_form_that_vtk_writes_is_read(mode: str, compressed: bool, wide: b
 def test_a_vtu_file_unpacks_to_what_it_states_and_no_more(mesh, tmp_path: Path) -> None:
     path = written(mesh, tmp_path, "vtu")
     text = path.read_bytes()
-    bomb = zlib.compress(bytes(200_000_000))
-    header = np.array([1, mesh.points.nbytes, 0, len(bomb)], np.uint32).tobytes()
+    more = zlib.compress(bytes(mesh.points.nbytes + 8))
+    header = np.array([1, mesh.points.nbytes, 0, len(more)], np.uint32).tobytes()
     behind = len(text) - text.index(b'encoding="raw">\n_') - len(b'encoding="raw">\n_')
     points = b'Name="Points" NumberOfComponents="3" format="appended" offset="%d"'
-    path.write_bytes(text.replace(points % 0, points % behind) + header + bomb)
-    with pytest.raises(InputError, match="holds more"):
+    path.write_bytes(text.replace(points % 0, points % behind) + header + more)
+    with pytest.raises(InputError, match=f"declares {mesh.points.nbytes:,} bytes, holds {mesh.points.nbytes + 8:,}"):
         FORMATS["vtu"].read(path)
     for number in (b"1000000000000", b"-1", b"9" * 5000):
         path.write_bytes(re.sub(rb'NumberOfPoints="\d+"', b'NumberOfPoints="%s"' % number, text))
@@ -304,31 +291,9 @@ def test_gmsh_may_break_down_and_reads_no_commands(mesh, tmp_path: Path) -> None
         assert verify(path, "gmsh")
 
 
-def test_many_open_lists_or_small_blocks_take_no_time(mesh, tmp_path: Path) -> None:
-    began = time.process_time()
-    febio = tmp_path / "m.feb"
-    febio.write_bytes(b'<febio_spec version="4.0">' + b"<Nodes" * 200_000)
-    with pytest.raises(InputError, match="not well-formed"):
-        FORMATS["febio"].read(febio)
-    abaqus = tmp_path / "m.inp"
-    abaqus.write_text("".join(f"*NODE\n{n}, 0, 0, 0\n" for n in range(1, 20_000)))
-    with pytest.raises(InputError, match="no elements"):
-        FORMATS["abaqus"].read(abaqus)
-    assert time.process_time() - began < 20
-
-
-#: nine lists of nine of the one before: 10^10 values in 600 bytes
-ALIASES = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
-    f"{letter}: &{letter} [{','.join([f'*{before}'] * 9)}]\n" for before, letter in pairwise("abcdefghij")
-)
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (ALIASES, "values"),
-        ("cohort: &c {sheet: *c}\n", "values"),
-        ("output: &a [*a]\n", "values"),
         ("[" * 20_000, "cannot be read"),
         ("output: " + "9" * 5000, "cannot be read"),
         ("output: 2026-13-45", "cannot be read"),
@@ -338,9 +303,9 @@ ALIASES = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
         ("output: {a: b}", "output"),
         ("1: 2", "1"),
     ],
-    ids=["aliases", "itself", "list of itself", "deep", "digits", "date", "no date", "python", "long", "kind", "key"],
+    ids=["deep", "digits", "date", "no date", "python", "long", "kind", "key"],
 )
-def test_a_configuration_that_is_a_trap_is_refused_in_a_short_message(text: str, words: str, tmp_path: Path) -> None:
+def test_a_configuration_of_wrong_values_is_refused_in_a_short_message(text: str, words: str, tmp_path: Path) -> None:
     path = tmp_path / "config.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=words) as caught:
