@@ -1,4 +1,4 @@
-"""Read a file with Gmsh in a separate process, since a damaged file can crash Gmsh: two of a hundred at random do.
+"""Read a file with Gmsh in a separate process, since a damaged file can crash Gmsh (2 of 118 at random did).
 
 `cortet.formats.msh` runs this module as a program. It imports no other module of cortet, so it starts at once.
 Arrays go into an .npz file; names of groups and fields go beside them as JSON.

@@ -48,6 +48,13 @@ def test_faces_of_an_obj_file_may_have_more_corners_and_indices(tmp_path: Path) 
     assert read_surface(saved(tmp_path, "q.obj", text)).faces.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
+def test_an_obj_file_of_several_materials_and_textures_is_one_closed_surface(tmp_path: Path) -> None:
+    """trimesh 5.2 makes vertices of their own for each material, so that nothing closes."""
+    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\ng a\nusemtl x\nf 1/1 3/2 2/3\nf 1/3 2/1 4/2\n"
+    surface = read_surface(saved(tmp_path, "m.obj", text + b"g b\nusemtl y\nf 1/2 4/3 3/1\nf 2/2 3/1 4/3\n"))
+    assert len(surface.points) == 4 and surface_topology(surface.faces).problems() == []
+
+
 def test_an_off_file_may_have_colours_comments_and_more_corners(tmp_path: Path) -> None:
     text = b"# by hand\n\n# of a square\nCOFF # a square\n"
     text += b"4 1 0\n0 0 0 1 1 1 1\n\n1 0 0 1 1 1 1\n1 1 0 0 0 0 0 # third\n0 1 0 0 0 0 0\n"
