@@ -23,7 +23,7 @@ from cortet.meshes import REGION, CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
 from cortet.solver_files.holes import hollow
 from cortet.solver_files.meshed import moved
-from cortet.solver_files.names import ASCII, in_ascii, left_out
+from cortet.solver_files.names import left_out, writable
 from cortet.solver_files.others import not_as_meant, seen_otherwise
 from cortet.solver_files.sets import named_sets, tagged, with_regions
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar, sidecar_path
@@ -64,12 +64,12 @@ def export(
 
     Returns
     -------
-    which fields and sets the format cannot hold, in words
+    which fields and sets the format cannot hold, or not by their names, in words
 
     Raises
     ------
     InputError
-        a region lies in a hole, or the format knows no holes
+        a region lies in a hole, the format knows no holes, or a field has no real numbers
     StageError
         the certificate is of another mesh, the mesh is not certified, or the written file breaks a convention of the
         solver
@@ -78,6 +78,7 @@ def export(
     require_certified(mesh, certificate, path, uncertified=uncertified)
     if len((hollowed := hollow(mesh, holes)).cells) < len(mesh.cells):
         mesh, made_from = hollowed, {**(made_from or {}), "holes": list(holes)}
+    mesh, renamed = writable(mesh, solver)
     back = _write_verified(
         mesh,
         path,
@@ -89,7 +90,7 @@ def export(
         made_from=made_from,
         body=bool(certificate["certified"]),
     )
-    return [] if isinstance(back, TriSurface) else left_out(mesh, back.mesh)
+    return [] if isinstance(back, TriSurface) else renamed + left_out(mesh, back.mesh)
 
 
 def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path, *, uncertified: bool) -> None:
@@ -214,9 +215,8 @@ def convert(
             done.append(how)
         content = with_surface(content)  # its groups of faces may be parts of the surface, as in files of Gmsh
         content = tagged(content, tags) if tags else content
-        if written_as.name in ASCII:
-            content, renamed = in_ascii(content, written_as.name)
-            done += renamed
+        content, renamed = writable(content, written_as.name)
+        done += renamed
     frame = record.get("coordinate_system")
     known = getattr(content, "frame", None)
     back = _write_verified(

@@ -383,3 +383,59 @@ def test_a_companion_that_was_edited_is_said(tmp_path: Path) -> None:
     assert not any("was changed" in line for line in convert(path, tmp_path / "before.vtu"))
     (tmp_path / "m.regions.tsv").write_text("tag\tname\n1\twhite\n2\tcortex\n")
     assert convert(path, tmp_path / "after.vtu")[0].startswith("m.pts was changed after cortet wrote it")
+
+
+@pytest.mark.parametrize("name", [*FORMATS])
+def test_a_field_of_any_numbers_is_written_or_refused_by_name(name: str, tmp_path: Path) -> None:
+    mesh, path = model(), tmp_path / f"m{FORMATS[name].suffix}"
+    n = len(mesh.points)
+    fields = {"flag": np.arange(n) % 2 == 0, "half": (np.arange(n) / 8).astype(np.float16)}
+    fields |= {"tensor": mesh.points[:, :, None] * mesh.points[:, None, :], "long": np.arange(n).astype(np.longdouble)}
+    export(replace(mesh, point_data=fields), path, solver=name, certificate=CERTIFIED)
+    found = FORMATS[name].read(path).point_data
+    columns = {"tensor": [f"tensor_{one}" for one in range(1, 10)]} if "tensor_1" in found else {}
+    kept = compact(mesh.points, boundary_faces(mesh))[2] if FORMATS[name].is_surface else np.arange(n)
+    for field, values in fields.items() if found else ():
+        read = np.column_stack([found[one] for one in columns.get(field, [field])])
+        assert np.allclose(read.reshape(len(kept), -1), values[kept].reshape(len(kept), -1).astype(float), rtol=1e-6)
+    for wrong in (np.full(n, 1j), np.full(n, "x"), np.empty((n, 0))):
+        with pytest.raises(InputError, match=rf"the field wave has the shape .* and the type {wrong.dtype}, .*\(give "):
+            export(replace(mesh, point_data={"wave": wrong}), path, solver=name, certificate=CERTIFIED)
+
+
+def test_a_label_beyond_32_bits_is_refused_before_it_is_written(tmp_path: Path) -> None:
+    large = replace(model(), point_data={"label": np.full(len(model().points), 2**33)})
+    with pytest.raises(InputError, match="field `label` has the label 8589934592, and labels have at most 32 bits"):
+        export(large, tmp_path / "m.inp", solver="abaqus", certificate=CERTIFIED)
+
+
+@pytest.mark.parametrize("name", VOLUMES)
+@pytest.mark.parametrize("called", ["a/b", "a\tb", "x" * 81, "a\nb", "..", "", "a.b"])
+def test_a_name_of_any_letters_is_kept_or_its_change_is_said(name: str, called: str, tmp_path: Path) -> None:
+    mesh, path = model(), tmp_path / f"m{FORMATS[name].suffix}"
+    some = np.arange(5, dtype=np.int32)
+    cells = {called if one == "white" else one: part for one, part in mesh.sets.cells.items()}
+    sets = replace(mesh.sets, nodes={called: some}, cells=cells)
+    told = export(replace(mesh, sets=sets), path, solver=name, certificate=CERTIFIED)
+    back = FORMATS[name].read(path)
+    now = next((line.removeprefix(f"{called} is called ") for line in told if "is called" in line), called)
+    assert now in regions(back) or name == "braingrowth"  # which has no names
+    assert now in back.sets.nodes or any(
+        line.startswith("left out, as the format has no sets of nodes") for line in told
+    )
+
+
+@pytest.mark.parametrize("number", [150, 2035])
+def test_febio_has_labels_above_100_by_their_number(number: int, tmp_path: Path) -> None:
+    mesh = model()
+    region = np.where(mesh.cell_data[REGION] == 2, number, 1).astype(np.int32)
+    numbered = replace(mesh, cell_data={REGION: region})
+    export(numbered, tmp_path / "m.feb", solver="febio", certificate=CERTIFIED)
+    assert regions(FORMATS["febio"].read(tmp_path / "m.feb")) == {"cortex": 1, "white": number}
+    with pytest.raises(InputError, match=r"the region white has the number 3001, .*\(number the regions from 1 to at"):
+        export(
+            replace(mesh, cell_data={REGION: np.where(region == 1, 1, 3001)}),
+            tmp_path / "n.feb",
+            solver="febio",
+            certificate=CERTIFIED,
+        )
