@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cortet.api.given import Settings, SurfaceLike, require_fields, require_hemisphere, require_named, surface
 from cortet.config import Config, load, read
 from cortet.errors import InputError
-from cortet.formats import format_of, read_mesh
+from cortet.formats import format_of
 from cortet.formats.gifti import hemisphere_of, kind_of
 from cortet.formats.ownership import guarded
 from cortet.formats.placement import placed
@@ -28,6 +28,7 @@ from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, require_measurable
 from cortet.pipeline import Meshed, Step, mesh_surface, save, with_sets
+from cortet.solver_files.earlier import read_today
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.meshed import Origin
 from cortet.solver_files.volumes import (
@@ -309,7 +310,10 @@ def tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
     InputError : a file holds no mesh, or the object is of an unknown kind
     """
     if isinstance(made, str | Path):
-        return read_mesh(Path(made))
+        mesh, told = read_today(Path(made))
+        for line in told:
+            say(line)
+        return mesh
     if isinstance(made, Mesh | TetMesh):
         return made.mesh if isinstance(made, Mesh) else made
     raise InputError(f"a {type(made).__name__} is no mesh", remedy="give a file, or what `cortet.mesh` returns")

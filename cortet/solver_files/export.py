@@ -15,17 +15,17 @@ from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.hashing import array_sha256, mesh_sha256
 from cortet.formats.ownership import delete_made, may_write
-from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, with_surface
-from cortet.formats.tags import region_numbers, regions
+from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL, with_surface
 from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
-from cortet.meshes import REGION, CoordinateFrame, MeshSets, TetMesh, TriSurface
+from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
+from cortet.solver_files.earlier import numbered_today
 from cortet.solver_files.fields import FieldSource
 from cortet.solver_files.holes import hollow
 from cortet.solver_files.meshed import moved
 from cortet.solver_files.names import left_out, writable
 from cortet.solver_files.others import not_as_meant, seen_otherwise
-from cortet.solver_files.sets import named_sets, tagged, with_regions
+from cortet.solver_files.sets import named_sets, tagged
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar, sidecar_path
 from cortet.solver_files.verify import problems
 from cortet.stages.solver_ready import surface_nodes_first
@@ -208,7 +208,7 @@ def convert(
         if surface_nodes[-1] != len(surface_nodes) - 1:
             content = surface_nodes_first(content)[0]
             done.append("nodes were renumbered, those of the surface first")
-        content, what = _numbered(content, earlier="sets" in record and "regions" not in record)
+        content, what = numbered_today(content, record)
         done += what
         if not content.sets.faces:
             content, how = _with_face_sets(content)
@@ -232,40 +232,6 @@ def convert(
     if isinstance(content, TetMesh) and not isinstance(back, TriSurface):
         done += left_out(content, back.mesh)
     return done
-
-
-def _numbered(mesh: TetMesh, *, earlier: bool) -> tuple[TetMesh, list[str]]:
-    """The mesh with numbers of regions from 1 on, from the outside in; and what was changed, in words.
-
-    Parameters
-    ----------
-    earlier : whether its sidecar is of a cortet that numbered the core 1 and the cortex 2, whatever lay in the core
-    """
-    known = regions(mesh)
-    if (earlier and REGION in mesh.cell_data) or known.get(CORE, 2) < known.get(CORTEX, 1):
-        return _numbered_anew(mesh)
-    if REGION not in mesh.cell_data or (least := int(region_numbers(mesh).min())) >= 1:
-        return mesh, []
-    region = region_numbers(mesh) + np.int32(1 - least)
-    told = f"regions are numbered from 1: {1 - least} more than in the file"
-    return replace(mesh, cell_data={**mesh.cell_data, REGION: region}), [told]
-
-
-def _numbered_anew(mesh: TetMesh) -> tuple[TetMesh, list[str]]:
-    """The mesh of an earlier cortet with the numbers of today, by the names of its sets; and the change, in words."""
-    named = [*dict.fromkeys([*mesh.sets.faces, *mesh.sets.nodes])]
-    inner = [name.removesuffix(INTERFACE) for name in named if name.endswith(INTERFACE)] or ["white"]
-    told = f"regions were numbered as by an earlier cortet, {_listed(regions(mesh))}; "
-    others = {name: values for name, values in mesh.cell_data.items() if name != REGION}
-    try:
-        mesh = with_regions(replace(mesh, cell_data=others), inner)
-    except InputError:
-        return mesh, [f"{told}they stay, as the file does not name those of today"]
-    return mesh, [f"{told}now they are {_listed(regions(mesh))}"]
-
-
-def _listed(known: Mapping[str, int]) -> str:
-    return ", ".join(f"{number} {name}" for name, number in known.items())
 
 
 def _with_face_sets(mesh: TetMesh) -> tuple[TetMesh, str]:

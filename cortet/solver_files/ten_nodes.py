@@ -28,11 +28,11 @@ from cortet.geometry.topology import TRI_EDGES, boundary_nodes
 from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
 from cortet.solver_files.names import left_out, writable
 
-VERSION: int = 2
+VERSION: int = 3
 
 
 def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> list[str]:
-    """Write `path`, and beside it `<stem>.quadratic.json` with the counts; complete and read back, or not at all.
+    """Write `path`, and beside it `<stem>.quadratic.json` with counts and names; complete and read back, or not at all.
 
     Parameters
     ----------
@@ -58,7 +58,8 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> list[st
         writer(mesh, curved, sets, folder / path.name)
         _check(mesh, curved, folder / path.name)
         made = record_of(sorted(folder.iterdir()))
-        write_json(made | record(curved), folder / f"{path.stem}.quadratic.json")
+        names = {"regions": regions(mesh), "surface": face_tags(mesh)}  # not every format has a table of them
+        write_json(made | record(curved) | names, folder / f"{path.stem}.quadratic.json")
     return renamed + left_out(mesh, _held(mesh, path.suffix))
 
 

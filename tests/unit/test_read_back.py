@@ -16,7 +16,9 @@ from read_back import linear, main, model, seen
 from shapes import ball_surface
 
 import cortet
+from cortet.api.meshing import tetrahedra
 from cortet.cli import main as cortet_command
+from cortet.cli.given import read_mesh
 from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, format_of, msh, nastran, vtu
 from cortet.formats.gifti import write_surface
@@ -25,9 +27,12 @@ from cortet.geometry.quadratic import quadratic
 from cortet.geometry.topology import boundary_faces, boundary_surface, compact
 from cortet.measure.certify import certify
 from cortet.meshes import REGION, MeshSets, TetMesh
+from cortet.simulation.models import stiffness_of
+from cortet.simulation.state import Settings
 from cortet.solver_files import others
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.sets import named_sets, tagged
+from cortet.solver_files.sidecar import CHANGED, changed_since
 from cortet.solver_files.ten_nodes import write_ten_nodes
 from cortet.stages.solver_ready import surface_nodes_first
 
@@ -439,3 +444,72 @@ def test_febio_has_labels_above_100_by_their_number(number: int, tmp_path: Path)
             solver="febio",
             certificate=CERTIFIED,
         )
+
+
+@pytest.mark.parametrize("name", ["vtu", "carp", "gmsh"])
+def test_a_number_means_the_region_of_today_in_a_file_of_an_earlier_cortet(name: str, tmp_path: Path) -> None:
+    """It numbered the cortex 0 and the white matter 1 between stages, and the core 1 and the cortex 2 in exports."""
+    mesh, path = model(), tmp_path / f"m{FORMATS[name].suffix}"
+    white = mesh.cell_data[REGION] == 2
+    if name == "vtu":
+        vtu.write(TetMesh(mesh.points, mesh.cells, cell_data={REGION: np.where(white, 1, 0)}), path)
+    else:
+        cells = {"core": np.flatnonzero(white).astype(np.int32), "cortex": mesh.sets.cells["cortex"]}
+        old = replace(mesh, cell_data={REGION: np.where(white, 1, 2)}, sets=replace(mesh.sets, cells=cells))
+        export(old, path, solver=name, certificate=CERTIFIED)
+        (tmp_path / "m.regions.tsv").unlink(missing_ok=True)
+        record = json.loads((tmp_path / f"{path.name}.json").read_text())
+        del record["regions"], record["surface"]
+        (tmp_path / f"{path.name}.json").write_text(json.dumps(record))
+    for read in (tetrahedra, read_mesh):
+        settings = Settings(28.0, region_stiffness={2: 5.0})
+        moduli = stiffness_of(read(path), settings)
+        assert np.array_equal(moduli > moduli.min(), white)
+
+
+@pytest.mark.parametrize(
+    ("what", "said"), [("renamed", True), ("renamed and edited", True), ("deleted", True), ("as it was", False)]
+)
+def test_an_export_that_lost_a_companion_or_was_edited_under_another_name_is_said(
+    what: str, said: bool, tmp_path: Path
+) -> None:
+    export(model(), path := tmp_path / "m.pts", solver="carp", certificate=CERTIFIED)
+    if what == "deleted":
+        (tmp_path / "m.regions.tsv").unlink()
+    if "renamed" in what:
+        export(model(), path := tmp_path / "m.vtk", solver="vtk", certificate=CERTIFIED)
+        (tmp_path / "m.vtk.json").rename(tmp_path / "n.vtk.json")
+        path = path.rename(tmp_path / "n.vtk")
+        assert not changed_since(path)
+        edited = FORMATS["vtk"].read(path)
+        FORMATS["vtk"].write(replace(edited, points=edited.points + 1), path)
+    assert changed_since(path) == said
+    told = convert(path, tmp_path / "o.vtu")
+    assert told[:1] == [f"{path.name} was {CHANGED}"] if said else not any(CHANGED in line for line in told)
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "before", "after"),
+    [
+        ("carp", "m.regions.tsv", "white", "cortex"),
+        ("nastran", "m.bdf", "property 2: white", "property 2: cortex"),
+        ("fenics", "m.xdmf", 'key="white"', 'key="cortex"'),
+    ],
+)
+def test_a_table_that_calls_two_numbers_by_one_name_is_refused(
+    name: str, file: str, before: str, after: str, tmp_path: Path
+) -> None:
+    export(model(), path := tmp_path / f"m{FORMATS[name].suffix}", solver=name, certificate=CERTIFIED)
+    text = (tmp_path / file).read_text()
+    assert before in text
+    (tmp_path / file).write_text(text.replace(before, after))
+    with pytest.raises(InputError, match=r"calls 1 and 2 cortex \(give each number a name of its own\)"):
+        FORMATS[name].read(path)
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".xdmf", ".inp"])
+def test_ten_nodes_have_the_table_of_names_beside_them(suffix: str, tmp_path: Path) -> None:
+    mesh = model()
+    write_ten_nodes(mesh, quadratic(mesh, boundary_surface(mesh)[0]), tmp_path / f"m{suffix}")
+    record = json.loads((tmp_path / "m.quadratic.json").read_text())
+    assert record["regions"] == {"cortex": 1, "white": 2} and record["surface"]["white_interface"] == 112
