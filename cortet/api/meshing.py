@@ -25,7 +25,7 @@ from cortet.formats.tags import regions
 from cortet.formats.volumes import Volume
 from cortet.geometry.limits import SHELL_MM, require_within
 from cortet.geometry.nesting import nested
-from cortet.measure.certify import Certificate
+from cortet.measure.certify import Certificate, with_remarks
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, require_measurable
 from cortet.pipeline import Meshed, Step, mesh_surface, save, with_sets
 from cortet.solver_files.earlier import read_today
@@ -244,9 +244,9 @@ def mesh(
     images = read_volumes(volumes or {})
     in_mm = placed(outer, config.placement())
     require_in_place(images, in_mm)
-    for line in backgrounds(images, in_mm):
-        if progress is True:
-            say(line)
+    lines, much = backgrounds(images, in_mm)
+    for line in lines if progress is True else ():
+        say(line)
     whole = nested(outer, {**within.surfaces, **others})
     if shell is not None:
         require_within(shell, SHELL_MM, "the distance of the shell in mm")
@@ -260,6 +260,7 @@ def mesh(
         case=Path(source).name.partition(".")[0] if source else "",
         progress=progress if callable(progress) else _told if progress else lambda _: None,
     )
+    made = made._replace(certificate=with_remarks(made.certificate, much))
     filled, rows = with_volumes(made.mesh, images, frame=in_mm.frame, shares=config.export.label_shares)
     read_from = (source, *within.files.values(), *(volume.file for volume in images.values()))
     files = tuple(Path(file) for file in read_from if file)
