@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cortet.config import Config, load
+from cortet.errors import InputError
 from cortet.formats import format_of
 from cortet.formats.atomic import recorded
 from cortet.formats.ownership import delete_made, may_write
@@ -130,7 +131,13 @@ def run(
     for stage in map(STAGES.__getitem__, names):
         taken = [latest[kind] for kind in stage.takes]
         began = time.perf_counter()
-        latest[stage.gives], report = stage.function(*taken, **config.arguments(stage.name, facts))
+        try:
+            latest[stage.gives], report = stage.function(*taken, **config.arguments(stage.name, facts))
+        except InputError as error:
+            if not stage.nested or error.file is not None or source is None:
+                raise
+            both = " and ".join(map(str, (source, *(inner_sources or {}).values())))  # it compares them
+            raise InputError(error.what, file=both, remedy=error.remedy) from error
         reported = asdict(report)
         if stage.alone and inner:
             # each inner surface separately

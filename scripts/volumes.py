@@ -15,7 +15,7 @@ volumes = read_volumes(job.params.volumes)
 job.require_unchanged_input()
 surface = gifti.read_nested(job.input.surface, job.input.inner)
 require_in_place(volumes, surface)
-for line in backgrounds(volumes, surface):
+for line in backgrounds(volumes, surface)[0]:
     logging.info("%s", line)
 mesh, rows = with_volumes(vtu.read(job.input.mesh), volumes, frame=surface.frame, shares=job.params.shares)
 vtu.write(mesh, job.output.mesh)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cortet.api.given import Settings, SurfaceLike, require_fields, require_hemisphere, require_named, surface
 from cortet.config import Config, load, read
 from cortet.errors import InputError
-from cortet.formats import format_of, read_mesh
+from cortet.formats import format_of
 from cortet.formats.gifti import hemisphere_of, kind_of
 from cortet.formats.ownership import guarded
 from cortet.formats.placement import placed
@@ -25,9 +25,10 @@ from cortet.formats.tags import regions
 from cortet.formats.volumes import Volume
 from cortet.geometry.limits import SHELL_MM, require_within
 from cortet.geometry.nesting import nested
-from cortet.measure.certify import Certificate
+from cortet.measure.certify import Certificate, with_remarks
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, require_measurable
 from cortet.pipeline import Meshed, Step, mesh_surface, save, with_sets
+from cortet.solver_files.earlier import read_today
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.meshed import Origin
 from cortet.solver_files.volumes import (
@@ -243,9 +244,9 @@ def mesh(
     images = read_volumes(volumes or {})
     in_mm = placed(outer, config.placement())
     require_in_place(images, in_mm)
-    for line in backgrounds(images, in_mm):
-        if progress is True:
-            say(line)
+    lines, much = backgrounds(images, in_mm)
+    for line in lines if progress is True else ():
+        say(line)
     whole = nested(outer, {**within.surfaces, **others})
     if shell is not None:
         require_within(shell, SHELL_MM, "the distance of the shell in mm")
@@ -259,6 +260,7 @@ def mesh(
         case=Path(source).name.partition(".")[0] if source else "",
         progress=progress if callable(progress) else _told if progress else lambda _: None,
     )
+    made = made._replace(certificate=with_remarks(made.certificate, much))
     filled, rows = with_volumes(made.mesh, images, frame=in_mm.frame, shares=config.export.label_shares)
     read_from = (source, *within.files.values(), *(volume.file for volume in images.values()))
     files = tuple(Path(file) for file in read_from if file)
@@ -309,7 +311,10 @@ def tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
     InputError : a file holds no mesh, or the object is of an unknown kind
     """
     if isinstance(made, str | Path):
-        return read_mesh(Path(made))
+        mesh, told = read_today(Path(made))
+        for line in told:
+            say(line)
+        return mesh
     if isinstance(made, Mesh | TetMesh):
         return made.mesh if isinstance(made, Mesh) else made
     raise InputError(f"a {type(made).__name__} is no mesh", remedy="give a file, or what `cortet.mesh` returns")

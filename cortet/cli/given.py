@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cortet import formats
 from cortet.errors import InputError
 
 if TYPE_CHECKING:
@@ -76,13 +75,14 @@ def stem_of(path: Path) -> str:
 
 
 def read_mesh(path: Path, *, whole: bool = False) -> TetMesh:
-    """A mesh of any format; warns if its file was changed after cortet wrote it.
+    """A mesh of any format; warns if its file was changed after cortet wrote it, or numbers its regions otherwise.
 
     Raises
     ------
     InputError
         the file holds a surface, or must be `whole` but lacks the tetrahedra of a hole
     """
+    from cortet.solver_files.earlier import read_today
     from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar
 
     if whole and (holes := (read_sidecar(path).get("made_from") or {}).get("holes")):
@@ -91,9 +91,9 @@ def read_mesh(path: Path, *, whole: bool = False) -> TetMesh:
             file=path,
             remedy="mesh again without holes",
         )
-    mesh = formats.read_mesh(path)
-    if changed_since(path):
-        print(f"{path}: {CHANGED}", file=sys.stderr)
+    mesh, told = read_today(path)
+    for line in [*told, *([f"{path}: {CHANGED}"] if changed_since(path) else [])]:
+        print(line, file=sys.stderr)
     return mesh
 
 

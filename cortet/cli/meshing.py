@@ -124,6 +124,7 @@ def mesh_command(args: argparse.Namespace) -> int:
     from cortet.formats.gifti import kind_of
     from cortet.formats.placement import placed
     from cortet.formats.tables import printed
+    from cortet.measure.certify import with_remarks
     from cortet.pipeline import companions, mesh_surface, save
     from cortet.solver_files.holes import require_regions
     from cortet.solver_files.meshed import Origin, require_own_stem
@@ -156,7 +157,8 @@ def mesh_command(args: argparse.Namespace) -> int:
     volumes = read_volumes(dict(args.volume))
     in_mm, kind = placed(surface, config.placement()), kind_of(args.surface)
     require_in_place(volumes, in_mm)
-    for line in backgrounds(volumes, in_mm):
+    lines, much = backgrounds(volumes, in_mm)
+    for line in lines:
         print(line)
     sphere = sphere_of(args)
     progress = Progress(config, args.ga, nested=bool(surface.inner), registered=sphere is not None)
@@ -172,7 +174,8 @@ def mesh_command(args: argparse.Namespace) -> int:
         progress=progress,
     )
     mesh, rows = with_volumes(made.mesh, volumes, frame=in_mm.frame, shares=config.export.label_shares)
-    made, certificate = made._replace(mesh=mesh), made.certificate
+    made = made._replace(mesh=mesh, certificate=with_remarks(made.certificate, much))
+    certificate = made.certificate
 
     def views(place: Callable[[Path], Path]) -> None:
         if args.slices:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from cortet.errors import DamagedFileError, InputError
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
-from cortet.formats.numbering import indices, whole
+from cortet.formats.numbering import in_32_bits, indices, whole
 from cortet.formats.surface_sets import faces_of_sides, sides, with_surface
 from cortet.formats.tags import regions
 from cortet.formats.text import BadRowError, read_rows, write_rows, write_wrapped
@@ -114,6 +114,7 @@ def _write_fields(file: IO[str], fields: dict[str, NDArray[Any]]) -> None:
         columns = values.reshape(len(values), -1)
         kind = "integer" if np.issubdtype(values.dtype, np.integer) else "real"
         number = "%d" if kind == "integer" else "%.12g"
+        columns = in_32_bits(columns, f"field `{name}`") if kind == "integer" else columns
         for component, column in enumerate(columns.T, start=1):
             variable += 1
             file.write(f"** variable {variable}: {name}, component {component} of {columns.shape[1]}, {kind}\n")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from cortet.errors import InputError
 from cortet.formats.ownership import about_to_write, may_write, record_of, temporary_beside
 
 
@@ -21,11 +23,11 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     Raises
     ------
     InputError
-        a command that is `guarded` may not write to `path`
+        the folder cannot be written to, or a command that is `guarded` may not write to `path`
     """
     path = Path(path)
     may_write(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    _make_folder(path.parent)
     temporary = temporary_beside(path)
     try:
         yield temporary
@@ -44,11 +46,12 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     Raises
     ------
     InputError
-        a command that is `guarded` may not write to one of the files; then none is moved
+        the folder cannot be written to, or a command that is `guarded` may not write to one of the files; then none is
+        moved
     """
     path = Path(path)
     may_write(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    _make_folder(path.parent)
     temporary = temporary_beside(path)
     temporary.mkdir()
     try:
@@ -61,6 +64,17 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
             file.replace(path.with_name(file.name))
     finally:
         shutil.rmtree(temporary)
+
+
+def _make_folder(folder: Path) -> None:
+    """Make a folder if it is missing; raises InputError that names it if no file can be written there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        why = "" if os.access(folder, os.W_OK | os.X_OK) else "no permission, or a file system that is only read"
+    except OSError as error:
+        why = str(error.strerror)
+    if why:
+        raise InputError(f"no file can be written to this folder: {why}", file=folder, remedy="give another folder")
 
 
 def write_json(data: Any, path: str | Path) -> None:

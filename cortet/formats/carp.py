@@ -25,7 +25,7 @@ from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
 from cortet.formats.numbering import in_32_bits
-from cortet.formats.tags import region_numbers, regions, with_names
+from cortet.formats.tags import named_once, region_numbers, regions, with_names
 from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.formats.untrusted import content, in_range, sound
 from cortet.meshes import REGION, MeshSets, TetMesh
@@ -162,7 +162,7 @@ def _names(file: Path) -> dict[str, int]:
         return {}
     rows = [line.split("\t") for line in content(file).decode("ascii", "replace").splitlines()[1:]]
     try:
-        return {name: int(tag) for tag, name in rows}
+        return named_once([(name, int(tag)) for tag, name in rows], file)
     except ValueError as error:
         raise DamagedFileError(f"is no table of tags and names: {error}", file=file) from error
 

@@ -34,8 +34,8 @@ from cortet.meshes import REGION, FloatArray, IntArray, MeshSets, TetMesh
 
 #: name of the set of all nodes
 ALL_NODES = "all_nodes"
-#: largest number of a region that is the id of its material; beyond, ids follow the order of the parts
-_MOST_MATERIALS = 100
+#: largest number of a region, the id of its material; those of FreeSurfer's cortical labels are below
+_MOST_MATERIALS = 3000
 #: Young's modulus and Poisson's ratio of the placeholder materials, for shear modulus 1 and bulk modulus 5
 _YOUNG, _POISSON = 2.8125, 0.40625
 
@@ -138,10 +138,11 @@ def write_elements(
 
 
 def _placeholders(parts: Mapping[str, int]) -> str:
-    """A neo-Hookean material for each part, given by its number."""
+    """A neo-Hookean material for each part, given by its number; InputError for a number that is no such id."""
     names = {number: name for name, number in parts.items()}
-    if not 1 <= min(names) <= max(names) <= _MOST_MATERIALS:
-        names = dict(enumerate(parts, start=1))
+    if wrong := [number for number in names if not 1 <= number <= _MOST_MATERIALS]:
+        what = f"the region {names[wrong[0]]} has the number {wrong[0]}, and ids of materials are in sequence from 1"
+        raise InputError(what, remedy=f"number the regions from 1 to at most {_MOST_MATERIALS}")
     return "".join(
         f'<material id="{number}" name={quoteattr(names.get(number, f"no_part_{number}"))} type="neo-Hookean">'
         f"<density>1</density><E>{_YOUNG}</E><v>{_POISSON}</v></material>\n"

@@ -32,7 +32,7 @@ from cortet.formats.surface_sets import (
     members,
     with_surface,
 )
-from cortet.formats.tags import face_tags, region_numbers, regions, with_names
+from cortet.formats.tags import face_tags, named_once, region_numbers, regions, with_names
 from cortet.formats.untrusted import check_file, content, sound, xml_root
 from cortet.geometry.topology import packed
 from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
@@ -232,7 +232,7 @@ def _grid(path: Path, name: str, kind: str) -> _Grid:
 def _names(table: str, path: Path) -> dict[str, int]:
     """Name -> tag of a table of tags."""
     try:
-        return {row.get("key", ""): int(row.text or "") for row in xml_root(table.encode(), path)}
+        return named_once([(row.get("key", ""), int(row.text or "")) for row in xml_root(table.encode(), path)], path)
     except ValueError as error:
         raise DamagedFileError(f"its table of tags cannot be read: {error}", file=path) from error
 

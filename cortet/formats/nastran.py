@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from cortet.errors import DamagedFileError, InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import with_surface
-from cortet.formats.tags import face_tags, region_numbers, regions, with_names
+from cortet.formats.tags import face_tags, named_once, region_numbers, regions, with_names
 from cortet.formats.text import write_rows
 from cortet.formats.untrusted import content, sound
 from cortet.meshes import REGION, MeshSets, TetMesh
@@ -68,7 +68,7 @@ def read(path: str | Path) -> TetMesh:
     faces, parts = _of_kind("triangle", found.cells, tags, 3)
     if not len(cells):
         raise DamagedFileError("holds no tetrahedra of four nodes", file=path)
-    names = {name.decode("ascii", "replace"): int(tag) for tag, name in _NAME.findall(text[:begin])}
+    names = named_once([(name.decode("ascii", "replace"), int(tag)) for tag, name in _NAME.findall(text[:begin])], path)
     sets = MeshSets(faces={name: faces[parts == tag] for name, tag in names.items() if tag in parts})
     return sound(path, found.points, cells, cell_data={REGION: solids}, sets=with_names(sets, solids, names))
 

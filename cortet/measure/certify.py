@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -291,6 +291,11 @@ def certify(
         reports=reports,
         versions=versions(reports),
     )
+
+
+def with_remarks(certificate: Certificate, more: Sequence[str]) -> Certificate:
+    """The certificate with sentences on what was found beside the mesh, such as in its volumes."""
+    return replace(certificate, remarks=(*certificate.remarks, *more))
 
 
 def versions(reports: Mapping[str, Any]) -> dict[str, str]:

@@ -122,8 +122,9 @@ def _split(work: Work, tree: SurfaceTree, scratch: Scratch, limits: Limits) -> t
     """
     longest = triangles.longest_edge(work) > MUCH_TOO_LONG
     most = MOST_POINTS * (triangles.points_wanted(work) + len(work.samples)) if longest else np.inf
+    changed = _every_block(work)
     while True:
-        split = triangles.split_long(work, tree, scratch, limits, longest)
+        split = triangles.split_long(work, tree, scratch, limits, longest, changed)
         if split < 0 and work.used[0] > most:
             raise StageError(
                 f"remeshing was given up at {work.used[0]:,} points, {MOST_POINTS} times what the cell size asks for, "
@@ -132,8 +133,14 @@ def _split(work: Work, tree: SurfaceTree, scratch: Scratch, limits: Limits) -> t
             )
         if split < 0:
             work = _with_room(work)
+            changed = _every_block(work)
         elif split == 0 or not longest:
             return work, split
+
+
+def _every_block(work: Work) -> NDArray[np.bool_]:
+    """Whether each block of faces is to be scanned: all are; (b,)."""
+    return np.ones(len(work.faces) // triangles.BLOCK + 1, np.bool_)
 
 
 def unsound(surface: TriSurface) -> IntArray:

@@ -48,6 +48,8 @@ _SMOOTHING_TRIES = 2
 _LEAST_VALENCE = 4
 #: a flip must not make the shape of the worse of its two triangles worse than this, nor halve it
 _MIN_SHAPE = 0.3
+#: faces of a block, which are scanned together
+BLOCK = 16
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -81,15 +83,30 @@ def _is_longest(w, h, length):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def split_long(w, tree, s, limits, longest):  # type: ignore[no-untyped-def]
+def _is_full(w):  # type: ignore[no-untyped-def]
+    return w.used[0] + 1 > len(w.points) or w.used[1] + 2 > len(w.faces)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def split_long(w, tree, s, limits, longest, changed):  # type: ignore[no-untyped-def]
     """Split the edges longer than 4/3 of the target; return the number of splits, -1 if there was no room for all.
 
     If `longest` is true, only those that are the longest of both their triangles: others leave thinner triangles.
+    Blocks of faces that have not `changed` since they were scanned are skipped, as their edges would be refused again;
+    where there is no room, none is, so that the order of splits is that of full scans.
     """
     done = 0
     face_of = np.empty(4, np.int64)
-    for h in range(3 * w.used[1]):
+    last = 3 * w.used[1]
+    h = -1
+    while h + 1 < last:
+        h += 1
         f = h // 3
+        if h % (3 * BLOCK) == 0:
+            if not (changed[f // BLOCK] or _is_full(w)):
+                h += 3 * BLOCK - 1
+                continue
+            changed[f // BLOCK] = h + 3 * BLOCK > last  # faces that are made during this scan are left to the next one
         if w.faces[f, 0] < 0:
             continue
         g = w.opposite[h]
@@ -99,7 +116,7 @@ def split_long(w, tree, s, limits, longest):  # type: ignore[no-untyped-def]
             continue
         if longest and not (_is_longest(w, h, length) and _is_longest(w, g, length)):
             continue
-        if w.used[0] + 1 > len(w.points) or w.used[1] + 2 > len(w.faces):
+        if _is_full(w):
             return -1
         k = g // 3
         n, m = normal_of(w, f), normal_of(w, k)
@@ -150,6 +167,10 @@ def split_long(w, tree, s, limits, longest):  # type: ignore[no-untyped-def]
         w.first[p] = w.first[q] = -1
         face_of[0], face_of[1], face_of[2], face_of[3] = f, p, k, q
         attach(w, s, 2, count, face_of)
+        for face in face_of:
+            changed[face // BLOCK] = True
+            for i in range(3):  # an edge is scanned with the one of its two faces that has the lower number
+                changed[w.opposite[3 * face + i] // (3 * BLOCK)] = True
         done += 1
     return done
 

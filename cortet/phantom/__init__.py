@@ -182,7 +182,9 @@ def inset(surface: TriSurface, thickness: float) -> TriSurface:
     white = surface
     for reached in np.linspace(0, thickness, int(np.ceil(thickness / _INSET_STEP)) + 1)[1:]:
         try:
-            moved, _ = separate(nested(surface, {"white": white}), cell_size=float(reached), min_gap=1.0)
+            moved, _ = separate(
+                nested(surface, {"white": white}), cell_size=float(reached), min_gap=1.0, most_the_same=1.0
+            )
         except InputError as error:
             raise InputError(
                 f"a cortex of {thickness:g} mm does not fit into a surface of {len(surface.points):,} vertices: "

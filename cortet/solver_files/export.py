@@ -15,17 +15,17 @@ from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.hashing import array_sha256, mesh_sha256
 from cortet.formats.ownership import delete_made, may_write
-from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, with_surface
-from cortet.formats.tags import region_numbers, regions
+from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL, with_surface
 from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
-from cortet.meshes import REGION, CoordinateFrame, MeshSets, TetMesh, TriSurface
+from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
+from cortet.solver_files.earlier import numbered_today
 from cortet.solver_files.fields import FieldSource
 from cortet.solver_files.holes import hollow
 from cortet.solver_files.meshed import moved
-from cortet.solver_files.names import ASCII, in_ascii, left_out
+from cortet.solver_files.names import left_out, writable
 from cortet.solver_files.others import not_as_meant, seen_otherwise
-from cortet.solver_files.sets import named_sets, tagged, with_regions
+from cortet.solver_files.sets import named_sets, tagged
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar, sidecar_path
 from cortet.solver_files.verify import problems
 from cortet.stages.solver_ready import surface_nodes_first
@@ -64,12 +64,12 @@ def export(
 
     Returns
     -------
-    which fields and sets the format cannot hold, in words
+    which fields and sets the format cannot hold, or not by their names, in words
 
     Raises
     ------
     InputError
-        a region lies in a hole, or the format knows no holes
+        a region lies in a hole, the format knows no holes, or a field has no real numbers
     StageError
         the certificate is of another mesh, the mesh is not certified, or the written file breaks a convention of the
         solver
@@ -78,6 +78,7 @@ def export(
     require_certified(mesh, certificate, path, uncertified=uncertified)
     if len((hollowed := hollow(mesh, holes)).cells) < len(mesh.cells):
         mesh, made_from = hollowed, {**(made_from or {}), "holes": list(holes)}
+    mesh, renamed = writable(mesh, solver)
     back = _write_verified(
         mesh,
         path,
@@ -89,7 +90,7 @@ def export(
         made_from=made_from,
         body=bool(certificate["certified"]),
     )
-    return [] if isinstance(back, TriSurface) else left_out(mesh, back.mesh)
+    return [] if isinstance(back, TriSurface) else renamed + left_out(mesh, back.mesh)
 
 
 def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path, *, uncertified: bool) -> None:
@@ -207,16 +208,15 @@ def convert(
         if surface_nodes[-1] != len(surface_nodes) - 1:
             content = surface_nodes_first(content)[0]
             done.append("nodes were renumbered, those of the surface first")
-        content, what = _numbered(content, earlier="sets" in record and "regions" not in record)
+        content, what = numbered_today(content, record)
         done += what
         if not content.sets.faces:
             content, how = _with_face_sets(content)
             done.append(how)
         content = with_surface(content)  # its groups of faces may be parts of the surface, as in files of Gmsh
         content = tagged(content, tags) if tags else content
-        if written_as.name in ASCII:
-            content, renamed = in_ascii(content, written_as.name)
-            done += renamed
+        content, renamed = writable(content, written_as.name)
+        done += renamed
     frame = record.get("coordinate_system")
     known = getattr(content, "frame", None)
     back = _write_verified(
@@ -232,40 +232,6 @@ def convert(
     if isinstance(content, TetMesh) and not isinstance(back, TriSurface):
         done += left_out(content, back.mesh)
     return done
-
-
-def _numbered(mesh: TetMesh, *, earlier: bool) -> tuple[TetMesh, list[str]]:
-    """The mesh with numbers of regions from 1 on, from the outside in; and what was changed, in words.
-
-    Parameters
-    ----------
-    earlier : whether its sidecar is of a cortet that numbered the core 1 and the cortex 2, whatever lay in the core
-    """
-    known = regions(mesh)
-    if (earlier and REGION in mesh.cell_data) or known.get(CORE, 2) < known.get(CORTEX, 1):
-        return _numbered_anew(mesh)
-    if REGION not in mesh.cell_data or (least := int(region_numbers(mesh).min())) >= 1:
-        return mesh, []
-    region = region_numbers(mesh) + np.int32(1 - least)
-    told = f"regions are numbered from 1: {1 - least} more than in the file"
-    return replace(mesh, cell_data={**mesh.cell_data, REGION: region}), [told]
-
-
-def _numbered_anew(mesh: TetMesh) -> tuple[TetMesh, list[str]]:
-    """The mesh of an earlier cortet with the numbers of today, by the names of its sets; and the change, in words."""
-    named = [*dict.fromkeys([*mesh.sets.faces, *mesh.sets.nodes])]
-    inner = [name.removesuffix(INTERFACE) for name in named if name.endswith(INTERFACE)] or ["white"]
-    told = f"regions were numbered as by an earlier cortet, {_listed(regions(mesh))}; "
-    others = {name: values for name, values in mesh.cell_data.items() if name != REGION}
-    try:
-        mesh = with_regions(replace(mesh, cell_data=others), inner)
-    except InputError:
-        return mesh, [f"{told}they stay, as the file does not name those of today"]
-    return mesh, [f"{told}now they are {_listed(regions(mesh))}"]
-
-
-def _listed(known: Mapping[str, int]) -> str:
-    return ", ".join(f"{number} {name}" for name, number in known.items())
 
 
 def _with_face_sets(mesh: TetMesh) -> tuple[TetMesh, str]:

@@ -1,4 +1,4 @@
-"""Names of fields and sets on the way to another format: which become ASCII, and which are left out."""
+"""Fields and sets on the way to a format: which names and numbers it holds, and what is left out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cortet.errors import InputError
 from cortet.formats.surface_sets import CORE
 from cortet.formats.tags import region_numbers
 from cortet.formats.untrusted import safely_named
@@ -21,11 +23,21 @@ ASCII = ("abaqus", "febio", "nastran", "carp", "carp_binary")
 _T = TypeVar("_T")
 
 
-def in_ascii(mesh: TetMesh, solver: str) -> tuple[TetMesh, list[str]]:
-    """The mesh with names in ASCII, and the changed names in words: `dïcke` becomes `dicke`, for Abaqus `a b` `a_b`."""
-    plain: Callable[[Mapping[str, Any]], dict[str, Any]] = _for_abaqus if solver == "abaqus" else _plain
+def writable(mesh: TetMesh, solver: str) -> tuple[TetMesh, list[str]]:
+    """The mesh with numbers and names that the files of a solver hold, and the changed names in words.
+
+    Truth values become 1 and 0, half precision becomes single, and (n, 3, 3) tensors nine components. Names have no
+    slashes or tabs and at most 80 letters; where files are in ASCII, `dïcke` becomes `dicke`, for Abaqus `a b` `a_b`.
+
+    Raises
+    ------
+    InputError : a field has no real numbers
+    """
+    plain = _naming(solver)
     sets = MeshSets(*(plain(named) for named in (mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells)))
-    made = replace(mesh, point_data=plain(mesh.point_data), cell_data=plain(mesh.cell_data), sets=sets)
+    fields = ({name: _real(name, values) for name, values in of.items()} for of in (mesh.point_data, mesh.cell_data))
+    of_nodes, of_cells = map(plain, fields)
+    made = replace(mesh, point_data=of_nodes, cell_data=of_cells, sets=sets)
     changes = [
         f"{old} is called {new}"
         for before, after in zip(_named(mesh), _named(made), strict=True)
@@ -67,16 +79,31 @@ def _named(mesh: TetMesh) -> tuple[Mapping[str, object], ...]:
     return mesh.point_data, mesh.cell_data, mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells
 
 
-def _for_abaqus(values: Mapping[str, _T]) -> dict[str, _T]:
-    """The same values by names that differ in more than case, of the letters that Abaqus takes."""
-    result: dict[str, _T] = {}
-    for name, value in _plain(values).items():
-        result[set_name(name, result)] = value
-    return result
+def _real(name: str, values: NDArray[Any]) -> NDArray[Any]:
+    """The values of a field, (n,) or (n, k), as whole or real numbers of a kind that files have."""
+    if values.dtype.kind not in "biuf" or (len(values) and not values.size):
+        what = f"the field {name} has the shape {values.shape} and the type {values.dtype}, which no mesh file holds"
+        raise InputError(what, remedy="give real numbers: of a complex field its real part, or its size")
+    kind = {"?": np.uint8, "e": np.float32, "g": np.float64}.get(values.dtype.char, values.dtype.newbyteorder("="))
+    return (values.reshape(len(values), -1) if values.ndim > 2 else values).astype(kind, copy=False)
 
 
-def _plain(values: Mapping[str, _T]) -> dict[str, _T]:
-    if all(name.isascii() for name in values):
-        return dict(values)
-    plain = (unicodedata.normalize("NFKD", name.replace("ß", "ss")) for name in values)
-    return safely_named(zip((name.encode("ascii", "ignore").decode() for name in plain), values.values(), strict=True))
+def _naming(solver: str) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
+    """What gives named things the names that a solver takes; they differ, for Abaqus in more than case."""
+
+    def named(values: Mapping[str, _T]) -> dict[str, _T]:
+        if solver == "abaqus":
+            names: list[str] = []
+            for name in map(_in_ascii, values):
+                names.append(set_name(name, names))
+            return dict(zip(names, values.values(), strict=True))
+        names = [_in_ascii(name) if solver in ASCII else name for name in values]
+        if solver in ("carp", "carp_binary"):  # names are parts of names of files, between dots
+            names = [name.replace(".", "_") for name in names]
+        return safely_named(zip(names, values.values(), strict=True))
+
+    return named
+
+
+def _in_ascii(name: str) -> str:
+    return unicodedata.normalize("NFKD", name.replace("ß", "ss")).encode("ascii", "ignore").decode()

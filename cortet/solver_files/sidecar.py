@@ -28,7 +28,7 @@ from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
 
 #: message for a file that differs from what its sidecar records
-CHANGED = "changed after cortet wrote it: no certificate beside it is of it"
+CHANGED = "changed after cortet wrote it: no certificate beside it is of it (a file of it is another one, or missing)"
 
 
 def sidecar_path(path: Path) -> Path:
@@ -162,10 +162,15 @@ def read_sidecar(path: Path) -> dict[str, Any]:
 
 
 def changed_since(path: Path) -> bool:
-    """Whether a file, or one that belongs to it, differs from the sidecar, so that no certificate beside it applies."""
+    """Whether a file, or one that belongs to it, differs from the sidecar, so that no certificate beside it applies.
+
+    A file that was renamed, with its sidecar, is known by its content.
+    """
     recorded = files_of(sidecar_path(path))
+    if path.name not in recorded:
+        return bool(recorded) and sha256(path) not in recorded.values()
     beside = {path.with_name(name): digest for name, digest in recorded.items()}
-    return path.name in recorded and any(file.is_file() and sha256(file) != digest for file, digest in beside.items())
+    return any(not file.is_file() or sha256(file) != digest for file, digest in beside.items())
 
 
 def stale(path: Path, as_read: TetMesh | TriSurface) -> Iterator[str]:

@@ -26,13 +26,13 @@ from cortet.formats.tags import face_tags, region_numbers, regions
 from cortet.geometry.quadratic import EDGES, QuadraticMesh
 from cortet.geometry.topology import TRI_EDGES, boundary_nodes
 from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
-from cortet.solver_files.names import in_ascii, left_out
+from cortet.solver_files.names import left_out, writable
 
-VERSION: int = 2
+VERSION: int = 3
 
 
 def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> list[str]:
-    """Write `path`, and beside it `<stem>.quadratic.json` with the counts; complete and read back, or not at all.
+    """Write `path`, and beside it `<stem>.quadratic.json` with counts and names; complete and read back, or not at all.
 
     Parameters
     ----------
@@ -42,24 +42,25 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> list[st
 
     Returns
     -------
-    what the file cannot hold, in words
+    what the file cannot hold, or not by its name, in words
 
     Raises
     ------
-    InputError : no ten-node file has that suffix
+    InputError : no ten-node file has that suffix, or a field has no real numbers
     StageError : the written file does not hold the mesh
     """
     writer = _WRITERS.get(path.suffix)
     if writer is None:
         raise InputError("is of no format for ten-node elements", file=path, remedy=f"use {', '.join(_WRITERS)}")
-    mesh = with_surface(in_ascii(mesh, _PLAIN[path.suffix])[0] if path.suffix in _PLAIN else mesh)
+    mesh, renamed = writable(with_surface(mesh), _PLAIN.get(path.suffix, path.suffix[1:]))
     sets = MeshSets(node_sets(mesh, curved), mesh.sets.faces, mesh.sets.cells)
     with atomic_folder(path) as folder:
         writer(mesh, curved, sets, folder / path.name)
         _check(mesh, curved, folder / path.name)
         made = record_of(sorted(folder.iterdir()))
-        write_json(made | record(curved), folder / f"{path.stem}.quadratic.json")
-    return left_out(mesh, _held(mesh, path.suffix))
+        names = {"regions": regions(mesh), "surface": face_tags(mesh)}  # not every format has a table of them
+        write_json(made | record(curved) | names, folder / f"{path.stem}.quadratic.json")
+    return renamed + left_out(mesh, _held(mesh, path.suffix))
 
 
 def record(curved: QuadraticMesh) -> dict[str, Any]:

@@ -99,14 +99,14 @@ def require_in_place(volumes: Mapping[str, Volume], surface: TriSurface) -> None
             _require_on(volume, brain)
 
 
-def backgrounds(volumes: Mapping[str, Volume], surface: TriSurface) -> list[str]:
-    """How much of a brain lies where volumes of numbers or tensors hold none, in words; where it is much, a warning.
+def backgrounds(volumes: Mapping[str, Volume], surface: TriSurface) -> tuple[list[str], list[str]]:
+    """How much of a brain lies where volumes have no label or number, in words; and the sentences on where it is much.
 
     Parameters are those of `require_in_place`, which was called before.
     """
-    measured = {name: volume for name, volume in volumes.items() if volume.kind != "labels"}
-    brain = _brain(surface) if measured else surface
-    return [_background(name, volume, brain) for name, volume in measured.items()]
+    brain = _brain(surface) if volumes else surface
+    found = [_background(name, volume, brain) for name, volume in volumes.items()]
+    return [what for what, _ in found], [what for what, much in found if much]
 
 
 def _brain(surface: TriSurface) -> TriSurface:
@@ -245,17 +245,18 @@ def _require_on(volume: Volume, surface: TriSurface) -> None:
         )
 
 
-def _background(name: str, volume: Volume, surface: TriSurface) -> str:
-    """How much of a brain lies where a volume has no number but 0, in words."""
+def _background(name: str, volume: Volume, surface: TriSurface) -> tuple[str, bool]:
+    """How much of a brain lies where a volume has no number but 0, in words; and whether a warning of it was given."""
     values = volume.values if volume.kind == "tensors" else volume.values[..., None]
     found = coverage(surface, np.isfinite(values).all(axis=3) & values.any(axis=3), volume.affine)
     bare = max(0.0, 1 - found.here)
-    what = f"{name}: {bare:.1%} of the brain lies where {volume.file or 'the volume'} is 0 or holds no number"
+    what = f"{name}: {bare:.1%} of the brain lies where {volume.file or 'the volume'} is 0 or holds no "
+    what += "label" if volume.kind == "labels" else "number"
     if bare > _BARE:
         better = max(found.flipped.values()) >= found.here + _GAIN
         seems = f"; its values would cover {_reversed(found)}: is it flipped?" if better else ""
         logger.warning("%s%s", what, seems)
-    return what
+    return what, bare > _BARE
 
 
 def _reversed(found: Coverage) -> str:

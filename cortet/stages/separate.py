@@ -26,6 +26,9 @@ VERSION: int = 4
 #: shares of the requested gap that are tried, until no triangles cross
 _SHARES = (1.0, 0.5, 0.25)
 
+#: two surfaces are one where they are nearer than this share of the gap
+_SAME = 0.02
+
 logger = logging.getLogger(__name__)
 
 
@@ -84,7 +87,12 @@ class SeparateReport:
 
 
 def separate(
-    surface: TriSurface, *, cell_size: float, min_gap: float = DEFAULT.min_gap, max_outside: float = DEFAULT.max_outside
+    surface: TriSurface,
+    *,
+    cell_size: float,
+    min_gap: float = DEFAULT.min_gap,
+    max_outside: float = DEFAULT.max_outside,
+    most_the_same: float = 0.5,
 ) -> tuple[TriSurface, SeparateReport]:
     """Move inner surfaces inward until they keep a distance from the surfaces around them.
 
@@ -96,11 +104,12 @@ def separate(
     cell_size : mm
     min_gap : distance to keep, a fraction of `cell_size`
     max_outside : mm, farthest that an inner surface may lie outside the one around it
+    most_the_same : share of the area of an inner surface that may lie on the one around it, or outside
 
     Raises
     ------
     InputError
-        a surface is not inside the one around it, or cannot be moved there; says where
+        a surface is not inside the one around it, lies on it, or cannot be moved there; says where
     """
     from cortet.geometry.nesting import parents, region_boundary, sheets
 
@@ -122,6 +131,7 @@ def separate(
         # their own
         before = around_it(given, number) if around[number] > 0 else container
         _require_inside(one, before, name=names[number], max_outside=max_outside)
+        _require_another(one, before, names[number], near=_SAME * min_gap * cell_size, most=most_the_same)
         moved, report = _moved_inside(one, container, name=names[number], gap=min_gap * cell_size)
         surface = replace(surface, inner={**surface.inner, names[number]: moved})
         reports.append(report)
@@ -158,6 +168,23 @@ def _require_inside(surface: TriSurface, container: TriSurface, *, name: str, ma
             f"{place_mm(surface.points[worst])}, {(depth < -max_outside).mean():.1%} of its vertices by more than "
             f"{max_outside:g} mm",
             remedy="check that both are of one subject, in one space; where that is right, set regions.max_outside",
+        )
+
+
+def _require_another(surface: TriSurface, container: TriSurface, name: str, *, near: float, most: float) -> None:
+    """Raise InputError if more than a share of a surface is the one around it, up to the distance `near`, mm."""
+    from cortet.geometry.closest_point import tree_of
+    from cortet.geometry.nesting import depths
+    from cortet.geometry.topology import face_areas
+
+    depth, _, _ = depths(tree_of(container), container, surface.points)
+    share = float(
+        np.average((depth < near)[surface.faces].all(axis=1), weights=face_areas(surface.points, surface.faces))
+    )
+    if share > most:
+        raise InputError(
+            f"{share:.0%} of the inner surface {name} lies on the one around it, or outside: nothing is between them",
+            remedy="give two surfaces, such as the pial and the white one, in this order",
         )
 
 

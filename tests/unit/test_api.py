@@ -206,7 +206,7 @@ def test_no_file_of_others_is_replaced_unless_forced_and_no_input_ever(ball: Tri
 
 
 def test_what_cannot_be_written_is_said_with_its_file(made: cortet.Mesh) -> None:
-    with pytest.raises(InputError, match=r"/proc/none/x.vtu: cannot be written: .*folder"):
+    with pytest.raises(InputError, match=r"/proc/none: no file can be written to this folder: .*another folder"):
         made.save("/proc/none/x.vtu")
 
 

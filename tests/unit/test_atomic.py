@@ -4,7 +4,8 @@ import json
 
 import pytest
 
-from cortet.formats.atomic import atomic_path, write_json
+from cortet.errors import InputError
+from cortet.formats.atomic import atomic_folder, atomic_path, write_json
 
 
 def test_the_file_appears_when_the_block_ends(tmp_path):
@@ -36,3 +37,15 @@ def test_json_is_readable_and_strict(tmp_path):
     with pytest.raises(ValueError, match="JSON"):
         write_json({"mean_q": float("nan")}, tmp_path / "x.json")
     assert json.loads((tmp_path / "x.json").read_text()) == {"mean_q": 0.125}
+
+
+@pytest.mark.parametrize("why", ["read only", "a file is in its place"])
+def test_a_folder_that_cannot_be_written_to_is_named_and_not_a_temporary_file(why, tmp_path, monkeypatch):
+    folder = tmp_path / "out"
+    if why == "read only":
+        monkeypatch.setattr("os.access", lambda path, mode: path != folder)  # root may write anywhere
+    else:
+        folder.write_text("")
+    for opened in (atomic_path, atomic_folder):
+        with pytest.raises(InputError, match=r"out: no file can be written to this folder: .*\(give another folder\)"):
+            opened(folder / "m.vtu").__enter__()

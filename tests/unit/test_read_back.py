@@ -16,7 +16,9 @@ from read_back import linear, main, model, seen
 from shapes import ball_surface
 
 import cortet
+from cortet.api.meshing import tetrahedra
 from cortet.cli import main as cortet_command
+from cortet.cli.given import read_mesh
 from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, format_of, msh, nastran, vtu
 from cortet.formats.gifti import write_surface
@@ -25,9 +27,12 @@ from cortet.geometry.quadratic import quadratic
 from cortet.geometry.topology import boundary_faces, boundary_surface, compact
 from cortet.measure.certify import certify
 from cortet.meshes import REGION, MeshSets, TetMesh
+from cortet.simulation.models import stiffness_of
+from cortet.simulation.state import Settings
 from cortet.solver_files import others
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.sets import named_sets, tagged
+from cortet.solver_files.sidecar import CHANGED, changed_since
 from cortet.solver_files.ten_nodes import write_ten_nodes
 from cortet.stages.solver_ready import surface_nodes_first
 
@@ -383,3 +388,128 @@ def test_a_companion_that_was_edited_is_said(tmp_path: Path) -> None:
     assert not any("was changed" in line for line in convert(path, tmp_path / "before.vtu"))
     (tmp_path / "m.regions.tsv").write_text("tag\tname\n1\twhite\n2\tcortex\n")
     assert convert(path, tmp_path / "after.vtu")[0].startswith("m.pts was changed after cortet wrote it")
+
+
+@pytest.mark.parametrize("name", [*FORMATS])
+def test_a_field_of_any_numbers_is_written_or_refused_by_name(name: str, tmp_path: Path) -> None:
+    mesh, path = model(), tmp_path / f"m{FORMATS[name].suffix}"
+    n = len(mesh.points)
+    fields = {"flag": np.arange(n) % 2 == 0, "half": (np.arange(n) / 8).astype(np.float16)}
+    fields |= {"tensor": mesh.points[:, :, None] * mesh.points[:, None, :], "long": np.arange(n).astype(np.longdouble)}
+    export(replace(mesh, point_data=fields), path, solver=name, certificate=CERTIFIED)
+    found = FORMATS[name].read(path).point_data
+    columns = {"tensor": [f"tensor_{one}" for one in range(1, 10)]} if "tensor_1" in found else {}
+    kept = compact(mesh.points, boundary_faces(mesh))[2] if FORMATS[name].is_surface else np.arange(n)
+    for field, values in fields.items() if found else ():
+        read = np.column_stack([found[one] for one in columns.get(field, [field])])
+        assert np.allclose(read.reshape(len(kept), -1), values[kept].reshape(len(kept), -1).astype(float), rtol=1e-6)
+    for wrong in (np.full(n, 1j), np.full(n, "x"), np.empty((n, 0))):
+        with pytest.raises(InputError, match=rf"the field wave has the shape .* and the type {wrong.dtype}, .*\(give "):
+            export(replace(mesh, point_data={"wave": wrong}), path, solver=name, certificate=CERTIFIED)
+
+
+def test_a_label_beyond_32_bits_is_refused_before_it_is_written(tmp_path: Path) -> None:
+    large = replace(model(), point_data={"label": np.full(len(model().points), 2**33)})
+    with pytest.raises(InputError, match="field `label` has the label 8589934592, and labels have at most 32 bits"):
+        export(large, tmp_path / "m.inp", solver="abaqus", certificate=CERTIFIED)
+
+
+@pytest.mark.parametrize("name", VOLUMES)
+@pytest.mark.parametrize("called", ["a/b", "a\tb", "x" * 81, "a\nb", "..", "", "a.b"])
+def test_a_name_of_any_letters_is_kept_or_its_change_is_said(name: str, called: str, tmp_path: Path) -> None:
+    mesh, path = model(), tmp_path / f"m{FORMATS[name].suffix}"
+    some = np.arange(5, dtype=np.int32)
+    cells = {called if one == "white" else one: part for one, part in mesh.sets.cells.items()}
+    sets = replace(mesh.sets, nodes={called: some}, cells=cells)
+    told = export(replace(mesh, sets=sets), path, solver=name, certificate=CERTIFIED)
+    back = FORMATS[name].read(path)
+    now = next((line.removeprefix(f"{called} is called ") for line in told if "is called" in line), called)
+    assert now in regions(back) or name == "braingrowth"  # which has no names
+    assert now in back.sets.nodes or any(
+        line.startswith("left out, as the format has no sets of nodes") for line in told
+    )
+
+
+@pytest.mark.parametrize("number", [150, 2035])
+def test_febio_has_labels_above_100_by_their_number(number: int, tmp_path: Path) -> None:
+    mesh = model()
+    region = np.where(mesh.cell_data[REGION] == 2, number, 1).astype(np.int32)
+    numbered = replace(mesh, cell_data={REGION: region})
+    export(numbered, tmp_path / "m.feb", solver="febio", certificate=CERTIFIED)
+    assert regions(FORMATS["febio"].read(tmp_path / "m.feb")) == {"cortex": 1, "white": number}
+    with pytest.raises(InputError, match=r"the region white has the number 3001, .*\(number the regions from 1 to at"):
+        export(
+            replace(mesh, cell_data={REGION: np.where(region == 1, 1, 3001)}),
+            tmp_path / "n.feb",
+            solver="febio",
+            certificate=CERTIFIED,
+        )
+
+
+@pytest.mark.parametrize("name", ["vtu", "carp", "gmsh"])
+def test_a_number_means_the_region_of_today_in_a_file_of_an_earlier_cortet(name: str, tmp_path: Path) -> None:
+    """It numbered the cortex 0 and the white matter 1 between stages, and the core 1 and the cortex 2 in exports."""
+    mesh, path = model(), tmp_path / f"m{FORMATS[name].suffix}"
+    white = mesh.cell_data[REGION] == 2
+    if name == "vtu":
+        vtu.write(TetMesh(mesh.points, mesh.cells, cell_data={REGION: np.where(white, 1, 0)}), path)
+    else:
+        cells = {"core": np.flatnonzero(white).astype(np.int32), "cortex": mesh.sets.cells["cortex"]}
+        old = replace(mesh, cell_data={REGION: np.where(white, 1, 2)}, sets=replace(mesh.sets, cells=cells))
+        export(old, path, solver=name, certificate=CERTIFIED)
+        (tmp_path / "m.regions.tsv").unlink(missing_ok=True)
+        record = json.loads((tmp_path / f"{path.name}.json").read_text())
+        del record["regions"], record["surface"]
+        (tmp_path / f"{path.name}.json").write_text(json.dumps(record))
+    for read in (tetrahedra, read_mesh):
+        settings = Settings(28.0, region_stiffness={2: 5.0})
+        moduli = stiffness_of(read(path), settings)
+        assert np.array_equal(moduli > moduli.min(), white)
+
+
+@pytest.mark.parametrize(
+    ("what", "said"), [("renamed", True), ("renamed and edited", True), ("deleted", True), ("as it was", False)]
+)
+def test_an_export_that_lost_a_companion_or_was_edited_under_another_name_is_said(
+    what: str, said: bool, tmp_path: Path
+) -> None:
+    export(model(), path := tmp_path / "m.pts", solver="carp", certificate=CERTIFIED)
+    if what == "deleted":
+        (tmp_path / "m.regions.tsv").unlink()
+    if "renamed" in what:
+        export(model(), path := tmp_path / "m.vtk", solver="vtk", certificate=CERTIFIED)
+        (tmp_path / "m.vtk.json").rename(tmp_path / "n.vtk.json")
+        path = path.rename(tmp_path / "n.vtk")
+        assert not changed_since(path)
+        edited = FORMATS["vtk"].read(path)
+        FORMATS["vtk"].write(replace(edited, points=edited.points + 1), path)
+    assert changed_since(path) == said
+    told = convert(path, tmp_path / "o.vtu")
+    assert told[:1] == [f"{path.name} was {CHANGED}"] if said else not any(CHANGED in line for line in told)
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "before", "after"),
+    [
+        ("carp", "m.regions.tsv", "white", "cortex"),
+        ("nastran", "m.bdf", "property 2: white", "property 2: cortex"),
+        ("fenics", "m.xdmf", 'key="white"', 'key="cortex"'),
+    ],
+)
+def test_a_table_that_calls_two_numbers_by_one_name_is_refused(
+    name: str, file: str, before: str, after: str, tmp_path: Path
+) -> None:
+    export(model(), path := tmp_path / f"m{FORMATS[name].suffix}", solver=name, certificate=CERTIFIED)
+    text = (tmp_path / file).read_text()
+    assert before in text
+    (tmp_path / file).write_text(text.replace(before, after))
+    with pytest.raises(InputError, match=r"calls 1 and 2 cortex \(give each number a name of its own\)"):
+        FORMATS[name].read(path)
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".xdmf", ".inp"])
+def test_ten_nodes_have_the_table_of_names_beside_them(suffix: str, tmp_path: Path) -> None:
+    mesh = model()
+    write_ten_nodes(mesh, quadratic(mesh, boundary_surface(mesh)[0]), tmp_path / f"m{suffix}")
+    record = json.loads((tmp_path / "m.quadratic.json").read_text())
+    assert record["regions"] == {"cortex": 1, "white": 2} and record["surface"]["white_interface"] == 112

@@ -1,11 +1,16 @@
 """What a certified mesh says of the surfaces that were changed for it."""
 
 from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 import pytest
 from shapes import ball_surface
 
+import cortet
+from cortet.errors import InputError
+from cortet.formats.gifti import write_surface
+from cortet.formats.volumes import Volume
 from cortet.geometry.nesting import nested
 from cortet.measure.remarks import remarks
 from cortet.stages import separate as stage
@@ -53,3 +58,29 @@ def test_a_repair_is_told_from_half_a_per_cent_of_the_volume_on() -> None:
     report = {"relative_volume_change": 0.0049, "inner": {"white": {"relative_volume_change": -0.012}}}
     assert remarks({"repair": report}, {}) == ("repair changed the volume of white by -1.2%",)
     assert remarks({}, {}) == ()
+
+
+@pytest.mark.parametrize(("inner", "said"), [(14.0, "100%"), (13.99, "100%")])
+def test_an_inner_surface_that_is_the_one_around_it_is_refused_with_both_files(
+    inner: float, said: str, tmp_path: Path
+) -> None:
+    """An equal one was certified: all of the region between the two was what had given way."""
+    files = [tmp_path / "lh.pial.surf.gii", tmp_path / "lh.white.surf.gii"]
+    for file, radius in zip(files, (14.0, inner), strict=True):
+        write_surface(ball_surface(4, radius=radius), file)
+    words = rf"{files[0]} and {files[1]}: {said} of the inner surface white lies on the one around it.*\(give two"
+    with pytest.raises(InputError, match=words):
+        cortet.mesh(files[0], 2.0, inner={"white": files[1]}, progress=False)
+
+
+def test_the_background_of_a_volume_is_told_with_the_certificate() -> None:
+    """Labels in a ball in the middle, of half the volume."""
+    half = np.zeros((40, 40, 40), np.int16)
+    half[np.linalg.norm(np.indices(half.shape) - 19.5, axis=0) < 8] = 1
+    affine = np.array([[1, 0, 0, -19.5], [0, 1, 0, -19.5], [0, 0, 1, -19.5], [0, 0, 0, 1.0]])
+    volume = Volume(half, affine, "labels", file="dseg.nii")
+    made = cortet.mesh(ball_surface(4, radius=10.0), 2.5, volumes={"tissue": volume}, progress=False)
+    (told,) = made.certificate.remarks
+    share = float(told.split()[1].rstrip("%"))
+    assert told.startswith("tissue: ") and told.endswith("of the brain lies where dseg.nii is 0 or holds no label")
+    assert share == pytest.approx(49, abs=2)

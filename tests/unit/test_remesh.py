@@ -1,6 +1,8 @@
 """Remeshing leaves no part of a surface behind: narrow sulci stay open and thin blades stay."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from cortet.geometry.intersection import self_intersections
 from cortet.geometry.thickness import thickness
 from cortet.geometry.topology import edges, enclosed_volume, face_areas, surface_topology, vertex_normals
 from cortet.meshers import _remesh
+from cortet.meshers import _triangles as triangles
 from cortet.meshers._nested import remesh_apart, wanted
 from cortet.meshers._remesh import Remeshed, remesh, unsound
 from cortet.meshes import FloatArray, TriSurface
@@ -65,6 +68,24 @@ def test_fans_of_long_thin_triangles_become_triangles_of_one_size(surface: TriSu
     assert len(made.faces) < 2 * area / (np.sqrt(3) / 4 * 4.0**2)
     assert not len(unsound(made)) and surface_topology(made.faces).problems() == []
     assert left_behind(surface, made) <= 0.4
+
+
+def test_the_work_on_a_fan_grows_with_the_number_of_splits(monkeypatch: pytest.MonkeyPatch):
+    """A hub near the rim takes hundreds of scans, each of a few splits: full scans look at 450 faces per split."""
+    scanned = done = 0
+
+    def split_long(*given: Any) -> int:
+        nonlocal scanned, done
+        before, changed = given[0].used[1], given[-1]
+        scanned += triangles.BLOCK * np.count_nonzero(changed[: before // triangles.BLOCK + 1])
+        found = triangles.split_long(*given)
+        done += (given[0].used[1] - before) // 2
+        return found
+
+    monkeypatch.setattr(_remesh, "triangles", SimpleNamespace(**{**vars(triangles), "split_long": split_long}))
+    made = remeshed(can(500, hub=24.97), 4.0).surface
+    assert not len(unsound(made)) and surface_topology(made.faces).problems() == []
+    assert done > 400_000 and scanned < 20 * done
 
 
 def test_remeshing_that_needs_far_too_many_points_is_given_up(monkeypatch: pytest.MonkeyPatch):

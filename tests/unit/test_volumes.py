@@ -243,7 +243,7 @@ def test_all_flips_that_fit_are_named(ball: TriSurface, labels: NDArray[np.int16
             require_in_place(volume_of(np.flip(there)), aside)
 
 
-@pytest.mark.parametrize("kind", ["numbers", "tensors"])
+@pytest.mark.parametrize("kind", ["labels", "numbers", "tensors"])
 def test_how_much_of_a_brain_has_no_number_is_said(
     ball: TriSurface, labels: NDArray[np.int16], kind: str, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -253,11 +253,15 @@ def test_how_much_of_a_brain_has_no_number_is_said(
 
     def said(values: NDArray[Any], surface: TriSurface) -> str:
         held = values[..., None] * [1.0, 0, 0, 1, 0, 1] if kind == "tensors" else values
-        (line,) = backgrounds({"fa": Volume(held, AFFINE, kind, file="fa.nii")}, surface)
+        held = np.nan_to_num(2 * values).astype(np.int16) if kind == "labels" else held
+        (line,), much = backgrounds({"fa": Volume(held, AFFINE, kind, file="fa.nii")}, surface)
+        assert much == ([] if " 0.0% " in line else [line])
         return line
 
     inner = replace(ball, points=0.9 * ball.points)
-    assert said(values, inner) == "fa: 0.0% of the brain lies where fa.nii is 0 or holds no number"
+    assert said(values, inner) == "fa: 0.0% of the brain lies where fa.nii is 0 or holds no " + (
+        "label" if kind == "labels" else "number"
+    )
     assert not caplog.text
     aside = replace(ball, points=0.5 * ball.points + [6, 0, 0])
     centres = np.indices(labels.shape).reshape(3, -1).T @ AFFINE[:3, :3].T + AFFINE[:3, 3]
