@@ -71,7 +71,8 @@ def test_a_stage_gets_exactly_the_parameters_its_function_takes(stage: str) -> N
     }
     given = set(config.Config().arguments(stage, FACTS))
     assert given <= keywords
-    assert keywords - given <= {"held", "inside", "time_limit"}  # between stages; of inner surfaces; of other meshers
+    # between stages; of inner surfaces; of other meshers; of phantoms
+    assert keywords - given <= {"held", "inside", "time_limit", "most_the_same"}
 
 
 def test_the_folding_section_holds_the_settings_of_a_run() -> None:
