@@ -217,7 +217,7 @@ def run_command(args: argparse.Namespace) -> int:
         settings = {**settings, "cohort": {**cohort, "scan": {**(cohort.get("scan") or {}), "pial": True}}}
     cases = app.find(args.bids_dir, selection, settings, print)
     print(f"{len(cases)} surfaces of {args.bids_dir}", flush=True)
-    for notice in ageless_notice(cases):
+    for notice in [*ageless_notice(cases), *app.source_notice(args.output_dir, args.bids_dir)]:
         print(f"  {notice}", flush=True)
     with app.lock(args.bids_dir, args.output_dir):
         work = args.work_dir or app.work_folder(args.output_dir)

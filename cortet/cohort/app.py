@@ -18,7 +18,7 @@ from typing import IO, Any, Literal
 
 import yaml
 
-from cortet.cohort.bids import is_own_output, require_own_output
+from cortet.cohort.bids import DESCRIPTION, is_own_output, require_own_output
 from cortet.cohort.lock import HELD_BY, hold
 from cortet.cohort.scan import scan
 from cortet.cohort.sheet import Case, write_sheet
@@ -26,7 +26,7 @@ from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats import child
 from cortet.formats.atomic import atomic_path
-from cortet.formats.ownership import MARKER, mark
+from cortet.formats.ownership import MARKER, json_of, mark
 
 #: level of analysis in a BIDS App -> target rule
 LEVELS = {"participant": "participants", "group": "cohort"}
@@ -116,6 +116,15 @@ def find(
         raise InputError("no such folder", file=dataset, remedy="name the root of the dataset")
     scanning = load({"cohort": settings.get("cohort") or {}}).cohort.scan
     return selection.of(scan(dataset, scanning, say), dataset)
+
+
+def source_notice(output: Path, dataset: Path) -> list[str]:
+    """That the output folder holds meshes of another dataset, in words, or nothing."""
+    links = json_of(output / DESCRIPTION).get("DatasetLinks")
+    raw = links.get("raw") if isinstance(links, dict) else None
+    if not isinstance(raw, str) or (output / raw).resolve() == dataset.resolve():
+        return []
+    return [f"{output} holds meshes of {(output / raw).resolve()}: cases of the same name are made again, of {dataset}"]
 
 
 def prepare(cases: Sequence[Case], dataset: Path, output: Path, work: Path, settings: Mapping[str, Any]) -> None:
@@ -217,11 +226,9 @@ def outcome(output: Path, cases: Sequence[Case], level: str) -> str:
     counts = [(good, "certified"), (refused, "not certified"), (missing, "without a mesh")]
     words = ", ".join(f"{count} {what}" for count, what in counts if count)
     page = output / "cohort" / "index.html"
-    look = f"open {page}" if page.is_file() else f"meshes and their pages: {output}/sub-*/"
-    after = "" if level == "group" else f"; `cortet run ... {output} group` makes tables and a page over all"
-    return (
-        f"{len(cases)} {'case' if len(cases) == 1 else 'cases'}: {words}; {look}{after if not page.is_file() else ''}"
-    )
+    look = f"open {page}" if level == "group" and page.is_file() else f"meshes and their pages: {output}/sub-*/"
+    after = "" if level == "group" else "; the same command with `group`, and all its options, makes tables and a page"
+    return f"{len(cases)} {'case' if len(cases) == 1 else 'cases'}: {words}; {look}{after}"
 
 
 def _verdicts(output: Path, case: Case) -> list[bool]:

@@ -56,7 +56,8 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     temporary.mkdir()
     try:
         yield temporary
-        files = sorted(temporary.iterdir())
+        # the file that was asked for, and its sidecar, come last: after a kill it is there only with all others
+        files = sorted(temporary.iterdir(), key=lambda file: (file.name.startswith(path.name), file.name))
         for file in files:
             may_write(path.with_name(file.name))
         for file in files:

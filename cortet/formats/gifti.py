@@ -66,7 +66,9 @@ _ENDIANS: dict[str, Literal["<", ">"]] = {
 _ZLIB_OR_GZIP = 47
 #: most dimensions of an array (GIfTI 1.0, section 5)
 _MAX_DIMENSIONS = 6
-_GEOMETRY = ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE")
+#: vertices to which values belong, in place of all of them in their order
+_NODES = "NIFTI_INTENT_NODE_INDEX"
+_GEOMETRY = ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE", _NODES)
 
 
 #: value of the metadata that names the structure, as CDATA or as it stands; and of that which names the surface
@@ -174,15 +176,20 @@ def read_fields(path: str | Path) -> dict[str, NDArray[Any]]:
 def read_label_names(path: str | Path) -> dict[int, str]:
     """Key -> name of the labels in the LabelTable of a file; empty if it has none.
 
-    Raises InputError like `read_surface`.
+    A label without a name is left out. Raises InputError like `read_surface`, and for two labels of one key.
     """
     if (names := foreign.label_names_of(Path(path))) is not None:
         return names
+    found: dict[int, str] = {}
     try:
-        return {
-            int(label.get("Key", "")): safe_name(label.text or "")
-            for label in xml_root(content(path), path).iterfind("LabelTable/Label")
-        }
+        for label in xml_root(content(path), path).iterfind("LabelTable/Label"):
+            text, stated = (label.text or "").strip(), label.get("Key") or label.get("Index")  # as before GIfTI 1.0
+            if stated is None:
+                raise ValueError(f"the label {text!r} has no key")
+            if (key := int(stated)) in found:
+                raise InputError(f"two labels of its table have the key {key}", file=path, remedy="keep one of the two")
+            found[key] = text
+        return {key: safe_name(text) for key, text in found.items() if text}
     except ValueError as error:
         raise InputError(f"its label table cannot be read: {error}", file=path, remedy=_EXPORT_AGAIN) from error
 
@@ -239,6 +246,7 @@ def _geometry(arrays: list[_Array], intent: str, path: str | Path) -> _Array:
 def _fields(arrays: list[_Array], path: str | Path, count: int | None = None) -> dict[str, NDArray[Any]]:
     """Arrays that are not geometry, each with one value (or row) for each of `count` vertices."""
     fields = []
+    nodes = next((array.values.ravel() for array in arrays if array.intent == _NODES), None)
     for array in arrays:
         if array.intent in _GEOMETRY:
             continue
@@ -247,6 +255,11 @@ def _fields(arrays: list[_Array], path: str | Path, count: int | None = None) ->
             what = f"field `{array.name}` has {len(array.values)} values for {count} vertices"
             raise InputError(what, file=path, remedy="use fields of this very surface")
         values = array.values[:, 0] if array.values.ndim == 2 and array.values.shape[1] == 1 else array.values
+        if nodes is not None:
+            if not np.array_equal(np.sort(nodes), np.arange(count)):
+                what = f"field `{array.name}` lists {len(nodes)} vertices: its values are not of all vertices"
+                raise InputError(what, file=path, remedy="export one value for each vertex of the surface")
+            values = values[np.argsort(nodes)]
         fields.append(
             (
                 array.name,

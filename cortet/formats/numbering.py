@@ -45,14 +45,14 @@ def indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, pat
 
 
 def in_32_bits(values: NDArray[Any], what: str, path: str | Path | None = None) -> NDArray[np.int32]:
-    """Whole numbers as int32. Raises InputError for a number that is too large, which would wrap to another number."""
-    outside = ~((values >= -(2**31)) & (values < 2**31))
-    if outside.any():
-        raise InputError(
-            f"{what} has the label {values[outside].ravel()[0]}, and labels have at most 32 bits",
-            file=path,
-            remedy="number the labels from 0 on",
-        )
+    """Whole numbers as int32. Raises InputError for a fraction, and for a number that would wrap to another one."""
+    for bad, why in (
+        (~(values == np.floor(values)), "which is no whole number"),
+        (~((values >= -(2**31)) & (values < 2**31)), "and labels have at most 32 bits"),
+    ):
+        if bad.any():
+            what += f" has the label {values[bad].ravel()[0]}, {why}"
+            raise InputError(what, file=path, remedy="number the labels from 0 on")
     return values.astype(np.int32)
 
 

@@ -177,7 +177,8 @@ def certify(
     StageError
         the mesh has no boundary, so nothing can be measured
     InputError
-        `source` cannot be read, a limit is not above 0, the cell size is out of bounds (`limits.CELL_SIZE_MM`),
+        `source` cannot be read, a limit is not above 0, the cell size is out of bounds (`limits.CELL_SIZE_MM`) or
+        larger than the surface,
         a coordinate is not finite, or the mesh has no elements
     """
     for name, limit in {
@@ -200,6 +201,9 @@ def certify(
     require_measurable(mesh)
     for one in sheets(surface):
         require_measurable(one)
+    if cell_size is not None and (length := float(np.ptp(surface.points, axis=0).max())) < cell_size:
+        what = f"the surface is {length:.3g} mm long, less than one cell of {cell_size:g} mm"
+        raise InputError(what, remedy="coordinates must be mm; if these are metres: multiply by 1000")
     if surface.inner:
         require_known_regions(mesh, surface)
     reports = dict(reports or {})

@@ -90,15 +90,19 @@ class InterfaceRecord:
 
 
 def require_known_regions(mesh: TetMesh, surface: TriSurface) -> None:
-    """Raise InputError for a tetrahedron whose number is that of no region between the surfaces of a nested one."""
+    """Raise InputError unless each tetrahedron has the number of a region between the surfaces of a nested one."""
     names, region = region_names(surface.inner), _region(mesh)
+    known = ", ".join(f"{number} {name}" for number, name in enumerate(names, start=1))
+    remedy = f"number the regions as the surfaces do: {known}"
+    if region.ndim != 1 or region.dtype.kind not in "biuf":
+        what = (
+            f"regions of the shape {region.shape} and the type {region.dtype} are no numbers, one for each tetrahedron"
+        )
+        raise InputError(what, remedy=remedy)
     unknown = ~np.isin(region, np.arange(1, len(names) + 1))
     if unknown.any():
-        known = ", ".join(f"{number} {name}" for number, name in enumerate(names, start=1))
-        raise InputError(
-            f"{np.count_nonzero(unknown)} tetrahedra are in the region {region[unknown][0]}, which no surface bounds",
-            remedy=f"number the regions as the surfaces do: {known}",
-        )
+        what = f"{np.count_nonzero(unknown)} tetrahedra are in the region {region[unknown][0]}, which no surface bounds"
+        raise InputError(what, remedy=remedy)
 
 
 def region_records(mesh: TetMesh, surface: TriSurface) -> tuple[RegionRecord, ...]:

@@ -261,6 +261,12 @@ def _places(mesh: TetMesh, keys: Sequence[int | str], setting: str) -> IntArray:
                 f"{setting} names {key}, but the mesh has no such set of tetrahedra",
                 remedy=f"name one of {', '.join(mesh.sets.cells) or 'an exported mesh'}, or a region by its number",
             )
+    for place, key in enumerate(keys, start=1):
+        if not (places == place).any():
+            mine = mesh.cell_data[REGION] == int(key) if key in numbers else mesh.sets.cells[str(key)]
+            others = ", ".join(str(keys[one - 1]) for one in np.unique(places[mine]))
+            what = f"{setting} names {key}, all of whose tetrahedra {others} takes"
+            raise InputError(what, remedy="name each region once, a part of one after it")
     return places
 
 

@@ -1,6 +1,7 @@
 """A file under its final name is always complete."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -29,6 +30,15 @@ def test_a_failure_leaves_the_old_file_and_no_litter(tmp_path):
     with pytest.raises(ZeroDivisionError):
         fail_half_way()
     assert final.read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["x.json"]
+
+
+def test_the_file_that_was_asked_for_comes_after_those_that_belong_to_it(tmp_path, monkeypatch):
+    moved, replace = [], Path.replace
+    monkeypatch.setattr(Path, "replace", lambda file, to: (moved.append(to.name), replace(file, to)))
+    with atomic_folder(tmp_path / "x.inp") as folder:
+        for name in ("x.inp", "x.inp.json", "x_fields.inp"):
+            (folder / name).touch()
+    assert moved == ["x_fields.inp", "x.inp", "x.inp.json"]
 
 
 def test_json_is_readable_and_strict(tmp_path):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import cortet
-from cortet.cohort.app import lock, require_plain_python
+from cortet.cohort.app import lock, outcome, require_plain_python, source_notice
 from cortet.cohort.bids import Places, descriptions, provenance, write_dataset_description, write_descriptions
 from cortet.config import load
 from cortet.errors import InputError
@@ -86,3 +86,21 @@ def test_a_python_that_snakemake_cannot_call_is_refused(folder: str) -> None:
     require_plain_python("/home/josé/env-1.2/bin/python")
     with pytest.raises(InputError, match="Snakemake cannot run jobs by a Python whose path has"):
         require_plain_python(f"/home/{folder}/bin/python")
+
+
+def test_an_output_folder_that_holds_meshes_of_another_dataset_says_so(places: Places) -> None:
+    """`sub-01` of one dataset takes the place of `sub-01` of the other."""
+    assert source_notice(places.output, places.raw) == []
+    described(places, places.raw / "sub-01_wm.surf.gii")
+    assert source_notice(places.output, places.raw) == []
+    (said,) = source_notice(places.output, places.raw.with_name("other"))
+    assert str(places.raw) in said and "cases of the same name are made again" in said
+
+
+def test_the_page_of_an_earlier_group_is_not_that_of_participants(tmp_path: Path) -> None:
+    (tmp_path / "cohort").mkdir()
+    (tmp_path / "cohort/index.html").touch()
+    assert outcome(tmp_path, [], "group").endswith(f"open {tmp_path}/cohort/index.html")
+    said = outcome(tmp_path, [], "participant")
+    assert "index.html" not in said
+    assert said.endswith("the same command with `group`, and all its options, makes tables and a page")

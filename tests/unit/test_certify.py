@@ -293,3 +293,12 @@ def test_a_smaller_cell_size_is_named_where_that_of_the_mesh_is_known() -> None:
 def test_a_cell_size_beyond_its_bounds_judges_nothing(mesh: TetMesh, surface: TriSurface, size: float) -> None:
     with pytest.raises(InputError, match=r"the cell size in mm is .* \(use 0.05 to 20\)"):
         certify(mesh, surface, cell_size=size)
+
+
+def test_a_mesh_and_a_surface_in_metres_are_refused_where_the_cell_size_is_known(
+    mesh: TetMesh, surface: TriSurface
+) -> None:
+    assert certify(mesh, surface, cell_size=2.0).certified
+    small = replace(mesh, points=mesh.points / 1000)
+    with pytest.raises(InputError, match=r"the surface is 0\.\d+ mm long, less than one cell of 2 mm.*metres"):
+        certify(small, boundary_surface(small)[0], cell_size=2.0)

@@ -16,7 +16,15 @@ from shapes import ball_surface
 
 from cortet.cohort.receipts import content, require_unchanged
 from cortet.errors import InputError, StageError
-from cortet.formats.gifti import hemisphere_of, kind_of, read_fields, read_surface, write_fields, write_surface
+from cortet.formats.gifti import (
+    hemisphere_of,
+    kind_of,
+    read_fields,
+    read_label_names,
+    read_surface,
+    write_fields,
+    write_surface,
+)
 from cortet.formats.hashing import input_sha256, sha256
 from cortet.meshes import CoordinateFrame, TriSurface, single_precision
 
@@ -259,6 +267,49 @@ def test_labels_of_more_than_32_bits_are_refused_and_never_wrapped(file, tmp_pat
         read_fields(file(data_array(values, "LABEL")))
     with pytest.raises(InputError, match="has the label 2147483653"):
         write_fields({"label": values}, tmp_path / "again.label.gii")
+
+
+def test_values_are_those_of_the_vertices_that_a_file_lists(tmp_path: Path) -> None:
+    """AFNI writes values in an order of its own, with an array of the vertices that they belong to."""
+    path = tmp_path / "afni.func.gii"
+
+    def saved(nodes: list[int], intent: str = "NIFTI_INTENT_NODE_INDEX") -> Path:
+        index = nibabel.gifti.GiftiDataArray(np.array(nodes, np.int32), intent)
+        nibabel.save(nibabel.GiftiImage(darrays=[index, _array("thickness", [2.5, 0.5, 1.5])]), path)
+        return path
+
+    fields = read_fields(saved([2, 0, 1]))
+    assert list(fields) == ["thickness"]
+    assert fields["thickness"].tolist() == [0.5, 1.5, 2.5]
+    for nodes in ([2, 0, 4], [2, 0, 0], [-1, 0, 1], [0, 1]):
+        with pytest.raises(InputError, match="its values are not of all vertices"):
+            read_fields(saved(nodes))
+
+
+def _array(name: str, values: list[float], intent: str = "NIFTI_INTENT_NONE") -> nibabel.gifti.GiftiDataArray:
+    meta = nibabel.gifti.GiftiMetaData(Name=name)
+    return nibabel.gifti.GiftiDataArray(np.array(values, np.float32), intent, meta=meta)
+
+
+@pytest.mark.parametrize("value", [2.5, np.nan])
+def test_labels_that_are_no_whole_numbers_are_refused(tmp_path: Path, value: float) -> None:
+    path = tmp_path / "smoothed.label.gii"
+    nibabel.save(nibabel.GiftiImage(darrays=[_array("parcel", [1, value, 0], "NIFTI_INTENT_LABEL")]), path)
+    with pytest.raises(InputError, match=f"field `parcel` has the label {value}, which is no whole number"):
+        read_fields(path)
+
+
+def test_label_tables_of_earlier_tools_are_read_and_labels_without_a_name_have_none(tmp_path: Path) -> None:
+    labels = '<Label Index="1">insula</Label><Label Key="-2"><![CDATA[]]></Label>'
+    path = tmp_path / "caret.label.gii"
+    path.write_text(f"<GIFTI><LabelTable>{labels}</LabelTable></GIFTI>")
+    assert read_label_names(path) == {1: "insula"}
+    path.write_text(path.read_text().replace("-2", "1"))
+    with pytest.raises(InputError, match="two labels of its table have the key 1"):
+        read_label_names(path)
+    path.write_text("<GIFTI><LabelTable><Label>insula</Label></LabelTable></GIFTI>")
+    with pytest.raises(InputError, match="its label table cannot be read: the label 'insula' has no key"):
+        read_label_names(path)
 
 
 def test_a_field_of_another_surface_is_refused(file) -> None:

@@ -108,6 +108,8 @@ def test_a_region_of_the_core_may_grow_otherwise(ball: TetMesh) -> None:
     by_name = replace(mesh, cell_data={}, sets=MeshSets(cells={"thalamus": np.flatnonzero(inner).astype(np.int32)}))
     named = prepared(by_name, Settings(22.0, end=38.0, thickness=1.0, core_regions={"thalamus": -0.02}))
     assert np.array_equal(named.body.label, run.body.label)
+    with pytest.raises(InputError, match="fold.core_regions names 4, all of whose tetrahedra thalamus takes"):
+        prepared(replace(by_name, cell_data=mesh.cell_data), Settings(22.0, core_regions={4: 0.1, "thalamus": 0.2}))
     with pytest.raises(InputError, match=r"fold.core_regions names pons, but the mesh has no such set .*thalamus"):
         prepared(by_name, Settings(22.0, core_regions={"pons": 0.1}))
     with pytest.raises(InputError, match=r"names 7, but the cell data region of the mesh has only 1, 4"):
