@@ -20,20 +20,9 @@ include: "rules/surface.smk"
 include: "rules/mesh.smk"
 include: "rules/quality.smk"
 include: "rules/cohort.smk"
-include: "rules/experiments_common.smk"
 include: "rules/experiments.smk"
 include: "rules/simulation.smk"
-include: "rules/failures.smk"
-include: "rules/jobs.smk"
-
-
-# What is farther down the line goes first: the first cases are done while the last ones wait.
-for place, made_by in enumerate(workflow.rules):
-    made_by.priority = place
-
-# One GPU of this machine has one job at a time; `--resources gpu=2` says that there are two.
-if workflow.local_exec and "gpu" not in workflow.global_resources:
-    workflow.global_resources["gpu"] = 1
+include: "rules/end.smk"
 
 
 localrules:
@@ -53,7 +42,7 @@ rule all:
         lambda _: PLAN.solver_files(),
         lambda _: PLAN.quality_records(),
         COHORT_FILES,
-        lambda _: [*PLAN.fold_files(), *rules.cohort_folding.output] if FOLDED else [],
+        lambda _: PLAN.fold_files() if FOLDED else [],
 
 
 rule meshes:

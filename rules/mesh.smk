@@ -1,12 +1,14 @@
 """S1 to S6: from the surface to the mesh in the order its solver wants.
 
-Each stage measures the mesh that it made, while it has it in memory.
+Each stage measures the mesh that it made, while it has it in memory. What is farther down the line has a higher priority,
+here and in the files that follow: the first cases are done while the last ones wait.
 """
 
 
 rule generate:
     """S1: fill the surface with tetrahedra."""
     input:
+        receipt=receipt("generate"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
         fields=PLAN.size_field,
@@ -14,8 +16,15 @@ rule generate:
         mesh=intermediate(LAYOUT.mesh("Generated")),
         report=LAYOUT.mesh("Generated", "tetmesh.json"),
         quality=LAYOUT.mesh("Generated", "quality.json"),
+    log:
+        LAYOUT.log("generate", of_mesh("generate")),
+    benchmark:
+        took("generate", of_mesh("generate"))
     wildcard_constraints:
         mesher="|".join({*CONFIG.generate.meshers, *OWN}),
+    priority: 1
+    resources:
+        **asked("generate"),
     params:
         **recorded("generate"),
         arguments=partial(PLAN.arguments, "generate"),
@@ -27,6 +36,7 @@ rule generate:
 rule transfer:
     """S2: carry the fields of the surface to the nodes; on request write the mesh for openCARP and meshtool."""
     input:
+        receipt=receipt("transfer"),
         mesh=PLAN.mesh_before("transfer"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
@@ -40,6 +50,13 @@ rule transfer:
             if CONFIG.write_carp
             else []
         ),
+    log:
+        LAYOUT.log("transfer", of_mesh("transfer")),
+    benchmark:
+        took("transfer", of_mesh("transfer"))
+    priority: 1
+    resources:
+        **asked("transfer"),
     params:
         **recorded("transfer"),
         arguments=partial(PLAN.arguments, "transfer"),
@@ -57,6 +74,7 @@ for stage in (STAGES[name] for name in LABELS if name not in ("generate", "trans
         name:
             stage.name
         input:
+            receipt=receipt(stage.name),
             mesh=PLAN.mesh_before(stage.name),
             surface=PLAN.meshed_surface if "surface" in stage.takes else [],
             inner=PLAN.inner_surfaces if "surface" in stage.takes else [],
@@ -65,6 +83,13 @@ for stage in (STAGES[name] for name in LABELS if name not in ("generate", "trans
             mesh=LAYOUT.mesh(stage.label) if is_last else intermediate(LAYOUT.mesh(stage.label)),
             report=LAYOUT.mesh(stage.label, "tetmesh.json"),
             quality=LAYOUT.mesh(stage.label, "quality.json"),
+        log:
+            LAYOUT.log(stage.name, of_mesh(stage.name)),
+        benchmark:
+            took(stage.name, of_mesh(stage.name))
+        priority: 1
+        resources:
+            **asked(stage.name),
         params:
             **recorded(stage.name),
             arguments=partial(PLAN.arguments, stage.name),

@@ -4,6 +4,7 @@
 rule certify:
     """Verdict on the last mesh, with every number beside its limit."""
     input:
+        receipt=receipt("certify"),
         mesh=LAYOUT.mesh("Solver"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
@@ -13,6 +14,13 @@ rule certify:
         inner_resamplings=PLAN.inner_reports("resample"),
     output:
         certificate=LAYOUT.certificate,
+    log:
+        LAYOUT.log("certify", MESH),
+    benchmark:
+        took("certify", MESH)
+    priority: 2
+    resources:
+        **asked("certify"),
     params:
         arguments=partial(PLAN.arguments, "certify"),
         version=version_of("measure.certify"),
@@ -25,15 +33,26 @@ rule certify:
 
 
 rule case_page:
-    """A page on one mesh for a browser; of one that failed, what failed and why."""
+    """A page on one mesh for a browser. One that failed has a page of its own kind (cortet.study.over_all)."""
     input:
-        unpack(PLAN.shown_on_page),
+        surface=PLAN.surface,
+        meshed=PLAN.meshed_surface,
+        mesh=LAYOUT.mesh("Solver"),
+        certificate=LAYOUT.certificate,
+        tissues=PLAN.tissues,
+        receipt=receipt("case_page"),
     output:
         page=LAYOUT.case_page,
         thumbnail=LAYOUT.thumbnail,
+    log:
+        LAYOUT.log("case_page", MESH),
+    benchmark:
+        took("case_page", MESH)
+    priority: 2
+    resources:
+        **asked("case_page"),
     params:
         about=PLAN.about,
-        failure=PLAN.failure,
         input_sha256=PLAN.input_sha256,
         to_mm=PLAN.placement,
         cohort=lambda wildcards: beside(LAYOUT.cohort_page, LAYOUT.case_page.format(**wildcards)),
@@ -46,6 +65,7 @@ rule case_page:
 rule case_maps:
     """A case at the vertices of the common mesh, with its fields and its distance to the mesh."""
     input:
+        receipt=receipt("case_maps"),
         resampled=LAYOUT.surface("resampled"),
         meshed=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
@@ -53,6 +73,13 @@ rule case_maps:
         mesh=LAYOUT.mesh("Solver"),
     output:
         maps=LAYOUT.mesh("Solver", "maps.surf.gii"),
+    log:
+        LAYOUT.log("case_maps", MESH),
+    benchmark:
+        took("case_maps", MESH)
+    priority: 2
+    resources:
+        **asked("case_maps"),
     params:
         version=version_of("report.cohort_maps"),
     script:
@@ -62,6 +89,7 @@ rule case_maps:
 rule volumes:
     """What the volumes of a case hold inside each tetrahedron; the table of their labels, and slices with the mesh in them."""
     input:
+        receipt=receipt("volumes"),
         mesh=LAYOUT.mesh("Solver"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
@@ -71,6 +99,13 @@ rule volumes:
         table=LAYOUT.mesh("Solver", "volumes.tsv"),
         sidecar=LAYOUT.mesh("Solver", "volumes.json"),
         picture=LAYOUT.mesh("Solver", "slices.png"),
+    log:
+        LAYOUT.log("volumes", MESH),
+    benchmark:
+        took("volumes", MESH)
+    priority: 2
+    resources:
+        **asked("volumes"),
     params:
         version=versions("solver_files.volumes", "report.slices"),
         volumes=lambda wildcards: dict(CASES[wildcards.case].volumes),
@@ -84,6 +119,7 @@ rule volumes:
 rule export:
     """The mesh as a solver reads it, with its sets and a sidecar, verified as written; refused when it is not certified."""
     input:
+        receipt=receipt("export"),
         mesh=PLAN.mesh_with_volumes,
         certificate=LAYOUT.certificate,
         surface=PLAN.meshed_surface,
@@ -92,6 +128,13 @@ rule export:
     output:
         mesh=LAYOUT.mesh("Solver", "{suffix}"),
         sidecar=LAYOUT.mesh("Solver", "{suffix}.json"),
+    log:
+        LAYOUT.log("export", (*MESH, "suffix")),
+    benchmark:
+        took("export", (*MESH, "suffix"))
+    priority: 2
+    resources:
+        **asked("export"),
     params:
         arguments=lambda wildcards: CONFIG.export_arguments(EXPORTED[wildcards.suffix]),
         version=version_of("solver_files.export"),
@@ -112,6 +155,7 @@ if CONFIG.export.ten_nodes:
     rule ten_nodes:
         """The mesh with elements of ten nodes that follow the surface, for solvers; refused when it is not certified."""
         input:
+            receipt=receipt("ten_nodes"),
             mesh=PLAN.mesh_with_volumes,
             certificate=LAYOUT.certificate,
             surface=PLAN.meshed_surface,
@@ -119,6 +163,13 @@ if CONFIG.export.ten_nodes:
             fields=PLAN.existing_fields,
         output:
             LAYOUT.ten_node_files(CONFIG.export.ten_nodes),
+        log:
+            LAYOUT.log("ten_nodes", MESH),
+        benchmark:
+            took("ten_nodes", MESH)
+        priority: 2
+        resources:
+            **asked("ten_nodes"),
         params:
             arguments={"uncertified": CONFIG.export.uncertified},
             version=versions("solver_files.ten_nodes", "solver_files.export"),

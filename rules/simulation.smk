@@ -7,6 +7,7 @@ rule fold:
     Frames and checkpoint lie beside the outputs; declared, Snakemake would delete them before it starts a job again.
     """
     input:
+        receipt=receipt("fold"),
         mesh=LAYOUT.mesh("Solver"),
     output:
         verdict=LAYOUT.fold("verdict.json"),
@@ -14,8 +15,14 @@ rule fold:
         sidecar=LAYOUT.fold("fold.json"),
         series=LAYOUT.fold("fold.pvd"),
     # two threads that wait for each other after every loop are no gain on a small mesh
+    log:
+        LAYOUT.log("fold", (*MESH, "variant")),
+    benchmark:
+        took("fold", (*MESH, "variant"))
+    priority: 3
     threads: lambda wildcards: 1 if PLAN.tets(wildcards) < 2e5 else 2
     resources:
+        **asked("fold"),
         gpu=PLAN.gpus,
     params:
         arguments=lambda wildcards: PLAN.arguments("fold", wildcards) | PLAN.variant(wildcards),
@@ -27,6 +34,7 @@ rule fold:
 rule convergence_run:
     """Mesh a surface in one realisation, fold the mesh, and carry the surface along."""
     input:
+        receipt=receipt("convergence_run"),
         surface=PLAN.surface,
         fields=PLAN.existing_fields,
         sphere=PLAN.sphere,
@@ -36,11 +44,17 @@ rule convergence_run:
         table=LAYOUT.convergence("fold.tsv"),
         start=LAYOUT.convergence("start.surf.gii"),
         folded=LAYOUT.convergence("folded.surf.gii"),
+    log:
+        LAYOUT.log("convergence_run", (*SHARED_MESH, "seed")),
+    benchmark:
+        took("convergence_run", (*SHARED_MESH, "seed"))
+    priority: 3
     resources:
+        **asked("convergence_run"),
         gpu=PLAN.gpus,
     params:
         arguments=partial(PLAN.arguments, "fold"),
-        line=realisation_of,
+        line=OVER_ALL.experiments.realisation,
         origin=lambda wildcards: {
             "case": wildcards.case,
             "mesher": wildcards.mesher,
@@ -56,55 +70,29 @@ rule convergence_run:
         "../scripts/convergence_run.py"
 
 
-rule convergence:
-    """Which cell size a fold needs: its numbers and the places of its folds against the cell size."""
-    input:
-        existing_files([path for files in convergence_runs().values() for path in files]),
-    output:
-        report(
-            f"{OUT}/cohort/table-convergence.html",
-            caption="../reports/table_convergence.rst",
-            category="Folding",
-            labels={"table": "convergence"},
-        ),
-        report(
-            f"{OUT}/cohort/figure-convergence.svg",
-            caption="../reports/table_convergence.rst",
-            category="Folding",
-            labels={"figure": "convergence"},
-        ),
-        multiext(f"{OUT}/cohort/table-convergence", ".tsv", ".json", ".tex", ".md"),
-        multiext(f"{OUT}/cohort/figure-convergence", ".pdf", ".png"),
-        f"{OUT}/cohort/convergence.txt",
-    params:
-        version=[version_of("study.convergence"), version_of("report.table_files")],
-    script:
-        "../scripts/convergence.py"
-
-
 rule prediction_run:
     """Predict the later surfaces of a series from its first one, and compare them with the real ones."""
     input:
+        receipt=receipt("prediction_run"),
         surfaces=lambda wildcards: PLAN.surfaces_of_series(wildcards.case),
         spheres=lambda wildcards: PLAN.spheres_of_series(wildcards.case),
         labels=lambda wildcards: existing(PLAN.labels_of_series(wildcards.case)),
     output:
         record=LAYOUT.prediction("record.json"),
+    log:
+        LAYOUT.log("prediction_run", (*SURFACE, "kind", "changed")),
+    benchmark:
+        took("prediction_run", (*SURFACE, "kind", "changed"))
+    priority: 3
     threads: 1
     resources:
+        **asked("prediction_run"),
         gpu=PLAN.gpus,
     params:
         arguments=lambda wildcards: PLAN.arguments("fold", wildcards)
         | {key: value for key, value in PLAN.changed(wildcards).items() if key not in ("cell_size", "seed")},
-        line=lambda wildcards: realisation_of(
-            {
-                "case": wildcards.case,
-                "res": round(1000 * PLAN.changed(wildcards).get("cell_size", EXPERIMENTS.prediction.cell_size)),
-                "mesher": MESHER_OF[""],
-                "seed": PLAN.changed(wildcards).get("seed", CONFIG.generate.seed),
-            }
-        ),
-        options=EXPERIMENTS.prediction.model_dump(mode="json", include={"until", "rounds", "smoothing", "seed"}),
+        line=OVER_ALL.experiments.predicted_realisation,
+        options=CONFIG.experiments.prediction.model_dump(mode="json", include={"until", "rounds", "smoothing", "seed"}),
         ages=lambda wildcards: list(PLAN.prediction_series()[wildcards.case]),
         files=lambda wildcards: PLAN.labels_of_series(wildcards.case),
         origin=lambda wildcards: {"case": wildcards.case, "kind": wildcards.kind, "variant": wildcards.changed.lower()},
@@ -129,6 +117,7 @@ rule prediction_run:
 rule prediction_views:
     """Predicted brains beside the real ones, and where they are too shallow or too deep."""
     input:
+        receipt=receipt("prediction_views"),
         record=LAYOUT.prediction("record.json", changed=""),
         surfaces=lambda wildcards: PLAN.surfaces_of_series(wildcards.case),
         spheres=lambda wildcards: PLAN.spheres_of_series(wildcards.case),
@@ -145,6 +134,13 @@ rule prediction_views:
             category="Folding",
             labels={"case": "{case} {kind}", "figure": "error of depth"},
         ),
+    log:
+        LAYOUT.log("prediction_views", (*SURFACE, "kind")),
+    benchmark:
+        took("prediction_views", (*SURFACE, "kind"))
+    priority: 3
+    resources:
+        **asked("prediction_views"),
     params:
         placement=CONFIG.placement(),
         hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
@@ -158,7 +154,8 @@ rule prediction_views:
 rule prediction_spread:
     """How far predictions lie apart under other cells, stiffness and thickness, and whether the truth is among them."""
     input:
-        records=lambda wildcards: existing_files(PLAN.varied_predictions(wildcards)),
+        receipt=receipt("prediction_spread"),
+        records=PLAN.varied_predictions,
         surfaces=lambda wildcards: PLAN.surfaces_of_series(wildcards.case),
         spheres=lambda wildcards: PLAN.spheres_of_series(wildcards.case),
     output:
@@ -170,6 +167,13 @@ rule prediction_spread:
             category="Folding",
             labels={"case": "{case} {kind}", "figure": "how sure"},
         ),
+    log:
+        LAYOUT.log("prediction_spread", (*SURFACE, "kind")),
+    benchmark:
+        took("prediction_spread", (*SURFACE, "kind"))
+    priority: 3
+    resources:
+        **asked("prediction_spread"),
     params:
         placement=CONFIG.placement(),
         hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
@@ -180,40 +184,10 @@ rule prediction_spread:
         "../scripts/prediction_spread.py"
 
 
-rule prediction:
-    """Predictions of later brains beside the real ones."""
-    input:
-        records=existing_files(PLAN.prediction_files("record.json")),
-        spreads=existing_files(PLAN.prediction_spreads()),
-        pictures=[
-            str(Path(record).with_name(name))
-            for record in existing_files(PLAN.prediction_files("record.json"))
-            for name in ("predicted.png", "errors.png")
-        ],
-    output:
-        report(
-            f"{OUT}/cohort/table-prediction.html",
-            caption="../reports/table_prediction.rst",
-            category="Folding",
-            labels={"table": "prediction"},
-        ),
-        report(
-            f"{OUT}/cohort/figure-prediction.svg",
-            caption="../reports/table_prediction.rst",
-            category="Folding",
-            labels={"figure": "prediction"},
-        ),
-        multiext(f"{OUT}/cohort/table-prediction", ".tsv", ".json", ".tex", ".md"),
-        multiext(f"{OUT}/cohort/figure-prediction", ".pdf", ".png"),
-    params:
-        version=[version_of("study.prediction_tables"), version_of("report.table_files")],
-    script:
-        "../scripts/prediction.py"
-
-
 rule fold_figures:
     """Its numbers against age, the brain every four weeks beside real ones, and a film."""
     input:
+        receipt=receipt("fold_figures"),
         table=rules.fold.output.table,
         series=rules.fold.output.series,
         real=lambda wildcards: [path for path in PLAN.real_surfaces(wildcards).values() if existing(path)],
@@ -236,6 +210,13 @@ rule fold_figures:
             category="Folding",
             labels={"case": "{case} {variant}", "figure": "film"},
         ),
+    log:
+        LAYOUT.log("fold_figures", (*MESH, "variant")),
+    benchmark:
+        took("fold_figures", (*MESH, "variant"))
+    priority: 3
+    resources:
+        **asked("fold_figures"),
     params:
         hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
         files=PLAN.real_surfaces,
@@ -243,35 +224,3 @@ rule fold_figures:
         version=version_of("report.fold_figures"),
     script:
         "../scripts/fold_figures.py"
-
-
-rule cohort_folding:
-    """All folds of the cohort, those that stopped included: a table, and their curves over real brains."""
-    input:
-        lambda _: [
-            str(Path(verdict).with_name(name))
-            for verdict in existing_files(PLAN.fold_runs())
-            for name in ("verdict.json", "fold.tsv")
-        ],
-    output:
-        table=f"{OUT}/cohort/cohort_folding.tsv",
-        sidecar=f"{OUT}/cohort/cohort_folding.json",
-        figure=report(
-            f"{OUT}/cohort/cohort_folding.svg",
-            caption="../reports/cohort_folding.rst",
-            category="Folding",
-            labels={"figure": "all folds"},
-        ),
-        print=multiext(f"{OUT}/cohort/cohort_folding", ".pdf", ".png"),
-    params:
-        runs=lambda _: [
-            {**run, "folder": str(Path(verdict).parent)}
-            for verdict, run in PLAN.fold_runs().items()
-            if verdict not in MISSING
-        ],
-        failed=lambda _: [
-            {**run, "reason": MISSING[verdict]} for verdict, run in PLAN.fold_runs().items() if verdict in MISSING
-        ],
-        version=version_of("report.cohort_folding"),
-    script:
-        "../scripts/cohort_folding.py"

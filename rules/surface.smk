@@ -3,8 +3,16 @@
 
 rule phantom:
     """A synthetic cortex of the case's age."""
+    input:
+        receipt=receipt("phantom"),
     output:
         surface=LAYOUT.surface("phantom"),
+    log:
+        LAYOUT.log("phantom", SURFACE),
+    benchmark:
+        took("phantom", SURFACE)
+    resources:
+        **asked("phantom"),
     params:
         arguments=partial(PLAN.arguments, "phantom"),
         version=version_of("phantom"),
@@ -15,9 +23,16 @@ rule phantom:
 rule phantom_inner:
     """A synthetic white surface within the cortex."""
     input:
+        receipt=receipt("phantom_inner"),
         surface=LAYOUT.surface("phantom"),
     output:
         surface=LAYOUT.surface("phantom", inner=True),
+    log:
+        LAYOUT.log("phantom_inner", INNER),
+    benchmark:
+        took("phantom_inner", INNER)
+    resources:
+        **asked("phantom_inner"),
     params:
         arguments=partial(PLAN.arguments, "phantom_inner"),
         version=version_of("phantom"),
@@ -27,8 +42,16 @@ rule phantom_inner:
 
 rule phantom_sphere:
     """The sphere that a synthetic cortex was made of."""
+    input:
+        receipt=receipt("phantom_sphere"),
     output:
         sphere=LAYOUT.surface("phantom", "sphere.surf.gii"),
+    log:
+        LAYOUT.log("phantom_sphere", SURFACE),
+    benchmark:
+        took("phantom_sphere", SURFACE)
+    resources:
+        **asked("phantom_sphere"),
     params:
         arguments=partial(PLAN.arguments, "phantom"),
         version=version_of("phantom"),
@@ -39,12 +62,19 @@ rule phantom_sphere:
 rule fields:
     """The per-vertex fields of a case on the vertices that the gate let in; S1 does not depend on them."""
     input:
+        receipt=receipt("fields"),
         surface=PLAN.surface,
         fields=PLAN.existing_fields,
         sphere=PLAN.sphere,
         template=PLAN.template,
     output:
         surface=LAYOUT.surface("fields"),
+    log:
+        LAYOUT.log("fields", SURFACE),
+    benchmark:
+        took("fields", SURFACE)
+    resources:
+        **asked("fields"),
     params:
         arguments=partial(PLAN.arguments, "gate"),
         repair=partial(PLAN.arguments, "repair") if CONFIG.enabled("repair") else None,
@@ -66,12 +96,19 @@ for inner in (False, True):
         name:
             f"resample{of_inner}"
         input:
+            receipt=receipt(f"resample{of_inner}"),
             surface=PLAN.inner_source if inner else PLAN.surface,
             sphere=PLAN.sphere,
             template=PLAN.template,
         output:
             surface=LAYOUT.surface("resampled", inner=inner),
             report=LAYOUT.surface("resampled", "white.json", inner=inner),
+        log:
+            LAYOUT.log(f"resample{of_inner}", INNER if inner else SURFACE),
+        benchmark:
+            took(f"resample{of_inner}", INNER if inner else SURFACE)
+        resources:
+            **asked(f"resample{of_inner}"),
         params:
             **recorded("resample"),
             arguments=partial(PLAN.arguments, "resample"),
@@ -88,10 +125,17 @@ for inner in (False, True):
         name:
             f"repair{of_inner}"
         input:
+            receipt=receipt(f"repair{of_inner}"),
             surface=PLAN.first_surface,
         output:
             surface=LAYOUT.surface("repaired", inner=inner),
             report=LAYOUT.surface("repaired", "white.json", inner=inner),
+        log:
+            LAYOUT.log(f"repair{of_inner}", INNER if inner else SURFACE),
+        benchmark:
+            took(f"repair{of_inner}", INNER if inner else SURFACE)
+        resources:
+            **asked(f"repair{of_inner}"),
         params:
             **recorded("repair"),
             arguments=partial(PLAN.arguments, "repair"),
@@ -107,10 +151,17 @@ for inner in (False, True):
         name:
             f"gate{of_inner}"
         input:
+            receipt=receipt(f"gate{of_inner}"),
             surface=LAYOUT.surface("repaired", inner=inner) if CONFIG.enabled("repair") else PLAN.first_surface,
         output:
             surface=LAYOUT.surface("gated", inner=inner),
             report=LAYOUT.surface("gated", "white.json", inner=inner),
+        log:
+            LAYOUT.log(f"gate{of_inner}", INNER if inner else SURFACE),
+        benchmark:
+            took(f"gate{of_inner}", INNER if inner else SURFACE)
+        resources:
+            **asked(f"gate{of_inner}"),
         params:
             **recorded("gate"),
             arguments=partial(PLAN.arguments, "gate"),
@@ -126,10 +177,17 @@ for inner in (False, True):
         name:
             f"smooth_surface{of_inner}"
         input:
+            receipt=receipt(f"smooth_surface{of_inner}"),
             surface=LAYOUT.surface("gated", inner=inner),
         output:
             surface=LAYOUT.surface("smoothed", inner=inner),
             report=LAYOUT.surface("smoothed", "white.json", inner=inner),
+        log:
+            LAYOUT.log(f"smooth_surface{of_inner}", INNER if inner else SURFACE),
+        benchmark:
+            took(f"smooth_surface{of_inner}", INNER if inner else SURFACE)
+        resources:
+            **asked(f"smooth_surface{of_inner}"),
         params:
             **recorded("smooth_surface"),
             arguments=partial(PLAN.arguments, "smooth_surface"),
@@ -141,11 +199,18 @@ for inner in (False, True):
 rule separate:
     """Move inner surfaces away from the one around them; the output is one of them, the report is about all."""
     input:
+        receipt=receipt("separate"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_before_separating,
     output:
         surface=LAYOUT.separated,
         report=LAYOUT.surface("separated", "white.json", inner=True, res="{res}um"),
+    log:
+        LAYOUT.log("separate", (*INNER, "res")),
+    benchmark:
+        took("separate", (*INNER, "res"))
+    resources:
+        **asked("separate"),
     params:
         **recorded("separate"),
         arguments=partial(PLAN.arguments, "separate"),

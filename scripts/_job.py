@@ -37,7 +37,8 @@ from typing import Any
 _folder = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(_folder if (_folder / "cortet").is_dir() else _folder.parents[1]))
 
-from cortet.cohort import saved_jobs
+from cortet.cohort import receipts, saved_jobs
+from cortet.cohort.status import failure_path, was_killed, write_failure
 from cortet.errors import CortetError
 from cortet.formats import child
 
@@ -90,7 +91,8 @@ class Job:
         from cortet.cohort.bids import Places, provenance
 
         places = Places(Path(os.environ["CORTET_OUTPUT"]), Path(os.environ["CORTET_RAW"]))
-        return provenance(self.input, self.params.get("space"), places)
+        sources = (path for path in self.input if path != self.input.receipt)
+        return provenance(sources, self.params.get("space"), places)
 
 
 def start(snakemake: Any) -> Job:
@@ -99,7 +101,6 @@ def start(snakemake: Any) -> Job:
     if snakemake.log:
         _guard(snakemake)
     _delete_leftovers(snakemake.output)
-    _leave_receipt(snakemake)
     return Job(snakemake.input, snakemake.output, snakemake.params, snakemake.wildcards)
 
 
@@ -114,13 +115,14 @@ def _guard(snakemake: Any) -> None:
     if attempt > 1:
         _end_useless_attempt(log, earlier)
     _log_to(log)
+    _keep_receipt(snakemake, log)
     _save(snakemake, log)
     logger.info("%s of %s with %s", snakemake.rule, dict(snakemake.wildcards), dict(snakemake.params))
     if attempt:
         _remember(log, earlier)
     _limit_time()
     faulthandler.register(signal.SIGTERM, file=2, chain=True)
-    sys.excepthook = partial(_log_failure, log)
+    sys.excepthook = partial(_log_failure, log, snakemake)
 
 
 def _save(snakemake: Any, log: Path) -> None:
@@ -140,15 +142,12 @@ def _run_saved(path: Path) -> None:
     runpy.run_path(str(script), init_globals={"snakemake": job.for_debugger()}, run_name="__main__")
 
 
-def _leave_receipt(snakemake: Any) -> None:
-    """Write the receipt of the job once it has succeeded; until then there is none."""
-    if "CORTET_OUTPUT" not in os.environ or not snakemake.log:  # a saved job
-        return
-    from cortet.cohort.receipts import receipt_path, write_receipt
-
-    path = receipt_path(Path(os.environ["CORTET_OUTPUT"]), Path(snakemake.log[0]))
-    path.unlink(missing_ok=True)
-    atexit.register(lambda: None if _has_failed() else write_receipt(path, dict(snakemake.params.items())))
+def _keep_receipt(snakemake: Any, log: Path) -> None:
+    """Say in the receipt that the job has begun, and that it is done once it has succeeded."""
+    path = Path(snakemake.input.receipt)
+    asked = receipts.begin(path)
+    failure_path(log).unlink(missing_ok=True)
+    atexit.register(lambda: None if _has_failed() else receipts.finish(path, asked))
 
 
 def _use_own_temporary_folder() -> None:
@@ -180,8 +179,6 @@ def _log_to(path: Path) -> None:
 
 def _end_useless_attempt(log: Path, earlier: Path) -> None:
     """End a job whose earlier attempt was not killed: another attempt, with more memory, does not help it."""
-    from cortet.cohort.status import was_killed
-
     if earlier.exists() and not was_killed(earlier):
         shutil.copyfile(earlier, log)
         sys.exit(f"not tried again, the reason stands in {log}")
@@ -205,7 +202,11 @@ def _has_failed() -> bool:
     return hasattr(sys, "last_value")
 
 
-def _log_failure(log: Path, kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+def _log_failure(
+    log: Path, snakemake: Any, kind: type[BaseException], error: BaseException, trace: TracebackType | None
+) -> None:
+    with contextlib.suppress(OSError):  # the disk may be full
+        write_failure(log, snakemake.rule, dict(snakemake.wildcards), error)
     # before the error, which must be the last line of a log
     if saved_jobs.saved_path(log).exists():
         logger.info("to run it again in a debugger: %s", saved_jobs.debug_command(log, Path(__file__)))

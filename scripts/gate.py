@@ -12,7 +12,7 @@ from cortet.formats.atomic import write_json
 from cortet.formats.placement import placed
 from cortet.stages.gate import gate
 
-if not job.input:
+if not job.input.surface:
     raise missing_surface(job.arguments["source"], column="inner" if job.arguments.get("inside") else "surface")
 require_hemisphere(job.input.surface, job.params.hemi)
 surface = placed(gifti.read_surface(job.input.surface), job.to_mm)

@@ -12,7 +12,7 @@ from cortet.formats.atomic import write_json
 from cortet.formats.placement import placed
 from cortet.stages.repair import repair
 
-if not job.input:
+if not job.input.surface:
     raise missing_surface(job.arguments["source"], column="inner" if job.wildcards.get("inner") else "surface")
 require_hemisphere(job.input.surface, job.params.hemi)
 surface = placed(gifti.read_surface(job.input.surface, finite=False), job.to_mm)

@@ -68,6 +68,15 @@ def add_commands(commands: Commands) -> None:
     existing.add_argument("--force", action="store_true", help="replace an existing sheet")
     scan.set_defaults(run=scan_command)
 
+    report = cohort.add_parser(
+        "report", parents=[common()], help="make the tables, figures and pages over all cases of what is there"
+    )
+    report.add_argument("folder", type=CheckedOutput, metavar="OUTPUT_DIR", help="output folder of a run")
+    report.add_argument(
+        "--after", choices=["success", "failure"], help="how a run ended: makes only what it leaves to be made"
+    )
+    report.set_defaults(run=report_command)
+
     run = commands.add_parser("run", parents=[common()], help="mesh the surfaces of a BIDS dataset (a BIDS App)")
     run.add_argument("bids_dir", type=Path, metavar="BIDS_DIR", help="dataset, or derivatives of one, with surfaces")
     run.add_argument("output_dir", type=CheckedOutput, metavar="OUTPUT_DIR", help="where the derivatives go")
@@ -203,6 +212,24 @@ def scan_command(args: argparse.Namespace) -> int:
         print(f"{args.output}: {len(cases)} surfaces")
     for notice in ageless_notice(cases):
         print(f"  {notice}")
+    return 0
+
+
+def report_command(args: argparse.Namespace) -> int:
+    """Make tables, figures and pages over all cases."""
+    from cortet.cohort.lock import hold, is_held_by_parent
+    from cortet.study.over_all import report
+
+    folder = args.folder.absolute()
+    if not folder.is_dir():
+        raise InputError("no such folder", file=args.folder, remedy="name the output folder of a run")
+    held = None if is_held_by_parent() else hold(folder)
+    try:
+        for path in report(folder, after=args.after):
+            print(path)
+    finally:
+        if held:
+            held.close()
     return 0
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from cortet.cohort.lock import NAME as LOCK
+from cortet.cohort.receipts import FOLDER as RECEIPTS
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.tsv import write_tsv
@@ -159,7 +160,8 @@ def require_own_output(output: Path, dataset: Path | None) -> None:
         )
     if output.is_dir() and not os.access(output, os.R_OK | os.X_OK):
         raise InputError("may not be read", file=output, remedy="mend its permissions, or name another folder")
-    begun = (output / DESCRIPTION).exists() or (output / LOCK).exists()  # a run that was killed has left its lock
+    # a run that was killed has left its lock, and one that was only planned its receipts
+    begun = any((output / name).exists() for name in (DESCRIPTION, LOCK, RECEIPTS))
     if not begun and output.is_dir() and any(output.iterdir()):
         raise InputError("holds files that cortet did not make", file=output, remedy=remedy)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from cortet.cohort.layout import LABELS, SHARED, Layout, file_of, filled
-from cortet.cohort.receipts import content
+from cortet.cohort.receipts import content, receipt_path
 from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.config import Config
@@ -44,10 +44,10 @@ class Jobs:
     settings: Mapping[str, Config]
     #: rows of the sheet, excluded ones too
     sheet: Sequence[Case]
-    #: mesh -> how it failed: `stage`, `state`, `reason`, `log`
+    #: mesh -> how it failed: `stage`, `state`, `reason`, `log`; empty while a run is planned
     failures: Mapping[Mesh, Mapping[str, Any]] = field(default_factory=dict)
-    #: file that the experiments measure -> why it is missing
-    missing: Mapping[str, str] = field(default_factory=dict)
+    #: says why a file over all cases cannot use another; nothing is missing while a run is planned
+    missing: Callable[[str], str | None] = lambda _: None
 
     # --- what is asked for ---------------------------------------------------------------------------------------
 
@@ -292,6 +292,14 @@ class Jobs:
         if not self.case(job).volumes or self.failures.get(mesh, {}).get("stage") == "volumes":
             return []
         return [filled(self.layout.mesh("Solver", suffix), job) for suffix in ("volumes.tsv", "slices.png")]
+
+    def receipt(self, step: str, job: Job) -> Path:
+        """Receipt of the job of a stage, or of the certificate, of a mesh."""
+        stage = STAGES.get(step)
+        keys = {"folder", "case"}
+        if stage is None or stage.gives == "mesh":
+            keys |= {"res", "mesher"} | ({"setting"} if LABELS.get(step) not in SHARED else set())
+        return receipt_path(Path(self.layout.output), Path(filled(self.layout.log(step, keys), job)))
 
     def existing_fields(self, job: Job) -> list[str]:
         """The files of a case's fields that exist; the job reports the others."""

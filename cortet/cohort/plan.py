@@ -6,7 +6,7 @@ The rules ask a `Plan` and hold no logic of their own.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -184,10 +184,9 @@ class Plan(Jobs):
 
     # --- what failed, and what is over all cases -----------------------------------------------------------------
 
-    def is_measured(self, mesh: Mesh, failures: Mapping[Mesh, Mapping[str, Any]] | None = None) -> bool:
+    def is_measured(self, mesh: Mesh) -> bool:
         """Whether a mesh has its certificate: it did not fail, or only after the certificate."""
-        known = self.failures if failures is None else failures
-        return mesh not in known or known[mesh]["stage"] in AFTER_CERTIFICATE
+        return mesh not in self.failures or self.failures[mesh]["stage"] in AFTER_CERTIFICATE
 
     def unmeasured(self) -> dict[str, str]:
         """Why cases have no certificate, by their names."""
@@ -220,7 +219,7 @@ class Plan(Jobs):
         for name in self.config.export.ten_nodes:
             pattern, _ = self.layout.ten_node_files([name])
             files.append((Path(filled(pattern, job)).name, f"{name}, ten nodes"))
-        return {"files": files, "uncertified": self.config.export.uncertified}
+        return {"names": files, "uncertified": self.config.export.uncertified}
 
     @property
     def has_volumes(self) -> bool:
@@ -259,25 +258,6 @@ class Plan(Jobs):
     def mapped_hemispheres(self) -> list[str]:
         """Hemispheres that have maps."""
         return [hemi for hemi in "LR" if self.maps(hemi)]
-
-    def failure(self, job: Job) -> Mapping[str, Any] | None:
-        """The failure that kept the mesh of a page from its certificate; None if it has one."""
-        mesh = (job["case"], int(job["res"]), job["mesher"])
-        return None if job.get("setting") or self.is_measured(mesh) else self.failures[mesh]
-
-    def shown_on_page(self, job: Job) -> dict[str, Any]:
-        """Inputs of the page of a mesh; for a mesh that failed, the input surface if it exists."""
-        if self.failure(job):
-            case = self.case(job)
-            phantom = filled(self.layout.surface("phantom"), job)
-            return {"surface": existing(phantom if case.is_phantom else case.surface)}
-        return {
-            "surface": self.surface(job),
-            "meshed": self.meshed_surface(job),
-            "mesh": self.layout.mesh("Solver"),
-            "certificate": self.layout.certificate,
-            "tissues": self.tissues(job),
-        }
 
     def about(self, job: Job) -> dict[str, Any]:
         """The facts at the top of the page of a mesh."""

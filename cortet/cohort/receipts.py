@@ -1,16 +1,18 @@
-"""A receipt records the parameters with which a job made its files.
+"""A receipt says with which parameters the files of a job were made, and with which they are asked for now.
 
 Snakemake remembers parameters in the folder where it was started. It does not know of an output folder that was moved,
-or that a run from another folder wrote to, and it takes a file with an older time for an older file. Receipts lie in
-the output folder, and parameters include the SHA-256 of the user's files. So a result is used again only if it was made
-from the same content, with the same parameters, by the same versions of the code.
+or that a run from another folder wrote to. Receipts lie in the output folder, and parameters include the SHA-256 of the
+user's files. A receipt is an input of its job. While a run is planned, the receipt of a job that must run gets the
+present time, so that it is newer than the job's files, and any other one an old time.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+import os
+import time
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,13 +23,21 @@ from cortet.formats.hashing import companions, input_sha256
 
 #: folder of the receipts in the output folder
 FOLDER = ".cortet"
+_NAME = "receipt.json"
 #: parameters that say where a file is; whether a job runs again depends on the file's content, not on its path
 _LOCATIONS = frozenset({"source", "sphere_file", "space", "paths", "files", "given", "cohort", "log"})
+#: time of a receipt whose files were made with what is asked for, seconds since the epoch
+_LONG_AGO = 946_684_800
+#: stands in a receipt for files that must be made again, whatever they were made with
+_AGAIN = "again"
 
 
 def receipt_path(output: Path, log: Path) -> Path:
-    """The receipt of the job that writes to `log`, a file below `output`/logs."""
-    return output / FOLDER / log.relative_to(output / "logs").with_suffix(".json")
+    """The receipt of the job that writes to `log`, a file below `output`/logs.
+
+    Each has a folder of its own: Snakemake lists a folder once, and would not see a receipt that is written later.
+    """
+    return output / FOLDER / log.relative_to(output / "logs").with_suffix("") / _NAME
 
 
 def fingerprint(parameters: Mapping[str, Any]) -> str:
@@ -35,18 +45,72 @@ def fingerprint(parameters: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(_essential(parameters), sort_keys=True, default=str).encode()).hexdigest()
 
 
-def write_receipt(path: Path, parameters: Mapping[str, Any]) -> None:
-    """Record that a job with these parameters is done."""
-    write_json({"parameters_sha256": fingerprint(parameters)}, path)
+def ask(
+    path: Path, rule: str, wildcards: Mapping[str, str], parameters: Mapping[str, Any], *, again: bool = False
+) -> None:
+    """Write what is asked of a job into its receipt.
+
+    Parameters
+    ----------
+    again : whether the job must run in any case
+
+    Raises
+    ------
+    InputError : the receipt cannot be written
+    """
+    old = read(path)
+    made = _AGAIN if again else old.get("made")
+    new = {"rule": rule, "wildcards": dict(wildcards), "asked": fingerprint(parameters), "made": made}
+    if not is_current(new):  # Snakemake compares content, too, so that is new as well
+        write_json({**new, "planned": time.time_ns()}, path)
+        return
+    if new != old:
+        write_json(new, path)
+    if path.stat().st_mtime != _LONG_AGO:
+        os.utime(path, (_LONG_AGO, _LONG_AGO))
 
 
-def is_current(path: Path, parameters: Mapping[str, Any]) -> bool:
-    """Whether a receipt says that its job was done with these parameters; false if there is no receipt."""
+def begin(path: Path) -> str:
+    """Record that a job begins, so that its files are not yet made; the fingerprint to `finish` it with."""
+    record = read(path)
+    write_json({**record, "made": None}, path)
+    return str(record["asked"])
+
+
+def finish(path: Path, asked: str) -> None:
+    """Record that a job has made its files."""
+    record = {key: value for key, value in read(path).items() if key != "planned"}
+    write_json({**record, "made": asked}, path)
+    os.utime(path, (_LONG_AGO, _LONG_AGO))
+
+
+def forget(path: Path) -> None:
+    """Let a job run again the next time that its files are asked for."""
+    if record := read(path):
+        write_json({**record, "made": _AGAIN}, path)
+
+
+def is_current(record: Mapping[str, Any]) -> bool:
+    """Whether the files of a job were made with what is asked for."""
+    return bool(record) and record["made"] == record["asked"]
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Content of a receipt: `rule`, `wildcards`, `asked` and `made`; empty if there is none, or a damaged one."""
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return False
-    return isinstance(record, dict) and record.get("parameters_sha256") == fingerprint(parameters)
+        return {}
+    return record if isinstance(record, dict) and {"rule", "wildcards", "asked", "made"} <= set(record) else {}
+
+
+def unfinished(output: Path) -> Iterator[tuple[dict[str, Any], Path]]:
+    """Receipts of the jobs that have begun and not succeeded, and the logs of these jobs."""
+    for path in sorted((output / FOLDER).rglob(_NAME)):
+        log = output / "logs" / f"{path.parent.relative_to(output / FOLDER)}.log"
+        record = read(path)
+        if record and record["made"] is None and log.exists():
+            yield record, log
 
 
 def content(paths: Mapping[str, str | Path]) -> dict[str, str | None]:

@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from cortet.errors import CortetError
+from cortet.formats.atomic import write_json
 from cortet.formats.tables import Column
 
 VERSION: int = 1
@@ -36,12 +38,28 @@ COLUMNS = (
 )
 
 
-def failure_reason(log: Path, *, since: float) -> str:
-    """Why a job failed: the last error in its log, if the log was written after `since` (seconds since the epoch).
+def failure_path(log: Path) -> Path:
+    """The file that says why the job failed that writes to `log`."""
+    return log.with_suffix(".failure.json")
+
+
+def write_failure(log: Path, rule: str, wildcards: Mapping[str, str], error: BaseException) -> None:
+    """Write `failure.json`: the stage, what happened, in which file, and the remedy."""
+    if isinstance(error, CortetError):
+        where = None if error.file is None else str(error.file)
+        story = {"what": error.what, "where": where, "remedy": error.remedy, "reason": str(error)}
+    else:
+        what = f"{type(error).__name__}: {error}"
+        story = {"what": what, "where": None, "remedy": None, "reason": what}
+    write_json({"stage": rule, "wildcards": dict(wildcards), **story}, failure_path(log))
+
+
+def failure_reason(log: Path) -> str:
+    """Why a job failed: the last error in its log.
 
     A job that took longer than `time_limit` leaves `Timeout (0:01:00)!` and its stack there (`faulthandler`).
     """
-    lines = _lines(log) if log.exists() and log.stat().st_mtime >= since else []
+    lines = _lines(log) if log.exists() else []
     if too_long := [found[1] for line in lines if (found := re.fullmatch(r"Timeout \((.+)\)!", line))]:
         return f"took longer than {too_long[-1]} (hours:minutes:seconds), the time_limit, {_place_of_stop(lines)}"
     if error := _last_error(lines):

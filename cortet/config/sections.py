@@ -268,7 +268,7 @@ class Prediction(Section):
 
 
 class Experiments(Section):
-    """The experiments of the paper, on this cohort: `snakemake tables figures report`."""
+    """The experiments of the paper, on this cohort: `snakemake tables figures`."""
 
     settings: list[Setting] = ["default", "cgal", "published"]
     """Settings to compare, from S3 on. Each is run on the meshes of its own mesher, so `cgal` and `published` on the

@@ -103,6 +103,15 @@ def test_participants_then_the_group_with_the_conventional_words(
     issues = json.loads(judged.stdout)["issues"]["issues"]
     assert [issue for issue in issues if issue["severity"] == "error"] == []
 
+    (tmp_path / "bids/sub-01/ses-a/anat/sub-01_ses-a_hemi-L_white.surf.gii").write_text("not a surface")
+    again = run(
+        installed, "bids", "out", "participant", "--participant-label", "01", "--session-label", "a", cwd=tmp_path
+    )
+    assert again.returncode == 1
+    states = [line.split("\t") for line in (out / "cohort/cohort_status.tsv").read_text().splitlines()]
+    assert [row[column] for row in states[1:] if "ses-a" in row[0]] == ["failed"], "participant after group"
+    assert "not GIfTI" in (out / "cohort/index.html").read_text()
+
 
 @pytest.mark.parametrize(
     ("arguments", "words"),

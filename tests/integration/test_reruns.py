@@ -159,8 +159,8 @@ def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_f
     (study.folder / "surfaces/missing.surf.gii").unlink()
     study.add_case(study.case("good"), surface(6))
 
-    bad = jobs({"repair", "case_page"}, "b", "double", "truncated", "missing")
-    assert study.jobs_of_run(succeeds=False) == bad | jobs(FROM_REPAIR, "good") | COHORT
+    bad = jobs({"repair"}, "b", "double", "truncated", "missing")
+    assert study.jobs_of_run(succeeds=False) == bad | jobs(FROM_REPAIR, "good")
     status = {case.removeprefix("sub-").removesuffix("_hemi-L"): row for case, row in study.status().items()}
     assert {name: row["state"] for name, row in status.items()} == {
         "a": "certified",
@@ -174,8 +174,11 @@ def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_f
     assert "2 separate pieces" in status["double"]["reason"]
     assert "surfaces/missing.surf.gii" in status["missing"]["reason"]
     assert (study.folder / status["double"]["log"]).exists()
-    assert not study.files("sub-b*certificate.json")
-    assert not study.files("sub-b*.mesh")
+    failure = json.loads((study.folder / status["double"]["log"]).with_suffix(".failure.json").read_text())
+    assert failure["stage"] == "repair" and "2 separate pieces" in failure["what"] and failure["remedy"]
+    assert study.files("sub-b*certificate.json"), "what was made of the surface before stays"
+    (page,) = study.files("sub-b*report.html")
+    assert "2 separate pieces" in page.read_text()
     assert "sub-b" not in (study.outputs / "cohort/cohort_quality.tsv").read_text()
 
     write_surface(surface(3), study.folder / "surfaces/double.surf.gii")
@@ -188,13 +191,13 @@ def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_f
 def test_an_uncertified_mesh_is_measured_but_not_exported(study: Study) -> None:
     study.config["certify"] = {"q_max": 0.01}
     ran = study.jobs_of_run(succeeds=False)
-    assert ran == jobs({"certify", "case_page", "export"}, "a", "b") | COHORT - {("cohort_stages", "-")}
+    of_certificates = {"cohort_quality", "cohort_summary", "cohort_figure", "citation"}
+    assert ran == jobs({"certify", "case_page", "export"}, "a", "b") | {(rule, "-") for rule in of_certificates}
     assert {row["state"] for row in study.status().values()} == {"uncertified"}
     assert "worst q" in study.status()["sub-a_hemi-L"]["reason"]
     assert not study.files("*.mesh")
     study.config["export"] = {"uncertified": True}
-    pages = {("cohort_status", "-"), ("cohort_page", "-")}
-    assert study.jobs_of_run() == jobs({"export", "case_page"}, "a", "b") | pages, "a page links what is exported"
+    assert study.jobs_of_run() == jobs({"export", "case_page"}, "a", "b") | COHORT, "a page links what is exported"
     assert len(study.files("*.mesh")) == 2
 
 

@@ -8,33 +8,94 @@ from pathlib import Path
 import pytest
 
 from cortet.cohort.receipts import (
+    ask,
+    begin,
     content,
     fingerprint,
+    finish,
+    forget,
     is_current,
+    read,
     receipt_path,
     require_same_input,
     require_unchanged,
-    write_receipt,
+    unfinished,
 )
-from cortet.errors import StageError
+from cortet.errors import InputError, StageError
 
 ASKED = {"arguments": {"thresholds": [0.7, 0.5]}, "version": 3, "input_sha256": {"surface": "a"}}
+OF = {"case": "sub-a", "folder": "sub-a"}
 
 
-def test_a_receipt_is_current_for_the_same_parameters_only(tmp_path: Path) -> None:
+def made(receipt: Path) -> None:
+    """Let the job of a receipt run."""
+    finish(receipt, begin(receipt))
+
+
+def test_a_receipt_is_old_for_the_same_parameters_only(tmp_path: Path) -> None:
     receipt = receipt_path(tmp_path, tmp_path / "logs/clean/sub-a/x.log")
-    assert receipt == tmp_path / ".cortet/clean/sub-a/x.json"
-    assert not is_current(receipt, ASKED)
-    write_receipt(receipt, ASKED)
-    assert is_current(receipt, ASKED | {"arguments": {"thresholds": (0.7, 0.5)}}), "JSON knows no tuples"
+    assert receipt == tmp_path / ".cortet/clean/sub-a/x/receipt.json"
+    ask(receipt, "clean", OF, ASKED)
+    assert not is_current(read(receipt))
+    made(receipt)
+    result = tmp_path / "mesh.vtu"
+    result.touch()
+    ask(receipt, "clean", OF, ASKED | {"arguments": {"thresholds": (0.7, 0.5)}})
+    assert is_current(read(receipt)), "JSON knows no tuples"
+    assert receipt.stat().st_mtime < result.stat().st_mtime
     for other in ({"version": 4}, {"arguments": {"thresholds": [0.7]}}, {"input_sha256": {"surface": "b"}}):
-        assert not is_current(receipt, ASKED | other)
+        before = receipt.read_bytes()
+        ask(receipt, "clean", OF, ASKED | other)
+        assert not is_current(read(receipt)) and receipt.read_bytes() != before
+        assert receipt.stat().st_mtime_ns > result.stat().st_mtime_ns
+    ask(receipt, "clean", OF, ASKED)
+    assert receipt.stat().st_mtime < result.stat().st_mtime, "planned with others, and made with none of them"
+
+
+def test_what_was_changed_while_a_job_ran_is_made_again(tmp_path: Path) -> None:
+    receipt = tmp_path / "receipt.json"
+    ask(receipt, "clean", OF, ASKED)
+    asked = begin(receipt)
+    ask(receipt, "clean", OF, ASKED | {"version": 4})
+    finish(receipt, asked)
+    assert not is_current(read(receipt))
+
+
+def test_files_that_are_gone_or_were_made_otherwise_are_made_again(tmp_path: Path) -> None:
+    receipt = tmp_path / "receipt.json"
+    for again in (lambda: ask(receipt, "export", OF, ASKED, again=True), lambda: forget(receipt)):
+        ask(receipt, "export", OF, ASKED)
+        made(receipt)
+        again()
+        ask(receipt, "export", OF, ASKED)
+        assert not is_current(read(receipt))
+
+
+def test_a_job_that_began_and_did_not_succeed_is_unfinished(tmp_path: Path) -> None:
+    for name in ("killed", "done", "waiting"):
+        log = tmp_path / f"logs/clean/{name}.log"
+        log.parent.mkdir(parents=True, exist_ok=True)
+        log.touch()
+        ask(receipt_path(tmp_path, log), "clean", {"case": name}, ASKED)
+    begin(receipt_path(tmp_path, tmp_path / "logs/clean/killed.log"))
+    made(receipt_path(tmp_path, tmp_path / "logs/clean/done.log"))
+    (tmp_path / "logs/clean/waiting.log").unlink()
+    ((record, log),) = unfinished(tmp_path)
+    assert record["wildcards"] == {"case": "killed"} and log == tmp_path / "logs/clean/killed.log"
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", "{"])
 def test_a_damaged_receipt_is_none(tmp_path: Path, text: str) -> None:
     (tmp_path / "x.json").write_text(text)
-    assert not is_current(tmp_path / "x.json", ASKED)
+    assert not is_current(read(tmp_path / "x.json"))
+    ask(tmp_path / "x.json", "clean", OF, ASKED)
+    assert read(tmp_path / "x.json")["rule"] == "clean"
+
+
+def test_a_folder_that_cannot_be_written_to_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"file: no file can be written to this folder"):
+        ask(tmp_path / "file/receipt.json", "clean", OF, ASKED)
 
 
 def test_it_does_not_matter_where_files_lie() -> None:

@@ -22,13 +22,20 @@ KERNELS = [path for path in sorted(ROOT.glob("cortet/**/*.py")) if "njit(" in pa
         pytest.param(["mypy"], id="mypy"),
         pytest.param(["lint-imports", "--no-cache"], id="imports"),
         pytest.param(["snakefmt", "--check", *RULES], id="snakefmt"),
-        pytest.param(["snakemake", "--lint"], id="snakemake-lint"),
     ],
 )
 def test_nothing_to_say(command: list[str]) -> None:
     tool = Path(sys.executable).with_name(command[0])
     done = subprocess.run([tool, *command[1:]], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_snakemake_misses_nothing_but_environments_of_single_rules() -> None:
+    """All rules run in the environment of the workflow."""
+    tool = Path(sys.executable).with_name("snakemake")
+    done = subprocess.run([tool, "--lint"], cwd=ROOT, capture_output=True, text=True, check=False)
+    titles = set(re.findall(r"^ +\* (.*):$", done.stderr + done.stdout, flags=re.MULTILINE))
+    assert titles <= {"Specify a conda environment or container for each rule."}, done.stderr
 
 
 def test_the_map_of_the_rooms_is_the_contract() -> None:

@@ -1,0 +1,158 @@
+"""What the jobs left in the output folder that did not succeed, and which meshes and files are missing for that.
+
+A job that fails leaves `failure.json` beside its log; one that was killed leaves its log alone. Its receipt says that
+it began.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from cortet.cohort import receipts
+from cortet.cohort.jobs import Mesh
+from cortet.cohort.layout import EXPORTED, LABELS
+from cortet.cohort.plan import AFTER_CERTIFICATE, Plan
+from cortet.cohort.status import failure_path, failure_reason
+from cortet.stages import STAGES
+
+#: rules on a case, in the order in which a case goes through them
+ORDER = (
+    *("phantom", "phantom_inner", "phantom_sphere", "fields"),
+    *(f"{name}{of}" for name, stage in STAGES.items() for of in ("", "_inner") if of == "" or stage.gives == "surface"),
+    *("quality", "certify"),
+    *AFTER_CERTIFICATE,
+)
+#: rules of experiments: a mesh is done without them
+_OF_EXPERIMENTS = ("convergence_run", "prediction_run", "prediction_views", "prediction_spread")
+#: names of stages in names of files, with the end of the line for folds
+_LABEL = "|".join([*LABELS.values(), "Folded"])
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A job that failed or was killed."""
+
+    rule: str
+    wildcards: Mapping[str, str]
+    reason: str
+    log: Path
+
+    def is_about(self, **wildcards: object) -> bool:
+        """Whether the job worked for a mesh, as far as its wildcards say: one on a surface works for all its meshes."""
+        return all(self.wildcards.get(key, str(value)) == str(value) for key, value in wildcards.items())
+
+
+def failures(output: Path, *, ended: bool = True) -> list[Failure]:
+    """Jobs below an output folder that did not succeed when they last ran, by the order of the line.
+
+    Parameters
+    ----------
+    ended : whether no job is running now; if one may be, only those count that said why they failed
+    """
+    found = []
+    for record, log in receipts.unfinished(output):
+        if record["rule"] in ORDER and (ended or failure_path(log).exists()):
+            found.append(Failure(record["rule"], record["wildcards"], _reason(log), log))
+    return sorted(found, key=lambda failure: ORDER.index(failure.rule))
+
+
+def _reason(log: Path) -> str:
+    try:
+        return str(json.loads(failure_path(log).read_text(encoding="utf-8"))["reason"])
+    except (OSError, ValueError, LookupError, TypeError):
+        return failure_reason(log)
+
+
+def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
+    """The plan, with what its output folder says of meshes and files that are missing."""
+    found = failures(Path(plan.layout.output), ended=ended)
+    by_case: dict[str, list[Failure]] = {}
+    for failure in found:
+        by_case.setdefault(failure.wildcards.get("case", ""), []).append(failure)
+    known: dict[Mesh, dict[str, Any]] = {}
+    for mesh in plan.each_case(plan.layout.certificate):
+        if state := _state(plan, mesh, by_case.get(mesh[0], [])):
+            known[mesh] = state
+    return replace(plan, failures=known, missing=_missing(found))
+
+
+def _state(plan: Plan, mesh: Mesh, of_case: Sequence[Failure]) -> dict[str, Any] | None:
+    """How a mesh failed, or that it is unfinished: `stage`, `state`, `reason`, and `log` if it failed."""
+    case, res, mesher = mesh
+    job = {"folder": plan.cases[case].folder, "case": case, "res": str(res), "mesher": mesher, "setting": ""}
+    own = (one for one in of_case if one.is_about(res=res, mesher=mesher, setting="") and _counts(plan, job, one))
+    if failure := next(own, None):
+        return {"stage": failure.rule, "state": "failed", "reason": failure.reason, "log": str(failure.log)}
+    unmade = [stage.name for stage in plan.line(job) if not stage.nested and not _is_made(plan, stage.name, job)]
+    files = plan.layout.solver_files(plan.config.export.formats, plan.config.export.ten_nodes)
+    if not _is_made(plan, "certify", job) or not Path(plan.layout.certificate.format(**job)).exists():
+        stage = [*unmade, "certify"][0]
+    elif any(not Path(pattern.format(**job)).exists() for pattern in files):
+        stage = "export"
+    else:
+        return None
+    return {"stage": stage, "state": "unfinished", "reason": "the run ended before"}
+
+
+def _counts(plan: Plan, job: Mapping[str, str], failure: Failure) -> bool:
+    """Whether a job that failed is one that the plan still asks for."""
+    case, wildcards, rule = plan.case(job), failure.wildcards, failure.rule
+    stage = STAGES.get(rule.removesuffix("_inner"))
+    asked = {
+        "volumes": bool(case.volumes),
+        "export": EXPORTED.get(wildcards.get("suffix", "")) in plan.config.export.formats,
+        "ten_nodes": bool(plan.config.export.ten_nodes),
+        "case_maps": plan.is_resampled(job),
+        "fields": bool(case.fields),
+        **dict.fromkeys(
+            ("fold", "fold_figures"),
+            case.name in plan.folded and wildcards.get("variant", "").lower() in ("", *plan.config.fold.variants),
+        ),
+        **dict.fromkeys(_OF_EXPERIMENTS, False),
+    }
+    region = wildcards.get("inner")
+    return asked.get(rule, True) and (stage is None or stage in plan.line(job)) and (not region or region in case.inner)
+
+
+def _is_made(plan: Plan, rule: str, job: Mapping[str, str]) -> bool:
+    """Whether a stage of a mesh was made with what the last run asked for."""
+    return receipts.is_current(receipts.read(plan.receipt(rule, job)))
+
+
+def _missing(found: Sequence[Failure]) -> Callable[[str], str | None]:
+    """A function that says why a file is missing: it was not made, or an earlier stage of its mesh failed since."""
+
+    def reason(path: str) -> str | None:
+        label = re.search(rf"_desc-[a-z0-9]+\w*?({_LABEL})(?=[_/A-Z])", path)
+        last = ORDER.index(_RULE_OF[label[1]]) if label and label[1] in _RULE_OF else len(ORDER)
+        causes = (one for one in found if _names(one, path))
+        exists = Path(path).exists()
+        for cause in causes:
+            before = ORDER.index(cause.rule) < last and cause.rule not in AFTER_CERTIFICATE
+            if before or not exists:
+                return f"{cause.rule}: {cause.reason}"
+        return None if exists else "the run ended before"
+
+    return reason
+
+
+#: label of a mesh in names of files -> rule that makes it
+_RULE_OF = {label: name for name, label in LABELS.items()}
+
+
+def _names(failure: Failure, path: str) -> bool:
+    """Whether a file is of the mesh that a job worked for."""
+    of = failure.wildcards
+    words = [rf"\b{re.escape(of['case'])}_"]
+    words += [rf"_res-{of['res']}um_"] if "res" in of else []
+    words += [rf"_desc-{of['mesher']}{of['setting']}({_LABEL})" if "setting" in of else ""] if "mesher" in of else []
+    words += [rf"_desc-{of['mesher']}"] if "mesher" in of and "setting" not in of else []
+    words += [rf"Folded{of['variant']}/"] if "variant" in of else []
+    words += [rf"_seed-{of['seed']}/"] if "seed" in of else []
+    words += [rf"_desc-{of['kind']}{of.get('changed', '')}/"] if "kind" in of else []
+    return all(re.search(word, path) for word in words)

@@ -1,0 +1,635 @@
+"""Tables, figures and pages over all cases, as a function of what is in the output folder.
+
+The rules of the workflow make each of them when all cases are done. After a run with failures, and at any time by
+`cortet cohort report`, all are made of what is there.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import datetime
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, Literal, cast
+
+from cortet.cohort import receipts
+from cortet.cohort.failures import with_failures
+from cortet.cohort.jobs import Mesh, existing
+from cortet.cohort.layout import beside, filled
+from cortet.cohort.plan import Plan
+from cortet.cohort.sheet import read_sheet
+from cortet.config import load
+from cortet.errors import CortetError, InputError
+from cortet.formats.atomic import atomic_path, write_json
+from cortet.study.experiments import Experiments
+
+#: rules of the cohort, not of the experiments
+OF_COHORT = (
+    *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "citation"),
+    *("cohort_tissues", "cohort_maps_L", "cohort_maps_R", "cohort_page"),
+)
+#: what a run leaves of itself in the folder of its receipts
+_RUN = "run.json"
+#: stands at the top of the page of a run that has not ended
+_BANNER = '<p class="older">A run began on {} and has not ended: what is below is older.</p>'
+
+
+@dataclass(frozen=True)
+class Result:
+    """One table, figure or page over all cases."""
+
+    #: name of the rule that makes it
+    rule: str
+    files: Sequence[str]
+    #: files that it is made from, when all cases are done
+    inputs: Callable[[], Iterable[str]]
+    write: Callable[[], None]
+    #: modules whose `VERSION` counts
+    code: Sequence[str]
+    #: file -> category and labels in Snakemake's report
+    shown: Mapping[str, tuple[str, dict[str, str]]] = field(default_factory=dict)
+    #: name of the caption in reports/
+    caption: str = ""
+    #: what it depends on besides its inputs; captions quote it
+    facts: Callable[[], Any] = dict
+    memory_mb: int = 2000
+    minutes: int = 20
+    #: whether it needs at least one mesh with a certificate
+    measures: bool = True
+
+
+def plan_of(config: Mapping[str, Any]) -> Plan:
+    """The plan of a run, of the content of its configuration.
+
+    Raises
+    ------
+    InputError : the configuration or the sheet is wrong
+    """
+    own = load(config)
+    # by the name that files carry: the line's own setting carries none, others are run beside it
+    settings = {"": own} | {
+        name.capitalize(): load({**config, "setting": name}) for name in own.experiments.settings if name != own.setting
+    }
+    for setting in settings.values():
+        setting.require_programs()
+    plan = Plan(settings, read_sheet(own.cohort.sheet, own.cohort.fields))
+    own.require_workflow()
+    own.require_nesting(any(case.inner for case in plan.cases.values()))
+    return plan
+
+
+def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str]) -> None:
+    """Leave the configuration of a run in its output folder, and which results over all cases it asks for.
+
+    Until the run has ended, the page of the cohort says that it is older, and meshes that the run makes again are
+    unfinished in the table of states.
+    """
+    output = Path(plan.layout.output)
+    record = {"config": json.loads(json.dumps(config, default=str)), "asked": sorted(asked)}
+    write_json({**record, "folder": os.path.relpath(Path.cwd(), output)}, output / receipts.FOLDER / _RUN)
+    status, page = OverAll(plan)["cohort_status"].files[0], Path(plan.layout.cohort_page)
+    if Path(status).exists():
+        times = {path: _times(path) for path in OverAll(plan)["cohort_status"].files}
+        OverAll(with_failures(plan))["cohort_status"].write()
+        for path, time in times.items():
+            os.utime(path, ns=time)
+    if page.exists():
+        banner = _BANNER.format(datetime.now().astimezone().strftime("%Y-%m-%d at %H:%M"))
+        _replace(page, re.sub(r"(<body[^>]*>)", rf"\1{banner}", page.read_text(encoding="utf-8"), count=1))
+
+
+def end_run(plan: Plan) -> bool:
+    """Whether results over all cases are up to date after a run without failures; if so, the page says no more."""
+    page = Path(plan.layout.cohort_page)
+    text = page.read_text(encoding="utf-8") if page.exists() else ""
+    plain = re.sub(_BANNER.replace("{}", "[^<]*"), "", text)
+    run = json.loads((Path(plan.layout.output) / receipts.FOLDER / _RUN).read_text(encoding="utf-8"))
+    if plain != text and "cohort_page" in run["asked"]:
+        _replace(page, plain)
+    return plain == text or "cohort_page" in run["asked"]
+
+
+def _times(path: str | Path) -> tuple[int, int]:
+    state = Path(path).stat()
+    return state.st_atime_ns, state.st_mtime_ns
+
+
+def _replace(page: Path, text: str) -> None:
+    """Replace a page that keeps its time, by which Snakemake decides what it makes again."""
+    times = _times(page)
+    with atomic_path(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    os.utime(page, ns=times)
+
+
+def plan_of_run(output: Path) -> tuple[Plan, list[str]]:
+    """The plan of the last run that wrote to an output folder, and the rules over all cases that it asked for.
+
+    The process changes to the folder of the run, to which names of files are relative.
+
+    Raises
+    ------
+    InputError : no run left its configuration there, or its sheet is gone
+    """
+    output = output.absolute()
+    file = output / receipts.FOLDER / _RUN
+    try:
+        record = json.loads(file.read_text(encoding="utf-8"))
+        config, asked, folder = record["config"], list(record["asked"]), output / record["folder"]
+    except (OSError, ValueError, LookupError, TypeError):
+        remedy = "name the output folder of `snakemake` or `cortet run`"
+        raise InputError("no run of cortet left its configuration there", file=output, remedy=remedy) from None
+    try:
+        os.chdir(folder)
+    except OSError:
+        remedy = "move the output folder back beside it, or start the run again"
+        raise InputError("the folder of the run is not there", file=folder, remedy=remedy) from None
+    return plan_of({**config, "output": os.path.relpath(output)}), asked
+
+
+def report(output: Path, *, after: Literal["success", "failure"] | None = None) -> list[Path]:
+    """Make results over all cases, and the pages of failed cases, of what is in an output folder.
+
+    Results of the experiments are made if the last run asked for them, or if they are there already. The next run makes
+    all of them again.
+
+    Parameters
+    ----------
+    after : how the run ended that calls this; it then gets, of all results, only what it asked for and what was there,
+        and after a success only what it did not make itself
+
+    Returns
+    -------
+    The files that were written
+
+    Raises
+    ------
+    InputError : as `plan_of_run`
+    """
+    plan, asked = plan_of_run(output)
+    plan = with_failures(plan)
+    wanted = {None: {*asked, "case_page", *OF_COHORT}, "failure": {*asked}, "success": set[str]()}[after]
+    done = {*asked} if after == "success" else set()
+    written = [Path(path) for path in _write_failure_pages(plan)] if "case_page" in wanted else []
+    measured = bool(plan.measured_certificates())
+    for result in OverAll(plan).results:
+        there = any(Path(path).exists() for path in result.files)
+        if result.rule in done or not (result.rule in wanted or there):
+            continue
+        receipts.forget(receipts.receipt_path(Path(plan.layout.output), Path(plan.layout.log(result.rule, ()))))
+        for path in result.files:
+            Path(path).unlink(missing_ok=True)
+        if measured or not result.measures:
+            result.write()
+            written += map(Path, result.files)
+    return written
+
+
+def _write_failure_pages(plan: Plan) -> list[str]:
+    """Write the pages of meshes that have none because they failed; their paths."""
+    written = []
+    pages, small = plan.each_case(plan.layout.case_page), plan.each_case(plan.layout.thumbnail)
+    for mesh, failure in plan.failures.items():
+        if not plan.is_measured(mesh):
+            _write_failure_page(plan, mesh, failure, pages[mesh], small[mesh])
+            job = {"folder": plan.cases[mesh[0]].folder, "case": mesh[0], "res": str(mesh[1]), "mesher": mesh[2]}
+            receipts.forget(plan.receipt("case_page", {**job, "setting": ""}))
+            written.append(pages[mesh])
+    return written
+
+
+def _write_failure_page(plan: Plan, mesh: Mesh, failure: Mapping[str, Any], page: str, small: str) -> None:
+    from cortet.formats import gifti
+    from cortet.report.case_page import about, write_failure_page
+    from cortet.report.pictures import thumbnail
+
+    case = plan.cases[mesh[0]]
+    job = {"folder": case.folder, "case": case.name, "res": str(mesh[1]), "mesher": mesh[2]}
+    given = existing(filled(plan.layout.surface("phantom"), job) if case.is_phantom else case.surface)
+    surface, trouble = None, "There is no such file."
+    if given:
+        try:
+            surface = gifti.read_surface(str(given), finite=False)
+        except CortetError as error:
+            trouble = f"It cannot be drawn: {error}"
+    facts, cohort = about(plan.about(job)), beside(plan.layout.cohort_page, page)
+    write_failure_page(case.name, failure, page, surface=surface, trouble=trouble, facts=facts, cohort=cohort)
+    with atomic_path(small) as temporary:
+        temporary.write_bytes(thumbnail(surface, cast(Literal["L", "R"] | None, case.hemi)))
+
+
+@dataclass(frozen=True)
+class OverAll:
+    """The results over all cases of a plan."""
+
+    plan: Plan
+    baseline_report: Callable[[Any], str] | None = None
+
+    @cached_property
+    def experiments(self) -> Experiments:
+        """The experiments of the paper."""
+        return Experiments(self.plan, self.baseline_report)
+
+    @cached_property
+    def results(self) -> list[Result]:
+        """All results, those that others are made from first."""
+        return [*self._cohort(), *self._tables_and_figures(), *self._folds()]
+
+    def of(self, *rules: str) -> list[str]:
+        """The files of some results."""
+        return [path for result in self.results if result.rule in rules for path in result.files]
+
+    def pooled_figures(self) -> list[str]:
+        """The figures of pooled quality, one per cell size."""
+        return self.of(*(f"figure_pooled_quality_{res}" for res in self.experiments.ablation_cases))
+
+    def __getitem__(self, rule: str) -> Result:
+        return next(result for result in self.results if result.rule == rule)
+
+    def _files(self, name: str, *suffixes: str) -> list[str]:
+        return [self.plan.layout.cohort(f"{name}{suffix}") for suffix in suffixes]
+
+    def _certificates(self) -> list[str]:
+        return self.plan.measured_certificates()
+
+    def _cases(self) -> list[dict[str, Any]]:
+        return [asdict(case) for case in self.plan.cases.values()]
+
+    def _table(
+        self, rule: str, label: str, inputs: Callable[[], Iterable[str]], write: Callable[..., None], **more: Any
+    ) -> Result:
+        """A table of the cohort: TSV, sidecar and a page for Snakemake's report."""
+        files = self._files(rule, ".tsv", ".json", ".html")
+        shown = {files[2]: ("Cohort", {"result": f"table: {label}"})}
+        code = (more.pop("code"), "report.table_files")
+        return Result(rule, files, inputs, lambda: write(files), code, shown, caption=rule, **more)
+
+    def _cohort(self) -> list[Result]:
+        plan, cases = self.plan, list(self.plan.cases.values())
+
+        def quality(files: Sequence[str]) -> None:
+            from cortet.report.cohort_tables import write_quality
+
+            write_quality(self._certificates(), cases, files)
+
+        def summary(files: Sequence[str]) -> None:
+            from cortet.report.cohort_tables import write_summary
+
+            write_summary(self._certificates(), cases, files)
+
+        def stages(files: Sequence[str]) -> None:
+            from cortet.report.records import write_stages
+
+            write_stages(plan.stage_records(), files)
+
+        def draw() -> None:
+            from cortet.report.figures import cohort_figure, save
+
+            save(cohort_figure(Path(self.of("cohort_quality")[0]), limit=plan.config.certify.q_max), *figure)
+
+        def status(files: Sequence[str]) -> None:
+            from cortet.cohort.status import COLUMNS, status_rows
+            from cortet.report.table_files import Table, write
+
+            write(Table("What became of every case", COLUMNS), status_rows(plan.status()), *files)
+
+        def cite() -> None:
+            from cortet.report.citation import write_citation
+            from cortet.report.cohort_tables import read_certificate
+            from cortet.report.methods import methods_text
+
+            contents = [read_certificate(path) for path in self._certificates()]
+            write_citation(methods_text(contents, plan.sheet, plan.unmeasured()), contents, *cited)
+
+        def tissues(files: Sequence[str]) -> None:
+            from cortet.report.cohort_tissues import write_tissues
+
+            tables = plan.tissue_tables()
+            write_tissues(list(tables.values()), [plan.described(mesh) for mesh in tables], files)
+
+        def maps(hemi: str, files: Sequence[str]) -> None:
+            from cortet.report.cohort_maps import write_maps
+
+            write_maps(list(plan.maps(hemi).items()), *files)
+
+        of_cases = {"code": "report.cohort_tables", "facts": self._cases}
+        figure = self._files("figure-cohort", ".svg", ".pdf", ".png")
+        cited = [f"{plan.layout.output}/logs/CITATION{suffix}" for suffix in (".md", ".bib", ".tex", ".html")]
+        found = [
+            self._table("cohort_quality", "quality", self._certificates, quality, **of_cases),
+            self._table("cohort_summary", "summary", self._certificates, summary, **of_cases),
+            self._table("cohort_stages", "stages", plan.stage_records, stages, code="report.records"),
+            Result(
+                "cohort_figure",
+                figure,
+                lambda: self.of("cohort_quality")[:1],
+                draw,
+                ("report.figures",),
+                {figure[0]: ("Cohort", {"result": "figure: quality against age"})},
+                "cohort_figure",
+                lambda: {"limit": plan.config.certify.q_max},
+            ),
+            self._table(
+                "cohort_status",
+                "status",
+                lambda: [*self._certificates(), *plan.exported_files()],
+                status,
+                code="cohort.status",
+                facts=lambda: [{**row, "certificate": "certificate" in row} for row in plan.status()],
+                measures=False,
+            ),
+            Result(
+                "citation",
+                cited,
+                self._certificates,
+                cite,
+                ("report.methods", "report.citation"),
+                facts=lambda: [asdict(case) for case in plan.sheet],
+            ),
+        ]
+        if plan.has_volumes:
+            found.append(
+                self._table(
+                    "cohort_tissues",
+                    "tissues",
+                    lambda: list(plan.tissue_tables().values()),
+                    tissues,
+                    code="report.cohort_tissues",
+                    facts=lambda: [plan.described(mesh) for mesh in plan.tissue_tables()],
+                )
+            )
+        for hemi in filter(plan.mapped, "LR"):
+            files = [
+                *self._files(f"hemi-{hemi}_desc-mean_", "white.surf.gii", "maps.shape.gii", "maps.json"),
+                *self._files(f"figure-maps_hemi-{hemi}", ".png"),
+            ]
+            found.append(
+                Result(
+                    f"cohort_maps_{hemi}",
+                    files,
+                    partial(self._maps_of, hemi),
+                    partial(maps, hemi, files),
+                    ("report.cohort_maps", "report.render"),
+                    {files[-1]: ("Cohort", {"result": f"maps on the common mesh, {hemi}"})},
+                    "cohort_maps",
+                    partial(self._mapped, hemi),
+                    memory_mb=4000,
+                    minutes=60,
+                )
+            )
+        return [*found, *([self._folding()] if plan.folded else []), self._page()]
+
+    def _maps_of(self, hemi: str) -> list[str]:
+        return list(self.plan.maps(hemi).values())
+
+    def _mapped(self, hemi: str) -> list[str]:
+        return list(self.plan.maps(hemi))
+
+    def _page(self) -> Result:
+        plan, page = self.plan, self.plan.layout.cohort_page
+
+        def parts() -> dict[str, Any]:
+            """Parts of the page that are there."""
+            quality, figure = self._files("cohort_quality", ".tsv", ".json"), self._files("figure-cohort", ".svg")
+            folds, tissues = self._files("cohort_folding", ".tsv", ".svg"), self._files("cohort_tissues", ".tsv")
+            measured = bool(self._certificates())
+            return {
+                "quality": quality if measured else [],
+                "figure": figure if measured else [],
+                "maps": [self.plan.layout.cohort(f"figure-maps_hemi-{hemi}.png") for hemi in plan.mapped_hemispheres()],
+                "folding": folds if plan.folded and (measured or not plan.failures) else [],
+                "tissues": tissues if plan.tissue_tables() else [],
+            }
+
+        def write() -> None:
+            from cortet.report.cohort_page import write_cohort_page
+            from cortet.report.pages import data_uri
+
+            part = {name: [Path(path) for path in paths] for name, paths in parts().items()}
+            small = {mesh: Path(file) for mesh, file in plan.each_case(plan.layout.thumbnail).items()}
+            meshes = [
+                {**row, "thumbnail": data_uri(file.read_bytes(), "image/webp") if file.exists() else None}
+                for row, file in zip(plan.listed_on_page(), small.values(), strict=True)
+            ]
+            folds = [{**run, "folder": beside(Path(path).parent, page)} for path, run in plan.fold_runs().items()]
+            write_cohort_page(
+                Path(self.of("cohort_status")[0]),
+                (part["quality"][0], part["quality"][1]) if part["quality"] else None,
+                page,
+                meshes=meshes,
+                figure=part["figure"][0] if part["figure"] else None,
+                maps=dict(zip(cast(list[Literal["L", "R"]], plan.mapped_hemispheres()), part["maps"], strict=True)),
+                folding=(part["folding"][0], part["folding"][1]) if part["folding"] else None,
+                folds=folds,
+                tissues=part["tissues"][0] if part["tissues"] else None,
+                dataset=plan.config.cohort.dataset.resolve().name if plan.config.cohort.dataset else "",
+            )
+
+        return Result(
+            "cohort_page",
+            [page],
+            lambda: [
+                *self.of("cohort_status")[:1],
+                *(path for paths in parts().values() for path in paths),
+                *plan.each_case(plan.layout.thumbnail).values(),
+            ],
+            write,
+            ("report.pages",),
+            facts=lambda: [plan.listed_on_page(), list(plan.fold_runs().values())],
+            measures=False,
+        )
+
+    def _experiment(
+        self, rule: str, inputs: Callable[[], Iterable[str]], write: Callable[..., None], **more: Any
+    ) -> Result:
+        """A table of the paper: a page for Snakemake's report, TSV, sidecar, LaTeX and Markdown."""
+        files = self._files(rule.replace("_", "-"), ".html", ".tsv", ".json", ".tex", ".md")
+        shown = {files[0]: ("Tables", {"table": more.pop("label")})}
+        code = (more.pop("code"), "report.table_files")
+        return Result(rule, files, inputs, lambda: write(files), code, shown, caption=rule, **more)
+
+    def _tables_and_figures(self) -> list[Result]:
+        plan, of = self.plan, self.experiments
+        config, ages = plan.config, {case.name: case.scan_age for case in plan.cases.values()}
+        references = [plan.layout.cohort(f"reference-{name}_quality.json") for name in of.references()]
+
+        def ablation(files: Sequence[str]) -> None:
+            from cortet.study.ablation import write_ablation
+
+            write_ablation(
+                of.existing(of.ablation_records()),
+                of.existing(of.ablation_reports()),
+                of.missing(of.ablation_asked()),
+                references,
+                files,
+            )
+
+        def by_mesh(name: str, records: Callable[[], dict[str, Any]]) -> Callable[[Sequence[str]], None]:
+            def write(files: Sequence[str]) -> None:
+                from cortet.study.mesh_tables import write_mesh_table
+
+                write_mesh_table(name, of.existing(records()), of.missing(records()), files, ages=ages)
+
+            return write
+
+        def methods() -> None:
+            from cortet.report.methods import write_methods
+
+            write_methods(self._certificates(), plan.sheet, plan.unmeasured(), *text)
+
+        def pooled(res: int, files: Sequence[str]) -> None:
+            from cortet.study.pooled_quality import draw_pooled
+
+            settings = {str(plan.settings[name].setting): mesher for name, mesher in of.mesher_of.items()}
+            draw_pooled(of.existing(of.pooled_records(res)), files, settings=settings, limit=config.certify.q_max)
+
+        def side_by_side() -> None:
+            from cortet.study.series import draw_series
+
+            draw_series(of.series(), series, cell_size=h)
+
+        text = self._files("methods", ".md", ".html")
+        found = [
+            self._experiment(
+                "table_ablation",
+                lambda: [*of.ablation_records(), *of.ablation_reports(), *references],
+                ablation,
+                label="1, stage ablation",
+                code="study.ablation",
+            ),
+            self._experiment(
+                "table_resolution",
+                lambda: list(of.resolution_records()),
+                by_mesh("resolution", of.resolution_records),
+                label="2, cell size",
+                code="study.mesh_tables",
+                facts=lambda: ages,
+            ),
+            self._experiment(
+                "table_measures",
+                lambda: list(of.measures_records()),
+                by_mesh("measures", of.measures_records),
+                label="other measures",
+                code="study.mesh_tables",
+                facts=lambda: ages,
+            ),
+            Result(
+                "methods",
+                text,
+                self._certificates,
+                methods,
+                ("report.methods",),
+                {text[1]: ("Methods", {"text": "methods paragraph"})},
+                "methods",
+                lambda: [asdict(case) for case in plan.sheet],
+            ),
+        ]
+        for res, cases in of.ablation_cases.items():
+            files = self._files(f"figure-pooled-quality_res-{res}um", ".svg", ".pdf", ".png")
+            found.append(
+                Result(
+                    f"figure_pooled_quality_{res}",
+                    files,
+                    partial(of.pooled_records, res),
+                    partial(pooled, res, files),
+                    ("report.figures", "study.pooled_quality"),
+                    {files[0]: ("Figures", {"figure": f"pooled quality, h = {res} µm"})},
+                    "figure_pooled_quality",
+                    partial(dict, h=res / 1000, cases=len(cases), limit=config.certify.q_max),
+                )
+            )
+        series, h = self._files("figure-series", ".svg", ".pdf", ".png"), plan.resolutions[0] / 1000
+        return [
+            *found,
+            Result(
+                "figure_series",
+                series,
+                lambda: [mesh for brain in of.series() for mesh in brain["meshes"].values()],
+                side_by_side,
+                ("study.series", "report.render"),
+                {series[0]: ("Figures", {"figure": "developmental series"})},
+                "figure_series",
+                lambda: {"brains": [{**brain, "meshes": list(brain["meshes"])} for brain in of.series()], "h": h},
+                memory_mb=8000,
+                minutes=30,
+            ),
+        ]
+
+    def _folding(self) -> Result:
+        plan, files = self.plan, self._files("cohort_folding", ".tsv", ".json", ".svg", ".pdf", ".png")
+
+        def write() -> None:
+            from cortet.report.cohort_folding import write_cohort_folding
+
+            runs = {verdict: (run, plan.missing(verdict)) for verdict, run in plan.fold_runs().items()}
+            there = [{**run, "folder": str(Path(path).parent)} for path, (run, reason) in runs.items() if not reason]
+            failed = [{**run, "reason": reason} for run, reason in runs.values() if reason]
+            write_cohort_folding(there, failed, files)
+
+        return Result(
+            "cohort_folding",
+            files,
+            lambda: [
+                str(Path(path).with_name(name)) for path in plan.fold_runs() for name in ("verdict.json", "fold.tsv")
+            ],
+            write,
+            ("report.cohort_folding",),
+            {files[2]: ("Folding", {"figure": "all folds"})},
+            "cohort_folding",
+            lambda: list(plan.fold_runs().values()),
+        )
+
+    def _folds(self) -> list[Result]:
+        plan, of = self.plan, self.experiments
+
+        def shown(name: str) -> tuple[list[str], dict[str, Any]]:
+            tables = self._files(f"table-{name}", ".html", ".tsv", ".json", ".tex", ".md")
+            pictures = self._files(f"figure-{name}", ".svg", ".pdf", ".png")
+            labels = {tables[0]: ("Folding", {"table": name}), pictures[0]: ("Folding", {"figure": name})}
+            return [*tables, *pictures], labels
+
+        def converge(files: Sequence[str]) -> None:
+            from cortet.study.convergence import write_convergence
+
+            records = [path for path in of.existing(of.convergence_files()) if path.endswith("record.json")]
+            write_convergence([Path(path).parent for path in records], files)
+
+        def predict(files: Sequence[str]) -> None:
+            from cortet.study.prediction_tables import write_prediction
+
+            records, spreads = of.existing(plan.prediction_files("record.json")), of.existing(plan.prediction_spreads())
+            write_prediction([*map(Path, records)], [*map(Path, spreads)], files)
+
+        def predicted() -> list[str]:
+            names = ("record.json", "predicted.png", "errors.png")
+            return [path for name in names for path in plan.prediction_files(name)] + plan.prediction_spreads()
+
+        convergence, in_report = shown("convergence")
+        convergence += self._files("convergence", ".txt")
+        prediction, of_prediction = shown("prediction")
+        return [
+            Result(
+                "convergence",
+                convergence,
+                of.convergence_files,
+                lambda: converge(convergence),
+                ("study.convergence", "report.table_files"),
+                in_report,
+                "table_convergence",
+                measures=False,
+            ),
+            Result(
+                "prediction",
+                prediction,
+                predicted,
+                lambda: predict(prediction),
+                ("study.prediction_tables", "report.table_files"),
+                of_prediction,
+                "table_prediction",
+                measures=False,
+            ),
+        ]

@@ -1,0 +1,47 @@
+"""How a run begins and ends. From its start to its end it holds the lock of the output folder.
+
+A failed case makes its job fail: the log says why, the others go on (`keep-going`), and the exit code is not zero. But a
+rule over all cases cannot run when one of its inputs was not made. So a run with failures ends with `cortet cohort
+report`, which makes tables, figures and pages of what is there.
+"""
+
+import subprocess
+import sys
+
+from cortet.cohort.failures import with_failures
+from cortet.cohort.lock import HELD_BY, hold, is_held_by_parent
+from cortet.cohort.saved_jobs import debug_command, saved_path
+from cortet.study.over_all import end_run, remember_run
+
+HELD = []  # files whose locks last until the end of this process
+
+
+def report_what_is_there(after):
+    """Make tables, figures and pages over all cases in a process of its own, which has seconds to work in."""
+    path = os.pathsep.join(filter(None, [workflow.basedir, os.environ.get("PYTHONPATH")]))
+    command = [sys.executable, "-m", "cortet.cli", "cohort", "report", "--after", after, OUT]
+    environment = os.environ | {HELD_BY: str(os.getpid()), "PYTHONPATH": path}
+    subprocess.run(command, check=False, env=environment, stdout=subprocess.DEVNULL)
+
+
+onstart:
+    try:
+        if not is_held_by_parent():
+            HELD.append(hold(CONFIG.output))
+    except CortetError as error:
+        raise WorkflowError(str(error)) from None
+    remember_run(PLAN, config, ASKED)
+
+
+onsuccess:
+    if not end_run(PLAN):
+        report_what_is_there("success")
+
+
+onerror:
+    for (case, *_), failure in with_failures(PLAN).failures.items():
+        logger.error(f"{case}: {failure['stage']}: {failure['reason']}")
+        if (log := failure.get("log")) and saved_path(Path(log)).exists():
+            runner = Path(workflow.basedir) / "scripts/_job.py"
+            logger.error(f"{case}: to run it again in a debugger: {debug_command(Path(log), runner)}")
+    report_what_is_there("failure")
