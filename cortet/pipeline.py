@@ -144,7 +144,7 @@ def run(
             within, reported["inner"] = {}, {}
             for name, one in latest["surface"].inner.items():
                 own = config.arguments(stage.name, {**facts, "source": str((inner_sources or {}).get(name, name))})
-                inside = {"inside": True} if stage.told_inside else {}
+                inside = {"inside": True} if stage.takes_inside else {}
                 within[name], report = stage.function(one, *taken[1:], **own, **inside)
                 reported["inner"][name] = asdict(report)
             latest["surface"] = nested(latest["surface"], within)

@@ -109,7 +109,7 @@ class Section(BaseModel):
         """Programs outside Python that the stage calls -> the key that avoids them."""
         return {}
 
-    def knows_no_interfaces(self) -> str:
+    def excludes_inner_surfaces(self) -> str:
         """The key, and its value, with which the stage cannot process inner surfaces; "" if it can."""
         return ""
 

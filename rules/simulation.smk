@@ -96,14 +96,7 @@ rule prediction_run:
         ages=lambda wildcards: list(PLAN.prediction_series()[wildcards.case]),
         files=lambda wildcards: PLAN.labels_of_series(wildcards.case),
         origin=lambda wildcards: {"case": wildcards.case, "kind": wildcards.kind, "variant": wildcards.changed.lower()},
-        input_sha256=lambda wildcards: content(
-            {
-                path: path
-                for path in PLAN.surfaces_of_series(wildcards.case)
-                + PLAN.spheres_of_series(wildcards.case)
-                + list(filter(None, [PLAN.labels_of_series(wildcards.case)]))
-            }
-        ),
+        input_sha256=PLAN.series_sha256,
         version=[
             version_of("simulation.fold"),
             version_of("study.prediction"),
@@ -145,7 +138,7 @@ rule prediction_views:
         placement=CONFIG.placement(),
         hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
         ages=lambda wildcards: list(PLAN.prediction_series()[wildcards.case]),
-        input_sha256=lambda wildcards: content({path: path for path in PLAN.surfaces_of_series(wildcards.case)}),
+        input_sha256=PLAN.series_sha256,
         version=[version_of("study.prediction_tables")],
     script:
         "../scripts/prediction_views.py"
@@ -178,7 +171,7 @@ rule prediction_spread:
         placement=CONFIG.placement(),
         hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
         ages=lambda wildcards: list(PLAN.prediction_series()[wildcards.case]),
-        input_sha256=lambda wildcards: content({path: path for path in PLAN.surfaces_of_series(wildcards.case)}),
+        input_sha256=PLAN.series_sha256,
         version=[version_of("study.prediction_spread")],
     script:
         "../scripts/prediction_spread.py"

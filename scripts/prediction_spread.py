@@ -10,7 +10,7 @@ from cortet.formats.atomic import write_json
 from cortet.formats.gifti import write_fields
 from cortet.report.figures import save
 from cortet.study.longitudinal import read_series
-from cortet.study.prediction_spread import judged, maps_of, spread_views, spreads
+from cortet.study.prediction_spread import checked, maps_of, spread_views, spreads
 from cortet.study.prediction_tables import predicted_surfaces
 
 files = dict(zip(job.params.ages, map(Path, job.input.surfaces), strict=True))
@@ -22,7 +22,7 @@ write_json(
         "series": job.wildcards.case,
         "kind": job.wildcards.kind,
         "runs": [Path(record).parent.name for record in job.input.records],
-        "ages": judged(series, found),
+        "ages": checked(series, found),
     },
     job.output.record,
 )

@@ -22,7 +22,7 @@ from typing import Any, TextIO
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
-#: rule after which a mesh is judged, and rule that folds it
+#: rule after which a mesh is checked, and rule that folds it
 _LAST, _FOLD = "certify", "fold"
 #: what Snakemake says of a failed job, of which our own line says why
 _SAID = ("RuleException", "CalledProcessError")

@@ -4,9 +4,9 @@ Surfaces may be files, NiBabel images, meshes of PyVista or trimesh, or pairs of
 result is saved. The command line and the workflow do the same with files.
 """
 
+from cortet.api.checking import certify, compare, repair
 from cortet.api.folding import Folded, fold, growth
 from cortet.api.given import surface
-from cortet.api.judging import certify, compare, repair
 from cortet.api.meshing import Mesh, mesh
 
 __all__ = ["Folded", "Mesh", "certify", "compare", "fold", "growth", "mesh", "repair", "surface"]

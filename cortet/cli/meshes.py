@@ -153,7 +153,7 @@ def certify_command(args: argparse.Namespace) -> int:
         mesh = with_regions(mesh, list(surface.inner))
         if args.cell_size is not None and args.surface == given:  # not as meshed: separate them as then
             surface, _ = separate(surface, **Config().arguments("separate", {"cell_size": args.cell_size}))
-    certificate = _judged(mesh, surface, args.mesh, args)
+    certificate = _checked(mesh, surface, args.mesh, args)
     if args.output:
         write_json(asdict(certificate), args.output)
     for check in certificate.checks:
@@ -173,7 +173,7 @@ def _filled_surface(mesh: Path, args: argparse.Namespace) -> TriSurface:
     return surface
 
 
-def _judged(mesh: TetMesh, surface: TriSurface, file: Path, args: argparse.Namespace) -> Certificate:
+def _checked(mesh: TetMesh, surface: TriSurface, file: Path, args: argparse.Namespace) -> Certificate:
     """The certificate of the mesh of a file, by the limits given to the command and the cell size if that is known."""
     from cortet.config import load
     from cortet.measure.certify import certify
@@ -194,7 +194,7 @@ def compare_command(args: argparse.Namespace) -> int:
     names = _names_of(args.meshes)
     surface = _filled_surface(args.meshes[0], args)
     meshes = {name: read_mesh(file) for name, file in names.items()}
-    certificates = {name: asdict(_judged(mesh, surface, names[name], args)) for name, mesh in meshes.items()}
+    certificates = {name: asdict(_checked(mesh, surface, names[name], args)) for name, mesh in meshes.items()}
     write_comparison_page(meshes, certificates, surface, args.output, source=args.surface.name)
     if args.table:
         rows = comparison_rows(certificates)

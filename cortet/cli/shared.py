@@ -43,7 +43,7 @@ def inner() -> argparse.ArgumentParser:
 
 
 def limits() -> argparse.ArgumentParser:
-    """Options for the limits by which a mesh is judged."""
+    """Options for the limits by which a mesh is checked."""
     own = argparse.ArgumentParser(add_help=False)
     own.add_argument("--q-max", type=Number(0, 1), metavar="Q", help="limit of the worst q (default: 0.6)")
     own.add_argument(

@@ -41,6 +41,9 @@ class Failure:
     wildcards: Mapping[str, str]
     reason: str
     log: Path
+    #: the reason without what to do about it, and that; empty for a job that was killed
+    problem: str = ""
+    remedy: str = ""
 
     def is_about(self, **wildcards: object) -> bool:
         """Whether the job worked for a mesh, as far as its wildcards say: one on a surface works for all its meshes."""
@@ -57,15 +60,18 @@ def failures(output: Path, *, ended: bool = True) -> list[Failure]:
     found = []
     for record, log in receipts.unfinished(output):
         if record["rule"] in ORDER and (ended or failure_path(log).exists()):
-            found.append(Failure(record["rule"], record["wildcards"], _reason(log), log))
+            found.append(Failure(record["rule"], record["wildcards"], log=log, **_story(log)))
     return sorted(found, key=lambda failure: ORDER.index(failure.rule))
 
 
-def _reason(log: Path) -> str:
+def _story(log: Path) -> dict[str, str]:
+    """Reason, problem and remedy of a failure; of a job that was killed, what its log says."""
     try:
-        return str(json.loads(failure_path(log).read_text(encoding="utf-8"))["reason"])
+        told = json.loads(failure_path(log).read_text(encoding="utf-8"))
+        where = f"{told['where']}: " if told["where"] else ""
+        return {"reason": told["reason"], "problem": f"{where}{told['what']}", "remedy": told["remedy"] or ""}
     except (OSError, ValueError, LookupError, TypeError):
-        return failure_reason(log)
+        return {"reason": failure_reason(log)}
 
 
 def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
@@ -87,7 +93,8 @@ def _state(plan: Plan, mesh: Mesh, of_case: Sequence[Failure]) -> dict[str, Any]
     job = {"folder": plan.cases[case].folder, "case": case, "res": str(res), "mesher": mesher, "setting": ""}
     own = (one for one in of_case if one.is_about(res=res, mesher=mesher, setting="") and _counts(plan, job, one))
     if failure := next(own, None):
-        return {"stage": failure.rule, "state": "failed", "reason": failure.reason, "log": str(failure.log)}
+        words = {"reason": failure.reason, "problem": failure.problem, "remedy": failure.remedy}
+        return {"stage": failure.rule, "state": "failed", **words, "log": str(failure.log)}
     unmade = [stage.name for stage in plan.line(job) if not stage.nested and not _is_made(plan, stage.name, job)]
     files = plan.layout.solver_files(plan.config.export.formats, plan.config.export.ten_nodes)
     if not _is_made(plan, "certify", job) or not Path(plan.layout.certificate.format(**job)).exists():

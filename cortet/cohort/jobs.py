@@ -168,7 +168,7 @@ class Jobs:
     def arguments(self, step: str, job: Job) -> dict[str, Any]:
         """Keyword arguments of a stage or another step; with its VERSION they decide whether it runs again."""
         values = self._config_of(step, job).arguments(step, self._facts_of(step, job))
-        told = step in STAGES and STAGES[step].told_inside and "inner" in job.keys()  # noqa: SIM118
+        told = step in STAGES and STAGES[step].takes_inside and "inner" in job.keys()  # noqa: SIM118
         return {**values, "inside": True} if told else values
 
     def recorded_line(self, job: Job) -> dict[str, Any]:

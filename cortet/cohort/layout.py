@@ -140,9 +140,10 @@ class Layout:
         return f"{self.output}/{folder}/{rule}{f'/{tail}' if tail else ''}.{kind}"
 
 
-def file_of(pattern: str, case: Case, res: int, mesher: str, setting: str = "") -> str:
+def file_of(pattern: str, case: Case, res: int, mesher: str, setting: str = "", variant: str = "") -> str:
     """The file of a pattern for one mesh."""
-    return pattern.format(folder=case.folder, case=case.name, res=res, mesher=mesher, setting=setting, variant="")
+    names = {"folder": case.folder, "case": case.name, "setting": setting, "variant": variant}
+    return pattern.format(res=res, mesher=mesher, **names)
 
 
 def filled(pattern: str, wildcards: Mapping[str, Any], **more: str) -> str:

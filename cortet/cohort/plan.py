@@ -14,6 +14,7 @@ from typing import Any
 
 from cortet.cohort.jobs import Job, Jobs, Mesh, existing
 from cortet.cohort.layout import EXPORTED, beside, file_of, filled
+from cortet.cohort.receipts import content
 from cortet.cohort.selection import folded
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.errors import InputError
@@ -74,9 +75,7 @@ class Plan(Jobs):
     def fold_runs(self) -> dict[str, dict[str, Any]]:
         """Requested folds: verdict file -> row of the folding table."""
         return {
-            file_of(self.layout.fold("verdict.json"), self.cases[case], res, mesher).replace(
-                "Folded/", f"Folded{variant.capitalize()}/"
-            ): {
+            file_of(self.layout.fold("verdict.json"), self.cases[case], res, mesher, variant=variant.capitalize()): {
                 "case": case,
                 "variant": variant or None,
                 "cell_size_mm": res / 1000,
@@ -146,6 +145,13 @@ class Plan(Jobs):
         """File with the lobe, or another label, of each vertex of the first surface of a series, if it has one."""
         file = self.cases[first].fields.get(LABEL_FIELD)
         return None if file is None else str(file)
+
+    def series_sha256(self, job: Job) -> dict[str, str | None]:
+        """Hashes of the user's files of a series, in their order."""
+        first, output = job["case"], Path(self.layout.output).absolute()
+        paths = [*self.surfaces_of_series(first), *self.spheres_of_series(first), self.labels_of_series(first)]
+        own = [path for path in paths if path and not Path(path).absolute().is_relative_to(output)]
+        return content({str(number): path for number, path in enumerate(own)})
 
     def predictions(self, kinds: Iterable[str]) -> Iterator[Job]:
         """Series and kinds that are predicted, of some kinds."""
@@ -298,10 +304,11 @@ class Plan(Jobs):
                 "case": name,
                 "cell_size_mm": res / 1000,
                 "mesher": mesher,
-                **self.failures.get((name, res, mesher), {}),
+                **{key: of[key] for key in ("stage", "state", "reason", "log") if key in of},
                 **({"certificate": certificate} if self.is_measured((name, res, mesher)) else {}),
             }
             for (name, res, mesher), certificate in self.each_case(self.layout.certificate).items()
+            for of in [self.failures.get((name, res, mesher), {})]
         ]
         excluded = [case for case in self.sheet if not case.include]
         return meshes + [{"case": case.name, "state": "excluded", "reason": case.exclude_reason} for case in excluded]

@@ -134,9 +134,10 @@ class Config(_WithTheLine):
     def require_nesting(self, nested: bool) -> None:
         """Raise InputError if there are inner surfaces and a mesher or a stage knows no interfaces."""
         for stage in self.line(nested=True) if nested else []:
-            if key := self.section_of(stage).knows_no_interfaces():
+            if key := self.section_of(stage).excludes_inner_surfaces():
                 raise InputError(
-                    f"{key} knows no inner surfaces", remedy="use the setting `default` for cases that have some"
+                    f"{key} does not support inner surfaces",
+                    remedy="use the setting `default` for cases that have some",
                 )
 
     def require_workflow(self) -> None:

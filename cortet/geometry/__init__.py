@@ -1,1 +1,1 @@
-"""Points, triangles and tetrahedra: connectivity, intersections, closest points; nothing is judged here."""
+"""Points, triangles and tetrahedra: connectivity, intersections, closest points; nothing is checked here."""

@@ -40,10 +40,10 @@ from cortet.measure.checks import (
     Check,
     bank_checks,
     boundary_checks,
+    checked,
     for_cell_size,
     for_mesher,
     interface_checks,
-    judged,
     loss_checks,
     meshing_checks,
     native_checks,
@@ -156,7 +156,7 @@ def certify(
         its inner surface
     q_max : the worst q must stay below this limit
     max_boundary_distance : mm, largest distance of a boundary node to `surface`
-    cell_size : mm; if None, the limits that are fractions of it are not judged
+    cell_size : mm; if None, the limits that are fractions of it are not checked
     max_surface_distance, max_mean_surface_distance : fractions of `cell_size`, largest and mean distance of points of
         `surface` to the boundary
     max_area_change, max_volume_change : relative change of area and of volume against `surface`, of either sign
@@ -167,10 +167,10 @@ def certify(
         boundary and `native`, the larger of both directions. They do not apply to a repaired surface: `repair` has
         limits of its own
     max_native_area_change : relative change of the area against `native`; it does not apply to a repaired surface
-    Any limit may be None: the number is reported, not judged.
+    Any limit may be None: the number is reported, not checked.
     case : name of the case
     source : file of the input surface, which is identified by its hash
-    parameters, reports : stage -> its parameters and its report; the topology that S1 reports is judged too
+    parameters, reports : stage -> its parameters and its report; the topology that S1 reports is checked too
 
     Raises
     ------
@@ -229,19 +229,19 @@ def certify(
     enclosed = enclosed_volume(boundary.points, boundary.faces)
     largest, mean = (times(fraction, cell_size) for fraction in (max_surface_distance, max_mean_surface_distance))
     checks = (
-        judged("worst q", measured.q.max, "<", q_max, remedy=worst[0].remedy),
-        judged("tetrahedra without positive volume", int((volumes <= 0).sum()), "==", 0),
-        judged(
+        checked("worst q", measured.q.max, "<", q_max, remedy=worst[0].remedy),
+        checked("tetrahedra without positive volume", int((volumes <= 0).sum()), "==", 0),
+        checked(
             "relative difference between the sum of volumes and the enclosed volume",
             relative_difference(float(volumes.sum()), enclosed),
             "<=",
             VOLUME_TOLERANCE,
         ),
-        *(judged(flaw.name, flaw.count, "==", 0) for flaw in found),
-        judged("unused nodes", len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))), "==", 0),
+        *(checked(flaw.name, flaw.count, "==", 0) for flaw in found),
+        checked("unused nodes", len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))), "==", 0),
         *topology_checks(topology, surface_topology(surface.faces).euler_number),
         *meshing_checks(reports.get("generate")),
-        judged("boundary faces that cross others", len(crossing), "==", 0, remedy=TOPOLOGY_REMEDY),
+        checked("boundary faces that cross others", len(crossing), "==", 0, remedy=TOPOLOGY_REMEDY),
         *bank_checks(gaps, share=min_bank_gap),
         *boundary_checks(faithful, nodes=max_boundary_distance, centres=times(max_face_distance, cell_size)),
         *loss_checks(faithful, largest=largest, mean=mean, area=max_area_change, volume=max_volume_change),

@@ -38,7 +38,7 @@ TOPOLOGY_REMEDY = "add a smaller fraction to `generate.facet_distance`, or use a
 
 @dataclass(frozen=True)
 class Check:
-    """One number and the limit that judges it."""
+    """One number and the limit that checks it."""
 
     name: str
     value: float
@@ -59,7 +59,7 @@ class Check:
         return f"{self.name} {self.value:.6g}{unit}, {limit}"
 
 
-def judged(
+def checked(
     name: str, value: float, comparison: Comparison | None, limit: float | None, *, unit: str = "", remedy: str = ""
 ) -> Check:
     """The check of a number; without a limit it passes and states no comparison."""
@@ -91,7 +91,7 @@ def for_cell_size(check: Check, cell_size: float | None) -> Check:
 
 def bank_checks(found: Banks, *, share: float | None) -> Iterator[Check]:
     """How near the banks of the boundary come to each other, measured outside the mesh."""
-    yield judged(BANKS, found.least_share, ">=", share, remedy=LOSS_REMEDY)
+    yield checked(BANKS, found.least_share, ">=", share, remedy=LOSS_REMEDY)
 
 
 def native_checks(
@@ -106,7 +106,7 @@ def native_checks(
         ("distance between the boundary and the native surface, on average", max(there.mean, back.mean), mean, "mm"),
         ("relative change of the area against the native surface", abs(found.relative_area_change), area, ""),
     ):
-        yield judged(name, value, "<=", limit, unit=unit, remedy=_NATIVE_REMEDY)
+        yield checked(name, value, "<=", limit, unit=unit, remedy=_NATIVE_REMEDY)
 
 
 def relative_difference(one: float, other: float) -> float:
@@ -131,14 +131,14 @@ def topology_checks(boundary: SurfaceTopology, euler_number: int) -> Iterator[Ch
         "pinched boundary vertices": (boundary.pinched_vertices, 0),
     }
     for name, (value, limit) in wanted.items():
-        yield judged(name, value, "==", limit, remedy=TOPOLOGY_REMEDY)
+        yield checked(name, value, "==", limit, remedy=TOPOLOGY_REMEDY)
 
 
 def region_checks(regions: Sequence[RegionRecord], *, volume: float | None) -> Iterator[Check]:
     """Whether each region has tetrahedra, and how much its volume changed."""
     for one in regions:
-        yield judged(f"tetrahedra of region {one.name}", one.tetrahedra, ">=", 1)
-        yield judged(
+        yield checked(f"tetrahedra of region {one.name}", one.tetrahedra, ">=", 1)
+        yield checked(
             f"relative change of the volume of region {one.name}",
             abs(one.relative_volume_change),
             "<=",
@@ -160,8 +160,8 @@ def interface_checks(
         genus = (2 - one.surface_euler_number) // 2
         problems = one.topology.problems(genus)
         remedy = "; ".join([*problems, "use a smaller cell size, or a larger regions.min_gap"])
-        yield judged(f"topology problems of the interface {one.name}", len(problems), "==", 0, remedy=remedy)
-        yield judged(
+        yield checked(f"topology problems of the interface {one.name}", len(problems), "==", 0, remedy=remedy)
+        yield checked(
             f"faces of the interface {one.name} that are not between {one.name} and {one.around}",
             one.misplaced_faces,
             "==",
@@ -178,18 +178,18 @@ def interface_checks(
             ("distance of the surface {} to the interface, on average", one.surface_to_interface_mm.mean, mean, "mm"),
             ("relative change of the area of the interface {}", abs(one.relative_area_change), area, ""),
         ):
-            yield judged(what.format(one.name), value, "<=", limit, unit=unit, remedy=LOSS_REMEDY)
+            yield checked(what.format(one.name), value, "<=", limit, unit=unit, remedy=LOSS_REMEDY)
 
 
 def meshing_checks(report: Mapping[str, Any] | None) -> Iterator[Check]:
     """Whether S1 reported a topology problem: a later stage can hide one, but not undo it."""
     if report is not None:
-        yield judged("topology problems after S1", int(not report["topology_ok"]), "==", 0, remedy=TOPOLOGY_REMEDY)
+        yield checked("topology problems after S1", int(not report["topology_ok"]), "==", 0, remedy=TOPOLOGY_REMEDY)
 
 
 def boundary_checks(found: Fidelity, *, nodes: float | None, centres: float | None) -> Iterator[Check]:
     """How far the boundary is from the surface, mm."""
-    yield judged(
+    yield checked(
         "distance of a boundary node to the surface, at most",
         found.nodes_to_surface_mm.max,
         "<=",
@@ -197,7 +197,7 @@ def boundary_checks(found: Fidelity, *, nodes: float | None, centres: float | No
         unit="mm",
         remedy="use `boundary: slide` in `clean` and `fixed` in `relocate`, or switch `snap` on",
     )
-    yield judged(
+    yield checked(
         "distance of the centre of a boundary face to the surface, at most",
         found.face_centres_to_surface_mm.max,
         "<=",
@@ -218,4 +218,4 @@ def loss_checks(
         ("relative change of the area", abs(found.relative_area_change), area, ""),
         ("relative change of the volume", abs(found.relative_volume_change), volume, ""),
     ):
-        yield judged(name, value, "<=", limit, unit=unit, remedy=LOSS_REMEDY)
+        yield checked(name, value, "<=", limit, unit=unit, remedy=LOSS_REMEDY)

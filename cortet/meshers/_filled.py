@@ -28,7 +28,7 @@ def well_ordered(points: FloatArray, cells: IntArray, region: IntArray | None = 
     return TetMesh(points, cells, cell_data={} if region is None else {REGION: region[kept][order]}), flat
 
 
-def judged(
+def checked(
     mesh: TetMesh,
     surface: TriSurface,
     *,

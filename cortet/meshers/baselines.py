@@ -173,7 +173,7 @@ def _run(mesher: str, given: str, made: str, cell_size: str) -> None:
 def _fill(mesher: str, surface: TriSurface, settings: Settings) -> Filled:
     """A mesh by one of `TOOLS`, without its flat tetrahedra; refused if it overlaps itself."""
     from cortet.geometry.filling import folded_faces
-    from cortet.meshers._filled import judged, log_attempt, well_ordered
+    from cortet.meshers._filled import checked, log_attempt, well_ordered
 
     began = time.perf_counter()
     made = tetrahedra(surface, mesher, cell_size=settings.cell_size, time_limit=settings.time_limit)
@@ -182,7 +182,7 @@ def _fill(mesher: str, surface: TriSurface, settings: Settings) -> Filled:
         raise StageError(
             f"{mesher} returned tetrahedra that overlap: both those of {folded} faces are on one side of it"
         )
-    attempt = judged(mesh, surface, flat=flat)
+    attempt = checked(mesh, surface, flat=flat)
     log_attempt(mesher, attempt, time.perf_counter() - began)
     return Filled(mesh, (attempt,), TOOLS[mesher][0])
 

@@ -67,14 +67,14 @@ def _attempt(
 ) -> tuple[TetMesh, Attempt]:
     """Mesh once and compare the topology of the result with that of the surface."""
     from cortet.meshers import _cgal
-    from cortet.meshers._filled import judged, log_attempt, well_ordered
+    from cortet.meshers._filled import checked, log_attempt, well_ordered
 
     began = time.perf_counter()
     mesh, flat = well_ordered(*_cgal.fill(off, backend=backend, criteria=criteria, passes=passes, seed=seed))
     if flat:
         logger.warning("%d exactly flat tetrahedra left out", flat)
     what = f"{backend}, facet distance {criteria.facet_distance:g} mm, {', '.join(('refinement', *passes))}"
-    attempt = judged(mesh, surface, facet_distance=criteria.facet_distance, passes=passes, flat=flat)
+    attempt = checked(mesh, surface, facet_distance=criteria.facet_distance, passes=passes, flat=flat)
     log_attempt(what, attempt, time.perf_counter() - began)
     return mesh, attempt
 

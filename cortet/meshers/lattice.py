@@ -71,7 +71,7 @@ def _meshed(surface: TriSurface, made: Sequence[Remeshed], edge: float, settings
     """Fill remeshed surfaces, whose edges are at most `edge` mm long, and compare the result with the given ones."""
     from cortet.geometry.nesting import joined
     from cortet.measure.quality import quality
-    from cortet.meshers._filled import judged, well_ordered
+    from cortet.meshers._filled import checked, well_ordered
     from cortet.meshers._lattice import graded_nodes, tetrahedralised
     from cortet.meshers._nested import regions_of
     from cortet.optimise.reconnection import reconnected
@@ -93,7 +93,7 @@ def _meshed(surface: TriSurface, made: Sequence[Remeshed], edge: float, settings
     mesh, flat = well_ordered(points, cells, regions_of(points, cells, walls) if surface.inner else None)
     require_sound(mesh, quality(mesh.points, mesh.cells))
     mesh = reconnected(mesh, surface, insert=False, cell_size=settings.cell_size).mesh
-    attempt = judged(mesh, surface, edge_length=edge, flat=flat)
+    attempt = checked(mesh, surface, edge_length=edge, flat=flat)
     return mesh, replace(attempt, problems=attempt.problems + _interface_problems(mesh, surface))
 
 

@@ -118,7 +118,7 @@ def without_crossing(
     Returns
     -------
     The result, the report of the first call, and the vertices held in the end, (h,) int32. Flaws that remain after a
-    few rounds stay in the result; the certificate judges them.
+    few rounds stay in the result; the certificate checks them.
     """
     flaws_of = flaws_since(mesh, surface, cell_size)
     held = np.zeros(0, np.int32) if held is None else held

@@ -1,7 +1,7 @@
 """Cut out the few places of a mesh with its worst tetrahedra, so that many attempts there cost little.
 
-Each place is judged alone. It keeps the attempt that made its worst tetrahedron best, unless the excess of its
-tetrahedra over `BEYOND_HOPE` grew.
+Each place is checked alone. It keeps the attempt that made its worst tetrahedron best, unless the excess of its
+tetrahedra over `FAILING_Q` grew.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from cortet.meshes import FloatArray, IntArray, TetMesh
 #: layers of tetrahedra around the worst ones that belong to a place
 RINGS = 4
 #: above this q, a tetrahedron counts beside the worst one: no mesh with such a tetrahedron is certified
-BEYOND_HOPE = 0.6
+FAILING_Q = 0.6
 #: fields of a part: the number of each node in the whole mesh, and the number of each tetrahedron's place
 _NODE, _PLACE = "node of the whole", "place"
 
@@ -76,11 +76,11 @@ def nodes_near(part: Part, points: FloatArray) -> IntArray:
 def better_of_each(first: TetMesh, second: TetMesh) -> TetMesh:
     """For each place, the better of two tries; the first if they are equal.
 
-    The second is better if neither its worst q nor the sum of excesses over `BEYOND_HOPE` grows and one of them falls.
+    The second is better if neither its worst q nor the sum of excesses over `FAILING_Q` grows and one of them falls.
     The second try may lack places; there the first one stays.
     """
     count = _count(first)
-    (before, much), (after, less) = _judged(first, count), _judged(second, count)
+    (before, much), (after, less) = _checked(first, count), _checked(second, count)
     return mixed(first, second, (after <= before) & (less <= much) & ((after < before) | (less < much)))
 
 
@@ -163,12 +163,12 @@ def _count(mesh: TetMesh) -> int:
     return int(mesh.cell_data[_PLACE].max(initial=-1)) + 1
 
 
-def _judged(mesh: TetMesh, count: int) -> tuple[FloatArray, FloatArray]:
-    """Largest q of each of `count` places, infinite where the mesh lacks one; sum of excesses over `BEYOND_HOPE`."""
+def _checked(mesh: TetMesh, count: int) -> tuple[FloatArray, FloatArray]:
+    """Largest q of each of `count` places, infinite where the mesh lacks one; sum of excesses over `FAILING_Q`."""
     worst, place, q = np.full(count, -np.inf), mesh.cell_data[_PLACE], quality(mesh.points, mesh.cells)
     np.maximum.at(worst, place, q)
     much = np.zeros(count)
-    np.add.at(much, place, np.maximum(q - BEYOND_HOPE, 0))
+    np.add.at(much, place, np.maximum(q - FAILING_Q, 0))
     return np.where(worst < 0, np.inf, worst), much
 
 

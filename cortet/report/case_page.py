@@ -31,7 +31,7 @@ DOES = {
     "fields": "reads the fields of the surface",
     **{stage.name: f"{stage.does} ({stage.number})" if stage.number else stage.does for stage in STAGES.values()},
     "quality": "measures the elements",
-    "certify": "judges the mesh",
+    "certify": "checks the mesh",
     "volumes": "reads the volumes around the mesh",
 }
 #: remedy of a job that left no message
@@ -57,7 +57,7 @@ ELEMENTS = {
 }
 
 
-class Judged(NamedTuple):
+class Checked(NamedTuple):
     """Content of the page of a mesh: parameters of `write_case_page`."""
 
     mesh: TetMesh
@@ -87,7 +87,7 @@ def write_case_page(
 
     Parameters
     ----------
-    mesh : the mesh that was judged
+    mesh : the mesh that was checked
     surface : the input surface in mm, drawn beside the mesh; its coordinates need not be finite
     certificate : content of the mesh's certificate.json
     meshed : the surface that was meshed, drawn in the colour of its distance to the boundary
@@ -101,7 +101,7 @@ def write_case_page(
     pages.write(
         path,
         f"{certificate['case']}: {'certified' if certificate['certified'] else 'not certified'}",
-        pages.panels(PANELS, Judged(mesh, measurable(surface), meshed, certificate, files, tissues, slices)),
+        pages.panels(PANELS, Checked(mesh, measurable(surface), meshed, certificate, files, tissues, slices)),
         heading=certificate["case"],
         state="certified" if certificate["certified"] else "uncertified",
         top=[("facts", {"texts": {**dict(facts or []), **{name: ELEMENTS[name].format_map(q) for name in _SIZE}}})],
@@ -125,16 +125,16 @@ def write_failure_page(
     Parameters
     ----------
     name : name of the case
-    failure : `stage` that failed, `state`, `reason`, and `log` if there is one
+    failure : `stage` that failed, `state`, `reason`; `problem` and `remedy` unless the job was killed; `log` if there
+        is one
     surface : the input surface; None if it cannot be read, and `trouble` says why
     facts, cohort : as in `write_case_page`
     """
-    reason, remedy = split_remedy(failure["reason"])
     does = DOES.get(failure["stage"], "")
     story = {
         "At stage": f"`{failure['stage']}`" + (f": {does}" if does else ""),
-        "Reason": reason,
-        "What to do": remedy or (_KILLED if "killed" in reason else _READ_LOG),
+        "Reason": failure.get("problem") or failure["reason"],
+        "What to do": failure.get("remedy") or (_READ_LOG if failure.get("problem") else _KILLED),
         **({"Log of the job": f"`{failure['log']}`"} if failure.get("log") else {}),
     }
     pages.write(
@@ -149,16 +149,6 @@ def write_failure_page(
         top=[("facts", {"texts": dict(facts or [])})],
         cohort=cohort,
     )
-
-
-def split_remedy(reason: str) -> tuple[str, str]:
-    """The problem and the remedy of a message; `cortet.errors` puts the remedy in brackets at its end."""
-    text, depth = reason.rstrip(), 0
-    for place in range(len(text) - 1, -1, -1) if text.endswith(")") else ():
-        depth += (text[place] == ")") - (text[place] == "(")
-        if depth == 0:
-            return text[:place].rstrip(), text[place + 1 : -1]
-    return text, ""
 
 
 #: kind of the surface that was given -> what the page says
@@ -214,13 +204,13 @@ def _input_surface(surface: TriSurface) -> list[Part]:
 # --- panels of a mesh ------------------------------------------------------------------------------------------------
 
 
-def _surface_and_mesh(of: Judged) -> list[Part]:
+def _surface_and_mesh(of: Checked) -> list[Part]:
     if not len(of.surface.faces):
         return [("note", _NOT_FINITE)]
     return pictures.shown(lambda: [*pictures.of_input(of.surface), *pictures.of_mesh(of.mesh, of.meshed)], scaled=True)
 
 
-def _tissues(of: Judged) -> list[Part]:
+def _tissues(of: Checked) -> list[Part]:
     if not of.tissues:
         return []
     table = pages.table("What of the mesh has each label", headed(TISSUE_COLUMNS), of.tissues)
@@ -230,12 +220,12 @@ def _tissues(of: Judged) -> list[Part]:
     return [("pictures", [pictures.captioned(pictures.png(of.slices), caption)]), table]
 
 
-def _resampled(of: Judged) -> list[Part]:
+def _resampled(of: Checked) -> list[Part]:
     surfaces = _changed(of.certificate, "resample", "resampled")
     return [("resampled", {"surfaces": surfaces})] if surfaces else []
 
 
-def _repaired(of: Judged) -> list[Part]:
+def _repaired(of: Checked) -> list[Part]:
     parts: list[Part] = []
     for name, one in _changed(of.certificate, "repair", "repaired").items():
         drawn = [] if name else pictures.shown(lambda: pictures.of_repair(of.surface, of.meshed))
@@ -249,7 +239,7 @@ def _changed(certificate: Certificate, stage: str, changed: str) -> dict[str, Ma
     return {name: one for name, one in {"": report, **report.get("inner", {})}.items() if one.get(changed)}
 
 
-def _quality(of: Judged) -> list[Part]:
+def _quality(of: Checked) -> list[Part]:
     q, limit, theirs = of.certificate["quality"], limit_of(of.certificate, "worst q"), _published()
     bulk, tail = mesh_quality_figures({"this mesh": np.array(q["histogram"])}, limit=limit)
     shown = {
@@ -288,7 +278,7 @@ def _spread(values: pd.Series[float]) -> str:
 
 
 #: the page of a mesh: anchor, title and parts of each panel; a panel without parts is left out
-PANELS: tuple[tuple[str, str, Callable[[Judged], list[Part]]], ...] = (
+PANELS: tuple[tuple[str, str, Callable[[Checked], list[Part]]], ...] = (
     (
         "reasons",
         "Why it is not certified",

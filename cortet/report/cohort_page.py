@@ -25,7 +25,7 @@ Row = Mapping[str, str]
 
 #: columns that identify a mesh
 KEY = ["case", "cell_size_mm", "mesher"]
-#: modified z-score beyond which a value is an outlier, and the fewest values to judge
+#: modified z-score beyond which a value is an outlier, and the fewest values to check
 #: (Iglewicz and Hoaglin, How to detect and handle outliers, ASQC Quality Press, 1993, who give 3.5)
 OUTLIER, FEWEST = 3.5, 5
 #: column -> its name in the reason why a mesh is an outlier
@@ -288,6 +288,6 @@ def _counts(rows: pd.DataFrame) -> dict[str, int]:
 
 
 def _explanation(entry: Mapping[str, Any]) -> str:
-    """The sidecar's description of a column, with the limit that judges it."""
+    """The sidecar's description of a column, with the limit that checks it."""
     text: str = entry.get("Description", "")
     return f"{text}; limit {entry['Threshold']}" if "Threshold" in entry else text

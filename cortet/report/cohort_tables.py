@@ -92,11 +92,11 @@ def _with_verdict(content: Certificate) -> dict[str, Any]:
 
 def _limit(certificates: Sequence[Certificate], name: str) -> str:
     """The limit of a check in words; its range if it differs between meshes, as limits by cell size do."""
-    judged = [check for content in certificates for check in content["checks"] if check["name"] == name]
-    limits = sorted({check["limit"] for check in judged if check["comparison"]})
+    checked = [check for content in certificates for check in content["checks"] if check["name"] == name]
+    limits = sorted({check["limit"] for check in checked if check["comparison"]})
     if not limits:
         return ""
-    sign = next(check["comparison"] for check in judged if check["comparison"])
+    sign = next(check["comparison"] for check in checked if check["comparison"])
     return f"{sign} {limits[0]:g}" + (f" to {limits[-1]:g}, by the mesh" if len(limits) > 1 else "")
 
 

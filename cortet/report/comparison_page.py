@@ -83,8 +83,8 @@ def write_comparison_page(
     verdicts = [("badge", "certified" if c["certified"] else "uncertified") for c in certificates.values()]
     rows = [_row("Verdict", "", verdicts)]
     for row in comparison_rows(certificates):
-        judged = [("judged", {"text": value, "passed": passed}) for value, passed in row["values"]]
-        rows.append(_row(row["name"], row["limit"], judged))
+        checked = [("checked", {"text": value, "passed": passed}) for value, passed in row["values"]]
+        rows.append(_row(row["name"], row["limit"], checked))
     caption = "Every number beside its limit; q is 0 for a regular tetrahedron and 1 for a flat one"
     lost = (
         "The surface, each face in the colour of its distance to the boundary of the mesh: white at 0, black at "

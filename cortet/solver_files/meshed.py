@@ -1,6 +1,6 @@
 """The surface that was meshed: its file is beside the mesh, and the sidecar of the mesh names it.
 
-It differs from the surface that the user gave if repair, smoothing or separation changed it. A mesh can only be judged
+It differs from the surface that the user gave if repair, smoothing or separation changed it. A mesh can only be checked
 against the surface that it fills.
 """
 
@@ -190,7 +190,7 @@ def moved(record: Mapping[str, Any] | None, source: Path, target: Path) -> dict[
 
 
 def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) -> tuple[TriSurface, Path]:
-    """The surface against which a mesh is judged, with its inner surfaces; and its file.
+    """The surface against which a mesh is checked, with its inner surfaces; and its file.
 
     It is the surface that was meshed if the sidecar of the mesh names it and the surfaces given here, if any, are those
     given then. Otherwise it is the surface given here.

@@ -90,7 +90,7 @@ def _check_result(mesh: TetMesh, result: TetMesh) -> None:
         raise StageError(f"meshtool returned {len(result.points)} nodes of {len(mesh.points)}")
     if not np.array_equal(np.sort(result.cells, axis=1), np.sort(mesh.cells, axis=1)):
         raise StageError("meshtool changed the connectivity, though cleaning moves vertices only")
-    # judged by the original orientation: meshtool reverses inverted tetrahedra and calls them positive
+    # checked by the original orientation: meshtool reverses inverted tetrahedra and calls them positive
     inverted = int((~(signed_volumes(result.points, mesh.cells) > 0)).sum())
     if inverted:
         raise StageError(f"meshtool inverted {inverted} tetrahedra", remedy="set clean.backend: cortet")

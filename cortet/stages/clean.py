@@ -54,7 +54,7 @@ class Clean(Section):
         """Meshtool, where it is the backend."""
         return {"meshtool": "clean.backend: cortet"} if self.backend == "meshtool" else {}
 
-    def knows_no_interfaces(self) -> str:
+    def excludes_inner_surfaces(self) -> str:
         """A boundary that is free leaves the interfaces, too."""
         return "clean.boundary: free" if self.boundary == "free" else ""
 

@@ -238,5 +238,5 @@ STAGE = Stage(
     facts=("source",),
     cost=Cost((600, 0), (7, 0)),
     alone=True,
-    told_inside=True,
+    takes_inside=True,
 )

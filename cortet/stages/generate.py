@@ -92,7 +92,7 @@ class Generate(Section):
     than h (down to 0.35 h): {white: 0.5, dseg.nii.gz:thalamus: 0.4}; {sizes.nii.gz: null} takes them from the voxels.
     Volumes for `cortet mesh` alone; cells grow to h away from there."""
 
-    def knows_no_interfaces(self) -> str:
+    def excludes_inner_surfaces(self) -> str:
         """Not all meshers fill several regions."""
         able = all(MESHERS[name].regions for name in self.meshers)
         return "" if able else f"generate.meshers: {', '.join(self.meshers)}"

@@ -30,7 +30,7 @@ class Reconnect(Section):
     insert: bool = True
     """true also inserts nodes inside, where no swap helps: between the banks of blades, behind corners."""
 
-    def knows_no_interfaces(self) -> str:
+    def excludes_inner_surfaces(self) -> str:
         """A boundary that is free leaves the interfaces, too."""
         return "reconnect.boundary: free" if self.boundary == "free" else ""
 

@@ -37,7 +37,7 @@ class Relocate(Section):
     boundary: Literal["fixed", "free"] = "fixed"
     """fixed keeps boundary nodes where S1 put them, on the surface; free lets Gmsh move them too."""
 
-    def knows_no_interfaces(self) -> str:
+    def excludes_inner_surfaces(self) -> str:
         """Gmsh is given the boundary only."""
         return "relocate.enabled: true"
 

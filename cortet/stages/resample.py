@@ -236,5 +236,5 @@ STAGE = Stage(
     sentence=_sentence,
     registered=True,
     alone=True,
-    told_inside=True,
+    takes_inside=True,
 )

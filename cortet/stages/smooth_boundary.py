@@ -59,7 +59,7 @@ class SmoothBoundary(Section):
         """Connectome Workbench, where it is the method."""
         return {"wb_command": "smooth_boundary.method: laplacian"} if self.method == "workbench" else {}
 
-    def knows_no_interfaces(self) -> str:
+    def excludes_inner_surfaces(self) -> str:
         """Interfaces that left their surfaces would meet."""
         return "" if self.onto_surface else "smooth_boundary.onto_surface: false"
 

@@ -79,8 +79,8 @@ class Stage:
     registered: bool = False
     #: whether it takes every surface by itself, inner ones too
     alone: bool = False
-    #: whether its function is told, by `inside=True`, that a surface is an inner one
-    told_inside: bool = False
+    #: whether its function takes `inside=True` for an inner surface
+    takes_inside: bool = False
     #: whether the result is the same in every setting of the configuration, so that all of them share it
     shared_by_settings: bool = False
 

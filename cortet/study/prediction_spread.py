@@ -63,7 +63,7 @@ def _spread(laid: Sequence[FloatArray]) -> Spread:
     )
 
 
-def judged(series: Series, found: Mapping[float, Spread]) -> list[dict[str, Any]]:
+def checked(series: Series, found: Mapping[float, Spread]) -> list[dict[str, Any]]:
     """A row per age: means over the cortex of the spread, and the share where the real depth is among the predicted.
 
     That share leaves out vertices that lie on the hull in truth and in every prediction: there is nothing to predict.

@@ -99,8 +99,8 @@ def test_participants_then_the_group_with_the_conventional_words(
     assert {path.suffix for path in (out / "logs").glob("CITATION.*")} == {".md", ".bib", ".tex", ".html"}
 
     validator = Path(sys.executable).with_name("bids-validator-deno")
-    judged = subprocess.run([validator, "--json", str(out)], capture_output=True, text=True, check=False)
-    issues = json.loads(judged.stdout)["issues"]["issues"]
+    checked = subprocess.run([validator, "--json", str(out)], capture_output=True, text=True, check=False)
+    issues = json.loads(checked.stdout)["issues"]["issues"]
     assert [issue for issue in issues if issue["severity"] == "error"] == []
 
     (tmp_path / "bids/sub-01/ses-a/anat/sub-01_ses-a_hemi-L_white.surf.gii").write_text("not a surface")

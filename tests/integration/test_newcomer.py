@@ -78,12 +78,12 @@ def fill(surface: TriSurface, settings: Settings) -> Filled:
     """Tetrahedra of at most the volume of a regular one with edges of the cell size."""
     import tetgen
 
-    from cortet.meshers._filled import judged, well_ordered
+    from cortet.meshers._filled import checked, well_ordered
 
     volume = settings.cell_size**3 / (6 * 2**0.5)
     points, cells, *_ = tetgen.TetGen(surface.points, surface.faces).tetrahedralize(switches=f"pq1.2/20YQa{volume:.3f}")
     mesh, flat = well_ordered(points, cells)
-    return Filled(mesh, (judged(mesh, surface, flat=flat),), "tetgen")
+    return Filled(mesh, (checked(mesh, surface, flat=flat),), "tetgen")
 
 
 MESHERS = (Mesher(name="plain", order=90, printed="Plain", fill=fill),)

@@ -17,7 +17,7 @@ from cortet.errors import InputError
 from cortet.geometry.banks import banks, gaps, slits
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import Certificate, certify
-from cortet.measure.checks import LOSS_REMEDY, for_cell_size, for_mesher, judged
+from cortet.measure.checks import LOSS_REMEDY, checked, for_cell_size, for_mesher
 from cortet.meshes import TetMesh, TriSurface
 
 
@@ -274,18 +274,18 @@ def test_a_limit_that_is_none_is_an_error_that_names_it(mesh: TetMesh, surface: 
     ],
 )
 def test_a_remedy_fits_what_filled_the_surface(mesher: str | None, says: str, not_says: str) -> None:
-    check = judged("distance", 2.0, "<=", 1.0, remedy=LOSS_REMEDY)
+    check = checked("distance", 2.0, "<=", 1.0, remedy=LOSS_REMEDY)
     remedy = for_mesher(check, mesher).remedy
     assert says in remedy and not_says not in remedy
-    other = judged("worst q", 0.7, "<", 0.6, remedy="move it")
+    other = checked("worst q", 0.7, "<", 0.6, remedy="move it")
     assert for_mesher(other, mesher).remedy == "move it"
 
 
 def test_a_smaller_cell_size_is_named_where_that_of_the_mesh_is_known() -> None:
-    failed = judged("distance", 2.0, "<=", 1.0, remedy=LOSS_REMEDY)
+    failed = checked("distance", 2.0, "<=", 1.0, remedy=LOSS_REMEDY)
     assert for_cell_size(failed, 1.5).remedy.startswith("use a smaller cell size (1.1 mm), or the mesher")
     assert for_cell_size(failed, None) == failed
-    passed = judged("distance", 0.5, "<=", 1.0, remedy=LOSS_REMEDY)
+    passed = checked("distance", 0.5, "<=", 1.0, remedy=LOSS_REMEDY)
     assert for_cell_size(passed, 1.5) == passed
 
 

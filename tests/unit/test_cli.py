@@ -244,8 +244,8 @@ def test_certify_judges_regions_of_an_exported_mesh_by_the_surfaces_they_were_ma
     written = json.loads((tmp_path / "two.certificate.json").read_text())
     again = tmp_path / "again.json"
     assert main(["certify", *files[:2], "--inner", files[2], "--cell-size", "2.5", "-o", str(again)]) == 0
-    judged = json.loads(again.read_text())
-    assert judged["regions"] == written["regions"] and judged["interfaces"] == written["interfaces"]
+    checked = json.loads(again.read_text())
+    assert checked["regions"] == written["regions"] and checked["interfaces"] == written["interfaces"]
     assert main(["certify", *files[:2], "--inner", f"ventricle={files[2]}"]) == 0
     assert main(["certify", *files[:2], "--inner", files[1]]) == 1, "its interface lies elsewhere"
     assert "FAIL  distance of a node of the interface white" in capsys.readouterr().out

@@ -61,7 +61,7 @@ def scores(*values: float) -> list[float]:
     return list(modified_z_scores(pd.Series(values)))
 
 
-def judged(rows: list[dict[str, str]]) -> pd.DataFrame:
+def checked(rows: list[dict[str, str]]) -> pd.DataFrame:
     return with_outliers(pd.DataFrame(rows).fillna("n/a"))
 
 
@@ -77,33 +77,33 @@ def test_where_most_values_are_equal_the_mean_deviation_is_the_measure() -> None
 
 def test_meshes_that_are_nearly_equal_have_no_outlier() -> None:
     alike = {name: 0.3333 + 1e-7 * number for number, name in enumerate("abcde")}
-    rows = judged(measured(**alike, f=0.3350))
+    rows = checked(measured(**alike, f=0.3350))
     assert not any(rows["outlying"]) and pd.to_numeric(rows["outlier"]).max() < 1
     assert (
-        judged(measured(**alike, f=0.40)).set_index("case").loc["f", "outlying"]
+        checked(measured(**alike, f=0.40)).set_index("case").loc["f", "outlying"]
         == "worst q 13.3 deviations above the others"
     )
-    farther = judged(measured(**alike, f=0.99)).set_index("case").loc["f", "outlying"]
+    farther = checked(measured(**alike, f=0.99)).set_index("case").loc["f", "outlying"]
     assert farther == "worst q over 99 deviations above the others"
 
 
 def test_failures_come_first_then_the_farthest_outlier() -> None:
     rows = [*measured(**WORST), other("x", "excluded"), other("y", "failed"), other("z", "uncertified")]
-    names = list(ordered(judged(rows))["case"])
+    names = list(ordered(checked(rows))["case"])
     assert names[:3] == ["y", "z", "e"] and names[-1] == "x"
 
 
 def test_an_outlier_says_what_makes_it_one() -> None:
-    rows = judged(measured(**WORST)).set_index("case").to_dict("index")
+    rows = checked(measured(**WORST)).set_index("case").to_dict("index")
     assert re.fullmatch(r"worst q \d+\.\d deviations above the others", rows["e"]["outlying"])
     assert not rows["a"]["outlying"] and float(rows["a"]["outlier"]) < 1
 
 
 def test_few_meshes_and_those_of_other_cell_sizes_are_not_compared() -> None:
     few = measured(a=0.5, b=0.5, c=0.5, d=0.9)
-    assert set(judged(few)["outlier"]) == {"n/a"}
+    assert set(checked(few)["outlier"]) == {"n/a"}
     coarse = [{**row, "cell_size_mm": "1"} for row in measured(g=0.9)]
-    table = judged([*measured(**WORST), *coarse])
+    table = checked([*measured(**WORST), *coarse])
     assert list(table.loc[table["outlying"] != "", "case"]) == ["e"]
 
 

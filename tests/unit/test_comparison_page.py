@@ -1,4 +1,4 @@
-"""`cortet compare`: meshes of one surface side by side, whatever made them, each judged by the same limits."""
+"""`cortet compare`: meshes of one surface side by side, whatever made them, each checked by the same limits."""
 
 from __future__ import annotations
 

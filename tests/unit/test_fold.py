@@ -430,9 +430,9 @@ def test_an_inverted_mesh_is_judged_before_anything_is_computed(tmp_path: Path, 
         cells[turned] = cells[turned][:, [1, 0, 2, 3]]
     wrong = TetMesh(points, cells)
     named = "5 is inverted or flat before anything grows, the worst of 1 " if fault == "one" else "is inverted or flat"
-    for judged in (lambda: fold(wrong, tmp_path, Settings(22.0, hemisphere)), lambda: prepared(wrong, Settings(22.0))):
+    for checked in (lambda: fold(wrong, tmp_path, Settings(22.0, hemisphere)), lambda: prepared(wrong, Settings(22.0))):
         with pytest.raises(InputError, match=f"tetrahedron .*{named}"):
-            judged()
+            checked()
 
 
 @pytest.mark.skipif(not SPHERE5.exists(), reason="needs ../shared/data/tallinen")

@@ -17,7 +17,7 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.measure.certify import certify
 from cortet.meshes import TriSurface
-from cortet.report.case_page import about, split_remedy, write_case_page, write_failure_page
+from cortet.report.case_page import about, write_case_page, write_failure_page
 from cortet.report.pages import embedded
 from cortet.report.pictures import thumbnail
 from cortet.stages.repair import repair
@@ -28,6 +28,8 @@ FAILURE = {
     "stage": "gate",
     "state": "failed",
     "reason": f"a.gii: {HOSTILE} (close it (all of it))",
+    "problem": f"a.gii: {HOSTILE}",
+    "remedy": "close it (all of it)",
     "log": "logs/a.log",
 }
 
@@ -169,20 +171,6 @@ def test_every_picture_has_its_words(page: str) -> None:
     assert all(re.search(r'alt="[^"]{10,}"', picture) for picture in pictures)
     charts = re.findall(r'<figure role="img" aria-label="([^"]*)">', page)
     assert len(charts) == 2 and all("This mesh:" in words for words in charts)
-
-
-@pytest.mark.parametrize(
-    ("reason", "parts"),
-    [
-        ("a.gii: is open (close it)", ("a.gii: is open", "close it")),
-        ("has 2 (two) holes (close them (both))", ("has 2 (two) holes", "close them (both)")),
-        ("ended without a message", ("ended without a message", "")),
-        ("odd) brackets)", ("odd) brackets)", "")),
-        ("", ("", "")),
-    ],
-)
-def test_a_remedy_is_what_stands_in_brackets_at_the_end(reason: str, parts: tuple[str, str]) -> None:
-    assert split_remedy(reason) == parts
 
 
 def test_what_is_not_known_of_a_case_is_left_out() -> None:

@@ -1,4 +1,4 @@
-"""A later brain is predicted from growth that was measured, and judged against the real one."""
+"""A later brain is predicted from growth that was measured, and checked against the real one."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from cortet.study.prediction import (
     shuffled_growth,
     uniform_growth,
 )
-from cortet.study.prediction_spread import judged, spreads
+from cortet.study.prediction_spread import checked, spreads
 from cortet.study.prediction_tables import correlation, predicted_surfaces, scores, write_prediction, write_run
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -281,7 +281,7 @@ def test_runs_that_differ_in_size_lie_apart_by_their_sizes() -> None:
 def test_the_truth_is_among_predictions_that_lie_around_it_and_not_among_others() -> None:
     series = balls()  # whose bumps are 0.2 high at 24 weeks
     around, beside = (
-        judged(series, spreads(series, [{24.0: bumpy(2.2, height).points} for height in heights]))[0]
+        checked(series, spreads(series, [{24.0: bumpy(2.2, height).points} for height in heights]))[0]
         for heights in ((0.15, 0.2, 0.25), (0.4, 0.41, 0.42))
     )
     assert around["among"] > 0.9 and beside["among"] < 0.1, "vertices on the hull in all of them do not count"

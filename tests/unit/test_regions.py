@@ -229,7 +229,7 @@ def test_an_inner_surface_with_a_hole_is_refused_by_name():
 
 def test_stages_that_know_no_interface_are_refused_beforehand(pair):
     for data in ({"relocate": {"enabled": True}}, {"generate": {"meshers": ["cgal"]}}):
-        with pytest.raises(InputError, match="knows no inner surfaces"):
+        with pytest.raises(InputError, match="does not support inner surfaces"):
             mesh_surface(pair, load(data))
 
 
@@ -238,16 +238,16 @@ def test_the_certificate_sees_a_vertex_off_the_interface_and_a_tetrahedron_on_th
     node = interfaces(mesh).faces[0, 0]
     points = mesh.points.copy()
     points[node] *= 1 + 0.01 / np.linalg.norm(points[node])
-    judged = certify(replace(mesh, points=points), surface)
-    assert [c.name for c in judged.checks if not c.passed] == [
+    checked = certify(replace(mesh, points=points), surface)
+    assert [c.name for c in checked.checks if not c.passed] == [
         "distance of a node of the interface white to its surface, at most"
     ]
     region = mesh.cell_data[REGION].copy()
     region[interfaces(mesh).behind[0]] = 2  # a face of it may still be flat on the surface
     region[np.flatnonzero(region == 1)[np.argmax(mesh.points[mesh.cells[region == 1]].mean(axis=1)[:, 0])]] = 2
-    judged = certify(replace(mesh, cell_data={REGION: region}), surface)
-    assert not judged.certified
-    assert "topology problems of the interface white" in [c.name for c in judged.checks if not c.passed]
+    checked = certify(replace(mesh, cell_data={REGION: region}), surface)
+    assert not checked.certified
+    assert "topology problems of the interface white" in [c.name for c in checked.checks if not c.passed]
 
 
 def test_interface_vertices_slide_on_their_surface_and_edges_are_flipped(pair):

@@ -208,8 +208,8 @@ def test_the_command_makes_shell_hole_and_records_and_judges_again(
     given = "mesh pial.surf.gii --inner white.surf.gii --inner ventricle=ventricle.surf.gii --cell-size 2 --shell 3"
     assert main([*given.split(), "-o", "head.vtu"]) == 0
     assert main(["certify", "head.vtu"]) == 0
-    judged = "certify head.vtu pial.surf.gii --inner white.surf.gii --inner ventricle=ventricle.surf.gii"
-    assert main(judged.split()) == 0
+    checked = "certify head.vtu pial.surf.gii --inner white.surf.gii --inner ventricle=ventricle.surf.gii"
+    assert main(checked.split()) == 0
     for command in ("job head.vtu --solver febio -o job", "fold head.vtu --ga 24 -o fold"):
         assert main(command.split()) == 1
         assert "region csf around the brain (mesh the brain without a shell)" in capsys.readouterr().err

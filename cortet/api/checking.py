@@ -34,7 +34,7 @@ def certify(
         what `cortet.mesh` returns, and of a file with its certificate beside it. Else distances are reported, and
         have no limit
     """
-    from cortet.measure.certify import certify as judged
+    from cortet.measure.certify import certify as checked
 
     if cell_size is None and isinstance(made, Mesh):
         cell_size = made.config.generate.cell_size[0]
@@ -42,7 +42,7 @@ def certify(
         cell_size = cell_size_of(Path(made))
     config = load(settings if settings is not None else {})
     limits = config.arguments("certify", {"cell_size": cell_size})
-    return judged(tetrahedra(made), surface(shape), **limits)
+    return checked(tetrahedra(made), surface(shape), **limits)
 
 
 def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSurface, dict[str, Any]]:
