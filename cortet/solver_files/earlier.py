@@ -16,7 +16,7 @@ from cortet.errors import InputError
 from cortet.formats import read_mesh
 from cortet.formats.ownership import json_of
 from cortet.formats.surface_sets import CORE, CORTEX, INTERFACE
-from cortet.formats.tags import region_numbers, regions
+from cortet.formats.tags import region_numbers, regions, with_names
 from cortet.meshes import AROUND, REGION, TetMesh
 from cortet.solver_files.sets import with_regions
 from cortet.solver_files.sidecar import sidecar_path
@@ -33,7 +33,9 @@ def read_today(path: Path) -> tuple[TetMesh, list[str]]:
     InputError
         the file holds a surface, or cannot be read
     """
-    mesh, told = numbered_today(read_mesh(path), json_of(sidecar_path(path)))
+    record = json_of(sidecar_path(path))
+    mesh, told = numbered_today(read_mesh(path), record)
+    mesh = _named(mesh, record.get("regions"))
     return mesh, [f"{path}: {line}" for line in told]
 
 
@@ -72,6 +74,16 @@ def _numbered_anew(mesh: TetMesh) -> tuple[TetMesh, list[str]]:
             continue
         return mesh, [f"{told}now they are {_listed(regions(mesh))}"]
     return bare, [f"{told}they are left out, as the file does not name those of today"]
+
+
+def _named(mesh: TetMesh, names: Any) -> TetMesh:
+    """The mesh with the names of regions that its sidecar has and its format lacks, where all numbers are those."""
+    number = mesh.cell_data.get(REGION)
+    if number is None or mesh.sets.cells or not isinstance(names, dict):
+        return mesh
+    if sorted(map(str, names.values())) != [str(one) for one in np.unique(number).tolist()]:
+        return mesh
+    return replace(mesh, sets=with_names(mesh.sets, number, names))
 
 
 def _listed(known: Mapping[str, int]) -> str:

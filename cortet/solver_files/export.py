@@ -142,6 +142,7 @@ def _write_verified(
             sources=sources,
             interior=interior,
             made_from=made_from,
+            meant=content,
         )
         for file in folder.iterdir():
             may_write(path.with_name(file.name))  # check before deleting anything

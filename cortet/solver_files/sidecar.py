@@ -47,6 +47,7 @@ def sidecar(
     sources: Mapping[str, FieldSource],
     interior: str | None,
     made_from: Mapping[str, Any] | None = None,
+    meant: TetMesh | TriSurface | None = None,
 ) -> dict[str, Any]:
     """Content of the sidecar.
 
@@ -60,6 +61,7 @@ def sidecar(
     sources : name of a field -> where it came from
     interior : how interior nodes got their values; None if that is not known
     made_from : from `meshed.made_from`
+    meant : the mesh that was written, with the names of regions that a format may not hold; default: as it was read
     """
     record: dict[str, Any] = {
         "format": solver,
@@ -76,7 +78,7 @@ def sidecar(
         record |= {
             "tetrahedra": len(as_read.cells),
             "volume_mm3": float(signed_volumes(as_read.points, as_read.cells).sum()),
-            "regions": regions(as_read),
+            "regions": regions(meant if isinstance(meant, TetMesh) else as_read),
             "surface": face_tags(as_read),
             "sets": {
                 kind: {name: len(members) for name, members in sets.items()}

@@ -516,3 +516,11 @@ def test_ten_nodes_have_the_table_of_names_beside_them(suffix: str, tmp_path: Pa
     write_ten_nodes(mesh, quadratic(mesh, boundary_surface(mesh)[0]), tmp_path / f"m{suffix}")
     record = json.loads((tmp_path / "m.quadratic.json").read_text())
     assert record["regions"] == {"cortex": 1, "white": 2} and record["surface"]["white_interface"] == 112
+
+
+def test_names_that_braingrowth_cannot_hold_are_in_its_sidecar_and_come_back(tmp_path: Path) -> None:
+    mesh = model()
+    export(mesh, tmp_path / "x.mesh", solver="braingrowth", certificate=CERTIFIED)
+    names = json.loads((tmp_path / "x.mesh.json").read_text())["regions"]
+    assert names == regions(mesh) and not any(name.startswith("region_") for name in names)
+    assert regions(read_mesh(tmp_path / "x.mesh")) == names
