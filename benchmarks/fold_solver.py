@@ -317,7 +317,7 @@ def strips(
 _AMPLITUDE = 0.03
 _MAX_DEGREE = 16
 #: time until the cortex has grown enough to buckle, in wavelengths over the core's shear wave speed
-_PERIODS = 2
+_BALL_PERIODS = 2
 _LARGEST_GROWTH = 1.5
 
 
@@ -372,7 +372,7 @@ def fold_ball(mesh: TetMesh, thickness: float, stiffness: float) -> Folds:
     contact = contact_of(state.x, boundary_faces(mesh), bulk=material.bulk)
     dt = TIME_STEP * stable_time_step(smallest_altitude(mesh.points, mesh.cells), material)
     wavelength, buckling = theory(thickness, material)
-    rate = buckling / (_PERIODS * wavelength * np.sqrt(material.density / material.mu_core))
+    rate = buckling / (_BALL_PERIODS * wavelength * np.sqrt(material.density / material.mu_core))
     surface = boundary_nodes(mesh)
     step = 0
     while rate * step * dt < _LARGEST_GROWTH:
