@@ -71,7 +71,8 @@ def _add_arguments(line: argparse.ArgumentParser, question: Callable[..., Any]) 
     texts = dict(re.findall(r"^    (\w+) : (.+)$", question.__doc__ or "", re.MULTILINE))
     for one in _parameters(question):
         option, needed = one.kind is one.KEYWORD_ONLY, one.default is one.empty
-        name = f"--{one.name.replace('_', '-')}" if option else one.name
+        names = [f"--{one.name.replace('_', '-')}"] if option else [one.name]
+        names += ["-o"] * (one.name == "output")
         keys: dict[str, Any] = {"help": texts.get(one.name)} | ({} if needed else {"default": one.default})
         if option:
             keys["required"] = needed
@@ -81,7 +82,7 @@ def _add_arguments(line: argparse.ArgumentParser, question: Callable[..., Any]) 
         if NoneType in get_args(kind):
             kind = get_args(kind)[0]
         if kind is bool:
-            line.add_argument(name, **keys, action="store_true")
+            line.add_argument(*names, **keys, action="store_true")
             continue
         if get_origin(kind) is tuple:
             keys["nargs"] = len(get_args(kind))
@@ -89,7 +90,7 @@ def _add_arguments(line: argparse.ArgumentParser, question: Callable[..., Any]) 
             keys["nargs"] = "+" if needed or option else "*"
         elif not needed and not option:
             keys["nargs"] = "?"
-        line.add_argument(name, **keys, type=next(iter(get_args(kind)), kind))
+        line.add_argument(*names, **keys, type=next(iter(get_args(kind)), kind))
 
 
 # --- tables ----------------------------------------------------------------------------------------------------------
