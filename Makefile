@@ -38,7 +38,7 @@ notebook: setup ## run the notebook of examples/ into .cache/tour.html
 	tools/notebook.sh
 
 benchmark: setup ## what became slower than in COMMIT (the last one), in CPU seconds of one run
-	python benchmarks/slower.py $(COMMIT)
+	python benchmarks/speed.py slower $(COMMIT)
 
 wheel: setup ## build the package that `pip install` takes, in .cache/wheel
 	pip wheel --quiet --no-deps --no-build-isolation --wheel-dir .cache/wheel .

@@ -1,34 +1,52 @@
-"""How near a mesh is to its surface, everywhere and in both directions, and what that costs.
+"""How near is a mesh to its surfaces, everywhere and in both directions, and what does that cost?
 
     python benchmarks/fidelity.py SURFACE... [--cell-sizes 1.0 0.6] [--setting default] [--mesher lattice]
+    python benchmarks/fidelity.py regions PIAL... [--cell-sizes 1.0] [--inner white] [--min-gaps 0.5]
+                                  [--elements-across 1] [--shell MM] [--cavity SHARE] [--keep FOLDER]
+    python benchmarks/fidelity.py smoothing SURFACE... [--cell-size 0.6] [--voxels 0.5]
 
 One row per surface and cell size, of the whole line, without an age. Distances are those of the vertices and face
 centres of the surface that was meshed to the boundary of the mesh, and of the boundary's nodes and face centres to that
-surface; `smoothing.py` measures those to the surface as it was read. The smallest altitude is the time step of an
-explicit solver, but for the speed of sound. Each row comes from a process of its own with kernels compiled; CPU seconds
-are those of all threads, MB those above the idle process.
+surface. The smallest altitude is the time step of an explicit solver, but for the speed of sound. Each row comes from a
+process of its own with kernels compiled; CPU seconds are those of all threads, MB those above the idle process.
+
+`regions` meshes white inside pial: the inner surface of `X_pial.surf.gii` is `X_white.surf.gii` beside it. `moved` is
+what `separate` did to it. With a shell, or a cavity out of a label volume in the middle of the white matter, these are
+regions, too; columns on interfaces are about the worst of them.
+
+`smoothing` asks how far smoothing leads away: two rows per surface, with the smoothing by age of the paper, and ours.
+Distances are those between the boundary and the surface as it was read, the larger of both directions. The age is in
+the file's name (STA28, GW30, week40, GA27, 22w). With `--voxels` nothing is meshed: the surface is made into a label
+image with voxels of so many mm and taken out of it by marching cubes; a row says how far what each method makes of
+these stair steps is from the true surface.
 """
 
 from __future__ import annotations
 
-import argparse
-import time
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rows import in_own_process, print_row
+import trimesh
+from _frame import Line, Row, Table, alone, command, config_of, mesh, name_of
+from scipy import ndimage
 
-from cortet.config import load
-from cortet.errors import CortetError
+from cortet.config import SETTINGS
+from cortet.formats import vtu
 from cortet.formats.gifti import read_surface
-from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.closest_point import closest_points, surface_tree, tree_of
+from cortet.geometry.label_surface import label_surfaces
+from cortet.geometry.nesting import depths, nested
 from cortet.geometry.topology import TET_FACES, boundary_surface, enclosed_volume, face_areas
+from cortet.geometry.winding import winding_numbers
 from cortet.measure.quality import quality, signed_volumes
-from cortet.meshes import FloatArray, TetMesh, TriSurface
-from cortet.phantom import phantom
-from cortet.pipeline import run
-from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
+from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface, single_precision
+from cortet.solver_files.label_surfaces import with_shell
+from cortet.stages.smooth_surface import SmoothReport, smooth_surface
 
 COLUMNS = (
     *("surface", "h_mm", "tets", "q_max", "q_mean", "above_0.35"),
@@ -38,15 +56,30 @@ COLUMNS = (
 )
 
 
-def with_centres(surface: TriSurface) -> FloatArray:
-    """Vertices, then face centres: (k, 3) mm."""
-    return np.concatenate([surface.points, surface.points[surface.faces].mean(axis=1)])
+def fidelity(
+    surfaces: Sequence[Path], *, cell_sizes: Sequence[float] = (1.0,), setting: str = "default", mesher: str = ""
+) -> None:
+    """Mesh every surface at every cell size.
+
+    mesher : another one than the setting's
+    """
+    table = Table(*COLUMNS)
+    for file, h in product(surfaces, cell_sizes):
+        table.add({"surface": name_of(file), "h_mm": h}, alone(of_surface, file, h, setting, mesher))
 
 
-def altitudes(mesh: TetMesh) -> FloatArray:
-    """Smallest altitude of each tetrahedron: (m,) mm."""
-    areas = [face_areas(mesh.points, mesh.cells[:, corners]) for corners in TET_FACES]
-    return 3 * signed_volumes(mesh.points, mesh.cells) / np.max(areas, axis=0)
+def of_surface(file: Path, cell_size: float, setting: str, mesher: str) -> Row:
+    """Run the line in this process; the row of its mesh."""
+    line = mesh(read_surface(file), config_of(cell_size, mesher, setting=setting), source=file)
+    generated = line.reports["generate"]
+    refinement = generated.get("refinement") or {}
+    return {
+        "edge_length_h": (generated["edge_length_mm"] or np.nan) / cell_size,
+        "refined": refinement.get("vertices_refined", ""),
+        "rounds": refinement.get("rounds", ""),
+        **line.used,
+        **measured(line.made.mesh, line.made.surface, cell_size),
+    }
 
 
 def measured(mesh: TetMesh, surface: TriSurface, cell_size: float) -> dict[str, Any]:
@@ -75,43 +108,211 @@ def measured(mesh: TetMesh, surface: TriSurface, cell_size: float) -> dict[str, 
     }
 
 
-def measure(file: Path, cell_size: float, setting: str, mesher: str, answer) -> None:  # type: ignore[no-untyped-def]
-    """Run the line in this process and send back the row of its mesh."""
-    row: dict[str, Any] = {"surface": file.name.removesuffix(".surf.gii"), "h_mm": cell_size}
-    generate: dict[str, Any] = {"meshers": [mesher]} if mesher else {}
-    # loads or compiles the kernels, and is no part of what is measured
-    list(run(phantom(24.0, subdivisions=3), load({"setting": setting, "generate": {**generate, "cell_size": 4.0}})))
-    reset_peak_memory()
-    idle, began = peak_memory_mb() or 0, time.process_time()
-    try:
-        config = load({"setting": setting, "generate": {**generate, "cell_size": cell_size}})
-        for step in run(read_surface(file), config, source=file):
-            if step.stage == "generate":
-                fraction = (step.report["edge_length_mm"] or np.nan) / cell_size
-                refinement = step.report.get("refinement") or {}
-                row |= {"edge_length_h": fraction, "refined": refinement.get("vertices_refined", "")}
-                row |= {"rounds": refinement.get("rounds", "")}
-    except CortetError as error:
-        answer.send(row | {"why_not": str(error)})
-        return
-    row |= {"cpu_seconds": time.process_time() - began, "peak_MB": (peak_memory_mb() or 0) - idle}
-    assert isinstance(step.result, TetMesh)  # the line ends with a mesh
-    answer.send(row | measured(step.result, step.surface, cell_size))
+def with_centres(surface: TriSurface) -> FloatArray:
+    """Vertices, then face centres: (k, 3) mm."""
+    return np.concatenate([surface.points, surface.points[surface.faces].mean(axis=1)])
 
 
-def main() -> None:
-    """Mesh every surface at every cell size and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("surfaces", nargs="+", type=Path)
-    parser.add_argument("--cell-sizes", nargs="+", type=float, default=[1.0])
-    parser.add_argument("--setting", default="default")
-    parser.add_argument("--mesher", default="", help="another one than the setting's")
-    options = parser.parse_args()
-    print(*COLUMNS, sep="\t")
-    for surface in options.surfaces:
-        for cell_size in options.cell_sizes:
-            print_row(COLUMNS, in_own_process(measure, surface, cell_size, options.setting, options.mesher))
+def altitudes(mesh: TetMesh) -> FloatArray:
+    """Smallest altitude of each tetrahedron: (m,) mm."""
+    areas = [face_areas(mesh.points, mesh.cells[:, corners]) for corners in TET_FACES]
+    return 3 * signed_volumes(mesh.points, mesh.cells) / np.max(areas, axis=0)
 
+
+# --- two regions and more --------------------------------------------------------------------------------------------
+
+REGION_COLUMNS = (
+    *("pair", "h_mm", "min_gap_h", "across", "certified", "tets", "q_max", "q_mean", "q_mean_cortex"),
+    *("above_0.45", "euler"),
+    *("nodes_off_max_mm", "interface_nodes_off_max_mm", "surface_off_max_h", "interface_off_max_h"),
+    *("cortex_volume_change", "edges_across_least", "edges_across_p5", "edges_across_median"),
+    *("moved", "moved_mean_mm", "moved_max_mm", "cortex_ml_before", "cortex_ml", "edge_length_h"),
+    *("cpu_seconds", "tets_per_cpu_second", "MB_per_million_tets", "why_not"),
+)
+#: of the label volume of a cavity, mm
+VOXEL = 0.8
+
+
+def regions(
+    pials: Sequence[Path],
+    *,
+    cell_sizes: Sequence[float] = (1.0,),
+    inner: str = "white",
+    min_gaps: Sequence[float] = (0.5,),
+    elements_across: Sequence[int] = (1,),
+    shell: float | None = None,
+    cavity: float | None = None,
+    keep: Path | None = None,
+) -> None:
+    """Mesh every pair at every cell size.
+
+    shell : mm from the pial surface to that of a region csf around it
+    cavity : what lies deeper than this share of the deepest is a cavity
+    keep : folder for the meshes
+    """
+    table = Table(*REGION_COLUMNS)
+    for file, h, gap, across in product(pials, cell_sizes, min_gaps, elements_across):
+        row = {"pair": file.name.removesuffix("_pial.surf.gii"), "h_mm": h, "min_gap_h": gap, "across": across}
+        table.add(row, alone(of_pair, file, inner, row, shell, cavity, keep))
+
+
+def of_pair(
+    file: Path, inner: str, row: dict[str, Any], shell: float | None, share: float | None, keep: Path | None
+) -> Row:
+    """Run the line in this process; the row of its mesh."""
+    inner_file = file.with_name(file.name.replace("_pial.", f"_{inner}."))
+    surface = nested(read_surface(file), {inner: read_surface(inner_file)})
+    if share:
+        surface = nested(surface, {**surface.inner, "cavity": cavity(surface.inner[inner], share)})
+    if shell:
+        surface = with_shell(surface, shell)
+    config = config_of(row["h_mm"], regions={"min_gap": row["min_gap_h"], "elements_across": row["across"]})
+    small = nested(ball(20.0), {"white": ball(16.0)})
+    line = mesh(surface, config, small=small, source=file, inner_sources={inner: inner_file})
+    if keep:
+        keep.mkdir(parents=True, exist_ok=True)
+        vtu.write(line.made.mesh, keep / f"{row['pair']}_{row['h_mm']:g}_{row['across']}.vtu")
+    did = next((one for one in line.reports.get("separate", {}).get("surfaces", ()) if one["name"] == inner), None)
+    moved = {key: did[key] for key in ("moved_mean_mm", "moved_max_mm")} if did else {}
+    if did:
+        moved |= {"moved": did["vertices_moved"], "cortex_ml_before": did["around_before_ml"]}
+        moved |= {"cortex_ml": did["around_ml"]}
+    return moved | of_regions(line, row["h_mm"])
+
+
+def of_regions(line: Line, cell_size: float) -> dict[str, Any]:
+    """What a mesh of regions took, and what its certificate says."""
+    mesh, verdict = line.made.mesh, line.made.certificate
+    (cortex,) = (one for one in verdict.regions if one.name == "cortex")
+    q, edges = quality(mesh.points, mesh.cells), cortex.edges_across
+    assert edges is not None  # the cortex has the white surface inside it
+    return {
+        "edge_length_h": line.reports["generate"]["edge_length_mm"] / cell_size,
+        "certified": "yes" if verdict.certified else "no",
+        "tets": len(q),
+        "q_max": q.max(),
+        "q_mean": q.mean(),
+        "q_mean_cortex": q[np.asarray(mesh.cell_data[REGION]) == cortex.number].mean(),
+        "above_0.45": int((q > 0.45).sum()),
+        "euler": ", ".join(str(one.topology.euler_number) for one in (verdict, *verdict.interfaces)),
+        "nodes_off_max_mm": verdict.fidelity.nodes_to_surface_mm.max,
+        "interface_nodes_off_max_mm": max(one.nodes_to_surface_mm.max for one in verdict.interfaces),
+        "surface_off_max_h": verdict.fidelity.surface_to_boundary_mm.max / cell_size,
+        "interface_off_max_h": max(one.surface_to_interface_mm.max for one in verdict.interfaces) / cell_size,
+        "cortex_volume_change": cortex.relative_volume_change,
+        "edges_across_least": edges.least,
+        "edges_across_p5": edges.p5,
+        "edges_across_median": edges.median,
+        "cpu_seconds": line.used["cpu_seconds"],
+        "tets_per_cpu_second": len(q) / line.used["cpu_seconds"],
+        "MB_per_million_tets": line.used["peak_MB"] / len(q) * 1e6,
+        "why_not": "; ".join(verdict.reasons),
+    }
+
+
+def ball(radius: float) -> TriSurface:
+    """A sphere about the origin, mm."""
+    sphere = trimesh.creation.icosphere(subdivisions=4, radius=radius)
+    return TriSurface(sphere.vertices, sphere.faces)
+
+
+def cavity(white: TriSurface, share: float) -> TriSurface:
+    """A ventricle-like cavity: the largest piece of what is deeper than a share of the deepest, in voxels of 0.8 mm.
+
+    The depth is smoothed over 2 mm, or the cavity would have the ridges of a skeleton.
+    """
+    low, high = white.points.min(axis=0), white.points.max(axis=0)
+    shape = np.ceil((high - low) / VOXEL).astype(int) + 1
+    centres = low + VOXEL * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
+    depth, _, _ = depths(tree_of(white), white, centres.reshape(-1, 3))
+    affine = np.diag([VOXEL, VOXEL, VOXEL, 1.0])
+    affine[:3, 3] = low
+    smooth = ndimage.gaussian_filter(depth.reshape(shape), 2.0 / VOXEL)
+    made, _ = label_surfaces(smooth > share * smooth.max(), affine)
+    return single_precision(made[0].surface)
+
+
+# --- smoothing -------------------------------------------------------------------------------------------------------
+
+METHODS: dict[str, dict[str, Any]] = {"published": SETTINGS["published"]["smooth_surface"], "taubin": {}}
+OF_SMOOTHING = ("surface", "weeks", "smoothing", "iterations")
+
+
+def smoothing(surfaces: Sequence[Path], *, cell_size: float = 0.6, voxels: float | None = None) -> None:
+    """Smooth every surface by both methods.
+
+    voxels : mesh nothing: smooth stair steps of so many mm
+    """
+    native = ("native_mean_mm", "native_max_mm", "native_area_change", "q_max", "certified", "cpu_seconds", "why_not")
+    table = Table(*OF_SMOOTHING, *(("true_mean_mm", "true_max_mm", "true_area_change") if voxels else native))
+    for file in surfaces:
+        row = {"surface": name_of(file), "weeks": age_of(file)}
+        if voxels:
+            true = read_surface(file)
+            for method, (surface, report) in smoothed(with_steps(true, voxels), age_of(file)).items():
+                iterations = report.chosen_iterations if report else ""
+                table.add(row, {"smoothing": method, "iterations": iterations}, distance_between(true, surface))
+            continue
+        for method in METHODS:
+            table.add(row, {"smoothing": method}, alone(with_smoothing, file, cell_size, method))
+
+
+def age_of(file: Path) -> float | None:
+    """Gestational age in weeks, as the name of a file says."""
+    age = re.search(r"(?:STA|GW|GA|week|_w)(\d{2})|(\d{2})w", file.name)
+    return float(age[1] or age[2]) if age else None
+
+
+def with_smoothing(file: Path, cell_size: float, method: str) -> Row:
+    """Run the line in this process; the row of its mesh."""
+    config = config_of(cell_size, smooth_surface=METHODS[method])
+    line = mesh(read_surface(file), config, gestational_age=age_of(file), source=file)
+    verdict = line.made.certificate
+    native, checks = verdict.native, {check.name: check.value for check in verdict.checks}
+    return {
+        "iterations": verdict.reports.get("smooth_surface", {}).get("chosen_iterations", ""),
+        "native_mean_mm": checks["distance between the boundary and the native surface, on average"],
+        "native_max_mm": checks["distance between the boundary and the native surface, at most"],
+        "native_area_change": native.relative_area_change if native else "",
+        "q_max": verdict.quality.q.max,
+        "certified": verdict.certified,
+        "cpu_seconds": line.used["cpu_seconds"],
+        "why_not": "; ".join(reason.split(";")[0] for reason in verdict.reasons),
+    }
+
+
+def with_steps(surface: TriSurface, voxel: float) -> TriSurface:
+    """The surface as the boundary of a label image with voxels of so many mm."""
+    import pyvista
+
+    low = surface.points.min(axis=0) - 2 * voxel
+    count = np.ceil((surface.points.max(axis=0) - low) / voxel).astype(int) + 3
+    grid = pyvista.ImageData(dimensions=count, spacing=(voxel,) * 3, origin=low)
+    inside = (winding_numbers(surface, np.asarray(grid.points)) > 0.5).astype(float)
+    steps = grid.contour([0.5], inside, method="flying_edges").clean()
+    made = TriSurface(np.asarray(steps.points, float), steps.faces.reshape(-1, 4)[:, 1:].astype(np.int32))
+    return made if enclosed_volume(made.points, made.faces) > 0 else replace(made, faces=made.faces[:, ::-1])
+
+
+def smoothed(steps: TriSurface, age: float | None) -> dict[str, tuple[TriSurface, SmoothReport | None]]:
+    """Stair steps, and what each method makes of them; the paper's needs an age."""
+    possible = {method: keys for method, keys in METHODS.items() if method != "published" or age is not None}
+    made = {method: smooth_surface(steps, gestational_age=age, **keys) for method, keys in possible.items()}
+    return {"none": (steps, None), **made}
+
+
+def distance_between(true: TriSurface, surface: TriSurface) -> dict[str, float]:
+    """How far a surface is from the true one."""
+    distances = closest_points(tree_of(true), surface.points).distances
+    area, true_area = (face_areas(one.points, one.faces).sum() for one in (surface, true))
+    return {
+        "true_mean_mm": float(distances.mean()),
+        "true_max_mm": float(distances.max()),
+        "true_area_change": float(area / true_area - 1),
+    }
+
+
+main = command(__doc__, fidelity, regions, smoothing)
 
 if __name__ == "__main__":
     main()

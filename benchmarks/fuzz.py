@@ -9,7 +9,6 @@ that caused one are kept under `--keep`. The unit tests run the same damages, a 
 
 from __future__ import annotations
 
-import argparse
 import base64
 import itertools
 import os
@@ -18,13 +17,12 @@ import re
 import resource
 import shutil
 import signal
-import sys
 import tempfile
 import time
 import traceback
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -39,6 +37,7 @@ import nibabel.freesurfer.io as freesurfer
 import numpy as np
 import trimesh
 import yaml
+from _frame import command
 
 from cortet.cohort.scan import scan
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
@@ -63,7 +62,6 @@ from cortet.stages.repair import repair
 from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
 
-ROOT = Path(__file__).parents[1]
 #: beyond what the process has before it reads
 MEMORY = 1 << 30
 SECONDS = 20
@@ -471,39 +469,6 @@ def place_damaged(name: str, valid: Path, rng: random.Random, folder: Path) -> P
     return folder / valid.name
 
 
-def main() -> None:
-    """Run for some minutes and print what was found."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=1.0)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--kinds", nargs="*", help="default: all")
-    parser.add_argument("--keep", type=Path, help="folder for the files that caused a fault")
-    parser.add_argument("--memory", type=int, default=MEMORY >> 20, help="MiB that reading one input may take")
-    parser.add_argument("--seconds", type=int, default=SECONDS, help="of processor time for one input")
-    args = parser.parse_args()
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        found = seeds(folder / "valid")
-        chosen = args.kinds or list(found)
-        for name in chosen:
-            path, read = found[name]
-            assert outcome(read, path) == "valid", (name, outcome(read, path))
-        tried: Counter[tuple[str, str]] = Counter()
-        began = time.time()
-        for name, number in inputs(chosen, args.seed):
-            if time.time() - began > 60 * args.minutes:
-                break
-            valid, read = found[name]
-            path = place_damaged(name, valid, random.Random(f"{name} {number}"), folder / "damaged")
-            result = limited(read, path, args.memory << 20, args.seconds)
-            if args.keep and result not in ("valid", "refused") and not tried[name, result]:
-                shutil.copytree(path.parent, args.keep / f"{name}-{number}")
-                print(f"{name} {number}: {result}", flush=True)
-            tried[name, result] += 1
-            shutil.rmtree(folder / "damaged")
-        report(tried, chosen, time.time() - began)
-
-
 def report(tried: Counter[tuple[str, str]], chosen: list[str], seconds: float) -> None:
     """Inputs by kind and outcome, then the faults."""
     print(f"{'kind':<14}{'inputs':>10}{'refused':>10}{'valid':>10}{'faults':>10}")
@@ -522,5 +487,46 @@ def report(tried: Counter[tuple[str, str]], chosen: list[str], seconds: float) -
             print(f"{count:>8}  {kind}: {result}")
 
 
+def fuzz(
+    *,
+    minutes: float = 1.0,
+    seed: int = 0,
+    kinds: Sequence[str] = (),
+    keep: Path | None = None,
+    memory: int = MEMORY >> 20,
+    seconds: int = SECONDS,
+) -> None:
+    """Run for some minutes and print what was found.
+
+    kinds : of files; all, if none are named
+    keep : folder for the files that caused a fault
+    memory : MiB that reading one input may take
+    seconds : of processor time for one input
+    """
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        found = seeds(folder / "valid")
+        chosen = kinds or list(found)
+        for name in chosen:
+            path, read = found[name]
+            assert outcome(read, path) == "valid", (name, outcome(read, path))
+        tried: Counter[tuple[str, str]] = Counter()
+        began = time.time()
+        for name, number in inputs(chosen, seed):
+            if time.time() - began > 60 * minutes:
+                break
+            valid, read = found[name]
+            path = place_damaged(name, valid, random.Random(f"{name} {number}"), folder / "damaged")
+            result = limited(read, path, memory << 20, seconds)
+            if keep and result not in ("valid", "refused") and not tried[name, result]:
+                shutil.copytree(path.parent, keep / f"{name}-{number}")
+                print(f"{name} {number}: {result}", flush=True)
+            tried[name, result] += 1
+            shutil.rmtree(folder / "damaged")
+        report(tried, chosen, time.time() - began)
+
+
+main = command(__doc__, fuzz)
+
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -10,17 +10,14 @@ they differ. Before a change of the house: `git worktree add ../before HEAD`.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-from rows import print_row
-
-HERE = Path(__file__).parents[1]
-COLUMNS = ("surface", "setting", "tets", "sha256", "same")
+from _frame import ROOT, Table, command
 
 #: what each checkout runs; it uses only what both of them have
 MESH = """
@@ -39,39 +36,43 @@ print(json.dumps([len(mesh.cells), mesh_sha256(mesh)]))
 """
 
 
-def main() -> None:
-    """Mesh everything twice and compare."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("other", type=Path, metavar="OTHER_CHECKOUT")
-    parser.add_argument("surfaces", nargs="*", metavar="SURFACE")
-    parser.add_argument("--pair", nargs=2, metavar=("PIAL", "WHITE"))
-    parser.add_argument("--cell-size", type=float, default=1.6, help="mm")
-    parser.add_argument("--ga", type=float, default=28.0, help="gestational age, weeks: of the published smoothing")
-    parser.add_argument("--settings", nargs="+", default=["default", "cgal", "published"])
-    args = parser.parse_args()
-    asked = [(surface, None, setting) for surface in args.surfaces for setting in args.settings]
-    asked += [(*args.pair, "default")] if args.pair else []
-    print(*COLUMNS, sep="\t", flush=True)
-    differ = 0
-    for outer, inner, setting in asked:
-        job = json.dumps([outer, inner, setting, args.cell_size, args.ga])
-        (tets, mine), (_, theirs) = (meshed(checkout, job) for checkout in (HERE, args.other))
+def same_bits(
+    other: Path,
+    surfaces: Sequence[str] = (),
+    *,
+    pair: tuple[str, str] | None = None,
+    cell_size: float = 1.6,
+    ga: float = 28.0,
+    settings: Sequence[str] = ("default", "cgal", "published"),
+) -> int:
+    """Mesh everything twice and compare.
+
+    ga : gestational age, weeks: of the published smoothing
+    """
+    jobs = [(surface, None, setting) for surface in surfaces for setting in settings]
+    jobs += [(*pair, "default")] if pair else []
+    table, differ = Table("surface", "setting", "tets", "sha256", "same"), 0
+    for outer, inner, setting in jobs:
+        job = json.dumps([outer, inner, setting, cell_size, ga])
+        (tets, mine), (_, theirs) = (meshed(checkout, job) for checkout in (ROOT, other))
         differ += mine != theirs
         name = Path(outer).name.split(".")[0] + (" (pair)" if inner else "")
-        print_row(COLUMNS, dict(zip(COLUMNS, (name, setting, tets, mine[:16], mine == theirs), strict=True)))
-    sys.exit(differ > 0)
+        table.values(name, setting, tets, mine[:16], mine == theirs)
+    return int(differ > 0)
 
 
 def meshed(checkout: Path, job: str) -> tuple[int, str]:
     """Number of tetrahedra and hash of a mesh that the package of a checkout makes."""
     environment = {**os.environ, "PYTHONPATH": str(checkout.resolve())}
-    command = [sys.executable, "-c", MESH, job]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    program = [sys.executable, "-c", MESH, job]
+    done = subprocess.run(program, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
         sys.exit(f"{checkout}: {done.stderr.strip().splitlines()[-1]}")
     tets, digest = json.loads(done.stdout.splitlines()[-1])
     return tets, digest
 
+
+main = command(__doc__, same_bits)
 
 if __name__ == "__main__":
     main()

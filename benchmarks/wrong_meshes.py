@@ -9,17 +9,16 @@ at it. A row says what each of them found first. A fault that a command cannot k
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import json
-import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from _frame import Table, command
 from cubes import cube_mesh
 
 from cortet.cli import main as cortet
@@ -357,20 +356,21 @@ def _said(*arguments: object) -> list[str]:
     return said.getvalue().splitlines() if code else []
 
 
-def main() -> int:
-    """Print the table; 1 where a fault passed."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--sizes", nargs="+", type=int, default=[4, 6, 8], help="cells along the side of the cube")
-    options = parser.parse_args()
-    print("size", "fault", *COMMANDS, sep="\t")
-    passed = 0
-    for n in options.sizes:
-        for wrong in (sound(n), *wrong_meshes(n)):
-            row = [in_words(wrong, command) for command in COMMANDS]
+def wrong(*, sizes: Sequence[int] = (4, 6, 8)) -> int:
+    """Print the table; 1 where a fault passed.
+
+    sizes : cells along the side of the cube
+    """
+    table, passed = Table("size", "fault", *COMMANDS), 0
+    for n in sizes:
+        for mesh in (sound(n), *wrong_meshes(n)):
+            row = [in_words(mesh, name) for name in COMMANDS]
             passed += sum(words.startswith("WRONG") for words in row)
-            print(n, wrong.fault, *row, sep="\t", flush=True)
+            table.values(n, mesh.fault, *row)
     return int(passed > 0)
 
 
+main = command(__doc__, wrong)
+
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bilayer import Onset, critical_growth, is_stable, moduli, normal_stretch, onset, sharp_profile, smooth_profile
 from cubes import cube_mesh
-from fold_wrinkles import theory
+from fold_solver import theory
+from fold_theory import Onset, critical_growth, is_stable, moduli, normal_stretch, onset, sharp_profile, smooth_profile
 
 from cortet.meshes import FloatArray
 from cortet.simulation.body import Material, Scale, body_of

@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import sys
 
-import bilayer_ages
+import fold_theory
 import numpy as np
 import pytest
-from bilayer import WAVELENGTHS, Onset, is_stable, smooth_profile
-from bilayer_ages import AGES, Grown, born, grown_at, laws, width
+from fold_theory import (
+    AGES,
+    WAVELENGTHS,
+    Grown,
+    Onset,
+    born,
+    grown_at,
+    is_stable,
+    laws,
+    smooth_profile,
+    width,
+)
 
 from cortet.simulation.body import Material
 from cortet.simulation.growth import VOLUME, usual
@@ -48,17 +58,17 @@ def test_cortex_is_stable_before_the_age_at_which_its_folds_are_born_and_not_aft
 
 
 def test_a_cortex_that_grows_as_its_core_does_never_folds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bilayer_ages, "onset", simple_onset)
+    monkeypatch.setattr(fold_theory, "onset", simple_onset)
     assert born(laws(0.0, 0.0), MATERIAL) is None
-    monkeypatch.setattr(bilayer_ages, "onset", lambda *_, **__: Onset(0.1, 0.3, set_by_layer=False))
+    monkeypatch.setattr(fold_theory, "onset", lambda *_, **__: Onset(0.1, 0.3, set_by_layer=False))
     assert born(laws(0.045, 0.0), MATERIAL) is None, "it creases"
 
 
 def test_tables(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(bilayer_ages, "onset", simple_onset)
+    monkeypatch.setattr(fold_theory, "onset", simple_onset)
     command = ["--rate", "0.045", "--thickness", "1.1", "--thickness-rate", "0", "--stiffness", "1", "5", "10", "100"]
-    monkeypatch.setattr(sys, "argv", ["bilayer_ages.py", *command])
-    bilayer_ages.main()
+    monkeypatch.setattr(sys, "argv", ["fold_theory.py", "ages", *command])
+    fold_theory.main()
     ages, thicknesses = capsys.readouterr().out.split("\n\n")
     rows = [line.split() for line in ages.splitlines()[2:]]
     # a growth along of 0.045 has come after a week, and so on; without a thickness rate the cortex stays 1.1 mm thick
@@ -84,7 +94,7 @@ def test_with_that_thickness_folds_are_as_wide_as_they_should_be() -> None:
 
 
 def test_a_thickness_of_nothing_is_refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(sys, "argv", ["bilayer_ages.py", "--thickness-rate", "-0.05"])
+    monkeypatch.setattr(sys, "argv", ["fold_theory.py", "ages", "--thickness-rate", "-0.05"])
     with pytest.raises(SystemExit):
-        bilayer_ages.main()
+        fold_theory.main()
     assert "nothing is left" in capsys.readouterr().err

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cubes import cube_mesh
-from growing_ball import INNER, OUTER, ball, by_calculix, by_cortet, exact, outward, surfaces
+from fold_solver import INNER, OUTER, ball, by_calculix, by_cortet, exact, outward, surfaces
 from shapes import ball_surface
 
 import cortet
@@ -71,7 +71,7 @@ def test_the_command_writes_a_job_of_ten_nodes(tmp_path: Path) -> None:
 
 
 def of_layers(radii: list[float], moduli: list[tuple[float, float]], grows: int, growth: float) -> np.ndarray:
-    """Displacements outward at the outside of each layer of a ball, mm: as `growing_ball.exact`, for any layers.
+    """Displacements outward at the outside of each layer of a ball, mm: as `fold_solver.exact`, for any layers.
 
     Each layer, from the middle outward, has u = B r + C / r^2, that which grows c r ln r beside it; neighbours share
     displacement and radial stress, and the outside is free.

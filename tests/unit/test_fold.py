@@ -16,7 +16,7 @@ import meshio
 import numpy as np
 import pytest
 from cubes import cube_mesh
-from fold_reference import comparison
+from fold_brain import comparison
 from shapes import ball_mesh
 
 from cortet.errors import InputError

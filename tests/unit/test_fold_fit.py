@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
-from fold_fit import WEEKS, determined, misses
+from fold_brain import TARGET_WEEKS, determined, misses
 
 from cortet.simulation.growth import AREA, VOLUME, usual
 
@@ -31,7 +31,7 @@ def test_a_run_that_is_as_it_should_be_misses_nothing() -> None:
         "volume_mm3": 7, "area_mm2": 7, "cortical_thickness_mm": 7, "fold_spacing_mm": 5,
     }  # fmt: skip
     assert max(np.abs(missed).max() for missed in found.values()) < 1e-9
-    assert WEEKS[-1] == 38  # which this run has not reached
+    assert TARGET_WEEKS[-1] == 38  # which this run has not reached
 
 
 def test_misses_are_in_standard_errors() -> None:

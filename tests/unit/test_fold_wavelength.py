@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fold_wavelength import ball, fold_ball, mean_degree
+from fold_solver import fold_ball, mean_degree, solid_ball
 from scipy.special import sph_harm_y
 
 from cortet.meshes import TetMesh
@@ -15,7 +15,7 @@ THIN, THICK, STIFFNESS = 0.15, 0.3, 3.0
 
 @pytest.fixture(scope="module")
 def mesh() -> TetMesh:
-    return ball(800)
+    return solid_ball(800)
 
 
 @pytest.mark.parametrize("degree", [3, 6])

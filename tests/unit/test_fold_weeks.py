@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from fold_weeks import (
+from fold_brain import (
     AGE,
     QUANTITIES,
     Given,
@@ -22,7 +22,7 @@ from fold_weeks import (
     of_pair,
     of_surface,
     simulated,
-    table,
+    table_of,
     verdict,
     weeks_table,
 )
@@ -150,7 +150,7 @@ def test_it_prints_what_it_is_asked_for(
 ) -> None:
     write_surface(ball_surface(3, radius=20.0), tmp_path / "x.surf.gii")
     runs = [str(run(tmp_path / name, 5000.0)) for name in "ab"]
-    monkeypatch.setattr(sys, "argv", ["fold_weeks.py", *runs, "--real", f"{tmp_path / 'x.surf.gii'}:26:L"])
+    monkeypatch.setattr(sys, "argv", ["fold_brain.py", *runs, "--real", f"{tmp_path / 'x.surf.gii'}:26:L"])
     main()
     shown = capsys.readouterr().out
     assert "| x       | 26 " in shown and "2 runs; real: interpolated between the surfaces above" in shown
@@ -164,6 +164,6 @@ def test_the_table_of_real_brains_is_what_the_surfaces_say(monkeypatch: pytest.M
     known = published.real_brains()
     known = known[known["surface"].isin(names)].reset_index(drop=True)
     monkeypatch.setattr(published, "real_brains", lambda: known)
-    again = table(SHARED)
+    again = table_of(SHARED)
     numbers = known.select_dtypes("number").columns
     assert again[numbers].astype(float).to_numpy() == pytest.approx(known[numbers].to_numpy())

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import bilayer
+import fold_theory
 import numpy as np
 import pytest
-from fold_wrinkles import Wrinkles, critical_growth, material_of, mean_wavelength, strip, theory, wrinkle
+from fold_solver import Wrinkles, critical_growth, material_of, mean_wavelength, strip, theory, wrinkle
 
 LENGTH, DEPTH, SPACING = 40.0, 20.0, 1.0
 
@@ -36,8 +36,8 @@ def test_growth_across_a_film_delays_a_wave_as_exact_theory_says() -> None:
     wavelength, thickness, material = 12.0, 2.0, material_of(2.0)
 
     def measured_over_exact(across: float) -> float:
-        exact = bilayer.critical_growth(
-            2 * np.pi / wavelength, thickness, material, bilayer.smooth_profile, across=across
+        exact = fold_theory.critical_growth(
+            2 * np.pi / wavelength, thickness, material, fold_theory.smooth_profile, across=across
         )
         return critical_growth(wavelength, SPACING, thickness, material, exact, across) / exact
 

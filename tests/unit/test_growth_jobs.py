@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from cubes import cube_mesh
-from growing_ball import DOLFINX, ball, by_dolfinx, exact, outward
+from fold_solver import DOLFINX, ball, by_dolfinx, exact, outward
 
 from cortet.cli import main
 from cortet.errors import InputError

@@ -1,6 +1,7 @@
-"""Exact onset of folding: the linear stability of a growing layer on its base, by the law that the simulation has.
+"""At which growth does a flat cortex fold, how wide, and at which age, by exact theory?
 
-    python benchmarks/bilayer.py [--stiffness 0.5 1 2 5 10 20] [--across -0.3] [--sharp]
+    python benchmarks/fold_theory.py [--stiffness 0.5 1 2 5 10 20] [--across -0.3] [--sharp]
+    python benchmarks/fold_theory.py ages [--rate 0.045] [--thickness 1.1] [--thickness-rate -0.02] [--stiffness 1 2 5]
 
 A half-space whose uppermost part grows tangentially and is held at its sides stays flat until the second variation of
 its energy vanishes for some wave, sin kx along the surface. The variation is assembled here over the depth (quadratic
@@ -9,25 +10,36 @@ elements; the wave is exact along x) for the neo-Hookean energy, the profile of 
 is made on the ratio of the moduli, as Allen's formula makes for stiff films. Methods: Biot, Mechanics of Incremental
 Deformations, 1965; growing bilayers: arXiv:2312.10162.
 
-The layer may have grown across itself, too, or have shrunk: Fg = diag(1 + alpha, 1 + alpha, 1 + beta). As F = Fe Fg, a
-displacement gradient H is H_ij / Fg_jj of elastic deformation, and an initial volume holds the energy of (1 + alpha)^2
-(1 + beta) grown ones. The base does not grow: where it does, as in the model `growing`, lengths are those of a frame
-that grows with it. Thicknesses are those before growth.
+The layer may have grown across itself, too, or have shrunk: Fg = diag(1 + alpha, 1 + alpha, 1 + beta). As F = Fe Fg,
+a displacement gradient H is H_ij / Fg_jj of elastic deformation, and an initial volume holds the energy of (1 +
+alpha)^2 (1 + beta) grown ones. The base does not grow: where it does, as in the model `growing`, lengths are those of
+a frame that grows with it. Thicknesses are those before growth.
+
+`ages` takes the cortex of the model `growing`: the cortex grows along itself, and across itself, relative to a core
+that grows by s: that of `cortet.simulation`, but s is the cube root of the volume alone, as if cortex took no part of
+it. The onset is that above for what the cortex has grown across itself at an age; cortex folds at the age at which it
+has grown so much along itself. A fold is carried along: what is n wide when it is born at an age is n s(later) /
+s(age) wide later. A wave that is first at a later age is one that a cortex without folds would take then. Thicknesses
+are those that cortex without stress has at the onset.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from _frame import command
 from scipy.linalg import LinAlgError, cholesky_banded
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 from cortet.meshes import FloatArray
 from cortet.simulation.body import Material
-from cortet.simulation.law import growth_share
+from cortet.simulation.growth import ORIGIN, VOLUME, ByAge, by_age, usual
+from cortet.simulation.law import ACROSS, ALONG, growth_share
+from cortet.simulation.models import CONSTANTS, Growing
 
 #: growth beyond which a layer is called stable; Biot's half-space folds at 0.5
 LARGEST_GROWTH = 2.0
@@ -188,20 +200,156 @@ def onset(material: Material, profile: Profile = smooth_profile, across: float =
     return Onset(float(best.fun), float(np.exp(best.x)), set_by_layer=True)
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--stiffness", nargs="+", type=float, default=[0.5, 0.857, 1, 1.5, 2, 5, 10, 20])
-    parser.add_argument("--across", type=float, default=0.0, help="growth across the layer, the same at each onset")
-    parser.add_argument("--sharp", action="store_true", help="all growth above one thickness, none below")
-    options = parser.parse_args()
-    profile = sharp_profile if options.sharp else smooth_profile
-    print("stiffness  growth  wavelength  set by the layer")
-    for stiffness in options.stiffness:
-        material = Material(mu_cortex=1.0, mu_core=1 / stiffness)
-        found = onset(material, profile, options.across)
-        print(f"{stiffness:9g} {found.growth:7.4f} {found.wavelength:11.3f}  {found.set_by_layer}", flush=True)
+def bilayer(
+    *,
+    stiffness: Sequence[float] = (0.5, 0.857, 1, 1.5, 2, 5, 10, 20),
+    across: float = 0.0,
+    sharp: bool = False,
+) -> None:
+    """The first wave for each stiffness.
 
+    across : growth across the layer, the same at each onset
+    sharp : all growth above one thickness, none below
+    """
+    profile = sharp_profile if sharp else smooth_profile
+    print("stiffness  growth  wavelength  set by the layer")
+    for ratio in stiffness:
+        first = onset(Material(mu_cortex=1.0, mu_core=1 / ratio), profile, across)
+        print(f"{ratio:9g} {first.growth:7.4f} {first.wavelength:11.3f}  {first.set_by_layer}", flush=True)
+
+
+# --- by age ----------------------------------------------------------------------------------------------------------
+
+#: ages at which widths are printed, weeks
+AGES = 28.0, 34.0, 38.0
+#: width of the folds of a brain, mm, and the age at which they shall have it
+WIDTH, WIDTH_AT = 12.0, 34.0
+#: age up to which the law of the volume holds, weeks
+LAST = 42.0
+#: of the onset, weeks
+_ERROR = 1e-3
+
+
+class Grown(NamedTuple):
+    """What has grown at an age, since 22 weeks."""
+
+    #: of the cortex along and across itself, relative to the core
+    along: float
+    across: float
+    #: stretch of the core
+    stretch: float
+
+
+class Born(NamedTuple):
+    """When folds are born, and how wide."""
+
+    #: weeks
+    age: float
+    grown: Grown
+    #: in thicknesses at 22 weeks, both grown as the core
+    wavelength: float
+
+
+def laws(rate: ByAge, thickness_rate: ByAge) -> Growing:
+    """The model `growing` of a flat cortex, from 22 weeks on; its envelope is out of reach."""
+    thickness = by_age(thickness_rate)
+    return Growing(
+        along=[by_age(rate)],
+        core=[np.zeros_like],
+        thickness=lambda ages: 1 + thickness(ages),
+        stretch=lambda ages: np.cbrt(usual(VOLUME, ages) / usual(VOLUME, np.array([ORIGIN]))),
+        envelope=lambda ages: np.full_like(ages, np.inf),
+    )
+
+
+def grown_at(model: Growing, age: float) -> Grown:
+    """What has grown at an age in weeks."""
+    ages: FloatArray = np.array([age])
+    stretch = model.stretch(ages)
+    growth = model.grown(ages, stretch)[0, 0]
+    return Grown(float(growth[ALONG]), float(growth[ACROSS]), float(stretch[0]))
+
+
+def born(model: Growing, material: Material) -> Born | None:
+    """The first folds; None where there are none until `LAST`, or none that the layer sets.
+
+    The growth along that an onset takes hardly changes with that across, so one age parts those before from those
+    after it where growth along rises with age.
+    """
+
+    @cache
+    def first(age: float) -> Onset:
+        return onset(material, across=grown_at(model, age).across)
+
+    def excess(age: float) -> float:
+        return grown_at(model, age).along - first(age).growth
+
+    if excess(LAST) < 0:
+        return None
+    age = float(brentq(excess, ORIGIN, LAST, xtol=_ERROR))
+    return Born(age, grown_at(model, age), first(age).wavelength) if first(age).set_by_layer else None
+
+
+def width(wavelength: float, thickness: float, model: Growing, age: float) -> float:
+    """Width in mm at an age of what is some thicknesses at 22 weeks wide, for that thickness in mm."""
+    return wavelength * thickness * grown_at(model, age).stretch
+
+
+def print_ages(model: Growing, thickness: float, stiffnesses: list[float]) -> dict[float, Born]:
+    """Print the first table; those of the stiffnesses that fold."""
+    ages = " ".join(f"{age:5g}" for age in AGES)
+    print("           onset                  wavelength         born then, mm at    first at, mm")
+    print(f"stiffness  week  growth  across  thicknesses    mm  {ages}   {ages}")
+    folding = {}
+    for stiffness in stiffnesses:
+        material = Material(mu_cortex=1.0, mu_core=1 / stiffness)
+        found = born(model, material)
+        if found is None:
+            print(f"{stiffness:9g}  does not fold until {LAST:g} weeks, or only creases")
+            continue
+        folding[stiffness] = found
+        later = [width(found.wavelength, thickness, model, age) if age >= found.age else np.nan for age in AGES]
+        firsts = [
+            width(onset(material, across=grown_at(model, age).across).wavelength, thickness, model, age) for age in AGES
+        ]
+        print(
+            f"{stiffness:9g} {found.age:5.1f} {found.grown.along:7.3f} {found.grown.across:7.3f}"
+            f" {found.wavelength / (1 + found.grown.across):12.2f}"
+            f" {width(found.wavelength, thickness, model, found.age):5.1f} "
+            + "".join(f" {mm:5.1f}" if np.isfinite(mm) else "     -" for mm in later)
+            + "  "
+            + "".join(f" {mm:5.1f}" for mm in firsts),
+            flush=True,
+        )
+    return folding
+
+
+def ages(
+    *,
+    rate: float = CONSTANTS["growing"].growth_rate,
+    thickness: float = CONSTANTS["growing"].thickness,
+    thickness_rate: float = CONSTANTS["growing"].thickness_rate,
+    stiffness: Sequence[float] = (1, 1.5, 2, 3, 4, 5, 7, 10),
+) -> None:
+    """The age and the width of the first folds for each stiffness.
+
+    rate : growth along per week since 22 weeks
+    thickness : at 22 weeks, mm
+    thickness_rate : change of the thickness without stress, in that at 22 weeks, per week
+    """
+    model = laws(rate, thickness_rate)
+    if not grown_at(model, LAST).across > -1:
+        raise argparse.ArgumentTypeError(f"by --thickness-rate nothing is left at {LAST:g} weeks")
+    folding = print_ages(model, thickness, list(stiffness))
+    print(
+        f"\nstiffness  thickness at {ORIGIN:g} weeks, mm, with which folds are {WIDTH:g} mm wide at {WIDTH_AT:g} weeks"
+    )
+    for ratio, first in folding.items():
+        if first.age <= WIDTH_AT:
+            print(f"{ratio:9g}  {WIDTH / width(first.wavelength, 1.0, model, WIDTH_AT):.2f}")
+
+
+main = command(__doc__, bilayer, ages)
 
 if __name__ == "__main__":
     main()

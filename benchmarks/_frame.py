@@ -1,0 +1,224 @@
+"""What all benchmarks share: a question as a command, a process that is measured, a line from surface to mesh, a table.
+
+A question is a function. Its parameters before `*` are the arguments of its command, those after it the options, and
+lines `name : text` of its docstring their help. What it returns is the exit code, or a text that ends it with 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import re
+import resource
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+from types import NoneType
+from typing import Any, NamedTuple, get_args, get_origin
+
+import numpy as np
+import yaml
+
+from cortet.config import Config, load
+from cortet.errors import CortetError
+from cortet.meshes import TriSurface
+from cortet.phantom import phantom
+from cortet.pipeline import Meshed, Step, mesh_surface
+from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
+
+ROOT = Path(__file__).resolve().parents[1]
+Row = Mapping[str, Any]
+
+# --- commands --------------------------------------------------------------------------------------------------------
+
+
+def command(about: str | None, *questions: Callable[..., int | str | None]) -> Callable[[], None]:
+    """The `main` of a file: the first question is asked where the first word names no other one."""
+    named = {question.__name__: question for question in questions}
+
+    def main() -> None:
+        words = sys.argv[1:]
+        name = words.pop(0) if words and words[0] in named else questions[0].__name__
+        line = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+        line.prog += f" {name}" * (len(named) > 1)
+        _add_arguments(line, named[name])
+        line.add_argument("--tsv", type=Path, metavar="FILE", help="write the rows there, too")
+        options = vars(line.parse_args(words))
+        if file := options.pop("tsv"):
+            Table.file = file
+            file.write_text("")
+        given = [options.pop(one.name) for one in _parameters(named[name]) if one.kind is not one.KEYWORD_ONLY]
+        try:
+            ended = named[name](*given, **options)
+        except argparse.ArgumentTypeError as error:
+            line.error(str(error))
+        if ended:
+            sys.exit(ended)
+
+    return main
+
+
+def _parameters(question: Callable[..., Any]) -> Iterable[inspect.Parameter]:
+    return inspect.signature(question, eval_str=True).parameters.values()
+
+
+def _add_arguments(line: argparse.ArgumentParser, question: Callable[..., Any]) -> None:
+    texts = dict(re.findall(r"^    (\w+) : (.+)$", question.__doc__ or "", re.MULTILINE))
+    for one in _parameters(question):
+        option, needed = one.kind is one.KEYWORD_ONLY, one.default is one.empty
+        names = [f"--{one.name.replace('_', '-')}"] if option else [one.name]
+        names += ["-o"] * (one.name == "output")
+        keys: dict[str, Any] = {"help": texts.get(one.name)} | ({} if needed else {"default": one.default})
+        if option:
+            keys["required"] = needed
+        else:
+            keys["metavar"] = one.name.upper()
+        kind = one.annotation
+        if NoneType in get_args(kind):
+            kind = get_args(kind)[0]
+        if kind is bool:
+            line.add_argument(*names, **keys, action="store_true")
+            continue
+        if get_origin(kind) is tuple:
+            keys["nargs"] = len(get_args(kind))
+        elif get_origin(kind) is Sequence:
+            keys["nargs"] = "+" if needed or option else "*"
+        elif not needed and not option:
+            keys["nargs"] = "?"
+        line.add_argument(*names, **keys, type=next(iter(get_args(kind)), kind))
+
+
+# --- tables ----------------------------------------------------------------------------------------------------------
+
+
+class Table:
+    """Rows below a heading, each printed as it ends: aligned, and separated by tabs in `file`."""
+
+    file: Path | None = None
+
+    def __init__(self, *columns: str) -> None:
+        self.columns = columns
+        self._print(columns)
+
+    def add(self, *parts: Row) -> dict[str, Any]:
+        """Print a row, which is given in parts; the row."""
+        row = {key: value for part in parts for key, value in part.items()}
+        cells = [_cell(row.get(column, "")) for column in self.columns]
+        self._print(cells)
+        return row
+
+    def values(self, *values: object) -> None:
+        """Print a row that is given by its values."""
+        self.add(dict(zip(self.columns, values, strict=True)))
+
+    def _print(self, cells: Sequence[str]) -> None:
+        widths = (max(len(column), 9) for column in self.columns)
+        print("  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip(), flush=True)
+        if self.file:
+            with self.file.open("a", encoding="utf-8") as file:
+                print(*cells, sep="\t", file=file)
+
+
+def _cell(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else " ".join(str(value).split())
+
+
+def print_power(name: str, rows: Iterable[Row], x: str = "tets", y: str = "cpu_seconds") -> None:
+    """With which power of `x` the values `y` of some rows grow (least squares of the logarithms), from two sizes on."""
+    known = [row for row in rows if x in row]
+    if len({row[x] for row in known}) > 1:
+        sizes, values = ([row[key] for row in known] for key in (x, y))
+        print(f"{name}: {y} grows as {x}^{np.polyfit(np.log(sizes), np.log(values), 1)[0]:.2f}")
+
+
+# --- what is measured ------------------------------------------------------------------------------------------------
+
+
+def alone(measure: Callable[..., Row], *given: Any) -> Row:
+    """A row that is measured in a fresh process; `why_not` where that could not, or ended without a word."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        try:
+            return pool.submit(_answer, measure, *given).result()
+        except BrokenProcessPool:
+            return {"why_not": "the process ended without a word"}
+
+
+def _answer(measure: Callable[..., Row], *given: Any) -> Row:
+    try:
+        return measure(*given)
+    except CortetError as error:
+        return {"why_not": str(error)}
+
+
+def cpu_seconds() -> float:
+    """CPU seconds of this process, all its threads, and of its children that ended."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
+
+
+@contextmanager
+def spent() -> Iterator[dict[str, float]]:
+    """CPU seconds that a block takes, and MB of its peak above what was there before."""
+    reset_peak_memory()
+    before, used = peak_memory_mb() or 0, dict[str, float]()
+    began = cpu_seconds()
+    yield used
+    used |= {"cpu_seconds": cpu_seconds() - began, "peak_MB": (peak_memory_mb() or 0) - before}
+
+
+class Line(NamedTuple):
+    """A mesh, and what the line took to make it, without the certificate."""
+
+    made: Meshed
+    #: report of each stage
+    reports: dict[str, Any]
+    #: CPU and wall seconds, and MB of the peak above what was there before
+    used: dict[str, float]
+
+
+def mesh(
+    surface: TriSurface,
+    config: Config,
+    say: Callable[[Step, float], None] = lambda *_: None,
+    small: TriSurface | None = None,
+    **given: Any,
+) -> Line:
+    """Mesh a surface, another, `small` one before it, which compiles; `say` hears of stages and their CPU seconds."""
+    coarse = config.generate.model_copy(update={"cell_size": [4.0]})
+    mesh_surface(small or phantom(24.0, subdivisions=3), config.model_copy(update={"generate": coarse}))
+    reports: dict[str, Any] = {}
+    reset_peak_memory()
+    idle, last = peak_memory_mb() or 0, cpu_seconds()
+    used = {"cpu_seconds": 0.0, "wall_seconds": 0.0, "peak_MB": 0.0}
+
+    def after(step: Step) -> None:
+        nonlocal last
+        now = cpu_seconds()
+        used["cpu_seconds"] += now - last
+        used["wall_seconds"] += step.seconds
+        used["peak_MB"] = (peak_memory_mb() or 0) - idle
+        reports[step.stage] = step.report
+        say(step, now - last)
+        last = cpu_seconds()
+
+    return Line(mesh_surface(surface, config, progress=after, **given), reports, used)
+
+
+def config_of(cell_size: float, *changes: str, **data: Any) -> Config:
+    """A configuration at one cell size; changes are `section.key=value`, as in its file, or the name of a mesher."""
+    merged = {**data, "generate": {**data.get("generate", {}), "cell_size": cell_size}}
+    for change in filter(None, changes):
+        key, _, value = (change if "=" in change else f"generate.meshers=[{change}]").partition("=")
+        section, _, name = key.partition(".")
+        merged[section] = {**merged.get(section, {}), name: yaml.safe_load(value)}
+    return load(merged)
+
+
+def name_of(file: Path) -> str:
+    """Name of a surface in a table."""
+    return file.name.removesuffix(".surf.gii")

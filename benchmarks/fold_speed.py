@@ -1,0 +1,284 @@
+"""How fast is a fold, what does it cost in all, is its growth slow enough, and does the number of threads change it?
+
+    python benchmarks/fold_speed.py [--cells 1e5 3e5 1e6] [--threads 1 2] [--steps 20] [--device cuda]
+    python benchmarks/fold_speed.py runs MESH --ga 22 --hemi L [--end 30] [--models growing braingrowth] [--threads 1 2]
+    python benchmarks/fold_speed.py rate MESH --ga 22 --hemi L [--end 34] [--slower 1 2 4]
+
+The body of the first is a cube of Kuhn tetrahedra with displaced inner nodes that grows as a cortex does, its surface
+in contact search; each row is a process of its own, kernels compiled beforehand. On a busy machine wall time says
+little: compare the CPU seconds, and element-steps per CPU second and core. Memory is the peak of the process from the
+making of the body on, and what of it is above that before. Bytes are what a step has to bring from memory and back,
+every array once in each loop that uses it; operations are those of the formulas. Beside them stand what a plain sum of
+arrays and plain multiply-adds reach on one core at that moment, and how CPU seconds grow with the number of tetrahedra.
+With `--device cuda` each size has one more row, of the GPU: wall seconds of the steps, in batches of 100 as a run takes
+them, with what goes to the host after each, and once before them, which compiles the kernel. Its bytes are those that
+its own loops bring from memory and back.
+
+`runs` folds a mesh with each model and number of threads: element-steps per CPU second of the steps, CPU seconds of
+all, what share of these is not steps (checks at the start, rows of the table, frames), and a hash of where every node
+ends. Exits with 1 if hashes of one model differ.
+
+`rate` stretches the time of the simulation; ages stay what they are. A brain folds in weeks, and its tissue is at rest
+at every moment; the body of the simulation has mass and damping, and grows much faster. Where a slower growth ends with
+the same brain, these do not matter. Prints the largest kinetic over elastic energy, and what the brain is like then.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numba
+import numpy as np
+from _frame import Row, Table, alone, command, print_power
+from cubes import cube_mesh
+
+from cortet.formats import vtu
+from cortet.formats.tsv import read_tsv
+from cortet.geometry.ordering import ordered_along_curve
+from cortet.geometry.topology import boundary_faces
+from cortet.meshes import TetMesh
+from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
+from cortet.simulation import fold as folding
+from cortet.simulation import growth
+from cortet.simulation.altitude import smallest_altitude
+from cortet.simulation.body import Material, body_of, scale_of, stable_time_step
+from cortet.simulation.contact import contact_of
+from cortet.simulation.device import device_name
+from cortet.simulation.gpu import OnGpu
+from cortet.simulation.growth import Course
+from cortet.simulation.journal import TABLE
+from cortet.simulation.kernels import DONE, Motion, Work, workspace
+from cortet.simulation.models import course
+from cortet.simulation.patches import ROWS, VOLUME
+from cortet.simulation.state import Moment, Settings
+from cortet.simulation.stepper import OnCpu
+
+COLUMNS = (
+    *("tets", "threads", "wall_s", "cpu_s", "million_element_steps_per_s", "per_cpu_s", "bytes", "GB_per_cpu_s"),
+    *("GFLOP_per_cpu_s", "GB_per_s", "peak_MB", "MB_per_million_tets"),
+)
+#: growth at every step: enough that no term of the forces is zero
+_GROWTH = 1e-3
+#: additions, multiplications and divisions per element and step, counted in the source: edges 2 x 9, growth and volumes
+#: 2 x 62, gradients after growth 50, F 45, its cofactors, J and tr B 49, J^(-1/3) 35, stress 43, forces 54, sums 30
+OPERATIONS = 448
+#: bytes per element: rows of growth and volume, then all rows; corners and label in both
+_ELEMENT_BYTES = (ROWS - VOLUME) * 8 + 12 + ROWS * 8 + 12
+#: bytes per slot: its node or number four times, volumes and forces written and read
+_SLOT_BYTES = 4 * 4 + 2 * 16 + 2 * 24
+#: bytes per node: positions read three times and written, velocities, contact forces, volume and ratio, offsets, held
+_NODE_BYTES = 4 * 24 + 2 * 24 + 24 + 2 * 16 + 2 * 8 + 1
+#: the same on a GPU. An element has rows of growth and volume, then all rows, and twice its corners, its label and its
+#: four places in the lists of slots
+_GPU_ELEMENT_BYTES = (ROWS - VOLUME) * 8 + ROWS * 8 + 2 * (8 + 4 + 8)
+#: a slot: its node, where its list begins, and a position, twice; a ratio; volumes and forces written, and read with
+#: its number
+_GPU_SLOT_BYTES = 2 * (4 + 4 + 24) + 8 + 2 * (16 + 24) + 2 * 4
+#: a node: position, velocity and contact force read and written; volume and ratio; offsets, place, held
+_GPU_NODE_BYTES = 3 * 48 + 2 * 16 + 2 * 8 + 4 + 1
+
+
+def steps(
+    *,
+    cells: Sequence[float] = (1e5, 3e5, 1e6),
+    threads: Sequence[int] = (1, 2),
+    steps: int = 20,
+    device: str = "cpu",
+) -> None:
+    """Time some steps on cubes of several sizes."""
+    if device == "cuda":
+        print(device_name())
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that wait do not count as work
+    print(f"{machine()}; {OPERATIONS} operations per element-step")
+    table = Table(*COLUMNS)
+    counts = [*threads, *([None] if device == "cuda" else [])]
+    rows = [table.add(alone(of_cube, size, count, steps)) for size in cells for count in counts]
+    for count in threads:
+        print_power(f"{count} threads", (row for row in rows if row["threads"] == count), y="cpu_s")
+
+
+def of_cube(cells: float, threads: int | None, steps: int) -> Row:
+    """Time some steps in this process, on a GPU if no threads are named, a row of the table."""
+    if threads:
+        numba.set_num_threads(threads)
+    steps_of(cube_mesh(3, jitter=0.2), 1, on_gpu=not threads)  # load or compile the kernels
+    mesh = cube_mesh(round((cells / 6) ** (1 / 3)), jitter=0.2)
+    mesh = TetMesh(*ordered_along_curve(mesh.points, mesh.cells)[:2])
+    reset_peak_memory()
+    before = peak_memory_mb() or 0
+    wall, cpu, bytes_moved = steps_of(mesh, steps, on_gpu=not threads)
+    peak = peak_memory_mb() or 0
+    work = len(mesh.cells) * steps / 1e6
+    return {
+        "tets": len(mesh.cells),
+        "threads": threads or "gpu",
+        "wall_s": wall,
+        "cpu_s": cpu,
+        "million_element_steps_per_s": work / wall,
+        "per_cpu_s": work / cpu,
+        "bytes": round(bytes_moved),
+        "GB_per_cpu_s": bytes_moved * work / cpu / 1e3,
+        "GFLOP_per_cpu_s": OPERATIONS * work / cpu / 1e3,
+        "GB_per_s": bytes_moved * work / wall / 1e3,
+        "peak_MB": peak,
+        "MB_per_million_tets": round((peak - before) / len(mesh.cells) * 1e6),
+    }
+
+
+def steps_of(mesh: TetMesh, steps: int, *, on_gpu: bool) -> tuple[float, float, float]:
+    """Wall and CPU seconds of some steps, and bytes per element-step; the CPU time is that of all threads."""
+    scale, material = scale_of(mesh, None), Material()
+    x = (mesh.points - scale.origin) / scale.length
+    body = body_of(mesh, scale)
+    state, work = Motion(x, np.zeros_like(x)), workspace(body)
+    contact = contact_of(x, boundary_faces(mesh), bulk=material.bulk)
+    dt = stable_time_step(smallest_altitude(x, mesh.cells), material)
+    growth = course(np.full((steps, 1), _GROWTH))
+    what: Any = SimpleNamespace(body=body, material=material)
+    stepper = (OnGpu if on_gpu else OnCpu)(what, Moment(0, 0.0, state, work, contact))
+    stepper.begin()
+    if on_gpu and stepper.advance(growth.since(steps - 1), dt) != (1, DONE):
+        raise RuntimeError("the first step was not taken")
+    wall, cpu = time.perf_counter(), time.process_time()
+    for first in range(0, steps, 100):
+        batch = Course(*(values[first : first + 100] for values in growth))
+        if (ended := stepper.advance(batch, dt)) != (len(batch.thickening), DONE):
+            raise RuntimeError(f"the steps ended with {ended}")
+    seconds = time.perf_counter() - wall, time.process_time() - cpu
+    return *seconds, bytes_per_element(mesh, work, on_gpu=on_gpu)
+
+
+def bytes_per_element(mesh: TetMesh, work: Work, *, on_gpu: bool) -> float:
+    """Bytes that a step moves per tetrahedron."""
+    element, slot, node = (
+        (_GPU_ELEMENT_BYTES, _GPU_SLOT_BYTES, _GPU_NODE_BYTES) if on_gpu else (_ELEMENT_BYTES, _SLOT_BYTES, _NODE_BYTES)
+    )
+    return element + (len(work.patches.nodes) * slot + len(mesh.points) * node) / len(mesh.cells)
+
+
+def machine() -> str:
+    """What one core reaches now: bytes of a + 3 b into c, too long for any cache; multiply-adds on 64 numbers."""
+    a, b, c = np.ones((3, 10**7))
+    _copy(a, b, c), _multiply_add(1, 0.5)
+    began = time.process_time()
+    for _ in range(5):
+        _copy(a, b, c)
+    copied = time.process_time()
+    _multiply_add(10**7, 0.999)
+    ended = time.process_time()
+    return (
+        f"one core: {5 * 24 * len(a) / (copied - began) / 1e9:.1f} GB/s of a plain sum of arrays, "
+        f"{10**7 * 128 / (ended - copied) / 1e9:.0f} GFLOP/s"
+    )
+
+
+@numba.njit
+def _copy(a, b, c):  # type: ignore[no-untyped-def]
+    for i in range(len(a)):
+        c[i] = a[i] + 3.0 * b[i]
+
+
+@numba.njit(fastmath={"contract"})
+def _multiply_add(n, x):  # type: ignore[no-untyped-def]
+    values = np.ones(64)
+    for _ in range(n):
+        for i in range(64):
+            values[i] = values[i] * x + x
+    return values.sum()
+
+
+# --- whole folds -----------------------------------------------------------------------------------------------------
+
+RUN_COLUMNS = ("model", "threads", "tets", "steps", "element_steps_per_cpu_s", "cpu_s", "share_of_rows", "sha256")
+#: of the table of a fold, in its units
+MEASURED = ("gyrification_index", "area_mm2", "volume_mm3", "fold_spacing_mm", "sulcal_depth_mm", "q_max")
+#: weeks of the run that compiles the kernels
+_SHORT = 0.02
+
+
+def runs(
+    mesh: Path,
+    *,
+    ga: float,
+    hemi: str | None = None,
+    end: float = 30.0,
+    models: Sequence[str] = ("growing", "braingrowth"),
+    threads: Sequence[int] = (1, 2),
+) -> str | None:
+    """Fold with each model and number of threads."""
+    table, differ = Table(*RUN_COLUMNS), False
+    for model in models:
+        settings = Settings(gestational_age=ga, hemisphere=hemi, end=end, model=model)
+        rows = [table.add(alone(of_run, mesh, settings, count)) for count in threads]
+        differ |= len({row.get("sha256") for row in rows}) > 1
+    return "the threads change the result" if differ else None
+
+
+def of_run(file: Path, settings: Settings, threads: int) -> Row:
+    """Fold in this process; the row."""
+    numba.set_num_threads(threads)
+    mesh, seconds, step = vtu.read(file), 0.0, folding.advance_to
+
+    def timed(*arguments: Any) -> bool:
+        nonlocal seconds
+        began = time.process_time()
+        inverted = step(*arguments)
+        seconds += time.process_time() - began
+        return inverted
+
+    with tempfile.TemporaryDirectory() as folder:
+        short = Settings(**{**vars(settings), "end": settings.gestational_age + _SHORT})
+        folding.fold(mesh, Path(folder) / "short", short, say=lambda _: None)
+        folding.advance_to = timed
+        began = time.process_time()
+        verdict = folding.fold(mesh, Path(folder) / "run", settings, say=lambda _: None)
+        cpu = time.process_time() - began
+        last = vtu.read(max(Path(folder).glob("run/frames/frame_*.vtu")))
+    return {
+        "model": settings.model,
+        "threads": threads,
+        "tets": verdict.tets,
+        "steps": verdict.steps,
+        "element_steps_per_cpu_s": verdict.tets * verdict.steps / seconds,
+        "cpu_s": cpu,
+        "share_of_rows": 1 - seconds / cpu,
+        "sha256": hashlib.sha256(last.points.tobytes()).hexdigest()[:16],
+    }
+
+
+def rate(
+    mesh: Path, *, ga: float, hemi: str | None = None, end: float = 34.0, slower: Sequence[float] = (1.0, 2.0, 4.0)
+) -> None:
+    """Fold at the rate of the model, and at slower ones."""
+    settings = Settings(gestational_age=ga, hemisphere=hemi, end=end)
+    table = Table("slower", "tets", "steps", "cpu_s", "kinetic_over_elastic", *MEASURED)
+    for factor in slower:
+        table.add({"slower": factor}, alone(slowly, mesh, factor, settings))
+
+
+def slowly(file: Path, slower: float, settings: Settings) -> Row:
+    """Fold in this process, more slowly by a factor; the row."""
+    numba.set_num_threads(1)
+    growth._TIME = tuple(slower * coefficient for coefficient in growth._TIME)  # type: ignore[assignment]
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.process_time()
+        verdict = folding.fold(vtu.read(file), Path(folder), settings, say=lambda _: None)
+        cpu = time.process_time() - began
+        table = read_tsv(Path(folder) / TABLE).replace("n/a", "nan").astype(float)
+    later = table[table["gestational_age"] >= settings.gestational_age + 1]  # the first week begins without energy
+    ratio = (later["kinetic_energy"] / later["elastic_energy"]).max()
+    row = {"tets": verdict.tets, "steps": verdict.steps, "cpu_s": cpu, "kinetic_over_elastic": ratio}
+    return row | table.iloc[-1][list(MEASURED)].to_dict()
+
+
+main = command(__doc__, steps, runs, rate)
+
+if __name__ == "__main__":
+    main()
