@@ -2,8 +2,8 @@
 
 Each cost is a straight line that lies above all measurements: for the default line on 31 real surfaces at 0.6 mm (260
 thousand to 5.4 million tetrahedra), for the others on 13 at cell sizes of 1, 0.8 and 0.6 mm (80 thousand to 1.5
-million). `benchmarks/resources.py` compares it with the benchmark files of any run. Time is CPU time, since it depends
-least on other work of the machine.
+million). `benchmarks/cohort.py resources` compares it with the benchmark files of any run. Time is CPU time, since it
+depends least on other work of the machine.
 """
 
 from __future__ import annotations
