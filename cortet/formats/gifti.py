@@ -42,7 +42,6 @@ from cortet.formats.untrusted import (
     safely_named,
     xml_root,
 )
-from cortet.geometry.nesting import nested
 from cortet.meshes import TriSurface
 
 #: name of the region in the file name of an inner surface
@@ -155,6 +154,8 @@ def read_nested(path: str | Path, inner: Iterable[str | Path], fields: str | Pat
     InputError
         as `read_surface`
     """
+    from cortet.geometry.nesting import nested  # loads Numba and SciPy, which one surface does without
+
     named = {str(_REGION.findall(Path(file).name)[-1]): read_surface(file) for file in inner}
     surface = read_surface(path)
     if fields:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from cortet.errors import DamagedFileError, InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.untrusted import content
-from cortet.geometry.topology import face_normals
 from cortet.meshes import TriSurface
 
 _HEADER_BYTES = 80
@@ -26,6 +25,8 @@ _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attrib
 
 def write(surface: TriSurface, path: str | Path) -> None:
     """Write a surface, mm; normals follow from the order of the corners."""
+    from cortet.geometry.topology import face_normals  # loads Numba and SciPy, which reading does without
+
     records = np.zeros(len(surface.faces), _TRIANGLE)
     normals = face_normals(surface.points, surface.faces)
     length = np.linalg.norm(normals, axis=1, keepdims=True)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import base64
 import gzip
 import re
+import subprocess
+import sys
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -413,3 +415,14 @@ def test_a_file_may_name_its_hemisphere(tmp_path: Path, structure: str | None, h
         image.darrays[0].meta = nibabel.gifti.GiftiMetaData(AnatomicalStructurePrimary=structure)
     nibabel.save(image, path)
     assert hemisphere_of(path) == hemisphere
+
+
+def test_reading_a_surface_loads_no_numba_and_no_part_of_scipy(tmp_path: Path) -> None:
+    """Each job of the workflow reads one; most do nothing else that takes time."""
+    write_surface(ball_surface(1), tmp_path / "x.surf.gii")
+    code = (
+        f"import sys; from cortet.formats.gifti import read_surface; read_surface({str(tmp_path / 'x.surf.gii')!r})\n"
+    )
+    code += "print([name for name in ('numba', 'scipy.sparse', 'scipy.spatial', 'pandas') if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
