@@ -1,8 +1,8 @@
 """The computations in the elements of a patch: compiled loops over the rows of the patch's own memory.
 
 The loops have the same arithmetic for every element and no branch, so the compiler makes vector instructions of them
-(`docs/design.md` gives their timings). Elements in the degenerate branch are rare, so they are computed again, one by
-one. The mathematics is in `law`; `gpu_kernels` shares the functions on single elements.
+(`docs/notes/design.md` gives their timings). Elements in the degenerate branch are rare, so they are computed again,
+one by one. The mathematics is in `law`; `gpu_kernels` shares the functions on single elements.
 """
 # Rows of a patch lie in one array at constant offsets, so that the compiler sees that they do not overlap.
 

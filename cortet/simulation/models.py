@@ -69,7 +69,7 @@ class Constants(NamedTuple):
     envelope: bool = False
 
 
-#: `growing`: calibrated on CRL's atlas of 22 weeks (docs/folding.md); BrainGrowth: Wang et al. 2021
+#: `growing`: calibrated on CRL's atlas of 22 weeks (docs/notes/folding.md); BrainGrowth: Wang et al. 2021
 CONSTANTS = {
     "growing": Constants(growth_rate=0.039, core_stiffness=0.15, thickness_rate=-0.02, thickness=1.25, envelope=True),
     "braingrowth": Constants(growth_rate=1.829, core_stiffness=1.167),

@@ -105,7 +105,7 @@ def test_the_numbers_of_readme_and_of_the_design_are_those_of_their_mesh(tmp_pat
         assert [line for line in shown if _without_seconds(line) not in printed] == []
     made = {line.split()[0]: line.split()[-3:] for line in shown if len(line.split()) == 7 and line[0] != " "}
     rows = re.findall(
-        r"^\| `default` \| (\S+) \| (\S+) \| (\S+) \| (\S+) \|", (ROOT / "docs/design.md").read_text(), re.M
+        r"^\| `default` \| (\S+) \| (\S+) \| (\S+) \| (\S+) \|", (ROOT / "docs/notes/design.md").read_text(), re.M
     )
     assert len(rows) == 3
     for label, *numbers in rows:
