@@ -12,6 +12,7 @@ from cortet import __version__
 from cortet.cohort.app import require_plain_python
 from cortet.cohort.bids import Places, descriptions, require_own_output
 from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, beside, file_of
+from cortet.cohort.lock import is_held_by_parent, require_free
 from cortet.cohort.plan import existing
 from cortet.cohort.receipts import ask, content, receipt_path
 from cortet.cohort.resources import cost
@@ -37,8 +38,10 @@ try:
             read(Path(file))
     # the sheet is read here and never an input of a rule: a new row then runs one new case
     PLAN = plan_of(config)
-    if workflow.is_main_process:  # receipts are written there before a run begins
+    if workflow.is_main_process:  # receipts are written there before a run begins, and by a dry run
         require_own_output(PLAN.config.output, PLAN.config.cohort.dataset)
+        if not is_held_by_parent():
+            require_free(PLAN.config.output)
     OVER_ALL = OverAll(PLAN, baseline_report)
     CONFIG, SETTINGS, CASES, FOLDED = PLAN.config, PLAN.settings, PLAN.cases, PLAN.folded
     RESULTS = OVER_ALL.results

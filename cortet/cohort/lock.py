@@ -5,6 +5,7 @@ Snakemake's own lock is in the folder where it was started, so it does not know 
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import logging
@@ -39,7 +40,7 @@ def hold(folder: Path) -> IO[str]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         file = (folder / NAME).open("a+", encoding="utf-8")
-        _lock(file, folder)
+        _lock(file, folder, fcntl.LOCK_EX)
         file.truncate(0)
         file.write(f"process {os.getpid()} on {socket.gethostname()}, started in {Path.cwd()}")
         file.flush()
@@ -49,14 +50,23 @@ def hold(folder: Path) -> IO[str]:
     return file
 
 
+def require_free(folder: Path) -> None:
+    """Raise InputError if another process has the lock of a folder. Nothing is written.
+
+    This process must not have the lock: it would lose it.
+    """
+    with contextlib.suppress(OSError), (folder / NAME).open(encoding="utf-8") as file:
+        _lock(file, folder, fcntl.LOCK_SH)
+
+
 def is_held_by_parent() -> bool:
     """Whether the process that started this one holds the lock for it."""
     return os.environ.get(HELD_BY) == str(os.getppid())
 
 
-def _lock(file: IO[str], folder: Path) -> None:
+def _lock(file: IO[str], folder: Path, kind: int) -> None:
     try:
-        fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.lockf(file, kind | fcntl.LOCK_NB)
     except OSError as error:
         if error.errno in _WITHOUT_LOCKS:
             logger.warning("%s: its file system has no locks; make sure that only one run writes there", folder)

@@ -45,7 +45,7 @@ class Result:
     #: name of the rule that makes it
     rule: str
     files: Sequence[str]
-    #: files that it is made from, when all cases are done
+    #: files that it is made from, when all cases are done; the certificates, too, if it leaves out meshes without one
     inputs: Callable[[], Iterable[str]]
     write: Callable[[], None]
     #: modules whose `VERSION` counts
@@ -322,7 +322,13 @@ class OverAll:
         found = [
             self._table("cohort_quality", "quality", self._certificates, quality, **of_cases),
             self._table("cohort_summary", "summary", self._certificates, summary, **of_cases),
-            self._table("cohort_stages", "stages", plan.stage_records, stages, code="report.records"),
+            self._table(
+                "cohort_stages",
+                "stages",
+                lambda: [*plan.stage_records(), *self._certificates()],
+                stages,
+                code="report.records",
+            ),
             Result(
                 "cohort_figure",
                 figure,
@@ -356,7 +362,7 @@ class OverAll:
                 self._table(
                     "cohort_tissues",
                     "tissues",
-                    lambda: list(plan.tissue_tables().values()),
+                    lambda: [*plan.tissue_tables().values(), *self._certificates()],
                     tissues,
                     code="report.cohort_tissues",
                     facts=lambda: [plan.described(mesh) for mesh in plan.tissue_tables()],
@@ -384,7 +390,7 @@ class OverAll:
         return [*found, *([self._folding()] if plan.folded else []), self._page()]
 
     def _maps_of(self, hemi: str) -> list[str]:
-        return list(self.plan.maps(hemi).values())
+        return [*self.plan.maps(hemi).values(), *self._certificates()]
 
     def _mapped(self, hemi: str) -> list[str]:
         return list(self.plan.maps(hemi))

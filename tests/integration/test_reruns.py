@@ -113,6 +113,24 @@ def test_a_configuration_with_a_section_twice_is_refused(study: Study) -> None:
     assert result.returncode != 0 and "key clean stands in line" in result.stdout + result.stderr
 
 
+def test_a_dry_run_during_a_run_is_refused_and_changes_no_receipt(study: Study) -> None:
+    receipts = {path: path.read_bytes() for path in study.outputs.rglob("receipt.json")}
+    study.config["repair"] = {"max_piece": 0.02}
+    command = (
+        "import sys; from pathlib import Path; from cortet.cohort.lock import hold; held = hold(Path(sys.argv[1]));"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", f"{command} print(flush=True); sys.stdin.read()", study.outputs],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    ) as run:
+        assert run.stdout and run.stdout.readline()
+        refused = study.run("--dry-run")
+        run.communicate()
+    assert refused.returncode != 0 and "another run writes to it" in refused.stdout + refused.stderr
+    assert receipts == {path: path.read_bytes() for path in receipts}
+
+
 def test_an_output_folder_of_others_is_left_alone(study: Study) -> None:
     foreign = study.folder / "other"
     foreign.mkdir()

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cortet.cohort.lock import NAME, hold
+from cortet.cohort.lock import NAME, hold, require_free
 from cortet.errors import InputError
 
 HOLD = """
@@ -37,8 +37,11 @@ def test_a_second_run_is_told_who_is_first_and_kill_9_leaves_nothing_to_remove(t
     owner = f"another run writes to it: process {first.pid} on .*, started in {Path.cwd()}"
     with pytest.raises(InputError, match=owner):
         hold(folder)
+    with pytest.raises(InputError, match=owner):
+        require_free(folder)
     first.kill()
     first.wait()
+    require_free(folder)
     with hold(folder):  # though a child of the process that was killed lives on
         assert str(os.getpid()) in (folder / NAME).read_text()
     os.kill(child, signal.SIGKILL)
@@ -48,3 +51,9 @@ def test_a_folder_that_cannot_be_written_to_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"file/out: cannot be written to: Not a directory"):
         hold(tmp_path / "file" / "out")
+
+
+def test_asking_whether_a_folder_is_free_writes_nothing(tmp_path: Path) -> None:
+    require_free(tmp_path / "new")
+    require_free(tmp_path)
+    assert not list(tmp_path.iterdir())
