@@ -2,8 +2,8 @@
 
 Snakemake remembers parameters in the folder where it was started. It does not know of an output folder that was moved,
 or that a run from another folder wrote to. Receipts lie in the output folder, and parameters include the SHA-256 of the
-user's files. A receipt is an input of its job. While a run is planned, the receipt of a job that must run gets the
-present time, so that it is newer than the job's files, and any other one an old time.
+user's files. A receipt is an input of its job. While a run is planned, the receipt of a job that must run gets a
+time that is later than that of any file, and any other one an old time.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ _NAME = "receipt.json"
 _LOCATIONS = frozenset({"source", "sphere_file", "space", "paths", "files", "given", "cohort", "log"})
 #: time of a receipt whose files were made with what is asked for, seconds since the epoch
 _LONG_AGO = 946_684_800
+#: time of any other receipt, later than that of any file, even of one from a machine whose clock was wrong: 2100
+_LATE = 4_102_444_800
 #: stands in a receipt for files that must be made again, whatever they were made with
 _AGAIN = "again"
 
@@ -63,6 +65,7 @@ def ask(
     new = {"rule": rule, "wildcards": dict(wildcards), "asked": fingerprint(parameters), "made": made}
     if not is_current(new):  # Snakemake compares content, too, so that is new as well
         write_json({**new, "planned": time.time_ns()}, path)
+        os.utime(path, (_LATE, _LATE))
         return
     if new != old:
         write_json(new, path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,17 @@ def test_a_receipt_is_old_for_the_same_parameters_only(tmp_path: Path) -> None:
         assert receipt.stat().st_mtime_ns > result.stat().st_mtime_ns
     ask(receipt, "clean", OF, ASKED)
     assert receipt.stat().st_mtime < result.stat().st_mtime, "planned with others, and made with none of them"
+
+
+def test_files_from_a_machine_whose_clock_was_fast_are_made_again_with_other_parameters(tmp_path: Path) -> None:
+    receipt, result = tmp_path / "receipt.json", tmp_path / "mesh.vtu"
+    ask(receipt, "clean", OF, ASKED)
+    made(receipt)
+    result.touch()
+    tomorrow = time.time() + 86_400
+    os.utime(result, (tomorrow, tomorrow))
+    ask(receipt, "clean", OF, ASKED | {"version": 4})
+    assert receipt.stat().st_mtime > result.stat().st_mtime
 
 
 def test_what_was_changed_while_a_job_ran_is_made_again(tmp_path: Path) -> None:
