@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from cortet.cohort.receipts import is_current, read
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -40,10 +42,15 @@ JOB = """
 import os, sys, tempfile
 from types import SimpleNamespace
 sys.path.insert(0, "scripts")
+from pathlib import Path
 from _job import start
+from cortet.cohort.receipts import ask
 
+receipt = Path(sys.argv[1] + ".json")
+ask(receipt, "clean", {}, {})
 snakemake = SimpleNamespace(
-    threads=1, log=[sys.argv[1]], rule="clean", wildcards={}, params={}, resources={}, output=[], input=[]
+    threads=1, log=[sys.argv[1]], rule="clean", wildcards={}, params={}, resources={}, output=[],
+    input=SimpleNamespace(receipt=str(receipt)),
 )
 start(snakemake)
 with open(sys.argv[2], "w") as file:
@@ -59,6 +66,7 @@ def test_temporary_files_of_a_job_go_with_it_however_it_ends(end: int, tmp_path:
     command = [sys.executable, "-c", JOB, str(tmp_path / "log"), str(told), str(int(end))]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == -end, done.stderr
+    assert is_current(read(tmp_path / "log.json")) is (end == 0), "the receipt of a job that was killed is open"
     folder = Path(told.read_text()).parent
     assert folder.parent == tmp_path and folder.name.startswith("cortet-job-")
     assert wait_until(lambda: not folder.exists())
