@@ -69,8 +69,8 @@ SURFACE = ("folder", "case")
 INNER = (*SURFACE, "inner")
 MESH = (*SURFACE, "res", "mesher", "setting")
 SHARED_MESH = (*SURFACE, "res", "mesher")
-#: rules that this run asks for
-ASKED = set()
+#: rules that this run asks for, and what it asks of each job, by its receipt
+ASKED, FINGERPRINTS = set(), {}
 #: files that were changed after cortet wrote them, of which this run has told
 TOLD = set()
 
@@ -136,7 +136,8 @@ def receipt(name):
             records = records_of(step, known) if name in ("export", "ten_nodes") else []
             names = [[relative(path) for path in listed(value)] for value in inputs]
             try:
-                ask(file, name, known, {**parameters, "inputs": names}, again=not all(map(is_whole, records)))
+                again = not all(map(is_whole, records))
+                FINGERPRINTS[relative(file)] = ask(file, name, known, {**parameters, "inputs": names}, again=again)
             except CortetError as error:
                 raise WorkflowError(str(error)) from None
             for changed in [changed for record in filter(is_whole, records) for changed in changed_of(record)]:

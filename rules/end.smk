@@ -30,7 +30,7 @@ onstart:
             HELD.append(hold(CONFIG.output))
     except CortetError as error:
         raise WorkflowError(str(error)) from None
-    remember_run(PLAN, config, ASKED)
+    remember_run(PLAN, config, ASKED, FINGERPRINTS)
 
 
 onsuccess:

@@ -80,24 +80,30 @@ def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
     by_case: dict[str, list[Failure]] = {}
     for failure in found:
         by_case.setdefault(failure.wildcards.get("case", ""), []).append(failure)
+    asked = receipts.run_record(Path(plan.layout.output)).get("receipts", {})
     known: dict[Mesh, dict[str, Any]] = {}
     for mesh in plan.each_case(plan.layout.certificate):
-        if state := _state(plan, mesh, by_case.get(mesh[0], [])):
+        if state := _state(plan, mesh, by_case.get(mesh[0], []), asked):
             known[mesh] = state
     return replace(plan, failures=known, missing=_missing(found))
 
 
-def _state(plan: Plan, mesh: Mesh, of_case: Sequence[Failure]) -> dict[str, Any] | None:
-    """How a mesh failed, or that it is unfinished: `stage`, `state`, `reason`, and `log` if it failed."""
+def _state(plan: Plan, mesh: Mesh, of_case: Sequence[Failure], asked: Mapping[str, str]) -> dict[str, Any] | None:
+    """How a mesh failed, or that it is unfinished: `stage`, `state`, `reason`, and `log` if it failed.
+
+    Parameters
+    ----------
+    asked : receipt, below the output folder -> fingerprint of what the last run asked of its job
+    """
     case, res, mesher = mesh
     job = {"folder": plan.cases[case].folder, "case": case, "res": str(res), "mesher": mesher, "setting": ""}
     own = (one for one in of_case if one.is_about(res=res, mesher=mesher, setting="") and _counts(plan, job, one))
     if failure := next(own, None):
         words = {"reason": failure.reason, "problem": failure.problem, "remedy": failure.remedy}
         return {"stage": failure.rule, "state": "failed", **words, "log": str(failure.log)}
-    unmade = [stage.name for stage in plan.line(job) if not stage.nested and not _is_made(plan, stage.name, job)]
+    unmade = [stage.name for stage in plan.line(job) if not stage.nested and not _is_made(plan, stage.name, job, asked)]
     files = plan.layout.solver_files(plan.config.export.formats, plan.config.export.ten_nodes)
-    if not _is_made(plan, "certify", job) or not Path(plan.layout.certificate.format(**job)).exists():
+    if not _is_made(plan, "certify", job, asked) or not Path(plan.layout.certificate.format(**job)).exists():
         stage = [*unmade, "certify"][0]
     elif any(not Path(pattern.format(**job)).exists() for pattern in files):
         stage = "export"
@@ -126,9 +132,12 @@ def _counts(plan: Plan, job: Mapping[str, str], failure: Failure) -> bool:
     return asked.get(rule, True) and (stage is None or stage in plan.line(job)) and (not region or region in case.inner)
 
 
-def _is_made(plan: Plan, rule: str, job: Mapping[str, str]) -> bool:
-    """Whether a stage of a mesh was made with what the last run asked for."""
-    return receipts.is_current(receipts.read(plan.receipt(rule, job)))
+def _is_made(plan: Plan, rule: str, job: Mapping[str, str], asked: Mapping[str, str]) -> bool:
+    """Whether a stage of a mesh was made with what the last run asked for; a dry run since then asks for nothing."""
+    path = plan.receipt(rule, job)
+    record = receipts.read(path)
+    wanted = asked.get(path.relative_to(plan.layout.output).as_posix(), record.get("asked"))
+    return bool(record) and record["made"] == wanted
 
 
 def _missing(found: Sequence[Failure]) -> Callable[[str], str | None]:

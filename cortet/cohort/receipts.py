@@ -24,6 +24,8 @@ from cortet.formats.hashing import companions, input_sha256
 #: folder of the receipts in the output folder
 FOLDER = ".cortet"
 _NAME = "receipt.json"
+#: what a run leaves of itself in that folder
+RUN = "run.json"
 #: parameters that say where a file is; whether a job runs again depends on the file's content, not on its path
 _LOCATIONS = frozenset({"source", "sphere_file", "space", "paths", "files", "given", "cohort", "log"})
 #: time of a receipt whose files were made with what is asked for, seconds since the epoch
@@ -49,8 +51,8 @@ def fingerprint(parameters: Mapping[str, Any]) -> str:
 
 def ask(
     path: Path, rule: str, wildcards: Mapping[str, str], parameters: Mapping[str, Any], *, again: bool = False
-) -> None:
-    """Write what is asked of a job into its receipt.
+) -> str:
+    """Write what is asked of a job into its receipt; the fingerprint of it.
 
     Parameters
     ----------
@@ -66,11 +68,12 @@ def ask(
     if not is_current(new):  # Snakemake compares content, too, so that is new as well
         write_json({**new, "planned": time.time_ns()}, path)
         os.utime(path, (_LATE, _LATE))
-        return
+        return str(new["asked"])
     if new != old:
         write_json(new, path)
     if path.stat().st_mtime != _LONG_AGO:
         os.utime(path, (_LONG_AGO, _LONG_AGO))
+    return str(new["asked"])
 
 
 def begin(path: Path) -> str:
@@ -105,6 +108,15 @@ def read(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return record if isinstance(record, dict) and {"rule", "wildcards", "asked", "made"} <= set(record) else {}
+
+
+def run_record(output: Path) -> dict[str, Any]:
+    """What the last run left of itself in an output folder (`study.over_all.remember_run`); empty if nothing."""
+    try:
+        record = json.loads((output / FOLDER / RUN).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return record if isinstance(record, dict) else {}
 
 
 def unfinished(output: Path) -> Iterator[tuple[dict[str, Any], Path]]:

@@ -32,8 +32,6 @@ OF_COHORT = (
     *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "citation"),
     *("cohort_tissues", "cohort_maps_L", "cohort_maps_R", "cohort_page"),
 )
-#: what a run leaves of itself in the folder of its receipts
-_RUN = "run.json"
 #: stands at the top of the page of a run that has not ended
 _BANNER = '<p class="older">A run began on {} and has not ended: what is below is older.</p>'
 
@@ -82,15 +80,26 @@ def plan_of(config: Mapping[str, Any]) -> Plan:
     return plan
 
 
-def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str]) -> None:
-    """Leave the configuration of a run in its output folder, and which results over all cases it asks for.
+def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str], fingerprints: Mapping[str, str]) -> None:
+    """Leave the configuration of a run in its output folder, and what it asks for.
 
     Until the run has ended, the page of the cohort says that it is older, and meshes that the run makes again are
     unfinished in the table of states.
+
+    Parameters
+    ----------
+    asked : rules of the run
+    fingerprints : receipt, below the output folder -> fingerprint of what is asked of its job
     """
     output = Path(plan.layout.output)
-    record = {"config": json.loads(json.dumps(config, default=str)), "asked": sorted(asked)}
-    write_json({**record, "folder": os.path.relpath(Path.cwd(), output)}, output / receipts.FOLDER / _RUN)
+    earlier = receipts.run_record(output).get("receipts", {})
+    record = {
+        "config": json.loads(json.dumps(config, default=str)),
+        "asked": sorted(asked),
+        "folder": os.path.relpath(Path.cwd(), output),
+        "receipts": {**earlier, **fingerprints},
+    }
+    write_json(record, output / receipts.FOLDER / receipts.RUN)
     status, page = OverAll(plan)["cohort_status"].files[0], Path(plan.layout.cohort_page)
     if Path(status).exists():
         times = {path: _times(path) for path in OverAll(plan)["cohort_status"].files}
@@ -107,7 +116,7 @@ def end_run(plan: Plan) -> bool:
     page = Path(plan.layout.cohort_page)
     text = page.read_text(encoding="utf-8") if page.exists() else ""
     plain = re.sub(_BANNER.replace("{}", "[^<]*"), "", text)
-    run = json.loads((Path(plan.layout.output) / receipts.FOLDER / _RUN).read_text(encoding="utf-8"))
+    run = receipts.run_record(Path(plan.layout.output))
     if plain != text and "cohort_page" in run["asked"]:
         _replace(page, plain)
     return plain == text or "cohort_page" in run["asked"]
@@ -136,11 +145,10 @@ def plan_of_run(output: Path) -> tuple[Plan, list[str]]:
     InputError : no run left its configuration there, or its sheet is gone
     """
     output = output.absolute()
-    file = output / receipts.FOLDER / _RUN
+    record = receipts.run_record(output)
     try:
-        record = json.loads(file.read_text(encoding="utf-8"))
         config, asked, folder = record["config"], list(record["asked"]), output / record["folder"]
-    except (OSError, ValueError, LookupError, TypeError):
+    except (LookupError, TypeError):
         remedy = "name the output folder of `snakemake` or `cortet run`"
         raise InputError("no run of cortet left its configuration there", file=output, remedy=remedy) from None
     try:

@@ -131,6 +131,14 @@ def test_a_dry_run_during_a_run_is_refused_and_changes_no_receipt(study: Study) 
     assert receipts == {path: path.read_bytes() for path in receipts}
 
 
+def test_after_a_dry_run_with_other_parameters_a_report_says_what_the_last_run_asked_for(study: Study) -> None:
+    study.config["clean"] = {"thresholds": [0.6]}
+    assert ("clean", "sub-a") in study.planned_jobs()
+    command = [sys.executable, "-m", "cortet.cli", "cohort", "report", "derivatives/cortet"]
+    subprocess.run(command, cwd=study.folder, capture_output=True, check=True)
+    assert {row["state"] for row in study.status().values()} == {"certified"}
+
+
 def test_an_output_folder_of_others_is_left_alone(study: Study) -> None:
     foreign = study.folder / "other"
     foreign.mkdir()
