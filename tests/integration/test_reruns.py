@@ -97,9 +97,7 @@ def test_results_are_used_from_another_working_folder_only_with_their_parameters
     elsewhere.config |= {"cohort": {"sheet": "../cohort.tsv"}, "output": "../derivatives/cortet"}
     assert not {job for job in elsewhere.planned_jobs() if job not in COHORT}
     elsewhere.config["certify"] = {**elsewhere.config["certify"], "q_max": 0.2}
-    assert elsewhere.planned_jobs() == jobs({"certify", "case_page", "export"}, "a", "b") | COHORT - {
-        ("cohort_stages", "-")
-    }
+    assert elsewhere.planned_jobs() == jobs({"certify", "case_page", "export"}, "a", "b") | COHORT
     elsewhere.config["clean"] = {"thresholds": [0.6]}
     assert elsewhere.planned_jobs() == jobs(FROM_CLEAN, "a", "b") | COHORT
 
@@ -217,7 +215,7 @@ def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_f
 def test_an_uncertified_mesh_is_measured_but_not_exported(study: Study) -> None:
     study.config["certify"] = {"q_max": 0.01}
     ran = study.jobs_of_run(succeeds=False)
-    of_certificates = {"cohort_quality", "cohort_summary", "cohort_figure", "citation"}
+    of_certificates = {"cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "citation"}
     assert ran == jobs({"certify", "case_page", "export"}, "a", "b") | {(rule, "-") for rule in of_certificates}
     assert {row["state"] for row in study.status().values()} == {"uncertified"}
     assert "worst q" in study.status()["sub-a_hemi-L"]["reason"]
