@@ -95,8 +95,7 @@ def _state(plan: Plan, mesh: Mesh, of_case: Sequence[Failure], asked: Mapping[st
     ----------
     asked : receipt, below the output folder -> fingerprint of what the last run asked of its job
     """
-    case, res, mesher = mesh
-    job = {"folder": plan.cases[case].folder, "case": case, "res": str(res), "mesher": mesher, "setting": ""}
+    (_, res, mesher), job = mesh, plan.job(mesh)
     own = (one for one in of_case if one.is_about(res=res, mesher=mesher, setting="") and _counts(plan, job, one))
     if failure := next(own, None):
         words = {"reason": failure.reason, "problem": failure.problem, "remedy": failure.remedy}

@@ -194,6 +194,11 @@ class Plan(Jobs):
         """Whether a mesh has its certificate: it did not fail, or only after the certificate."""
         return mesh not in self.failures or self.failures[mesh]["stage"] in AFTER_CERTIFICATE
 
+    def job(self, mesh: Mesh) -> dict[str, str]:
+        """Wildcards of the jobs on a mesh of the line."""
+        case, res, mesher = mesh
+        return {"folder": self.cases[case].folder, "case": case, "res": str(res), "mesher": mesher, "setting": ""}
+
     def unmeasured(self) -> dict[str, str]:
         """Why cases have no certificate, by their names."""
         return {mesh[0]: failure["reason"] for mesh, failure in self.failures.items() if not self.is_measured(mesh)}
@@ -259,7 +264,8 @@ class Plan(Jobs):
             (name, self.resolutions_of(self.cases[name])[0], self.config.generate.meshers[0])
             for name in self.mapped(hemi)
         ]
-        return {mesh[0]: files[mesh] for mesh in meshes if self.is_measured(mesh)}
+        made = (mesh for mesh in meshes if self.failures.get(mesh, {}).get("stage") != "case_maps")
+        return {mesh[0]: files[mesh] for mesh in made if self.is_measured(mesh)}
 
     def mapped_hemispheres(self) -> list[str]:
         """Hemispheres that have maps."""

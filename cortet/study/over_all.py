@@ -100,10 +100,10 @@ def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str], fi
         "receipts": {**earlier, **fingerprints},
     }
     write_json(record, output / receipts.FOLDER / receipts.RUN)
-    status, page = OverAll(plan)["cohort_status"].files[0], Path(plan.layout.cohort_page)
-    if Path(status).exists():
-        times = {path: _times(path) for path in OverAll(plan)["cohort_status"].files}
-        OverAll(with_failures(plan))["cohort_status"].write()
+    status, page = OverAll(with_failures(plan))["cohort_status"], Path(plan.layout.cohort_page)
+    if Path(status.files[0]).exists():
+        times = {path: _times(path) for path in status.files}
+        status.write()
         for path, time in times.items():
             os.utime(path, ns=time)
     if page.exists():
@@ -198,14 +198,13 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
 
 
 def _write_failure_pages(plan: Plan) -> list[str]:
-    """Write the pages of meshes that have none because they failed; their paths."""
+    """Write the pages of meshes that have none of their own, because they or their volumes failed; their paths."""
     written = []
     pages, small = plan.each_case(plan.layout.case_page), plan.each_case(plan.layout.thumbnail)
     for mesh, failure in plan.failures.items():
-        if not plan.is_measured(mesh):
+        if not plan.is_measured(mesh) or failure["stage"] == "volumes":
             _write_failure_page(plan, mesh, failure, pages[mesh], small[mesh])
-            job = {"folder": plan.cases[mesh[0]].folder, "case": mesh[0], "res": str(mesh[1]), "mesher": mesh[2]}
-            receipts.forget(plan.receipt("case_page", {**job, "setting": ""}))
+            receipts.forget(plan.receipt("case_page", plan.job(mesh)))
             written.append(pages[mesh])
     return written
 
@@ -215,8 +214,7 @@ def _write_failure_page(plan: Plan, mesh: Mesh, failure: Mapping[str, Any], page
     from cortet.report.case_page import about, write_failure_page
     from cortet.report.pictures import thumbnail
 
-    case = plan.cases[mesh[0]]
-    job = {"folder": case.folder, "case": case.name, "res": str(mesh[1]), "mesher": mesh[2]}
+    case, job = plan.cases[mesh[0]], plan.job(mesh)
     given = existing(filled(plan.layout.surface("phantom"), job) if case.is_phantom else case.surface)
     surface, trouble = None, "There is no such file."
     if given:

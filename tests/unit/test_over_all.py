@@ -15,3 +15,11 @@ def test_a_result_that_leaves_out_meshes_without_a_certificate_waits_for_the_cer
     results = OverAll(asked)
     for rule in ("cohort_quality", "cohort_stages", "cohort_tissues", "cohort_maps_L", "citation", "methods"):
         assert set(asked.measured_certificates()) <= set(results[rule].inputs()), rule
+
+
+def test_a_map_that_failed_is_left_out_of_the_means() -> None:
+    resampled = replace(GOOD, sphere=Path("sphere.surf.gii"))
+    other = replace(resampled, participant="other")
+    failed = {(resampled.name, 2000, "lattice"): {"stage": "case_maps", "state": "failed", "reason": "a hole"}}
+    assert list(plan(resampled, other).maps("L")) == [resampled.name, other.name]
+    assert list(plan(resampled, other, failures=failed).maps("L")) == [other.name]
