@@ -15,9 +15,12 @@ volumes = read_volumes(job.params.volumes)
 job.require_unchanged_input()
 surface = gifti.read_nested(job.input.surface, job.input.inner)
 require_in_place(volumes, surface)
-for line in backgrounds(volumes, surface)[0]:
-    logging.info("%s", line)
-mesh, rows = with_volumes(vtu.read(job.input.mesh), volumes, frame=surface.frame, shares=job.params.shares)
+background = backgrounds(volumes, surface)
+for one in background:
+    logging.info("%s", one.sentence)
+mesh, rows = with_volumes(
+    vtu.read(job.input.mesh), volumes, frame=surface.frame, shares=job.params.shares, background=background
+)
 vtu.write(mesh, job.output.mesh)
 write_table(TISSUE_COLUMNS, rows, job.output.table, job.output.sidecar)
 slices(mesh, *next(iter(volumes.items())), job.output.picture, surface.frame)

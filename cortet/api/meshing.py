@@ -244,9 +244,9 @@ def mesh(
     images = read_volumes(volumes or {})
     in_mm = placed(outer, config.placement())
     require_in_place(images, in_mm)
-    lines, much = backgrounds(images, in_mm)
-    for line in lines if progress is True else ():
-        say(line)
+    background = backgrounds(images, in_mm)
+    for one in background if progress is True else ():
+        say(one.sentence)
     whole = nested(outer, {**within.surfaces, **others})
     if shell is not None:
         require_within(shell, SHELL_MM, "the distance of the shell in mm")
@@ -260,8 +260,10 @@ def mesh(
         case=Path(source).name.partition(".")[0] if source else "",
         progress=progress if callable(progress) else _told if progress else lambda _: None,
     )
-    made = made._replace(certificate=with_remarks(made.certificate, much))
-    filled, rows = with_volumes(made.mesh, images, frame=in_mm.frame, shares=config.export.label_shares)
+    large = [one.sentence for one in background if one.large]
+    made = made._replace(certificate=with_remarks(made.certificate, large))
+    shares = config.export.label_shares
+    filled, rows = with_volumes(made.mesh, images, frame=in_mm.frame, shares=shares, background=background)
     read_from = (source, *within.files.values(), *(volume.file for volume in images.values()))
     files = tuple(Path(file) for file in read_from if file)
     side = hemi or (hemisphere_of(source) if source else None)

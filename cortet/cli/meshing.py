@@ -157,9 +157,9 @@ def mesh_command(args: argparse.Namespace) -> int:
     volumes = read_volumes(dict(args.volume))
     in_mm, kind = placed(surface, config.placement()), kind_of(args.surface)
     require_in_place(volumes, in_mm)
-    lines, much = backgrounds(volumes, in_mm)
-    for line in lines:
-        print(line)
+    background = backgrounds(volumes, in_mm)
+    for one in background:
+        print(one.sentence)
     sphere = sphere_of(args)
     progress = Progress(config, args.ga, nested=bool(surface.inner), registered=sphere is not None)
     made = mesh_surface(
@@ -173,8 +173,11 @@ def mesh_command(args: argparse.Namespace) -> int:
         case=stem_of(args.output),
         progress=progress,
     )
-    mesh, rows = with_volumes(made.mesh, volumes, frame=in_mm.frame, shares=config.export.label_shares)
-    made = made._replace(mesh=mesh, certificate=with_remarks(made.certificate, much))
+    mesh, rows = with_volumes(
+        made.mesh, volumes, frame=in_mm.frame, shares=config.export.label_shares, background=background
+    )
+    large = [one.sentence for one in background if one.large]
+    made = made._replace(mesh=mesh, certificate=with_remarks(made.certificate, large))
     certificate = made.certificate
 
     def views(place: Callable[[Path], Path]) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from cortet.meshes import REGION, CoordinateFrame, FloatArray, IntArray, TetMesh
 if TYPE_CHECKING:
     from nibabel.spatialimages import SpatialImage
 
-VERSION: int = 2
+VERSION: int = 3
 
 logger = logging.getLogger(__name__)
 
@@ -55,7 +55,27 @@ TISSUE_COLUMNS = (
     Column("q_max", "Largest q among them", heading="worst q", form=".3f"),
     Column("share", "Mean share of the label inside them, weighted by volume", heading="share inside", form=".3f"),
     Column("without_value", "Tetrahedra where the volume has no value, which have that of the nearest voxel"),
+    Column(
+        "background",
+        "Fraction of the brain where the volume is 0 or has no value",
+        heading="background",
+        form=".1%",
+    ),
 )
+
+
+class Background(NamedTuple):
+    """How much of a brain lies where a volume is 0 or has no value."""
+
+    #: name of the volume
+    volume: str
+    fraction: float
+    sentence: str
+
+    @property
+    def large(self) -> bool:
+        """Whether the certificate says it."""
+        return self.fraction > _BARE
 
 
 def read_volumes(given: Mapping[str, str | Path | SpatialImage | Volume]) -> dict[str, Volume]:
@@ -99,14 +119,13 @@ def require_in_place(volumes: Mapping[str, Volume], surface: TriSurface) -> None
             _require_on(volume, brain)
 
 
-def backgrounds(volumes: Mapping[str, Volume], surface: TriSurface) -> tuple[list[str], list[str]]:
-    """How much of a brain lies where volumes have no label or number, in words; and the sentences on where it is much.
+def backgrounds(volumes: Mapping[str, Volume], surface: TriSurface) -> list[Background]:
+    """How much of a brain lies in the background of each volume; a warning is logged where it is large.
 
     Parameters are those of `require_in_place`, which was called before.
     """
     brain = _brain(surface) if volumes else surface
-    found = [_background(name, volume, brain) for name, volume in volumes.items()]
-    return [what for what, _ in found], [what for what, much in found if much]
+    return [_background(name, volume, brain) for name, volume in volumes.items()]
 
 
 def _brain(surface: TriSurface) -> TriSurface:
@@ -122,6 +141,7 @@ def with_volumes(
     *,
     frame: CoordinateFrame | None = None,
     shares: bool = False,
+    background: Sequence[Background] = (),
 ) -> tuple[TetMesh, list[dict[str, Any]]]:
     """The mesh with a cell field for each volume; and the rows of `TISSUE_COLUMNS`.
 
@@ -134,6 +154,7 @@ def with_volumes(
     ----------
     frame : of the surface that the mesh was made from; it maps to the space of the volumes
     shares : whether each label gets a field `NAME_share_LABEL`, from 0 to 1
+    background : `backgrounds` of the volumes, for the table
 
     Raises
     ------
@@ -147,7 +168,8 @@ def with_volumes(
         if name in mesh.point_data or name in mesh.cell_data:
             what = f"the mesh has a field {name} already"
             raise InputError(what, file=volume.file, remedy="name the volume otherwise")
-        about = {"volume": name, "kind": volume.kind}
+        bare = next((one.fraction for one in background if one.volume == name), None)
+        about = {"volume": name, "kind": volume.kind, "background": bare}
         if volume.kind == "labels":
             found = labels_inside(points, mesh.cells, volume.values, volume.affine, shares=shares)
             label, share = found.label, found.share
@@ -245,18 +267,18 @@ def _require_on(volume: Volume, surface: TriSurface) -> None:
         )
 
 
-def _background(name: str, volume: Volume, surface: TriSurface) -> tuple[str, bool]:
-    """How much of a brain lies where a volume has no number but 0, in words; and whether a warning of it was given."""
+def _background(name: str, volume: Volume, surface: TriSurface) -> Background:
     values = volume.values if volume.kind == "tensors" else volume.values[..., None]
     found = coverage(surface, np.isfinite(values).all(axis=3) & values.any(axis=3), volume.affine)
-    bare = max(0.0, 1 - found.here)
-    what = f"{name}: {bare:.1%} of the brain lies where {volume.file or 'the volume'} is 0 or holds no "
+    fraction = max(0.0, 1 - found.here)
+    what = f"{name}: {fraction:.1%} of the brain lies where {volume.file or 'the volume'} is 0 or holds no "
     what += "label" if volume.kind == "labels" else "number"
-    if bare > _BARE:
+    background = Background(name, fraction, what)
+    if background.large:
         better = max(found.flipped.values()) >= found.here + _GAIN
         seems = f"; its values would cover {_reversed(found)}: is it flipped?" if better else ""
         logger.warning("%s%s", what, seems)
-    return what, bare > _BARE
+    return background
 
 
 def _reversed(found: Coverage) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from cortet.formats import abaqus, vtu
 from cortet.formats.tsv import read_tsv
@@ -37,6 +38,7 @@ def test_a_volume_of_a_case(study: Study) -> None:
     np.testing.assert_array_equal((label == 2)[clear], (centre[:, 1] > middle[1])[clear])
     table = read_tsv(study.files("sub-b*Solver_volumes.tsv")[0])
     assert table["name"].tolist() == ["back", "front"]
+    assert (table["background"].astype(float) < 1e-3).all()
     assert "In the volume" in study.files("sub-b*Solver_report.html")[0].read_text()
     assert "In the volume" not in study.files("sub-a*Solver_report.html")[0].read_text()
     assert study.files("sub-b*Solver_slices.png")
@@ -46,12 +48,19 @@ def test_a_volume_of_a_case(study: Study) -> None:
         ["sub-b_hemi-L", "tissue", "front"],
     ]
     assert tissues["volume_ml"].tolist() == table["volume_ml"].tolist()
+    assert tissues["background"].tolist() == table["background"].tolist()
     assert "cohort_tissues.tsv" in (study.outputs / "cohort/index.html").read_text()
 
     file.with_name("b_dseg.tsv").write_text("index\tname\n1\tback\n2\tfrontal\n")
+    numbers = file.with_name("b_fa.nii.gz")
+    write_volume(np.where(front, 0.4, 0).astype(np.float32), affine, numbers)
+    study.write_cases([first, replace(second, volumes={"tissue": str(file), "fa": str(numbers)})])
     again = {rule for rule, case in study.jobs_of_run() if case == "sub-b"}
     assert again == {"volumes", "export", "case_page"}
-    assert "frontal" in read_tsv(study.outputs / "cohort/cohort_tissues.tsv")["name"].tolist()
+    tissues = read_tsv(study.outputs / "cohort/cohort_tissues.tsv")
+    assert "frontal" in tissues["name"].tolist()
+    assert float(tissues["background"].iloc[-1]) == pytest.approx(0.5, abs=0.1)
+    assert "background" in (study.outputs / "cohort/index.html").read_text()
     assert "tissue_frontal" in abaqus.read(study.files("sub-b*Solver_tetmesh.inp")[0]).sets.cells
 
     write_volume(np.where(front, 2, 1).astype(np.int16), affine + 100 * np.eye(4, k=3), file)

@@ -254,9 +254,9 @@ def test_how_much_of_a_brain_has_no_number_is_said(
     def said(values: NDArray[Any], surface: TriSurface) -> str:
         held = values[..., None] * [1.0, 0, 0, 1, 0, 1] if kind == "tensors" else values
         held = np.nan_to_num(2 * values).astype(np.int16) if kind == "labels" else held
-        (line,), much = backgrounds({"fa": Volume(held, AFFINE, kind, file="fa.nii")}, surface)
-        assert much == ([] if " 0.0% " in line else [line])
-        return line
+        (background,) = backgrounds({"fa": Volume(held, AFFINE, kind, file="fa.nii")}, surface)
+        assert background.large == (background.fraction > 0.05) == (" 0.0% " not in background.sentence)
+        return background.sentence
 
     inner = replace(ball, points=0.9 * ball.points)
     assert said(values, inner) == "fa: 0.0% of the brain lies where fa.nii is 0 or holds no " + (
