@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cortet.errors import CortetError, InputError
 
 if sys.platform == "win32":
-    raise ImportError("cortet runs on Linux and macOS, not on Windows: use the Windows Subsystem for Linux")
+    raise ImportError("cortet runs on Linux, not on Windows: use the Windows Subsystem for Linux")
 
 # Numba's first choice, TBB, warns in many environments that theirs is too old, and is not used anyway
 os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")

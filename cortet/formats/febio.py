@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
@@ -31,6 +31,9 @@ from cortet.formats.tags import region_numbers, regions, without_tissue
 from cortet.formats.text import BadRowError, read_rows, write_rows
 from cortet.formats.untrusted import content, require_ascii, sound, xml_root
 from cortet.meshes import REGION, FloatArray, IntArray, MeshSets, TetMesh
+
+if TYPE_CHECKING:
+    import meshio
 
 #: name of the set of all nodes
 ALL_NODES = "all_nodes"
@@ -233,6 +236,33 @@ def read(path: str | Path) -> TetMesh:
         raise InputError("two <NodeData> have the same name", file=path, remedy="name each field otherwise")
     corners = indices(np.concatenate(cells)[order], node_ids, "node", path)
     return sound(path, points, corners, fields, _region(root, sets, len(corners)), sets)
+
+
+def read_ten_nodes(path: str | Path) -> meshio.Mesh:
+    """The `tet10` elements of a file, in the order of their ids, with the number of their region and fields of nodes.
+
+    Raises
+    ------
+    InputError
+        as of `read`
+    """
+    import meshio
+
+    root, tables = read_xml(path)
+    node_ids, points = _nodes(root, tables, path)
+    tags = {str(one.get("name")): int(str(one.get("id"))) for one in root.iterfind("Material/material")}
+    rows, numbers = [], []
+    for part in root.iterfind("Mesh/Elements"):
+        rows.append(_table(part, tables, 11, np.int64, path))
+        numbers.append(np.full(len(rows[-1]), tags[str(part.get("name"))]))
+    table = np.concatenate(rows)
+    order = np.argsort(table[:, 0], kind="stable")
+    return meshio.Mesh(
+        points,
+        [("tetra10", indices(table[order, 1:], node_ids, "node", path))],
+        point_data={str(data.get("name")): _field(data, tables, path) for data in root.iterfind("MeshData/NodeData")},
+        cell_data={REGION: [np.concatenate(numbers)[order]]},
+    )
 
 
 def _region(root: ElementTree.Element, sets: MeshSets, count: int) -> dict[str, IntArray]:

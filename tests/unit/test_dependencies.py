@@ -38,13 +38,11 @@ def test_the_doctor_knows_the_extras():
     assert not doctor.problems([doctor.Finding("missing", name, "", "", "not installed") for name in extra])
 
 
-def test_the_conda_environment_has_every_runtime_dependency():
-    entries = yaml.safe_load((ROOT / "envs/cortet.yaml").read_text())["dependencies"]
-    conda = {"matplotlib-base": "matplotlib", "snakemake-minimal": "snakemake"}
-    installed = names([entry for entry in entries if isinstance(entry, str)])
-    by_pip = names(entries[-1]["pip"])
-    # CGAL comes as pygalmesh there, which conda-forge has compiled
-    assert {conda.get(name, name) for name in installed} | by_pip >= RUNTIME - {"cgal"}
+def test_the_conda_environment_takes_from_conda_what_has_no_wheel_and_the_rest_from_the_project():
+    *conda, by_pip = yaml.safe_load((ROOT / "envs/cortet.yaml").read_text())["dependencies"]
+    published = names(PROJECT["project"]["optional-dependencies"]["published"])
+    assert names(conda) == {"python", "pip", *published}
+    assert by_pip == {"pip": ["--editable .."]}
 
 
 def test_windows_is_refused_in_words():

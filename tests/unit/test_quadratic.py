@@ -17,13 +17,14 @@ from cubes import cube_mesh
 from shapes import ball_mesh
 
 from cortet.cli import main
-from cortet.errors import InputError
+from cortet.errors import InputError, StageError
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.geometry.quadratic import EDGES, LEAST_JACOBIAN, QuadraticMesh, jacobian_bounds, quadratic
 from cortet.geometry.topology import boundary_surface, sheet
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import REGION, TetMesh, TriSurface
+from cortet.meshes import REGION, MeshSets, TetMesh, TriSurface
+from cortet.solver_files import ten_nodes
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.ten_nodes import with_middles, write_ten_nodes
 
@@ -237,3 +238,33 @@ def test_the_command_writes_and_says_what_it_did(
     assert text.count("<elem ") == len(mesh.cells) and '<Elements type="tet10"' in text and "<tri6 " in text
     assert main(["quadratic", *files, "-o", str(tmp_path / "ten.stl")]) == 1
     assert "no format for ten-node elements" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("suffix", "fault"),
+    [
+        *product([".inp", ".feb", ".vtu", ".msh", ".xdmf"], ["elements", "nodes"]),
+        *product([".feb", ".vtu", ".msh", ".xdmf"], ["field depth"]),  # Abaqus files hold no fields
+    ],
+)
+def test_a_file_that_does_not_hold_the_mesh_is_never_kept(
+    ball: tuple[TetMesh, TriSurface], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, fault: str
+) -> None:
+    mesh, surface = ball
+    mesh = replace(mesh, point_data={"depth": mesh.points[:, 0] + 2})
+    curved = quadratic(mesh, surface)
+    write = ten_nodes._WRITERS[suffix]
+
+    def wrong(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
+        if fault == "elements":
+            curved = replace(curved, cells=curved.cells[:, [0, 1, 2, 3, 5, 4, 6, 7, 8, 9]])
+        elif fault == "nodes":
+            curved = replace(curved, points=curved.points * [1, 1, 1.001])
+        else:
+            mesh = replace(mesh, point_data={"depth": mesh.points[:, 1]})
+        write(mesh, curved, sets, path)
+
+    monkeypatch.setitem(ten_nodes._WRITERS, suffix, wrong)
+    with pytest.raises(StageError, match=fault):
+        write_ten_nodes(mesh, curved, tmp_path / f"ten{suffix}")
+    assert not list(tmp_path.iterdir())
