@@ -21,8 +21,12 @@ SurfaceLike = Any
 Settings = str | Path | Mapping[str, Any]
 
 
-def surface(shape: SurfaceLike) -> TriSurface:
+def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
     """A surface from any object that holds one.
+
+    Parameters
+    ----------
+    finite : whether the coordinates in a file must be finite
 
     Raises
     ------
@@ -31,7 +35,7 @@ def surface(shape: SurfaceLike) -> TriSurface:
     if isinstance(shape, TriSurface):
         return shape
     if isinstance(shape, str | Path):
-        return read_surface(shape)
+        return read_surface(shape, finite=finite)
     if hasattr(shape, "agg_data") and hasattr(shape, "darrays"):  # nibabel.gifti.GiftiImage
         return surface_of(shape)
     if hasattr(shape, "regular_faces"):  # pyvista.PolyData

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import sys
 from base64 import b64encode
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -29,10 +29,12 @@ from cortet.measure.certify import Certificate, with_remarks
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, require_measurable
 from cortet.pipeline import Meshed, Step, mesh_surface, save, with_sets
 from cortet.solver_files.earlier import read_today
+from cortet.solver_files.fields import with_fields
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.meshed import Origin
 from cortet.solver_files.volumes import (
     TISSUE_COLUMNS,
+    Background,
     backgrounds,
     label_names,
     read_volumes,
@@ -63,9 +65,10 @@ class Mesh:
     config: Config = field(default_factory=Config)
     #: files that it was made from; they are never overwritten
     inputs: tuple[Path, ...] = ()
-    #: region -> file of the surface that was given, and name -> file of its volumes, as far as they come from files
+    #: region -> file of the surface that was given, and name -> file of its volumes and fields, where they are files
     given: Mapping[str, str | Path] = field(default_factory=dict)
     volumes: Mapping[str, str] = field(default_factory=dict)
+    fields: Mapping[str, str | Path] = field(default_factory=dict)
     #: a row for each label of each volume, as `solver_files.volumes.TISSUE_COLUMNS`
     tissue_rows: tuple[Mapping[str, Any], ...] = ()
     #: volume -> label -> name
@@ -76,7 +79,14 @@ class Mesh:
     @property
     def origin(self) -> Origin:
         """Where the mesh comes from, as far as it is known."""
-        return Origin(self.given, volumes=self.volumes, age=self.ga, hemisphere=self.hemi, kind=self.kind)
+        return Origin(
+            self.given,
+            fields=self.fields,
+            volumes=self.volumes,
+            age=self.ga,
+            hemisphere=self.hemi,
+            kind=self.kind,
+        )
 
     @property
     def points(self) -> FloatArray:
@@ -206,6 +216,7 @@ def mesh(
     shell: float | None = None,
     fields: Mapping[str, Any] | None = None,
     volumes: Mapping[str, str | Path | SpatialImage | Volume] | None = None,
+    sphere: SurfaceLike | None = None,
     settings: Settings | None = None,
     progress: bool | Callable[[Step], None] = True,
 ) -> Mesh:
@@ -218,8 +229,9 @@ def mesh(
     hemi : "L" or "R"; None: what the file says, if anything
     inner : closed surfaces inside, name of the region within -> surface, or labels of a volume: "dseg.nii.gz:5,6"
     shell : mm, from the surface to a smooth one around it; the space between is meshed as the region `csf`
-    fields : values per vertex (n,) or (n, k) by name, which the mesh also gets
+    fields : values per vertex (n,) or (n, k) by name, or files of them, which the mesh also gets
     volumes : images whose labels, numbers or tensors the tetrahedra get, by name: NIfTI or MGZ, or NiBabel's images
+    sphere : of the surface, through which it is put onto the common mesh (`resample`)
     settings : a configuration file, or its keys by section: {"repair": {"enabled": True}}
     progress : False: silent; a function: called after every stage
 
@@ -230,70 +242,168 @@ def mesh(
     data = dict(settings) if isinstance(settings, Mapping) else read(Path(settings)) if settings is not None else {}
     if cell_size is not None:
         data["generate"] = {**(data.get("generate") or {}), "cell_size": cell_size}
-    config, outer, source = load(data), surface(shape), shape if isinstance(shape, str | Path) else None
-    require_measurable(outer)
+    given = inputs(
+        shape,
+        load(data),
+        ga=ga,
+        hemi=hemi,
+        inner=inner,
+        shell=shell,
+        fields=fields,
+        volumes=volumes,
+        sphere=sphere,
+    )
+    for line in given.said if progress is True else ():
+        say(line)
+    return given.mesh(progress if callable(progress) else _told if progress else lambda _: None)
+
+
+@dataclass(frozen=True, eq=False)
+class Inputs:
+    """Everything that a mesh is made of, read and checked."""
+
+    #: with its fields, its inner surfaces and its shell, as given
+    surface: TriSurface
+    config: Config
+    ga: float | None
+    hemi: Literal["L", "R"] | None
+    #: which surface it is, if its file says so
+    kind: Literal["white", "pial"] | None
+    sphere: TriSurface | None
+    volumes: Mapping[str, Volume]
+    background: Sequence[Background]
+    #: as far as they come from files: the surface, its sphere, inner surfaces by name, all surfaces by region
+    source: str | Path | None
+    sphere_source: str | Path | None
+    inner_files: Mapping[str, str]
+    region_files: Mapping[str, str | Path]
+    field_files: Mapping[str, str | Path]
+    volume_files: Mapping[str, str]
+    #: what a user should know, in words
+    said: Sequence[str]
+
+    @property
+    def in_mm(self) -> TriSurface:
+        """The surface, placed in mm."""
+        return placed(self.surface, self.config.placement())
+
+    def mesh(self, progress: Callable[[Step], None], *, case: str | None = None) -> Mesh:
+        """Mesh, certify and sample the volumes.
+
+        Parameters
+        ----------
+        progress : called after every stage
+        case : name in the certificate; None: that of the file
+        """
+        made = mesh_surface(
+            self.surface,
+            self.config,
+            gestational_age=self.ga,
+            source=self.source,
+            inner_sources=self.inner_files,
+            sphere=self.sphere,
+            sphere_source=self.sphere_source,
+            case=case if case is not None else Path(self.source).name.partition(".")[0] if self.source else "",
+            progress=progress,
+        )
+        filled, rows = with_volumes(
+            made.mesh,
+            self.volumes,
+            frame=self.in_mm.frame,
+            shares=self.config.export.label_shares,
+            background=self.background,
+        )
+        large = [one.sentence for one in self.background if one.large]
+        read_from = (self.source, *self.inner_files.values(), *(volume.file for volume in self.volumes.values()))
+        return Mesh(
+            filled,
+            with_remarks(made.certificate, large),
+            made.surface,
+            self.ga,
+            self.hemi,
+            self.config,
+            inputs=tuple(Path(file) for file in (*read_from, *self.field_files.values()) if file),
+            given=self.region_files,
+            fields=self.field_files,
+            volumes=self.volume_files,
+            tissue_rows=tuple(rows),
+            label_names=label_names(self.volumes),
+            kind=self.kind,
+        )
+
+
+def inputs(
+    shape: SurfaceLike,
+    config: Config,
+    *,
+    ga: float | None = None,
+    hemi: Literal["L", "R"] | None = None,
+    inner: Mapping[str, SurfaceLike] | None = None,
+    shell: float | None = None,
+    fields: Mapping[str, Any] | None = None,
+    volumes: Mapping[str, str | Path | SpatialImage | Volume] | None = None,
+    sphere: SurfaceLike | None = None,
+) -> Inputs:
+    """Read and check everything that a mesh is made of; parameters and errors are those of `mesh`."""
     require_hemisphere(hemi)
     for given, what in ((inner, "inner surfaces"), (fields, "fields"), (volumes, "volumes")):
         require_named(given, what)
-    of_vertices = {**outer.point_data, **(fields or {})}
+    source, to_mm = _file(shape), config.placement()
+    finite = not config.enabled("repair")
+    outer = surface(shape, finite=finite)
+    if finite or not len(outer.faces):
+        require_measurable(outer)
+    field_files = _files(fields)
+    of_vertices = {**outer.point_data, **_others(fields)}
     require_fields(of_vertices)
-    outer = replace(outer, point_data=of_vertices)
-    from_files = {name: str(one) for name, one in (inner or {}).items() if isinstance(one, str | Path)}
-    within = inner_surfaces(from_files, outer, config.placement(), handles=config.handles())
-    others = {name: surface(one) for name, one in (inner or {}).items() if name not in from_files}
-    images = read_volumes(volumes or {})
-    in_mm = placed(outer, config.placement())
-    require_in_place(images, in_mm)
-    background = backgrounds(images, in_mm)
-    for one in background if progress is True else ():
-        say(one.sentence)
+    outer = with_fields(replace(outer, point_data=of_vertices), field_files)
+    inner_files = {name: str(file) for name, file in _files(inner).items()}
+    within = inner_surfaces(inner_files, outer, to_mm, finite=finite, handles=config.handles())
+    others = {name: surface(one, finite=finite) for name, one in _others(inner).items()}
     whole = nested(outer, {**within.surfaces, **others})
+    known = {name: within.files[name] for name in whole.inner if name in within.files}
+    region_files = {} if source is None else by_region(source, known)
     if shell is not None:
         require_within(shell, SHELL_MM, "the distance of the shell in mm")
-        whole = with_shell(whole, shell, config.placement())
-    made: Meshed = mesh_surface(
+        shelled = with_shell(whole, shell, to_mm)
+        (brain,) = shelled.inner.keys() - whole.inner.keys()
+        whole, region_files = shelled, {} if source is None else {brain: source, **within.files}
+    images = read_volumes(volumes or {})
+    in_mm = placed(whole, to_mm)
+    require_in_place(images, in_mm)
+    background = backgrounds(images, in_mm)
+    return Inputs(
         whole,
         config,
-        gestational_age=ga,
-        source=source,
-        inner_sources=within.files,
-        case=Path(source).name.partition(".")[0] if source else "",
-        progress=progress if callable(progress) else _told if progress else lambda _: None,
-    )
-    large = [one.sentence for one in background if one.large]
-    made = made._replace(certificate=with_remarks(made.certificate, large))
-    shares = config.export.label_shares
-    filled, rows = with_volumes(made.mesh, images, frame=in_mm.frame, shares=shares, background=background)
-    read_from = (source, *within.files.values(), *(volume.file for volume in images.values()))
-    files = tuple(Path(file) for file in read_from if file)
-    side = hemi or (hemisphere_of(source) if source else None)
-    kind = kind_of(source) if source else None
-    named = {name: str(file) for name, file in (volumes or {}).items() if isinstance(file, str | Path)}
-    return Mesh(
-        filled,
-        *made[1:],
         ga,
-        side,
-        config,
-        inputs=files,
-        given=_given(source, within.files, made.surface, shelled=shell is not None),
-        volumes=named,
-        tissue_rows=tuple(rows),
-        label_names=label_names(images),
-        kind=kind,
+        hemi or (hemisphere_of(source) if source else None),
+        kind_of(source) if source else None,
+        None if sphere is None else surface(sphere),
+        images,
+        background,
+        source=source,
+        sphere_source=_file(sphere),
+        inner_files=within.files,
+        region_files=region_files,
+        field_files=field_files,
+        volume_files={name: str(file) for name, file in _files(volumes).items()},
+        said=[*within.told, *(one.sentence for one in background)],
     )
 
 
-def _given(
-    source: str | Path | None, inner: Mapping[str, str], meshed: TriSurface, *, shelled: bool
-) -> dict[str, str | Path]:
-    """Region -> file of the surface that was given; none where the outer one is no file."""
-    if source is None:
-        return {}
-    if shelled:
-        (brain,) = meshed.inner.keys() - inner.keys()
-        return {brain: source, **inner}
-    return by_region(source, {name: inner[name] for name in meshed.inner if name in inner})
+def _file(given: Any) -> str | Path | None:
+    """What is given, if it is a file."""
+    return given if isinstance(given, str | Path) else None
+
+
+def _files(given: Mapping[str, Any] | None) -> dict[str, str | Path]:
+    """Those of some given things that are files."""
+    return {name: one for name, one in (given or {}).items() if isinstance(one, str | Path)}
+
+
+def _others(given: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Those of some given things that are no files."""
+    return {name: one for name, one in (given or {}).items() if not isinstance(one, str | Path)}
 
 
 def _told(step: Step) -> None:

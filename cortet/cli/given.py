@@ -12,7 +12,7 @@ from cortet.errors import InputError
 
 if TYPE_CHECKING:
     from cortet.config import Config
-    from cortet.meshes import TetMesh, TriSurface
+    from cortet.meshes import TetMesh
 
 
 def config_of(args: argparse.Namespace) -> Config:
@@ -39,34 +39,6 @@ def settings_of(args: argparse.Namespace) -> dict[str, Any]:
     if getattr(args, "hole", None):
         data["export"] = {**(data.get("export") or {}), "holes": args.hole}
     return data
-
-
-def surface_of(args: argparse.Namespace, config: Config) -> tuple[TriSurface, dict[str, str]]:
-    """The surface given to a command, with its inner ones, fields and shell; and the files by region."""
-    from cortet.formats.gifti import read_surface
-    from cortet.geometry.nesting import nested
-    from cortet.meshes import by_region
-    from cortet.solver_files.fields import with_fields
-    from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
-
-    finite = not config.enabled("repair")
-    surface = with_fields(read_surface(args.surface, finite=finite), dict(args.field))
-    found = inner_surfaces(dict(args.inner), surface, config.placement(), finite=finite, handles=config.handles())
-    for line in found.told:
-        print(line)
-    whole = nested(surface, found.surfaces)
-    if not args.shell:
-        return whole, by_region(str(args.surface), {name: found.files[name] for name in whole.inner})
-    shelled = with_shell(whole, args.shell, config.placement())
-    (brain,) = shelled.inner.keys() - whole.inner.keys()
-    return shelled, {brain: str(args.surface), **found.files}
-
-
-def sphere_of(args: argparse.Namespace) -> TriSurface | None:
-    """The sphere given to a command; None if there is none."""
-    from cortet.formats.gifti import read_surface
-
-    return read_surface(args.sphere) if args.sphere else None
 
 
 def stem_of(path: Path) -> str:

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cortet.cli.given import config_of, draw, sphere_of, stem_of, surface_of
+from cortet.cli.given import config_of, draw, stem_of
 from cortet.cli.meshes import print_verdict
 from cortet.cli.shared import inner, writes
 from cortet.cli.values import Number, OutputFile, named_file, output_picture, size
@@ -22,6 +22,7 @@ from cortet.geometry.limits import CELL_SIZE_MM, SCAN_AGES, SHELL_MM
 WHITE_ALONE = "the surface is a white one: the mesh is what it encloses, white matter, without the cortex around it"
 
 if TYPE_CHECKING:
+    from cortet.api.meshing import Inputs
     from cortet.cli.shared import Commands
     from cortet.config import Config
     from cortet.meshes import TetMesh, TriSurface
@@ -120,30 +121,21 @@ def add_commands(commands: Commands) -> None:
 
 
 def mesh_command(args: argparse.Namespace) -> int:
-    """Mesh a surface, judge the mesh and write it with its companions."""
-    from cortet.formats.gifti import kind_of
-    from cortet.formats.placement import placed
+    """Mesh a surface, certify the mesh and write it with its companions."""
     from cortet.formats.tables import printed
-    from cortet.measure.certify import with_remarks
-    from cortet.pipeline import companions, mesh_surface, save
+    from cortet.pipeline import Meshed, companions, save
     from cortet.solver_files.holes import require_regions
-    from cortet.solver_files.meshed import Origin, require_own_stem
+    from cortet.solver_files.meshed import require_own_stem
     from cortet.solver_files.sidecar import sidecar_path
-    from cortet.solver_files.volumes import (
-        TISSUE_COLUMNS,
-        backgrounds,
-        label_names,
-        read_volumes,
-        require_in_place,
-        with_volumes,
-    )
+    from cortet.solver_files.volumes import TISSUE_COLUMNS
 
     if args.slices and not args.volume:
         raise InputError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
     # a file that cannot be written is refused before the work, and before files of an earlier run are deleted
     config = config_of(args)
     require_holes(config.export.holes, format_of(args.output).name)
-    surface, given = surface_of(args, config)
+    given = _inputs(args, config)
+    surface = given.surface
     beside = companions(args.output, surface.inner, volumes=bool(args.volume))
     every = [*beside.files, sidecar_path(args.output)]
     for file in every:
@@ -152,56 +144,36 @@ def mesh_command(args: argparse.Namespace) -> int:
         if file and file.absolute() in [one.absolute() for one in every]:
             refuse_companion(file)
     if not args.force:
-        require_own_stem(args.output, given, cell_size=config.generate.cell_size[0])
+        require_own_stem(args.output, given.region_files, cell_size=config.generate.cell_size[0])
     require_regions(config.export.holes, surface.inner)
-    volumes = read_volumes(dict(args.volume))
-    in_mm, kind = placed(surface, config.placement()), kind_of(args.surface)
-    require_in_place(volumes, in_mm)
-    background = backgrounds(volumes, in_mm)
-    for one in background:
-        print(one.sentence)
-    sphere = sphere_of(args)
-    progress = Progress(config, args.ga, nested=bool(surface.inner), registered=sphere is not None)
-    made = mesh_surface(
-        surface,
-        config,
-        gestational_age=args.ga,
-        source=args.surface,
-        inner_sources=given,
-        sphere=sphere,
-        sphere_source=args.sphere,
-        case=stem_of(args.output),
-        progress=progress,
-    )
-    mesh, rows = with_volumes(
-        made.mesh, volumes, frame=in_mm.frame, shares=config.export.label_shares, background=background
-    )
-    large = [one.sentence for one in background if one.large]
-    made = made._replace(mesh=mesh, certificate=with_remarks(made.certificate, large))
+    for line in given.said:
+        print(line)
+    progress = Progress(config, args.ga, nested=bool(surface.inner), registered=given.sphere is not None)
+    made = given.mesh(progress, case=stem_of(args.output))
     certificate = made.certificate
 
     def views(place: Callable[[Path], Path]) -> None:
         if args.slices:
             from cortet.report.slices import slices
 
-            slices(mesh, *next(iter(volumes.items())), place(args.slices), in_mm.frame)
+            slices(made.mesh, *next(iter(given.volumes.items())), place(args.slices), given.in_mm.frame)
             print(f"{args.slices}: drawn")
-        _mesh_views(args, mesh, made.surface, in_mm, asdict(certificate), config, place)
+        _mesh_views(args, made.mesh, made.surface, given.in_mm, asdict(certificate), config, place)
 
     told = save(
-        made,
+        Meshed(made.mesh, certificate, made.surface),
         args.output,
         config,
-        Origin(given, fields=dict(args.field), volumes=dict(args.volume), age=args.ga),
-        kind=kind,
-        labels=label_names(volumes),
-        rows=rows,
+        made.origin,
+        kind=made.kind,
+        labels=made.label_names,
+        rows=made.tissue_rows,
         force=args.force,
         views=views,
     )
     print()
-    if rows:
-        print(printed(TISSUE_COLUMNS, rows) + "\n")
+    if made.tissue_rows:
+        print(printed(TISSUE_COLUMNS, made.tissue_rows) + "\n")
     print_verdict(certificate)
     print(f"{beside.certificate}: every number beside its limit")
     if certificate.certified:
@@ -209,11 +181,27 @@ def mesh_command(args: argparse.Namespace) -> int:
             print(f"{args.output}: {what}")
         meshed = next(iter(beside.surfaces.values())).name
         print(f"{args.output}: written, with the surface that was meshed: {meshed}")
-        if kind == "white" and not surface.inner:
+        if made.kind == "white" and not surface.inner:
             print(WHITE_ALONE)
     else:
         print(f"{args.output}: not written")
     return 0 if certificate.certified else 1
+
+
+def _inputs(args: argparse.Namespace, config: Config) -> Inputs:
+    """What a command is to mesh."""
+    from cortet.api.meshing import inputs
+
+    return inputs(
+        args.surface,
+        config,
+        ga=args.ga,
+        inner=dict(args.inner),
+        shell=args.shell,
+        fields=dict(args.field),
+        volumes=dict(getattr(args, "volume", ())),
+        sphere=args.sphere,
+    )
 
 
 def _mesh_views(
@@ -249,17 +237,19 @@ def stages_command(args: argparse.Namespace) -> int:
     from cortet.report.stage_table import STAGE_COLUMNS, measured_stages
 
     config = config_of(args)
-    surface, given = surface_of(args, config)
+    given = _inputs(args, config)
+    for said in given.said:
+        print(said)
     rows = []
     widths = [max(len(column.name) + 2, 12) for column in STAGE_COLUMNS]
     print("".join(f"{column.name:>{width}}" for column, width in zip(STAGE_COLUMNS, widths, strict=True)))
     line = run(
-        surface,
+        given.surface,
         config,
         gestational_age=args.ga,
         source=args.surface,
-        inner_sources=given,
-        sphere=sphere_of(args),
+        inner_sources=given.inner_files,
+        sphere=given.sphere,
         sphere_source=args.sphere,
     )
     for row in measured_stages(line):

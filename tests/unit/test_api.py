@@ -16,7 +16,7 @@ from shapes import ball_mesh, ball_surface
 import cortet
 from cortet.errors import InputError
 from cortet.formats import vtu
-from cortet.formats.gifti import write_surface
+from cortet.formats.gifti import write_fields, write_surface
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import Certificate
 from cortet.measure.checks import SURFACE_DISTANCE
@@ -142,11 +142,34 @@ def test_an_image_in_memory_is_a_volume_as_its_file_is(ball: TriSurface, tmp_pat
     assert list(tables[2]["tetrahedra"]) == list(tables[0]["tetrahedra"])  # a file of its own names its labels
 
 
-def test_arrays_with_a_coordinate_that_is_not_finite_are_refused_as_their_file_is(ball: TriSurface) -> None:
+def test_arrays_with_a_coordinate_that_is_not_finite_are_repaired_as_their_file_is(
+    ball: TriSurface, caplog: pytest.LogCaptureFixture
+) -> None:
     points = ball.points.copy()
     points[5, 1] = np.nan
+    assert cortet.mesh((points, ball.faces), COARSE, progress=False).certified
+    assert "1 vertices without finite coordinates removed" in caplog.text
     with pytest.raises(InputError, match="have coordinates that are not finite"):
-        cortet.mesh((points, ball.faces), 6.0, progress=False)
+        cortet.mesh((points, ball.faces), 6.0, settings={"repair": {"enabled": False}}, progress=False)
+
+
+def test_a_field_and_a_sphere_may_be_files(ball: TriSurface, tmp_path: Path) -> None:
+    """The sidecar names the file of the field, as that of the command does; through the sphere vertices correspond."""
+    sphere = replace(ball, points=100 * ball.points / np.linalg.norm(ball.points, axis=1, keepdims=True))
+    write_surface(sphere, tmp_path / "ball.sphere.gii")
+    write_fields({"height": ball.points[:, 2]}, tmp_path / "height.shape.gii")
+    made = cortet.mesh(
+        ball,
+        COARSE,
+        fields={"height": tmp_path / "height.shape.gii"},
+        sphere=tmp_path / "ball.sphere.gii",
+        settings={"resample": {"enabled": True, "subdivisions": 4}},
+        progress=False,
+    )
+    assert np.corrcoef(made.mesh.point_data["height"], made.points[:, 2])[0, 1] > 0.95
+    assert len(made.surface.points) == 10 * 4**4 + 2
+    made.save(tmp_path / "ball.vtu")
+    assert "height.shape.gii" in (tmp_path / "ball.vtu.json").read_text()
 
 
 def test_a_mesh_has_its_arrays_its_certificate_and_its_fields(made: cortet.Mesh) -> None:
