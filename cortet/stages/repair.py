@@ -20,8 +20,8 @@ from cortet.sections import Cost, Fraction, Positive, Section, Threshold
 from cortet.stages.stage import Stage
 
 if TYPE_CHECKING:
-    from cortet.geometry.repairing import BrokenSurface, RepairStep
     from cortet.measure.fidelity import Distances
+    from cortet.stages._repairing import BrokenSurface, RepairStep
 
 VERSION: int = 3
 
@@ -108,12 +108,11 @@ def repair(
     InputError
         something is beyond these limits, or has no single right answer; says what and where
     """
-    from cortet.geometry.repairing import BrokenSurface, Limits, has_flaw
+    from cortet.stages._repairing import BrokenSurface, has_flaw
 
     if not has_flaw(surface, allow_genus):
         return surface, _untouched(surface, source)
-    limits = Limits(**settings.model_dump(exclude={"enabled"}), allow_genus=allow_genus)
-    work = BrokenSurface(surface, limits)
+    work = BrokenSurface(surface, settings, allow_genus)
     try:
         work.set_right()
         made = work.result()
