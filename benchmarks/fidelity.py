@@ -46,7 +46,7 @@ from cortet.geometry.winding import winding_numbers
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface, single_precision
 from cortet.solver_files.label_surfaces import with_shell
-from cortet.stages.smooth_surface import SmoothReport, smooth_surface
+from cortet.stages.smooth_surface import SmoothReport, SmoothSurface, smooth_surface
 
 COLUMNS = (
     *("surface", "h_mm", "tets", "q_max", "q_mean", "above_0.35"),
@@ -297,7 +297,8 @@ def with_steps(surface: TriSurface, voxel: float) -> TriSurface:
 def smoothed(steps: TriSurface, age: float | None) -> dict[str, tuple[TriSurface, SmoothReport | None]]:
     """Stair steps, and what each method makes of them; the paper's needs an age."""
     possible = {method: keys for method, keys in METHODS.items() if method != "published" or age is not None}
-    made = {method: smooth_surface(steps, gestational_age=age, **keys) for method, keys in possible.items()}
+    sections = {method: SmoothSurface(**keys) for method, keys in possible.items()}
+    made = {method: smooth_surface(steps, section, gestational_age=age) for method, section in sections.items()}
     return {"none": (steps, None), **made}
 
 

@@ -57,8 +57,8 @@ from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import verify
 from cortet.solver_files.volumes import require_in_place
 from cortet.stages.gate import gate
-from cortet.stages.generate import generate
-from cortet.stages.repair import repair
+from cortet.stages.generate import Generate, generate
+from cortet.stages.repair import Repair, repair
 from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
 
@@ -255,8 +255,8 @@ def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
     fields = {"thickness": np.linspace(1, 2, len(surface.points)), "area": np.arange(len(surface.points)) // 60}
     surface = replace(surface, point_data={name: values.astype("f4") for name, values in fields.items()})
     surface.point_data["area"] = surface.point_data["area"].astype(np.int32)
-    plain = {"odt": False, "lloyd": False, "perturb": False, "exude": False}
-    mesh, _ = generate(surface, cell_size=10.0, mesher="cgal", backend="cgal", facet_distance=[0.5], **plain)
+    plain = Generate(backend="cgal", facet_distance=[0.5], odt=False, lloyd=False, perturb=False, exude=False)
+    mesh, _ = generate(surface, plain, cell_size=10.0, mesher="cgal")
     mesh = named_sets(surface_nodes_first(transfer(mesh, surface)[0])[0], cortex_depth=5.0, medial_wall={"area": [0]})
     found: dict[str, tuple[Path, Callable[[Path], Any]]] = {}
     for name, form in FORMATS.items():
@@ -361,7 +361,7 @@ def read_and_use_volume(path: Path, surface: TriSurface) -> Any:
 def repaired(path: Path) -> TriSurface:
     """What the gate lets in of a repaired file."""
     given = read_surface(path, finite=False)
-    return gate(repair(given, source=str(path), max_hole=50.0)[0], source=str(path))[0]
+    return gate(repair(given, Repair(max_hole=50.0), source=str(path))[0], source=str(path))[0]
 
 
 def read_and_verify(path: Path, name: str) -> Any:

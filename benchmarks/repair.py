@@ -59,7 +59,7 @@ def repaired(surface: TriSurface, config: Config, row: dict[str, Any]) -> TriSur
     """The repaired surface, what was done being added to the row; None where it was refused."""
     began = time.process_time()
     try:
-        made, report = repair(surface, **config.arguments("repair", {"source": None}))
+        made, report = repair(surface, config.repair, source=None, allow_genus=config.gate.allow_genus)
     except CortetError as error:
         row |= {"outcome": "refused", "why_not": str(error), "repair_cpu_s": time.process_time() - began}
         return None

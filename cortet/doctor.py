@@ -168,13 +168,13 @@ def _prove_numba() -> str:
     return f"the kernels compile; a worst q of {report.q_max_before:.3f} becomes {report.q_max:.3f}"
 
 
-def _prove_mesher(backend: str) -> str:
+def _prove_mesher(backend: Literal["cgal", "pygalmesh"]) -> str:
     from cortet.geometry.topology import enclosed_volume
     from cortet.measure.quality import signed_volumes
-    from cortet.stages.generate import generate
+    from cortet.stages.generate import Generate, generate
 
     ball = _ball()
-    mesh, report = generate(ball, cell_size=5.0, mesher="cgal", backend=backend)
+    mesh, report = generate(ball, Generate(backend=backend), cell_size=5.0, mesher="cgal")
     _expect(report.topology_ok, report.reason)
     share = signed_volumes(mesh.points, mesh.cells).sum() / enclosed_volume(ball.points, ball.faces)
     _expect(0.8 < share < 1, f"the mesh of a ball has {100 * share:.0f} % of its volume")

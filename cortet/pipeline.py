@@ -132,7 +132,7 @@ def run(
         taken = [latest[kind] for kind in stage.takes]
         began = time.perf_counter()
         try:
-            latest[stage.gives], report = stage.function(*taken, **config.arguments(stage.name, facts))
+            latest[stage.gives], report = stage.run(*taken, **config.arguments(stage.name, facts))
         except InputError as error:
             if not stage.nested or error.file is not None or source is None:
                 raise
@@ -145,7 +145,7 @@ def run(
             for name, one in latest["surface"].inner.items():
                 own = config.arguments(stage.name, {**facts, "source": str((inner_sources or {}).get(name, name))})
                 inside = {"inside": True} if stage.takes_inside else {}
-                within[name], report = stage.function(one, *taken[1:], **own, **inside)
+                within[name], report = stage.run(one, *taken[1:], **own, **inside)
                 reported["inner"][name] = asdict(report)
             latest["surface"] = nested(latest["surface"], within)
         seconds = time.perf_counter() - began
@@ -211,7 +211,8 @@ def mesh_surface(
     certificate = certify(
         mesh,
         meshed,
-        **config.arguments("certify", facts),
+        config.certify,
+        **facts,
         native=placed(surface, config.placement()),
         case=case,
         source=source,

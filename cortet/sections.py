@@ -9,14 +9,14 @@ import ast
 import inspect
 import sys
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import pairwise
 from math import isfinite
 from pkgutil import iter_modules
 from types import ModuleType
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import (
     AfterValidator,
@@ -100,6 +100,17 @@ class Section(BaseModel):
         if any(isinstance(one, bool) for one in values) and not _takes_bool(field.annotation):
             raise ValueError("yes and no (True and False) mean nothing here")
         return value
+
+    def decided(self, config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG002, some sections ask for it
+        """Arguments that the rest of the configuration or the mesh decides: keys of this section, or further facts."""
+        return {}
+
+    @classmethod
+    def split(cls, arguments: Mapping[str, Any]) -> tuple[Self, dict[str, Any]]:
+        """The section that holds the plain arguments of a step, and those that are facts: it has no keys for them."""
+        keys = cls.model_fields.keys() - cls.choices
+        facts = {name: value for name, value in arguments.items() if name not in keys}
+        return cls(**{key: arguments[key] for key in keys & arguments.keys()}), facts
 
     def runs(self, *, aged: bool) -> bool:  # noqa: ARG002, one stage asks for it
         """Whether the line has the stage of this section; `aged`: the gestational age of the case is known."""

@@ -250,8 +250,7 @@ def checks() -> tuple[Any, ...]:
     from cortet.measure.certify import certify
 
     mesh, surface = _star()
-    limits = Config().arguments("certify", {"cell_size": 1.0})
-    return certify(mesh, surface, native=surface, **limits, reports={"generate": {"topology_ok": True}}).checks
+    return certify(mesh, surface, cell_size=1.0, native=surface, reports={"generate": {"topology_ok": True}}).checks
 
 
 # --- messages --------------------------------------------------------------------------------------------------------

@@ -12,10 +12,10 @@ from cortet.errors import StageError
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.meshes import TetMesh
-from cortet.stages.generate import generate
+from cortet.stages import STAGES
 
 try:
-    mesh, made = generate(gifti.read_surface(job.input.surface), **job.arguments)
+    mesh, made = STAGES["generate"].run(gifti.read_surface(job.input.surface), **job.arguments)
     report = asdict(made)
 except StageError as error:
     logging.getLogger("cortet").warning("%s", error)

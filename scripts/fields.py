@@ -7,17 +7,15 @@ job = start(snakemake)
 from cortet.formats import gifti
 from cortet.formats.placement import placed
 from cortet.solver_files.fields import with_fields
-from cortet.stages.gate import gate
-from cortet.stages.repair import repair
-from cortet.stages.resample import resample
+from cortet.stages import STAGES
 
 repairs = job.params.repair is not None
 surface = with_fields(gifti.read_surface(job.input.surface, finite=not repairs), job.params.files)
 surface = placed(surface, job.to_mm)
 if job.input.sphere:
-    surface = resample(surface, gifti.read_surface(job.input.sphere), **job.params.resample)[0]
+    surface, _ = STAGES["resample"].run(surface, gifti.read_surface(job.input.sphere), **job.params.resample)
 if repairs:
-    surface = repair(surface, **job.params.repair)[0]
-surface = gate(surface, **job.arguments)[0]
+    surface, _ = STAGES["repair"].run(surface, **job.params.repair)
+surface, _ = STAGES["gate"].run(surface, **job.arguments)
 job.require_unchanged_input()
 gifti.write_surface(surface, job.output.surface)

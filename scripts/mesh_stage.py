@@ -16,7 +16,7 @@ stage = STAGES[snakemake.rule]
 given: dict[str, TetMesh | TriSurface] = {"mesh": vtu.read(job.input.mesh)}
 if "surface" in stage.takes:
     given["surface"] = gifti.read_nested(job.input.surface, job.input.inner, job.input.get("fields"))
-mesh, report = stage.function(*(given[kind] for kind in stage.takes), **job.arguments)
+mesh, report = stage.run(*(given[kind] for kind in stage.takes), **job.arguments)
 vtu.write(mesh, job.output.mesh)
 write_json(job.record(asdict(report)), job.output.report)
 write_json(job.record(asdict(summarise(mesh))), job.output.quality)

@@ -10,12 +10,12 @@ from cortet.cohort.surface_files import missing_surface, require_hemisphere
 from cortet.formats import gifti
 from cortet.formats.atomic import write_json
 from cortet.formats.placement import placed
-from cortet.stages.repair import repair
+from cortet.stages import STAGES
 
 if not job.input.surface:
     raise missing_surface(job.arguments["source"], column="inner" if job.wildcards.get("inner") else "surface")
 require_hemisphere(job.input.surface, job.params.hemi)
 surface = placed(gifti.read_surface(job.input.surface, finite=False), job.to_mm)
-surface, report = repair(surface, **job.arguments)
+surface, report = STAGES["repair"].run(surface, **job.arguments)
 gifti.write_surface(surface, job.output.surface)
 write_json(job.record(asdict(report)), job.output.report)

@@ -10,7 +10,7 @@ from cortet.cohort.surface_files import missing_surface, require_hemisphere
 from cortet.formats import gifti
 from cortet.formats.atomic import write_json
 from cortet.formats.placement import placed
-from cortet.stages.resample import resample
+from cortet.stages import STAGES
 
 if not job.input.surface:
     raise missing_surface(job.params.source, column="inner" if job.wildcards.get("inner") else "surface")
@@ -19,6 +19,6 @@ if not job.input.sphere:
 for file in (job.input.surface, job.input.sphere):
     require_hemisphere(file, job.params.hemi)
 surface = placed(gifti.read_surface(job.input.surface), job.to_mm)
-surface, report = resample(surface, gifti.read_surface(job.input.sphere), **job.arguments)
+surface, report = STAGES["resample"].run(surface, gifti.read_surface(job.input.sphere), **job.arguments)
 gifti.write_surface(surface, job.output.surface)
 write_json(job.record(asdict(report)), job.output.report)

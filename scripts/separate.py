@@ -8,8 +8,8 @@ job = start(snakemake)
 
 from cortet.formats import gifti
 from cortet.formats.atomic import write_json
-from cortet.stages.separate import separate
+from cortet.stages import STAGES
 
-surface, report = separate(gifti.read_nested(job.input.surface, job.input.inner), **job.arguments)
+surface, report = STAGES["separate"].run(gifti.read_nested(job.input.surface, job.input.inner), **job.arguments)
 gifti.write_surface(surface.inner[job.wildcards.inner], job.output.surface)
 write_json(job.record(asdict(report)), job.output.report)

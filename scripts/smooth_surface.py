@@ -8,8 +8,8 @@ job = start(snakemake)
 
 from cortet.formats import gifti
 from cortet.formats.atomic import write_json
-from cortet.stages.smooth_surface import smooth_surface
+from cortet.stages import STAGES
 
-surface, report = smooth_surface(gifti.read_surface(job.input.surface), **job.arguments)
+surface, report = STAGES["smooth_surface"].run(gifti.read_surface(job.input.surface), **job.arguments)
 gifti.write_surface(surface, job.output.surface)
 write_json(job.record(asdict(report)), job.output.report)

@@ -9,10 +9,10 @@ job = start(snakemake)
 from cortet.formats import carp, gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.measure.quality import summarise
-from cortet.stages.transfer import transfer
+from cortet.stages import STAGES
 
 surface = gifti.read_nested(job.input.surface, job.input.inner, job.input.get("fields"))
-mesh, report = transfer(vtu.read(job.input.mesh), surface, **job.arguments)
+mesh, report = STAGES["transfer"].run(vtu.read(job.input.mesh), surface, **job.arguments)
 vtu.write(mesh, job.output.mesh)
 if job.output.carp:
     carp.write(replace(mesh, point_data={}), job.output.carp[0])

@@ -41,8 +41,7 @@ def certify(
     elif cell_size is None and isinstance(made, str | Path):
         cell_size = cell_size_of(Path(made))
     config = load(settings if settings is not None else {})
-    limits = config.arguments("certify", {"cell_size": cell_size})
-    return checked(tetrahedra(made), surface(shape), **limits)
+    return checked(tetrahedra(made), surface(shape), config.certify, cell_size=cell_size)
 
 
 def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSurface, dict[str, Any]]:
@@ -51,7 +50,7 @@ def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSur
 
     given = read_surface(shape, finite=False) if isinstance(shape, str | Path) else surface(shape)
     config = load(settings if settings is not None else {"repair": {"enabled": True}})
-    result, report = mended(given, **config.arguments("repair", {"source": None, "inside": False}))
+    result, report = mended(given, config.repair, source=None, allow_genus=config.gate.allow_genus)
     return result, asdict(report)
 
 

@@ -142,7 +142,6 @@ def quality_command(args: argparse.Namespace) -> int:
 
 def certify_command(args: argparse.Namespace) -> int:
     """Judge a mesh against its surface and write the certificate."""
-    from cortet.config import Config
     from cortet.formats.atomic import write_json
     from cortet.solver_files.sets import with_regions
     from cortet.stages.separate import separate
@@ -152,7 +151,7 @@ def certify_command(args: argparse.Namespace) -> int:
     if surface.inner:
         mesh = with_regions(mesh, list(surface.inner))
         if args.cell_size is not None and args.surface == given:  # not as meshed: separate them as then
-            surface, _ = separate(surface, **Config().arguments("separate", {"cell_size": args.cell_size}))
+            surface, _ = separate(surface, cell_size=args.cell_size)
     certificate = _checked(mesh, surface, args.mesh, args)
     if args.output:
         write_json(asdict(certificate), args.output)
@@ -182,8 +181,16 @@ def _checked(mesh: TetMesh, surface: TriSurface, file: Path, args: argparse.Name
     given = {"q_max": args.q_max, "max_boundary_distance": args.max_boundary_distance}
     chosen = {key: None if value == math.inf else value for key, value in given.items()}
     section = {key: value for key, value in chosen.items() if given[key] is not None}
-    limits = load({"certify": section}).arguments("certify", {"cell_size": args.cell_size or cell_size_of(file)})
-    return certify(mesh, surface, **limits, case=stem_of(file), source=args.surface, parameters={"certify": limits})
+    config, cell_size = load({"certify": section}), args.cell_size or cell_size_of(file)
+    return certify(
+        mesh,
+        surface,
+        config.certify,
+        cell_size=cell_size,
+        case=stem_of(file),
+        source=args.surface,
+        parameters={"certify": config.arguments("certify", {"cell_size": cell_size})},
+    )
 
 
 def compare_command(args: argparse.Namespace) -> int:

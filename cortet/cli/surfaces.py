@@ -18,6 +18,7 @@ from cortet.geometry.limits import CLOSING_MM, PHANTOM_AGES, SHELL_MM, SUBDIVISI
 
 if TYPE_CHECKING:
     from cortet.cli.shared import Commands
+    from cortet.config import Config
     from cortet.stages.gate import GateReport
 
 
@@ -153,33 +154,32 @@ def add_commands(commands: Commands) -> None:
 
 def gate_command(args: argparse.Namespace) -> int:
     """Print whether a surface can be meshed."""
+    from cortet.config import load
     from cortet.formats.gifti import read_surface
     from cortet.stages.gate import gate
 
-    refused = 0
+    config, refused = load({"gate": {"allow_genus": args.allow_genus}}), 0
     for path in args.surfaces:
         try:
-            _, report = gate(read_surface(path), source=str(path), allow_genus=args.allow_genus)
+            _, report = gate(read_surface(path), config.gate, source=str(path))
         except CortetError as error:
             refused += 1
-            print(f"refused   {error}{_repairable(path, args.allow_genus)}", flush=True)
+            print(f"refused   {error}{_repairable(path, config)}", flush=True)
         else:
             print(f"accepted  {path}: {_findings(report)}", flush=True)
     return 1 if refused else 0
 
 
-def _repairable(path: Path, allow_genus: int) -> str:
+def _repairable(path: Path, config: Config) -> str:
     """How `cortet mesh` and `cortet repair` would repair a surface that the gate refuses, for the end of a line."""
-    from cortet.config import load
     from cortet.formats.gifti import read_surface
-    from cortet.stages.gate import gate
-    from cortet.stages.repair import repair
+    from cortet.stages import STAGES
 
-    config = load({"gate": {"allow_genus": allow_genus}})
     logging.disable(logging.WARNING)  # because nothing is repaired yet
     try:
-        mended, _ = repair(read_surface(path, finite=False), **config.arguments("repair", {"source": str(path)}))
-        gate(mended, source=str(path), allow_genus=allow_genus)
+        surface = read_surface(path, finite=False)
+        for stage in ("repair", "gate"):
+            surface, _ = STAGES[stage].run(surface, **config.arguments(stage, {"source": str(path)}))
     except CortetError:
         return ""
     finally:
@@ -202,7 +202,7 @@ def repair_command(args: argparse.Namespace) -> int:
     config = load(args.config or {})
     given = with_fields(read_surface(args.surface, finite=False), dict(args.field))
     given = placed(given, config.placement())
-    made, report = repair(given, **config.arguments("repair", {"source": str(args.surface)}))
+    made, report = repair(given, config.repair, source=str(args.surface), allow_genus=config.gate.allow_genus)
     with recorded(asdict(report), record) as place:
         write_surface(made, place(args.output))
         if args.picture:
@@ -230,14 +230,14 @@ def resample_command(args: argparse.Namespace) -> int:
     from cortet.formats.gifti import read_surface, write_surface
     from cortet.formats.placement import placed
     from cortet.solver_files.fields import with_fields
-    from cortet.stages.resample import resample
+    from cortet.stages import STAGES
 
     record = args.output.with_name(f"{stem_of(args.output)}.resample.json")
     may_write(record)
     config = load(args.config or {})
     native = placed(with_fields(read_surface(args.surface), dict(args.field)), config.placement())
     facts = {"sphere_file": str(args.sphere), "hemisphere": None}
-    made, report = resample(native, read_surface(args.sphere), **config.arguments("resample", facts))
+    made, report = STAGES["resample"].run(native, read_surface(args.sphere), **config.arguments("resample", facts))
     with recorded(asdict(report), record) as place:
         write_surface(made, place(args.output))
     there, back = report.native_to_resampled_mm, report.resampled_to_native_mm

@@ -71,11 +71,7 @@ else:  # a section for each stage that declares one, in the order of the line
     _WithTheLine = create_model(
         "_WithTheLine",
         __base__=_BeforeTheLine,
-        **{
-            stage.section or stage.name: (stage.parameters, stage.parameters())
-            for stage in STAGES.values()
-            if stage.parameters
-        },
+        **{stage.section or stage.name: (stage.parameters, stage.parameters()) for stage in STAGES.values()},
     )
 
 
@@ -160,7 +156,7 @@ class Config(_WithTheLine):
         return [notice for notice in said if notice]
 
     def arguments(self, step: str, facts: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Plain, JSON-able keyword arguments of the function of a stage, or of another step of the workflow.
+        """Plain, JSON-able arguments of a stage (`Stage.run`), or of another step of the workflow.
 
         Parameters
         ----------

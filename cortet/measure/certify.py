@@ -53,7 +53,7 @@ from cortet.measure.checks import (
     topology_checks,
 )
 from cortet.measure.fidelity import Fidelity, fidelity
-from cortet.measure.limits import LIMITS
+from cortet.measure.limits import Certify
 from cortet.measure.lost import LostPlace, lost_places
 from cortet.measure.native import Native, native_record
 from cortet.measure.quality import QualitySummary, quality, signed_volumes, summarise
@@ -128,20 +128,10 @@ class Certificate:
 def certify(
     mesh: TetMesh,
     surface: TriSurface,
+    limits: Certify = Certify(),
     *,
-    q_max: float = LIMITS.q_max,
-    max_boundary_distance: float | None = LIMITS.max_boundary_distance,
     cell_size: float | None = None,
-    max_surface_distance: float | None = LIMITS.max_surface_distance,
-    max_mean_surface_distance: float | None = LIMITS.max_mean_surface_distance,
-    max_area_change: float | None = LIMITS.max_area_change,
-    max_volume_change: float | None = LIMITS.max_volume_change,
-    max_face_distance: float | None = LIMITS.max_face_distance,
-    min_bank_gap: float | None = LIMITS.min_bank_gap,
     native: TriSurface | None = None,
-    max_native_distance: float | None = LIMITS.max_native_distance,
-    max_mean_native_distance: float | None = LIMITS.max_mean_native_distance,
-    max_native_area_change: float | None = LIMITS.max_native_area_change,
     case: str = "",
     source: str | Path | None = None,
     parameters: Mapping[str, Any] | None = None,
@@ -154,20 +144,9 @@ def certify(
     mesh : the mesh to be exported
     surface : the closed surface that was meshed; the boundary must have its Euler number, and each interface that of
         its inner surface
-    q_max : the worst q must stay below this limit
-    max_boundary_distance : mm, largest distance of a boundary node to `surface`
+    limits : as `Certify` describes them; a number whose limit is None is reported, not checked
     cell_size : mm; if None, the limits that are fractions of it are not checked
-    max_surface_distance, max_mean_surface_distance : fractions of `cell_size`, largest and mean distance of points of
-        `surface` to the boundary
-    max_area_change, max_volume_change : relative change of area and of volume against `surface`, of either sign
-    max_face_distance : fraction of `cell_size`, distance of the centres of boundary faces to `surface`
-    min_bank_gap : smallest gap between banks of the boundary, a fraction of the gap of `surface` at the same location
     native : mm, the surface as it was read, before smoothing; it may be broken. None: the mesh is not compared with it
-    max_native_distance, max_mean_native_distance : fractions of `cell_size`, largest and mean distance between the
-        boundary and `native`, the larger of both directions. They do not apply to a repaired surface: `repair` has
-        limits of its own
-    max_native_area_change : relative change of the area against `native`; it does not apply to a repaired surface
-    Any limit may be None: the number is reported, not checked.
     case : name of the case
     source : file of the input surface, which is identified by its hash
     parameters, reports : stage -> its parameters and its report; the topology that S1 reports is checked too
@@ -177,25 +156,10 @@ def certify(
     StageError
         the mesh has no boundary, so nothing can be measured
     InputError
-        `source` cannot be read, a limit is not above 0, the cell size is out of bounds (`limits.CELL_SIZE_MM`) or
+        `source` cannot be read, the cell size is out of bounds (`limits.CELL_SIZE_MM`) or
         larger than the surface,
         a coordinate is not finite, or the mesh has no elements
     """
-    for name, limit in {
-        "q_max": q_max,
-        "max_boundary_distance": max_boundary_distance,
-        "max_surface_distance": max_surface_distance,
-        "max_mean_surface_distance": max_mean_surface_distance,
-        "max_area_change": max_area_change,
-        "max_volume_change": max_volume_change,
-        "max_face_distance": max_face_distance,
-        "min_bank_gap": min_bank_gap,
-        "max_native_distance": max_native_distance,
-        "max_mean_native_distance": max_mean_native_distance,
-        "max_native_area_change": max_native_area_change,
-    }.items():
-        if limit is not None and not 0 < limit < np.inf:
-            raise InputError(f"{name} = {limit:g} is no limit", remedy="give a number above 0")
     if cell_size is not None:
         require_within(cell_size, CELL_SIZE_MM, "the cell size in mm")
     require_measurable(mesh)
@@ -227,9 +191,11 @@ def certify(
 
     volumes = signed_volumes(mesh.points, mesh.cells)
     enclosed = enclosed_volume(boundary.points, boundary.faces)
-    largest, mean = (times(fraction, cell_size) for fraction in (max_surface_distance, max_mean_surface_distance))
+    largest, mean = (
+        times(fraction, cell_size) for fraction in (limits.max_surface_distance, limits.max_mean_surface_distance)
+    )
     checks = (
-        checked("worst q", measured.q.max, "<", q_max, remedy=worst[0].remedy),
+        checked("worst q", measured.q.max, "<", limits.q_max, remedy=worst[0].remedy),
         checked("tetrahedra without positive volume", int((volumes <= 0).sum()), "==", 0),
         checked(
             "relative difference between the sum of volumes and the enclosed volume",
@@ -242,18 +208,24 @@ def certify(
         *topology_checks(topology, surface_topology(surface.faces).euler_number),
         *meshing_checks(reports.get("generate")),
         checked("boundary faces that cross others", len(crossing), "==", 0, remedy=TOPOLOGY_REMEDY),
-        *bank_checks(gaps, share=min_bank_gap),
-        *boundary_checks(faithful, nodes=max_boundary_distance, centres=times(max_face_distance, cell_size)),
-        *loss_checks(faithful, largest=largest, mean=mean, area=max_area_change, volume=max_volume_change),
+        *bank_checks(gaps, share=limits.min_bank_gap),
+        *boundary_checks(
+            faithful, nodes=limits.max_boundary_distance, centres=times(limits.max_face_distance, cell_size)
+        ),
+        *loss_checks(
+            faithful, largest=largest, mean=mean, area=limits.max_area_change, volume=limits.max_volume_change
+        ),
         # `repair` has its own limits
         *native_checks(
             before,
-            largest=None if repaired else times(max_native_distance, cell_size),
-            mean=None if repaired else times(max_mean_native_distance, cell_size),
-            area=None if repaired else max_native_area_change,
+            largest=None if repaired else times(limits.max_native_distance, cell_size),
+            mean=None if repaired else times(limits.max_mean_native_distance, cell_size),
+            area=None if repaired else limits.max_native_area_change,
         ),
-        *region_checks(regions, volume=max_volume_change),
-        *interface_checks(interfaces, nodes=max_boundary_distance, largest=largest, mean=mean, area=max_area_change),
+        *region_checks(regions, volume=limits.max_volume_change),
+        *interface_checks(
+            interfaces, nodes=limits.max_boundary_distance, largest=largest, mean=mean, area=limits.max_area_change
+        ),
     )
     mesher = reports.get("generate", {}).get("mesher")
     checks = tuple(for_cell_size(for_mesher(check, mesher), cell_size) for check in checks)
@@ -261,7 +233,7 @@ def certify(
     if largest is not None and faithful.surface_to_boundary_mm.max > largest:
         lost = lost_places(boundary, surface, limit=largest)
     places = {
-        "worst q": _worst_place(worst[0], int((quality(mesh.points, mesh.cells) >= q_max).sum())),
+        "worst q": _worst_place(worst[0], int((quality(mesh.points, mesh.cells) >= limits.q_max).sum())),
         **{flaw.name: _first(flaw.places) for flaw in found if flaw.count},
         "boundary faces that cross others": _first(centres),
         **dict.fromkeys(_PLACED_DEFECTS, _first(defects)),

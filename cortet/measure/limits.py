@@ -33,6 +33,3 @@ class Certify(Section):
     """The same, on average; null: no limit."""
     max_native_area_change: Positive | None = 0.1
     """Largest relative change of the area against the native surface, of either sign; null: no limit."""
-
-
-LIMITS = Certify()

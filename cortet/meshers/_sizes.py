@@ -11,7 +11,8 @@ from cortet.errors import InputError
 from cortet.formats.volumes import Volume, is_volume, read_labels, read_named
 from cortet.geometry.nesting import sheets
 from cortet.meshers._remesh import GROWTH, SHORTEST
-from cortet.meshers.mesher import Settings, Sources
+from cortet.meshers._section import Generate
+from cortet.meshers.mesher import Facts, Sources
 from cortet.meshes import FloatArray, TriSurface, region_names
 
 _REMEDY = "where finer cells are wanted, choose a smaller cell size"
@@ -98,7 +99,7 @@ def _sources_of(
     return Sources(np.concatenate(points) @ back[:3, :3].T + back[:3, 3], np.concatenate(wanted))
 
 
-def sizes_on(surface: TriSurface, settings: Settings) -> list[FloatArray] | None:
+def sizes_on(surface: TriSurface, settings: Generate, facts: Facts) -> list[FloatArray] | None:
     """The cell size at each vertex of each surface, (n,) mm, infinite where none is given; None if none is anywhere.
 
     Raises
@@ -106,19 +107,19 @@ def sizes_on(surface: TriSurface, settings: Settings) -> list[FloatArray] | None
     InputError : the surface lacks the field, or a size is too small
     """
     every = sheets(surface)
-    if settings.size_field is None and not settings.sizes and not len(settings.sources.points):
+    if settings.size_field is None and not settings.sizes and not len(facts.sources.points):
         return None
     found = (
         [np.full(len(one.points), np.inf) for one in every]
         if settings.size_field is None
-        else _by_field(surface, settings.size_field, settings.cell_size)
+        else _by_field(surface, settings.size_field, facts.cell_size)
     )
     names = region_names(surface.inner)
     for name, size in settings.sizes.items():
         if name in names and size is not None:
             number = names.index(name)
             found[number] = np.minimum(found[number], size)
-    return [np.minimum(size, _near(settings.sources, one.points)) for size, one in zip(found, every, strict=True)]
+    return [np.minimum(size, _near(facts.sources, one.points)) for size, one in zip(found, every, strict=True)]
 
 
 def _near(sources: Sources, points: FloatArray) -> FloatArray:

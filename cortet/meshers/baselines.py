@@ -24,12 +24,16 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cortet.errors import StageError
-from cortet.meshers.mesher import Filled, Mesher, Settings
+from cortet.meshers.mesher import Facts, Filled, Mesher
 from cortet.meshes import FloatArray, IntArray, TriSurface
+
+if TYPE_CHECKING:
+    from cortet.meshers._section import Generate
 
 VERSION: int = 1
 
@@ -170,13 +174,13 @@ def _run(mesher: str, given: str, made: str, cell_size: str) -> None:
     np.savez(made, points=points, cells=cells)
 
 
-def _fill(mesher: str, surface: TriSurface, settings: Settings) -> Filled:
+def _fill(mesher: str, surface: TriSurface, _settings: Generate, facts: Facts) -> Filled:
     """A mesh by one of `TOOLS`, without its flat tetrahedra; refused if it overlaps itself."""
     from cortet.geometry.filling import folded_faces
     from cortet.meshers._filled import checked, log_attempt, well_ordered
 
     began = time.perf_counter()
-    made = tetrahedra(surface, mesher, cell_size=settings.cell_size, time_limit=settings.time_limit)
+    made = tetrahedra(surface, mesher, cell_size=facts.cell_size, time_limit=facts.time_limit)
     mesh, flat = well_ordered(*made)
     if folded := folded_faces(mesh):  # no later stage could work on it
         raise StageError(

@@ -16,12 +16,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from cortet.errors import InputError
-from cortet.meshers.mesher import Attempt, Filled, Mesher, Settings
+from cortet.meshers.mesher import Attempt, Facts, Filled, Mesher
 from cortet.meshes import TetMesh, TriSurface
 
 if TYPE_CHECKING:
     from cortet.meshers._cgal import Criteria
+    from cortet.meshers._section import Generate
 
 logger = logging.getLogger(__name__)
 
@@ -31,15 +31,13 @@ def installed_backend() -> str:
     return "pygalmesh" if find_spec("pygalmesh") else "cgal"
 
 
-def fill(surface: TriSurface, settings: Settings) -> Filled:
+def fill(surface: TriSurface, settings: Generate, facts: Facts) -> Filled:
     """Mesh with the first facet distance that gives the topology of the surface, else with the last one."""
-    from cortet.meshers._cgal import BACKENDS, Criteria, write_off
+    from cortet.meshers._cgal import Criteria, write_off
 
     backend = installed_backend() if settings.backend == "auto" else settings.backend
-    if backend not in BACKENDS:
-        raise InputError(f"unknown mesher backend {backend!r}", remedy=f"use auto, {' or '.join(BACKENDS)}")
     every = [
-        Criteria(settings.cell_size, settings.facet_angle, fraction * settings.cell_size, settings.radius_edge_ratio)
+        Criteria(facts.cell_size, settings.facet_angle, fraction * facts.cell_size, settings.radius_edge_ratio)
         for fraction in settings.facet_distance
     ]
     attempts: list[Attempt] = []
@@ -57,8 +55,7 @@ def fill(surface: TriSurface, settings: Settings) -> Filled:
             if not attempts[-1].problems:
                 break
         else:
-            tried = list(settings.facet_distance)
-            logger.warning("facet distances of %s h: %s", tried, "; ".join(attempts[-1].problems))
+            logger.warning("facet distances of %s h: %s", settings.facet_distance, "; ".join(attempts[-1].problems))
     return Filled(mesh, tuple(attempts), backend, settings.passes)
 
 
@@ -79,7 +76,7 @@ def _attempt(
     return mesh, attempt
 
 
-def _notice(generate: Any) -> str:
+def _notice(generate: Generate) -> str:
     if generate.backend != "auto" or installed_backend() == "pygalmesh":
         return ""
     return (

@@ -16,18 +16,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cortet.errors import StageError, place_mm
-from cortet.meshers.mesher import Attempt, Filled, Mesher, Refinement, Settings
+from cortet.meshers.mesher import Attempt, Facts, Filled, Mesher, Refinement
 from cortet.meshes import TetMesh, TriSurface
 from cortet.sections import Cost
 
 if TYPE_CHECKING:
     from cortet.meshers._remesh import Remeshed
+    from cortet.meshers._section import Generate
 
 #: a remeshed boundary is too coarse if it encloses less than this share of the surface's volume
 LEAST_VOLUME = 0.8
 
 
-def fill(surface: TriSurface, settings: Settings) -> Filled:
+def fill(surface: TriSurface, settings: Generate, facts: Facts) -> Filled:
     """Mesh with the longest edges for which no triangles of the boundary and its inner surfaces cross.
 
     Raises
@@ -41,33 +42,34 @@ def fill(surface: TriSurface, settings: Settings) -> Filled:
     from cortet.meshers._nested import remesh_apart, wanted
     from cortet.meshers._sizes import sizes_on
 
-    sizes = sizes_on(surface, settings)
+    sizes = sizes_on(surface, settings, facts)
     attempts: list[Attempt] = []
     for fraction in settings.edge_length:
         began = time.perf_counter()
-        edge = fraction * settings.cell_size
+        edge = fraction * facts.cell_size
         longest = None if sizes is None else [fraction * size for size in sizes]
-        distance = settings.surface_distance * settings.cell_size
-        made = remesh_apart(surface, wanted(surface, edge, distance, across=settings.elements_across, longest=longest))
+        distance = settings.surface_distance * facts.cell_size
+        made = remesh_apart(surface, wanted(surface, edge, distance, across=facts.elements_across, longest=longest))
         walls = [one.surface for one in made]
         if problem := _fault(walls, sheets(surface)):
             topology = surface_topology(walls[0].faces)
             attempt = Attempt(None, edge, (), sum(len(wall.points) for wall in walls), 0, 0, topology, (problem,))
         else:
-            mesh, attempt = _meshed(surface, made, edge, settings)
+            mesh, attempt = _meshed(surface, made, edge, settings, facts)
         attempts.append(replace(attempt, refinement=_refinement(made)))
         log_attempt(f"lattice, edges of {edge:g} mm", attempt, time.perf_counter() - began)
         if not attempt.problems:
             return Filled(mesh, tuple(attempts), "tetgen")
     remedy = "choose a smaller cell size, add a smaller generate.edge_length, or "
     raise StageError(
-        f"no edge length of {list(settings.edge_length)} h gives a boundary to fill: "
-        f"{'; '.join(attempts[-1].problems)}",
+        f"no edge length of {settings.edge_length} h gives a boundary to fill: {'; '.join(attempts[-1].problems)}",
         remedy=remedy + ("take a larger regions.min_gap" if surface.inner else "smooth the surface there"),
     )
 
 
-def _meshed(surface: TriSurface, made: Sequence[Remeshed], edge: float, settings: Settings) -> tuple[TetMesh, Attempt]:
+def _meshed(
+    surface: TriSurface, made: Sequence[Remeshed], edge: float, settings: Generate, facts: Facts
+) -> tuple[TetMesh, Attempt]:
     """Fill remeshed surfaces, whose edges are at most `edge` mm long, and compare the result with the given ones."""
     from cortet.geometry.nesting import joined
     from cortet.measure.quality import quality
@@ -77,22 +79,22 @@ def _meshed(surface: TriSurface, made: Sequence[Remeshed], edge: float, settings
     from cortet.optimise.reconnection import reconnected
     from cortet.optimise.soundness import require_sound
 
-    walls, across = [one.surface for one in made], settings.elements_across
+    walls, across = [one.surface for one in made], facts.elements_across
     nodes = graded_nodes(
         walls[0],
         np.concatenate([one.size for one in made]),
         edge_length=edge,
-        cell_size=settings.cell_size,
+        cell_size=facts.cell_size,
         core_ratio=settings.core_ratio,
         core_depth=settings.core_depth,
         walls=joined(walls),
         plateau=across / 2 if across > 1 else 0,  # from both sides to the middle
-        sources=settings.sources._replace(sizes=edge / settings.cell_size * settings.sources.sizes),
+        sources=facts.sources._replace(sizes=edge / facts.cell_size * facts.sources.sizes),
     )
     points, cells = tetrahedralised(joined(walls), nodes)
     mesh, flat = well_ordered(points, cells, regions_of(points, cells, walls) if surface.inner else None)
     require_sound(mesh, quality(mesh.points, mesh.cells))
-    mesh = reconnected(mesh, surface, insert=False, cell_size=settings.cell_size).mesh
+    mesh = reconnected(mesh, surface, insert=False, cell_size=facts.cell_size).mesh
     attempt = checked(mesh, surface, edge_length=edge, flat=flat)
     return mesh, replace(attempt, problems=attempt.problems + _interface_problems(mesh, surface))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,6 +11,7 @@ from cortet.sections import Cost
 
 if TYPE_CHECKING:
     from cortet.geometry.topology import SurfaceTopology
+    from cortet.meshers._section import Generate
 
 
 class Sources(NamedTuple):
@@ -22,30 +23,16 @@ class Sources(NamedTuple):
     sizes: FloatArray
 
 
-@dataclass(frozen=True)
-class Settings:
-    """Parameters of S1, as `cortet.stages.generate.generate` describes them; a mesher uses those that it knows."""
+class Facts(NamedTuple):
+    """What differs from mesh to mesh, beside the section `generate`."""
 
+    #: mm
     cell_size: float
-    backend: str
-    facet_angle: float
-    facet_distance: Sequence[float]
-    radius_edge_ratio: float
-    #: CGAL's optimisation passes
-    passes: tuple[str, ...]
-    seed: int
-    #: name of the mesher to try next, if any
-    fallback: str | None
-    edge_length: Sequence[float]
-    surface_distance: float
-    core_ratio: float
-    core_depth: float
-    size_field: str | None
-    sizes: Mapping[str, float | None]
-    #: voxels of the volumes in `sizes`
+    #: voxels of the volumes in `generate.sizes`
     sources: Sources
+    #: least number of tetrahedra between the surface and those inside it
     elements_across: int
-    #: minutes
+    #: minutes that a mesher of another project may take; None: no limit
     time_limit: float | None
 
 
@@ -99,7 +86,7 @@ class Filled:
     passes: tuple[str, ...] = ()
 
 
-def _no_notice(_: Any) -> str:
+def _no_notice(_: Generate) -> str:
     return ""
 
 
@@ -117,7 +104,7 @@ class Mesher:
     #: its name in tables
     printed: str
     #: fills a closed, connected manifold without self-intersections; raises StageError if it cannot
-    fill: Callable[[TriSurface, Settings], Filled]
+    fill: Callable[[TriSurface, Generate, Facts], Filled]
     #: tetrahedra per cube of the cell size, as measured
     tets_per_cube: float = 4.2
     #: of a job of S1, if it differs from that of the stage
@@ -130,7 +117,7 @@ class Mesher:
     sizes: bool = False
     #: whether the topology of its boundary may differ from that of the surface, so that a fallback is tried
     may_change_topology: bool = False
-    #: what a user should know before it runs, from the section `generate`; "" for nothing
-    notice: Callable[[Any], str] = _no_notice
+    #: what a user should know before it runs; "" for nothing
+    notice: Callable[[Generate], str] = _no_notice
     #: what the methods paragraph says about it, from its parameters, the backend, its name and the counted meshes
     said: Callable[[Mapping[str, Any], str, str, str], str] = _named

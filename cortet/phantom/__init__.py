@@ -23,7 +23,7 @@ from cortet.geometry.icosphere import icosphere
 from cortet.geometry.limits import PHANTOM_AGES, SUBDIVISIONS, THICKNESS_MM, require_within
 from cortet.geometry.nesting import nested
 from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
-from cortet.stages.separate import separate
+from cortet.stages.separate import Regions, separate
 
 VERSION: int = 1
 
@@ -183,7 +183,7 @@ def inset(surface: TriSurface, thickness: float) -> TriSurface:
     for reached in np.linspace(0, thickness, int(np.ceil(thickness / _INSET_STEP)) + 1)[1:]:
         try:
             moved, _ = separate(
-                nested(surface, {"white": white}), cell_size=float(reached), min_gap=1.0, most_the_same=1.0
+                nested(surface, {"white": white}), Regions(min_gap=1.0), cell_size=float(reached), most_the_same=1.0
             )
         except InputError as error:
             raise InputError(

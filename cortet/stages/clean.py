@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from cortet.errors import InputError
 from cortet.meshes import IntArray, TetMesh, TriSurface
 from cortet.sections import Boundary, Cost, Section, Threshold
 from cortet.stages.stage import BOUNDARY_WORDS, Certificate, Stage, parameters_of
@@ -68,9 +67,6 @@ class Clean(Section):
         return self
 
 
-DEFAULT = Clean()
-
-
 @dataclass(frozen=True)
 class CleanReport:
     """What was done, and the result."""
@@ -93,11 +89,8 @@ class CleanReport:
 def clean(
     mesh: TetMesh,
     surface: TriSurface,
+    settings: Clean = Clean(),
     *,
-    thresholds: Sequence[float] = DEFAULT.thresholds,
-    boundary: Boundary = DEFAULT.boundary,
-    improve_mean: bool = DEFAULT.improve_mean,
-    backend: Literal["cortet", "meshtool"] = DEFAULT.backend,
     cell_size: float | None = None,
     held: IntArray | None = None,
 ) -> tuple[TetMesh, CleanReport]:
@@ -107,19 +100,12 @@ def clean(
     ----------
     mesh : positive volumes
     surface : the surface that boundary vertices slide on; those of interfaces slide on its inner surfaces
-    thresholds : one pass for each, which moves only vertices of tetrahedra with q above it. Without `improve_mean`, the
-        passes around them move those of tetrahedra with q above half of the lowest
-    boundary : `slide` keeps boundary vertices on `surface` (those of S1 lie on it), `fixed` keeps them in place,
-        `free` treats them like interior ones (published)
-    improve_mean : also move the vertices of good tetrahedra: first, since that mends most bad ones as well, and last,
-        without losing the worst q reached
-    backend : our kernel, or an installed `meshtool` (free boundary, no passes for the mean)
+    settings : as `Clean` describes them
     cell_size : mm, which determines how far from `surface` the boundary may slide; None if it is not known
     held : (h,) vertices that stay where they are, for our kernel
 
     Raises
     ------
-    InputError : a threshold outside [0, 1), or a combination the backend does not have
     StageError : the given mesh has inverted elements, or meshtool failed
     """
     from cortet.geometry.closest_point import forest
@@ -129,30 +115,22 @@ def clean(
     from cortet.optimise.vertices import move_vertices
     from cortet.stages._meshtool import clean_with_meshtool, program_version
 
-    for threshold in thresholds:
-        if not 0 <= threshold < 1:
-            raise InputError(f"clean.thresholds: {threshold} is not a quality", remedy="give values from 0 to below 1")
     before = quality(mesh.points, mesh.cells)
     require_sound(mesh, before)
     passes: tuple[PassReport, ...] = ()
     held = np.zeros(0, np.int32) if held is None else held
     program = None
-    if backend == "meshtool":
-        if boundary != "free" or improve_mean:
-            raise InputError(
-                "clean.backend meshtool moves the boundary freely and has no passes for the mean",
-                remedy="set clean.boundary: free and clean.improve_mean: false, or clean.backend: cortet",
-            )
-        result = clean_with_meshtool(mesh, thresholds=thresholds)
+    if settings.backend == "meshtool":
+        result = clean_with_meshtool(mesh, thresholds=settings.thresholds)
         program = program_version()
     else:
         tree = forest(surface)
-        aims = schedule(thresholds, improve_mean)
+        aims = schedule(settings.thresholds, settings.improve_mean)
 
         def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, tuple[PassReport, ...]]:
-            return move_vertices(start, tree, aims, boundary=boundary, held=held)
+            return move_vertices(start, tree, aims, boundary=settings.boundary, held=held)
 
-        if boundary == "slide":
+        if settings.boundary == "slide":
             result, passes, held = without_crossing(mesh, optimise, surface, cell_size=cell_size, held=held)
         else:
             result, passes = optimise(mesh, held)
@@ -160,8 +138,8 @@ def clean(
     after = quality(result.points, result.cells)
     displacement = np.linalg.norm(result.points - mesh.points, axis=1)
     return result, CleanReport(
-        boundary=boundary,
-        backend=backend,
+        boundary=settings.boundary,
+        backend=settings.backend,
         q_mean_before=float(before.mean()),
         q_max_before=float(before.max()),
         q_mean=float(after.mean()),

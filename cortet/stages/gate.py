@@ -50,9 +50,6 @@ class Gate(Section):
     `affine` of the sheet, relative to its folder, overrides it. null: they are none."""
 
 
-DEFAULT = Gate()
-
-
 @dataclass(frozen=True)
 class GateReport:
     """What was given and what was mended."""
@@ -77,7 +74,7 @@ class GateReport:
 
 
 def gate(
-    surface: TriSurface, *, source: Any, allow_genus: int = DEFAULT.allow_genus, inside: bool = False
+    surface: TriSurface, settings: Gate = Gate(), *, source: Any, inside: bool = False
 ) -> tuple[TriSurface, GateReport]:
     """Let one closed, oriented, mm-sized manifold without self-intersections through.
 
@@ -86,8 +83,8 @@ def gate(
 
     Parameters
     ----------
+    settings : as `Gate` describes them; `unit` and `affine` are applied before
     source : where the surface comes from, for messages and the report
-    allow_genus : largest number of handles accepted
     inside : the surface lies inside another one, and may be smaller than a brain
 
     Raises
@@ -110,7 +107,7 @@ def gate(
         _check_area(used, flat_faces(used.points, used.faces))
         oriented = replace(used, faces=outward(used.points, used.faces))
         topology = surface_topology(oriented.faces)
-        _check_topology(oriented, topology, allow_genus)
+        _check_topology(oriented, topology, settings.allow_genus)
         if reoriented := int((oriented.faces != used.faces).any(axis=1).sum()):
             logger.warning("%s: %d of %d triangles turned outward", source, reoriented, len(used.faces))
         if not inside:

@@ -35,9 +35,6 @@ class Reconnect(Section):
         return "reconnect.boundary: free" if self.boundary == "free" else ""
 
 
-DEFAULT = Reconnect()
-
-
 @dataclass(frozen=True)
 class ReconnectReport:
     """What was done, and the result."""
@@ -67,13 +64,11 @@ class ReconnectReport:
 def reconnect(
     mesh: TetMesh,
     surface: TriSurface,
+    settings: Reconnect = Reconnect(),
     *,
-    threshold: float = DEFAULT.threshold,
-    boundary: Boundary = DEFAULT.boundary,
-    insert: bool = DEFAULT.insert,
     cell_size: float | None = None,
 ) -> tuple[TetMesh, ReconnectReport]:
-    """Swap edges and faces around tetrahedra with q above `threshold`, and move the vertices there.
+    """Swap edges and faces around tetrahedra with q above the threshold, and move the vertices there.
 
     Every swap improves the worst quality of the tetrahedra it replaces. All volumes stay positive, vertices are added
     or lost only inside and only with `insert`, and the boundary keeps its topology. Values per tetrahedron follow;
@@ -85,8 +80,7 @@ def reconnect(
     mesh : positive volumes
     surface : the surface that boundary vertices slide on and that new boundary edges must be close to; the vertices of
         interfaces slide on its inner surfaces
-    boundary : what boundary vertices may do when vertices move; boundary edges may be flipped unless it is `fixed`
-    insert : also insert vertices inside, where no swap helps; they carry the values of a vertex near them
+    settings : as `Reconnect` describes them; inserted vertices carry the values of a vertex near them
     cell_size : mm, which determines how far from `surface` the boundary may slide; None if it is not known
     """
     from cortet.measure.quality import quality
@@ -96,11 +90,16 @@ def reconnect(
     before = quality(mesh.points, mesh.cells)
     require_sound(mesh, before)
     result, inserted, swaps, held = reconnected(
-        mesh, surface, threshold=threshold, boundary=boundary, insert=insert, cell_size=cell_size
+        mesh,
+        surface,
+        threshold=settings.threshold,
+        boundary=settings.boundary,
+        insert=settings.insert,
+        cell_size=cell_size,
     )
     after = quality(result.points, result.cells)
     return result, ReconnectReport(
-        threshold=threshold,
+        threshold=settings.threshold,
         q_mean_before=float(before.mean()),
         q_max_before=float(before.max()),
         q_mean=float(after.mean()),

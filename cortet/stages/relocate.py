@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from cortet.errors import InputError, StageError
+from cortet.errors import StageError
 from cortet.meshes import FloatArray, IntArray, TetMesh
 from cortet.sections import Cost, PositiveInt, Section
 from cortet.stages.stage import BOUNDARY_WORDS, Certificate, Stage, counted, parameters_of
@@ -42,9 +42,6 @@ class Relocate(Section):
         return "relocate.enabled: true"
 
 
-DEFAULT = Relocate()
-
-
 @dataclass(frozen=True)
 class RelocateReport:
     """What moved, and the result."""
@@ -64,21 +61,16 @@ class RelocateReport:
     q_max_after: float
 
 
-def relocate(
-    mesh: TetMesh, *, passes: int = DEFAULT.passes, boundary: Literal["fixed", "free"] = DEFAULT.boundary
-) -> tuple[TetMesh, RelocateReport]:
+def relocate(mesh: TetMesh, settings: Relocate = Relocate()) -> tuple[TetMesh, RelocateReport]:
     """Relocate nodes; connectivity, numbering and fields stay as they are.
 
     Parameters
     ----------
     mesh : any tetrahedral mesh
-    passes : sweeps over all nodes
-    boundary : ``fixed`` keeps boundary nodes where they are, ``free`` moves them too, as published
+    settings : as `Relocate` describes them
 
     Raises
     ------
-    InputError
-        a parameter is out of range
     StageError
         Gmsh failed, or returned a different mesh
     """
@@ -88,24 +80,21 @@ def relocate(
     from cortet.measure.quality import quality
     from cortet.optimise.backing_off import back_off
 
-    if boundary not in ("fixed", "free"):
-        raise InputError(f"relocate: boundary {boundary!r} is neither 'fixed' nor 'free'")
-    if passes < 1:
-        raise InputError(f"relocate: {passes} passes", remedy="use at least 1, or bypass the stage")
-    points = _relocated(mesh, passes, np.array([], np.int32) if boundary == "free" else boundary_nodes(mesh))
+    fixed = np.array([], np.int32) if settings.boundary == "free" else boundary_nodes(mesh)
+    points = _relocated(mesh, settings.passes, fixed)
     points, share = back_off(mesh.points, points, mesh.cells)
     if backed_off := int((share < 1).sum()):
         logger.warning("%d nodes around inverted tetrahedra were not moved all the way", backed_off)
 
     displacement = np.linalg.norm(points - mesh.points, axis=1)
     on_boundary = displacement[boundary_nodes(mesh)]
-    if boundary == "fixed" and on_boundary.max() > 0:
+    if settings.boundary == "fixed" and on_boundary.max() > 0:
         raise StageError(f"Gmsh moved fixed boundary nodes, by up to {on_boundary.max():g} mm")
     before, after = quality(mesh.points, mesh.cells), quality(points, mesh.cells)
     return replace(mesh, points=points), RelocateReport(
         gmsh_version=gmsh.GMSH_API_VERSION,
-        passes=passes,
-        boundary=boundary,
+        passes=settings.passes,
+        boundary=settings.boundary,
         nodes_moved=int((displacement > 0).sum()),
         max_displacement_mm=float(displacement.max()),
         mean_boundary_displacement_mm=float(on_boundary.mean()),

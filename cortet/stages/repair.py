@@ -20,8 +20,8 @@ from cortet.sections import Cost, Fraction, Positive, Section, Threshold
 from cortet.stages.stage import Stage
 
 if TYPE_CHECKING:
-    from cortet.geometry.repairing import BrokenSurface, RepairStep
     from cortet.measure.fidelity import Distances
+    from cortet.stages._repairing import BrokenSurface, RepairStep
 
 VERSION: int = 3
 
@@ -55,8 +55,9 @@ class Repair(Section):
     spacing: Positive = 0.3
     """Spacing of the grid of voxel, mm: what is thinner is lost."""
 
-
-DEFAULT = Repair()
+    def decided(self, config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG002
+        """Keep the handles that the gate accepts."""
+        return {"allow_genus": config.gate.allow_genus}
 
 
 @dataclass(frozen=True)
@@ -88,17 +89,7 @@ class RepairReport:
 
 
 def repair(
-    surface: TriSurface,
-    *,
-    source: Any,
-    max_displacement: float = DEFAULT.max_displacement,
-    max_volume_change: float = DEFAULT.max_volume_change,
-    max_hole: float = DEFAULT.max_hole,
-    max_loop: float = DEFAULT.max_loop,
-    max_piece: float = DEFAULT.max_piece,
-    method: Method = DEFAULT.method,
-    spacing: float = DEFAULT.spacing,
-    allow_genus: int = 0,
+    surface: TriSurface, settings: Repair = Repair(), *, source: Any, allow_genus: int = 0
 ) -> tuple[TriSurface, RepairReport]:
     """Turn a surface into one closed manifold without crossing triangles, if that has one right answer.
 
@@ -108,14 +99,8 @@ def repair(
     Parameters
     ----------
     surface : as read; coordinates need not be finite; its inner surfaces stay as they are
+    settings : as `Repair` describes them; `geometry.rebuilding` is the method voxel
     source : where it comes from, for messages and the report
-    max_displacement : mm, farthest that triangles may be moved or lie from those that they replace
-    max_volume_change : relative
-    max_hole : mm, longest rim of a hole that is filled
-    max_loop : mm, longest loop along which a handle is cut or a tunnel closed
-    max_piece : share of the area up to which a separate piece is dropped
-    method : ``local``, or ``voxel``, which rebuilds a broken surface as a sphere on a grid (`geometry.rebuilding`)
-    spacing : mm, of that grid
     allow_genus : number of handles that may stay
 
     Raises
@@ -123,12 +108,11 @@ def repair(
     InputError
         something is beyond these limits, or has no single right answer; says what and where
     """
-    from cortet.geometry.repairing import BrokenSurface, Limits, has_flaw
+    from cortet.stages._repairing import BrokenSurface, has_flaw
 
     if not has_flaw(surface, allow_genus):
         return surface, _untouched(surface, source)
-    limits = Limits(max_displacement, max_volume_change, max_hole, max_loop, max_piece, method, spacing, allow_genus)
-    work = BrokenSurface(surface, limits)
+    work = BrokenSurface(surface, settings, allow_genus)
     try:
         work.set_right()
         made = work.result()
@@ -199,11 +183,6 @@ def _untouched(surface: TriSurface, source: Any) -> RepairReport:
     )
 
 
-def _settled(values: dict[str, Any], config: Any, _: Mapping[str, Any]) -> dict[str, Any]:
-    """Keep the handles that the gate accepts."""
-    return {**values, "allow_genus": config.gate.allow_genus}
-
-
 STAGE = Stage(
     name="repair",
     order=20,
@@ -213,7 +192,6 @@ STAGE = Stage(
     gives="surface",
     parameters=Repair,
     facts=("source",),
-    settle=_settled,
     cost=Cost((700, 0), (15, 0)),
     alone=True,
 )

@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -56,8 +55,9 @@ class Resample(Section):
             )
         return self.template.replace("{hemi}", hemisphere)
 
-
-DEFAULT = Resample()
+    def decided(self, config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG002
+        """Choose the file of the common sphere for the hemisphere."""
+        return {"template": self.template_of(facts["hemisphere"])}
 
 
 @dataclass(frozen=True)
@@ -87,10 +87,9 @@ class ResampleReport:
 def resample(
     surface: TriSurface,
     sphere: TriSurface,
+    settings: Resample = Resample(),
     *,
     sphere_file: Any = None,
-    template: str | Path | None = DEFAULT.template,
-    subdivisions: int = DEFAULT.subdivisions,
     inside: bool = False,
 ) -> tuple[TriSurface, ResampleReport]:
     """The surface, and its fields, at the vertices of a common sphere.
@@ -104,9 +103,8 @@ def resample(
     ----------
     surface : native, mm; its inner surfaces stay as they are
     sphere : of any radius around the origin; vertex i is that of `surface`, and so are the triangles
+    settings : as `Resample` describes them; {hemi} in the name of the template is replaced (`Resample.template_of`)
     sphere_file : where it comes from, for messages
-    template : file of the common sphere; None: an icosphere
-    subdivisions : of the icosphere; 6 gives 40,962 vertices
     inside : the surface lies inside another one, and is resampled only if its triangles are those of the sphere
 
     Raises
@@ -120,7 +118,7 @@ def resample(
     if inside and not spheres.same_triangles(sphere, surface):
         return surface, _report(surface, surface, resampled=False)
     _check(surface, sphere, sphere_file)
-    common = _common(template, subdivisions)
+    common = _common(settings)
     old, new = spheres.of_one_radius(sphere), spheres.of_one_radius(common)
     weights = spheres.barycentric(old, new)
     points = weights @ surface.points
@@ -141,17 +139,17 @@ def resample(
     return made, report
 
 
-def _common(template: str | Path | None, subdivisions: int) -> TriSurface:
+def _common(settings: Resample) -> TriSurface:
     """The sphere whose vertices all cases share."""
     from cortet.formats.gifti import read_surface
     from cortet.geometry import spheres
     from cortet.geometry.icosphere import icosphere
 
-    if template is None:
-        return icosphere(subdivisions)
-    sphere = read_surface(template)
+    if settings.template is None:
+        return icosphere(settings.subdivisions)
+    sphere = read_surface(settings.template)
     if flaws := spheres.flaws(sphere):
-        raise InputError(f"is no sphere: {'; '.join(flaws)}", file=template, remedy="mend resample.template")
+        raise InputError(f"is no sphere: {'; '.join(flaws)}", file=settings.template, remedy="mend resample.template")
     return sphere
 
 
@@ -202,11 +200,6 @@ def _report(native: TriSurface, made: TriSurface, *, resampled: bool) -> Resampl
     )
 
 
-def _settled(values: dict[str, Any], config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Choose the file of the common sphere for the hemisphere."""
-    return {**values, "template": config.resample.template_of(facts["hemisphere"])}
-
-
 def _sentence(certificates: Sequence[Certificate]) -> str:
     reports = {content["case"]: content["reports"].get("resample") for content in certificates}
     resampled = [report for report in reports.values() if report]
@@ -231,7 +224,6 @@ STAGE = Stage(
     gives="surface",
     parameters=Resample,
     facts=("sphere_file",),
-    settle=_settled,
     cost=Cost((700, 0), (15, 0)),
     sentence=_sentence,
     registered=True,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -35,6 +35,9 @@ logger = logging.getLogger(__name__)
 class Regions(Section):
     """Meshes with inner surfaces (column `inner` of the sheet): what is between them and the outer one."""
 
+    #: S1 makes these elements: another number of them separates nothing anew
+    choices: ClassVar[frozenset[str]] = Section.choices | {"elements_across"}
+
     min_gap: Annotated[float, Field(gt=0, le=2)] = 0.5
     """Distance that inner surfaces keep from the one around them, a fraction of h: where they are nearer, as at the
     medial wall, they are moved inward."""
@@ -43,9 +46,6 @@ class Regions(Section):
     elements_across: Annotated[int, Field(ge=1, le=6)] = 1
     """Tetrahedra through the cortex, between the outer surface and those inside it, at least: cells there become
     smaller for it, down to 0.35 h, and grow to h away from it. The certificate says what came of it."""
-
-
-DEFAULT = Regions()
 
 
 @dataclass(frozen=True)
@@ -88,10 +88,9 @@ class SeparateReport:
 
 def separate(
     surface: TriSurface,
+    settings: Regions = Regions(),
     *,
     cell_size: float,
-    min_gap: float = DEFAULT.min_gap,
-    max_outside: float = DEFAULT.max_outside,
     most_the_same: float = 0.5,
 ) -> tuple[TriSurface, SeparateReport]:
     """Move inner surfaces inward until they keep a distance from the surfaces around them.
@@ -101,9 +100,8 @@ def separate(
     Parameters
     ----------
     surface : with its inner surfaces, none of which crosses itself
+    settings : as `Regions` describes them; `elements_across` is for S1
     cell_size : mm
-    min_gap : distance to keep, a fraction of `cell_size`
-    max_outside : mm, farthest that an inner surface may lie outside the one around it
     most_the_same : share of the area of an inner surface that may lie on the one around it, or outside
 
     Raises
@@ -117,6 +115,7 @@ def separate(
     names = region_names(surface.inner)
     _check_volumes(surface)
     given, reports = surface, []
+    gap = settings.min_gap * cell_size
 
     def around_it(whole: TriSurface, number: int) -> TriSurface:
         """The boundary of the region that a surface lies in, without what lies in that surface, which moves later."""
@@ -130,9 +129,9 @@ def separate(
         # a surface precedes those that it contains; after it has moved, they may lie outside it through no fault of
         # their own
         before = around_it(given, number) if around[number] > 0 else container
-        _require_inside(one, before, name=names[number], max_outside=max_outside)
-        _require_another(one, before, names[number], near=_SAME * min_gap * cell_size, most=most_the_same)
-        moved, report = _moved_inside(one, container, name=names[number], gap=min_gap * cell_size)
+        _require_inside(one, before, name=names[number], max_outside=settings.max_outside)
+        _require_another(one, before, names[number], near=_SAME * gap, most=most_the_same)
+        moved, report = _moved_inside(one, container, name=names[number], gap=gap)
         surface = replace(surface, inner={**surface.inner, names[number]: moved})
         reports.append(report)
     return surface, SeparateReport(tuple(reports))
@@ -256,7 +255,6 @@ STAGE = Stage(
     gives="surface",
     parameters=Regions,
     section="regions",
-    keys={"min_gap", "max_outside"},
     facts=("cell_size",),
     cost=Cost((700, 0), (15, 0)),
     nested=True,

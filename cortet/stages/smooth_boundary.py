@@ -20,7 +20,7 @@ import numpy as np
 from cortet.errors import StageError
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.sections import Boundary, Cost, PositiveInt, Section, Threshold
-from cortet.stages.clean import clean
+from cortet.stages.clean import Clean, clean
 from cortet.stages.stage import Certificate, Stage, counted, parameters_of
 
 if TYPE_CHECKING:
@@ -64,9 +64,6 @@ class SmoothBoundary(Section):
         return "" if self.onto_surface else "smooth_boundary.onto_surface: false"
 
 
-DEFAULT = SmoothBoundary()
-
-
 @dataclass(frozen=True)
 class SmoothBoundaryReport:
     """What was done, and the result."""
@@ -92,13 +89,7 @@ class SmoothBoundaryReport:
 
 
 def smooth_boundary(
-    mesh: TetMesh,
-    surface: TriSurface,
-    *,
-    method: Method = DEFAULT.method,
-    iterations: int = DEFAULT.iterations,
-    onto_surface: bool = DEFAULT.onto_surface,
-    thresholds: Sequence[float] = DEFAULT.thresholds,
+    mesh: TetMesh, surface: TriSurface, settings: SmoothBoundary = SmoothBoundary()
 ) -> tuple[TetMesh, SmoothBoundaryReport]:
     """Smooth the boundary of a mesh and its interfaces, let the interior follow, and clean the elements again.
 
@@ -106,12 +97,7 @@ def smooth_boundary(
     ----------
     mesh : positive volumes
     surface : the surface that was meshed, with its inner ones
-    method : `laplacian`, PyMeshLab's surface-preserving one, or `workbench`, that of Connectome Workbench
-        (`wb_command -surface-smoothing`)
-    iterations : of the method; halved, up to four times, if an element inverts; published: 10
-    onto_surface : put the boundary back onto the surface after each iteration, and let it slide there during cleaning;
-        published: False, and the boundary moves freely
-    thresholds : of the cleaning afterwards; a further one at 0.3 does not converge (paper)
+    settings : as `SmoothBoundary` describes them; published: 10 iterations that leave the surface
 
     Raises
     ------
@@ -133,10 +119,10 @@ def smooth_boundary(
         walls = [sheet(start, number) for number in range(len(given))]
         nodes = np.concatenate([nodes for _, nodes in walls])
         free = ~np.isin(nodes, held)
-        count = iterations
+        count = settings.iterations
         for _ in range(_RETRIES + 1):
             smoothed = [
-                _smoothed(wall, method, count, tree_of(one) if onto_surface else None)
+                _smoothed(wall, settings.method, count, tree_of(one) if settings.onto_surface else None)
                 for (wall, _), one in zip(walls, given, strict=True)
             ]
             target = np.where(free[:, None], np.concatenate(smoothed), start.points[nodes])
@@ -149,9 +135,11 @@ def smooth_boundary(
             points, count = start.points, 0
         moved = replace(start, points=points)
         worst = float(quality(points, start.cells).max())
-        mode: Boundary = "slide" if onto_surface else "free"
-        cleaned, _ = clean(moved, surface, thresholds=thresholds, boundary=mode, improve_mean=False, held=held)
-        return cleaned, (count, worst)
+        if settings.thresholds:
+            mode: Boundary = "slide" if settings.onto_surface else "free"
+            cleaning = Clean(thresholds=settings.thresholds, boundary=mode, improve_mean=False)
+            moved, _ = clean(moved, surface, cleaning, held=held)
+        return moved, (count, worst)
 
     result, (used, q_max_smoothed), held = without_crossing(mesh, attempt)
     after = quality(result.points, result.cells)
@@ -159,8 +147,8 @@ def smooth_boundary(
     off = [closest_points(tree_of(one), wall.points).distances for one, wall in zip(given, placed, strict=True)]
     began, ended = joined(walls), joined(placed)
     return result, SmoothBoundaryReport(
-        method=method,
-        onto_surface=onto_surface,
+        method=settings.method,
+        onto_surface=settings.onto_surface,
         iterations=used,
         roughness_before=boundary_roughness(began.points, began.faces),
         roughness=boundary_roughness(ended.points, ended.faces),

@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -64,9 +64,6 @@ class SmoothSurface(Section):
         return self.enabled and (aged or self.method != "published")
 
 
-DEFAULT = SmoothSurface()
-
-
 @dataclass(frozen=True)
 class Spread:
     """Mean and standard deviation over the vertices."""
@@ -111,44 +108,32 @@ class SmoothReport:
 
 
 def smooth_surface(
-    surface: TriSurface,
-    *,
-    gestational_age: float | None = None,
-    method: Method = DEFAULT.method,
-    max_roughness: float = DEFAULT.max_roughness,
-    max_area_change: float = DEFAULT.max_area_change,
-    max_volume_change: float | None = DEFAULT.max_volume_change,
-    max_displacement: float = DEFAULT.max_displacement,
+    surface: TriSurface, settings: SmoothSurface = SmoothSurface(), *, gestational_age: float | None = None
 ) -> tuple[TriSurface, SmoothReport]:
     """Smooth by the filter of Taubin, or by the paper's surface-preserving Laplacian (both PyMeshLab's).
 
-    Taubin's filter takes the fewest steps that bring the roughness below `max_roughness`, or else those that remove
+    Taubin's filter takes the fewest steps that bring the roughness below the limit, or else those that remove
     most of it; a surface already below is not touched. Of the paper's candidates, the one that removes most roughness
     is chosen. Candidates beyond the limits, or with crossing triangles, are not eligible. If none is eligible, the
     surface stays as it is. Coordinates of the result are float32 values, so a GIfTI file holds them exactly.
 
     Parameters
     ----------
+    settings : as `SmoothSurface` describes them
     gestational_age : weeks; `published` needs it
-    method : `taubin` or `published`
-    max_roughness : `measure.fidelity.high_frequency_roughness` that `taubin` leaves alone
-    max_area_change, max_volume_change : largest relative changes; stair steps add area, which goes with them. None: no
-        limit
-    max_displacement : mm, largest mean distance to the input, as `Candidate.displacement_mm` says
 
     Raises
     ------
     InputError : `published` without a gestational age
     """
-    limits = _Limits(method, max_area_change, max_volume_change, max_displacement)
-    before = _candidate(surface, surface, 0, limits)
-    if method == "published":
+    before = _candidate(surface, surface, 0, settings)
+    if settings.method == "published":
         if gestational_age is None:
             raise InputError("the published smoothing needs a gestational age", remedy="give it, or use method: taubin")
-        tried, candidates, offered = _by_age(surface, gestational_age, limits, before)
+        tried, candidates, offered = _by_age(surface, gestational_age, settings, before)
         chosen = min(offered, key=lambda c: c.roughness_mm, default=candidates[0])
     else:
-        tried, candidates = _by_roughness(surface, max_roughness, limits, before)
+        tried, candidates = _by_roughness(surface, settings, before)
         offered = [c for c in candidates if not c.breaks]
         chosen = min(offered, key=lambda c: c.high_frequency_roughness)
     for candidate in candidates[1:]:
@@ -156,12 +141,12 @@ def smooth_surface(
             logger.info("%d iterations are too many: %s", candidate.iterations, "; ".join(candidate.breaks))
     if not offered:
         logger.warning("no candidate is within the limits: the surface is not smoothed")
-    if method == "taubin" and chosen.high_frequency_roughness > max_roughness:
+    if settings.method == "taubin" and chosen.high_frequency_roughness > settings.max_roughness:
         # no warning: a surface whose triangles are too large for its folds is just as rough, and rightly left alone
         logger.info(
             "the surface stays rough: %.3f, where smoothing aims at %g; the limits allow no more",
             chosen.high_frequency_roughness,
-            max_roughness,
+            settings.max_roughness,
         )
     logger.info(
         "%d iterations: roughness %.4f -> %.4f mm, area %+.2f %%, displacement %.3f mm",
@@ -171,20 +156,11 @@ def smooth_surface(
         100 * chosen.area_change,
         chosen.displacement_mm,
     )
-    return tried[chosen.iterations], SmoothReport(method, gestational_age, chosen.iterations, candidates)
-
-
-class _Limits(NamedTuple):
-    """Limits of a candidate, and how its displacement is measured."""
-
-    method: Method
-    area_change: float
-    volume_change: float | None
-    displacement: float
+    return tried[chosen.iterations], SmoothReport(settings.method, gestational_age, chosen.iterations, candidates)
 
 
 def _by_age(
-    surface: TriSurface, gestational_age: float, limits: _Limits, before: Candidate
+    surface: TriSurface, gestational_age: float, settings: SmoothSurface, before: Candidate
 ) -> tuple[dict[int, TriSurface], tuple[Candidate, ...], list[Candidate]]:
     """The surface after each number of iterations, the candidates, and those that may be chosen."""
     from cortet.geometry.smoothing import surface_preserving
@@ -194,24 +170,26 @@ def _by_age(
     for iterations in filter(None, offered):
         points = surface_preserving(surface, iterations=iterations)
         tried[iterations] = single_precision(replace(surface, points=points))
-    further = (_candidate(surface, tried[iterations], iterations, limits) for iterations in sorted(tried) if iterations)
+    further = (
+        _candidate(surface, tried[iterations], iterations, settings) for iterations in sorted(tried) if iterations
+    )
     candidates = (before, *further)
     return tried, candidates, [c for c in candidates if c.iterations in offered and not c.breaks]
 
 
 def _by_roughness(
-    surface: TriSurface, max_roughness: float, limits: _Limits, before: Candidate
+    surface: TriSurface, settings: SmoothSurface, before: Candidate
 ) -> tuple[dict[int, TriSurface], tuple[Candidate, ...]]:
     """The surface after ever more steps, until it is smooth or breaks a limit; and the candidates."""
     from cortet.geometry.smoothing import taubin
 
     tried, candidates = {0: surface}, [before]
     for steps in STEPS:
-        if candidates[-1].high_frequency_roughness <= max_roughness or candidates[-1].breaks:
+        if candidates[-1].high_frequency_roughness <= settings.max_roughness or candidates[-1].breaks:
             break
         points = taubin(surface, steps=steps, lambda_=_LAMBDA, mu=_MU)
         tried[steps] = single_precision(replace(surface, points=points))
-        candidates.append(_candidate(surface, tried[steps], steps, limits))
+        candidates.append(_candidate(surface, tried[steps], steps, settings))
     return tried, tuple(candidates)
 
 
@@ -220,7 +198,7 @@ def candidate_iterations(gestational_age: float) -> tuple[int, ...]:
     return next(iterations for below, iterations in ITERATIONS if gestational_age < below)
 
 
-def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: _Limits) -> Candidate:
+def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: SmoothSurface) -> Candidate:
     """Measure one candidate and compare it with the limits."""
     from cortet.geometry import topology
     from cortet.geometry.intersection import self_intersections
@@ -237,11 +215,11 @@ def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: _
         displacement = mean_surface_distance(before, after)
     crossing = len(self_intersections(after)) if iterations else 0
     breaks = []
-    if abs(area_change) > limits.area_change:
+    if abs(area_change) > limits.max_area_change:
         breaks.append(f"area changes by {area_change:+.1%}")
-    if limits.volume_change is not None and abs(volume_change) > limits.volume_change:
+    if limits.max_volume_change is not None and abs(volume_change) > limits.max_volume_change:
         breaks.append(f"volume changes by {volume_change:+.1%}")
-    if displacement > limits.displacement:
+    if displacement > limits.max_displacement:
         breaks.append(f"vertices are displaced by {displacement:.3f} mm")
     if crossing:
         breaks.append(f"{crossing} triangles cross")

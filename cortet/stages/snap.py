@@ -16,7 +16,7 @@ import numpy as np
 
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.sections import Cost, Section, Threshold
-from cortet.stages.clean import clean
+from cortet.stages.clean import Clean, clean
 from cortet.stages.stage import Certificate, Stage, parameters_of
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ VERSION: int = 6
 
 #: boundary nodes nearer than this (mm) lie on the surface; CGAL leaves them up to 2e-6 mm off
 ON_SURFACE_MM = 1e-4
-#: how often the mesh is cleaned so that boundary nodes can move on, and from which q on
-REPAIR_ROUNDS, REPAIR_THRESHOLDS = 3, (0.5, 0.3)
+#: how often the mesh is cleaned so that boundary nodes can move on, and how
+REPAIR_ROUNDS, REPAIR = 3, Clean(thresholds=[0.5, 0.3], boundary="slide")
 
 logger = logging.getLogger(__name__)
 
@@ -39,9 +39,6 @@ class Snap(Section):
     """true adds the stage; after `boundary: slide` there is nothing left for it to do."""
     q_max: Threshold = 0.6
     """Elements that snapping makes worse than this are repaired."""
-
-
-DEFAULT = Snap()
 
 
 @dataclass(frozen=True)
@@ -64,14 +61,14 @@ class SnapReport:
     q_max_after: float
 
 
-def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = DEFAULT.q_max) -> tuple[TetMesh, SnapReport]:
+def snap(mesh: TetMesh, surface: TriSurface, settings: Snap = Snap()) -> tuple[TetMesh, SnapReport]:
     """Move boundary nodes to the nearest point of `surface`, as far as no element inverts or rises to the limit.
 
     Parameters
     ----------
     mesh : positive volumes; its boundary lies near `surface`
     surface : the surface that was meshed
-    q_max : no element with q below this is raised to it, and no other element is raised at all
+    settings : as `Snap` describes them; no element with q below `q_max` is raised to it, and no other is raised at all
 
     Raises
     ------
@@ -91,7 +88,7 @@ def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = DEFAULT.q_max) ->
     inverted = unrepaired >= 1
 
     def attempt(start: TetMesh, held: IntArray) -> tuple[TetMesh, int]:
-        return _brought(start, surface, tree, np.setdiff1d(boundary_nodes(start), held), q_max, held)
+        return _brought(start, surface, tree, np.setdiff1d(boundary_nodes(start), held), settings.q_max, held)
 
     if found.distances.max() <= ON_SURFACE_MM:
         snapped, rounds, outcome = mesh, 0, "nothing to do: the boundary lies on the surface"
@@ -112,7 +109,7 @@ def snap(mesh: TetMesh, surface: TriSurface, *, q_max: float = DEFAULT.q_max) ->
         mean_distance_after_mm=float(distances.mean()),
         max_distance_after_mm=float(distances.max()),
         inverted_without_repair=int(inverted.sum()),
-        lifted_without_repair=int((~inverted & (unrepaired >= q_max) & (unrepaired > before)).sum()),
+        lifted_without_repair=int((~inverted & (unrepaired >= settings.q_max) & (unrepaired > before)).sum()),
         repair_rounds=rounds,
         nodes_left_off=left_off,
         q_max_before=float(before.max()),
@@ -140,7 +137,7 @@ def _brought(
             return mesh, rounds
         rounds += 1
         logger.info("%d boundary nodes held back: cleaning around them, round %d", late, rounds)
-        mesh, _ = clean(mesh, surface, thresholds=REPAIR_THRESHOLDS, boundary="slide", held=held)
+        mesh, _ = clean(mesh, surface, REPAIR, held=held)
 
 
 def _placed(points: FloatArray, nodes: IntArray, places: FloatArray) -> FloatArray:

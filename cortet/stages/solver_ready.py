@@ -10,7 +10,7 @@ from cortet.errors import StageError
 from cortet.meshes import MeshSets, TetMesh, TriSurface
 from cortet.sections import Cost
 from cortet.stages.stage import Stage
-from cortet.stages.transfer import DEFAULT, Interior, transfer
+from cortet.stages.transfer import Transfer, transfer
 
 VERSION: int = 1
 
@@ -32,7 +32,7 @@ class SolverReadyReport:
 
 
 def solver_ready(
-    mesh: TetMesh, surface: TriSurface, *, interior: Interior = DEFAULT.interior
+    mesh: TetMesh, surface: TriSurface, settings: Transfer = Transfer()
 ) -> tuple[TetMesh, SolverReadyReport]:
     """Carry the fields of the surface to the final positions, and number the nodes as solvers need them.
 
@@ -40,14 +40,14 @@ def solver_ready(
     ----------
     mesh : positive volumes
     surface : the surface that was meshed, with its fields
-    interior : as in `transfer`
+    settings : as `Transfer` describes them
 
     Raises
     ------
     StageError
         as `surface_nodes_first`
     """
-    return surface_nodes_first(transfer(mesh, surface, interior=interior)[0])
+    return surface_nodes_first(transfer(mesh, surface, settings)[0])
 
 
 def surface_nodes_first(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
@@ -103,7 +103,7 @@ STAGE = Stage(
     takes=("mesh", "surface"),
     gives="mesh",
     number="S5",
-    parameters=None,
+    parameters=Transfer,
     section="transfer",  # it carries the fields onto the final positions as S2 did
     cost=Cost((240, 180), (3, 2)),
 )

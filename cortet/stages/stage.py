@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Literal
 
+from cortet.meshes import TetMesh, TriSurface
 from cortet.sections import Cost, Section
 
 #: content of a certificate.json
 Certificate = Mapping[str, Any]
-#: final adjustment of a step's arguments, from their values, the whole configuration and what is known about the mesh
-Settle = Callable[[dict[str, Any], Any, Mapping[str, Any]], dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -21,25 +20,19 @@ class Step:
 
     #: module of the function below `cortet`, which declares its VERSION
     module: str
-    #: name of its section in the configuration; None if it has no parameters
-    section: str | None
+    #: name of its section in the configuration
+    section: str
     #: keys of the section that are its arguments; None: all but those that choose what is run
     keys: frozenset[str] | None = None
     #: arguments that differ from mesh to mesh and are in no section
     facts: tuple[str, ...] = ()
-    #: arguments that other sections decide
-    settle: Settle | None = None
 
     def arguments(self, config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:
-        """Plain keyword arguments of the function, from a configuration and what is known about the mesh."""
-        section: Section | None = getattr(config, self.section) if self.section else None
-        values: dict[str, Any] = {}
-        if section is not None:
-            included = None if self.keys is None else set(self.keys)
-            values = section.model_dump(mode="json", include=included, exclude=set(section.choices))
-        if self.settle:
-            values = self.settle(values, config, facts)
-        return {**values, **{name: facts[name] for name in self.facts}}
+        """Plain arguments of the function, from a configuration and what is known about the mesh."""
+        section: Section = getattr(config, self.section)
+        included = None if self.keys is None else set(self.keys)
+        values = section.model_dump(mode="json", include=included, exclude=set(section.choices))
+        return {**values, **section.decided(config, facts), **{name: facts[name] for name in self.facts}}
 
 
 def _nothing_said(_: Sequence[Certificate]) -> str:
@@ -48,7 +41,7 @@ def _nothing_said(_: Sequence[Certificate]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Stage:
-    """One stage of the line: `cortet.stages.<name>.<name>(*takes, **arguments)` returns what it gives and a report."""
+    """One stage: `cortet.stages.<name>.<name>(*takes, parameters, **facts)` returns what it gives and a report."""
 
     #: name of its module, its function, its rule and its section of the configuration
     name: str
@@ -58,17 +51,16 @@ class Stage:
     does: str
     #: its result in file names: `desc-<label>` of a surface, `desc-<mesher><setting><label>` of a mesh
     label: str
-    #: what its function takes before the keyword arguments
+    #: what its function takes before its parameters
     takes: tuple[Literal["surface", "sphere", "mesh"], ...]
     gives: Literal["surface", "mesh"]
     cost: Cost
-    #: its parameters, with the only record of their defaults and limits; None if it shares the section of another stage
-    parameters: type[Section] | None
+    #: its parameters, with the only record of their defaults and limits; stages may share one
+    parameters: type[Section]
     #: name of its section, if that is not its own name
     section: str = ""
-    keys: Collection[str] | None = None
+    #: keyword arguments of its function that differ from mesh to mesh and are in no section
     facts: tuple[str, ...] = ()
-    settle: Settle | None = None
     #: what the methods paragraph of a paper says about it, from the certificates; "" if it did nothing
     sentence: Callable[[Sequence[Certificate]], str] = _nothing_said
     #: number in the paper's line, where it has one
@@ -87,14 +79,18 @@ class Stage:
     @property
     def step(self) -> Step:
         """Where its arguments come from."""
-        keys = None if self.keys is None else frozenset(self.keys)
-        return Step(f"stages.{self.name}", self.section or self.name, keys, self.facts, self.settle)
+        return Step(f"stages.{self.name}", self.section or self.name, facts=self.facts)
 
     @property
     def function(self) -> Callable[..., tuple[Any, Any]]:
         """The stage's function."""
         function: Callable[..., tuple[Any, Any]] = getattr(import_module(f"cortet.stages.{self.name}"), self.name)
         return function
+
+    def run(self, *given: TriSurface | TetMesh, **arguments: Any) -> tuple[Any, Any]:
+        """Call its function with plain arguments, as `Config.arguments` gives them."""
+        settings, facts = self.parameters.split(arguments)
+        return self.function(*given, settings, **facts)
 
 
 #: words of the methods paragraph for what boundary nodes did

@@ -9,7 +9,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.sections import Cost, Section
 from cortet.stages.stage import Stage
@@ -34,9 +33,6 @@ class Transfer(Section):
     Labels always come from the nearest boundary node."""
 
 
-DEFAULT = Transfer()
-
-
 @dataclass(frozen=True)
 class TransferReport:
     """Which fields were carried, and how far."""
@@ -52,9 +48,7 @@ class TransferReport:
     nodes_cut_off: int
 
 
-def transfer(
-    mesh: TetMesh, surface: TriSurface, *, interior: Interior = DEFAULT.interior
-) -> tuple[TetMesh, TransferReport]:
+def transfer(mesh: TetMesh, surface: TriSurface, settings: Transfer = Transfer()) -> tuple[TetMesh, TransferReport]:
     """Give every node the values of `surface.point_data`.
 
     A boundary node takes the barycentric mean at the closest point of the surface; for an integer field (labels), the
@@ -70,12 +64,10 @@ def transfer(
     ----------
     mesh : in the coordinates of `surface`
     surface : its `point_data` holds the fields, (n,) or (n, k)
-    interior : ``nearest``, as published, or ``harmonic``
+    settings : as `Transfer` describes them
 
     Raises
     ------
-    InputError
-        `interior` is neither
     StageError
         harmonic interpolation did not converge
     """
@@ -83,10 +75,8 @@ def transfer(
     from cortet.geometry.interpolation import at_triangles, is_label
     from cortet.geometry.topology import boundary_nodes
 
-    if interior not in ("nearest", "harmonic"):
-        raise InputError(f"transfer: interior {interior!r} is neither 'nearest' nor 'harmonic'")
     if surface.inner:
-        return _of_all_sheets(mesh, with_thickness(surface), interior)
+        return _of_all_sheets(mesh, with_thickness(surface), settings.interior)
     nodes = boundary_nodes(mesh)
     found = closest_points(tree_of(surface), mesh.points[nodes])
     fields, cut_off = {}, 0
@@ -97,7 +87,7 @@ def transfer(
             name: at_triangles(values, corners, found.barycentric)[source]
             for name, values in surface.point_data.items()
         }
-    if interior == "harmonic" and len(nodes) < len(mesh.points):
+    if settings.interior == "harmonic" and len(nodes) < len(mesh.points):
         fields, cut_off = _harmonic_inside(mesh, nodes, fields)
     far = _warned_of_far(found.distances, "boundary nodes", "the surface")
     return replace(mesh, point_data={**mesh.point_data, **fields}), TransferReport(
@@ -105,7 +95,7 @@ def transfer(
         mean_distance_mm=float(found.distances.mean()),
         max_distance_mm=float(found.distances.max()),
         nodes_further_than_1mm=far,
-        interior=interior,
+        interior=settings.interior,
         nodes_cut_off=cut_off,
     )
 

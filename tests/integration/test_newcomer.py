@@ -44,9 +44,9 @@ class MarkReport:
     highest: float
 
 
-def mark(mesh: TetMesh, *, unit: float = Mark().unit) -> tuple[TetMesh, MarkReport]:
-    """The mesh with a field `height` (n,), in units of `unit` mm."""
-    height = (mesh.points[:, 2] - mesh.points[:, 2].min()) / unit
+def mark(mesh: TetMesh, settings: Mark = Mark()) -> tuple[TetMesh, MarkReport]:
+    """The mesh with a field `height` (n,), in units of `settings.unit` mm."""
+    height = (mesh.points[:, 2] - mesh.points[:, 2].min()) / settings.unit
     return replace(mesh, point_data={**mesh.point_data, "height": height}), MarkReport(float(height.max()))
 
 
@@ -70,17 +70,22 @@ MESHER = '''"""TetGen inside the triangles of the surface as they are."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from cortet.meshes import TriSurface
-from cortet.meshers.mesher import Filled, Mesher, Settings
+from cortet.meshers.mesher import Facts, Filled, Mesher
+
+if TYPE_CHECKING:
+    from cortet.meshers._section import Generate
 
 
-def fill(surface: TriSurface, settings: Settings) -> Filled:
+def fill(surface: TriSurface, settings: Generate, facts: Facts) -> Filled:
     """Tetrahedra of at most the volume of a regular one with edges of the cell size."""
     import tetgen
 
     from cortet.meshers._filled import checked, well_ordered
 
-    volume = settings.cell_size**3 / (6 * 2**0.5)
+    volume = facts.cell_size**3 / (6 * 2**0.5)
     points, cells, *_ = tetgen.TetGen(surface.points, surface.faces).tetrahedralize(switches=f"pq1.2/20YQa{volume:.3f}")
     mesh, flat = well_ordered(points, cells)
     return Filled(mesh, (checked(mesh, surface, flat=flat),), "tetgen")

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cubes import cube_mesh
+from pydantic import ValidationError
 from shapes import horseshoe
 from wrong_meshes import sound, with_slit
 
@@ -18,6 +19,7 @@ from cortet.geometry.banks import banks, gaps, slits
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import Certificate, certify
 from cortet.measure.checks import LOSS_REMEDY, checked, for_cell_size, for_mesher
+from cortet.measure.limits import Certify
 from cortet.meshes import TetMesh, TriSurface
 
 
@@ -32,7 +34,7 @@ def surface(mesh: TetMesh) -> TriSurface:
 
 
 #: of another size than its surface, and anywhere
-ANY_SIZE = {"max_boundary_distance": None, "max_area_change": None, "max_volume_change": None}
+ANY_SIZE = Certify(max_boundary_distance=None, max_area_change=None, max_volume_change=None)
 
 
 def failed(certificate: Certificate) -> set[str]:
@@ -52,8 +54,8 @@ def test_a_good_mesh_is_certified_with_every_number_beside_its_limit(mesh: TetMe
 
 def test_the_limit_of_q_is_strict(mesh: TetMesh, surface: TriSurface) -> None:
     q_max = certify(mesh, surface).quality.q.max
-    assert failed(certify(mesh, surface, q_max=q_max)) == {"worst q"}
-    assert certify(mesh, surface, q_max=np.nextafter(q_max, 1)).certified
+    assert failed(certify(mesh, surface, Certify(q_max=q_max))) == {"worst q"}
+    assert certify(mesh, surface, Certify(q_max=np.nextafter(q_max, 1))).certified
 
 
 def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface: TriSurface) -> None:
@@ -86,7 +88,7 @@ def test_a_mesh_in_two_pieces_is_refused(mesh: TetMesh, surface: TriSurface) -> 
     two = TetMesh(
         np.concatenate([mesh.points, mesh.points + 20]), np.concatenate([mesh.cells, mesh.cells + len(mesh.points)])
     )
-    names = failed(certify(two, surface, **ANY_SIZE))
+    names = failed(certify(two, surface, ANY_SIZE))
     assert names == {"boundary components", "boundary Euler number"}
 
 
@@ -95,7 +97,7 @@ def test_a_tunnel_is_refused_though_every_element_is_good(mesh: TetMesh, surface
     hole = (np.abs(centre[:, :2] - 3) < 1).all(axis=1)  # a square tunnel from bottom to top
     nodes = np.unique(mesh.cells[~hole])
     ring = TetMesh(mesh.points[nodes], np.searchsorted(nodes, mesh.cells[~hole]))
-    certificate = certify(ring, surface, **ANY_SIZE)
+    certificate = certify(ring, surface, ANY_SIZE)
     assert failed(certificate) == {"boundary Euler number"}
     assert "use a smaller cell size" in certificate.reasons[0]
 
@@ -109,7 +111,7 @@ def test_cubes_that_touch_in_an_edge_or_a_corner_are_refused(mesh: TetMesh, surf
             np.round(np.concatenate([mesh.points, mesh.points + shift]), 9), axis=0, return_inverse=True
         )
         touching = TetMesh(points, inverse[np.concatenate([mesh.cells, mesh.cells + len(mesh.points)])])
-        certificate = certify(touching, surface, **ANY_SIZE)
+        certificate = certify(touching, surface, ANY_SIZE)
         assert finding in failed(certificate)
         assert (8.0, 8.0) in {place[:2] for place in certificate.defects_mm}
         (reason,) = (reason for reason in certificate.reasons if reason.startswith(finding))
@@ -126,7 +128,7 @@ def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface
     left = (points[:, 0] < 3) & (points[:, 2] > 2)
     points[left, 0] += 0.9 * (points[left, 2] - 2)  # a shear keeps all volumes
     towers = TetMesh(points, np.searchsorted(nodes, block.cells[~slit]))
-    certificate = certify(towers, surface, q_max=1, **ANY_SIZE)
+    certificate = certify(towers, surface, ANY_SIZE.model_copy(update={"q_max": 0.9999}))
     assert failed(certificate) == {"boundary faces that cross others"}
     assert "the first around (" in certificate.reasons[0]
     assert 0 < len(certificate.crossings_mm) <= 10
@@ -134,10 +136,10 @@ def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface
 
 def test_a_boundary_off_the_surface_is_refused_unless_there_is_no_limit(mesh: TetMesh, surface: TriSurface) -> None:
     away = replace(mesh, points=mesh.points * 1.01)
-    certificate = certify(away, surface, max_boundary_distance=1e-3)
+    certificate = certify(away, surface, Certify(max_boundary_distance=1e-3))
     assert failed(certificate) == {"distance of a boundary node to the surface, at most"}
     assert "0.138564 mm, must not exceed 0.001 mm" in certificate.reasons[0]
-    assert certify(away, surface, **ANY_SIZE).certified
+    assert certify(away, surface, ANY_SIZE).certified
 
 
 def test_what_s1_found_wrong_cannot_be_hidden_by_later_stages(mesh: TetMesh, surface: TriSurface) -> None:
@@ -183,7 +185,7 @@ def test_a_slit_one_element_deep_is_refused_though_all_nodes_are_on_the_surface(
     assert certificate.banks.gap_mm == pytest.approx(width / 3, rel=1e-3)
     assert certificate.banks.surface_gap_mm == pytest.approx(certificate.banks.widest_mm)
     assert "at (6.0" in certificate.reasons[0] and "must be at least 0.03" in certificate.reasons[0]
-    assert certify(with_slit(SLIT.mesh, width), SLIT.surface, min_bank_gap=None).certified
+    assert certify(with_slit(SLIT.mesh, width), SLIT.surface, Certify(min_bank_gap=None)).certified
 
 
 def test_a_gap_that_the_surface_has_is_no_slit() -> None:
@@ -215,23 +217,16 @@ def test_a_node_a_hair_from_the_other_bank_is_a_slit(left: float) -> None:
 
 def test_centres_of_faces_far_from_the_surface_are_refused(mesh: TetMesh, surface: TriSurface) -> None:
     moved = TriSurface(surface.points + np.array([0, 0, 0.5]), surface.faces)
-    certificate = certify(mesh, moved, cell_size=0.6, max_boundary_distance=None, max_surface_distance=None)
+    certificate = certify(mesh, moved, Certify(max_boundary_distance=None, max_surface_distance=None), cell_size=0.6)
     assert "distance of the centre of a boundary face to the surface, at most" in failed(certificate)
     assert "0.5 mm, must not exceed 0.45 mm" in " ".join(certificate.reasons)
-    assert certify(mesh, moved, max_boundary_distance=None).certified, "the cell size is not known"
+    assert certify(mesh, moved, Certify(max_boundary_distance=None)).certified, "the cell size is not known"
 
 
 def test_the_native_surface_is_compared_both_ways_and_judged(mesh: TetMesh, surface: TriSurface) -> None:
     native = TriSurface(surface.points * 1.05, surface.faces)
-    certificate = certify(
-        mesh,
-        surface,
-        native=native,
-        cell_size=1.0,
-        max_native_distance=0.5,
-        max_mean_native_distance=0.1,
-        max_native_area_change=0.06,
-    )
+    limits = {"max_native_distance": 0.5, "max_mean_native_distance": 0.1, "max_native_area_change": 0.06}
+    certificate = certify(mesh, surface, Certify(**limits), native=native, cell_size=1.0)
     assert certificate.native is not None
     assert certificate.native.relative_area_change == pytest.approx(1 / 1.05**2 - 1)
     assert certificate.native.native_to_boundary_mm.max == pytest.approx(0.4 * np.sqrt(3))
@@ -242,10 +237,9 @@ def test_the_native_surface_is_compared_both_ways_and_judged(mesh: TetMesh, surf
         "relative change of the area against the native surface",
     }
     repaired = {"repair": {"repaired": True}}
-    limits = {"max_native_distance": 0.5, "max_mean_native_distance": 0.1, "max_native_area_change": 0.06}
-    assert certify(mesh, surface, native=native, cell_size=1.0, reports=repaired, **limits).certified
-    unlimited = dict.fromkeys(limits)
-    assert certify(mesh, surface, native=native, cell_size=1.0, **unlimited).certified, "without limits"
+    assert certify(mesh, surface, Certify(**limits), native=native, cell_size=1.0, reports=repaired).certified
+    unlimited = Certify(**dict.fromkeys(limits))
+    assert certify(mesh, surface, unlimited, native=native, cell_size=1.0).certified, "without limits"
 
 
 def test_a_broken_native_surface_is_no_obstacle(mesh: TetMesh, surface: TriSurface) -> None:
@@ -259,10 +253,10 @@ def test_a_broken_native_surface_is_no_obstacle(mesh: TetMesh, surface: TriSurfa
 
 
 @pytest.mark.parametrize("limit", [np.inf, np.nan, 0.0, -1.0])
-def test_a_limit_that_is_none_is_an_error_that_names_it(mesh: TetMesh, surface: TriSurface, limit: float) -> None:
+def test_a_limit_that_is_none_is_an_error_that_names_it(limit: float) -> None:
     for name in ("q_max", "max_face_distance", "max_boundary_distance"):
-        with pytest.raises(InputError, match=f"{name} = .* is no limit"):
-            certify(mesh, surface, **{name: limit})
+        with pytest.raises(ValidationError, match=rf"{name}\n  Input should be .*input_value={limit}"):
+            Certify(**{name: limit})
 
 
 @pytest.mark.parametrize(

@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from shapes import ball_mesh, ball_surface
 
-from cortet.errors import InputError, StageError
+from cortet.errors import StageError
 from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh
-from cortet.stages.clean import clean, schedule
+from cortet.stages.clean import Clean, clean, schedule
 
 SURFACE = ball_surface(2, 1.0)
 
@@ -32,7 +33,7 @@ def test_sliding_keeps_connectivity_and_surface(mesh):
 
 
 def test_published_setting_never_moves_what_is_good_and_ends_the_tail_without_paying_with_the_mean(mesh):
-    _, report = clean(mesh, SURFACE, boundary="free", improve_mean=False)
+    _, report = clean(mesh, SURFACE, Clean(boundary="free", improve_mean=False))
     assert [one.threshold for one in report.passes] == pytest.approx([0.15, 0.7, 0.5, 0.3, 0.2, 0.15])
     tail, last = report.passes[-2:]
     assert last.q_mean <= tail.q_mean and last.q_max <= tail.q_max
@@ -40,7 +41,7 @@ def test_published_setting_never_moves_what_is_good_and_ends_the_tail_without_pa
 
 def test_fixed_boundary_does_not_move(mesh):
     nodes = topology.boundary_nodes(mesh)
-    result, _ = clean(mesh, SURFACE, boundary="fixed")
+    result, _ = clean(mesh, SURFACE, Clean(boundary="fixed"))
     assert np.array_equal(result.points[nodes], mesh.points[nodes])
 
 
@@ -48,7 +49,7 @@ def test_a_good_mesh_is_left_as_it_is():
     corner = np.array([[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1.0]])
     mesh = TetMesh(corner, [[0, 1, 2, 3]])
     surface, _ = topology.boundary_surface(mesh)
-    result, report = clean(mesh, surface, improve_mean=False)
+    result, report = clean(mesh, surface, Clean(improve_mean=False))
     assert np.array_equal(result.points, mesh.points) and report.vertices_moved == 0
 
 
@@ -70,7 +71,7 @@ def test_what_cannot_be_cleaned_is_refused(mesh):
     )
     with pytest.raises(StageError, match="tetrahedra overlap before optimisation: both those of 1 faces"):
         clean(on_one_side, SURFACE)
-    with pytest.raises(InputError, match=r"1\.5 is not a quality"):
-        clean(mesh, SURFACE, thresholds=[1.5])
-    with pytest.raises(InputError, match="meshtool moves the boundary freely"):
-        clean(mesh, SURFACE, backend="meshtool")
+    with pytest.raises(ValidationError, match=r"thresholds.0\n.*less than 1 .*input_value=1\.5"):
+        Clean(thresholds=[1.5])
+    with pytest.raises(ValidationError, match="meshtool moves the boundary freely.*set clean.boundary: free"):
+        Clean(backend="meshtool")

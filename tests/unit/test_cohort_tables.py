@@ -19,6 +19,7 @@ from cortet.formats.tables import names, read_columns, sidecar, write_table
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
+from cortet.measure.limits import Certify
 from cortet.report import DATA, cohort_page, cohort_tables
 from cortet.report.cohort_tables import (
     QUALITY_COLUMNS,
@@ -30,7 +31,7 @@ from cortet.report.cohort_tables import (
     write_summary,
 )
 from cortet.stages.repair import repair
-from cortet.stages.resample import resample
+from cortet.stages.resample import Resample, resample
 
 CASES = [
     Case("01", "a", "L", 22.5, "phantom", extra={"site": "x"}),
@@ -38,14 +39,16 @@ CASES = [
 ]
 
 
-def record(case: Case, **limits: Any) -> dict[str, Any]:
+def record(case: Case, cell_size: float | None = None, **limits: Any) -> dict[str, Any]:
     mesh = cube_mesh(3, side=6.0)
     surface, _ = boundary_surface(mesh)
     repaired = asdict(repair(surface, source=None)[1])
-    resampled = asdict(resample(ball_surface(3), ball_surface(3), subdivisions=3)[1])
+    resampled = asdict(resample(ball_surface(3), ball_surface(3), Resample(subdivisions=3))[1])
     certificate = certify(
         mesh,
         surface,
+        Certify(**limits),
+        cell_size=cell_size,
         native=surface,
         case=case.name,
         parameters={"generate": {"cell_size": 1.0, "mesher": "cgal"}},
@@ -54,7 +57,6 @@ def record(case: Case, **limits: Any) -> dict[str, Any]:
             "repair": {**repaired, "repaired": case is CASES[1]},
             "generate": {"topology_ok": True, "reason": "", "backend": "cgal", "facet_distance_mm": 0.5},
         },
-        **limits,
     )
     return json.loads(json.dumps(asdict(certificate)))
 

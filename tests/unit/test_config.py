@@ -66,13 +66,16 @@ def test_every_key_is_described() -> None:
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_stage_gets_exactly_the_parameters_its_function_takes(stage: str) -> None:
-    keywords = {
-        name for name, p in inspect.signature(STAGES[stage].function).parameters.items() if p.kind is p.KEYWORD_ONLY
-    }
-    given = set(config.Config().arguments(stage, FACTS))
-    assert given <= keywords
+    given = config.Config().arguments(stage, FACTS)
+    settings, facts = STAGES[stage].parameters.split(given)
+    assert settings.model_dump(mode="json").items() >= {key: given[key] for key in given.keys() - facts}.items()
+    takes = inspect.signature(STAGES[stage].function).parameters.values()
+    positional = [p.name for p in takes if p.kind is not p.KEYWORD_ONLY]
+    assert positional == [*STAGES[stage].takes, "settings"]
+    keywords = {p.name for p in takes if p.kind is p.KEYWORD_ONLY}
+    assert set(facts) <= keywords
     # between stages; of inner surfaces; of other meshers; of phantoms
-    assert keywords - given <= {"held", "inside", "time_limit", "most_the_same"}
+    assert keywords - set(facts) <= {"held", "inside", "time_limit", "most_the_same"}
 
 
 def test_the_folding_section_holds_the_settings_of_a_run() -> None:

@@ -16,9 +16,10 @@ from cortet.optimise import crossing
 from cortet.optimise.crossing import Flaws, crossing_faces, flaws_since, without_crossing
 from cortet.stages import smooth_boundary as smoothing_stage
 from cortet.stages import snap as snap_stage
-from cortet.stages.clean import clean
-from cortet.stages.generate import generate
+from cortet.stages.clean import Clean, clean
+from cortet.stages.generate import Generate, generate
 from cortet.stages.reconnect import reconnect
+from cortet.stages.snap import Snap
 
 GAP = 0.4  # mm, between the banks; the cells are three times as large
 
@@ -31,7 +32,10 @@ def surface() -> TriSurface:
 @pytest.fixture(scope="module")
 def mesh(surface: TriSurface) -> TetMesh:
     result, report = generate(
-        surface, cell_size=1.2, facet_distance=(0.05, 0.02), mesher="cgal", backend="cgal", odt=False, lloyd=False
+        surface,
+        Generate(facet_distance=(0.05, 0.02), backend="cgal", odt=False, lloyd=False),
+        cell_size=1.2,
+        mesher="cgal",
     )
     assert report.topology_ok and len(crossing_faces(result)) == 0
     return result
@@ -140,14 +144,15 @@ def test_cleaning_in_between_leaves_what_a_stage_holds(
     def one_call(start: TetMesh, optimise: Any) -> tuple[TetMesh, Any, IntArray]:
         return *optimise(start, held_by_stage), held_by_stage
 
-    def remember(start: TetMesh, _surface: TriSurface, *, held: IntArray, **_: Any) -> tuple[TetMesh, None]:
+    def remember(start: TetMesh, _surface: TriSurface, _settings: Clean, *, held: IntArray) -> tuple[TetMesh, None]:
         held_in_clean.append(held)
         return start, None
 
     monkeypatch.setattr(crossing, "without_crossing", one_call)
     monkeypatch.setattr(stage, "clean", remember)
     swollen = replace(mesh, points=mesh.points * 1.02)
-    getattr(stage, stage.__name__.rpartition(".")[2])(
-        swollen, surface, **{"q_max": 0.05} if stage is snap_stage else {}
-    )
+    if stage is snap_stage:
+        stage.snap(swollen, surface, Snap(q_max=0.05))
+    else:
+        stage.smooth_boundary(swollen, surface)
     assert held_in_clean and all(held is held_by_stage for held in held_in_clean)

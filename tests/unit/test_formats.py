@@ -27,7 +27,7 @@ from cortet.meshes import CoordinateFrame, TetMesh
 from cortet.solver_files.export import export, write
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import verify
-from cortet.stages.generate import generate
+from cortet.stages.generate import Generate, generate
 from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
 
@@ -342,8 +342,8 @@ def real_mesh() -> TetMesh:
     height = surface.points[:, 2]
     fields = {"height": height, "area": np.digitize(height, np.quantile(height, [0.3, 0.7])).astype(np.int32)}
     surface = replace(surface, point_data=fields)
-    fast = {"odt": False, "lloyd": False, "perturb": False, "exude": False}
-    mesh, _ = generate(surface, cell_size=4.0, mesher="cgal", backend="cgal", **fast)
+    fast = Generate(backend="cgal", odt=False, lloyd=False, perturb=False, exude=False)
+    mesh, _ = generate(surface, fast, cell_size=4.0, mesher="cgal")
     ready, _ = surface_nodes_first(transfer(mesh, surface)[0])
     return named_sets(ready, medial_wall={"area": [0]})
 

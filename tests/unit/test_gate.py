@@ -15,7 +15,7 @@ from cortet.formats.gifti import read_surface
 from cortet.geometry import topology
 from cortet.geometry.intersection import self_intersections
 from cortet.meshes import TriSurface, single_precision
-from cortet.stages.gate import gate
+from cortet.stages.gate import Gate, gate
 
 DATA = Path(__file__).parents[2] / "../shared/data"
 
@@ -168,7 +168,7 @@ def test_anything_else_is_refused_with_the_reason(surface: TriSurface, words: st
 
 
 def test_handles_pass_for_those_who_know() -> None:
-    _, report = gate(torus(), source="x", allow_genus=1)
+    _, report = gate(torus(), Gate(allow_genus=1), source="x")
     assert report.genus == 1
 
 

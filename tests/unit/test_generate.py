@@ -10,6 +10,7 @@ import nibabel
 import numpy as np
 import pytest
 import trimesh
+from pydantic import ValidationError
 from shapes import ball_surface, bowl, horseshoe
 
 from cortet.errors import InputError, StageError
@@ -21,7 +22,7 @@ from cortet.meshers import _nested as nested
 from cortet.meshers._cgal import PASSES
 from cortet.meshers.cgal import installed_backend
 from cortet.meshes import TetMesh, TriSurface
-from cortet.stages.generate import generate
+from cortet.stages.generate import Generate, generate
 
 pygalmesh = pytest.param(
     "pygalmesh",
@@ -57,7 +58,7 @@ def test_a_cell_size_that_would_take_all_memory_is_refused(size):
 
 @each_backend
 def test_a_ball_is_filled_with_good_tetrahedra(backend):
-    mesh, report = generate(ball_surface(), cell_size=1.0, mesher="cgal", backend=backend)
+    mesh, report = generate(ball_surface(), Generate(backend=backend), cell_size=1.0, mesher="cgal")
     assert is_sound(mesh)
     assert surface_topology(boundary_faces(mesh)).problems() == []
     assert np.isclose(signed_volumes(mesh.points, mesh.cells).sum(), 4 / 3 * np.pi * 5**3, rtol=0.05)
@@ -72,29 +73,33 @@ def test_a_ball_is_filled_with_good_tetrahedra(backend):
 
 @each_backend
 def test_the_passes_improve_the_refined_mesh(backend):
-    refined, report = generate(ball_surface(), cell_size=1.0, mesher="cgal", backend=backend, **REFINEMENT_ONLY)
-    optimised, _ = generate(ball_surface(), cell_size=1.0, mesher="cgal", backend=backend)
+    refined, report = generate(
+        ball_surface(), Generate(backend=backend, **REFINEMENT_ONLY), cell_size=1.0, mesher="cgal"
+    )
+    optimised, _ = generate(ball_surface(), Generate(backend=backend), cell_size=1.0, mesher="cgal")
     assert report.passes == () and len(report.attempts) == 1
     assert quality(refined.points, refined.cells).max() > 0.9 > quality(optimised.points, optimised.cells).max()
 
 
 @each_backend
 def test_the_same_surface_gives_the_same_mesh_bit_for_bit(backend):
-    first, _ = generate(ball_surface(), cell_size=1.2, mesher="cgal", backend=backend)
-    second, _ = generate(ball_surface(), cell_size=1.2, mesher="cgal", backend=backend)
+    first, _ = generate(ball_surface(), Generate(backend=backend), cell_size=1.2, mesher="cgal")
+    second, _ = generate(ball_surface(), Generate(backend=backend), cell_size=1.2, mesher="cgal")
     assert np.array_equal(first.points, second.points) and np.array_equal(first.cells, second.cells)
 
 
 @each_backend
 def test_cell_size_is_the_largest_circumradius(backend):
-    coarse, _ = generate(ball_surface(), cell_size=2.0, mesher="cgal", backend=backend, **REFINEMENT_ONLY)
-    fine, _ = generate(ball_surface(), cell_size=1.0, mesher="cgal", backend=backend, **REFINEMENT_ONLY)
+    coarse, _ = generate(ball_surface(), Generate(backend=backend, **REFINEMENT_ONLY), cell_size=2.0, mesher="cgal")
+    fine, _ = generate(ball_surface(), Generate(backend=backend, **REFINEMENT_ONLY), cell_size=1.0, mesher="cgal")
     assert 5 < len(fine.cells) / len(coarse.cells) < 12
 
 
 @each_backend
 def test_a_pinched_slit_is_opened_by_a_tighter_facet_distance(backend):
-    mesh, report = generate(horseshoe(gap=0.4), cell_size=1.5, mesher="cgal", backend=backend, **REFINEMENT_ONLY)
+    mesh, report = generate(
+        horseshoe(gap=0.4), Generate(backend=backend, **REFINEMENT_ONLY), cell_size=1.5, mesher="cgal"
+    )
     assert [bool(attempt.problems) for attempt in report.attempts] == [True, True, True, False]
     assert report.topology_ok and report.facet_distance_mm == pytest.approx(0.05 * 1.5)
     assert surface_topology(boundary_faces(mesh)).problems() == [] and is_sound(mesh)
@@ -103,7 +108,7 @@ def test_a_pinched_slit_is_opened_by_a_tighter_facet_distance(backend):
 @each_backend
 def test_the_published_setting_does_not_retry_and_says_that_it_failed(backend):
     mesh, report = generate(
-        horseshoe(gap=0.4), cell_size=1.5, mesher="cgal", backend=backend, facet_distance=[0.5], fallback=None
+        horseshoe(gap=0.4), Generate(backend=backend, facet_distance=[0.5], fallback=None), cell_size=1.5, mesher="cgal"
     )
     assert len(report.attempts) == 1 and report.attempts[0].passes == PASSES
     assert not report.topology_ok
@@ -111,14 +116,14 @@ def test_the_published_setting_does_not_retry_and_says_that_it_failed(backend):
 
 
 def test_the_slow_passes_are_not_paid_for_when_refinement_shows_the_fault():
-    _, report = generate(horseshoe(gap=0.4), cell_size=1.5, mesher="cgal", backend="cgal", fallback=None)
+    _, report = generate(horseshoe(gap=0.4), Generate(backend="cgal", fallback=None), cell_size=1.5, mesher="cgal")
     tried = [attempt.passes for attempt in report.attempts]
     assert tried == [(), (), (), PASSES]
 
 
 def test_where_no_facet_distance_helps_a_lattice_fills_the_surface():
     surface = horseshoe(gap=0.4)
-    mesh, report = generate(surface, cell_size=1.5, mesher="cgal", backend="cgal", facet_distance=[0.5, 0.4])
+    mesh, report = generate(surface, Generate(backend="cgal", facet_distance=[0.5, 0.4]), cell_size=1.5, mesher="cgal")
     assert (report.mesher, report.backend, report.passes) == ("cgal", "tetgen", ())
     assert report.facet_distance_mm is None and report.edge_length_mm is not None
     assert [attempt.edge_length_mm is None for attempt in report.attempts[:3]] == [True, True, False]
@@ -151,7 +156,7 @@ def test_a_coarser_core_leaves_the_cortex_as_fine():
 
     ball = ball_surface(4)
     even, _ = generate(ball, cell_size=0.5, mesher="lattice")
-    graded, _ = generate(ball, cell_size=0.5, mesher="lattice", core_ratio=2.0, core_depth=2.0)
+    graded, _ = generate(ball, Generate(core_ratio=2.0, core_depth=2.0), cell_size=0.5, mesher="lattice")
     assert is_sound(graded) and quality(graded.points, graded.cells).max() < 0.5
     assert cells_per_mm3(graded, 3.6, 5.0) == pytest.approx(cells_per_mm3(even, 3.6, 5.0), rel=0.1)
     assert cells_per_mm3(graded, 0.0, 2.0) < cells_per_mm3(even, 0.0, 2.0) / 5
@@ -161,7 +166,10 @@ def test_a_field_of_sizes_makes_cells_smaller_there():
     ball = ball_surface(4)
     size = np.where(ball.points[:, 2] > 3, 0.4, 5.0)
     fine, _ = generate(
-        dataclasses.replace(ball, point_data={"size": size}), cell_size=0.8, mesher="lattice", size_field="size"
+        dataclasses.replace(ball, point_data={"size": size}),
+        Generate(size_field="size"),
+        cell_size=0.8,
+        mesher="lattice",
     )
     even, _ = generate(ball, cell_size=0.8, mesher="lattice")
 
@@ -191,7 +199,7 @@ def test_a_field_of_sizes_makes_cells_smaller_there():
 def test_fields_that_are_no_sizes_are_refused(fields, arguments, words):
     surface = dataclasses.replace(ball_surface(2), point_data=fields)
     with pytest.raises(InputError, match=words):
-        generate(surface, cell_size=0.8, size_field="size", **arguments)
+        generate(surface, Generate(size_field="size"), cell_size=0.8, **arguments)
 
 
 @pytest.fixture
@@ -212,7 +220,7 @@ def test_where_remeshed_sides_cross_the_edges_are_shortened():
 @pytest.mark.usefixtures("careless")
 def test_sides_that_cross_at_every_edge_length_are_an_error_that_says_where():
     with pytest.raises(StageError, match=r"cross, the first at \(.*smaller generate.edge_length"):
-        generate(bowl(thickness=0.2), cell_size=1.2, mesher="lattice", edge_length=[1.25])
+        generate(bowl(thickness=0.2), Generate(edge_length=[1.25]), cell_size=1.2, mesher="lattice")
 
 
 def test_a_thin_shell_is_meshed_with_edges_of_its_thickness():
@@ -223,7 +231,7 @@ def test_a_thin_shell_is_meshed_with_edges_of_its_thickness():
 
 def test_cells_larger_than_the_surface_are_an_error_that_says_so():
     with pytest.raises(StageError, match=r"encloses \d+ % of the volume.*smaller cell size"):
-        generate(ball_surface(4, radius=1.0), cell_size=3.0, mesher="lattice", edge_length=[1.25])
+        generate(ball_surface(4, radius=1.0), Generate(edge_length=[1.25]), cell_size=3.0, mesher="lattice")
 
 
 def test_the_narrow_sulci_of_a_real_brain_are_kept_open():
@@ -231,20 +239,22 @@ def test_the_narrow_sulci_of_a_real_brain_are_kept_open():
     if not path.exists():
         pytest.skip("../shared/data/folded is not here")
     points, faces = nibabel.load(path).agg_data(("pointset", "triangle"))
-    _, report = generate(TriSurface(points, faces), cell_size=1.0, mesher="cgal", backend="cgal", **REFINEMENT_ONLY)
+    _, report = generate(
+        TriSurface(points, faces), Generate(backend="cgal", **REFINEMENT_ONLY), cell_size=1.0, mesher="cgal"
+    )
     assert report.attempts[0].boundary.nonmanifold_edges > 0
     assert report.topology_ok and report.facet_distance_fraction == pytest.approx(0.2)
 
 
 def test_the_topology_asked_for_is_that_of_the_surface():
-    mesh, report = generate(ring(), cell_size=1.0, mesher="cgal", backend="cgal", **REFINEMENT_ONLY)
+    mesh, report = generate(ring(), Generate(backend="cgal", **REFINEMENT_ONLY), cell_size=1.0, mesher="cgal")
     assert report.topology_ok and surface_topology(boundary_faces(mesh)).genus == 1
 
 
 def test_an_inward_surface_with_unused_vertices_is_meshed_alike():
     ball = ball_surface()
     inward = TriSurface(np.concatenate([ball.points, [[99, 99, 99]]]), ball.faces[:, ::-1])
-    mesh, _ = generate(inward, cell_size=1.5, mesher="cgal", backend="cgal", **REFINEMENT_ONLY)
+    mesh, _ = generate(inward, Generate(backend="cgal", **REFINEMENT_ONLY), cell_size=1.5, mesher="cgal")
     assert is_sound(mesh) and np.abs(mesh.points).max() < 5.01
 
 
@@ -257,23 +267,34 @@ def test_an_open_surface_is_refused():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"cell_size": 0.0}, "cell size 0.0 mm"),
-        ({"cell_size": float("nan")}, "cell size nan mm"),
-        ({"cell_size": 1.0, "facet_distance": []}, "facet distances"),
-        ({"cell_size": 1.0, "edge_length": [0.0]}, "edge lengths"),
-        ({"cell_size": 1.0, "mesher": "hexes"}, "unknown mesher 'hexes'"),
-        ({"cell_size": 1.0, "mesher": "cgal", "backend": "tbb"}, "unknown mesher backend 'tbb'"),
+        ({"cell_size": 0.0}, r"cell size in mm is 0 \(use 0"),
+        ({"cell_size": float("nan")}, r"cell size in mm is nan \(use 0"),
+        ({"cell_size": 1.0, "mesher": "hexes"}, r"unknown mesher 'hexes' \(use cgal or lattice"),
     ],
 )
-def test_parameters_out_of_range_are_named(arguments, words):
+def test_facts_out_of_range_are_named(arguments, words):
     with pytest.raises(InputError, match=words):
         generate(ball_surface(), **arguments)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("facet_distance", [], r"facet_distance\n.*at least 1 item"),
+        ("edge_length", [0.0], r"edge_length.0\n.*greater than 0 .*input_value=0.0"),
+        ("backend", "tbb", r"backend\n.*'auto', 'pygalmesh' or 'cgal' .*input_value='tbb'"),
+        ("fallback", "hexes", r"fallback\n.*'lattice' .*input_value='hexes'"),
+    ],
+)
+def test_parameters_out_of_range_are_named(key, value, words):
+    with pytest.raises(ValidationError, match=words):
+        Generate(**{key: value})
 
 
 def test_a_backend_that_is_missing_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "_pygalmesh", None)
     with pytest.raises(StageError, match=r"pygalmesh is not installed.*cortet doctor"):
-        generate(ball_surface(), cell_size=1.0, mesher="cgal", backend="pygalmesh")
+        generate(ball_surface(), Generate(backend="pygalmesh"), cell_size=1.0, mesher="cgal")
 
 
 def test_exactly_flat_tetrahedra_are_counted_not_kept():
@@ -297,13 +318,15 @@ def test_the_core_is_given_back_also_after_a_failure():
 
 
 def test_the_report_is_plain_json():
-    _, report = generate(ball_surface(2), cell_size=2.0, mesher="cgal", backend="cgal")
+    _, report = generate(ball_surface(2), Generate(backend="cgal"), cell_size=2.0, mesher="cgal")
     assert json.loads(json.dumps(dataclasses.asdict(report)))["attempts"][0]["boundary"]["euler_number"] == 2
 
 
 def test_a_seed_makes_another_mesh_of_the_same_surface_with_cgal_too() -> None:
     ball = ball_surface(3)
-    usual, turned = (generate(ball, cell_size=1.5, mesher="cgal", backend="cgal", seed=seed)[0] for seed in (0, 1))
+    usual, turned = (
+        generate(ball, Generate(backend="cgal", seed=seed), cell_size=1.5, mesher="cgal")[0] for seed in (0, 1)
+    )
     assert len(usual.points) != len(turned.points) or not np.allclose(usual.points, turned.points)
     inside = closest_points(surface_tree(ball.points, ball.faces), turned.points[boundary_nodes(turned)])
     assert inside.distances.max() < 1e-3

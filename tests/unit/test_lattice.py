@@ -17,7 +17,7 @@ from cortet.meshers import _lattice as lattice
 from cortet.meshers._lattice import graded_nodes, lattice_nodes, tetrahedralised
 from cortet.meshers._nested import remesh_apart, wanted
 from cortet.meshes import TetMesh, TriSurface
-from cortet.stages.generate import generate
+from cortet.stages.generate import Generate, generate
 
 
 def box(size: float) -> TriSurface:
@@ -109,7 +109,9 @@ def test_a_real_cortex_is_remeshed_and_filled():
 
 def test_a_seed_turns_the_lattice_and_another_one_otherwise() -> None:
     ball = ball_surface(3)
-    usual, turned, other = (generate(ball, cell_size=0.8, mesher="lattice", seed=seed)[0] for seed in (0, 1, 2))
+    usual, turned, other = (
+        generate(ball, Generate(seed=seed), cell_size=0.8, mesher="lattice")[0] for seed in (0, 1, 2)
+    )
     assert np.array_equal(usual.points, generate(ball, cell_size=0.8, mesher="lattice")[0].points)
 
     def along_axes(mesh: TetMesh) -> float:

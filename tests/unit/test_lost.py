@@ -8,6 +8,7 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
+from cortet.measure.limits import Certify
 from cortet.measure.lost import distances_to, lost_places
 from cortet.meshes import TriSurface
 
@@ -39,27 +40,27 @@ def test_the_certificate_refuses_a_filled_sulcus_though_every_node_is_on_the_sur
     mesh = ball_mesh(4, radius=10.0)
     boundary, _ = boundary_surface(mesh)
     surface = pulled(boundary, TOP, -4.0)
-    limits = {"q_max": 0.9999, "max_boundary_distance": None}
-    checked = certify(mesh, surface, cell_size=2.0, **limits)
+    limits = Certify(q_max=0.9999, max_boundary_distance=None)
+    checked = certify(mesh, surface, limits, cell_size=2.0)
     assert not checked.certified
     assert len(checked.reasons) == 2, "centres of the faces across the mouth are far from the surface, too"
     (reason,) = (one for one in checked.reasons if one.startswith("distance of the surface"))
     assert "distance of the surface to the boundary, at most" in reason and "must not exceed 1 mm" in reason
     assert "1 place beyond the limit: 1 where a sulcus is filled, the worst, filled, at (0.00, 0.00, 6.00) mm" in reason
     assert checked.lost_places[0].kind == "filled"
-    assert certify(mesh, boundary, cell_size=2.0, **limits).certified
+    assert certify(mesh, boundary, limits, cell_size=2.0).certified
 
 
 def test_without_a_cell_size_the_distance_is_reported_without_a_limit() -> None:
     mesh = ball_mesh(3, radius=10.0)
     boundary, _ = boundary_surface(mesh)
-    checked = certify(mesh, pulled(boundary, TOP, -4.0), q_max=0.9999, max_boundary_distance=None)
+    checked = certify(mesh, pulled(boundary, TOP, -4.0), Certify(q_max=0.9999, max_boundary_distance=None))
     check = next(check for check in checked.checks if check.name.startswith("distance of the surface"))
     assert check.limit is None and check.passed and check.value > 3
 
 
 def test_a_shrunken_mesh_is_refused_for_its_area_and_volume() -> None:
     mesh = ball_mesh(3, radius=9.0)
-    checked = certify(mesh, ball_surface(3, radius=10.0), q_max=0.9999, max_boundary_distance=None)
+    checked = certify(mesh, ball_surface(3, radius=10.0), Certify(q_max=0.9999, max_boundary_distance=None))
     assert ["relative change of the area" in reason for reason in checked.reasons] == [True, False]
     assert "relative change of the volume 0.271" in checked.reasons[1]

@@ -18,7 +18,7 @@ from cortet.measure.certify import versions
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh
 from cortet.stages._meshtool import clean_with_meshtool, program_version
-from cortet.stages.clean import clean
+from cortet.stages.clean import Clean, clean
 
 #: a script in place of the binary. As the real one does, it writes nothing and exits with 0 when no element is above
 #: the threshold; else it copies the mesh to -outmsh, moved by 0.001 mm, and then does its own `{twist}`
@@ -124,7 +124,9 @@ def test_a_mesh_without_work_comes_back_as_it_is(install):
 def test_the_certificate_names_the_program_by_its_hash(install):
     install()
     mesh = bad_mesh()
-    _, report = clean(mesh, ball_surface(1), thresholds=[0.5], boundary="free", improve_mean=False, backend="meshtool")
+    _, report = clean(
+        mesh, ball_surface(1), Clean(thresholds=[0.5], boundary="free", improve_mean=False, backend="meshtool")
+    )
     assert report.program_version == program_version() and program_version().startswith("sha256:")
     assert versions({"clean": asdict(report)})["meshtool"] == program_version()
 

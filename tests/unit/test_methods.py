@@ -15,6 +15,7 @@ from cortet.cohort.sheet import Case
 from cortet.config import load
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
+from cortet.measure.limits import Certify
 from cortet.report.methods import methods_text, write_methods
 
 CASES = [
@@ -31,13 +32,13 @@ def certificate(case: Case, setting: str = "cgal", **limits: Any) -> dict[str, A
     content = certify(
         mesh,
         boundary_surface(mesh)[0],
+        Certify(**limits),
         case=case.name,
         parameters={
             "generate": config.record("generate", {"cell_size": 0.6, "mesher": "cgal"}),
             **{stage: config.record(stage, {"gestational_age": 28.0, "cell_size": 0.6}) for stage in stages},
         },
         reports={"generate": {"topology_ok": True, "reason": "", "backend": "pygalmesh"}},
-        **limits,
     )
     return json.loads(json.dumps(asdict(content)))
 

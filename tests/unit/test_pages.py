@@ -16,12 +16,13 @@ import pytest
 from shapes import ball_mesh, ball_surface
 
 from cortet.measure.certify import certify
+from cortet.measure.limits import Certify
 from cortet.meshes import TriSurface
 from cortet.report.case_page import about, write_case_page, write_failure_page
 from cortet.report.pages import embedded
 from cortet.report.pictures import thumbnail
 from cortet.stages.repair import repair
-from cortet.stages.resample import resample
+from cortet.stages.resample import Resample, resample
 
 HOSTILE = '</script><script>alert(1)</script><img src=x onerror=alert(2)> & "quoted" `<b>`'
 FAILURE = {
@@ -108,7 +109,7 @@ def test_a_repaired_surface_says_what_was_done_where_and_shows_it(tmp_path: Path
 
 
 def test_a_surface_on_the_common_mesh_says_how_far_it_is_from_the_native_one(tmp_path: Path, page: str) -> None:
-    made, report = resample(ball_surface(2, radius=20.0), ball_surface(2), subdivisions=3)
+    made, report = resample(ball_surface(2, radius=20.0), ball_surface(2), Resample(subdivisions=3))
     certificate = asdict(certify(ball_mesh(2, radius=20.0), made, reports={"resample": asdict(report)}))
     shown = visible(case_page(tmp_path, certificate))
     assert "On the common mesh" in shown and "642 instead of 162" in shown
@@ -117,7 +118,7 @@ def test_a_surface_on_the_common_mesh_says_how_far_it_is_from_the_native_one(tmp
 
 
 def test_a_mesh_that_is_not_certified_says_why(tmp_path: Path) -> None:
-    bad = asdict(certify(ball_mesh(2, radius=20.0), ball_surface(3, radius=20.0), q_max=0.01))
+    bad = asdict(certify(ball_mesh(2, radius=20.0), ball_surface(3, radius=20.0), Certify(q_max=0.01)))
     page = case_page(tmp_path, bad)
     assert "Why it is not certified" in page and "must be below 0.01" in page
     assert re.search(r"1 of \d+ numbers are beyond their limit", page)

@@ -21,6 +21,7 @@ from cortet.formats.atomic import write_json
 from cortet.formats.tables import names
 from cortet.formats.tsv import write_tsv
 from cortet.measure.certify import certify
+from cortet.measure.limits import Certify
 from cortet.report.case_page import write_case_page, write_failure_page
 from cortet.report.cohort_page import write_cohort_page
 
@@ -50,7 +51,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a page of each kind."""
     folder = tmp_path_factory.mktemp("pages")
     mesh, surface = ball_mesh(2, radius=20.0), ball_surface(3, radius=20.0)
-    certificate = asdict(certify(mesh, surface, case="sub-a_hemi-L", q_max=0.3, parameters={"clean": {"a": 1}}))
+    certificate = asdict(
+        certify(mesh, surface, Certify(q_max=0.3), case="sub-a_hemi-L", parameters={"clean": {"a": 1}})
+    )
     about = {"facts": [("Age", "28 weeks")], "cohort": "cohort.html"}
     write_case_page(mesh, surface, certificate, folder / "case.html", meshed=surface, **about)
     failure = {"stage": "gate", "state": "failed", "reason": "a.gii: is open (close it)", "log": "logs/a.log"}

@@ -18,7 +18,7 @@ from cortet.geometry.topology import enclosed_volume, surface_topology
 from cortet.geometry.winding import winding_numbers
 from cortet.measure.lost import distances_to
 from cortet.meshes import FILLED, TriSurface
-from cortet.stages.repair import repair
+from cortet.stages.repair import Repair, repair
 from tests.unit.shapes import ball_surface
 
 BALL = ball_surface(3, radius=10.0)
@@ -82,18 +82,18 @@ def test_a_plane_comes_out_as_it_is() -> None:
 def test_repair_makes_a_broken_surface_anew_where_it_is_asked_to() -> None:
     crossing = joined([without_faces(BALL, 20), moved(BALL, 3.0)])
     given = replace(crossing, point_data={"depth": crossing.points[:, 2].copy()})
-    made, report = repair(given, source="x", method="voxel", spacing=SPACING)
+    made, report = repair(given, Repair(method="voxel", spacing=SPACING), source="x")
     assert report.repaired and [step.done for step in report.steps][-1] == "surface made anew on a grid of 0.8 mm"
     assert abs(report.relative_volume_change) < 0.02
     assert made.point_data["depth"] == pytest.approx(made.points[:, 2], abs=2 * SPACING)
     assert FILLED not in made.point_data
-    assert repair(BALL, source="x", method="voxel")[0] is BALL  # nothing is wrong with it
+    assert repair(BALL, Repair(method="voxel"), source="x")[0] is BALL  # nothing is wrong with it
 
 
 def test_what_makes_another_volume_a_sphere_is_refused() -> None:
     apart = joined([BALL, moved(BALL, 40.0)])
     with pytest.raises(InputError, match="change the volume by"):
-        repair(without_faces(apart, 3), source="x", method="voxel", spacing=SPACING)
+        repair(without_faces(apart, 3), Repair(method="voxel", spacing=SPACING), source="x")
 
 
 def test_a_grid_that_is_too_fine_or_empty_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

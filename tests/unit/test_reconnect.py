@@ -12,7 +12,7 @@ from cortet.meshes import TetMesh
 from cortet.optimise.crossing import Flaws
 from cortet.optimise.reconnection import searched
 from cortet.stages.clean import clean
-from cortet.stages.reconnect import reconnect
+from cortet.stages.reconnect import Reconnect, reconnect
 
 SURFACE = ball_surface(2, 1.0)
 
@@ -24,7 +24,7 @@ def cleaned() -> TetMesh:
 
 @pytest.mark.parametrize("insert", [False, True])
 def test_worst_element_falls_and_everything_else_holds(cleaned, insert):
-    result, report = reconnect(cleaned, SURFACE, insert=insert)
+    result, report = reconnect(cleaned, SURFACE, Reconnect(insert=insert))
     q = quality(result.points, result.cells)
     assert report.q_max == q.max() < quality(cleaned.points, cleaned.cells).max()
     assert report.q_mean <= report.q_mean_before
@@ -40,7 +40,7 @@ def test_worst_element_falls_and_everything_else_holds(cleaned, insert):
 
 
 def test_fixed_boundary_keeps_its_triangles(cleaned):
-    result, report = reconnect(cleaned, SURFACE, boundary="fixed")
+    result, report = reconnect(cleaned, SURFACE, Reconnect(boundary="fixed"))
     before, after = ({tuple(sorted(face)) for face in topology.boundary_faces(m).tolist()} for m in (cleaned, result))
     assert before == after and report.boundary_flips == report.peeled == 0
     assert report.edge_removals > 0
@@ -56,7 +56,7 @@ def test_labels_keep_their_interface_and_values_follow(cleaned):
         ]
         return set(map(tuple, halves[0])) & set(map(tuple, halves[1]))
 
-    result, report = reconnect(mesh, SURFACE, insert=False)
+    result, report = reconnect(mesh, SURFACE, Reconnect(insert=False))
     assert report.edge_removals > 0
     assert len(result.cell_data["region"]) == len(result.cells)
     assert interface(result) == interface(mesh)

@@ -34,13 +34,13 @@ from cortet.solver_files.export import export
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import verify
 from cortet.stages.clean import clean
-from cortet.stages.generate import generate
+from cortet.stages.generate import Generate, generate
 from cortet.stages.reconnect import reconnect
-from cortet.stages.separate import separate
+from cortet.stages.separate import Regions, separate
 from cortet.stages.smooth_boundary import smooth_boundary
 from cortet.stages.snap import snap
 from cortet.stages.solver_ready import surface_nodes_first
-from cortet.stages.transfer import transfer
+from cortet.stages.transfer import Transfer, transfer
 
 PAIRS = Path(__file__).parents[3] / "shared" / "data" / "pairs"
 H = 2.0
@@ -126,7 +126,7 @@ def test_more_elements_across_make_the_cortex_finer_and_the_core_stays():
 
 def test_a_field_of_one_of_the_surfaces_makes_cells_smaller_on_that_one(pair):
     white = replace(pair.inner["white"], point_data={"size": np.full(len(pair.inner["white"].points), 1.0)})
-    fine, _ = generate(nested(pair, {"white": white}), cell_size=H, size_field="size")
+    fine, _ = generate(nested(pair, {"white": white}), Generate(size_field="size"), cell_size=H)
     even, _ = generate(pair, cell_size=H)
     counts = [[len(sheet(mesh, number)[0].faces) for number in (0, 1)] for mesh in (even, fine)]
     assert counts[1][0] == pytest.approx(counts[0][0], rel=0.1) and counts[1][1] > 3 * counts[0][1]
@@ -166,7 +166,7 @@ def test_nested_and_disjoint_regions_are_one_body_each():
 
 def test_the_inner_surface_gives_way_where_the_two_touch():
     inner = ball(10.0, (4.1, 0, 0), subdivisions=5)  # pokes out by 0.1 mm at one end
-    surface, report = separate(nested(ball(14.0, subdivisions=5), {"white": inner}), cell_size=H, min_gap=0.5)
+    surface, report = separate(nested(ball(14.0, subdivisions=5), {"white": inner}), Regions(min_gap=0.5), cell_size=H)
     (did,) = report.surfaces
     moved = np.linalg.norm(surface.inner["white"].points - inner.points, axis=1)
     assert did.crossing_faces_before > 0 and did.outside_max_mm == pytest.approx(0.1, abs=0.03)
@@ -429,7 +429,7 @@ def test_fields_of_both_surfaces_are_carried(meshed, interior):
         replace(outer, point_data={**ones, "area": np.full(len(outer.points), 7, np.int32)}),
         {"white": replace(inner, point_data={"one": np.zeros(len(inner.points)), "deep": inner.points[:, 0]})},
     )
-    mesh, report = transfer(replace(meshed.mesh, point_data={}), surface, interior=interior)
+    mesh, report = transfer(replace(meshed.mesh, point_data={}), surface, Transfer(interior=interior))
     outside, within = sheet(mesh, 0)[1], sheet(mesh, 1)[1]
     assert report.fields == {
         "one": "interpolated",

@@ -14,14 +14,14 @@ from cortet.formats.volumes import Volume
 from cortet.geometry.nesting import nested
 from cortet.measure.remarks import remarks
 from cortet.stages import separate as stage
-from cortet.stages.separate import separate
+from cortet.stages.separate import Regions, separate
 
 PARAMETERS = {"separate": {"min_gap": 0.5}, "generate": {"cell_size": 2.0}}
 
 
 def told(*, inner: float, outer: float = 14.0) -> tuple[str, ...]:
     ball = ball_surface(4, radius=inner)
-    _, report = separate(nested(ball_surface(4, radius=outer), {"white": ball}), cell_size=2.0, min_gap=0.5)
+    _, report = separate(nested(ball_surface(4, radius=outer), {"white": ball}), Regions(min_gap=0.5), cell_size=2.0)
     return remarks({"separate": asdict(report)}, PARAMETERS)
 
 

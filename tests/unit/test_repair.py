@@ -23,7 +23,7 @@ from cortet.measure.lost import distances_to
 from cortet.meshes import FILLED, TriSurface, single_precision
 from cortet.phantom import phantom
 from cortet.stages.gate import gate
-from cortet.stages.repair import RepairReport, repair
+from cortet.stages.repair import Repair, RepairReport, repair
 
 DATA = Path(__file__).parents[2] / "../shared/data"
 
@@ -49,7 +49,7 @@ def torus() -> TriSurface:
 
 def repaired(surface: TriSurface, **limits: float) -> tuple[TriSurface, RepairReport]:
     """Repair that must end in something the gate lets in as it is."""
-    made, report = repair(surface, source="a.surf.gii", **limits)
+    made, report = repair(surface, Repair(**limits), source="a.surf.gii")
     passed, gated = gate(made, source="a.surf.gii")
     assert np.array_equal(passed.points, made.points)
     assert gated.crossing_faces_repaired == gated.faces_reoriented == 0
@@ -253,7 +253,7 @@ def dumbbell() -> TriSurface:
 )
 def test_what_has_no_single_right_answer_is_refused(surface: TriSurface, limits: dict[str, float], words: str) -> None:
     with pytest.raises(InputError, match=words) as error:
-        repair(surface, source="a.gii", **limits)
+        repair(surface, Repair(**limits), source="a.gii")
     assert str(error.value).startswith("a.gii: ")
     assert error.value.remedy
 

@@ -18,7 +18,8 @@ from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.geometry.icosphere import icosphere
 from cortet.meshes import FloatArray, TriSurface
 from cortet.phantom import phantom, phantom_with_sphere
-from cortet.stages.resample import resample
+from cortet.stages import STAGES
+from cortet.stages.resample import Resample, resample
 
 SIZE = 30.0
 
@@ -51,7 +52,7 @@ def native(subdivisions: int) -> tuple[TriSurface, TriSurface]:
 def test_the_vertices_of_the_common_mesh_lie_where_the_map_puts_them() -> None:
     wanted, errors = egg(icosphere(4).points), []
     for subdivisions in (4, 5):
-        made, report = resample(*native(subdivisions), subdivisions=4)
+        made, report = resample(*native(subdivisions), Resample(subdivisions=4))
         errors.append(np.linalg.norm(made.points - wanted, axis=1).max())
         assert np.abs(made.point_data["height"] - icosphere(4).points[:, 2]).max() < 0.05
         assert (made.faces == icosphere(4).faces).all() and report.vertices == 2562
@@ -64,7 +65,7 @@ def test_its_own_sphere_gives_the_surface_back() -> None:
     sphere = icosphere(4)
     labels = np.arange(len(sphere.points), dtype=np.int32) // 7
     given = TriSurface(egg(sphere.points), sphere.faces, {"label": labels, "x": sphere.points[:, 0]})
-    made, report = resample(given, sphere, subdivisions=4)
+    made, report = resample(given, sphere, Resample(subdivisions=4))
     assert np.abs(made.points - given.points).max() < 1e-5
     assert (made.point_data["label"] == labels).all()
     assert made.point_data["x"] == pytest.approx(given.point_data["x"], abs=1e-12)
@@ -73,11 +74,11 @@ def test_its_own_sphere_gives_the_surface_back() -> None:
 
 
 def test_phantoms_of_other_triangles_have_the_same_vertices_in_the_same_places() -> None:
-    first, second = (resample(*phantom_with_sphere(28.0, subdivisions=n), subdivisions=4)[0] for n in (4, 5))
+    first, second = (resample(*phantom_with_sphere(28.0, subdivisions=n), Resample(subdivisions=4))[0] for n in (4, 5))
     assert (first.faces == second.faces).all()
     apart = np.linalg.norm(first.points - second.points, axis=1)
     assert apart.mean() < 0.06 and np.percentile(apart, 99) < 0.3, "mm; each is rounded off as far as its edges allow"
-    left, right = (resample(*phantom_with_sphere(28.0, hemisphere=side), subdivisions=4)[0] for side in "LR")
+    left, right = (resample(*phantom_with_sphere(28.0, hemisphere=side), Resample(subdivisions=4))[0] for side in "LR")
     assert left.points[:, 0].max() < 0 < right.points[:, 0].min()
     assert (phantom_with_sphere(28.0, subdivisions=3)[0].points == phantom(28.0, subdivisions=3).points).all()
 
@@ -86,7 +87,7 @@ def test_a_template_takes_the_place_of_the_icosphere(tmp_path: Path) -> None:
     write_surface(shifted_sphere(3), tmp_path / "L.sphere.surf.gii")
     config = load({"resample": {"template": str(tmp_path / "{hemi}.sphere.surf.gii")}})
     arguments = config.arguments("resample", {"hemisphere": "L", "sphere_file": "a.surf.gii"})
-    made, _ = resample(*native(4), **arguments)
+    made, _ = STAGES["resample"].run(*native(4), **arguments)
     assert len(made.points) == 642 and np.abs(made.points - egg(shifted_sphere(3).points)).max() < 0.4
     with pytest.raises(InputError, match="which hemisphere this is"):
         config.arguments("resample", {"hemisphere": None, "sphere_file": "a.surf.gii"})
@@ -94,10 +95,10 @@ def test_a_template_takes_the_place_of_the_icosphere(tmp_path: Path) -> None:
 
 def test_an_inner_surface_of_other_triangles_stays_as_it_is() -> None:
     sphere, inner = native(4)[1], TriSurface(5 * icosphere(3).points, icosphere(3).faces)
-    same, report = resample(inner, sphere, subdivisions=4, inside=True)
+    same, report = resample(inner, sphere, Resample(subdivisions=4), inside=True)
     assert same is inner and not report.resampled and report.native_to_resampled_mm.max == 0
     surface, sphere = native(4)
-    assert resample(surface, sphere, subdivisions=3, inside=True)[1].resampled
+    assert resample(surface, sphere, Resample(subdivisions=3), inside=True)[1].resampled
 
 
 def broken(kind: str) -> tuple[TriSurface, TriSurface]:
@@ -128,13 +129,13 @@ def broken(kind: str) -> tuple[TriSurface, TriSurface]:
 )
 def test_what_is_no_sphere_of_the_surface_is_refused(kind: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        resample(*broken(kind), sphere_file="lh.sphere", subdivisions=3)
+        resample(*broken(kind), Resample(subdivisions=3), sphere_file="lh.sphere")
 
 
 def test_a_template_that_is_no_sphere_is_refused(tmp_path: Path) -> None:
     write_surface(native(3)[0], tmp_path / "egg.surf.gii")
     with pytest.raises(InputError, match=r"egg.surf.gii: is no sphere.*mend resample.template"):
-        resample(*native(3), template=tmp_path / "egg.surf.gii")
+        resample(*native(3), Resample(template=str(tmp_path / "egg.surf.gii")))
 
 
 def gifti_array(values: NDArray[Any], path: Path) -> Path:
@@ -160,7 +161,7 @@ def gifti_array(values: NDArray[Any], path: Path) -> Path:
 def test_workbench_finds_the_same(subdivisions: int, tmp_path: Path) -> None:
     """Onto fewer vertices than the surface has, and onto more."""
     surface, sphere = native(4)
-    made, _ = resample(surface, sphere, subdivisions=subdivisions)
+    made, _ = resample(surface, sphere, Resample(subdivisions=subdivisions))
     names = {name: str(tmp_path / f"{name}.surf.gii") for name in ("surface", "sphere", "common", "made", "theirs")}
     common = icosphere(subdivisions)
     for name, one in {"surface": surface, "sphere": sphere, "common": common, "made": made}.items():

@@ -21,7 +21,7 @@ from cortet.geometry.topology import enclosed_volume
 from cortet.meshers import MESHERS
 from cortet.sections import Cost
 from cortet.stages import STAGES
-from cortet.stages.generate import generate
+from cortet.stages.generate import Generate, generate
 from tests.unit.shapes import ball_surface
 
 ROOT = Path(__file__).parents[2]
@@ -43,7 +43,9 @@ def test_a_surface_of_unknown_age_may_be_as_large_as_an_adult_one() -> None:
 def test_a_ball_has_about_as_many_tetrahedra_as_expected(mesher: str) -> None:
     ball = ball_surface(3, radius=10.0)
     volume_ml = enclosed_volume(ball.points, ball.faces) / 1000
-    mesh, _ = generate(ball, cell_size=1.25, mesher=mesher, odt=False, lloyd=False, perturb=False, exude=False)
+    mesh, _ = generate(
+        ball, Generate(odt=False, lloyd=False, perturb=False, exude=False), cell_size=1.25, mesher=mesher
+    )
     assert len(mesh.cells) == pytest.approx(expected_tets(volume_ml, 1.25, mesher), rel=0.25)
 
 

@@ -20,7 +20,7 @@ from cortet.measure.quality import signed_volumes
 from cortet.meshers._sizes import _near
 from cortet.meshers.mesher import Sources
 from cortet.meshes import FloatArray, TetMesh
-from cortet.stages.generate import generate
+from cortet.stages.generate import Generate, generate
 
 H = 2.0
 
@@ -67,7 +67,7 @@ def test_a_region_asks_at_its_surface_alone() -> None:
     pair = nested(ball_surface(4, radius=14.0), {"white": ball_surface(4, radius=9.0)})
     plain, _ = generate(pair, cell_size=H)
     for region, radius, other in (("white", 9.0, 14.0), ("cortex", 14.0, 9.0)):
-        fine, _ = generate(pair, cell_size=H, sizes={region: 1.0})
+        fine, _ = generate(pair, Generate(sizes={region: 1.0}), cell_size=H)
         sizes = [
             [np.median(edge[np.abs(np.linalg.norm(centre, axis=1) - r) < 0.7]) for r in (radius, other)]
             for centre, edge in map(sizes_at, (fine, plain))
@@ -77,7 +77,7 @@ def test_a_region_asks_at_its_surface_alone() -> None:
 
 
 def test_the_seed_turns_the_sources_with_the_surface(spot: tuple[str, str]) -> None:
-    mesh, _ = generate(ball_surface(4, radius=10.0), cell_size=H, sizes={f"{spot[0]}:7": 0.9}, seed=3)
+    mesh, _ = generate(ball_surface(4, radius=10.0), Generate(sizes={f"{spot[0]}:7": 0.9}, seed=3), cell_size=H)
     centre, edge = sizes_at(mesh)
     assert np.median(edge[np.linalg.norm(centre - [4, 0, 0], axis=1) < 2]) < 0.65 * np.median(edge[centre[:, 0] < -3])
 
@@ -114,7 +114,7 @@ def test_the_command_refuses_them_before_any_stage(
 
 def test_other_meshers_and_cohorts_refuse_them() -> None:
     with pytest.raises(InputError, match=r"mesher cgal knows no generate\.sizes"):
-        generate(ball_surface(3), cell_size=1.0, mesher="cgal", sizes={"cortex": 0.5})
+        generate(ball_surface(3), Generate(sizes={"cortex": 0.5}), cell_size=1.0, mesher="cgal")
     with pytest.raises(InputError, match="is a volume, and all cases would have the same"):
         load({"generate": {"sizes": {"dseg.nii.gz:1": 0.5}}}).require_workflow()
     load({"generate": {"sizes": {"white": 0.5}}}).require_workflow()

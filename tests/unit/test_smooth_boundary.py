@@ -15,7 +15,7 @@ from cortet.meshes import TetMesh
 from cortet.optimise.backing_off import back_off
 from cortet.stages.clean import clean
 from cortet.stages.reconnect import reconnect
-from cortet.stages.smooth_boundary import smooth_boundary
+from cortet.stages.smooth_boundary import SmoothBoundary, smooth_boundary
 
 SURFACE = ball_surface(3, 1.0)
 
@@ -46,7 +46,7 @@ METHODS = [
 
 @pytest.mark.parametrize("method", METHODS)
 def test_the_boundary_becomes_smoother_and_stays_on_the_surface(rough, method):
-    result, report = smooth_boundary(rough, SURFACE, method=method)
+    result, report = smooth_boundary(rough, SURFACE, SmoothBoundary(method=method))
     assert report.roughness == pytest.approx(roughness(result))
     assert report.roughness < 0.7 * report.roughness_before == pytest.approx(0.7 * roughness(rough))
     assert report.nodes_to_surface_mm.max < 1e-12 and report.displacement_mm.mean > 0.01
@@ -55,7 +55,7 @@ def test_the_boundary_becomes_smoother_and_stays_on_the_surface(rough, method):
 
 
 def test_published_smoothing_leaves_the_surface_and_the_report_says_how_far(rough):
-    result, report = smooth_boundary(rough, SURFACE, iterations=10, onto_surface=False)
+    result, report = smooth_boundary(rough, SURFACE, SmoothBoundary(iterations=10, onto_surface=False))
     assert report.roughness < report.roughness_before
     assert report.nodes_to_surface_mm.mean > 0.05
     assert (signed_volumes(result.points, result.cells) > 0).all()
@@ -63,11 +63,11 @@ def test_published_smoothing_leaves_the_surface_and_the_report_says_how_far(roug
 
 def test_iterations_are_halved_until_no_element_inverts():
     mesh = ball_mesh(2)  # too coarse and too bad to be smoothed far
-    _, report = smooth_boundary(mesh, SURFACE, iterations=200, onto_surface=False)
+    _, report = smooth_boundary(mesh, SURFACE, SmoothBoundary(iterations=200, onto_surface=False))
     assert report.iterations < 200
 
 
 def test_a_missing_program_is_named(rough, monkeypatch):
     monkeypatch.setenv("PATH", "")
     with pytest.raises(StageError, match="wb_command is not installed"):
-        smooth_boundary(rough, SURFACE, method="workbench")
+        smooth_boundary(rough, SURFACE, SmoothBoundary(method="workbench"))

@@ -18,10 +18,15 @@ from cortet.geometry.topology import enclosed_volume, face_areas
 from cortet.measure.fidelity import high_frequency_roughness
 from cortet.meshes import TriSurface, single_precision
 from cortet.phantom import phantom
-from cortet.stages.smooth_surface import candidate_iterations, mean_nearest_vertex_distance, smooth_surface
+from cortet.stages.smooth_surface import (
+    SmoothSurface,
+    candidate_iterations,
+    mean_nearest_vertex_distance,
+    smooth_surface,
+)
 
 #: the method and the limits of the setting `published`
-PUBLISHED = SETTINGS["published"]["smooth_surface"]
+PUBLISHED = SmoothSurface(**SETTINGS["published"]["smooth_surface"])
 DATA = Path(__file__).parents[2] / "../shared/data"
 
 
@@ -61,7 +66,7 @@ def test_age_decides_what_is_tried(age: float, iterations: tuple[int, ...]) -> N
 
 def test_most_roughness_within_the_limits_is_removed() -> None:
     surface = rough_ball()
-    smooth, report = smooth_surface(surface, gestational_age=30.0, **PUBLISHED)
+    smooth, report = smooth_surface(surface, PUBLISHED, gestational_age=30.0)
     assert [c.iterations for c in report.candidates] == [0, 2, 4, 10]
     assert report.chosen_iterations == 4
     before, _, after, beyond = report.candidates
@@ -79,14 +84,18 @@ def test_most_roughness_within_the_limits_is_removed() -> None:
 
 
 def test_the_limit_of_area_decides_too() -> None:
-    _, report = smooth_surface(rough_ball(), gestational_age=30.0, **{**PUBLISHED, "max_area_change": 0.018})
+    _, report = smooth_surface(
+        rough_ball(), PUBLISHED.model_copy(update={"max_area_change": 0.018}), gestational_age=30.0
+    )
     assert report.chosen_iterations == 2
     assert report.candidates[2].breaks == (f"area changes by {report.candidates[2].area_change:+.1%}",)
 
 
 def test_without_an_eligible_candidate_the_surface_stays() -> None:
     surface = rough_ball()
-    untouched, report = smooth_surface(surface, gestational_age=30.0, **{**PUBLISHED, "max_displacement": 1e-6})
+    untouched, report = smooth_surface(
+        surface, PUBLISHED.model_copy(update={"max_displacement": 1e-6}), gestational_age=30.0
+    )
     assert report.chosen_iterations == 0
     assert all(c.breaks for c in report.candidates[1:])
     assert np.array_equal(untouched.points, surface.points)
@@ -98,7 +107,7 @@ def test_a_candidate_that_crosses_itself_is_not_chosen() -> None:
     faces = np.concatenate([outer.faces, inner.faces[:, ::-1] + len(outer.points)])
     nested = TriSurface(np.concatenate([outer.points, inner.points]), faces)
     smooth, report = smooth_surface(
-        nested, gestational_age=30.0, **{**PUBLISHED, "max_area_change": 1.0, "max_displacement": 0.28}
+        nested, PUBLISHED.model_copy(update={"max_area_change": 1.0, "max_displacement": 0.28}), gestational_age=30.0
     )
     crossing = report.candidates[1]
     assert crossing.self_intersecting_faces > 100
@@ -108,8 +117,8 @@ def test_a_candidate_that_crosses_itself_is_not_chosen() -> None:
 
 
 def test_the_same_again() -> None:
-    first, first_report = smooth_surface(rough_ball(), gestational_age=26.0, **PUBLISHED)
-    second, second_report = smooth_surface(rough_ball(), gestational_age=26.0, **PUBLISHED)
+    first, first_report = smooth_surface(rough_ball(), PUBLISHED, gestational_age=26.0)
+    second, second_report = smooth_surface(rough_ball(), PUBLISHED, gestational_age=26.0)
     assert np.array_equal(first.points, second.points)
     assert first_report == second_report
 
@@ -118,7 +127,7 @@ def test_a_real_surface_keeps_within_the_limits() -> None:
     path = Path(__file__).parents[2] / "../shared/data/fetal/fetomorph_GW30_right.surf.gii"
     if not path.exists():
         pytest.skip("no real surfaces in ../shared/data")
-    smooth, report = smooth_surface(read_surface(path), gestational_age=30.0, **PUBLISHED)
+    smooth, report = smooth_surface(read_surface(path), PUBLISHED, gestational_age=30.0)
     chosen = next(c for c in report.candidates if c.iterations == report.chosen_iterations)
     assert chosen.iterations in (2, 4, 10)
     assert abs(chosen.area_change) <= 0.06
@@ -146,7 +155,7 @@ def test_stair_steps_are_removed_without_shrinking() -> None:
     assert before > 0.05 and abs(after) < 0.02, "the area of the steps goes with them"
     assert chosen.displacement_mm <= 0.05 and not len(self_intersections(smooth))
     assert np.array_equal(single_precision(smooth).points, smooth.points)
-    by_age = smooth_surface(surface, gestational_age=22.0, **PUBLISHED)[0]
+    by_age = smooth_surface(surface, PUBLISHED, gestational_age=22.0)[0]
     assert off_the_sphere(smooth) < off_the_sphere(by_age)
 
 
@@ -158,7 +167,10 @@ def test_a_smooth_surface_is_not_touched_at_any_age() -> None:
 
 
 def test_no_more_steps_are_taken_than_the_limit_of_roughness_asks_for() -> None:
-    steps = [smooth_surface(stairs(), max_roughness=limit)[1].chosen_iterations for limit in (0.2, 0.07, 0.03, 0.015)]
+    steps = [
+        smooth_surface(stairs(), SmoothSurface(max_roughness=limit))[1].chosen_iterations
+        for limit in (0.2, 0.07, 0.03, 0.015)
+    ]
     assert steps == sorted(steps) and steps[0] == 0 and len(set(steps)) >= 3
 
 
@@ -175,7 +187,7 @@ def test_the_limits_hold_and_the_log_says_that_the_surface_stays_rough(
 ) -> None:
     caplog.set_level("INFO")
     surface = stairs()
-    smooth, report = smooth_surface(surface, **limits)
+    smooth, report = smooth_surface(surface, SmoothSurface(**limits))
     assert smooth is surface and report.chosen_iterations == 0
     assert report.candidates[1].breaks[0].startswith(words)
     assert "the surface stays rough: 0.1" in caplog.text
@@ -197,7 +209,7 @@ def test_taubin_gives_the_same_again() -> None:
 
 def test_the_published_method_needs_an_age() -> None:
     with pytest.raises(InputError, match="needs a gestational age"):
-        smooth_surface(ball_surface(2), **PUBLISHED)
+        smooth_surface(ball_surface(2), PUBLISHED)
 
 
 def test_folds_that_large_triangles_hardly_follow_are_left_alone(caplog: pytest.LogCaptureFixture) -> None:

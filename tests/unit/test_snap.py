@@ -8,9 +8,9 @@ from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh, TriSurface
-from cortet.stages.generate import generate
-from cortet.stages.relocate import relocate
-from cortet.stages.snap import ON_SURFACE_MM, snap
+from cortet.stages.generate import Generate, generate
+from cortet.stages.relocate import Relocate, relocate
+from cortet.stages.snap import ON_SURFACE_MM, Snap, snap
 
 BALL = ball_surface(4)
 
@@ -21,13 +21,13 @@ def distances(mesh: TetMesh, surface: TriSurface = BALL) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def generated() -> TetMesh:
-    return generate(BALL, cell_size=1.2, mesher="cgal", backend="cgal")[0]
+    return generate(BALL, Generate(backend="cgal"), cell_size=1.2, mesher="cgal")[0]
 
 
 @pytest.fixture(scope="module")
 def floating(generated) -> TetMesh:
     """As the published line leaves it: Gmsh has moved the boundary off the surface."""
-    return relocate(generated, boundary="free")[0]
+    return relocate(generated, Relocate(boundary="free"))[0]
 
 
 def test_after_meshing_there_is_nothing_to_do_and_the_report_says_so(generated):
@@ -71,7 +71,7 @@ def test_elements_that_would_invert_are_repaired_and_counted(generated):
 
 def test_no_element_is_lifted_to_the_limit(floating):
     limit = float(np.quantile(quality(floating.points, floating.cells), 0.9))
-    result, report = snap(floating, BALL, q_max=limit)
+    result, report = snap(floating, BALL, Snap(q_max=limit))
     before, after = quality(floating.points, floating.cells), quality(result.points, result.cells)
     assert report.lifted_without_repair > 0
     assert after.max() <= before.max() and report.q_max_after == after.max()

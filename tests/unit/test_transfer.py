@@ -5,14 +5,14 @@ import logging
 import numpy as np
 import pytest
 from cubes import cube_mesh
+from pydantic import ValidationError
 from shapes import ball_mesh, ball_surface
 
-from cortet.errors import InputError
 from cortet.geometry.topology import boundary_nodes, boundary_surface
 from cortet.meshes import TetMesh, TriSurface
 from cortet.stages._harmonic import harmonic
-from cortet.stages.generate import generate
-from cortet.stages.transfer import transfer
+from cortet.stages.generate import Generate, generate
+from cortet.stages.transfer import Transfer, transfer
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def ball() -> TriSurface:
 @pytest.fixture(scope="module")
 def mesh(ball) -> TetMesh:
     return generate(
-        ball, cell_size=1.0, mesher="cgal", backend="cgal", odt=False, lloyd=False, perturb=False, exude=False
+        ball, Generate(backend="cgal", odt=False, lloyd=False, perturb=False, exude=False), cell_size=1.0, mesher="cgal"
     )[0]
 
 
@@ -94,7 +94,7 @@ def test_the_issues_linear_field_is_exact_everywhere_with_harmonic_interpolation
         return points @ [1, 2, -3]
 
     surface = TriSurface(ball.points, ball.faces, {"linear": linear(ball.points)})
-    carried, report = transfer(mesh, surface, interior="harmonic")
+    carried, report = transfer(mesh, surface, Transfer(interior="harmonic"))
     assert np.allclose(carried.point_data["linear"], linear(mesh.points), atol=1e-5)  # as near as CGAL puts nodes
     assert report.interior == "harmonic" and report.nodes_cut_off == 0
 
@@ -141,15 +141,15 @@ def test_cutting_off_is_needed_and_told():
 
 
 def test_labels_are_never_mixed_with_harmonic_interpolation(ball, mesh):
-    nearest, harmonics = (transfer(mesh, ball, interior=way)[0].point_data for way in ("nearest", "harmonic"))
+    nearest, harmonics = (transfer(mesh, ball, Transfer(interior=way))[0].point_data for way in ("nearest", "harmonic"))
     assert np.array_equal(nearest["label"], harmonics["label"]) and harmonics["label"].dtype == np.int32
     assert not np.array_equal(nearest["linear"], harmonics["linear"])
     assert harmonics["vector"].shape == nearest["vector"].shape
 
 
-def test_an_unknown_way_inside_is_refused(ball, mesh):
-    with pytest.raises(InputError, match="'linear' is neither"):
-        transfer(mesh, ball, interior="linear")
+def test_an_unknown_way_inside_is_refused():
+    with pytest.raises(ValidationError, match=r"interior\n.*'nearest' or 'harmonic' .*input_value='linear'"):
+        Transfer(interior="linear")
 
 
 def squeezed(mesh: TetMesh, share: float = 0.1) -> TetMesh:

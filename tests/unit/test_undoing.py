@@ -12,7 +12,7 @@ from cortet.meshes import TetMesh
 from cortet.optimise.backing_off import back_off
 from cortet.optimise.undoing import undone
 from cortet.stages.generate import generate
-from cortet.stages.reconnect import reconnect
+from cortet.stages.reconnect import Reconnect, reconnect
 
 SURFACE = ball_surface(4)
 
@@ -33,7 +33,7 @@ def before() -> TetMesh:
 
 @pytest.fixture(scope="module")
 def after(before: TetMesh) -> TetMesh:
-    return reconnect(before, SURFACE, insert=False)[0]
+    return reconnect(before, SURFACE, Reconnect(insert=False))[0]
 
 
 def test_around_a_vertex_all_is_as_before_and_far_away_all_is_as_after(before, after):

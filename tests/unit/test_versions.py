@@ -25,13 +25,13 @@ from cortet.simulation.fold import fold
 from cortet.simulation.state import Settings
 from cortet.stages.clean import clean
 from cortet.stages.gate import gate
-from cortet.stages.generate import generate
-from cortet.stages.reconnect import reconnect
+from cortet.stages.generate import Generate, generate
+from cortet.stages.reconnect import Reconnect, reconnect
 from cortet.stages.relocate import relocate
 from cortet.stages.repair import repair
-from cortet.stages.resample import resample
+from cortet.stages.resample import Resample, resample
 from cortet.stages.smooth_boundary import smooth_boundary
-from cortet.stages.smooth_surface import smooth_surface
+from cortet.stages.smooth_surface import SmoothSurface, smooth_surface
 from cortet.stages.snap import snap
 from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
@@ -75,7 +75,7 @@ def with_labels(surface: TriSurface, sphere: TriSurface) -> tuple[TriSurface, Tr
 
 def good_ball() -> TetMesh:
     """A mesh of good tetrahedra, its boundary nodes on the sphere of 5 mm."""
-    return reconnect(ball_mesh(2, radius=5.0), ball_surface(4), insert=False)[0]
+    return reconnect(ball_mesh(2, radius=5.0), ball_surface(4), Reconnect(insert=False))[0]
 
 
 def floating_ball() -> TetMesh:
@@ -93,14 +93,14 @@ def folded_ball() -> TetMesh:
 
 RESULTS: dict[str, Callable[[], TriSurface | TetMesh]] = {
     "phantom": lambda: phantom(28.0, subdivisions=3),
-    "resample": lambda: resample(*with_labels(*phantom_with_sphere(28.0, subdivisions=3)), subdivisions=3)[0],
+    "resample": lambda: resample(*with_labels(*phantom_with_sphere(28.0, subdivisions=3)), Resample(subdivisions=3))[0],
     "repair": lambda: repair(broken_ball(), source="broken ball")[0],
     "gate": lambda: gate(rough_ball(), source="rough ball")[0],
     "smooth_surface": lambda: smooth_surface(jagged_ball())[0],
     "smooth_surface (published)": lambda: smooth_surface(
-        rough_ball(), gestational_age=28.0, **SETTINGS["published"]["smooth_surface"]
+        rough_ball(), SmoothSurface(**SETTINGS["published"]["smooth_surface"]), gestational_age=28.0
     )[0],
-    "generate": lambda: generate(ball_surface(3), cell_size=1.5, mesher="cgal", backend="cgal")[0],
+    "generate": lambda: generate(ball_surface(3), Generate(backend="cgal"), cell_size=1.5, mesher="cgal")[0],
     "generate (lattice)": lambda: generate(ball_surface(3), cell_size=1.5, mesher="lattice")[0],
     "transfer": lambda: transfer(ball_mesh(3, radius=20.0), rough_ball())[0],
     "relocate": lambda: relocate(ball_mesh(2, radius=5.0))[0],

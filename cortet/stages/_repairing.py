@@ -1,10 +1,10 @@
-"""Steps that repair a broken surface, in the order that changes it least; the stage `repair` runs them."""
+"""Steps that repair a broken surface, in the order that changes it least."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ from cortet.geometry.topology import enclosed_volume, face_normals, neighbour_me
 from cortet.geometry.uncrossing import uncrossed
 from cortet.geometry.winding import winding_numbers
 from cortet.meshes import FILLED, FloatArray, IntArray, TriSurface, single_precision
+
+if TYPE_CHECKING:
+    from cortet.stages.repair import Repair
 
 #: most locations listed of one kind, and their least distance from each other, mm
 PLACES, APART_MM = 10, 5.0
@@ -50,20 +53,6 @@ class RepairStep:
     of: str
     #: the first few locations that are apart from each other
     places_mm: tuple[tuple[float, ...], ...]
-
-
-@dataclass(frozen=True)
-class Limits:
-    """How far a repair may go; a surface that needs more is refused."""
-
-    max_displacement: float
-    max_volume_change: float
-    max_hole: float
-    max_loop: float
-    max_piece: float
-    method: str
-    spacing: float
-    allow_genus: int
 
 
 def has_flaw(surface: TriSurface, allow_genus: int) -> bool:
@@ -98,8 +87,8 @@ def _spikes(points: FloatArray, faces: IntArray) -> IntArray:
 class BrokenSurface:
     """A surface under repair, with what has been done to it so far."""
 
-    def __init__(self, surface: TriSurface, limits: Limits) -> None:
-        self.given, self.limits = surface, limits
+    def __init__(self, surface: TriSurface, limits: Repair, allow_genus: int) -> None:
+        self.given, self.limits, self.allow_genus = surface, limits, allow_genus
         points = surface.points.astype(np.float32).astype(np.float64)
         self.work = mending.triangles(points, surface.faces)
         #: (n,), vertices of the file whose faces this repair removed: a hole there is not in the file
@@ -284,7 +273,7 @@ class BrokenSurface:
     def _handles(self) -> None:
         limits = self.limits
         cuts = without_handles(
-            mending.compacted(self.work), keep=limits.allow_genus, max_loop=limits.max_loop, max_piece=limits.max_piece
+            mending.compacted(self.work), keep=self.allow_genus, max_loop=limits.max_loop, max_piece=limits.max_piece
         )
         self.work = cuts.work
         if len(cuts.centres):
