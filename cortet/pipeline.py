@@ -80,6 +80,7 @@ def run(
     config: Config,
     *,
     gestational_age: float | None = None,
+    hemisphere: str | None = None,
     source: str | Path | None = None,
     inner_sources: Mapping[str, str | Path] | None = None,
     sphere: TriSurface | None = None,
@@ -93,6 +94,7 @@ def run(
         if the line repairs
     config : of the line; the first of its cell sizes and meshers is used
     gestational_age : weeks; None leaves out the published smoothing, whose strength depends on it
+    hemisphere : L or R, which templates of `resample` may name
     source : file of the surface, named in messages
     inner_sources : likewise of the inner surfaces, by name
     sphere : of the surface, which is then resampled to the common mesh
@@ -121,7 +123,7 @@ def run(
         "placement": to_mm,
         "nested": inner,
         "sphere_file": str(sphere_source) if sphere_source is not None else None,
-        "hemisphere": None,
+        "hemisphere": hemisphere,
     }
     surface = placed(surface, to_mm)
     _require_sizes(surface, config)
@@ -179,6 +181,7 @@ def mesh_surface(
     config: Config,
     *,
     gestational_age: float | None = None,
+    hemisphere: str | None = None,
     source: str | Path | None = None,
     inner_sources: Mapping[str, str | Path] | None = None,
     sphere: TriSurface | None = None,
@@ -198,6 +201,7 @@ def mesh_surface(
         surface,
         config,
         gestational_age=gestational_age,
+        hemisphere=hemisphere,
         source=source,
         inner_sources=inner_sources,
         sphere=sphere,

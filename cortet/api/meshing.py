@@ -299,6 +299,7 @@ class Inputs:
             self.surface,
             self.config,
             gestational_age=self.ga,
+            hemisphere=self.hemi,
             source=self.source,
             inner_sources=self.inner_files,
             sphere=self.sphere,

@@ -247,6 +247,7 @@ def stages_command(args: argparse.Namespace) -> int:
         given.surface,
         config,
         gestational_age=args.ga,
+        hemisphere=given.hemi,
         source=args.surface,
         inner_sources=given.inner_files,
         sphere=given.sphere,

@@ -157,17 +157,19 @@ def test_a_field_and_a_sphere_may_be_files(ball: TriSurface, tmp_path: Path) -> 
     """The sidecar names the file of the field, as that of the command does; through the sphere vertices correspond."""
     sphere = replace(ball, points=100 * ball.points / np.linalg.norm(ball.points, axis=1, keepdims=True))
     write_surface(sphere, tmp_path / "ball.sphere.gii")
+    write_surface(ball_surface(4, radius=100.0), tmp_path / "common_L.sphere.gii")
     write_fields({"height": ball.points[:, 2]}, tmp_path / "height.shape.gii")
     made = cortet.mesh(
         ball,
         COARSE,
         fields={"height": tmp_path / "height.shape.gii"},
         sphere=tmp_path / "ball.sphere.gii",
-        settings={"resample": {"enabled": True, "subdivisions": 4}},
+        hemi="L",
+        settings={"resample": {"template": str(tmp_path / "common_{hemi}.sphere.gii")}},
         progress=False,
     )
     assert np.corrcoef(made.mesh.point_data["height"], made.points[:, 2])[0, 1] > 0.95
-    assert len(made.surface.points) == 10 * 4**4 + 2
+    assert len(made.surface.points) == len(ball_surface(4).points)
     made.save(tmp_path / "ball.vtu")
     assert "height.shape.gii" in (tmp_path / "ball.vtu.json").read_text()
 
