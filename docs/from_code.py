@@ -229,17 +229,20 @@ class Limits(SphinxDirective):
         """The table."""
         rows = ["| check | limit | what to change where it fails |", "|---|---|---|"]
         for check in checks():
-            unit = "h" if check.name.startswith(_FRACTIONS) else check.unit  # it was judged with h = 1 mm
+            unit = "h" if check.id in _FRACTIONS else check.unit  # it was judged with h = 1 mm
             limit = f"{_SIGNS[check.comparison]} {check.limit:g} {unit}".strip()
             remedy = check.remedy or "nothing: it is a fault of a stage; report it"
-            if check.name == "worst q":
+            if check.id == "worst_q":
                 remedy = "depends on the element: see below"
             rows.append(f"| {{check}}`{check.name}` | {limit} | {remedy} |")
         return self.parse_text_to_nodes("\n".join(rows))
 
 
-#: beginnings of the names of checks whose limits are fractions of the cell size
-_FRACTIONS = ("distance of the surface", "distance of the centre", "distance between the boundary and the native")
+#: checks whose limits are fractions of the cell size
+_FRACTIONS = (
+    *("surface_distance", "mean_surface_distance", "face_centre_distance"),
+    *("native_distance", "mean_native_distance"),
+)
 _SIGNS = {"<": "below", "<=": "at most", "==": "exactly", ">=": "at least"}
 
 

@@ -39,23 +39,35 @@ PLACES = 10
 _TWICE = 1.5
 
 _FOLDED, _OVERFULL = 1, 2
-_VOIDS, _OVERLAPPING = "voids inside the mesh", "bodies that reach into another"
+_VOIDS, _OVERLAPPING = "voids", "overlapping_bodies"
+#: identifier of a flaw -> what is counted, worded to follow the count: "3 tetrahedra listed twice"
+WORDS = {
+    "tetrahedra_with_doubled_nodes": "tetrahedra with one node twice",
+    "repeated_tetrahedra": "tetrahedra listed twice",
+    "overfull_faces": "faces in more than two tetrahedra",
+    "folded_faces": "folded faces, with both tetrahedra on one side",
+    _VOIDS: "voids inside the mesh",
+    _OVERLAPPING: "bodies that reach into another",
+    "coincident_nodes": "nodes at the place of another",
+    "nonmanifold_edges": "boundary edges in more than two faces",
+    "pinched_vertices": "pinched boundary vertices",
+}
 
 
 @dataclass(frozen=True)
 class Flaw:
     """One way in which tetrahedra fail to fill a body, and how often it occurs."""
 
-    #: what is counted, worded to follow the count: "3 tetrahedra listed twice"
-    name: str
+    #: identifier, a key of `WORDS`
+    id: str
     count: int
     #: (k, 3) mm, the first few locations
     places: FloatArray
 
     @property
     def sentence(self) -> str:
-        """Count, name and first location in plain words."""
-        return f"{self.count} {self.name}, the first at {place_mm(self.places[0])}"
+        """Count and first location in plain words."""
+        return f"{self.count} {WORDS[self.id]}, the first at {place_mm(self.places[0])}"
 
 
 @once_per_object
@@ -72,10 +84,10 @@ def flaws(mesh: TetMesh) -> tuple[Flaw, ...]:
     repeated = _repeated(mesh.cells) if wrong.any() else np.zeros(0, np.int64)
     corners = mesh.points[mesh.cells[repeated[:PLACES]]]
     return (
-        Flaw("tetrahedra with one node twice", len(doubled), mesh.points[mesh.cells[doubled[:PLACES], 0]]),
-        Flaw("tetrahedra listed twice", len(repeated), corners.mean(axis=1)),
-        _wrong_faces(mesh, wrong == _OVERFULL, "faces in more than two tetrahedra"),
-        _wrong_faces(mesh, wrong == _FOLDED, "folded faces, with both tetrahedra on one side"),
+        Flaw("tetrahedra_with_doubled_nodes", len(doubled), mesh.points[mesh.cells[doubled[:PLACES], 0]]),
+        Flaw("repeated_tetrahedra", len(repeated), corners.mean(axis=1)),
+        _wrong_faces(mesh, wrong == _OVERFULL, "overfull_faces"),
+        _wrong_faces(mesh, wrong == _FOLDED, "folded_faces"),
         *_inside_others(mesh),
         _nodes_at_one_place(mesh.points),
     )
@@ -91,8 +103,8 @@ def broken_body(mesh: TetMesh, *, holes: bool = False) -> list[str]:
     """
     found = (*flaws(mesh), *_touching(mesh))
     if holes and HOLE_SURFACE in mesh.sets.faces:
-        unmeant = {flaw.name: flaw for flaw in _inside_others(mesh, mesh.sets.faces[HOLE_SURFACE])}
-        found = tuple(unmeant.get(flaw.name, flaw) for flaw in found)
+        unmeant = {flaw.id: flaw for flaw in _inside_others(mesh, mesh.sets.faces[HOLE_SURFACE])}
+        found = tuple(unmeant.get(flaw.id, flaw) for flaw in found)
     return [flaw.sentence for flaw in found if flaw.count]
 
 
@@ -120,12 +132,12 @@ def folded_faces(mesh: TetMesh) -> int:
     return int(np.count_nonzero(wrong_faces(mesh.points, mesh.cells, TET_FACES, neighbours(mesh)) == _FOLDED))
 
 
-def _wrong_faces(mesh: TetMesh, flagged: NDArray[np.bool_], name: str) -> Flaw:
+def _wrong_faces(mesh: TetMesh, flagged: NDArray[np.bool_], which: str) -> Flaw:
     """The flaw of flagged faces; each face counts once, however many tetrahedra flag it."""
     cell, corner = np.nonzero(flagged)
     faces = mesh.cells[cell[:, None], TET_FACES[corner]]
     first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]
-    return Flaw(name, len(first), mesh.points[faces[np.sort(first)[:PLACES]]].mean(axis=1))
+    return Flaw(which, len(first), mesh.points[faces[np.sort(first)[:PLACES]]].mean(axis=1))
 
 
 def _doubled_nodes(cells: IntArray) -> NDArray[np.int64]:
@@ -164,15 +176,15 @@ def _inside_others(mesh: TetMesh, meant: IntArray | None = None) -> tuple[Flaw, 
     overlapping = np.unique(part[winding_numbers(surface, behind) > _TWICE])
     centres = surface.points[surface.faces].mean(axis=1)
     return tuple(
-        Flaw(name, len(found), np.array([centres[part == one].mean(axis=0) for one in found[:PLACES]]).reshape(-1, 3))
-        for name, found in ((_VOIDS, walls), (_OVERLAPPING, overlapping))
+        Flaw(which, len(found), np.array([centres[part == one].mean(axis=0) for one in found[:PLACES]]).reshape(-1, 3))
+        for which, found in ((_VOIDS, walls), (_OVERLAPPING, overlapping))
     )
 
 
 def _nodes_at_one_place(points: FloatArray) -> Flaw:
     order = np.lexsort(points.T)
     again = order[1:][(points[order[1:]] == points[order[:-1]]).all(axis=1)]
-    return Flaw("nodes at the place of another", len(again), points[np.sort(again)[:PLACES]])
+    return Flaw("coincident_nodes", len(again), points[np.sort(again)[:PLACES]])
 
 
 def _touching(mesh: TetMesh) -> Iterator[Flaw]:
@@ -181,5 +193,5 @@ def _touching(mesh: TetMesh) -> Iterator[Flaw]:
     topology = surface_topology(boundary.faces)
     if topology.nonmanifold_edges or topology.pinched_vertices:
         places = boundary.points[defective_vertices(boundary.faces)[:PLACES]]
-        yield Flaw("boundary edges in more than two faces", topology.nonmanifold_edges, places)
-        yield Flaw("pinched boundary vertices", topology.pinched_vertices, places)
+        yield Flaw("nonmanifold_edges", topology.nonmanifold_edges, places)
+        yield Flaw("pinched_vertices", topology.pinched_vertices, places)

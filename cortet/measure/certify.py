@@ -34,23 +34,21 @@ from cortet.geometry.topology import (
     used_vertices,
 )
 from cortet.measure.checks import (
-    BANKS,
-    SURFACE_DISTANCE,
-    TOPOLOGY_REMEDY,
     Check,
-    bank_checks,
+    bank_check,
     boundary_checks,
     checked,
-    for_cell_size,
-    for_mesher,
     interface_checks,
     loss_checks,
     meshing_checks,
     native_checks,
     region_checks,
     relative_difference,
+    remedies,
+    smaller_cells,
     times,
     topology_checks,
+    with_cell_size,
 )
 from cortet.measure.fidelity import Fidelity, fidelity
 from cortet.measure.limits import Certify
@@ -70,7 +68,10 @@ from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound
 from cortet.meshes import FloatArray, TetMesh, TriSurface, require_measurable
 from cortet.version import __version__
 
-VERSION: int = 7
+VERSION: int = 8
+
+#: of the content of certificate.json; raised where a key changes its name or meaning
+SCHEMA = 2
 
 #: relative difference allowed between the sum of volumes and the volume inside the boundary
 VOLUME_TOLERANCE = 1e-9
@@ -84,6 +85,8 @@ LIBRARIES = ("numpy", "scipy", "numba", "nibabel", "meshio", "pymeshlab", "pygal
 class Certificate:
     """All that is certified about one mesh; `dataclasses.asdict` gives the content of certificate.json."""
 
+    #: version of this content, `SCHEMA`; files before it had none
+    schema: int
     #: name of the case, e.g. sub-01_ses-02_hemi-L
     case: str
     certified: bool
@@ -185,7 +188,8 @@ def certify(
     regions = region_records(mesh, surface) if surface.inner else ()
     interfaces = interface_records(mesh, surface) if surface.inner else ()
     around = fans(mesh)
-    worst = worst_elements(mesh, around, count=PLACES, stages=reports)
+    smaller = smaller_cells(None if measured.q.max < limits.q_max else cell_size)
+    worst = worst_elements(mesh, around, count=PLACES, stages=reports, smaller=smaller)
     defects = boundary.points[defective_vertices(boundary.faces)[:PLACES]]
     centres = walls.points[walls.faces[crossing[:PLACES]]].mean(axis=1)
 
@@ -194,26 +198,35 @@ def certify(
     largest, mean = (
         times(fraction, cell_size) for fraction in (limits.max_surface_distance, limits.max_mean_surface_distance)
     )
+    remedy = remedies(reports.get("generate", {}).get("mesher"))
     checks = (
-        checked("worst q", measured.q.max, "<", limits.q_max, remedy=worst[0].remedy),
-        checked("tetrahedra without positive volume", int((volumes <= 0).sum()), "==", 0),
+        checked("worst_q", measured.q.max, "<", limits.q_max, remedy=worst[0].remedy),
+        checked("flat_or_inverted_tetrahedra", int((volumes <= 0).sum()), "==", 0),
         checked(
-            "relative difference between the sum of volumes and the enclosed volume",
+            "volume_balance",
             relative_difference(float(volumes.sum()), enclosed),
             "<=",
             VOLUME_TOLERANCE,
         ),
-        *(checked(flaw.name, flaw.count, "==", 0) for flaw in found),
-        checked("unused nodes", len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))), "==", 0),
-        *topology_checks(topology, surface_topology(surface.faces).euler_number),
-        *meshing_checks(reports.get("generate")),
-        checked("boundary faces that cross others", len(crossing), "==", 0, remedy=TOPOLOGY_REMEDY),
-        *bank_checks(gaps, share=limits.min_bank_gap),
+        *(checked(flaw.id, flaw.count, "==", 0) for flaw in found),
+        checked("unused_nodes", len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))), "==", 0),
+        *topology_checks(topology, surface_topology(surface.faces).euler_number, remedy=remedy.topology),
+        *meshing_checks(reports.get("generate"), remedy=remedy.topology),
+        checked("crossing_faces", len(crossing), "==", 0, remedy=remedy.topology),
+        bank_check(gaps, share=limits.min_bank_gap, remedy=remedy.loss),
         *boundary_checks(
-            faithful, nodes=limits.max_boundary_distance, centres=times(limits.max_face_distance, cell_size)
+            faithful,
+            nodes=limits.max_boundary_distance,
+            centres=times(limits.max_face_distance, cell_size),
+            remedy=remedy.loss,
         ),
         *loss_checks(
-            faithful, largest=largest, mean=mean, area=limits.max_area_change, volume=limits.max_volume_change
+            faithful,
+            largest=largest,
+            mean=mean,
+            area=limits.max_area_change,
+            volume=limits.max_volume_change,
+            remedy=remedy.loss,
         ),
         # `repair` has its own limits
         *native_checks(
@@ -222,30 +235,35 @@ def certify(
             mean=None if repaired else times(limits.max_mean_native_distance, cell_size),
             area=None if repaired else limits.max_native_area_change,
         ),
-        *region_checks(regions, volume=limits.max_volume_change),
+        *region_checks(regions, volume=limits.max_volume_change, remedy=remedy.loss),
         *interface_checks(
-            interfaces, nodes=limits.max_boundary_distance, largest=largest, mean=mean, area=limits.max_area_change
+            interfaces,
+            nodes=limits.max_boundary_distance,
+            largest=largest,
+            mean=mean,
+            area=limits.max_area_change,
+            remedy=remedy.loss,
         ),
     )
-    mesher = reports.get("generate", {}).get("mesher")
-    checks = tuple(for_cell_size(for_mesher(check, mesher), cell_size) for check in checks)
+    checks = tuple(with_cell_size(check, cell_size) for check in checks)
     lost: list[LostPlace] = []
     if largest is not None and faithful.surface_to_boundary_mm.max > largest:
         lost = lost_places(boundary, surface, limit=largest)
     places = {
-        "worst q": _worst_place(worst[0], int((quality(mesh.points, mesh.cells) >= limits.q_max).sum())),
-        **{flaw.name: _first(flaw.places) for flaw in found if flaw.count},
-        "boundary faces that cross others": _first(centres),
-        **dict.fromkeys(_PLACED_DEFECTS, _first(defects)),
-        BANKS: f"the gap is {gaps.gap_mm:.3g} mm at {place_mm(gaps.place_mm)}, "
+        "worst_q": _worst_place(worst[0], int((quality(mesh.points, mesh.cells) >= limits.q_max).sum())),
+        **{flaw.id: _first(flaw.places) for flaw in found if flaw.count},
+        "crossing_faces": _first(centres),
+        **dict.fromkeys(("open_edges", "nonmanifold_edges", "pinched_vertices"), _first(defects)),
+        "bank_gap": f"the gap is {gaps.gap_mm:.3g} mm at {place_mm(gaps.place_mm)}, "
         f"that of the surface {gaps.surface_gap_mm:.3g} mm",
-        SURFACE_DISTANCE: _lost(lost),
-        "topology problems after S1": reports.get("generate", {}).get("reason", ""),
+        "surface_distance": _lost(lost),
+        "meshing_topology": reports.get("generate", {}).get("reason", ""),
     }
     return Certificate(
+        schema=SCHEMA,
         case=case,
         certified=all(check.passed for check in checks),
-        reasons=tuple(_reason(check, places.get(check.name, "")) for check in checks if not check.passed),
+        reasons=tuple(_reason(check, places.get(check.id, "")) for check in checks if not check.passed),
         remarks=remarks(reports, parameters or {}),
         checks=checks,
         worst_elements=worst,
@@ -296,14 +314,6 @@ def _repaired(report: Mapping[str, Any]) -> bool:
     """Whether the surface or an inner surface was repaired, by the report of `repair`."""
     within = report.get("inner", {}).values()
     return any(bool(one.get("repaired")) for one in (report, *within))
-
-
-#: checks whose failures have a location
-_PLACED_DEFECTS = (
-    "boundary edges in one face only",
-    "boundary edges in more than two faces",
-    "pinched boundary vertices",
-)
 
 
 def _lost(places: Sequence[LostPlace]) -> str:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from cortet.geometry.banks import Banks
+from cortet.geometry.filling import WORDS
 from cortet.geometry.topology import SurfaceTopology
 from cortet.measure.fidelity import Fidelity
 from cortet.measure.native import Native
@@ -27,19 +28,70 @@ _WORDS: dict[Comparison, str] = {
     ">=": "must be at least",
 }
 
-SURFACE_DISTANCE = "distance of the surface to the boundary, at most"
-#: words of a remedy, and the factor by which it reduces the cell size
-_SMALLER, _FINER = "a smaller cell size", 0.75
-LOSS_REMEDY = "use a smaller cell size, or the mesher `lattice`, whose edges follow the shape"
-BANKS = "smallest gap between banks of the boundary, over that of the surface"
-_NATIVE_REMEDY = "smooth the surface less (`smooth_surface`), or use a smaller cell size"
-TOPOLOGY_REMEDY = "add a smaller fraction to `generate.facet_distance`, or use a smaller cell size"
+#: identifier of a check -> what it measures, in words; {about} is the name of a region
+NAMES = {
+    **WORDS,
+    "worst_q": "worst q",
+    "flat_or_inverted_tetrahedra": "tetrahedra without positive volume",
+    "volume_balance": "relative difference between the sum of volumes and the enclosed volume",
+    "unused_nodes": "unused nodes",
+    "boundary_components": "boundary components",
+    "boundary_euler_number": "boundary Euler number",
+    "open_edges": "boundary edges in one face only",
+    "misoriented_edges": "boundary edges between inconsistently oriented faces",
+    "meshing_topology": "topology problems after S1",
+    "crossing_faces": "boundary faces that cross others",
+    "bank_gap": "smallest gap between banks of the boundary, over that of the surface",
+    "node_distance": "distance of a boundary node to the surface, at most",
+    "face_centre_distance": "distance of the centre of a boundary face to the surface, at most",
+    "surface_distance": "distance of the surface to the boundary, at most",
+    "mean_surface_distance": "distance of the surface to the boundary, on average",
+    "area_change": "relative change of the area",
+    "volume_change": "relative change of the volume",
+    "native_distance": "distance between the boundary and the native surface, at most",
+    "mean_native_distance": "distance between the boundary and the native surface, on average",
+    "native_area_change": "relative change of the area against the native surface",
+    "region_tetrahedra": "tetrahedra of region {about}",
+    "region_volume_change": "relative change of the volume of region {about}",
+    "interface_topology": "topology problems of the interface {about}",
+    "interface_misplaced_faces": "faces of the interface {about} that are not between {about} and {around}",
+    "interface_node_distance": "distance of a node of the interface {about} to its surface, at most",
+    "interface_surface_distance": "distance of the surface {about} to the interface, at most",
+    "interface_mean_surface_distance": "distance of the surface {about} to the interface, on average",
+    "interface_area_change": "relative change of the area of the interface {about}",
+}
+
+#: in a remedy stands for the advice to use a smaller cell size, and the factor by which it is smaller
+SMALLER, _FINER = "{smaller}", 0.75
+_NATIVE_REMEDY = f"smooth the surface less (`smooth_surface`), or {SMALLER}"
+
+
+class Remedies(NamedTuple):
+    """What to change where a mesh loses parts of its surface, and where its topology is another."""
+
+    loss: str
+    topology: str
+
+
+def remedies(mesher: str | None) -> Remedies:
+    """The remedies that fit a mesher; None: cortet did not make the mesh."""
+    if mesher == "lattice":
+        return Remedies(SMALLER, SMALLER)
+    if mesher is None:
+        return Remedies(*[f"{SMALLER}; if the mesh was made from another surface, name that surface"] * 2)
+    return Remedies(
+        f"{SMALLER}, or the mesher `lattice`, whose edges follow the shape",
+        f"add a smaller fraction to `generate.facet_distance`, or {SMALLER}",
+    )
 
 
 @dataclass(frozen=True)
 class Check:
     """One number and the limit that checks it."""
 
+    #: identifier, a key of `NAMES`; with a colon and the name of the region where the check is about one
+    id: str
+    #: what it measures, in words
     name: str
     value: float
     #: empty for counts and ratios
@@ -60,38 +112,43 @@ class Check:
 
 
 def checked(
-    name: str, value: float, comparison: Comparison | None, limit: float | None, *, unit: str = "", remedy: str = ""
+    id: str,  # noqa: A002, the name of the field
+    value: float,
+    comparison: Comparison | None,
+    limit: float | None,
+    *,
+    unit: str = "",
+    remedy: str = "",
+    about: str = "",
+    around: str = "",
 ) -> Check:
-    """The check of a number; without a limit it passes and states no comparison."""
+    """The check of a number; without a limit it passes and states no comparison.
+
+    Parameters
+    ----------
+    id : a key of `NAMES`
+    about, around : the region that it is about, and the one around that
+    """
     if limit is None:
         comparison = None
     passed = comparison is None or limit is None or _COMPARE[comparison](value, limit)
-    return Check(name, value, unit, comparison, limit, passed, remedy)
+    name = NAMES[id].format(about=about, around=around)
+    return Check(f"{id}:{about}" if about else id, name, value, unit, comparison, limit, passed, remedy)
 
 
-def for_mesher(check: Check, mesher: str | None) -> Check:
-    """The check with a remedy that fits the mesher; None means that cortet did not make the mesh."""
-    if mesher == "lattice":
-        fitting = dict.fromkeys((LOSS_REMEDY, TOPOLOGY_REMEDY), "use a smaller cell size")
-    elif mesher is None:
-        remedy = "use a smaller cell size; if the mesh was made from another surface, name that surface"
-        fitting = dict.fromkeys((LOSS_REMEDY, TOPOLOGY_REMEDY), remedy)
-    else:
-        return check
-    return replace(check, remedy=fitting.get(check.remedy, check.remedy))
+def with_cell_size(check: Check, cell_size: float | None) -> Check:
+    """The check with its remedy in full: if it failed and the cell size is known, with the size in mm to try next."""
+    return replace(check, remedy=check.remedy.format(smaller=smaller_cells(None if check.passed else cell_size)))
 
 
-def for_cell_size(check: Check, cell_size: float | None) -> Check:
-    """The check, with a size in mm if it failed, its remedy is a smaller cell size and the mesh's own is known."""
-    if check.passed or cell_size is None:
-        return check
-    size = f"{_SMALLER} ({_FINER * cell_size:.2g} mm)"
-    return replace(check, remedy=check.remedy.replace(_SMALLER, size, 1))
+def smaller_cells(cell_size: float | None) -> str:
+    """The advice to use smaller cells than those of a size, mm, if that is known."""
+    return "use a smaller cell size" + ("" if cell_size is None else f" ({_FINER * cell_size:.2g} mm)")
 
 
-def bank_checks(found: Banks, *, share: float | None) -> Iterator[Check]:
+def bank_check(found: Banks, *, share: float | None, remedy: str) -> Check:
     """How near the banks of the boundary come to each other, measured outside the mesh."""
-    yield checked(BANKS, found.least_share, ">=", share, remedy=LOSS_REMEDY)
+    return checked("bank_gap", found.least_share, ">=", share, remedy=remedy)
 
 
 def native_checks(
@@ -101,12 +158,12 @@ def native_checks(
     if found is None:
         return
     there, back = found.boundary_to_native_mm, found.native_to_boundary_mm
-    for name, value, limit, unit in (
-        ("distance between the boundary and the native surface, at most", max(there.max, back.max), largest, "mm"),
-        ("distance between the boundary and the native surface, on average", max(there.mean, back.mean), mean, "mm"),
-        ("relative change of the area against the native surface", abs(found.relative_area_change), area, ""),
+    for id, value, limit, unit in (  # noqa: A001
+        ("native_distance", max(there.max, back.max), largest, "mm"),
+        ("mean_native_distance", max(there.mean, back.mean), mean, "mm"),
+        ("native_area_change", abs(found.relative_area_change), area, ""),
     ):
-        yield checked(name, value, "<=", limit, unit=unit, remedy=_NATIVE_REMEDY)
+        yield checked(id, value, "<=", limit, unit=unit, remedy=_NATIVE_REMEDY)
 
 
 def relative_difference(one: float, other: float) -> float:
@@ -120,31 +177,26 @@ def times(fraction: float | None, length: float | None) -> float | None:
     return None if fraction is None or length is None else fraction * length
 
 
-def topology_checks(boundary: SurfaceTopology, euler_number: int) -> Iterator[Check]:
+def topology_checks(boundary: SurfaceTopology, euler_number: int, *, remedy: str) -> Iterator[Check]:
     """Whether the boundary is one closed manifold with the Euler number of the surface."""
     wanted = {
-        "boundary components": (boundary.components, 1),
-        "boundary Euler number": (boundary.euler_number, euler_number),
-        "boundary edges in one face only": (boundary.open_edges, 0),
-        "boundary edges in more than two faces": (boundary.nonmanifold_edges, 0),
-        "boundary edges between inconsistently oriented faces": (boundary.misoriented_edges, 0),
-        "pinched boundary vertices": (boundary.pinched_vertices, 0),
+        "boundary_components": (boundary.components, 1),
+        "boundary_euler_number": (boundary.euler_number, euler_number),
+        "open_edges": (boundary.open_edges, 0),
+        "nonmanifold_edges": (boundary.nonmanifold_edges, 0),
+        "misoriented_edges": (boundary.misoriented_edges, 0),
+        "pinched_vertices": (boundary.pinched_vertices, 0),
     }
-    for name, (value, limit) in wanted.items():
-        yield checked(name, value, "==", limit, remedy=TOPOLOGY_REMEDY)
+    for id, (value, limit) in wanted.items():  # noqa: A001
+        yield checked(id, value, "==", limit, remedy=remedy)
 
 
-def region_checks(regions: Sequence[RegionRecord], *, volume: float | None) -> Iterator[Check]:
+def region_checks(regions: Sequence[RegionRecord], *, volume: float | None, remedy: str) -> Iterator[Check]:
     """Whether each region has tetrahedra, and how much its volume changed."""
     for one in regions:
-        yield checked(f"tetrahedra of region {one.name}", one.tetrahedra, ">=", 1)
-        yield checked(
-            f"relative change of the volume of region {one.name}",
-            abs(one.relative_volume_change),
-            "<=",
-            volume,
-            remedy=LOSS_REMEDY,
-        )
+        yield checked("region_tetrahedra", one.tetrahedra, ">=", 1, about=one.name)
+        change = abs(one.relative_volume_change)
+        yield checked("region_volume_change", change, "<=", volume, remedy=remedy, about=one.name)
 
 
 def interface_checks(
@@ -154,68 +206,52 @@ def interface_checks(
     largest: float | None,
     mean: float | None,
     area: float | None,
+    remedy: str,
 ) -> Iterator[Check]:
     """The checks of the boundary, applied to each interface; limits of distances in mm."""
     for one in interfaces:
-        genus = (2 - one.surface_euler_number) // 2
-        problems = one.topology.problems(genus)
-        remedy = "; ".join([*problems, "use a smaller cell size, or a larger regions.min_gap"])
-        yield checked(f"topology problems of the interface {one.name}", len(problems), "==", 0, remedy=remedy)
-        yield checked(
-            f"faces of the interface {one.name} that are not between {one.name} and {one.around}",
-            one.misplaced_faces,
-            "==",
-            0,
-        )
-        for what, value, limit, unit in (
-            (
-                "distance of a node of the interface {} to its surface, at most",
-                one.nodes_to_surface_mm.max,
-                nodes,
-                "mm",
-            ),
-            ("distance of the surface {} to the interface, at most", one.surface_to_interface_mm.max, largest, "mm"),
-            ("distance of the surface {} to the interface, on average", one.surface_to_interface_mm.mean, mean, "mm"),
-            ("relative change of the area of the interface {}", abs(one.relative_area_change), area, ""),
+        problems = one.topology.problems((2 - one.surface_euler_number) // 2)
+        mend = "; ".join([*problems, f"{SMALLER}, or a larger regions.min_gap"])
+        yield checked("interface_topology", len(problems), "==", 0, remedy=mend, about=one.name)
+        yield checked("interface_misplaced_faces", one.misplaced_faces, "==", 0, about=one.name, around=one.around)
+        for id, value, limit, unit in (  # noqa: A001
+            ("interface_node_distance", one.nodes_to_surface_mm.max, nodes, "mm"),
+            ("interface_surface_distance", one.surface_to_interface_mm.max, largest, "mm"),
+            ("interface_mean_surface_distance", one.surface_to_interface_mm.mean, mean, "mm"),
+            ("interface_area_change", abs(one.relative_area_change), area, ""),
         ):
-            yield checked(what.format(one.name), value, "<=", limit, unit=unit, remedy=LOSS_REMEDY)
+            yield checked(id, value, "<=", limit, unit=unit, remedy=remedy, about=one.name)
 
 
-def meshing_checks(report: Mapping[str, Any] | None) -> Iterator[Check]:
+def meshing_checks(report: Mapping[str, Any] | None, *, remedy: str) -> Iterator[Check]:
     """Whether S1 reported a topology problem: a later stage can hide one, but not undo it."""
     if report is not None:
-        yield checked("topology problems after S1", int(not report["topology_ok"]), "==", 0, remedy=TOPOLOGY_REMEDY)
+        yield checked("meshing_topology", int(not report["topology_ok"]), "==", 0, remedy=remedy)
 
 
-def boundary_checks(found: Fidelity, *, nodes: float | None, centres: float | None) -> Iterator[Check]:
+def boundary_checks(found: Fidelity, *, nodes: float | None, centres: float | None, remedy: str) -> Iterator[Check]:
     """How far the boundary is from the surface, mm."""
-    yield checked(
-        "distance of a boundary node to the surface, at most",
-        found.nodes_to_surface_mm.max,
-        "<=",
-        nodes,
-        unit="mm",
-        remedy="use `boundary: slide` in `clean` and `fixed` in `relocate`, or switch `snap` on",
-    )
-    yield checked(
-        "distance of the centre of a boundary face to the surface, at most",
-        found.face_centres_to_surface_mm.max,
-        "<=",
-        centres,
-        unit="mm",
-        remedy=LOSS_REMEDY,
-    )
+    hold = "use `boundary: slide` in `clean` and `fixed` in `relocate`, or switch `snap` on"
+    yield checked("node_distance", found.nodes_to_surface_mm.max, "<=", nodes, unit="mm", remedy=hold)
+    far = found.face_centres_to_surface_mm.max
+    yield checked("face_centre_distance", far, "<=", centres, unit="mm", remedy=remedy)
 
 
 def loss_checks(
-    found: Fidelity, *, largest: float | None, mean: float | None, area: float | None, volume: float | None
+    found: Fidelity,
+    *,
+    largest: float | None,
+    mean: float | None,
+    area: float | None,
+    volume: float | None,
+    remedy: str,
 ) -> Iterator[Check]:
     """How much of the surface the mesh does not follow: distances in mm, relative changes."""
     distance = found.surface_to_boundary_mm
-    for name, value, limit, unit in (
-        (SURFACE_DISTANCE, distance.max, largest, "mm"),
-        ("distance of the surface to the boundary, on average", distance.mean, mean, "mm"),
-        ("relative change of the area", abs(found.relative_area_change), area, ""),
-        ("relative change of the volume", abs(found.relative_volume_change), volume, ""),
+    for id, value, limit, unit in (  # noqa: A001
+        ("surface_distance", distance.max, largest, "mm"),
+        ("mean_surface_distance", distance.mean, mean, "mm"),
+        ("area_change", abs(found.relative_area_change), area, ""),
+        ("volume_change", abs(found.relative_volume_change), volume, ""),
     ):
-        yield checked(name, value, "<=", limit, unit=unit, remedy=LOSS_REMEDY)
+        yield checked(id, value, "<=", limit, unit=unit, remedy=remedy)

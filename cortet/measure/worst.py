@@ -24,7 +24,6 @@ _EXPLAINS = 0.5
 _USE_RECONNECT = "switch `reconnect` on"
 _USE_CLEAN = "switch `clean` on"
 _CLEAN_MORE = "add a lower value to `clean.thresholds`"
-_FINER = "use a smaller cell size, or smooth the surface more"
 
 
 class Fans(NamedTuple):
@@ -107,17 +106,24 @@ def valence_bound(around: Fans) -> ValenceBound:
 
 
 def worst_elements(
-    mesh: TetMesh, around: Fans, *, count: int = 10, stages: Collection[str] = ()
+    mesh: TetMesh,
+    around: Fans,
+    *,
+    count: int = 10,
+    stages: Collection[str] = (),
+    smaller: str = "use a smaller cell size",
 ) -> tuple[WorstElement, ...]:
     """The `count` elements with the largest q, worst first, each with the reason.
 
-    `stages` names the stages that the mesh has been through; no remedy recommends them.
+    `stages` names the stages that the mesh has been through; no remedy recommends them. `smaller` is the advice to use
+    smaller cells.
     """
+    finer = f"{smaller}, or smooth the surface more"
     q = quality(mesh.points, mesh.cells)
     normals = vertex_normals(mesh.points, boundary_faces(mesh))
     on_boundary = np.zeros(len(mesh.points), bool)
     on_boundary[boundary_nodes(mesh)] = True
-    hold = _FINER if "reconnect" in stages else _USE_RECONNECT
+    hold = finer if "reconnect" in stages else _USE_RECONNECT
     free = _CLEAN_MORE if "clean" in stages else _USE_CLEAN
     found = []
     for element in _largest(q, count):
@@ -131,7 +137,7 @@ def worst_elements(
                 boundary_nodes=int(on_boundary[mesh.cells[element]].sum()),
                 bound=bound,
                 reason=reason,
-                remedy={"fan": hold, "banks": _FINER, "nothing": free}[held],
+                remedy={"fan": hold, "banks": finer, "nothing": free}[held],
             )
         )
     return tuple(found)

@@ -181,9 +181,9 @@ def in_words(check: Mapping[str, Any]) -> dict[str, Any]:
     return {**check, "name": name, "value": f"{check['value']:.4g}{unit}", "limit": limit}
 
 
-def limit_of(certificate: Certificate, name: str) -> float:
-    """Limit of a check, by its name."""
-    return float(next(check["limit"] for check in certificate["checks"] if check["name"] == name))
+def limit_of(certificate: Certificate, check_id: str) -> float:
+    """Limit of a check, by its identifier."""
+    return float(next(check["limit"] for check in certificate["checks"] if check["id"] == check_id))
 
 
 def _input_surface(surface: TriSurface) -> list[Part]:
@@ -240,7 +240,7 @@ def _changed(certificate: Certificate, stage: str, changed: str) -> dict[str, Ma
 
 
 def _quality(of: Checked) -> list[Part]:
-    q, limit, theirs = of.certificate["quality"], limit_of(of.certificate, "worst q"), _published()
+    q, limit, theirs = of.certificate["quality"], limit_of(of.certificate, "worst_q"), _published()
     bulk, tail = mesh_quality_figures({"this mesh": np.array(q["histogram"])}, limit=limit)
     shown = {
         "q": q,

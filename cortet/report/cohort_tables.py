@@ -79,10 +79,10 @@ def _of_case(case: Case) -> dict[str, Any]:
 
 
 def _with_verdict(content: Certificate) -> dict[str, Any]:
-    """A certificate with its checks by their names, the verdict in one word, and the reasons as one text."""
+    """A certificate with its checks by their identifiers, the verdict in one word, and the reasons as one text."""
     return {
         **content,
-        "checks": {check["name"]: check["value"] for check in content["checks"]},
+        "checks": {check["id"]: check["value"] for check in content["checks"]},
         "surface_state": "repaired" if content["input_repaired"] else "as given",
         "verdict": "pass" if content["certified"] else "fail",
         "reasons": "; ".join(content["reasons"]),
@@ -90,9 +90,9 @@ def _with_verdict(content: Certificate) -> dict[str, Any]:
     }
 
 
-def _limit(certificates: Sequence[Certificate], name: str) -> str:
+def _limit(certificates: Sequence[Certificate], check_id: str) -> str:
     """The limit of a check in words; its range if it differs between meshes, as limits by cell size do."""
-    checked = [check for content in certificates for check in content["checks"] if check["name"] == name]
+    checked = [check for content in certificates for check in content["checks"] if check["id"] == check_id]
     limits = sorted({check["limit"] for check in checked if check["comparison"]})
     if not limits:
         return ""

@@ -76,7 +76,7 @@ def write_comparison_page(
     darkest = max(float(far.max()) for far in distances.values())
     counts = {name: np.array(c["quality"]["histogram"]) for name, c in certificates.items()}
     first = next(iter(certificates.values()))
-    bulk, tail = mesh_quality_figures(counts, limit=limit_of(first, "worst q"))
+    bulk, tail = mesh_quality_figures(counts, limit=limit_of(first, "worst_q"))
     worst = ", ".join(f"{name} {c['quality']['q']['max']:.3f}" for name, c in certificates.items())
     columns = [Column("name", heading="Number"), Column("limit", heading="Limit")]
     columns += [Column(f"mesh {n}", heading=name, form=".4g") for n, name in enumerate(certificates)]

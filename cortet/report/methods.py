@@ -112,7 +112,7 @@ def _for_readers(reason: str) -> str:
 
 def _outcome(certificates: Sequence[Certificate]) -> list[str]:
     worst = [content["quality"]["q"]["max"] for content in certificates]
-    limit = next(check["limit"] for check in certificates[0]["checks"] if check["name"] == "worst q")
+    limit = next(check["limit"] for check in certificates[0]["checks"] if check["id"] == "worst_q")
     certified = sum(content["certified"] for content in certificates)
     sentences = [
         "Quality was measured as q = 1 - √2 · 6V / l³ (V volume, l root mean square edge length; 0 for a regular "

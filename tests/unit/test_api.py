@@ -19,7 +19,6 @@ from cortet.formats import vtu
 from cortet.formats.gifti import write_fields, write_surface
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import Certificate
-from cortet.measure.checks import SURFACE_DISTANCE
 from cortet.meshes import CoordinateFrame, TriSurface
 from cortet.solver_files.sidecar import sidecar_path
 
@@ -59,7 +58,7 @@ def test_certify_takes_the_cell_size_that_a_mesh_was_made_with(tmp_path: Path) -
     made.save(tmp_path / "x.vtu")
 
     def limits(found: Certificate) -> dict[str, object]:
-        return {check.name: check.limit for check in found.checks if check.name == SURFACE_DISTANCE}
+        return {check.id: check.limit for check in found.checks if check.id == "surface_distance"}
 
     scaled = limits(cortet.certify(made.mesh, made.surface, cell_size=4.0))
     assert scaled and None not in scaled.values()

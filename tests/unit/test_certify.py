@@ -17,8 +17,8 @@ from wrong_meshes import sound, with_slit
 from cortet.errors import InputError
 from cortet.geometry.banks import banks, gaps, slits
 from cortet.geometry.topology import boundary_surface
-from cortet.measure.certify import Certificate, certify
-from cortet.measure.checks import LOSS_REMEDY, checked, for_cell_size, for_mesher
+from cortet.measure.certify import SCHEMA, Certificate, certify
+from cortet.measure.checks import NAMES, checked, remedies, with_cell_size
 from cortet.measure.limits import Certify
 from cortet.meshes import TetMesh, TriSurface
 
@@ -38,23 +38,23 @@ ANY_SIZE = Certify(max_boundary_distance=None, max_area_change=None, max_volume_
 
 
 def failed(certificate: Certificate) -> set[str]:
-    return {check.name for check in certificate.checks if not check.passed}
+    return {check.id for check in certificate.checks if not check.passed}
 
 
 def test_a_good_mesh_is_certified_with_every_number_beside_its_limit(mesh: TetMesh, surface: TriSurface) -> None:
     certificate = certify(mesh, surface, case="sub-01_hemi-L")
     assert certificate.certified
     assert certificate.reasons == ()
-    checks = {check.name: check for check in certificate.checks}
-    assert checks["worst q"].value == certificate.quality.q.max
-    assert (checks["worst q"].comparison, checks["worst q"].limit) == ("<", 0.6)
-    assert checks["boundary Euler number"].value == 2
+    checks = {check.id: check for check in certificate.checks}
+    assert checks["worst_q"].value == certificate.quality.q.max
+    assert (checks["worst_q"].comparison, checks["worst_q"].limit) == ("<", 0.6)
+    assert checks["boundary_euler_number"].value == 2
     assert all(check.passed for check in certificate.checks)
 
 
 def test_the_limit_of_q_is_strict(mesh: TetMesh, surface: TriSurface) -> None:
     q_max = certify(mesh, surface).quality.q.max
-    assert failed(certify(mesh, surface, Certify(q_max=q_max))) == {"worst q"}
+    assert failed(certify(mesh, surface, Certify(q_max=q_max))) == {"worst_q"}
     assert certify(mesh, surface, Certify(q_max=np.nextafter(q_max, 1))).certified
 
 
@@ -71,17 +71,17 @@ def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface: TriSu
 def test_an_inverted_element_is_found(mesh: TetMesh, surface: TriSurface) -> None:
     cells = mesh.cells.copy()
     cells[7] = cells[7][[0, 1, 3, 2]]
-    assert "tetrahedra without positive volume" in failed(certify(TetMesh(mesh.points, cells), surface))
+    assert "flat_or_inverted_tetrahedra" in failed(certify(TetMesh(mesh.points, cells), surface))
 
 
 def test_overlapping_elements_are_found_by_their_volumes(mesh: TetMesh, surface: TriSurface) -> None:
     doubled = TetMesh(mesh.points, np.concatenate([mesh.cells, mesh.cells[:1]]))
-    assert any("sum of volumes" in name for name in failed(certify(doubled, surface)))
+    assert "volume_balance" in failed(certify(doubled, surface))
 
 
 def test_unused_nodes_are_found(mesh: TetMesh, surface: TriSurface) -> None:
     more = TetMesh(np.concatenate([mesh.points, [[1.0, 1.0, 1.0]]]), mesh.cells)
-    assert failed(certify(more, surface)) == {"unused nodes"}
+    assert failed(certify(more, surface)) == {"unused_nodes"}
 
 
 def test_a_mesh_in_two_pieces_is_refused(mesh: TetMesh, surface: TriSurface) -> None:
@@ -89,7 +89,7 @@ def test_a_mesh_in_two_pieces_is_refused(mesh: TetMesh, surface: TriSurface) -> 
         np.concatenate([mesh.points, mesh.points + 20]), np.concatenate([mesh.cells, mesh.cells + len(mesh.points)])
     )
     names = failed(certify(two, surface, ANY_SIZE))
-    assert names == {"boundary components", "boundary Euler number"}
+    assert names == {"boundary_components", "boundary_euler_number"}
 
 
 def test_a_tunnel_is_refused_though_every_element_is_good(mesh: TetMesh, surface: TriSurface) -> None:
@@ -98,14 +98,14 @@ def test_a_tunnel_is_refused_though_every_element_is_good(mesh: TetMesh, surface
     nodes = np.unique(mesh.cells[~hole])
     ring = TetMesh(mesh.points[nodes], np.searchsorted(nodes, mesh.cells[~hole]))
     certificate = certify(ring, surface, ANY_SIZE)
-    assert failed(certificate) == {"boundary Euler number"}
+    assert failed(certificate) == {"boundary_euler_number"}
     assert "use a smaller cell size" in certificate.reasons[0]
 
 
 def test_cubes_that_touch_in_an_edge_or_a_corner_are_refused(mesh: TetMesh, surface: TriSurface) -> None:
     for shift, finding in (
-        ([8, 8, 0], "boundary edges in more than two faces"),
-        ([8, 8, 8], "pinched boundary vertices"),
+        ([8, 8, 0], "nonmanifold_edges"),
+        ([8, 8, 8], "pinched_vertices"),
     ):
         points, inverse = np.unique(
             np.round(np.concatenate([mesh.points, mesh.points + shift]), 9), axis=0, return_inverse=True
@@ -114,7 +114,7 @@ def test_cubes_that_touch_in_an_edge_or_a_corner_are_refused(mesh: TetMesh, surf
         certificate = certify(touching, surface, ANY_SIZE)
         assert finding in failed(certificate)
         assert (8.0, 8.0) in {place[:2] for place in certificate.defects_mm}
-        (reason,) = (reason for reason in certificate.reasons if reason.startswith(finding))
+        (reason,) = (reason for reason in certificate.reasons if reason.startswith(NAMES[finding]))
         assert "the first around (8.00, 8.00, " in reason
 
 
@@ -129,7 +129,7 @@ def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface
     points[left, 0] += 0.9 * (points[left, 2] - 2)  # a shear keeps all volumes
     towers = TetMesh(points, np.searchsorted(nodes, block.cells[~slit]))
     certificate = certify(towers, surface, ANY_SIZE.model_copy(update={"q_max": 0.9999}))
-    assert failed(certificate) == {"boundary faces that cross others"}
+    assert failed(certificate) == {"crossing_faces"}
     assert "the first around (" in certificate.reasons[0]
     assert 0 < len(certificate.crossings_mm) <= 10
 
@@ -137,7 +137,7 @@ def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface
 def test_a_boundary_off_the_surface_is_refused_unless_there_is_no_limit(mesh: TetMesh, surface: TriSurface) -> None:
     away = replace(mesh, points=mesh.points * 1.01)
     certificate = certify(away, surface, Certify(max_boundary_distance=1e-3))
-    assert failed(certificate) == {"distance of a boundary node to the surface, at most"}
+    assert failed(certificate) == {"node_distance"}
     assert "0.138564 mm, must not exceed 0.001 mm" in certificate.reasons[0]
     assert certify(away, surface, ANY_SIZE).certified
 
@@ -180,7 +180,7 @@ SLIT = sound(4)
 @pytest.mark.parametrize("width", [2e-4, 1e-2])
 def test_a_slit_one_element_deep_is_refused_though_all_nodes_are_on_the_surface(width: float) -> None:
     certificate = certify(with_slit(SLIT.mesh, width), SLIT.surface)
-    assert failed(certificate) == {"smallest gap between banks of the boundary, over that of the surface"}
+    assert failed(certificate) == {"bank_gap"}
     assert certificate.fidelity.nodes_to_surface_mm.max < 1e-9
     assert certificate.banks.gap_mm == pytest.approx(width / 3, rel=1e-3)
     assert certificate.banks.surface_gap_mm == pytest.approx(certificate.banks.widest_mm)
@@ -218,7 +218,7 @@ def test_a_node_a_hair_from_the_other_bank_is_a_slit(left: float) -> None:
 def test_centres_of_faces_far_from_the_surface_are_refused(mesh: TetMesh, surface: TriSurface) -> None:
     moved = TriSurface(surface.points + np.array([0, 0, 0.5]), surface.faces)
     certificate = certify(mesh, moved, Certify(max_boundary_distance=None, max_surface_distance=None), cell_size=0.6)
-    assert "distance of the centre of a boundary face to the surface, at most" in failed(certificate)
+    assert "face_centre_distance" in failed(certificate)
     assert "0.5 mm, must not exceed 0.45 mm" in " ".join(certificate.reasons)
     assert certify(mesh, moved, Certify(max_boundary_distance=None)).certified, "the cell size is not known"
 
@@ -232,9 +232,9 @@ def test_the_native_surface_is_compared_both_ways_and_judged(mesh: TetMesh, surf
     assert certificate.native.native_to_boundary_mm.max == pytest.approx(0.4 * np.sqrt(3))
     assert certificate.native.boundary_to_native_mm.max == pytest.approx(0.4)
     assert failed(certificate) == {
-        "distance between the boundary and the native surface, at most",
-        "distance between the boundary and the native surface, on average",
-        "relative change of the area against the native surface",
+        "native_distance",
+        "mean_native_distance",
+        "native_area_change",
     }
     repaired = {"repair": {"repaired": True}}
     assert certify(mesh, surface, Certify(**limits), native=native, cell_size=1.0, reports=repaired).certified
@@ -268,19 +268,25 @@ def test_a_limit_that_is_none_is_an_error_that_names_it(limit: float) -> None:
     ],
 )
 def test_a_remedy_fits_what_filled_the_surface(mesher: str | None, says: str, not_says: str) -> None:
-    check = checked("distance", 2.0, "<=", 1.0, remedy=LOSS_REMEDY)
-    remedy = for_mesher(check, mesher).remedy
+    check = checked("surface_distance", 2.0, "<=", 1.0, remedy=remedies(mesher).loss)
+    remedy = with_cell_size(check, None).remedy
     assert says in remedy and not_says not in remedy
-    other = checked("worst q", 0.7, "<", 0.6, remedy="move it")
-    assert for_mesher(other, mesher).remedy == "move it"
 
 
 def test_a_smaller_cell_size_is_named_where_that_of_the_mesh_is_known() -> None:
-    failed = checked("distance", 2.0, "<=", 1.0, remedy=LOSS_REMEDY)
-    assert for_cell_size(failed, 1.5).remedy.startswith("use a smaller cell size (1.1 mm), or the mesher")
-    assert for_cell_size(failed, None) == failed
-    passed = checked("distance", 0.5, "<=", 1.0, remedy=LOSS_REMEDY)
-    assert for_cell_size(passed, 1.5) == passed
+    failed = checked("surface_distance", 2.0, "<=", 1.0, remedy=remedies("cgal").loss)
+    assert with_cell_size(failed, 1.5).remedy.startswith("use a smaller cell size (1.1 mm), or the mesher")
+    assert with_cell_size(failed, None).remedy.startswith("use a smaller cell size, or the mesher")
+    passed = checked("surface_distance", 0.5, "<=", 1.0, remedy=remedies("cgal").loss)
+    assert with_cell_size(passed, 1.5) == with_cell_size(passed, None)
+
+
+def test_every_check_has_an_identifier_and_says_in_words_what_it_measures(mesh: TetMesh, surface: TriSurface) -> None:
+    certificate = certify(mesh, surface, native=surface, reports={"generate": {"topology_ok": True}})
+    of = {check.id: check.name for check in certificate.checks}
+    assert len(of) == len(certificate.checks) and of.items() <= NAMES.items()
+    assert all(name.startswith(("region_", "interface_")) for name in NAMES.keys() - of.keys())
+    assert certificate.schema == SCHEMA
 
 
 @pytest.mark.parametrize("size", [1e308, 0.0, -1.0, np.nan, np.inf])

@@ -33,12 +33,12 @@ from cortet.measure.quality import signed_volumes
 from cortet.meshes import TetMesh
 
 CUBE = sound(4)
-TWICE, OVERFULL = "tetrahedra listed twice", "faces in more than two tetrahedra"
-FOLDED, VOIDS = "folded faces, with both tetrahedra on one side", "voids inside the mesh"
+TWICE, OVERFULL = "repeated_tetrahedra", "overfull_faces"
+FOLDED, VOIDS = "folded_faces", "voids"
 
 
 def counts(mesh: TetMesh) -> dict[str, int]:
-    return {flaw.name: flaw.count for flaw in flaws(mesh) if flaw.count}
+    return {flaw.id: flaw.count for flaw in flaws(mesh) if flaw.count}
 
 
 def test_sound_meshes_have_no_flaw() -> None:
@@ -59,7 +59,7 @@ def test_a_void_that_elements_listed_twice_make_up_for_is_found() -> None:
     assert surface_topology(boundary.faces).problems() == []
     assert counts(wrong)[TWICE] == 48
     certificate = certify(wrong, CUBE.surface, cell_size=CUBE.cell_size)
-    failed = {check.name for check in certificate.checks if not check.passed}
+    failed = {check.id for check in certificate.checks if not check.passed}
     assert failed == set(counts(wrong)) and {TWICE, OVERFULL, FOLDED} <= failed
     assert any("tetrahedra listed twice 48, must be 0; the first around (" in reason for reason in certificate.reasons)
 
@@ -71,10 +71,10 @@ def test_each_flaw_has_its_name_its_count_and_its_place() -> None:
     assert place == pytest.approx([6, 6, 6])
     assert counts(with_listed_twice(mesh))[TWICE] == 1
     assert counts(with_third_at_a_face(mesh))[OVERFULL] == 1
-    assert counts(with_body_inside(mesh)) == {"bodies that reach into another": 1}
+    assert counts(with_body_inside(mesh)) == {"overlapping_bodies": 1}
     assert counts(with_hanging_node(mesh)) == {VOIDS: 1}
-    assert counts(with_node_twice(mesh))["tetrahedra with one node twice"] == 1
-    assert counts(with_parted_nodes(mesh)) == {"nodes at the place of another": 25}
+    assert counts(with_node_twice(mesh))["tetrahedra_with_doubled_nodes"] == 1
+    assert counts(with_parted_nodes(mesh)) == {"coincident_nodes": 25}
     assert counts(with_node_through_a_face(mesh)).keys() == {FOLDED}
 
 
@@ -118,5 +118,5 @@ def test_many_bodies_are_looked_at_at_once() -> None:
     places[5] = places[4] + 0.01
     loose = TetMesh((places + corner).reshape(-1, 3), np.arange(40000, dtype=np.int32).reshape(-1, 4))
     began = time.process_time()
-    assert counts(loose) == {"bodies that reach into another": 2}
+    assert counts(loose) == {"overlapping_bodies": 2}
     assert time.process_time() - began < 10

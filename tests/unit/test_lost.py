@@ -55,7 +55,7 @@ def test_without_a_cell_size_the_distance_is_reported_without_a_limit() -> None:
     mesh = ball_mesh(3, radius=10.0)
     boundary, _ = boundary_surface(mesh)
     checked = certify(mesh, pulled(boundary, TOP, -4.0), Certify(q_max=0.9999, max_boundary_distance=None))
-    check = next(check for check in checked.checks if check.name.startswith("distance of the surface"))
+    check = next(check for check in checked.checks if check.id == "surface_distance")
     assert check.limit is None and check.passed and check.value > 3
 
 

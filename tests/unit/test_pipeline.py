@@ -206,5 +206,5 @@ def test_the_native_surface_is_compared_in_mm_whatever_the_unit(ball: TriSurface
     assert made.certificate.native is not None
     assert made.certificate.native.native_to_boundary_mm.max < 5.0
     assert abs(made.certificate.native.relative_area_change) < 0.05
-    names = [check.name for check in made.certificate.checks if check.limit is not None]
-    assert "distance between the boundary and the native surface, on average" in names
+    names = [check.id for check in made.certificate.checks if check.limit is not None]
+    assert "mean_native_distance" in names
