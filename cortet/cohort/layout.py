@@ -64,20 +64,6 @@ class Layout:
         setting = "" if desc in SHARED else "{setting}"
         return self.bids(suffix, "mesh", res="{res}um", desc=f"{{mesher}}{setting}{desc}")
 
-    def fold(self, name: str) -> str:
-        """Pattern of a file of a simulation; a run has a folder of its own."""
-        run = "{case}_res-{res}um_desc-{mesher}{setting}Folded{variant}"
-        return f"{self.output}/{{folder}}/simulation/{run}/{name}"
-
-    def convergence(self, name: str) -> str:
-        """Pattern of a file of a fold of the experiment on convergence; a realisation of a mesh has its own folder."""
-        run = "{case}_res-{res}um_desc-{mesher}_seed-{seed}"
-        return f"{self.output}/{{folder}}/convergence/{run}/{name}"
-
-    def prediction(self, name: str, changed: str = "{changed}") -> str:
-        """Pattern of a file of the experiment on prediction; a series lies with its first case."""
-        return f"{self.output}/{{folder}}/prediction/{{case}}_desc-{{kind}}{changed}/{name}"
-
     def cohort(self, name: str) -> str:
         """A file over all cases."""
         return f"{self.output}/cohort/{name}"
