@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
-from cortet.folding.fields import MASK_FIELD, THICKNESS_FIELD
+from cortet.folding.fields import MASK_FIELD, THICKNESS_FIELD, node_field
 from cortet.formats.surface_sets import INTERFACE
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import (
@@ -26,7 +26,7 @@ from cortet.geometry.topology import (
     vertex_normals,
 )
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import FILLED, REGION, FloatArray, IntArray, MeshSets, TetMesh, TriSurface, node_field
+from cortet.meshes import FILLED, REGION, FloatArray, IntArray, MeshSets, TetMesh, TriSurface
 
 #: cortical thickness at t = 0, and its gain per unit of time
 THICKNESS, THICKENING = 0.042, 0.01

@@ -122,10 +122,9 @@ def fold(
 
     from cortet.folding.fold import fold as folded
     from cortet.folding.journal import TABLE, per_percent
-    from cortet.folding.plausible import refuse_shell
+    from cortet.folding.plausible import brain_of, refuse_shell, require_same_brain
     from cortet.folding.state import Settings as FoldSettings
     from cortet.formats.tsv import read_tsv
-    from cortet.solver_files.meshed import brain_of, require_same_brain
 
     require_hemisphere(hemi)
     if ga is not None:

@@ -124,9 +124,9 @@ def fold_command(args: argparse.Namespace) -> int:
     from cortet.folding.fold import fold
     from cortet.folding.fold_figures import FILM, NUMBERS, PICTURE, draw
     from cortet.folding.journal import FILES, status
+    from cortet.folding.plausible import brain_of
     from cortet.folding.state import Settings
     from cortet.formats.gifti import hemisphere_of, read_surface
-    from cortet.solver_files.meshed import brain_of
 
     mesh = read_mesh(args.mesh, whole=True)
     age, hemi = brain_of(args.mesh, args.ga, args.hemi)

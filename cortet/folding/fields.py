@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
+
 from cortet.errors import InputError
+from cortet.meshes import FloatArray, TetMesh, TriSurface
 
 #: share of the growth; thickness of the cortex, mm; region of the law of growth
 MASK_FIELD, THICKNESS_FIELD, LABEL_FIELD = "growth", "thickness", "label"
@@ -34,3 +37,26 @@ def check_age(name: str, own_name: str, file: str | Path) -> None:
             file=file,
             remedy=f"name it {own_name}",
         )
+
+
+def node_field(mesh: TetMesh | TriSurface, name: str) -> FloatArray | None:
+    """The point data of this name, (n,) float64; None if the mesh or surface has none.
+
+    Raises
+    ------
+    InputError : it has more than one number per node, or one that is not finite
+    """
+    if name not in mesh.point_data:
+        return None
+    values = mesh.point_data[name]
+    remedy = f"give the mesh another field {name}, or none"
+    if values.ndim > 1 and values.shape[1:] != (1,):
+        shape = " x ".join(map(str, values.shape))
+        raise InputError(f"the field {name} has {shape} values, not one per node", remedy=remedy)
+    numbers = values.reshape(len(values)).astype(float)
+    bad = np.flatnonzero(~np.isfinite(numbers))
+    if len(bad):
+        raise InputError(
+            f"the field {name} is {numbers[bad[0]]:g} at node {bad[0]}, and at {len(bad)} in all", remedy=remedy
+        )
+    return numbers

@@ -19,10 +19,10 @@ import numpy as np
 
 from cortet.errors import InputError
 from cortet.folding.body import Body
-from cortet.folding.fields import GROWTH_FIELD, age_of_growth, growth_field
+from cortet.folding.fields import GROWTH_FIELD, age_of_growth, growth_field, node_field
 from cortet.folding.growth import AGES
 from cortet.folding.law import combined, cross, dot, exponential, fast, growth_share, vector
-from cortet.meshes import FloatArray, TetMesh, node_field
+from cortet.meshes import FloatArray, TetMesh
 
 #: row and column of each of the six components
 _ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])

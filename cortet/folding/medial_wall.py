@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.folding.fields import node_field
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary_faces, component_labels, face_areas, face_normals
-from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, node_field
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 
 #: hemisphere -> direction along x, in RAS coordinates, in which its other half lies
 TOWARDS_MIDLINE = {"L": 1.0, "R": -1.0}

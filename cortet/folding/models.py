@@ -18,7 +18,7 @@ from scipy.interpolate import PchipInterpolator
 
 from cortet.errors import InputError
 from cortet.folding.body import THICKENING, THICKNESS, Body, Scale
-from cortet.folding.fields import LABEL_FIELD, MASK_FIELD
+from cortet.folding.fields import LABEL_FIELD, MASK_FIELD, node_field
 from cortet.folding.growth import (
     AREA,
     HULL,
@@ -43,7 +43,7 @@ from cortet.folding.kernels import grown_volume_of
 from cortet.folding.law import ACROSS, ALONG, CORE
 from cortet.folding.section import misplaced
 from cortet.folding.state import Settings
-from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, node_field
+from cortet.meshes import REGION, FloatArray, IntArray, TetMesh
 
 #: weeks between the ages at which the stretch of the core is solved for, most rounds, and largest change in the last
 _KNOTS, _ROUNDS, _SETTLED = 0.5, 50, 1e-12

@@ -7,6 +7,8 @@ than its cortex. A mesh that certainly fails is refused; a doubt is reported.
 from __future__ import annotations
 
 from collections.abc import Collection
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -16,11 +18,17 @@ from cortet.folding.growth import check_age
 from cortet.folding.medial_wall import TOWARDS_MIDLINE
 from cortet.folding.run import thickness_mm
 from cortet.folding.state import Run, Settings
+from cortet.formats.hashing import sha256
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary, face_areas, face_normals
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import AROUND, FloatArray, TetMesh, require_measurable
+from cortet.solver_files.sidecar import read_sidecar
 
+#: gestational age, weeks, and hemisphere, where they are known
+Brain = tuple[float | None, Literal["L", "R"] | None]
+#: weeks by which two ages of one scan may differ, rounded to weeks or not
+_SAME_SCAN = 1.0
 #: longest side of a body that may be a brain in mm; mice have 8 mm, human adults 180
 EXTENT_MM = (5.0, 400.0)
 #: volume of a hemisphere by age: weeks, and mL of the available templates; a body that is larger or smaller by more
@@ -166,3 +174,40 @@ def flatness(mesh: TetMesh) -> dict[tuple[int, int], float]:
         )
         for axis, sign in _SIDES
     }
+
+
+def brain_of(mesh: Path, age: float | None, hemisphere: Literal["L", "R"] | None) -> Brain:
+    """Gestational age, weeks, and hemisphere of a mesh file: those given, or else those that its sidecar records.
+
+    A sidecar of another file, or of the mesh before it was edited, gives none.
+
+    Raises
+    ------
+    InputError
+        the sidecar records others than those given
+    """
+    record = read_sidecar(mesh)
+    origin = record.get("made_from") or {}
+    known, side = origin.get("gestational_age"), origin.get("hemisphere")
+    require_same_brain((age, hemisphere), (known, side), file=mesh)
+    if (age is None or hemisphere is None) and record.get("files") and sha256(mesh) not in record["files"].values():
+        return age, hemisphere
+    return known if age is None else age, hemisphere or side
+
+
+def require_same_brain(given: Brain, made: Brain, *, file: Path | None = None) -> None:
+    """Raise InputError if age or hemisphere differ from those that a mesh, which may come from a file, was made for."""
+    (age, hemisphere), (known, side) = given, made
+    mesh, says = ("", ", as its sidecar says") if file else ("the mesh ", "")
+    if age is not None and known is not None and abs(age - known) > _SAME_SCAN:
+        raise InputError(
+            f"{mesh}was made for a brain of {known:g} weeks{says}, not {age:g}",
+            file=file,
+            remedy=f"give the age {known:g}, or make the mesh again with the right age",
+        )
+    if hemisphere and side and hemisphere != side:
+        raise InputError(
+            f"{mesh}was made from a surface of hemisphere {side}{says}, not {hemisphere}",
+            file=file,
+            remedy=f"give the hemisphere {side}, or make the mesh again with the right one",
+        )

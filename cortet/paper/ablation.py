@@ -15,9 +15,10 @@ import pandas as pd
 
 from cortet.formats.tables import Row, names, read_columns
 from cortet.meshers import MESHERS
-from cortet.paper.ablated import ABLATED
+from cortet.paper.experiments import ABLATED
+from cortet.paper.records import Origin, by_origin, reasons_by_origin
 from cortet.report import published
-from cortet.report.records import Origin, by_origin, read_record, reasons_by_origin
+from cortet.report.records import read_record
 from cortet.report.table_files import Table, mean_and_sd, median_and_range, write
 from cortet.stages import STAGES
 

@@ -14,9 +14,16 @@ from cortet.cohort.plan import Plan
 from cortet.cohort.selection import chosen
 from cortet.cohort.sheet import Case
 from cortet.meshers import BASELINES
-from cortet.paper.ablated import ABLATED
 from cortet.sections import Cases
+from cortet.stages import STAGES
 
+#: label of a stage whose effect is measured -> stages that have run, what the last of them adds
+ABLATED = {
+    STAGES["generate"].label: ("S1-S2", "only"),
+    STAGES["relocate"].label: ("S1-S3", "+ Gmsh (S3)"),
+    STAGES["clean"].label: ("S1-S4", "+ cleaning (S4)"),
+    STAGES["reconnect"].label: ("S1-S4+", "+ reconnection (S4+)"),
+}
 #: case, cell size in µm and mesher
 OfCase = tuple[Case, int, str]
 #: path of a quality record -> its origin, so that a table can also say whose record is missing

@@ -12,8 +12,8 @@ import pandas as pd
 
 from cortet.formats.tables import Column, Row, names, values
 from cortet.meshers import MESHERS
+from cortet.paper.records import Origin, by_origin, reasons_by_origin
 from cortet.report import published
-from cortet.report.records import Origin, by_origin, reasons_by_origin
 from cortet.report.table_files import Table, mean_and_sd, number, write
 
 VERSION: int = 4

@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cortet.paper.ablated import ABLATED
+from cortet.paper.experiments import ABLATED
+from cortet.paper.records import Origin, by_origin
 from cortet.report import published
 from cortet.report.colours import BLUE, DARK_GREY, GREEN, ORANGE, PURPLE
 from cortet.report.figures import PAGE, Q_AXIS, H, Q, distribution, drawn, in_powers_of_ten, letter, mark_limit, save
-from cortet.report.records import Origin, by_origin
 
 VERSION: int = 5
 

@@ -23,7 +23,7 @@ from cortet.paper.mesh_tables import (
     resolution_table,
     write_mesh_table,
 )
-from cortet.report.records import Origin
+from cortet.paper.records import Origin
 
 AGES = {"sub-a": 28.0, "sub-b": 22.0}
 
