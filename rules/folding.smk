@@ -6,6 +6,8 @@ FOLDS = Folds(PLAN)
 
 
 wildcard_constraints:
+    seed="[0-9]+",
+    kind="[a-z]+",
     variant=f"({'|'.join(name.capitalize() for name in CONFIG.fold.variants)})?",
     changed=f"({'|'.join(name.capitalize() for name in CONFIG.experiments.prediction.variants)})?",
 

@@ -1,4 +1,4 @@
-"""Names of all files of an output folder, BIDS-derivative style. Nothing else builds a path there.
+"""Names of the files of an output folder, BIDS-derivative style; neighbours of the core name their own.
 
 A pattern is a name with Snakemake's wildcards: `folder` and `case` of the sheet, `res` (cell size in µm), `mesher`,
 `setting` (empty for the line's own), `inner` (region of an inner surface), `variant` (of a fold), `kind` (of a
@@ -36,10 +36,8 @@ WILDCARDS = {
     "folder": r"sub-[A-Za-z0-9]+(/ses-[A-Za-z0-9]+)?",
     "case": r"sub-[A-Za-z0-9]+(_ses-[A-Za-z0-9]+)?(_hemi-[LR])?",
     "res": r"[1-9][0-9]*",
-    "seed": r"[0-9]+",
     "inner": r"[A-Za-z][A-Za-z0-9]*",
     "mesher": r"[a-z0-9]+",
-    "kind": r"[a-z]+",
 }
 
 

@@ -16,7 +16,8 @@ from cortet.api.given import SurfaceLike, require_hemisphere, surface
 from cortet.api.meshing import Mesh, image, say, tetrahedra
 from cortet.config import load
 from cortet.errors import InputError
-from cortet.geometry.limits import FOLD_AGES, require_within
+from cortet.folding import AGES
+from cortet.geometry.limits import require_within
 from cortet.meshes import TetMesh, region_names
 
 if TYPE_CHECKING:
@@ -128,7 +129,7 @@ def fold(
 
     require_hemisphere(hemi)
     if ga is not None:
-        require_within(ga, FOLD_AGES, "the gestational age in weeks")
+        require_within(ga, AGES, "the gestational age in weeks")
     mesh = tetrahedra(made)
     if isinstance(made, Mesh):
         refuse_shell(region_names(made.surface.inner))

@@ -12,9 +12,9 @@ from cortet.cli.given import read_mesh, stem_of
 from cortet.cli.shared import writes
 from cortet.cli.values import FolderOfFiles, Number, OutputFile, output_picture
 from cortet.errors import CortetError, InputError
+from cortet.folding import AGES
 from cortet.formats.atomic import recorded
 from cortet.formats.ownership import may_write
-from cortet.geometry.limits import FOLD_AGES
 
 
 def add_commands(commands: Commands) -> None:
@@ -24,16 +24,14 @@ def add_commands(commands: Commands) -> None:
     fold.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
     fold.add_argument(
         "--ga",
-        type=Number(*FOLD_AGES),
+        type=Number(*AGES),
         metavar="WEEKS",
         help="gestational age of the mesh (default: the one it was made for)",
     )
     fold.add_argument(
         "--hemi", choices=["L", "R"], help="half a brain, beside its other half (default: as its surface said)"
     )
-    fold.add_argument(
-        "--end", type=Number(*FOLD_AGES), metavar="WEEKS", help="gestational age at the end (default: 40)"
-    )
+    fold.add_argument("--end", type=Number(*AGES), metavar="WEEKS", help="gestational age at the end (default: 40)")
     fold.add_argument(
         "--time-step", type=Number(0, 1), metavar="DT", help="dimensionless (default: from smallest altitude)"
     )
@@ -62,7 +60,7 @@ def add_commands(commands: Commands) -> None:
     growth.add_argument("early", type=Path, metavar="EARLY", help="surface, GIfTI")
     growth.add_argument("later", type=Path, metavar="LATER", help="surface whose vertices correspond to those of EARLY")
     growth.add_argument(
-        "--ages", type=Number(*FOLD_AGES), nargs=2, required=True, metavar="WEEKS", help="gestational ages of the two"
+        "--ages", type=Number(*AGES), nargs=2, required=True, metavar="WEEKS", help="gestational ages of the two"
     )
     growth.add_argument(
         "--spheres",
@@ -271,7 +269,7 @@ def aged_file(text: str) -> tuple[float, str]:
     age, equals, file = text.partition("=")
     if not (equals and file):
         raise argparse.ArgumentTypeError(f"{text!r} is not WEEKS=FILE")
-    return Number(*FOLD_AGES)(age), file
+    return Number(*AGES)(age), file
 
 
 def moduli(text: str) -> tuple[str, tuple[float, float | None]]:

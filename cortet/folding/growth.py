@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.geometry.limits import FOLD_AGES
+from cortet.folding import AGES
 from cortet.meshes import FloatArray
 
 if TYPE_CHECKING:
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 _TIME = (6.926e-5, -0.00665, 0.250, -3.0189)
 
 
-#: gestational ages at which a fold may begin and end, weeks
-AGES = FOLD_AGES
 #: gestational age from which growth by age counts, weeks
 ORIGIN = 22.0
 #: volume within the inner cortical surface of a healthy hemisphere: Gompertz's law, mL, 1/week and weeks, fitted to 17

@@ -18,9 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cortet.errors import InputError
+from cortet.folding import AGES
 from cortet.folding.body import Body
 from cortet.folding.fields import GROWTH_FIELD, age_of_growth, growth_field, node_field
-from cortet.folding.growth import AGES
 from cortet.folding.law import combined, cross, dot, exponential, fast, growth_share, vector
 from cortet.meshes import FloatArray, TetMesh
 

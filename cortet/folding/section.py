@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from cortet.folding.growth import AGES
+from cortet.folding import AGES
 from cortet.meshers import MesherName
 from cortet.sections import Cases, CellSize, Finite, NonNegativeInt, Positive, Section
 
