@@ -23,8 +23,8 @@ from cortet.errors import CortetError
 from cortet.formats.ownership import changed_of, is_whole
 from cortet.meshers import OWN
 from cortet.neighbours import neighbours
-from cortet.stages import STAGES
 from cortet.report.over_all import OF_COHORT, OverAll, plan_of
+from cortet.stages import STAGES
 
 
 def waited_for(rule, **wildcards):

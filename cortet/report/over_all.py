@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -245,8 +245,9 @@ class OverAll:
     @cached_property
     def results(self) -> list[Result]:
         """All results, those that others are made from first."""
+        maps = map(self._mean_maps, filter(self.plan.mapped, "LR"))
         more = (result for neighbour in neighbours() for result in neighbour.results(self.plan))
-        return [*self._cohort(), *self._maps(), *more, self._methods(), self._page()]
+        return [*self._cohort(), *maps, *more, self._methods(), self._page()]
 
     def of(self, *rules: str) -> list[str]:
         """The files of some results."""
@@ -370,40 +371,30 @@ class OverAll:
             )
         return found
 
-    def _maps(self) -> list[Result]:
-        plan, found = self.plan, list[Result]()
+    def _mean_maps(self, hemi: str) -> Result:
+        plan = self.plan
+        files = [
+            *self._files(f"hemi-{hemi}_desc-mean_", "white.surf.gii", "maps.shape.gii", "maps.json"),
+            *self._files(f"figure-maps_hemi-{hemi}", ".png"),
+        ]
 
-        def maps(hemi: str, files: Sequence[str]) -> None:
+        def write() -> None:
             from cortet.report.cohort_maps import write_maps
 
             write_maps(list(plan.maps(hemi).items()), *files)
 
-        for hemi in filter(plan.mapped, "LR"):
-            files = [
-                *self._files(f"hemi-{hemi}_desc-mean_", "white.surf.gii", "maps.shape.gii", "maps.json"),
-                *self._files(f"figure-maps_hemi-{hemi}", ".png"),
-            ]
-            found.append(
-                Result(
-                    f"cohort_maps_{hemi}",
-                    files,
-                    partial(self._maps_of, hemi),
-                    partial(maps, hemi, files),
-                    ("report.cohort_maps", "report.render"),
-                    {files[-1]: ("Cohort", {"result": f"maps on the common mesh, {hemi}"})},
-                    "cohort_maps",
-                    partial(self._mapped, hemi),
-                    memory_mb=4000,
-                    minutes=60,
-                )
-            )
-        return found
-
-    def _maps_of(self, hemi: str) -> list[str]:
-        return [*self.plan.maps(hemi).values(), *self._certificates()]
-
-    def _mapped(self, hemi: str) -> list[str]:
-        return list(self.plan.maps(hemi))
+        return Result(
+            f"cohort_maps_{hemi}",
+            files,
+            lambda: [*plan.maps(hemi).values(), *self._certificates()],
+            write,
+            ("report.cohort_maps", "report.render"),
+            {files[-1]: ("Cohort", {"result": f"maps on the common mesh, {hemi}"})},
+            "cohort_maps",
+            lambda: list(plan.maps(hemi)),
+            memory_mb=4000,
+            minutes=60,
+        )
 
     def _methods(self) -> Result:
         plan, text = self.plan, self._files("methods", ".md", ".html")
