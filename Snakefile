@@ -20,9 +20,13 @@ include: "rules/surface.smk"
 include: "rules/mesh.smk"
 include: "rules/quality.smk"
 include: "rules/cohort.smk"
-include: "rules/experiments.smk"
-include: "rules/simulation.smk"
 include: "rules/end.smk"
+
+
+# last, since they name files and rules of the others
+for neighbour in neighbours():
+
+    include: f"rules/{neighbour.name}.smk"
 
 
 localrules:
@@ -30,8 +34,6 @@ localrules:
     meshes,
     participants,
     cohort,
-    tables,
-    figures,
 
 
 rule all:
@@ -42,7 +44,7 @@ rule all:
         lambda _: PLAN.solver_files(),
         lambda _: PLAN.quality_records(),
         COHORT_FILES,
-        lambda _: PLAN.fold_files() if FOLDED else [],
+        of_neighbours,
 
 
 rule meshes:
@@ -58,7 +60,7 @@ rule participants:
         lambda _: PLAN.solver_files(),
         lambda _: PLAN.quality_records(),
         lambda _: list(PLAN.each_case(LAYOUT.case_page).values()),
-        lambda _: PLAN.fold_files(),
+        of_neighbours,
 
 
 rule cohort:
@@ -66,16 +68,3 @@ rule cohort:
     input:
         rules.dataset_description.output,
         COHORT_FILES,
-
-
-rule tables:
-    """Tables of the paper's experiments, and a methods paragraph."""
-    input:
-        COHORT_FILES,
-        TABLES,
-
-
-rule figures:
-    """Figures of the paper's experiments."""
-    input:
-        FIGURES,

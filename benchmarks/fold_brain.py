@@ -10,7 +10,7 @@
 RUN are folders of `cortet fold` that differ by chance alone, as seeds of a mesh do: their mean is shown, and half of
 what lies between the lowest and the highest of them. Beside it stand laws of Gompertz for area, volume and hull
 (`growth.usual`), and real brains, interpolated between the surfaces that are named, or else between the healthy
-hemispheres of `cortet/report/data/real_brains.tsv`, whose mean counts where several have one age. What is more or
+hemispheres of `cortet/folding/data/real_brains.tsv`, whose mean counts where several have one age. What is more or
 less than these is given in per cent of them, of the gyrification index and of shares as a difference.
 
 A real surface is measured as a simulated one is, its medial wall left out of width, depth and concavity; HEMI is L, R
@@ -48,21 +48,21 @@ import pandas as pd
 from _frame import command
 from scipy.optimize import curve_fit
 
+from cortet.folding import real_brains
+from cortet.folding.body import scale_of
+from cortet.folding.fold import fold
+from cortet.folding.fold_figures import curves, draw
+from cortet.folding.growth import AREA, HULL, VOLUME, age_of, usual
+from cortet.folding.journal import TABLE, VERDICT
+from cortet.folding.measurements import shape
+from cortet.folding.medial_wall import medial_wall
+from cortet.folding.models import CONSTANTS
+from cortet.folding.state import Settings
 from cortet.formats import braingrowth, vtu
 from cortet.formats.gifti import hemisphere_of, read_surface
 from cortet.formats.tsv import MISSING, read_tsv
 from cortet.geometry.topology import enclosed_volume
 from cortet.meshes import FloatArray, TetMesh, TriSurface
-from cortet.report import published
-from cortet.report.fold_figures import curves, draw
-from cortet.simulation.body import scale_of
-from cortet.simulation.fold import fold
-from cortet.simulation.growth import AREA, HULL, VOLUME, age_of, usual
-from cortet.simulation.journal import TABLE, VERDICT
-from cortet.simulation.measurements import shape
-from cortet.simulation.medial_wall import medial_wall
-from cortet.simulation.models import CONSTANTS
-from cortet.simulation.state import Settings
 
 WEEKS = (24.0, 26.0, 28.0, 30.0, 32.0, 34.0, 36.0, 38.0)
 #: ages between which a simulated brain should be like a real one, weeks
@@ -73,7 +73,7 @@ AGE = "gestational_age"
 
 
 class Quantity(NamedTuple):
-    """A line of the table: a column of `published.as_real_brains`."""
+    """A line of the table: a column of `real_brains.as_real_brains`."""
 
     label: str
     digits: int
@@ -125,7 +125,7 @@ def of_surface(surface: TriSurface, hemisphere: str | None, cortex_volume: float
         scale = scale_of(surface, hemisphere)
         wall = medial_wall(surface, hemisphere, scale.origin, scale.length).nodes
     found = shape(surface.points, surface.faces, wall, cortex_volume)
-    return published.as_real_brains(pd.DataFrame([found])).astype(float).iloc[0]
+    return real_brains.as_real_brains(pd.DataFrame([found])).astype(float).iloc[0]
 
 
 def of_pair(pial: TriSurface, white: TriSurface, hemisphere: str | None) -> pd.Series:
@@ -156,7 +156,7 @@ def table_of(folder: Path) -> pd.DataFrame:
     ------
     FileNotFoundError : a surface of the table is not there
     """
-    known = published.real_brains().astype(object)
+    known = real_brains.real_brains().astype(object)
     for row, name in known["surface"].items():
         file = next(folder.rglob(f"{name}.surf.gii"), None)
         if file is None:
@@ -287,7 +287,7 @@ def verdict(mean: pd.DataFrame, real: pd.DataFrame) -> list[str]:
 
 def laws() -> list[str]:
     """The laws that are used, fitted anew to the healthy hemispheres, and how far these are from them."""
-    brains = published.healthy_hemispheres()
+    brains = real_brains.healthy_hemispheres()
     lines = []
     for column, quantity in QUANTITIES.items():
         if quantity.law:
@@ -347,7 +347,7 @@ def weeks(
     if len(known):
         print(surfaces_table(known), end="\n\n")
     if runs:
-        brains = published.healthy_hemispheres().rename(columns={"gestational_age_weeks": AGE})
+        brains = real_brains.healthy_hemispheres().rename(columns={"gestational_age_weeks": AGE})
         by_age = known if len(known) else brains.reindex(columns=[AGE, *QUANTITIES])
         wanted = at(weeks, by_age)
         mean, spread = simulated(runs, weeks)

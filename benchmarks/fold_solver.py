@@ -62,6 +62,17 @@ from scipy.spatial import ConvexHull, Delaunay, cKDTree
 from scipy.spatial.transform import Rotation
 from scipy.special import sph_harm_y
 
+from cortet.folding import fenics_job
+from cortet.folding.altitude import smallest_altitude
+from cortet.folding.body import Body, Material, Scale, body_of, stable_time_step
+from cortet.folding.calculix import write_job
+from cortet.folding.contact import contact_of, listed_at
+from cortet.folding.fold_figures import series
+from cortet.folding.growth import Linear
+from cortet.folding.journal import SERIES, TABLE
+from cortet.folding.kernels import DONE, LIST_OUTDATED, Motion, advance, workspace
+from cortet.folding.law import ACROSS
+from cortet.folding.models import course
 from cortet.formats import vtu
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.nesting import nested
@@ -70,17 +81,6 @@ from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_su
 from cortet.measure.quality import signed_volumes
 from cortet.meshers._lattice import CONSTANT
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.report.fold_figures import series
-from cortet.simulation.altitude import smallest_altitude
-from cortet.simulation.body import Body, Material, Scale, body_of, stable_time_step
-from cortet.simulation.contact import contact_of, listed_at
-from cortet.simulation.growth import Linear
-from cortet.simulation.journal import SERIES, TABLE
-from cortet.simulation.kernels import DONE, LIST_OUTDATED, Motion, advance, workspace
-from cortet.simulation.law import ACROSS
-from cortet.simulation.models import course
-from cortet.solver_files import fenics_job
-from cortet.solver_files.calculix import write_job
 from cortet.solver_files.sets import named_sets
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect

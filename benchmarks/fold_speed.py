@@ -39,26 +39,26 @@ import numpy as np
 from _frame import Row, Table, alone, command, print_power
 from cubes import cube_mesh
 
+from cortet.folding import fold as folding
+from cortet.folding import growth
+from cortet.folding.altitude import smallest_altitude
+from cortet.folding.body import Material, body_of, scale_of, stable_time_step
+from cortet.folding.contact import contact_of
+from cortet.folding.device import device_name
+from cortet.folding.gpu import OnGpu
+from cortet.folding.growth import Course
+from cortet.folding.journal import TABLE
+from cortet.folding.kernels import DONE, Motion, Work, workspace
+from cortet.folding.models import course
+from cortet.folding.patches import ROWS, VOLUME
+from cortet.folding.state import Moment, Settings
+from cortet.folding.stepper import OnCpu
 from cortet.formats import vtu
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.ordering import ordered_along_curve
 from cortet.geometry.topology import boundary_faces
 from cortet.meshes import TetMesh
 from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
-from cortet.simulation import fold as folding
-from cortet.simulation import growth
-from cortet.simulation.altitude import smallest_altitude
-from cortet.simulation.body import Material, body_of, scale_of, stable_time_step
-from cortet.simulation.contact import contact_of
-from cortet.simulation.device import device_name
-from cortet.simulation.gpu import OnGpu
-from cortet.simulation.growth import Course
-from cortet.simulation.journal import TABLE
-from cortet.simulation.kernels import DONE, Motion, Work, workspace
-from cortet.simulation.models import course
-from cortet.simulation.patches import ROWS, VOLUME
-from cortet.simulation.state import Moment, Settings
-from cortet.simulation.stepper import OnCpu
 
 COLUMNS = (
     *("tets", "threads", "wall_s", "cpu_s", "million_element_steps_per_s", "per_cpu_s", "bytes", "GB_per_cpu_s"),

@@ -6,7 +6,7 @@
 A half-space whose uppermost part grows tangentially and is held at its sides stays flat until the second variation of
 its energy vanishes for some wave, sin kx along the surface. The variation is assembled here over the depth (quadratic
 elements; the wave is exact along x) for the neo-Hookean energy, the profile of growth and the stiffness of
-`cortet.simulation`, and the growth at which it stops being positive is bisected for each wave number. No assumption
+`cortet.folding`, and the growth at which it stops being positive is bisected for each wave number. No assumption
 is made on the ratio of the moduli, as Allen's formula makes for stiff films. Methods: Biot, Mechanics of Incremental
 Deformations, 1965; growing bilayers: arXiv:2312.10162.
 
@@ -16,7 +16,7 @@ alpha)^2 (1 + beta) grown ones. The base does not grow: where it does, as in the
 a frame that grows with it. Thicknesses are those before growth.
 
 `ages` takes the cortex of the model `growing`: the cortex grows along itself, and across itself, relative to a core
-that grows by s: that of `cortet.simulation`, but s is the cube root of the volume alone, as if cortex took no part of
+that grows by s: that of `cortet.folding`, but s is the cube root of the volume alone, as if cortex took no part of
 it. The onset is that above for what the cortex has grown across itself at an age; cortex folds at the age at which it
 has grown so much along itself. A fold is carried along: what is n wide when it is born at an age is n s(later) /
 s(age) wide later. A wave that is first at a later age is one that a cortex without folds would take then. Thicknesses
@@ -35,11 +35,11 @@ from _frame import command
 from scipy.linalg import LinAlgError, cholesky_banded
 from scipy.optimize import brentq, minimize_scalar
 
+from cortet.folding.body import Material
+from cortet.folding.growth import ORIGIN, VOLUME, ByAge, by_age, usual
+from cortet.folding.law import ACROSS, ALONG, growth_share
+from cortet.folding.models import CONSTANTS, Growing
 from cortet.meshes import FloatArray
-from cortet.simulation.body import Material
-from cortet.simulation.growth import ORIGIN, VOLUME, ByAge, by_age, usual
-from cortet.simulation.law import ACROSS, ALONG, growth_share
-from cortet.simulation.models import CONSTANTS, Growing
 
 #: growth beyond which a layer is called stable; Biot's half-space folds at 0.5
 LARGEST_GROWTH = 2.0

@@ -23,13 +23,13 @@ from cubes import cube_mesh
 
 from cortet.cli import main as cortet
 from cortet.errors import CortetError
+from cortet.folding.run import prepared
+from cortet.folding.state import Settings
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.geometry.topology import TET_FACES, boundary_surface, neighbours
 from cortet.measure.certify import certify
 from cortet.meshes import REGION, IntArray, TetMesh, TriSurface
-from cortet.simulation.run import prepared
-from cortet.simulation.state import Settings
 from cortet.solver_files.export import convert
 from cortet.solver_files.verify import verify
 from cortet.stages.solver_ready import surface_nodes_first

@@ -10,11 +10,13 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from cortet.neighbours import neighbours
 from cortet.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from cortet.api import Folded, Mesh, certify, compare, fold, growth, mesh, repair, surface
+    from cortet.api import Mesh, certify, compare, mesh, repair, surface
     from cortet.errors import CortetError, InputError
+    from cortet.folding.calls import Folded, fold, growth
 
 if sys.platform == "win32":
     raise ImportError("cortet runs on Linux, not on Windows: use the Windows Subsystem for Linux")
@@ -32,15 +34,22 @@ os.environ.setdefault(
 if "numba" in sys.modules:  # it has read its environment already
     sys.modules["numba"].config.reload_config()
 
+#: call or error -> its module, loaded when it is first asked for: jobs of the workflow do not need it
+_MODULES = {
+    **dict.fromkeys(("CortetError", "InputError"), "cortet.errors"),
+    **dict.fromkeys(("Mesh", "certify", "compare", "mesh", "repair", "surface"), "cortet.api"),
+    **{call: module for neighbour in neighbours() for call, module in neighbour.calls.items()},
+}
 #: everything else is for those who build on the parts
 __all__ = ["CortetError", "Folded", "InputError", "Mesh"]
 __all__ += ["certify", "compare", "fold", "growth", "mesh", "repair", "surface"]
+if not TYPE_CHECKING:
+    __all__ = [name for name in __all__ if name in _MODULES]
 
 
 def __getattr__(name: str) -> Any:
-    """Calls and errors, loaded when they are first asked for: jobs of the workflow do not need them."""
-    if name in __all__:
-        return getattr(import_module("cortet.errors" if name.endswith("Error") else "cortet.api"), name)
+    if name in _MODULES:
+        return getattr(import_module(_MODULES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -22,6 +22,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from cortet.neighbours import neighbours
 from cortet.version import __version__
 
 if TYPE_CHECKING:
@@ -142,7 +143,7 @@ def _ball(radius: float = 10.0, count: int = 500) -> TriSurface:
     return TriSurface(points, faces)
 
 
-def _star() -> tuple[TetMesh, TriSurface]:
+def star() -> tuple[TetMesh, TriSurface]:
     """Twenty tetrahedra around a node that is displaced from the centre, and their boundary."""
     import numpy as np
 
@@ -154,7 +155,7 @@ def _star() -> tuple[TetMesh, TriSurface]:
     return TetMesh(points, np.hstack([boundary.faces[:, ::-1], inside])), boundary
 
 
-def _expect(truth: object, otherwise: str) -> None:
+def expect(truth: object, otherwise: str) -> None:
     """Raise unless `truth`; unlike `assert`, also under `python -O`."""
     if not truth:
         raise AssertionError(otherwise)
@@ -163,8 +164,8 @@ def _expect(truth: object, otherwise: str) -> None:
 def _prove_numba() -> str:
     from cortet.stages.clean import clean
 
-    _, report = clean(*_star())
-    _expect(report.q_max < report.q_max_before, f"worst q {report.q_max_before} became {report.q_max}")
+    _, report = clean(*star())
+    expect(report.q_max < report.q_max_before, f"worst q {report.q_max_before} became {report.q_max}")
     return f"the kernels compile; a worst q of {report.q_max_before:.3f} becomes {report.q_max:.3f}"
 
 
@@ -175,9 +176,9 @@ def _prove_mesher(backend: Literal["cgal", "pygalmesh"]) -> str:
 
     ball = _ball()
     mesh, report = generate(ball, Generate(backend=backend), cell_size=5.0, mesher="cgal")
-    _expect(report.topology_ok, report.reason)
+    expect(report.topology_ok, report.reason)
     share = signed_volumes(mesh.points, mesh.cells).sum() / enclosed_volume(ball.points, ball.faces)
-    _expect(0.8 < share < 1, f"the mesh of a ball has {100 * share:.0f} % of its volume")
+    expect(0.8 < share < 1, f"the mesh of a ball has {100 * share:.0f} % of its volume")
     return f"a ball becomes {len(mesh.cells)} tetrahedra with {100 * share:.0f} % of its volume"
 
 
@@ -190,39 +191,15 @@ def _prove_cgal() -> str:
     ball = _ball()
     closed, _ = repair(replace(ball, faces=ball.faces[ball.points[ball.faces, 2].max(axis=1) < 9]), source=None)
     share = enclosed_volume(closed.points, closed.faces) / enclosed_volume(ball.points, ball.faces)
-    _expect(0.99 < share < 1.01, f"a ball whose hole was filled has {100 * share:.0f} % of its volume")
+    expect(0.99 < share < 1.01, f"a ball whose hole was filled has {100 * share:.0f} % of its volume")
     return f"{_prove_mesher('cgal')}; a hole is filled"
-
-
-def _prove_gpu() -> str:
-    """Whether a GPU takes the same steps as the CPU; without a GPU, having the package is enough."""
-    import numpy as np
-
-    from cortet.errors import InputError
-    from cortet.simulation.device import device_name
-    from cortet.simulation.run import advance_to, beginning, prepared
-    from cortet.simulation.state import Settings
-
-    try:
-        name = device_name()
-    except InputError as error:
-        return error.what
-    ends = []
-    for device in ("cpu", "cuda"):
-        run = prepared(_star()[0], Settings(22.0, end=22.05, device=device))
-        moment = beginning(run)
-        advance_to(run, moment, run.end)
-        ends.append(moment.state.x)
-    difference = float(np.abs(ends[0] - ends[1]).max())
-    _expect(difference < 1e-12, f"{name}: nodes end {difference:g} from where they do on the CPU")
-    return f"{name} takes the steps of the CPU, to {difference:.0e}"
 
 
 def _prove_gmsh() -> str:
     from cortet.stages.relocate import relocate
 
-    _, report = relocate(_star()[0])
-    _expect(report.nodes_moved == 1 and report.q_max_after < report.q_max_before, str(report))
+    _, report = relocate(star()[0])
+    expect(report.nodes_moved == 1 and report.q_max_after < report.q_max_before, str(report))
     return f"Relocate3D moves a node by {report.max_displacement_mm:.2f} mm"
 
 
@@ -237,7 +214,7 @@ def _prove_pymeshlab() -> str:
     meshes.apply_coord_laplacian_smoothing_surface_preserving(angledeg=60, iterations=3)
     smooth = meshes.current_mesh().vertex_matrix()
     before, after = (float(np.linalg.norm(points, axis=1).std()) for points in (rough, smooth))
-    _expect(after < before, f"the roughness of a ball went from {before} to {after} mm")
+    expect(after < before, f"the roughness of a ball went from {before} to {after} mm")
     return f"the roughness of a ball goes from {before:.3f} to {after:.3f} mm"
 
 
@@ -249,9 +226,9 @@ def _prove_pyvista() -> str:
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mesh.png"
-        picture(_star()[0], path, position=1.0, size=(200, 200))
+        picture(star()[0], path, position=1.0, size=(200, 200))
         colours = len(np.unique(matplotlib.image.imread(path).reshape(-1, 3), axis=0))
-    _expect(colours > 10, f"the picture of a mesh has {colours} colours")
+    expect(colours > 10, f"the picture of a mesh has {colours} colours")
     return f"a mesh is drawn without a display, in {colours} colours"
 
 
@@ -259,11 +236,11 @@ def _prove_meshtool() -> str:
     from cortet.measure.quality import quality
     from cortet.stages._meshtool import clean_with_meshtool
 
-    mesh, _ = _star()
+    mesh, _ = star()
     before = quality(mesh.points, mesh.cells).max()
     cleaned = clean_with_meshtool(mesh, thresholds=[before - 0.05])
     after = quality(cleaned.points, cleaned.cells).max()
-    _expect(after < before, f"the worst q of a bad mesh went from {before:.3f} to {after:.3f}")
+    expect(after < before, f"the worst q of a bad mesh went from {before:.3f} to {after:.3f}")
     return f"brings the worst q of a bad mesh from {before:.3f} to {after:.3f}"
 
 
@@ -277,12 +254,12 @@ LIBRARIES = (
     Tool("pyvista", "pictures of meshes", _prove_pyvista, "libgl1 libegl1 libxrender1"),
     *map(Tool, LISTED.split()),
 )
-#: the extras `slurm`, `baselines` (meshers that experiments compare with) and `gpu`
+#: the extras `slurm` and `baselines` (meshers that experiments compare with), and what neighbours use
 OPTIONAL = (
     Tool("snakemake-executor-plugin-slurm", "jobs on SLURM"),
     Tool("pytetwild", "fTetWild, to compare with"),
     Tool("netgen-mesher", "Netgen, to compare with"),
-    Tool("numba-cuda", "folding on a GPU", _prove_gpu),
+    *(Tool(*tool) for neighbour in neighbours() for tool in neighbour.tools()),
 )
 PROGRAMS = (
     Tool("meshtool", "S4, backend meshtool", _prove_meshtool),

@@ -289,26 +289,3 @@ def require_measurable(shape: TriSurface | TetMesh) -> None:
             f"the first is number {bad[0]}: {shape.points[bad[0]].tolist()}",
             remedy=f"make the {what} again",
         )
-
-
-def node_field(mesh: TetMesh | TriSurface, name: str) -> FloatArray | None:
-    """The point data of this name, (n,) float64; None if the mesh or surface has none.
-
-    Raises
-    ------
-    InputError : it has more than one number per node, or one that is not finite
-    """
-    if name not in mesh.point_data:
-        return None
-    values = mesh.point_data[name]
-    remedy = f"give the mesh another field {name}, or none"
-    if values.ndim > 1 and values.shape[1:] != (1,):
-        shape = " x ".join(map(str, values.shape))
-        raise InputError(f"the field {name} has {shape} values, not one per node", remedy=remedy)
-    numbers = values.reshape(len(values)).astype(float)
-    bad = np.flatnonzero(~np.isfinite(numbers))
-    if len(bad):
-        raise InputError(
-            f"the field {name} is {numbers[bad[0]]:g} at node {bad[0]}, and at {len(bad)} in all", remedy=remedy
-        )
-    return numbers

@@ -49,8 +49,8 @@ SPEAKERS = {
     "measure.worst": ("_reason",),
     "solver_files.conventions": None,
     "solver_files.sidecar": ("stale",),
-    "simulation.fold": ("_verdict",),
-    "simulation.plausible": ("_size", "_side", "check_cells"),
+    "folding.fold": ("_verdict",),
+    "folding.plausible": ("_size", "_side", "check_cells"),
 }
 #: what a message says at this place depends on the case
 GAP = "…"
@@ -249,10 +249,10 @@ _SIGNS = {"<": "below", "<=": "at most", "==": "exactly", ">=": "at least"}
 @cache
 def checks() -> tuple[Any, ...]:
     """The checks of a small mesh that has been through S1."""
-    from cortet.doctor import _star
+    from cortet.doctor import star
     from cortet.measure.certify import certify
 
-    mesh, surface = _star()
+    mesh, surface = star()
     return certify(mesh, surface, cell_size=1.0, native=surface, reports={"generate": {"topology_ok": True}}).checks
 
 
@@ -271,7 +271,7 @@ PARTS = {
     "Certificate and export": ("measure", "solver_files.export", "solver_files.sets", "cohort.status"),
     "Solver files": ("formats",),
     "Verification of solver files": ("solver_files",),
-    "Folding": ("simulation",),
+    "Folding": ("folding",),
     "Everything else": ("",),
 }
 

@@ -1,4 +1,4 @@
-"""Tables, figures and pages over all cases (cortet.study.over_all).
+"""Tables, figures and pages over all cases (cortet.report.over_all).
 
 Their inputs are functions: every job of a cluster reads these rules, and should not list the files of all cases.
 """
@@ -53,5 +53,3 @@ COHORT_FILES = [
     *OVER_ALL.of(*OF_COHORT),
     *PLAN.each_case(LAYOUT.case_page).values(),
 ]
-TABLES = OVER_ALL.of("table_ablation", "table_resolution", "table_measures", "methods")
-FIGURES = [*OVER_ALL.of("cohort_figure", "figure_series"), *OVER_ALL.pooled_figures()]

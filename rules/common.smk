@@ -2,6 +2,7 @@
 
 import os
 import re
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -21,14 +22,14 @@ from cortet.config import keys_not_given, read, version_of
 from cortet.errors import CortetError
 from cortet.formats.ownership import changed_of, is_whole
 from cortet.meshers import OWN
+from cortet.neighbours import neighbours
+from cortet.report.over_all import OF_COHORT, OverAll, plan_of
 from cortet.stages import STAGES
-from cortet.study.over_all import OF_COHORT, OverAll, plan_of
 
 
-def baseline_report(mesh):
-    """The report of a mesher of another project; asking for it makes the mesher try."""
-    case, res, mesher = mesh
-    return checkpoints.baseline.get(folder=case.folder, case=case.name, res=res, mesher=mesher).output["report"]
+def waited_for(rule, **wildcards):
+    """The report of a checkpoint; asking for it makes its job run first."""
+    return getattr(checkpoints, rule).get(**wildcards).output["report"]
 
 
 try:
@@ -37,13 +38,13 @@ try:
         for file in workflow.configfiles:  # Snakemake takes the last of two values of a key in silence
             read(Path(file))
     # the sheet is read here and never an input of a rule: a new row then runs one new case
-    PLAN = plan_of(config)
+    PLAN = replace(plan_of(config), waited_for=waited_for)
     if workflow.is_main_process:  # receipts are written there before a run begins, and by a dry run
         require_own_output(PLAN.config.output, PLAN.config.cohort.dataset)
         if not is_held_by_parent():
             require_free(PLAN.config.output)
-    OVER_ALL = OverAll(PLAN, baseline_report)
-    CONFIG, SETTINGS, CASES, FOLDED = PLAN.config, PLAN.settings, PLAN.cases, PLAN.folded
+    OVER_ALL = OverAll(PLAN)
+    CONFIG, SETTINGS, CASES = PLAN.config, PLAN.settings, PLAN.cases
     RESULTS = OVER_ALL.results
 except CortetError as error:
     raise WorkflowError(str(error)) from None
@@ -77,10 +78,13 @@ TOLD = set()
 
 wildcard_constraints:
     **WILDCARDS,
-    variant=f"({'|'.join(name.capitalize() for name in CONFIG.fold.variants)})?",
-    changed=f"({'|'.join(name.capitalize() for name in CONFIG.experiments.prediction.variants)})?",
     setting="|".join(["", *SETTINGS]),  # an empty expression alone would be none
     suffix="|".join(map(re.escape, EXPORTED)),
+
+
+def of_neighbours(_):
+    """Files of single cases that neighbours of the core add to a whole run."""
+    return [path for neighbour in neighbours() for path in neighbour.files(PLAN)]
 
 
 def of_mesh(stage):

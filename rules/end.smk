@@ -11,7 +11,7 @@ import sys
 from cortet.cohort.failures import with_failures
 from cortet.cohort.lock import HELD_BY, hold, is_held_by_parent
 from cortet.cohort.saved_jobs import debug_command, saved_path
-from cortet.study.over_all import end_run, remember_run
+from cortet.report.over_all import end_run, remember_run
 
 HELD = []  # files whose locks last until the end of this process
 

@@ -9,15 +9,15 @@ from _job import start
 job = start(snakemake)
 
 from cortet.config import load
+from cortet.folding.carried import carried
+from cortet.folding.fold import fold
+from cortet.folding.fold_figures import series
+from cortet.folding.journal import SERIES, per_percent
+from cortet.folding.state import Settings
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.pipeline import mesh_surface
-from cortet.report.fold_figures import series
-from cortet.simulation.fold import fold
-from cortet.simulation.journal import SERIES, per_percent
-from cortet.simulation.state import Settings
 from cortet.solver_files.fields import with_fields
-from cortet.study.carried import carried
 
 folder, config = Path(job.output.record).parent, load(job.params.line)
 surface = with_fields(gifti.read_surface(job.input.surface, finite=not config.enabled("repair")), job.params.files)

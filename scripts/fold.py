@@ -7,10 +7,10 @@ from _job import start
 
 job = start(snakemake)
 
+from cortet.folding.fold import fold
+from cortet.folding.journal import per_percent
+from cortet.folding.state import Settings
 from cortet.formats import vtu
-from cortet.simulation.fold import fold
-from cortet.simulation.journal import per_percent
-from cortet.simulation.state import Settings
 
 verdict = fold(
     vtu.read(job.input.mesh),

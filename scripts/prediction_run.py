@@ -8,12 +8,12 @@ from _job import start
 job = start(snakemake)
 
 from cortet.config import load
+from cortet.folding.longitudinal import read_series
+from cortet.folding.prediction import predict
+from cortet.folding.prediction_tables import write_run
+from cortet.folding.state import Settings
 from cortet.formats.atomic import write_json
 from cortet.pipeline import mesh_surface
-from cortet.simulation.state import Settings
-from cortet.study.longitudinal import read_series
-from cortet.study.prediction import predict
-from cortet.study.prediction_tables import write_run
 
 folder, config = Path(job.output.record).parent, load(job.params.line)
 settings = Settings(**job.arguments)

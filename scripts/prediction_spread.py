@@ -6,12 +6,12 @@ from _job import start
 
 job = start(snakemake)
 
+from cortet.folding.longitudinal import read_series
+from cortet.folding.prediction_spread import checked, maps_of, spread_views, spreads
+from cortet.folding.prediction_tables import predicted_surfaces
 from cortet.formats.atomic import write_json
 from cortet.formats.gifti import write_fields
 from cortet.report.figures import save
-from cortet.study.longitudinal import read_series
-from cortet.study.prediction_spread import checked, maps_of, spread_views, spreads
-from cortet.study.prediction_tables import predicted_surfaces
 
 files = dict(zip(job.params.ages, map(Path, job.input.surfaces), strict=True))
 hemisphere = job.params.hemisphere

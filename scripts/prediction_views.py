@@ -6,9 +6,9 @@ from _job import start
 
 job = start(snakemake)
 
+from cortet.folding.longitudinal import read_series
+from cortet.folding.prediction_tables import error_views, predicted_surfaces, prediction_views
 from cortet.report.figures import save
-from cortet.study.longitudinal import read_series
-from cortet.study.prediction_tables import error_views, predicted_surfaces, prediction_views
 
 files = dict(zip(job.params.ages, map(Path, job.input.surfaces), strict=True))
 hemisphere = job.params.hemisphere

@@ -10,22 +10,26 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cortet.cli import growth, meshes, meshing, runs, surfaces
+from cortet.cli import meshes, meshing, runs, surfaces
 from cortet.cli.values import WRITTEN, CheckedOutput, FolderOfFiles, Number, OutputFile
 from cortet.errors import CortetError, InputError
 from cortet.formats.ownership import guarded
+from cortet.neighbours import neighbours
 from cortet.version import __version__
 
 __all__ = ["Number", "main", "parser"]
 
 
 def parser() -> argparse.ArgumentParser:
-    """The parser of the command; each module beside this one adds its subcommands."""
+    """The parser of the command; each module beside this one adds its subcommands, as neighbours do."""
     top = argparse.ArgumentParser(prog="cortet", description="Certified tetrahedral meshes of cortical surfaces.")
     top.add_argument("--version", action="version", version=f"cortet {__version__}")
     commands = top.add_subparsers(required=True, metavar="COMMAND")
-    for module in (meshing, surfaces, meshes, growth, runs):
+    for module in (meshing, surfaces, meshes):
         module.add_commands(commands)
+    for neighbour in neighbours():
+        neighbour.add_commands(commands)
+    runs.add_commands(commands)
     return top
 
 

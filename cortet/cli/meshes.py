@@ -1,4 +1,4 @@
-"""Commands on meshes: `quality`, `certify`, `compare`, `verify`, `convert`, `quadratic`, `job`, `picture`."""
+"""Commands on meshes: `quality`, `certify`, `compare`, `verify`, `convert`, `quadratic`, `picture`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from cortet.cli.given import draw, read_mesh, stem_of
 from cortet.cli.shared import common, inner, limits, writes
-from cortet.cli.values import FolderOfFiles, Number, OutputFile, moduli, output_picture
+from cortet.cli.values import Number, OutputFile, output_picture
 from cortet.errors import InputError
 from cortet.formats import FORMATS, format_of
 
@@ -86,29 +86,6 @@ def add_commands(commands: Commands) -> None:
     )
     quadratic.set_defaults(run=quadratic_command)
 
-    job = commands.add_parser("job", parents=[writes()], help="write a folder in which a solver lets the cortex grow")
-    job.add_argument("mesh", type=Path, metavar="MESH", help="with the sets that cortet exports")
-    job.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
-    job.add_argument("--solver", choices=["calculix", "febio", "fenics"], default="calculix", help="default: calculix")
-    job.add_argument("--growth", type=Number(0, 1), default=0.05, metavar="G", help="along the cortex (default: 0.05)")
-    job.add_argument(
-        "--material",
-        action="append",
-        default=[],
-        type=moduli,
-        metavar="SET=SHEAR[,BULK]",
-        help="moduli of a set of tetrahedra, in units of the cortex's shear modulus; repeatable, and the last one "
-        "counts where sets overlap; CalculiX and FEniCS",
-    )
-    job.add_argument(
-        "--ten-nodes",
-        type=Path,
-        metavar="SURFACE",
-        dest="surface",
-        help="elements of ten nodes that follow this surface, from which the mesh was made (CalculiX only)",
-    )
-    job.set_defaults(run=job_command, inner=[])
-
     picture = commands.add_parser("picture", parents=[writes()], help="draw a mesh cut open, coloured by q")
     picture.add_argument("mesh", type=Path, metavar="MESH")
     picture.add_argument("-o", "--output", type=output_picture, required=True, metavar="PNG")
@@ -147,7 +124,7 @@ def certify_command(args: argparse.Namespace) -> int:
     from cortet.stages.separate import separate
 
     mesh, given = read_mesh(args.mesh, whole=True), args.surface
-    surface = _filled_surface(args.mesh, args)
+    surface = filled_surface(args.mesh, args)
     if surface.inner:
         mesh = with_regions(mesh, list(surface.inner))
         if args.cell_size is not None and args.surface == given:  # not as meshed: separate them as then
@@ -161,7 +138,7 @@ def certify_command(args: argparse.Namespace) -> int:
     return 0 if certificate.certified else 1
 
 
-def _filled_surface(mesh: Path, args: argparse.Namespace) -> TriSurface:
+def filled_surface(mesh: Path, args: argparse.Namespace) -> TriSurface:
     """The surface that a mesh fills, with its inner ones: as meshed if that was kept, else as given."""
     from cortet.solver_files.meshed import meshed_surface
 
@@ -199,7 +176,7 @@ def compare_command(args: argparse.Namespace) -> int:
     from cortet.report.comparison_page import comparison_rows, write_comparison_page
 
     names = _names_of(args.meshes)
-    surface = _filled_surface(args.meshes[0], args)
+    surface = filled_surface(args.meshes[0], args)
     meshes = {name: read_mesh(file) for name, file in names.items()}
     certificates = {name: asdict(_checked(mesh, surface, names[name], args)) for name, mesh in meshes.items()}
     write_comparison_page(meshes, certificates, surface, args.output, source=args.surface.name)
@@ -261,7 +238,7 @@ def quadratic_command(args: argparse.Namespace) -> int:
 
     mesh = read_mesh(args.mesh, whole=True)
     limit = args.max_boundary_distance
-    surface = _filled_surface(args.mesh, args)
+    surface = filled_surface(args.mesh, args)
     curved = quadratic(mesh, surface, max_boundary_distance=None if limit == math.inf else limit)
     told = write_ten_nodes(mesh, curved, args.output)
     straight = curved.straightened_for_elements + curved.straightened_for_crossings
@@ -273,33 +250,6 @@ def quadratic_command(args: argparse.Namespace) -> int:
     for what in told:
         print(f"{args.output}: {what}")
     print(f"{args.output}: written")
-    return 0
-
-
-def job_command(args: argparse.Namespace) -> int:
-    """Write a job for a solver."""
-    from importlib import import_module
-
-    from cortet.geometry.quadratic import quadratic
-
-    module, run = {
-        "calculix": ("calculix", "ccx job"),
-        "febio": ("febio_job", "febio4 -i job.feb"),
-        "fenics": ("fenics_job", "python3 job.py"),
-    }[args.solver]
-    mesh, more = read_mesh(args.mesh, whole=args.surface is not None), dict[str, object]()
-    if args.surface is not None:
-        if args.solver != "calculix":
-            raise InputError(
-                f"--ten-nodes is not for {args.solver}", remedy="use it with --solver calculix, or leave it"
-            )
-        more["curved"] = quadratic(mesh, _filled_surface(args.mesh, args))
-    if args.material:
-        if args.solver == "febio":
-            raise InputError("--material is not for febio", remedy="use another solver, or edit <Material> in job.feb")
-        more["moduli"] = dict(args.material)
-    import_module(f"cortet.solver_files.{module}").write_job(mesh, args.output, growth=args.growth, **more)
-    print(f"{args.output}: written; run `{run}` in it")
     return 0
 
 

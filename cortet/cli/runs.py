@@ -1,60 +1,21 @@
-"""Long runs: `fold`, `cohort scan`, `run`; and `doctor`."""
+"""Cohorts: `cohort scan`, `cohort report`, `run`; and `config`, `doctor`."""
 
 from __future__ import annotations
 
 import argparse
 import os
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from cortet.cli.given import read_mesh, settings_of
-from cortet.cli.shared import common, writes
-from cortet.cli.values import CheckedOutput, FolderOfFiles, Number, aged_file
-from cortet.errors import CortetError, InputError
-from cortet.formats.ownership import may_write
-from cortet.geometry.limits import CELL_SIZE_MM, FOLD_AGES
+from cortet.cli.given import settings_of
+from cortet.cli.shared import common
+from cortet.cli.values import CheckedOutput, Number
+from cortet.errors import InputError
+from cortet.geometry.limits import CELL_SIZE_MM
 
 
 def add_commands(commands: Commands) -> None:
-    """Add the long runs, and the commands that are used before them."""
-    fold = commands.add_parser("fold", parents=[writes()], help="grow the cortex of a mesh until it folds")
-    fold.add_argument("mesh", type=Path, metavar="MESH")
-    fold.add_argument("-o", "--output", type=FolderOfFiles, required=True, metavar="DIR")
-    fold.add_argument(
-        "--ga",
-        type=Number(*FOLD_AGES),
-        metavar="WEEKS",
-        help="gestational age of the mesh (default: the one it was made for)",
-    )
-    fold.add_argument(
-        "--hemi", choices=["L", "R"], help="half a brain, beside its other half (default: as its surface said)"
-    )
-    fold.add_argument(
-        "--end", type=Number(*FOLD_AGES), metavar="WEEKS", help="gestational age at the end (default: 40)"
-    )
-    fold.add_argument(
-        "--time-step", type=Number(0, 1), metavar="DT", help="dimensionless (default: from smallest altitude)"
-    )
-    fold.add_argument("--device", choices=["cpu", "cuda"], help="what takes the steps: cuda is a GPU (default: cpu)")
-    fold.add_argument(
-        "--real",
-        action="append",
-        default=[],
-        type=aged_file,
-        metavar="WEEKS=FILE",
-        help="surface of a real brain of this age, shown beside the simulated one; repeatable",
-    )
-    fold.add_argument("--config", type=Path, metavar="FILE", help="YAML file whose section fold says the rest")
-    fold.add_argument(
-        "--threads",
-        type=Number(1, 10_000, whole=True),
-        metavar="N",
-        help="default: one per core; the result is the same",
-    )
-    fold.add_argument("--status", action=_FoldStatus, metavar="DIR", help="say how far the run in a folder is, and end")
-    fold.set_defaults(run=fold_command)
-
+    """Add the commands on cohorts, and those that are used before them."""
     cohort = commands.add_parser("cohort", help="work on cohort sheets").add_subparsers(
         required=True, metavar="COMMAND"
     )
@@ -129,61 +90,6 @@ if TYPE_CHECKING:
     from cortet.cli.shared import Commands
 
 
-def fold_command(args: argparse.Namespace) -> int:
-    """Fold a mesh."""
-    from numba import get_num_threads, set_num_threads
-
-    from cortet.config import load, read
-    from cortet.formats.gifti import hemisphere_of, read_surface
-    from cortet.report.fold_figures import FILM, NUMBERS, PICTURE, draw
-    from cortet.simulation.fold import fold
-    from cortet.simulation.journal import FILES, status
-    from cortet.simulation.state import Settings
-    from cortet.solver_files.meshed import brain_of
-
-    mesh = read_mesh(args.mesh, whole=True)
-    age, hemi = brain_of(args.mesh, args.ga, args.hemi)
-    if age is None:
-        raise InputError("does not say for which gestational age it was made", file=args.mesh, remedy="add --ga WEEKS")
-    for name in (*FILES, NUMBERS, PICTURE, FILM):  # before the work
-        may_write(args.output / name)
-    if args.threads:
-        set_num_threads(min(args.threads, get_num_threads()))
-    chosen = {"end": args.end, "time_step": args.time_step, "device": args.device}
-    data: dict[str, Any] = {}
-    if args.config:
-        load(args.config)  # its errors name the file
-        data = read(args.config)
-    data["fold"] = {**(data.get("fold") or {}), **{key: value for key, value in chosen.items() if value is not None}}
-    if args.real:
-        data["fold"]["real_surfaces"] = (data["fold"].get("real_surfaces") or {}) | dict(args.real)
-    config = load(data)
-    values = config.arguments("fold", {"gestational_age": age, "hemisphere": hemi})
-    real = config.fold.real_surfaces_of(hemi)
-    for path in real.values():  # before the work
-        read_surface(path)
-        if hemi and (named := hemisphere_of(path)) not in (None, hemi):
-            raise InputError(
-                f"is of hemisphere {named}, as it says, not {hemi}",
-                file=path,
-                remedy="name the surface of the same hemisphere",
-            )
-    live = sys.stdout.isatty()
-    verdict = fold(
-        mesh,
-        args.output,
-        Settings(**values),
-        lambda *progress: print(
-            f"\r{status(*progress)}" if live else status(*progress), end="" if live else "\n", flush=True
-        ),
-        print,
-    )
-    print(f"\n{verdict.reason}")
-    for path in draw(args.output, hemi, real):
-        print(f"{path}: drawn")
-    return 0 if verdict.outcome == "folded" else 1
-
-
 def scan_command(args: argparse.Namespace) -> int:
     """Write the cohort sheet of a data release."""
     from cortet.cohort.scan import scan
@@ -218,7 +124,7 @@ def scan_command(args: argparse.Namespace) -> int:
 def report_command(args: argparse.Namespace) -> int:
     """Make tables, figures and pages over all cases."""
     from cortet.cohort.lock import hold, is_held_by_parent
-    from cortet.study.over_all import report
+    from cortet.report.over_all import report
 
     folder = args.folder.absolute()
     if not folder.is_dir():
@@ -275,17 +181,3 @@ def doctor_command(_: argparse.Namespace) -> int:
     from cortet import doctor
 
     return doctor.run()
-
-
-class _FoldStatus(argparse.Action):
-    """Prints how far a run has come, which needs no mesh."""
-
-    def __call__(self, parser: argparse.ArgumentParser, _: object, folder: object, *__: object) -> None:
-        """Print the status and end the program."""
-        from cortet.simulation.journal import reached
-
-        try:
-            print(reached(Path(str(folder))))
-        except CortetError as error:
-            parser.error(str(error))
-        parser.exit()

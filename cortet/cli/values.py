@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from cortet.geometry.limits import CELL_SIZE_MM, FOLD_AGES
+from cortet.geometry.limits import CELL_SIZE_MM
 
 
 @dataclass(frozen=True)
@@ -38,24 +38,6 @@ def named_file(text: str) -> tuple[str, str]:
     if not (name and equals and file):
         raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE")
     return name, file
-
-
-def aged_file(text: str) -> tuple[float, str]:
-    """WEEKS=FILE."""
-    age, equals, file = text.partition("=")
-    if not (equals and file):
-        raise argparse.ArgumentTypeError(f"{text!r} is not WEEKS=FILE")
-    return Number(*FOLD_AGES)(age), file
-
-
-def moduli(text: str) -> tuple[str, tuple[float, float | None]]:
-    """SET=SHEAR[,BULK]."""
-    name, equals, values = text.rpartition("=")
-    shear, comma, bulk = values.partition(",")
-    if not (name and equals):
-        raise argparse.ArgumentTypeError(f"{text!r} is not SET=SHEAR or SET=SHEAR,BULK")
-    number = Number(1e-9, 1e9)
-    return name, (number(shear), number(bulk) if comma else None)
 
 
 def size(text: str) -> tuple[str, float | None]:

@@ -17,6 +17,7 @@ from cortet.cohort.receipts import FOLDER as RECEIPTS
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.tsv import write_tsv
+from cortet.neighbours import neighbours
 from cortet.version import __version__
 
 if TYPE_CHECKING:
@@ -200,7 +201,8 @@ def descriptions(settings: Mapping[str, Config]) -> dict[str, str]:
 
     found = dict(_SURFACES)
     found |= {stage.label: _sentence(stage.does) for stage in STAGES.values() if stage.gives == "surface"}
-    meshers = dict.fromkeys([*settings[""].generate.meshers, *settings[""].experiments.ablation.meshers])
+    own = settings[""]
+    meshers = dict.fromkeys([*own.generate.meshers, *(one for of in neighbours() for one in of.meshers(own))])
     for (name, setting), mesher, stage in product(settings.items(), meshers, MESH_STAGES.values()):
         if setting.enabled(stage.name) and not (name and stage.shared_by_settings):
             how = f"mesher {mesher}" + (f", setting {setting.setting}" if name else "")

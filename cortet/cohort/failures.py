@@ -18,6 +18,7 @@ from cortet.cohort.jobs import Mesh
 from cortet.cohort.layout import EXPORTED, LABELS
 from cortet.cohort.plan import AFTER_CERTIFICATE, Plan
 from cortet.cohort.status import failure_path, failure_reason
+from cortet.neighbours import neighbours
 from cortet.stages import STAGES
 
 #: rules on a case, in the order in which a case goes through them
@@ -27,10 +28,9 @@ ORDER = (
     *("quality", "certify"),
     *AFTER_CERTIFICATE,
 )
-#: rules of experiments: a mesh is done without them
-_OF_EXPERIMENTS = ("convergence_run", "prediction_run", "prediction_views", "prediction_spread")
-#: names of stages in names of files, with the end of the line for folds
-_LABEL = "|".join([*LABELS.values(), "Folded"])
+#: labels of stages and neighbours in names of files
+_OF_NEIGHBOURS = [neighbour.label for neighbour in neighbours() if neighbour.label]
+_LABEL = "|".join([*LABELS.values(), *_OF_NEIGHBOURS])
 
 
 @dataclass(frozen=True)
@@ -121,12 +121,10 @@ def _counts(plan: Plan, job: Mapping[str, str], failure: Failure) -> bool:
         "ten_nodes": bool(plan.config.export.ten_nodes),
         "case_maps": plan.is_resampled(job),
         "fields": bool(case.fields),
-        **dict.fromkeys(
-            ("fold", "fold_figures"),
-            case.name in plan.folded and wildcards.get("variant", "").lower() in ("", *plan.config.fold.variants),
-        ),
-        **dict.fromkeys(_OF_EXPERIMENTS, False),
     }
+    for neighbour in neighbours():
+        if rule in neighbour.rules:
+            asked[rule] = neighbour.counts(plan, case, rule, wildcards)
     region = wildcards.get("inner")
     return asked.get(rule, True) and (stage is None or stage in plan.line(job)) and (not region or region in case.inner)
 
@@ -167,7 +165,7 @@ def _names(failure: Failure, path: str) -> bool:
     words += [rf"_res-{of['res']}um_"] if "res" in of else []
     words += [rf"_desc-{of['mesher']}{of['setting']}({_LABEL})" if "setting" in of else ""] if "mesher" in of else []
     words += [rf"_desc-{of['mesher']}"] if "mesher" in of and "setting" not in of else []
-    words += [rf"Folded{of['variant']}/"] if "variant" in of else []
+    words += [rf"({'|'.join(_OF_NEIGHBOURS)}){of['variant']}/"] if "variant" in of else []
     words += [rf"_seed-{of['seed']}/"] if "seed" in of else []
     words += [rf"_desc-{of['kind']}{of.get('changed', '')}/"] if "kind" in of else []
     return all(re.search(word, path) for word in words)

@@ -20,7 +20,6 @@ from cortet.cohort.sheet import PHANTOM, Case
 from cortet.config import Config
 from cortet.errors import InputError
 from cortet.formats.volumes import label_table, volume_file
-from cortet.meshers import BASELINES
 from cortet.meshes import by_region
 from cortet.stages import STAGES, Stage
 
@@ -48,6 +47,8 @@ class Jobs:
     failures: Mapping[Mesh, Mapping[str, Any]] = field(default_factory=dict)
     #: says why a file over all cases cannot use another; nothing is missing while a run is planned
     missing: Callable[[str], str | None] = lambda _: None
+    #: output of a checkpoint of Snakemake, by its rule and wildcards, for which a run waits; None: as it lies there
+    waited_for: Callable[..., str] | None = None
 
     # --- what is asked for ---------------------------------------------------------------------------------------
 
@@ -75,12 +76,6 @@ class Jobs:
         """Cell sizes of a case, µm: its own one, or those of the configuration."""
         return [round(1000 * case.cell_size)] if case.cell_size else self.resolutions
 
-    @cached_property
-    def compared_meshers(self) -> list[str]:
-        """Meshers of other projects, for comparison. If one fails, its report says so and the run continues."""
-        meshers = self.config.experiments.ablation.meshers
-        return [mesher for mesher in meshers if mesher in BASELINES and mesher not in self.config.generate.meshers]
-
     def each_case(self, pattern: str) -> dict[Mesh, str]:
         """Files of a pattern for all included cases, cell sizes and meshers."""
         return {
@@ -104,11 +99,6 @@ class Jobs:
         """Quality records of all meshes."""
         patterns = [self.layout.mesh(label, "quality.json") for label in self.measured_stages()]
         return [path for pattern in patterns for path in self.each_case(pattern).values()]
-
-    def settings_on(self, mesher: str) -> list[str]:
-        """Settings, by their names in files, that run on the meshes of a mesher: those that name it, else all."""
-        own = [name for name, setting in self.settings.items() if mesher in setting.generate.meshers]
-        return own or list(self.settings)
 
     # --- one case ------------------------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""Names of all files of an output folder, BIDS-derivative style. Nothing else builds a path there.
+"""Names of the files of an output folder, BIDS-derivative style; neighbours of the core name their own.
 
 A pattern is a name with Snakemake's wildcards: `folder` and `case` of the sheet, `res` (cell size in µm), `mesher`,
 `setting` (empty for the line's own), `inner` (region of an inner surface), `variant` (of a fold), `kind` (of a
@@ -36,10 +36,8 @@ WILDCARDS = {
     "folder": r"sub-[A-Za-z0-9]+(/ses-[A-Za-z0-9]+)?",
     "case": r"sub-[A-Za-z0-9]+(_ses-[A-Za-z0-9]+)?(_hemi-[LR])?",
     "res": r"[1-9][0-9]*",
-    "seed": r"[0-9]+",
     "inner": r"[A-Za-z][A-Za-z0-9]*",
     "mesher": r"[a-z0-9]+",
-    "kind": r"[a-z]+",
 }
 
 
@@ -63,20 +61,6 @@ class Layout:
         """Pattern of a file of a stage's mesh: its name tells mesher, setting where it matters, and stage."""
         setting = "" if desc in SHARED else "{setting}"
         return self.bids(suffix, "mesh", res="{res}um", desc=f"{{mesher}}{setting}{desc}")
-
-    def fold(self, name: str) -> str:
-        """Pattern of a file of a simulation; a run has a folder of its own."""
-        run = "{case}_res-{res}um_desc-{mesher}{setting}Folded{variant}"
-        return f"{self.output}/{{folder}}/simulation/{run}/{name}"
-
-    def convergence(self, name: str) -> str:
-        """Pattern of a file of a fold of the experiment on convergence; a realisation of a mesh has its own folder."""
-        run = "{case}_res-{res}um_desc-{mesher}_seed-{seed}"
-        return f"{self.output}/{{folder}}/convergence/{run}/{name}"
-
-    def prediction(self, name: str, changed: str = "{changed}") -> str:
-        """Pattern of a file of the experiment on prediction; a series lies with its first case."""
-        return f"{self.output}/{{folder}}/prediction/{{case}}_desc-{{kind}}{changed}/{name}"
 
     def cohort(self, name: str) -> str:
         """A file over all cases."""

@@ -111,7 +111,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def run_record(output: Path) -> dict[str, Any]:
-    """What the last run left of itself in an output folder (`study.over_all.remember_run`); empty if nothing."""
+    """What the last run left of itself in an output folder (`report.over_all.remember_run`); empty if nothing."""
     try:
         record = json.loads((output / FOLDER / RUN).read_text(encoding="utf-8"))
     except (OSError, ValueError):

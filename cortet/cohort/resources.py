@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from cortet.errors import InputError
 from cortet.meshers import MESHERS
+from cortet.neighbours import neighbours
 from cortet.sections import Cost
 from cortet.stages import STAGES
 
@@ -21,7 +22,7 @@ MEMORY_MARGIN, TIME_MARGIN = 1.25, 4.0
 START_MINUTES = 5
 
 
-#: rule -> its cost; rules on surfaces do not depend on tetrahedra. Stages and meshers declare their own costs
+#: rule -> its cost; rules on surfaces do not depend on tetrahedra. Stages, meshers and neighbours declare their own
 COSTS = {stage.name: stage.cost for stage in STAGES.values()} | {
     "phantom": Cost((400, 0), (4, 0)),
     "phantom_sphere": Cost((400, 0), (4, 0)),
@@ -34,13 +35,8 @@ COSTS = {stage.name: stage.cost for stage in STAGES.values()} | {
     "volumes": Cost((1500, 900), (20, 70)),
     "export": Cost((270, 170), (3, 5)),
     "ten_nodes": Cost((400, 1500), (4, 30)),
-    "convergence_run": Cost((500, 1200), (90, 4000)),
-    "prediction_run": Cost((700, 1300), (300, 16000)),
-    "prediction_views": Cost((900, 0), (60, 0)),
-    "prediction_spread": Cost((900, 0), (90, 0)),
-    "fold": Cost((500, 1200), (90, 4000)),
-    "fold_figures": Cost((500, 800), (60, 120)),
 }
+COSTS |= {rule: cost for neighbour in neighbours() for rule, cost in neighbour.costs().items()}
 
 #: largest volume of one human hemisphere at any age, mL
 LARGEST_HEMISPHERE_ML = 700.0

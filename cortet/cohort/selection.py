@@ -1,10 +1,10 @@
-"""Which cases of a sheet are chosen: by name, number or column, and those that are folded."""
+"""Which cases of a sheet are chosen: by name, number or column."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from cortet.cohort.sheet import FOLD, MISSING, NO, YES, Case
+from cortet.cohort.sheet import MISSING, NO, YES, Case
 from cortet.errors import InputError
 from cortet.sections import Cases
 
@@ -52,33 +52,6 @@ def _says_yes(case: Case, column: str) -> bool:
             f"column {column} of {case.name}: {value!r} is no decision", remedy="use yes or no; n/a counts as no"
         )
     return value.lower() in YES
-
-
-def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
-    """The cases that are folded: the configuration chooses them, or else the column `fold` if there is one.
-
-    A fold starts at an age, so cases without an age are skipped unless they are asked for by name or column.
-
-    Raises
-    ------
-    InputError : as `chosen`; or a case that is asked for has no age
-    """
-    if which is None:
-        which = {"column": FOLD} if any(FOLD in case.extra for case in cases) else []
-    if isinstance(which, (str, int)):
-        return chosen(aged(cases), which)
-    asked = chosen(cases, which)
-    if ageless := [case.name for case in asked if case.scan_age is None]:
-        raise InputError(
-            f"{', '.join(ageless)}: to be folded, but without an age, at which the fold would start",
-            remedy="give the age in column scan_age of the cohort sheet, gestational weeks, or do not fold the case",
-        )
-    return asked
-
-
-def aged(cases: Sequence[Case]) -> list[Case]:
-    """The cases whose age is known."""
-    return [case for case in cases if case.scan_age is not None]
 
 
 def ageless_notice(cases: Sequence[Case]) -> list[str]:

@@ -38,9 +38,9 @@ VOLUME_PREFIX = "volume_"
 INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
 #: column of the sphere through which a surface is resampled
 SPHERE = "sphere"
-#: columns for coordinates that are not mm (`gate.unit`, `gate.affine`), of the cases that are folded, and of their own
+#: columns for coordinates that are not mm (`gate.unit`, `gate.affine`), and of their own
 #: cell size
-UNIT, AFFINE, FOLD, CELL_SIZE = "unit", "affine", "fold", "cell_size"
+UNIT, AFFINE, CELL_SIZE = "unit", "affine", "cell_size"
 #: most characters of a label: a file name holds two labels and more, and has at most 255 characters
 LONGEST_LABEL = 40
 

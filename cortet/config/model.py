@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import create_model, field_validator
 
-from cortet.config.sections import Cohort, Experiments, Export, Phantom, Quality, Setting
+from cortet.config.sections import Cohort, Export, Phantom, Quality
 from cortet.errors import InputError
 from cortet.formats import require_holes
 from cortet.formats.placement import matrix
 from cortet.measure.limits import Certify
 from cortet.meshers import MESHERS
-from cortet.sections import Positive, Section
-from cortet.simulation.section import Fold
+from cortet.neighbours import neighbours
+from cortet.sections import Positive, Section, Setting
 from cortet.stages import STAGES, Stage
 from cortet.stages.stage import Step
 
@@ -31,8 +31,9 @@ STEPS: dict[str, Step] = {
     "quality": Step("measure.quality", "quality"),
     "certify": Step("measure.certify", "certify", facts=("cell_size",)),
     "export": Step("solver_files.export", "export"),
-    "fold": Step("simulation.fold", "fold", facts=("gestational_age", "hemisphere")),
-} | {name: stage.step for name, stage in STAGES.items()}
+}
+STEPS |= {name: stage.step for name, stage in STAGES.items()}
+STEPS |= {name: step for neighbour in neighbours() for name, step in neighbour.steps().items()}
 
 
 class _BeforeTheLine(Section):
@@ -65,7 +66,7 @@ if TYPE_CHECKING:
     from cortet.geometry.label_surface import Handles
 
     class _WithTheLine(_BeforeTheLine):
-        def __getattr__(self, section: str) -> Any: ...
+        def __getattr__(self, section: str) -> Any: ...  # and of a neighbour
 
 else:  # a section for each stage that declares one, in the order of the line
     _WithTheLine = create_model(
@@ -75,14 +76,32 @@ else:  # a section for each stage that declares one, in the order of the line
     )
 
 
-class Config(_WithTheLine):
-    """The whole configuration."""
-
+class _AfterTheLine(_WithTheLine):
     certify: Certify = Certify()
     quality: Quality = Quality()
     export: Export = Export()
-    fold: Fold = Fold()
-    experiments: Experiments = Experiments()
+
+
+def _with_sections(model: type[Section], sections: Mapping[str, type[Section]]) -> type[Section]:
+    """A model with further sections; the name of one within another holds a point."""
+    own: dict[str, Any] = {}
+    for name in dict.fromkeys(name.partition(".")[0] for name in sections):
+        inner = {key.partition(".")[2]: kind for key, kind in sections.items() if key.startswith(f"{name}.")}
+        section = _with_sections(sections.get(name, Section), inner) if inner else sections[name]
+        own[name] = (section, section())
+    return create_model(f"_With_{'_'.join(own)}", __base__=model, __doc__=model.__doc__, **own)
+
+
+if TYPE_CHECKING:
+    _WithNeighbours = _AfterTheLine
+else:
+    _WithNeighbours = _with_sections(
+        _AfterTheLine, {name: kind for neighbour in neighbours() for name, kind in neighbour.sections().items()}
+    )
+
+
+class Config(_WithNeighbours):
+    """The whole configuration."""
 
     def section_of(self, stage: Stage) -> Section:
         """The section of a stage, which may be that of another stage."""

@@ -1,30 +1,19 @@
-"""Sections of what is before and after the line of stages: the cohort, its files for solvers, the experiments."""
+"""Sections of what is before and after the line of stages: the cohort, its records, its files for solvers."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
-
-from pydantic import Field, ValidationError, model_validator
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from cortet.formats import FORMATS
-from cortet.geometry.limits import FOLD_AGES
-from cortet.meshers import MESHERS
-from cortet.sections import Cases, CellSize, NonNegativeInt, Positive, PositiveInt, Section, Subdivisions
-from cortet.simulation.section import Fold
+from cortet.sections import NonNegativeInt, Positive, Section, Subdivisions
 from cortet.stages import MESH_STAGES
 
-Setting = Literal["default", "cgal", "published"]
 TenNodeSolver = Literal["abaqus", "febio", "fenics", "gmsh", "vtu"]
-PredictionKind = Literal[
-    "mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"
-]
 if TYPE_CHECKING:
-    Mesher = str
     Solver = str
     StageName = str
-else:  # what may be chosen from the lists of meshers, formats and stages
-    Mesher = Literal[tuple(MESHERS)]
+else:  # what may be chosen from the lists of formats and stages
     Solver = Literal[tuple(FORMATS)]
     StageName = Literal[tuple(MESH_STAGES)]
 
@@ -154,130 +143,3 @@ class Export(Section):
         layer = kind != "white" if self.cortex_layer is None else self.cortex_layer
         named = self.model_dump(mode="json", include={"cortex_depth", "cortex_thickness", "medial_wall", "tags"})
         return {**named, "cortex_layer": layer}
-
-
-class Ablation(Section):
-    """What each stage does (the paper's Table 1, and the pooled quality of its Fig. 2), beside other meshers."""
-
-    cases: Cases = "all"
-    """Cases at the cell sizes of `generate`: all, a number of them spread over the ages, or a list of their names."""
-    further: dict[CellSize, Cases] = {}
-    """Further cell sizes, mm, and the cases that are meshed with each, e.g. {0.6: [sub-01_hemi-L]}."""
-    meshers: list[Mesher] = ["cgal", "tetgen"]
-    """Meshers beside those of `generate`, through the same S3 and S4: lattice, or with its own defaults one of tetgen,
-    ftetwild, gmsh and netgen. Where one of these four fails, a row of the table says so."""
-    time_limit: PositiveInt = 60
-    """Minutes that tetgen, ftetwild, gmsh or netgen may take for one surface."""
-
-
-class Resolution(Section):
-    """Element count and quality against the cell size (the paper's Table 2)."""
-
-    cases: Cases = 3
-    """Cases: all, a number of them spread over the ages, or a list of their names."""
-    cell_size: list[CellSize] = [0.4, 0.6, 0.8]
-    """Cell sizes h, mm."""
-
-
-class Measures(Section):
-    """Worst element by three further measures of the literature."""
-
-    cases: Cases = 3
-    """Cases at the first cell size of `generate`: all, a number of them spread over the ages, or their names."""
-
-
-class Series(Section):
-    """Pictures of meshes over the ages, on one scale."""
-
-    cases: Cases = 4
-    """Cases at the first cell size of `generate`: all, a number of them spread over the ages, or their names. Both
-    hemispheres are drawn where the sheet has them."""
-
-
-class Convergence(Section):
-    """Folding against the cell size: `snakemake convergence`. What is folded, and until when, is as in `fold`."""
-
-    cases: Cases = 1
-    """Cases: all, a number of them spread over the ages, or a list of their names."""
-    cell_size: Annotated[list[CellSize], Field(min_length=2)] = [1.6, 1.2, 0.9]
-    """Cell sizes h, mm; three or more, in about equal ratios, allow an extrapolation to h = 0."""
-    seeds: Annotated[list[NonNegativeInt], Field(min_length=1)] = [0, 1]
-    """Realisations of a mesh (`generate.seed`): directions in which it is made. How much they differ is chance."""
-    meshers: Annotated[list[Mesher], Field(min_length=1)] = ["lattice", "cgal"]
-    """Meshers: lattice, cgal."""
-
-
-class Prediction(Section):
-    """Later brains predicted from growth that was measured: `snakemake prediction`. Folds are as in `fold`."""
-
-    participants: list[str] = []
-    """Participants whose surfaces of several ages have vertices that correspond: a series each, by hemisphere. Empty:
-    all that have two ages or more."""
-    cell_size: CellSize = 1.1
-    """Cell size h, mm, of the mesh of the first surface."""
-    kinds: list[PredictionKind] = [
-        *("mechanics", "core", "forecast"),
-        *("uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"),
-    ]
-    """What is predicted from. mechanics: growth until the last age. core: the same, and the core grows as the later
-    surfaces let it: what it would be worth to know this. forecast: growth until an early age, which goes on
-    as in usual brains. The rest is what they have to beat. uniform: the same growth everywhere. shuffled: growth turned
-    at random on the sphere, where the sheet has one. unmapped: the model of fold without growth that was measured.
-    braingrowth: the model of that name, in which only the cortex grows.
-    path: each vertex goes on as it went until the early age. nothing: the first surface, scaled to the volume."""
-    until: Annotated[float, Field(ge=FOLD_AGES[0], le=FOLD_AGES[1])] = 32.0
-    """The early age, weeks: a forecast knows surfaces up to there."""
-    rounds: Annotated[int, Field(ge=1, le=10)] = 3
-    """Rounds in which the growth that has to be imposed is found: compressed tissue grows less than it is told to."""
-    smoothing: Annotated[float, Field(ge=0, le=50)] | None = None
-    """Smoothing of measured growth along the surface, full width at half maximum, mm; null: as much as noise asks
-    for."""
-    seed: NonNegativeInt = 0
-    """Of the random rotation of shuffled."""
-    uncertain: list[PredictionKind] = []
-    """Kinds that are predicted once more under each of variants. How far these predictions lie apart is a map, and
-    whether the truth lies among them are columns of the table."""
-    variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {
-        "coarser": {"cell_size": 1.4},
-        "turned": {"seed": 1},
-        "softer": {"core_stiffness": 0.1875},
-        "stiffer": {"core_stiffness": 0.125},
-        "thinner": {"thickness": 1.0},
-        "thicker": {"thickness": 1.5},
-    }
-    """Variants, name: what differs, cell_size, seed (of generate: the direction in which the mesh is made), or keys of
-    fold. By default stiffness and thickness of the cortex are 20 % lower and higher."""
-
-    @model_validator(mode="after")
-    def _variants_are_valid(self) -> Prediction:
-        same_in_all = {
-            "path": "is not folded, so it has no variants",
-            "nothing": "is not folded, so it has no variants",
-            "braingrowth": "has constants of its own, which no variant changes",
-        }
-        if same := [kind for kind in self.uncertain if kind in same_in_all]:
-            raise ValueError(f"uncertain: {same[0]} {same_in_all[same[0]]}")
-        for name, changed in self.variants.items():
-            own = {key: value for key, value in changed.items() if key in ("cell_size", "seed")}
-            try:
-                Prediction(**own, variants={}), Fold(**{key: changed[key] for key in changed.keys() - own.keys()})
-            except ValidationError as error:
-                first = error.errors()[0]
-                raise ValueError(f"variant {name}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
-        return self
-
-
-class Experiments(Section):
-    """The experiments of the paper, on this cohort: `snakemake tables figures`."""
-
-    settings: list[Setting] = ["default", "cgal", "published"]
-    """Settings to compare, from S3 on. Each is run on the meshes of its own mesher, so `cgal` and `published` on the
-    same ones, and on those of tetgen, ftetwild, gmsh and netgen."""
-    reference_meshes: list[Path] = []
-    """Tetrahedral meshes in the format of BrainGrowth (Tallinen), measured beside ours."""
-    ablation: Ablation = Ablation()
-    resolution: Resolution = Resolution()
-    measures: Measures = Measures()
-    series: Series = Series()
-    convergence: Convergence = Convergence()
-    prediction: Prediction = Prediction()

@@ -6,10 +6,12 @@ meshers and load with them. A new mesher is a new file in this folder (CONTRIBUT
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Literal
+
 from cortet.meshers.mesher import Mesher
 from cortet.sections import public_modules
 
-__all__ = ["BASELINES", "MESHERS", "OWN", "Mesher"]
+__all__ = ["BASELINES", "MESHERS", "OWN", "Mesher", "MesherName"]
 
 
 def _found() -> dict[str, Mesher]:
@@ -23,3 +25,8 @@ MESHERS = _found()
 OWN = {name: mesher for name, mesher in MESHERS.items() if mesher.own}
 #: those of other projects, to compare with
 BASELINES = {name: mesher for name, mesher in MESHERS.items() if not mesher.own}
+
+if TYPE_CHECKING:
+    MesherName = str
+else:  # what a section of the configuration may name
+    MesherName = Literal[tuple(MESHERS)]

@@ -14,10 +14,9 @@ from matplotlib.image import imread
 from cortet.cohort.status import COLUMNS as STATUS
 from cortet.formats.tables import Column, headed, sidecar
 from cortet.formats.tsv import MISSING, cell, read_tsv
+from cortet.neighbours import OnPage
 from cortet.report import pages
-from cortet.report.cohort_folding import COLUMNS as FOLDS
 from cortet.report.cohort_tables import CASE_COLUMNS, QUALITY_COLUMNS
-from cortet.report.fold_figures import FILM, NUMBERS, PICTURE
 from cortet.report.pages import Panel, Part
 from cortet.report.pictures import SIDES
 
@@ -69,13 +68,6 @@ _AGE = {
     "alt": "Number of tetrahedra, mean q and worst q of every mesh against gestational age, the published cohort in "
     "grey behind; the table has the numbers",
 }
-_CURVES = {
-    "name": "Figure of folding",
-    "alt": "Gyrification index and area over volume to the power of two thirds of every fold against gestational age, "
-    "real brains as points; the table has the numbers",
-}
-#: files of a fold beside its table -> what they show
-_PICTURES = {NUMBERS: "curves", PICTURE: "by age", FILM: "film"}
 
 
 def write_cohort_page(
@@ -86,9 +78,8 @@ def write_cohort_page(
     meshes: Sequence[Mapping[str, Any]],
     figure: Path | None = None,
     maps: Mapping[Literal["L", "R"], Path] | None = None,
-    folding: tuple[Path, Path] | None = None,
-    folds: Sequence[Mapping[str, Any]] = (),
     tissues: Path | None = None,
+    more: Sequence[OnPage] = (),
     dataset: str = "",
 ) -> None:
     """Write the page.
@@ -103,9 +94,8 @@ def write_cohort_page(
         were not measured show them, too
     figure : SVG file of the cohort against age
     maps : hemisphere, L or R -> PNG file of its maps on the common mesh
-    folding : `cohort_folding.tsv` and its SVG file; None if nothing is folded
     tissues : `cohort_tissues.tsv`; None if no case has volumes
-    folds : per run `case`, `variant`, `cell_size_mm`, `mesher` and `folder`, as seen from the page
+    more : parts of the page that neighbours bring
     """
     rows, explained = read_tsv(status), sidecar(COLUMNS)
     described = pd.DataFrame(list(meshes), columns=None if meshes else [*KEY, "page"], dtype=object)
@@ -120,10 +110,9 @@ def write_cohort_page(
         panels.append(Panel("age", "Against age", [("figure", {**_AGE, "svg": _figure(figure, "age")})]))
     if maps:
         panels.append(Panel("maps", "On the common mesh", [("maps", [_map_picture(*one) for one in maps.items()])]))
-    if folding:
-        drawn: Part = ("figure", {**_CURVES, "svg": _figure(folding[1], "folding")})
-        panels.append(Panel("folds", "Folding", [drawn, _folds(folding[0], folds)]))
-    files = [file.name for file in (status, *(quality or ()), *([tissues] if tissues else ()), *(folding or ())[:1])]
+    panels += [panel for part in more for panel in part.panels()]
+    tables = [Path(file) for part in more for file in part.files if file.endswith(".tsv")]
+    files = [file.name for file in (status, *(quality or ()), *([tissues] if tissues else ()), *tables)]
     outliers = int((rows["outlying"] != "").sum())
     pages.write(
         path,
@@ -196,27 +185,6 @@ def _map_picture(hemi: Literal["L", "R"], file: Path) -> dict[str, Any]:
     text = f"Means over the {SIDES[hemi]} hemispheres, at the vertices that they share"
     uri = pages.data_uri(file.read_bytes(), "image/png")
     return {"uri": uri, "width": width, "height": height, "caption": text, "alt": text}
-
-
-def _folds(table: Path, folds: Sequence[Mapping[str, Any]]) -> Part:
-    """The table of folds, with the pictures of each run that has a result."""
-    keys = [*KEY, "variant"]
-    folders = {tuple(cell(run[key]) for key in keys): run["folder"] for run in folds}
-    rows = []
-    for row in read_tsv(table).to_dict("records"):
-        why = "" if row["state"] == "folded" else row["reason"]
-        folder = "" if row["state"] == "failed" else folders[tuple(row[key] for key in keys)]
-        rows.append(
-            {
-                **row,
-                "case": ("case", {"text": row["case"]}),
-                "state": ("state", {"text": row["state"], "why": why, "plain": True}),
-                "pictures": ("links", [(f"{folder}/{file}", name) for file, name in _PICTURES.items() if folder]),
-            }
-        )
-    columns = [replace(column, description="") for column in headed(FOLDS, ("case", "state"))]
-    caption = "All folds, those that failed or stopped first"
-    return pages.table(caption, [*columns, Column("pictures", heading="Pictures")], rows, name="All folds", cohort=True)
 
 
 def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:

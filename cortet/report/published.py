@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -12,8 +14,6 @@ from cortet.report import DATA
 
 #: cell size of the published meshes, mm
 CELL_SIZE = 0.6
-#: source of real brains whose anatomy is abnormal
-ABNORMAL = "spina bifida atlas"
 #: columns that hold words, not numbers
 _WORDS = ["case", "configuration", "hemi", "measure", "mesher", "source", "stages", "surface", "surface_type"]
 
@@ -38,26 +38,6 @@ def measures() -> pd.DataFrame:
     return _read("published_measures").set_index("measure")
 
 
-def real_brains() -> pd.DataFrame:
-    """Size, shape and folds of real surfaces, 22 to 42 weeks, one row each."""
-    return _read("real_brains")
-
-
-def healthy_hemispheres() -> pd.DataFrame:
-    """The rows of `real_brains` that are the inner surface of one healthy hemisphere."""
-    brains = real_brains()
-    return brains[(brains["surface_type"] == "white") & (brains["hemi"] != "both") & (brains["source"] != ABNORMAL)]
-
-
-def as_real_brains(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows of a fold's table, or of `measurements.shape`, with areas and volumes under the names of `real_brains`."""
-    return rows.assign(
-        area_cm2=rows["area_mm2"] / 100,
-        volume_ml=rows["volume_mm3"] / 1000,
-        hull_volume_ml=rows["hull_volume_mm3"] / 1000,
-    )
-
-
 def histogram(stages: str) -> NDArray[np.int64]:
     """Pooled distribution of q after S1-S2, S1-S3 or S1-S4 (Fig. 2): counts (200,), bins of `measure.quality`."""
     table = _read("published_histogram")
@@ -68,8 +48,12 @@ def histogram(stages: str) -> NDArray[np.int64]:
 
 
 def _read(name: str) -> pd.DataFrame:
-    """A table of the package, with numbers as numbers and NaN where the publication gives none."""
-    table = read_tsv(DATA / f"{name}.tsv").reset_index(drop=True)
+    return numbers_of(DATA / f"{name}.tsv")
+
+
+def numbers_of(path: Path) -> pd.DataFrame:
+    """A table of the package, with numbers as numbers and NaN where its source gives none."""
+    table = read_tsv(path).reset_index(drop=True)
     table = table.mask(table == MISSING)
     numbers = table.columns.difference(_WORDS)
     table[numbers] = table[numbers].apply(pd.to_numeric)

@@ -1,4 +1,4 @@
-"""Quality records of a cohort: the mesh of each record, and the table of every mesh, stage by stage.
+"""Quality records of a cohort: the table of every mesh, stage by stage.
 
 A record is the JSON of `quality.QualitySummary`; its key `origin` names the mesh.
 """
@@ -6,8 +6,7 @@ A record is the JSON of `quality.QualitySummary`; its key `origin` names the mes
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -16,30 +15,6 @@ from cortet.measure.quality import COUNTED_LIMITS
 from cortet.report.table_files import Table, write
 
 VERSION: int = 3
-
-
-@dataclass(frozen=True)
-class Origin:
-    """Which mesh a record is about."""
-
-    case: str
-    cell_size_mm: float
-    mesher: str
-    #: `default`, `cgal` or `published`; None before S3, where all settings share the mesh
-    setting: str | None
-    #: label of the stage, as in names of files, e.g. `Cleaned`
-    stage: str
-
-
-def by_origin(paths: Iterable[str | Path]) -> dict[Origin, dict[str, Any]]:
-    """Contents of the files of records by their origins, in the order given."""
-    records = [read_record(path) for path in paths]
-    return {Origin(**record["origin"]): record for record in records}
-
-
-def reasons_by_origin(missing: Iterable[Mapping[str, Any]]) -> dict[Origin, str]:
-    """Why records are missing, from the `origin` and the `reason` of each."""
-    return {Origin(**entry["origin"]): entry["reason"] for entry in missing}
 
 
 def read_record(path: str | Path) -> dict[str, Any]:

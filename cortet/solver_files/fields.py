@@ -15,7 +15,7 @@ from cortet.errors import InputError
 from cortet.formats.gifti import read_fields, read_label_names
 from cortet.formats.hashing import input_sha256
 from cortet.meshes import TriSurface
-from cortet.simulation.fields import age_of_growth
+from cortet.neighbours import neighbours
 
 
 @dataclass(frozen=True)
@@ -100,23 +100,13 @@ def field_sources(files: Mapping[str, str | Path], units: Mapping[str, str] | No
     }
 
 
-def _check_age(name: str, own_name: str, file: str | Path) -> None:
-    """Raise InputError for growth that is named for another age than the one up to which it was measured."""
-    wanted, measured = age_of_growth(name), age_of_growth(own_name)
-    if wanted is not None and measured is not None and wanted != measured:
-        raise InputError(
-            f"holds growth up to {measured:g} weeks, but the field is named {name}",
-            file=file,
-            remedy=f"name it {own_name}",
-        )
-
-
 def _named(name: str, file: str | Path) -> Iterator[tuple[str, NDArray[Any]]]:
     """The fields of one file, by names without spaces and signs that a solver may not read."""
     arrays = read_fields(file)
     if not arrays:
         raise InputError("holds no per-vertex array", file=file, remedy="give a .shape, .func or .label GIfTI file")
     for own_name, values in arrays.items():
-        _check_age(name, own_name, file)
+        for neighbour in neighbours():
+            neighbour.check_field(name, own_name, file)
         full = name if len(arrays) == 1 else f"{name}_{own_name}"
         yield re.sub(r"[^A-Za-z0-9_-]+", "_", full), values

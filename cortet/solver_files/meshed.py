@@ -23,10 +23,6 @@ from cortet.solver_files.volumes import sources
 
 #: a hemisphere
 Hemisphere = Literal["L", "R"]
-#: gestational age, weeks, and hemisphere, where they are known
-Brain = tuple[float | None, Hemisphere | None]
-#: weeks by which two ages of one scan may differ, rounded to weeks or not
-_SAME_SCAN = 1.0
 
 
 def write_meshed(surface: TriSurface, mesh: Path) -> dict[str, Path]:
@@ -136,43 +132,6 @@ class Origin:
             for which, files in {"given": self.given, "meshed": self.meshed}.items()
         }
         return {**surfaces, **{name: value for name, value in known.items() if value is not None}}
-
-
-def brain_of(mesh: Path, age: float | None, hemisphere: Hemisphere | None) -> Brain:
-    """Gestational age, weeks, and hemisphere of a mesh file: those given, or else those that its sidecar records.
-
-    A sidecar of another file, or of the mesh before it was edited, gives none.
-
-    Raises
-    ------
-    InputError
-        the sidecar records others than those given
-    """
-    record = read_sidecar(mesh)
-    origin = record.get("made_from") or {}
-    known, side = origin.get("gestational_age"), origin.get("hemisphere")
-    require_same_brain((age, hemisphere), (known, side), file=mesh)
-    if (age is None or hemisphere is None) and record.get("files") and sha256(mesh) not in record["files"].values():
-        return age, hemisphere
-    return known if age is None else age, hemisphere or side
-
-
-def require_same_brain(given: Brain, made: Brain, *, file: Path | None = None) -> None:
-    """Raise InputError if age or hemisphere differ from those that a mesh, which may come from a file, was made for."""
-    (age, hemisphere), (known, side) = given, made
-    mesh, says = ("", ", as its sidecar says") if file else ("the mesh ", "")
-    if age is not None and known is not None and abs(age - known) > _SAME_SCAN:
-        raise InputError(
-            f"{mesh}was made for a brain of {known:g} weeks{says}, not {age:g}",
-            file=file,
-            remedy=f"give the age {known:g}, or make the mesh again with the right age",
-        )
-    if hemisphere and side and hemisphere != side:
-        raise InputError(
-            f"{mesh}was made from a surface of hemisphere {side}{says}, not {hemisphere}",
-            file=file,
-            remedy=f"give the hemisphere {side}, or make the mesh again with the right one",
-        )
 
 
 def moved(record: Mapping[str, Any] | None, source: Path, target: Path) -> dict[str, Any] | None:

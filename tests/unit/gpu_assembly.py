@@ -13,11 +13,11 @@ from numba import cuda
 from numba.cuda import dispatcher
 from shapes import ball_mesh
 
+from cortet.folding import gpu, gpu_kernels
+from cortet.folding.body import Material, Scale, body_of
+from cortet.folding.contact import contact_of
+from cortet.folding.kernels import Motion, workspace
 from cortet.geometry.topology import boundary_faces
-from cortet.simulation import gpu, gpu_kernels
-from cortet.simulation.body import Material, Scale, body_of
-from cortet.simulation.contact import contact_of
-from cortet.simulation.kernels import Motion, workspace
 
 
 def own(values: Any) -> Any:

@@ -15,21 +15,21 @@ from cubes import cube_mesh
 from scipy.spatial import ConvexHull
 from shapes import ball_mesh
 
-from cortet.geometry.convex import planes_of
+from cortet.folding import fold as fold_module
+from cortet.folding import gpu, gpu_kernels
+from cortet.folding.body import Body, Material, Scale, body_of
+from cortet.folding.contact import contact_of
+from cortet.folding.convex import planes_of
+from cortet.folding.fold import fold
+from cortet.folding.growth import Course
+from cortet.folding.growth_map import GrowthMap, grown_body
+from cortet.folding.kernels import DONE, INVERTED, LIST_OUTDATED, Motion, workspace
+from cortet.folding.models import course, tangential
+from cortet.folding.patches import SIZE
+from cortet.folding.state import Moment, Settings, Stepper
+from cortet.folding.stepper import OnCpu
 from cortet.geometry.topology import boundary_faces
 from cortet.meshes import TetMesh
-from cortet.simulation import fold as fold_module
-from cortet.simulation import gpu, gpu_kernels
-from cortet.simulation.body import Body, Material, Scale, body_of
-from cortet.simulation.contact import contact_of
-from cortet.simulation.fold import fold
-from cortet.simulation.growth import Course
-from cortet.simulation.growth_map import GrowthMap, grown_body
-from cortet.simulation.kernels import DONE, INVERTED, LIST_OUTDATED, Motion, workspace
-from cortet.simulation.models import course, tangential
-from cortet.simulation.patches import SIZE
-from cortet.simulation.state import Moment, Settings, Stepper
-from cortet.simulation.stepper import OnCpu
 
 UNIT = Scale(np.zeros(3), 1.0)
 EXACT = {"rtol": 0, "atol": 1e-12}

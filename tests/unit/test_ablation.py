@@ -13,8 +13,9 @@ from cubes import cube_mesh
 
 from cortet.formats.tables import names
 from cortet.measure.quality import summarise
-from cortet.report.records import STAGES, Origin, by_origin, write_stages
-from cortet.study.ablation import ABLATION, ablation_table, write_ablation
+from cortet.paper.ablation import ABLATION, ablation_table, write_ablation
+from cortet.paper.records import Origin, by_origin
+from cortet.report.records import STAGES, write_stages
 
 
 def record(mean: float, worst: float, above: int) -> dict[str, Any]:

@@ -8,11 +8,11 @@ from cubes import cube_mesh
 from fold_solver import theory
 from fold_theory import Onset, critical_growth, is_stable, moduli, normal_stretch, onset, sharp_profile, smooth_profile
 
+from cortet.folding.body import Material, Scale, body_of
+from cortet.folding.kernels import elastic_energy, elastic_forces, workspace
+from cortet.folding.law import ACROSS
+from cortet.folding.models import tangential
 from cortet.meshes import FloatArray
-from cortet.simulation.body import Material, Scale, body_of
-from cortet.simulation.kernels import elastic_energy, elastic_forces, workspace
-from cortet.simulation.law import ACROSS
-from cortet.simulation.models import tangential
 
 
 def layer(stiffness: float) -> Onset:

@@ -20,8 +20,8 @@ from fold_theory import (
     width,
 )
 
-from cortet.simulation.body import Material
-from cortet.simulation.growth import VOLUME, usual
+from cortet.folding.body import Material
+from cortet.folding.growth import VOLUME, usual
 
 MATERIAL = Material(mu_core=0.2)
 

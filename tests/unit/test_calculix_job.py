@@ -16,13 +16,13 @@ from shapes import ball_surface
 import cortet
 from cortet.cli import main
 from cortet.errors import InputError
+from cortet.folding.body import Material
+from cortet.folding.calculix import write_job
+from cortet.folding.growing_cortex import parts
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.geometry.quadratic import quadratic
 from cortet.meshes import MeshSets, TriSurface
-from cortet.simulation.body import Material
-from cortet.solver_files.calculix import write_job
-from cortet.solver_files.growing_cortex import parts
 from cortet.solver_files.sets import named_sets
 from cortet.stages.generate import generate
 

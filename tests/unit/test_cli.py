@@ -445,9 +445,7 @@ def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(tmp_path: Path)
     mesh = ["mesh", str(tmp_path / "x.surf.gii"), "--ga", "24", "--cell-size", "4", "-o", str(tmp_path / "x.vtu")]
     assert main(mesh) == 0
     command = ["fold", str(tmp_path / "x.vtu"), "-o", str(tmp_path / "folded"), "--end", "24.1"]
-    killed = (
-        "import os, sys; from pathlib import Path; from cortet.cli import main; from cortet.simulation import fold\n"
-    )
+    killed = "import os, sys; from pathlib import Path; from cortet.cli import main; from cortet.folding import fold\n"
     killed += "fold.write_series = lambda *_: setattr(Path, 'replace', lambda *_: os._exit(9)); main(sys.argv[1:])"
     # ends as if it were killed while it writes the file after the first frame
     assert subprocess.run([sys.executable, "-c", killed, *command], check=False).returncode == 9

@@ -12,11 +12,11 @@ from shapes import ball_mesh
 
 from cortet.config import load
 from cortet.errors import InputError
+from cortet.folding.cohort_folding import COLUMNS, cohort_folding_figure, write_cohort_folding
+from cortet.folding.fold import fold
+from cortet.folding.state import Settings
 from cortet.formats.tables import names
 from cortet.formats.tsv import read_tsv
-from cortet.report.cohort_folding import COLUMNS, cohort_folding_figure, write_cohort_folding
-from cortet.simulation.fold import fold
-from cortet.simulation.state import Settings
 
 
 @pytest.fixture(scope="module")

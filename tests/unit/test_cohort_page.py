@@ -14,10 +14,12 @@ import pytest
 from matplotlib.image import imsave
 
 from cortet.cohort.status import COLUMNS
+from cortet.folding.cohort_folding import COLUMNS as FOLDING
+from cortet.folding.cohort_folding import panel
 from cortet.formats.atomic import write_json
 from cortet.formats.tables import names
 from cortet.formats.tsv import write_tsv
-from cortet.report.cohort_folding import COLUMNS as FOLDING
+from cortet.neighbours import OnPage
 from cortet.report.cohort_page import modified_z_scores, ordered, with_outliers, write_cohort_page
 
 WORST = {"a": 0.50, "b": 0.51, "c": 0.49, "d": 0.50, "e": 0.58, "f": 0.505}
@@ -160,13 +162,14 @@ def test_folds_are_shown_with_what_stopped_them_and_where_their_pictures_are(tmp
     write_tsv(rows, names(FOLDING), tmp_path / "folds.tsv")
     (tmp_path / "folds.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"><text>curves</text></svg>')
     write_tsv([other("a", "certified")], names(COLUMNS), tmp_path / "status.tsv")
+    folds = [{**mesh, "variant": variant, "folder": f"../a/Folded{variant or ''}"} for variant in (None, "thin")]
+    shown = panel(tmp_path / "folds.tsv", tmp_path / "folds.svg", folds)
     write_cohort_page(
         tmp_path / "status.tsv",
         None,
         tmp_path / "index.html",
         meshes=[{**mesh, "page": "a.html"}],
-        folding=(tmp_path / "folds.tsv", tmp_path / "folds.svg"),
-        folds=[{**mesh, "variant": variant, "folder": f"../a/Folded{variant or ''}"} for variant in (None, "thin")],
+        more=[OnPage([str(tmp_path / "folds.tsv")], None, lambda: [shown])],
     )
     page = (tmp_path / "index.html").read_text()
     section = page[page.index('id="folds"') :]

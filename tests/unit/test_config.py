@@ -15,8 +15,8 @@ import yaml
 from cortet import config
 from cortet.config import keys_not_given
 from cortet.errors import InputError
+from cortet.folding.state import Settings
 from cortet.sections import Section
-from cortet.simulation.state import Settings
 from cortet.stages import STAGES
 
 ROOT = Path(__file__).parents[2]

@@ -11,10 +11,8 @@ import pandas as pd
 import pytest
 from shapes import ball_mesh, ball_surface
 
-from cortet.formats.gifti import write_surface
-from cortet.formats.tsv import read_tsv, write_tsv
-from cortet.study.carried import carried
-from cortet.study.convergence import (
+from cortet.folding.carried import carried
+from cortet.folding.convergence import (
     QUANTITIES,
     Run,
     convergence_table,
@@ -25,6 +23,8 @@ from cortet.study.convergence import (
     sentence,
     write_convergence,
 )
+from cortet.formats.gifti import write_surface
+from cortet.formats.tsv import read_tsv, write_tsv
 
 SIZES = [1.6, 1.2, 0.9]
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from cortet.paper.pooled_quality import Pooled, pooled_quality_figure
 from cortet.report import published
 from cortet.report.figures import cohort_figure, mesh_quality_figures, save
-from cortet.study.pooled_quality import Pooled, pooled_quality_figure
 
 HEADER = "case\themi\tscan_age\tcell_size_mm\ttets\tq_mean\tq_max\n"
 ROWS = (

@@ -20,21 +20,21 @@ from fold_brain import comparison
 from shapes import ball_mesh
 
 from cortet.errors import InputError
+from cortet.folding import fold as fold_module
+from cortet.folding.body import THICKNESS, Material, growth_mask, scale_of
+from cortet.folding.fold import Verdict, fold
+from cortet.folding.growth import Gompertz, Linear, age_of, growth_since, time_of
+from cortet.folding.law import ALONG
+from cortet.folding.measurements import COLUMNS, Measurements
+from cortet.folding.models import CONSTANTS
+from cortet.folding.run import beginning, prepared, thickness_mm, time_step_of
+from cortet.folding.state import Model, Settings
 from cortet.formats import braingrowth
 from cortet.formats.gifti import read_surface
 from cortet.formats.tables import names
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import FILLED, TetMesh
-from cortet.simulation import fold as fold_module
-from cortet.simulation.body import THICKNESS, Material, growth_mask, scale_of
-from cortet.simulation.fold import Verdict, fold
-from cortet.simulation.growth import Gompertz, Linear, age_of, growth_since, time_of
-from cortet.simulation.law import ALONG
-from cortet.simulation.measurements import COLUMNS, Measurements
-from cortet.simulation.models import CONSTANTS
-from cortet.simulation.run import beginning, prepared, thickness_mm, time_step_of
-from cortet.simulation.state import Model, Settings
 from cortet.stages.generate import generate
 
 SHARED = Path(__file__).parents[3] / "shared/data"

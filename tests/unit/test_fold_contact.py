@@ -8,16 +8,16 @@ from cubes import cube_mesh
 from scipy.spatial import ConvexHull
 from shapes import ball_mesh
 
+from cortet.folding.altitude import smallest_altitude
+from cortet.folding.body import Material, Scale, body_of, stable_time_step
+from cortet.folding.contact import Contact, contact_forces, contact_of, listed_at, moved_too_far
+from cortet.folding.convex import planes_of
+from cortet.folding.kernels import DONE, LIST_OUTDATED, Motion, advance, elastic_forces, workspace
+from cortet.folding.models import course, tangential
 from cortet.geometry.closest_point import closest_points, surface_tree
-from cortet.geometry.convex import planes_of
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import TRI_EDGES, boundary_faces, boundary_nodes, face_normals, vertex_normals
 from cortet.meshes import TetMesh, TriSurface
-from cortet.simulation.altitude import smallest_altitude
-from cortet.simulation.body import Material, Scale, body_of, stable_time_step
-from cortet.simulation.contact import Contact, contact_forces, contact_of, listed_at, moved_too_far
-from cortet.simulation.kernels import DONE, LIST_OUTDATED, Motion, advance, elastic_forces, workspace
-from cortet.simulation.models import course, tangential
 
 
 def two_blocks(gap: float, n: int = 4) -> TetMesh:

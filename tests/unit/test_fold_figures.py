@@ -16,15 +16,15 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.cli import main
 from cortet.errors import InputError
+from cortet.folding import fold_figures
+from cortet.folding.fold_figures import numbers, series, weeks
+from cortet.folding.fold_views import brain_of
+from cortet.folding.journal import per_percent, reached, status
+from cortet.folding.measurements import Measurements
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.formats.ownership import MANIFEST
 from cortet.formats.tsv import read_tsv
-from cortet.report import fold_figures
-from cortet.report.fold_figures import numbers, series, weeks
-from cortet.report.fold_views import brain_of
-from cortet.simulation.journal import per_percent, reached, status
-from cortet.simulation.measurements import Measurements
 
 
 @pytest.fixture(scope="module")
@@ -203,7 +203,7 @@ def test_the_film_has_an_image_per_frame(run: Path) -> None:
 
 
 def test_drawing_again_gives_the_same_files(run: Path, tmp_path: Path) -> None:
-    from cortet.report.fold_figures import draw
+    from cortet.folding.fold_figures import draw
 
     before = {name: (run / name).read_bytes() for name in ("folding.svg", "folded.png", "folding.gif")}
     draw(run, "L", {22.3: run.parent / "real.surf.gii"})

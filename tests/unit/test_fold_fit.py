@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from fold_brain import TARGET_WEEKS, determined, misses
 
-from cortet.simulation.growth import AREA, VOLUME, usual
+from cortet.folding.growth import AREA, VOLUME, usual
 
 
 def table(*, area: float = 1.0, width: float = 12.0) -> pd.DataFrame:

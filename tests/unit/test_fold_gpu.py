@@ -15,11 +15,11 @@ from shapes import ball_mesh
 from cortet import doctor
 from cortet.cli import main
 from cortet.errors import InputError
+from cortet.folding.device import device_name
+from cortet.folding.law import degenerate_stress, stretches, turned_stress, turned_stretches
+from cortet.folding.run import prepared
+from cortet.folding.state import Settings
 from cortet.formats import vtu
-from cortet.simulation.device import device_name
-from cortet.simulation.law import degenerate_stress, stretches, turned_stress, turned_stretches
-from cortet.simulation.run import prepared
-from cortet.simulation.state import Settings
 
 HERE = Path(__file__).parent
 

@@ -8,15 +8,12 @@ import pytest
 from cubes import cube_mesh
 from shapes import ball_mesh
 
-from cortet.geometry.topology import TET_FACES, boundary_faces, boundary_nodes, face_areas
-from cortet.measure.quality import signed_volumes
-from cortet.meshes import TetMesh
-from cortet.simulation.altitude import smallest_altitude
-from cortet.simulation.body import Body, Material, Scale, body_of, stable_time_step
-from cortet.simulation.contact import Contact, contact_of
-from cortet.simulation.elements import OWN_ROWS, stress_elements
-from cortet.simulation.growth import Course
-from cortet.simulation.kernels import (
+from cortet.folding.altitude import smallest_altitude
+from cortet.folding.body import Body, Material, Scale, body_of, stable_time_step
+from cortet.folding.contact import Contact, contact_of
+from cortet.folding.elements import OWN_ROWS, stress_elements
+from cortet.folding.growth import Course
+from cortet.folding.kernels import (
     DONE,
     INVERTED,
     Motion,
@@ -27,9 +24,12 @@ from cortet.simulation.kernels import (
     nodal_forces,
     workspace,
 )
-from cortet.simulation.law import exponential, inverse_cube_root
-from cortet.simulation.models import course, tangential
-from cortet.simulation.patches import ROWS, SIZE
+from cortet.folding.law import exponential, inverse_cube_root
+from cortet.folding.models import course, tangential
+from cortet.folding.patches import ROWS, SIZE
+from cortet.geometry.topology import TET_FACES, boundary_faces, boundary_nodes, face_areas
+from cortet.measure.quality import signed_volumes
+from cortet.meshes import TetMesh
 
 MATERIAL = Material()
 #: coordinates of the test meshes are taken as dimensionless

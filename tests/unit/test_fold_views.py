@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
-from cortet.formats import vtu
-from cortet.formats.gifti import write_surface
-from cortet.meshes import TetMesh, TriSurface
-from cortet.report.fold_views import (
+from cortet.folding.fold_views import (
     Brain,
     Row,
     bar_length,
@@ -25,6 +22,9 @@ from cortet.report.fold_views import (
     simulated_brain,
     view,
 )
+from cortet.formats import vtu
+from cortet.formats.gifti import write_surface
+from cortet.meshes import TetMesh, TriSurface
 
 
 def box(size: tuple[float, float, float], red: int | None = None) -> Brain:

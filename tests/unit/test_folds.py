@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from shapes import ball_surface
 
+from cortet.folding.measurements import folds_of, mean_curvature, shape
 from cortet.meshes import TriSurface
-from cortet.simulation.measurements import folds_of, mean_curvature, shape
 
 RADIUS = 30.0
 

@@ -16,10 +16,10 @@ from fold_solver import DOLFINX, ball, by_dolfinx, exact, outward
 
 from cortet.cli import main
 from cortet.errors import InputError
+from cortet.folding import febio_job, fenics_job
+from cortet.folding.body import Material
 from cortet.formats import febio, fenics, vtu
 from cortet.meshes import MeshSets, TetMesh
-from cortet.simulation.body import Material
-from cortet.solver_files import febio_job, fenics_job
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import verify
 from cortet.stages.solver_ready import surface_nodes_first

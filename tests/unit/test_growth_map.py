@@ -11,9 +11,13 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.cli import main
 from cortet.errors import InputError
-from cortet.formats.gifti import write_surface
-from cortet.geometry.topology import vertex_normals
-from cortet.measure.surface_growth import (
+from cortet.folding.fields import growth_field
+from cortet.folding.fold import fold
+from cortet.folding.growth_map import sheared, tangents
+from cortet.folding.law import deformation, grown_gradients
+from cortet.folding.run import advance_to, beginning, prepared
+from cortet.folding.state import Settings
+from cortet.folding.surface_growth import (
     area_ratio,
     logarithmic_growth,
     measured,
@@ -22,13 +26,9 @@ from cortet.measure.surface_growth import (
     tensors_of,
     vertex_areas,
 )
+from cortet.formats.gifti import write_surface
+from cortet.geometry.topology import vertex_normals
 from cortet.meshes import FloatArray, TetMesh, TriSurface
-from cortet.simulation.fields import growth_field
-from cortet.simulation.fold import fold
-from cortet.simulation.growth_map import sheared, tangents
-from cortet.simulation.law import deformation, grown_gradients
-from cortet.simulation.run import advance_to, beginning, prepared
-from cortet.simulation.state import Settings
 
 THIN = Settings(22.0, end=22.5, thickness=3.0, record_interval=0.5, frame_interval=0.5, envelope=False)
 

@@ -13,15 +13,15 @@ from shapes import ball_mesh
 
 from cortet.config import load
 from cortet.errors import InputError
+from cortet.folding.fold import fold
+from cortet.folding.growth import HULL, VOLUME, ages_of, by_age, times_of, usual
+from cortet.folding.kernels import grown_volume_of
+from cortet.folding.law import ACROSS, ALONG, CORE
+from cortet.folding.measurements import Measurements
+from cortet.folding.models import CONSTANTS, hidden_growth
+from cortet.folding.run import beginning, prepared, time_step_of
+from cortet.folding.state import Settings
 from cortet.meshes import REGION, MeshSets, TetMesh
-from cortet.simulation.fold import fold
-from cortet.simulation.growth import HULL, VOLUME, ages_of, by_age, times_of, usual
-from cortet.simulation.kernels import grown_volume_of
-from cortet.simulation.law import ACROSS, ALONG, CORE
-from cortet.simulation.measurements import Measurements
-from cortet.simulation.models import CONSTANTS, hidden_growth
-from cortet.simulation.run import beginning, prepared, time_step_of
-from cortet.simulation.state import Settings
 
 AGES = np.array([22.0, 25.0, 28.5, 34.0, 38.0])
 STARTS: tuple[Literal["free"], Literal["stressed"]] = ("free", "stressed")

@@ -10,15 +10,15 @@ from cubes import cube_mesh
 from scipy.spatial.transform import Rotation
 
 from cortet.errors import InputError
+from cortet.folding.body import scale_of
+from cortet.folding.growth import time_of
+from cortet.folding.medial_wall import Wall, medial_wall
+from cortet.folding.run import advance_to, beginning, described, millimetres, prepared
+from cortet.folding.state import Settings
 from cortet.formats.gifti import read_surface
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.meshes import MeshSets, TetMesh, TriSurface
 from cortet.phantom import phantom
-from cortet.simulation.body import scale_of
-from cortet.simulation.growth import time_of
-from cortet.simulation.medial_wall import Wall, medial_wall
-from cortet.simulation.run import advance_to, beginning, described, millimetres, prepared
-from cortet.simulation.state import Settings
 from cortet.stages.generate import generate
 
 SHARED = Path(__file__).parents[3] / "shared/data"

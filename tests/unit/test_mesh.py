@@ -8,11 +8,11 @@ import pytest
 from shapes import ball_mesh, ball_surface
 
 from cortet.errors import InputError
+from cortet.folding.fold import fold
+from cortet.folding.state import Settings
 from cortet.measure.certify import certify
 from cortet.measure.quality import measures, quality, summarise
 from cortet.meshes import MeshSets, TetMesh, TriSurface
-from cortet.simulation.fold import fold
-from cortet.simulation.state import Settings
 
 MESH, SURFACE = ball_mesh(1), ball_surface(1)
 

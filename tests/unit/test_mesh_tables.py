@@ -15,8 +15,7 @@ from cubes import cube_mesh
 
 from cortet.formats.tables import names
 from cortet.measure.quality import summarise
-from cortet.report.records import Origin
-from cortet.study.mesh_tables import (
+from cortet.paper.mesh_tables import (
     RESOLUTION,
     TABLES,
     exponent,
@@ -24,6 +23,7 @@ from cortet.study.mesh_tables import (
     resolution_table,
     write_mesh_table,
 )
+from cortet.paper.records import Origin
 
 AGES = {"sub-a": 28.0, "sub-b": 22.0}
 

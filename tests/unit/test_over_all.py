@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from cortet.study.over_all import OverAll
+from cortet.report.over_all import OverAll
 from tests.unit.test_plan import GOOD, MADE, plan
 
 

@@ -15,6 +15,7 @@ from cortet.cohort.plan import Mesh, Plan
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.config import load
 from cortet.errors import InputError
+from cortet.folding.plan import Folds
 from cortet.formats.hashing import sha256
 
 GOOD = Case("good", None, "L", 24.0, Path("good.surf.gii"))
@@ -48,7 +49,7 @@ def test_a_case_with_a_cell_size_of_its_own_is_meshed_at_that_size_alone() -> No
     asked = plan(GOOD, fine, generate={"cell_size": [2.0, 1.5]}, fold={"cases": "all"})
     meshes = asked.each_case(asked.layout.certificate)
     assert {mesh[:2] for mesh in meshes} == {(GOOD.name, 2000), (GOOD.name, 1500), (fine.name, 800)}
-    assert [row["cell_size_mm"] for row in asked.fold_runs().values() if row["case"] == fine.name] == [0.8]
+    assert [row["cell_size_mm"] for row in Folds(asked).runs().values() if row["case"] == fine.name] == [0.8]
 
 
 def test_the_line_of_a_case_follows_from_its_row() -> None:
@@ -120,18 +121,18 @@ def test_what_failed_before_its_certificate_is_not_measured() -> None:
 
 def test_folds_are_asked_for_by_case_and_variant() -> None:
     asked = plan(fold={"cases": ["sub-good_hemi-L"], "variants": {"stiff": {"core_stiffness": 2.0}}})
-    runs = asked.fold_runs()
+    runs = Folds(asked).runs()
     assert [row["variant"] for row in runs.values()] == [None, "stiff"]
     assert all(path.startswith("out/sub-good/simulation/") for path in runs)
-    assert asked.variant({"variant": "Stiff"}) == {"core_stiffness": 2.0} and asked.variant({}) == {}
+    assert Folds(asked).variant({"variant": "Stiff"}) == {"core_stiffness": 2.0} and Folds(asked).variant({}) == {}
 
 
 def test_pictures_of_a_fold_show_the_real_brains_of_its_hemisphere() -> None:
     asked = plan(GOOD, PAIR, fold={"real_surfaces": {22: "22_{hemi}.surf.gii", 28.5: "28.surf.gii"}})
-    assert asked.real_surfaces(job(GOOD)) == {"22": "22_L.surf.gii", "28.5": "28.surf.gii"}
-    assert asked.real_surfaces(job(PAIR)) == {"22": "22_R.surf.gii", "28.5": "28.surf.gii"}
+    assert Folds(asked).real_surfaces(job(GOOD)) == {"22": "22_L.surf.gii", "28.5": "28.surf.gii"}
+    assert Folds(asked).real_surfaces(job(PAIR)) == {"22": "22_R.surf.gii", "28.5": "28.surf.gii"}
     whole = replace(GOOD, hemi=None)
-    assert plan(whole, fold=asked.config.fold.model_dump()).real_surfaces(job(whole)) == {"28.5": "28.surf.gii"}
+    assert Folds(plan(whole, fold=asked.config.fold.model_dump())).real_surfaces(job(whole)) == {"28.5": "28.surf.gii"}
     assert "real_surfaces" not in asked.arguments("fold", mesh_job(GOOD))
 
 
@@ -173,14 +174,14 @@ def test_what_one_case_lacks_is_for_its_job_to_say(tmp_path: Path) -> None:
 def test_planning_loads_nothing_heavy() -> None:
     """Every job plans, so each library here would cost each of them a quarter of a second and more."""
     heavy = ("numba", "scipy", "nibabel", "pymeshlab", "gmsh", "meshio", "pandas", "matplotlib")
-    code = f"import sys, cortet.study.over_all; print([name for name in {heavy} if name in sys.modules])"
+    code = f"import sys, cortet.report.over_all; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 
 def test_a_series_with_two_cases_of_one_age_is_refused() -> None:
     weeks = [replace(GOOD, session=f"w{number}", scan_age=age) for number, age in enumerate((24.0, 26.0, 26.0))]
-    made = plan(*weeks)
+    made = Folds(plan(*weeks))
     (first,) = made.prediction_series()
     with pytest.raises(InputError, match="w1_hemi-L and .*w2_hemi-L have the same age, 26 weeks, in one series"):
         made.surfaces_of_series(first)

@@ -10,13 +10,13 @@ import pytest
 from shapes import ball_mesh
 
 from cortet.errors import InputError
+from cortet.folding.fold import fold
+from cortet.folding.plausible import check_cells, check_mesh, flatness
+from cortet.folding.run import prepared
+from cortet.folding.state import Settings
 from cortet.formats.gifti import read_surface
 from cortet.meshes import TetMesh
 from cortet.phantom import phantom
-from cortet.simulation.fold import fold
-from cortet.simulation.plausible import check_cells, check_mesh, flatness
-from cortet.simulation.run import prepared
-from cortet.simulation.state import Settings
 from cortet.stages.generate import generate
 
 SHARED = Path(__file__).parents[3] / "shared/data"

@@ -14,21 +14,14 @@ from numpy.typing import NDArray
 from shapes import ball_mesh, ball_surface
 
 from cortet.errors import InputError
-from cortet.formats import vtu
-from cortet.formats.gifti import write_fields, write_surface
-from cortet.geometry.topology import boundary_surface
-from cortet.measure.surface_growth import area_ratio, fitted
-from cortet.meshes import FloatArray, TetMesh, TriSurface
-from cortet.report.fold_figures import series as frames_of
-from cortet.simulation.fields import growth_field
-from cortet.simulation.fold import fold
-from cortet.simulation.growth import AREA, usual
-from cortet.simulation.journal import SERIES
-from cortet.simulation.state import Settings
-from cortet.stages.transfer import transfer
-from cortet.study.carried import carried
-from cortet.study.longitudinal import Series, lobes_of, series_of
-from cortet.study.prediction import (
+from cortet.folding.carried import carried
+from cortet.folding.fields import growth_field
+from cortet.folding.fold import fold
+from cortet.folding.fold_figures import series as frames_of
+from cortet.folding.growth import AREA, usual
+from cortet.folding.journal import SERIES
+from cortet.folding.longitudinal import Series, lobes_of, series_of
+from cortet.folding.prediction import (
     KINDS,
     corrected,
     forecast_growth,
@@ -37,8 +30,15 @@ from cortet.study.prediction import (
     shuffled_growth,
     uniform_growth,
 )
-from cortet.study.prediction_spread import checked, spreads
-from cortet.study.prediction_tables import correlation, predicted_surfaces, scores, write_prediction, write_run
+from cortet.folding.prediction_spread import checked, spreads
+from cortet.folding.prediction_tables import correlation, predicted_surfaces, scores, write_prediction, write_run
+from cortet.folding.state import Settings
+from cortet.folding.surface_growth import area_ratio, fitted
+from cortet.formats import vtu
+from cortet.formats.gifti import write_fields, write_surface
+from cortet.geometry.topology import boundary_surface
+from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.stages.transfer import transfer
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 SETTINGS = Settings(22.0, end=23.0, thickness=3.0, record_interval=0.5, frame_interval=0.5, envelope=False)

@@ -20,6 +20,8 @@ from cortet.api.meshing import tetrahedra
 from cortet.cli import main as cortet_command
 from cortet.cli.given import read_mesh
 from cortet.errors import InputError, StageError
+from cortet.folding.models import stiffness_of
+from cortet.folding.state import Settings
 from cortet.formats import FORMATS, format_of, msh, nastran, vtu
 from cortet.formats.gifti import write_surface
 from cortet.formats.tags import face_tags, region_numbers, regions
@@ -27,8 +29,6 @@ from cortet.geometry.quadratic import quadratic
 from cortet.geometry.topology import boundary_faces, boundary_surface, compact
 from cortet.measure.certify import certify
 from cortet.meshes import REGION, MeshSets, TetMesh
-from cortet.simulation.models import stiffness_of
-from cortet.simulation.state import Settings
 from cortet.solver_files import others
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.sets import named_sets, tagged

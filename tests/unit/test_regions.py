@@ -12,6 +12,9 @@ from wrong_meshes import sound, swapped_regions
 
 from cortet.config import load
 from cortet.errors import InputError
+from cortet.folding.body import body_of, scale_of, with_interface
+from cortet.folding.fold import fold
+from cortet.folding.state import Settings
 from cortet.formats import FORMATS
 from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closest_points, forest, surface_tree
@@ -27,9 +30,6 @@ from cortet.optimise.backing_off import back_off
 from cortet.phantom import inset, phantom
 from cortet.pipeline import Meshed, mesh_surface
 from cortet.report.case_page import write_case_page
-from cortet.simulation.body import body_of, scale_of, with_interface
-from cortet.simulation.fold import fold
-from cortet.simulation.state import Settings
 from cortet.solver_files.export import export
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.verify import verify

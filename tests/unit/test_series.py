@@ -11,8 +11,8 @@ from shapes import ball_mesh
 
 from cortet.formats import vtu
 from cortet.meshes import TetMesh
+from cortet.paper.series import draw_series, series_figure
 from cortet.report.render import lateral_view
-from cortet.study.series import draw_series, series_figure
 
 
 @pytest.fixture(autouse=True)

@@ -93,6 +93,6 @@ def test_what_is_no_table_is_refused(content: bytes, words: str, tmp_path: Path)
 
 
 def test_pandas_is_loaded_only_where_a_table_is_made() -> None:
-    modules = "cortet.stages.clean, cortet.cohort.sheet, cortet.simulation.fold"
+    modules = "cortet.stages.clean, cortet.cohort.sheet, cortet.folding.fold"
     code = f"import sys, {modules}; sys.exit('pandas' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,10 @@
+"""Folding of a meshed cortex by differential growth.
+
+F = Fe Fg on linear tetrahedra, integrated explicitly (Tallinen et al., Nature Physics 2016; Wang et al. 2021, the
+BrainGrowth solver). `body` makes the reference state of a mesh. `kernels` steps it in time. `contact` keeps its surface
+from passing through itself. `fold` runs from one gestational age to another. `cortet.folding.fold_figures` draws it.
+"""
+
+#: gestational ages at which a fold may begin and end, weeks: its time scale is a fit to 22 to 44 weeks; before 20 a
+#: brain is smooth, and before 15 the fit gives negative growth
+AGES = (20.0, 60.0)

@@ -1,0 +1,153 @@
+"""`fold` and its result, and `growth`, which a fold may use."""
+
+from __future__ import annotations
+
+import html
+import tempfile
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.api.given import SurfaceLike, require_hemisphere, surface
+from cortet.api.meshing import Mesh, image, say, tetrahedra
+from cortet.config import load
+from cortet.errors import InputError
+from cortet.folding import AGES
+from cortet.geometry.limits import require_within
+from cortet.meshes import TetMesh, region_names
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from cortet.folding.surface_growth import Growth
+
+__all__ = ["Folded", "fold", "growth"]
+
+
+def growth(
+    early: SurfaceLike,
+    later: SurfaceLike,
+    ages: tuple[float, float],
+    *,
+    spheres: tuple[SurfaceLike, SurfaceLike] | None = None,
+    smooth: float | None = None,
+) -> tuple[dict[str, NDArray[Any]], Growth]:
+    """How much each spot of a surface has grown by a later age.
+
+    Parameters
+    ----------
+    ages : gestational ages of the two, weeks
+    spheres : registered spheres of the two, through which their vertices correspond; None: by their numbers
+    smooth : full width at half maximum of the smoothing along the surface, mm; None: as much as noise requires
+
+    Returns
+    -------
+    fields for `mesh`, with which a mesh of `early` grows when it is folded; and the measured growth
+
+    Raises
+    ------
+    InputError : the vertices do not correspond, or the second age is not later
+    """
+    from cortet.folding.fields import growth_field
+    from cortet.folding.surface_growth import measured, through_spheres
+
+    if len(ages) != 2 or not ages[0] < ages[1]:
+        raise InputError(f"{', '.join(map(str, ages))} are not an early and a later age", remedy="give two, rising")
+    first, last = surface(early), surface(later)
+    if spheres:
+        last = through_spheres(last, surface(spheres[1]), surface(spheres[0]))
+    found = measured(first, last, smooth)
+    return {growth_field(ages[1]): found.tensors}, found
+
+
+@dataclass(frozen=True, eq=False)
+class Folded:
+    """A fold: how it ended, its table, and the folder that holds its frames."""
+
+    #: as `verdict.json`
+    verdict: dict[str, Any]
+    #: a row per `record_interval`, as `fold.tsv`
+    table: pd.DataFrame
+    folder: Path
+    hemi: Literal["L", "R"] | None
+    #: if the user named no folder: removes it once the fold is no longer used
+    _keeper: Any = field(default=None, repr=False)
+
+    def at(self, ga: float) -> TetMesh:
+        """The mesh of the frame nearest to an age, weeks."""
+        from cortet.folding.fold_figures import series
+        from cortet.folding.journal import SERIES
+        from cortet.formats import vtu
+
+        frames = series(self.folder / SERIES)
+        return vtu.read(min(frames, key=lambda frame: abs(frame[1] - ga))[0])
+
+    def plot(self) -> NDArray[np.uint8]:
+        """The surface at the end, seen from its side: (height, width, 3)."""
+        from cortet.folding.fold_figures import series, views
+        from cortet.folding.journal import SERIES
+
+        return next(views([series(self.folder / SERIES)[-1][0]], self.hemi))
+
+    def _repr_html_(self) -> str:
+        return f"<p>{html.escape(self.verdict['reason'])}</p>{image(self.plot())}"
+
+
+def fold(
+    made: TetMesh | Mesh | str | Path,
+    ga: float | None = None,
+    hemi: Literal["L", "R"] | None = None,
+    *,
+    folder: str | Path | None = None,
+    progress: bool | Callable[..., None] = True,
+    **settings: Any,
+) -> Folded:
+    """Grow and fold a mesh.
+
+    Parameters
+    ----------
+    ga : gestational age of the mesh, weeks; None: the age given when it was made, which the sidecar of a file records
+    hemi : "L" or "R" for half a brain; None: that of the mesh, or of its sidecar
+    folder : gets table and frames, and a run that was killed continues there; None: one that is deleted with the result
+    settings : keys of the section `fold`: end, thickness, model, ...
+
+    Raises
+    ------
+    InputError : the age is unknown, the mesh was made for another age or hemisphere, or it cannot be folded
+    """
+    import pandas as pd
+
+    from cortet.folding.fold import fold as folded
+    from cortet.folding.journal import TABLE, per_percent
+    from cortet.folding.plausible import brain_of, refuse_shell, require_same_brain
+    from cortet.folding.state import Settings as FoldSettings
+    from cortet.formats.tsv import read_tsv
+
+    require_hemisphere(hemi)
+    if ga is not None:
+        require_within(ga, AGES, "the gestational age in weeks")
+    mesh = tetrahedra(made)
+    if isinstance(made, Mesh):
+        refuse_shell(region_names(made.surface.inner))
+        require_same_brain((ga, hemi), (made.ga, made.hemi))
+        ga, hemi = made.ga if ga is None else ga, hemi or made.hemi
+    elif isinstance(made, str | Path):
+        ga, hemi = brain_of(Path(made), ga, hemi)
+    if ga is None:
+        raise InputError("the gestational age of the mesh is not known", remedy="give ga, in weeks")
+    keeper = tempfile.TemporaryDirectory(prefix="cortet-fold-") if folder is None else None
+    place = Path(keeper.name if keeper else folder or "")
+    if place.exists() and not place.is_dir():
+        raise InputError("is a file", file=place, remedy="give the name of a folder")
+    values = load({"fold": settings}).arguments("fold", {"gestational_age": ga, "hemisphere": hemi})
+    speak = progress if callable(progress) else per_percent(say)
+    regions = (*values["core_regions"], *values["region_stiffness"])
+    if isinstance(made, Mesh) and any(isinstance(region, str) for region in regions):
+        mesh = made.named()
+    verdict = folded(mesh, place, FoldSettings(**values), speak if progress else None)
+    table = read_tsv(place / TABLE).apply(pd.to_numeric, errors="coerce")
+    return Folded(asdict(verdict), table, place, hemi, keeper)

@@ -1,0 +1,296 @@
+"""Fold a mesh from one gestational age to another, write the results, and say how it ended."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from cortet.errors import place_mm
+from cortet.folding.altitude import smallest_altitude
+from cortet.folding.body import with_interface
+from cortet.folding.contact import listed_at
+from cortet.folding.growth import age_of, time_of
+from cortet.folding.growth_map import ages_of_maps
+from cortet.folding.journal import (
+    CHECKPOINT,
+    FILES,
+    SECONDS,
+    SERIES,
+    SIDECAR,
+    TABLE,
+    VERDICT,
+    Checkpoint,
+    Progress,
+    fingerprint,
+    load_checkpoint,
+    save_checkpoint,
+    write_frame,
+    write_series,
+)
+from cortet.folding.kernels import Motion
+from cortet.folding.measurements import COLUMNS, Measurements
+from cortet.folding.plausible import check_cells, check_mesh
+from cortet.folding.run import advance_to, beginning, described, measured, millimetres, prepared, thickness_mm
+from cortet.folding.state import Moment, Run, Settings
+from cortet.formats.atomic import write_json
+from cortet.formats.ownership import delete, delete_abandoned
+from cortet.formats.tables import write_table
+from cortet.formats.tsv import write_tsv
+from cortet.meshes import TetMesh
+
+VERSION: int = 7
+
+#: wall time between two checkpoints, and between two updates of the tables
+_CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0
+#: names of frames
+_FRAMES = "frame_*.vtu"
+#: weeks by which two ages may differ and be the same
+SAME_AGE = 1e-6
+#: weeks by which the age in the name of a field may be rounded
+_ROUNDED = 1e-3
+
+logger = logging.getLogger(__name__)
+
+#: called with a sentence
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a run ended, in plain values."""
+
+    outcome: Literal["folded", "inverted"]
+    reason: str
+    tets: int
+    #: "cpu", or the name of the GPU that took the steps
+    device: str
+    #: number of steps taken
+    steps: int
+    gestational_age: float
+    #: mean, dimensionless
+    time_step: float
+    smallest_altitude_mm: float
+    #: unit of length of the simulation
+    length_mm: float
+    #: thickness of the growing cortex at the start; its mean if it varies
+    thickness_mm: float
+    #: source of the medial wall of half a brain
+    medial_wall: str | None
+    medial_wall_mm2: float
+    medial_wall_share: float
+    #: smallest J of all steps
+    min_j: float
+    #: number of times that a tetrahedron was nearly flat
+    degenerate: int
+    #: largest q of all rows of the table
+    q_max: float
+    #: in the last row
+    energy_error: float | None
+    gyrification_index_first: float
+    gyrification_index_last: float
+    fold_spacing_mm_last: float | None
+    sulcal_depth_mm_last: float
+    #: the tetrahedron that inverted, and its centre
+    element: int | None = None
+    place_mm: tuple[float, float, float] | None = None
+
+
+def fold(
+    mesh: TetMesh,
+    folder: Path,
+    settings: Settings,
+    progress: Progress | None = None,
+    say: Say = logger.info,
+    *,
+    frames_at: Sequence[float] = (),
+) -> Verdict:
+    """Grow the cortex of a mesh until the end, its last map of growth, or the first element that inverts.
+
+    The folder gets the table of measurements with its sidecar, a table of wall seconds, frames with their series, and
+    the verdict. A run that was killed continues from its last checkpoint there and ends with the same bits. With
+    another mesh or other settings it starts anew.
+
+    Parameters
+    ----------
+    mesh : mm, RAS coordinates; point data `growth` (0 to 1), `thickness` (mm) and `label` are used if present; if it
+        has regions, the outer one is the cortex
+    frames_at : further ages, weeks, that get a row and a frame, such as those of surfaces to compare with
+
+    Raises
+    ------
+    InputError : see `run.prepared` and `plausible.check_mesh`
+    """
+    mesh = with_interface(mesh)
+    doubts = check_mesh(mesh, settings)
+    known = max(ages_of_maps(mesh), default=settings.end)
+    if settings.gestational_age < known < settings.end - _ROUNDED:
+        doubts.append(f"growth was measured up to {known:g} weeks, so the fold ends there, not at {settings.end:g}")
+        settings = replace(settings, end=known)
+    run = prepared(mesh, settings)
+    for sentence in [*described(run), *(f"warning: {doubt}" for doubt in [*doubts, *check_cells(run)])]:
+        say(sentence)
+    journal = Journal(folder, fingerprint(mesh, {**asdict(settings), "version": VERSION, "frames_at": [*frames_at]}))
+    moment = journal.resumed(run)
+    stops = _stops(run, settings, frames_at)
+    for stop in stops:
+        if stop <= moment.time and journal.rows:
+            continue
+        began = time.perf_counter()
+        inverted = stop > moment.time and advance_to(run, moment, stop)
+        journal.seconds += time.perf_counter() - began
+        measurements = measured(run, moment)
+        last = inverted or stop == run.end
+        if last or _has_frame(measurements.gestational_age, settings, frames_at):
+            journal.add_frame(run, moment, measurements.gestational_age)
+        part = (moment.time - run.start) / (run.end - run.start)
+        journal.add_row(measurements, part, last=last)
+        moment.work.min_j[0] = np.inf
+        if progress:
+            progress(measurements, part, journal.seconds)
+        if last:
+            break
+        journal.save(moment)
+    verdict = _verdict(run, moment, journal.rows)
+    write_json(asdict(verdict), folder / VERDICT)
+    journal.checkpoint.unlink(missing_ok=True)
+    return verdict
+
+
+def _stops(run: Run, settings: Settings, frames_at: Sequence[float]) -> list[float]:
+    """Times at which the body is measured: first and last, others evenly spaced in age, and those of further frames."""
+    count = int(np.ceil((settings.end - settings.gestational_age) / settings.record_interval - 1e-6))
+    ages = settings.gestational_age + settings.record_interval * np.arange(1, count)
+    further = [age for age in frames_at if settings.gestational_age < age < settings.end]
+    further = [age for age in further if np.abs(ages - age).min(initial=np.inf) > SAME_AGE]
+    return [run.start, *(time_of(age) for age in sorted([*ages, *further])), run.end]
+
+
+def _has_frame(age: float, settings: Settings, frames_at: Sequence[float]) -> bool:
+    """Whether the body has a frame at an age at which it is measured."""
+    every = max(round(settings.frame_interval / settings.record_interval), 1) * settings.record_interval
+    steps = (age - settings.gestational_age) / every
+    return abs(steps - round(steps)) * every < SAME_AGE or any(abs(age - at) < SAME_AGE for at in frames_at)
+
+
+class Journal:
+    """The results that a run has written so far."""
+
+    def __init__(self, folder: Path, fingerprint: str) -> None:
+        self.folder, self.fingerprint = folder, fingerprint
+        self.checkpoint = folder / CHECKPOINT
+        self.rows: list[dict[str, Any]] = []
+        #: file names relative to the folder, and gestational ages
+        self.frames: list[tuple[str, float]] = []
+        self.seconds = 0.0
+        self.saved = time.monotonic()
+        self.written = -np.inf
+
+    def resumed(self, run: Run) -> Moment:
+        """The moment of the last checkpoint, or the beginning; then files of another run in the folder are deleted."""
+        moment = beginning(run)
+        delete_abandoned(self.folder, *FILES)
+        delete_abandoned(self.folder / "frames", _FRAMES)
+        last = load_checkpoint(self.checkpoint, self.fingerprint)
+        if last is None:
+            rest = (self.folder / name for name in (VERDICT, SERIES, CHECKPOINT))
+            delete(*sorted(self.folder.glob(f"frames/{_FRAMES}")), *rest)
+            return moment
+        logger.info("resumed at step %d, time %.3f", last.step, last.time)
+        self.rows, self.frames, self.seconds = last.rows, last.frames, last.seconds
+        at_listing = last.x.copy()
+        at_listing[moment.contact.nodes] = last.listed
+        moment.work.counts[:] = last.degenerate, last.contacts
+        moment.work.energy[:] = last.energies[:2]
+        contact = listed_at(moment.contact, at_listing, last.envelope)
+        return Moment(last.step, last.time, Motion(last.x, last.v), moment.work, contact, last.energies[2])
+
+    def save(self, moment: Moment) -> None:
+        """Write a checkpoint, unless the last one is recent."""
+        if time.monotonic() - self.saved < _CHECKPOINT_SECONDS:
+            return
+        now = Checkpoint(
+            fingerprint=self.fingerprint,
+            step=moment.step,
+            time=moment.time,
+            x=moment.state.x,
+            v=moment.state.v,
+            listed=moment.contact.listed,
+            envelope=moment.contact.envelope,
+            degenerate=int(moment.work.counts[0]),
+            contacts=int(moment.work.counts[1]),
+            energies=(float(moment.work.energy[0]), float(moment.work.energy[1]), moment.growth_work),
+            seconds=self.seconds,
+            rows=self.rows,
+            frames=self.frames,
+        )
+        save_checkpoint(now, self.checkpoint)
+        self.saved = time.monotonic()
+
+    def add_row(self, measurements: Measurements, part: float, *, last: bool) -> None:
+        """Append to the tables; `part` is the share of the simulated time done. Files follow about once a second."""
+        self.rows.append({**asdict(measurements), "seconds": round(self.seconds, 2), "part": part})
+        if not last and time.monotonic() - self.written < _TABLE_SECONDS:
+            return
+        self.written = time.monotonic()
+        write_table(COLUMNS, self.rows, self.folder / TABLE, self.folder / SIDECAR)
+        write_tsv(self.rows, ["step", "seconds", "part"], self.folder / SECONDS)
+
+    def add_frame(self, run: Run, moment: Moment, age: float) -> None:
+        """Write a frame, in the numbering of the user's mesh."""
+        name = f"frames/frame_{len(self.frames):04d}.vtu"
+        by_node, by_cell = np.argsort(run.node), np.argsort(run.cell)
+        reference = TetMesh(run.mesh.points[by_node], run.node[run.mesh.cells[by_cell]].astype(np.int32))
+        j = (moment.work.current / moment.work.grown)[by_cell]
+        points = millimetres(run, moment)[by_node]
+        wall = run.body.held[by_node].astype(np.uint8)
+        write_frame(reference, points, j, moment.work.share[by_cell], wall, self.folder / name)
+        self.frames.append((name, age))
+        write_series(self.frames, self.folder / SERIES)
+
+
+def _verdict(run: Run, moment: Moment, rows: list[dict[str, Any]]) -> Verdict:
+    age = rows[-1]["gestational_age"]
+    element, place = None, None
+    if rows[-1]["inverted"]:
+        j = moment.work.current / moment.work.grown
+        worst = int(np.argmin(np.where(np.isnan(j), -np.inf, j)))
+        element = int(run.cell[worst])
+        x, y, z = millimetres(run, moment)[run.mesh.cells[worst]].mean(axis=0).tolist()
+        place = (x, y, z)
+        reason = (
+            f"tetrahedron {element} at {place_mm(place)} inverted (J = {j[worst]:.3g}) "
+            f"in step {moment.step}, at {age:.2f} weeks"
+        )
+    else:
+        reason = f"folded from {age_of(run.start):.2f} to {age:.2f} weeks; no element inverted in {moment.step} steps"
+    return Verdict(
+        outcome="inverted" if element is not None else "folded",
+        reason=reason,
+        tets=len(run.cell),
+        device=run.device,
+        steps=moment.step,
+        gestational_age=age,
+        time_step=(moment.time - run.start) / max(moment.step, 1),
+        smallest_altitude_mm=smallest_altitude(run.mesh.points, run.mesh.cells),
+        length_mm=run.scale.length,
+        thickness_mm=thickness_mm(run),
+        medial_wall=run.wall.found if run.wall else None,
+        medial_wall_mm2=run.wall.area_mm2 if run.wall else 0.0,
+        medial_wall_share=run.wall.share if run.wall else 0.0,
+        min_j=min(row["min_j"] for row in rows),
+        degenerate=rows[-1]["degenerate"],
+        q_max=max(row["q_max"] for row in rows),
+        energy_error=rows[-1]["energy_error"],
+        gyrification_index_first=rows[0]["gyrification_index"],
+        gyrification_index_last=rows[-1]["gyrification_index"],
+        fold_spacing_mm_last=rows[-1]["fold_spacing_mm"],
+        sulcal_depth_mm_last=rows[-1]["sulcal_depth_mm"],
+        element=element,
+        place_mm=place,
+    )

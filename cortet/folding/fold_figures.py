@@ -1,0 +1,261 @@
+"""Pictures of a folding run: its numbers against age, the folding brain beside real ones, and a film."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.animation import PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
+
+from cortet.errors import InputError
+from cortet.folding import real_brains
+from cortet.folding.fold_views import (
+    Brain,
+    Image,
+    Row,
+    bar_length,
+    centre,
+    draw_bar,
+    extent,
+    real_brain,
+    sheet,
+    sides,
+    simulated_brain,
+    view,
+)
+from cortet.folding.journal import SERIES, TABLE
+from cortet.formats.atomic import atomic_path
+from cortet.formats.gifti import hemisphere_of
+from cortet.formats.ownership import delete_abandoned
+from cortet.formats.tsv import read_tsv
+from cortet.report.colours import BLUE, VERMILION
+from cortet.report.figures import PAGE, STYLE, drawn, letter, save
+
+VERSION: int = 5
+
+#: files that `draw` adds to the folder of a run
+NUMBERS, PICTURE, FILM = "folding.svg", "folded.png", "folding.gif"
+
+#: weeks between two brains in the picture, and most weeks between a frame and the real brain beside it
+_EVERY, _ALIKE = 4.0, 0.5
+#: pixels of the film, its margin, and its frames per second
+_VIEW, _MARGIN, _RATE = (800, 640), 1.05, 5
+#: column that is drawn against age -> label of its panel, row by row; the last of each row is drawn small
+_PANELS = {
+    "gyrification_index": "gyrification index",
+    "area_cm2": "area (cm²)",
+    "volume_ml": "volume (mL)",
+    "min_j": "smallest $J$",
+    "fold_spacing_mm": "width of folds (mm)",
+    "sulcal_depth_mm": "depth of sulci (mm)",
+    "hull_volume_ml": "hull volume (mL)",
+    "q_max": r"largest $q$",
+}
+_ROWS, _SMALL = 2, ("min_j", "q_max")
+#: candidate weeks between ticks of the age axis, of which the first with few enough ticks is used; and most ticks
+_STEPS, _MOST_TICKS = (1, 2, 4, 5, 10), 6
+#: source of real brains -> its name in the legend, marker, colour; open markers for abnormal anatomy
+_SOURCES = {
+    "CRL atlas": ("CRL atlas, fetal", "o", "black"),
+    "FetoMorph (individual)": ("FetoMorph, individual fetuses", "^", "black"),
+    real_brains.ABNORMAL: ("spina bifida atlas, fetal", "o", "black"),
+    "dHCP neonatal atlas": ("dHCP atlas, newborns", "s", "#8C8C8C"),
+}
+
+logger = logging.getLogger(__name__)
+
+
+def draw(folder: Path, hemisphere: str | None, real: Mapping[float, Path] | None = None) -> list[Path]:
+    """Draw all pictures of the run in a folder; returns their files.
+
+    Parameters
+    ----------
+    hemisphere : "L" or "R" is filmed from its lateral side; a whole brain (None) from the left
+    real : gestational age, weeks -> surface of a real brain, of the same hemisphere, that is drawn beside the frame of
+        that age
+
+    Raises
+    ------
+    InputError : the frames or a surface cannot be read
+    """
+    delete_abandoned(folder, NUMBERS, PICTURE, FILM)
+    save(numbers(folder / TABLE, hemisphere), folder / NUMBERS)
+    frames = series(folder / SERIES)
+    save(sheet(rows_of(frames, hemisphere, real or {}), hemisphere), folder / PICTURE)
+    film(frames, hemisphere, folder / FILM)
+    return [folder / name for name in (NUMBERS, PICTURE, FILM)]
+
+
+def series(path: Path) -> list[tuple[Path, float]]:
+    """Frames of a run and their gestational ages, from its `.pvd` file."""
+    try:
+        entries = list(ElementTree.parse(path).iter("DataSet"))
+    except (OSError, ElementTree.ParseError) as error:
+        raise InputError(f"cannot be read: {error}", file=path, remedy="fold the mesh again") from error
+    return [(path.parent / entry.attrib["file"], float(entry.attrib["timestep"])) for entry in entries]
+
+
+def numbers(table: Path, hemisphere: str | None) -> Figure:
+    """Size and folds against gestational age, over real brains, and smallest J and largest q.
+
+    Real surfaces are those of one hemisphere if the run is of one, else of both.
+    """
+    rows = curves(table)
+    with drawn(PAGE, 3.9) as figure:
+        columns = len(_PANELS) // _ROWS
+        axes = figure.subplots(_ROWS, columns, width_ratios=[1.0] * (columns - 1) + [0.62]).ravel()
+        for axis, (column, label) in zip(axes, _PANELS.items(), strict=True):
+            axis.plot(rows["gestational_age"], rows[column], color=BLUE, label="this run")
+            axis.set(xlabel="gestational\nage (weeks)" if column in _SMALL else "gestational age (weeks)", ylabel=label)
+            if column == "min_j":
+                axis.axhline(0, color=VERMILION, linestyle="--", linewidth=0.8)
+                axis.annotate(
+                    "inversion", (0.05, 0), xycoords=axis.get_yaxis_transform(), xytext=(0, 2),
+                    textcoords="offset points", fontsize=6, color=VERMILION,
+                )  # fmt: skip
+            if column not in _SMALL:
+                real_points(axis, column, hemisphere)
+            weeks(axis, float(rows["gestational_age"].min()), float(rows["gestational_age"].max()))
+            if column not in _SMALL:
+                _fit(axis)
+        letter(axes)
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    return figure
+
+
+def weeks(axis: Axes, first: float, last: float) -> None:
+    """Set whole weeks as the limits of an age axis: major ticks every 1, 2, 4, 5 or 10 weeks, minor ticks each week."""
+    low, high = np.floor(first + 1e-6), np.ceil(last - 1e-6)
+    step = next((step for step in _STEPS if high - low <= _MOST_TICKS * step), _STEPS[-1])
+    axis.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
+    axis.set_xticks(np.arange(low, high + 0.5, step))
+    axis.xaxis.set_minor_locator(MultipleLocator(1))
+
+
+def _fit(axis: Axes) -> None:
+    """Fit the value axis to what is drawn within the limits of the age axis."""
+    low, high = axis.get_xlim()
+    drawn = [np.asarray(line.get_xydata(), float) for line in axis.lines]
+    drawn += [np.asarray(points.get_offsets(), float) for points in axis.collections]
+    x, y = np.concatenate(drawn).T
+    seen = y[(x >= low) & (x <= high) & np.isfinite(y)]
+    if len(seen):
+        room = 0.05 * float(np.ptp(seen)) or 0.05 * abs(float(seen[0])) or 1.0
+        axis.set_ylim(seen.min() - room, seen.max() + room)
+
+
+def curves(table: Path) -> pd.DataFrame:
+    """The table of a run as numbers, with the names of `real_brains.real_brains`, and `relative_area`."""
+    rows = real_brains.as_real_brains(read_tsv(table).apply(pd.to_numeric, errors="coerce"))
+    return rows.assign(relative_area=rows["area_mm2"] / rows["volume_mm3"] ** (2 / 3))
+
+
+def real_points(axis: Axes, column: str, hemisphere: str | None) -> None:
+    """Draw inner surfaces of real brains, source by source: newborns in grey, since their index jumps at birth."""
+    brains = real_brains.real_brains()
+    brains["relative_area"] = brains["area_cm2"] / brains["volume_ml"] ** (2 / 3)
+    brains = brains[(brains["surface_type"] == "white") & ((brains["hemi"] == "both") == (hemisphere is None))]
+    for source, (label, marker, colour) in _SOURCES.items():
+        points = brains[brains["source"] == source]
+        if len(points):
+            axis.scatter(
+                points["gestational_age_weeks"],
+                points[column],
+                s=9,
+                marker=marker,
+                facecolors="none" if source == real_brains.ABNORMAL else colour,
+                edgecolors=colour,
+                linewidths=0.6,
+                label=label,
+                zorder=3,
+            )
+
+
+def rows_of(frames: list[tuple[Path, float]], hemisphere: str | None, real: Mapping[float, Path]) -> list[Row]:
+    """The first brain, one every four weeks, the last, and those with a real brain of their age.
+
+    Parameters
+    ----------
+    frames : files and gestational ages
+    real : gestational age -> surface
+    """
+    beside = _beside([age for _, age in frames], hemisphere, real)
+    rows = []
+    for number in sorted({*_every([age for _, age in frames]), *beside}):
+        path, age = frames[number]
+        row = Row(age, simulated_brain(path))
+        if number in beside:
+            real_age = beside[number]
+            name = f"{_name(real[real_age])}, {real_age:g} weeks"
+            row = row._replace(real=real_brain(real[real_age], hemisphere), name=name)
+        rows.append(row)
+    return rows
+
+
+def _every(ages: list[float]) -> list[int]:
+    """Numbers of the frames nearest to every fourth week from the first, and of the last."""
+    wanted = [*np.arange(ages[0], ages[-1], _EVERY), ages[-1]]
+    return sorted({int(np.abs(np.array(ages) - age).argmin()) for age in wanted})
+
+
+def _beside(ages: list[float], hemisphere: str | None, real: Mapping[float, Path]) -> dict[int, float]:
+    """Index of a frame -> age of the real brain beside it; logs which real brains are left out."""
+    found: dict[int, float] = {}
+    for age, path in sorted(real.items()):
+        number = int(np.abs(np.array(ages) - age).argmin())
+        named = hemisphere_of(path)
+        if abs(ages[number] - age) > _ALIKE:
+            logger.warning("%s is not drawn: the run has no frame of %g weeks", path, age)
+        elif named not in (None, hemisphere):
+            logger.warning("%s is not drawn: it says that it is of hemisphere %s", path, named)
+        elif number in found and abs(ages[number] - found[number]) <= abs(ages[number] - age):
+            logger.warning("%s is not drawn: another surface is nearer to the same frame", path)
+        else:
+            found[number] = age
+    return found
+
+
+def _name(path: Path) -> str:
+    """The name of a file without its suffixes."""
+    return path.name.removesuffix(path.suffix).removesuffix(".surf")
+
+
+def views(frames: list[Path], hemisphere: str | None) -> Iterator[Image]:
+    """The brain of each frame from its lateral side (a whole one: left), at the scale and position of the last."""
+    last = simulated_brain(frames[-1])
+    for path in frames:
+        yield view(simulated_brain(path), sides(hemisphere)[0], centre(last), _VIEW, _pixels_per_mm(last, hemisphere))
+
+
+def _pixels_per_mm(last: Brain, hemisphere: str | None) -> float:
+    """The scale at which the last brain fills a view."""
+    return float((np.array(_VIEW) / extent(last, sides(hemisphere)[0])).min()) / _MARGIN
+
+
+def film(frames: list[tuple[Path, float]], hemisphere: str | None, path: Path) -> None:
+    """Write an animated GIF of the `views` of some frames, with their ages; the last image stays for a second."""
+    files, ages = zip(*frames, strict=True)
+    per_mm = _pixels_per_mm(simulated_brain(files[-1]), hemisphere)
+    with mpl.rc_context({**STYLE, "font.size": 12}), atomic_path(path) as temporary:
+        figure = Figure(figsize=(_VIEW[0] / 100, _VIEW[1] / 100), dpi=100)
+        axis = figure.add_axes((0, 0, 1, 1))
+        writer = PillowWriter(fps=_RATE)
+        with writer.saving(figure, temporary, dpi=100):
+            for image, age in zip(views(list(files), hemisphere), ages, strict=True):
+                axis.clear()
+                axis.set_axis_off()
+                axis.imshow(image)
+                axis.text(0.02, 0.95, f"{age:.1f} weeks", transform=axis.transAxes)
+                draw_bar(axis, (20, _VIEW[1] - 20), per_mm, bar_length(_VIEW[0] / per_mm, times=10))
+                writer.grab_frame()
+            for _ in range(_RATE - 1):
+                writer.grab_frame()

@@ -1,0 +1,179 @@
+"""The files that a run writes into its folder: frames, a checkpoint to resume from, and its progress."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.folding.measurements import COLUMNS, Measurements
+from cortet.formats import vtu
+from cortet.formats.atomic import atomic_path
+from cortet.formats.surface_sets import MEDIAL_WALL
+from cortet.formats.tables import names
+from cortet.formats.tsv import read_tsv
+from cortet.meshes import FloatArray, TetMesh
+
+#: files in the folder of a run; wall seconds have their own table, everything else is the same in every run
+TABLE, SIDECAR, SECONDS, VERDICT, SERIES = "fold.tsv", "fold.json", "seconds.tsv", "verdict.json", "fold.pvd"
+CHECKPOINT = "checkpoint.npz"
+#: files of a run in its folder, without frames
+FILES = (TABLE, SIDECAR, SECONDS, VERDICT, SERIES, CHECKPOINT)
+
+#: called with every row of the table, the share of the steps done, and the seconds that they took
+Progress = Callable[[Measurements, float, float], None]
+
+_ARRAYS = ("x", "v", "listed")
+_WIDTH = 20
+
+
+# --- frames
+
+
+def write_frame(
+    mesh: TetMesh, points: FloatArray, j: FloatArray, growth: FloatArray, wall: NDArray[np.uint8], path: Path
+) -> None:
+    """Write a mesh with its nodes at `points` (n, 3) mm.
+
+    It has the displacement of each node, whether it is in the medial wall (n,), and J and growth of each element (m,).
+    """
+    fields: dict[str, NDArray[Any]] = {"displacement": points - mesh.points, MEDIAL_WALL: wall}
+    moved = TetMesh(points, mesh.cells, fields, {"J": j, "growth": growth})
+    vtu.write(moved, path)
+
+
+def write_series(frames: Sequence[tuple[str, float]], path: Path) -> None:
+    """Write the `.pvd` of frames: file names relative to it, and gestational ages in place of times."""
+    lines = "".join(f'    <DataSet timestep="{age:.10g}" part="0" file={quoteattr(name)}/>\n' for name, age in frames)
+    with atomic_path(path) as temporary:
+        temporary.write_text(
+            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+            f"{lines}  </Collection>\n</VTKFile>\n",
+            encoding="utf-8",
+        )
+
+
+# --- checkpoint
+
+
+class Checkpoint(NamedTuple):
+    """The exact state of a moment of a run; n nodes, s surface nodes."""
+
+    #: of the mesh and the parameters: only the same run may resume from here
+    fingerprint: str
+    step: int
+    #: (n, 3) each
+    x: FloatArray
+    v: FloatArray
+    #: (s, 3), positions when the contact list was made
+    listed: FloatArray
+    #: size of the envelope then
+    envelope: float
+    time: float
+    degenerate: int
+    contacts: int
+    #: since the start: energy dissipated, work of the contact, work of growth
+    energies: tuple[float, float, float]
+    #: seconds of the steps so far, in this and earlier processes
+    seconds: float
+    #: rows of the tables so far, and the frames written
+    rows: list[dict[str, Any]]
+    frames: list[tuple[str, float]]
+
+
+def fingerprint(mesh: TetMesh, parameters: dict[str, Any]) -> str:
+    """SHA-256 of everything a run depends on."""
+    plain = json.loads(json.dumps(parameters, default=str))  # keys of one kind, which can be sorted
+    digest = hashlib.sha256(json.dumps(plain, sort_keys=True).encode())
+    named: dict[str, NDArray[Any]] = {"points": mesh.points, "cells": mesh.cells}
+    named |= {f"point field {name}": values for name, values in mesh.point_data.items()}
+    named |= {f"cell field {name}": values for name, values in mesh.cell_data.items()}
+    named |= {
+        f"set of {kind}: {name}": members for kind, sets in vars(mesh.sets).items() for name, members in sets.items()
+    }
+    for name, array in sorted(named.items()):
+        # name, type and shape: the same bytes under another name, or in other rows, make another mesh
+        digest.update(f"{name} {array.dtype} {array.shape}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def save_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
+    """Write a checkpoint; the previous one stays until this one is complete."""
+    rest = {name: value for name, value in checkpoint._asdict().items() if name not in _ARRAYS}
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, rest=json.dumps(rest), **{name: getattr(checkpoint, name) for name in _ARRAYS})
+
+
+def load_checkpoint(path: Path, fingerprint: str) -> Checkpoint | None:
+    """The checkpoint of the run with this fingerprint; None if there is none, or if it is another run's."""
+    try:
+        with np.load(path) as data:
+            rest = json.loads(str(data["rest"]))
+            if rest["fingerprint"] != fingerprint:
+                return None
+            rest["frames"] = [(name, age) for name, age in rest["frames"]]
+            return Checkpoint(**rest, **{name: data[name] for name in _ARRAYS})
+    except FileNotFoundError:
+        return None
+    except (OSError, KeyError, ValueError, TypeError, zipfile.BadZipFile):  # of an older version, or damaged
+        return None
+
+
+# --- progress
+
+
+def status(now: Measurements, part: float, seconds: float) -> str:
+    """A line with a bar, time, age, worst element, folds and time left; `part` is the share of the steps done."""
+    done = round(_WIDTH * part)
+    left = seconds / part * (1 - part) if part > 0 else float("nan")
+    return (
+        f"[{'#' * done}{'.' * (_WIDTH - done)}] {part:4.0%}  t {now.time:.3f}  {now.gestational_age:.2f} weeks  "
+        f"min J {now.min_j:.3f}  gyrification {now.gyrification_index:.3f}  {_duration(left)} left"
+    )
+
+
+def per_percent(say: Callable[[str], None]) -> Progress:
+    """A progress callback for `fold` that calls `say` once per percent, and at the end."""
+    said = -1
+
+    def progress(now: Measurements, part: float, seconds: float) -> None:
+        nonlocal said
+        if int(100 * part) > said:
+            said = int(100 * part)
+            say(status(now, part, seconds))
+
+    return progress
+
+
+def reached(folder: Path) -> str:
+    """How far the run in a folder had come when it wrote its last row; it may be running, killed, or done.
+
+    Raises
+    ------
+    InputError : no run has written anything there
+    """
+    import pandas as pd
+
+    if not (folder / TABLE).exists() or not (folder / SECONDS).exists():
+        raise InputError(
+            "no run has begun there", file=folder, remedy="name the folder that `cortet fold -o` writes to"
+        )
+    rows = read_tsv(folder / TABLE).apply(pd.to_numeric, errors="coerce").reindex(columns=names(COLUMNS))
+    clock = read_tsv(folder / SECONDS).apply(pd.to_numeric, errors="coerce").iloc[-1]
+    return status(Measurements(**rows.iloc[-1].to_dict()), float(clock["part"]), float(clock["seconds"]))
+
+
+def _duration(seconds: float) -> str:
+    if seconds != seconds:
+        return "?"
+    minutes = seconds / 60
+    return f"{seconds:.0f} s" if minutes < 1 else f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.1f} h"

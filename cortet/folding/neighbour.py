@@ -1,0 +1,98 @@
+"""What folding brings to the core."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cortet.neighbours import Neighbour, OnPage
+
+if TYPE_CHECKING:
+    from cortet.cli.shared import Commands
+    from cortet.cohort.plan import Plan
+    from cortet.cohort.sheet import Case
+    from cortet.report.over_all import Result
+    from cortet.sections import Cost, Section
+    from cortet.stages.stage import Step
+
+
+class Folding(Neighbour):
+    """Folds of meshes, how they converge, and brains predicted by them."""
+
+    name = "folding"
+    calls = dict.fromkeys(("Folded", "fold", "growth"), "cortet.folding.calls")
+    rules = ("fold", "fold_figures", "convergence_run", "prediction_run", "prediction_views", "prediction_spread")
+    label = "Folded"
+
+    def sections(self) -> Mapping[str, type[Section]]:
+        """`fold`, and two experiments."""
+        from cortet.folding.section import Convergence, Fold, Prediction
+
+        return {"fold": Fold, "experiments.convergence": Convergence, "experiments.prediction": Prediction}
+
+    def steps(self) -> Mapping[str, Step]:
+        """The fold of a mesh."""
+        from cortet.stages.stage import Step
+
+        return {"fold": Step("folding.fold", "fold", facts=("gestational_age", "hemisphere"))}
+
+    def costs(self) -> Mapping[str, Cost]:
+        """Of folds and what is made of them."""
+        from cortet.sections import Cost
+
+        return {
+            "convergence_run": Cost((500, 1200), (90, 4000)),
+            "prediction_run": Cost((700, 1300), (300, 16000)),
+            "prediction_views": Cost((900, 0), (60, 0)),
+            "prediction_spread": Cost((900, 0), (90, 0)),
+            "fold": Cost((500, 1200), (90, 4000)),
+            "fold_figures": Cost((500, 800), (60, 120)),
+        }
+
+    def check_field(self, name: str, own_name: str, file: str | Path) -> None:
+        """Growth is named for the age up to which it was measured."""
+        from cortet.folding.fields import check_age
+
+        check_age(name, own_name, file)
+
+    def counts(self, plan: Plan, case: Case, rule: str, wildcards: Mapping[str, str]) -> bool:
+        """A fold that is asked for counts; the experiments do not."""
+        from cortet.folding.plan import Folds
+
+        variants = ("", *plan.config.fold.variants)
+        asked = rule in ("fold", "fold_figures") and wildcards.get("variant", "").lower() in variants
+        return asked and case.name in Folds(plan).folded
+
+    def files(self, plan: Plan) -> list[str]:
+        """Pictures of the folds."""
+        from cortet.folding.plan import Folds
+
+        return Folds(plan).files()
+
+    def results(self, plan: Plan) -> list[Result]:
+        """All folds, convergence, prediction."""
+        from cortet.folding.results import results
+
+        return results(plan)
+
+    def on_page(self, plan: Plan) -> OnPage | None:
+        """Curves and table of all folds."""
+        from cortet.folding.results import on_page
+
+        return on_page(plan)
+
+    def add_commands(self, commands: Commands) -> None:
+        """Add `fold`, `growth` and `job`."""
+        from cortet.folding.commands import add_commands
+
+        add_commands(commands)
+
+    def tools(self) -> Sequence[tuple[str, str, Callable[[], str]]]:
+        """The library for GPUs."""
+        from cortet.folding.proof import prove_gpu
+
+        return (("numba-cuda", "folding on a GPU", prove_gpu),)
+
+
+NEIGHBOUR = Folding()

@@ -1,0 +1,219 @@
+"""Sections of the configuration: `fold`, the only source of the defaults and limits of a fold, and its experiments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from cortet.folding import AGES
+from cortet.meshers import MesherName
+from cortet.sections import Cases, CellSize, Finite, NonNegativeInt, Positive, Section
+
+#: placeholder for the hemisphere in the name of a file
+_HEMI = "{hemi}"
+
+Model = Literal["growing", "braingrowth"]
+PredictionKind = Literal[
+    "mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"
+]
+#: growth per week from 22 weeks on, or growth since then at ages: {22: 0, 30: 0.3, 38: 0.8}
+Amount = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
+ByAge = Amount | Annotated[dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Amount], Field(min_length=1)]
+
+
+def misplaced(fold: Any) -> str | None:
+    """What is wrong if a section or the settings of a run have a key of the other model; None: nothing."""
+    growing = fold.model == "growing"
+    of_growing = {
+        "thickness_rate": fold.thickness_rate is not None,
+        "volume": fold.volume is not None,
+        "hull": fold.hull is not None,
+        "envelope": bool(fold.envelope),
+        "core_regions": bool(fold.core_regions),
+        "growth_rate by age": isinstance(fold.growth_rate, Mapping),
+    }
+    wrong = {"reference": fold.reference} if growing else of_growing
+    name = next((name for name, is_set in wrong.items() if is_set), None)
+    other = "braingrowth" if growing else "growing"
+    return name and f"{name} is of the model {other}, not of {fold.model}: leave it out, or set model: {other}"
+
+
+class Fold(Section):
+    """Folding simulation of meshes: growth of the cortex until it buckles."""
+
+    choices: ClassVar[frozenset[str]] = Section.choices | {"variants", "real_surfaces"}
+
+    cases: Cases | None = None
+    """Cases whose meshes are folded: all, a number of them spread over the ages, a list of their names, as file names
+    begin: sub-01_ses-02_hemi-L, or those to which a column of the sheet says yes: {column: simulated}. null: those of
+    the column fold, where the sheet has one. Each from its scan_age on, as half a brain where hemi is L or R. Point
+    data of the mesh named growth (0 to 1), thickness (mm), medial_wall and label are used; fields of the sheet become
+    them."""
+    variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {}
+    """Further runs of each of these cases, name: keys of this section that differ, e.g.
+    {thin: {thickness: 1.0}, stiff: {core_stiffness: 2.0}}."""
+    real_surfaces: dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Path] = {}
+    """Real brains that pictures show beside the simulated ones of their age, gestational age: closed surface in mm and
+    RAS coordinates, of the same hemisphere; {hemi} in its name stands for L or R:
+    {22: "atlas/week22_hemi-{hemi}_white.surf.gii"}."""
+    end: Annotated[float, Field(ge=AGES[0], le=AGES[1])] = 40.0
+    """Gestational age at which a run ends, weeks."""
+    model: Model = "growing"
+    """growing: a brain that grows as a whole, its cortex more than its core. braingrowth: only the cortex grows, as in
+    the BrainGrowth solver, so the brain stays as small as it was."""
+    growth_rate: ByAge | None = None
+    """Tangential growth of the cortex. Of growing: relative to the core, per week from 22 weeks on, or since then at
+    ages, {22: 0, 30: 0.3, 38: 0.8}. Of braingrowth: per unit of time (0 at 22 weeks, 1 at 44). null: that of the
+    model."""
+    thickness_rate: ByAge | None = None
+    """Of growing: change of the thickness that the cortex has without stress, relative to that of 22 weeks, per week or
+    at ages. null: that of the model."""
+    volume: dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Positive] | None = None
+    """Of growing: volume of the body at ages, {22: 20, 34: 79}; only ratios count. The core grows so that the whole
+    does this. null: a law fitted to healthy hemispheres of 22 to 42 weeks."""
+    start: Literal["stressed", "free"] = "stressed"
+    """Of growing, for a mesh of later than 22 weeks. stressed: what its cortex should have grown by then, and its shape
+    does not show, comes in the first week. free: growth since its age alone, as it always is where growth was measured
+    (point data growth_to_AGE)."""
+    envelope: bool | None = None
+    """Of growing, where null is true: whether an envelope, as soft as a membrane with fluid behind it, keeps crowns
+    from growing beyond it: the convex hull at the start, grown as `hull` says."""
+    hull: dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Positive] | None = None
+    """Of growing: volume of the convex hull at ages, {22: 25, 34: 106}; only ratios count. null: a law fitted to
+    healthy hemispheres of 22 to 40 weeks."""
+    core_regions: dict[int | str, ByAge] = {}
+    """Of growing: region of the mesh by its number, or of an exported mesh a set of tetrahedra by its name
+    (tissue_thalamus), and how much more than the rest of the core its lengths grow, per week from 22 weeks on or since
+    then at ages: a ventricle that shrinks has values below 0. Of two sets that share tetrahedra the later counts."""
+    core_stiffness: Positive | None = None
+    """Shear modulus of the core over that of the cortex. null: that of the model."""
+    region_stiffness: dict[int | str, Positive] = {}
+    """Shear modulus of single regions of the core over that of the cortex, as `core_stiffness` is that of the rest: a
+    region by its number, or a set of tetrahedra by its name, as in `core_regions`. How much a region resists a change
+    of its volume stays that of the whole body."""
+    regions: dict[int, Annotated[list[Finite], Field(min_length=3, max_length=3)]] = {}
+    """Growth of single regions: value of the field label, then amplitude, rate and latency of a Gompertz law."""
+    thickness: Positive | None = None
+    """Thickness of the growing cortex at the start, mm. null: of growing, that of the model; of braingrowth, 0.042 of
+    half the length of the brain at 22 weeks, 1.25 mm, and slightly more later. A run says which."""
+    time_step: Positive | None = None
+    """Largest dimensionless time step; null: from the smallest altitude of the tetrahedra, as the run goes on."""
+    reference: bool = False
+    """true: centre, mask, medial plane, start of growth and lag of the reference implementation, for comparison; of
+    braingrowth."""
+    record_interval: Positive = 0.1
+    """Weeks between two rows of the table of a run."""
+    frame_interval: Positive = 1.0
+    """Weeks between two frames (.vtu) of a run."""
+    device: Literal["cpu", "cuda"] = "cpu"
+    """What takes the steps of a run: cpu, or cuda for a GPU of NVIDIA (`pip install 'cortet[gpu]'`), where the workflow
+    lets one job at a time have one. A result is reproducible bit for bit on one device, not across devices."""
+
+    @model_validator(mode="after")
+    def _keys_are_of_the_model(self) -> Fold:
+        if wrong := misplaced(self):
+            raise ValueError(wrong)
+        return self
+
+    @model_validator(mode="after")
+    def _variants_are_valid(self) -> Fold:
+        own = self.model_dump(exclude=set(self.choices))
+        for name, changed in self.variants.items():
+            if not changed or self.choices & set(changed):
+                raise ValueError(
+                    f"variant {name}: name keys of fold that differ, other than cases, variants and real_surfaces"
+                )
+            try:
+                Fold(**{**own, **changed})
+            except ValidationError as error:
+                first = error.errors()[0]
+                where = ".".join(map(str, first["loc"]))
+                raise ValueError(f"variant {name}: {where + ': ' if where else ''}{first['msg']}") from None
+        return self
+
+    def real_surfaces_of(self, hemisphere: str | None) -> dict[float, Path]:
+        """The real brains for a hemisphere; for a whole one (None), those whose names depend on none."""
+        return {
+            age: Path(str(path).replace(_HEMI, hemisphere or ""))
+            for age, path in self.real_surfaces.items()
+            if hemisphere or _HEMI not in str(path)
+        }
+
+
+DEFAULT = Fold()
+
+
+class Convergence(Section):
+    """Folding against the cell size: `snakemake convergence`. What is folded, and until when, is as in `fold`."""
+
+    cases: Cases = 1
+    """Cases: all, a number of them spread over the ages, or a list of their names."""
+    cell_size: Annotated[list[CellSize], Field(min_length=2)] = [1.6, 1.2, 0.9]
+    """Cell sizes h, mm; three or more, in about equal ratios, allow an extrapolation to h = 0."""
+    seeds: Annotated[list[NonNegativeInt], Field(min_length=1)] = [0, 1]
+    """Realisations of a mesh (`generate.seed`): directions in which it is made. How much they differ is chance."""
+    meshers: Annotated[list[MesherName], Field(min_length=1)] = ["lattice", "cgal"]
+    """Meshers: lattice, cgal."""
+
+
+class Prediction(Section):
+    """Later brains predicted from growth that was measured: `snakemake prediction`. Folds are as in `fold`."""
+
+    participants: list[str] = []
+    """Participants whose surfaces of several ages have vertices that correspond: a series each, by hemisphere. Empty:
+    all that have two ages or more."""
+    cell_size: CellSize = 1.1
+    """Cell size h, mm, of the mesh of the first surface."""
+    kinds: list[PredictionKind] = [
+        *("mechanics", "core", "forecast"),
+        *("uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"),
+    ]
+    """What is predicted from. mechanics: growth until the last age. core: the same, and the core grows as the later
+    surfaces let it: what it would be worth to know this. forecast: growth until an early age, which goes on
+    as in usual brains. The rest is what they have to beat. uniform: the same growth everywhere. shuffled: growth turned
+    at random on the sphere, where the sheet has one. unmapped: the model of fold without growth that was measured.
+    braingrowth: the model of that name, in which only the cortex grows.
+    path: each vertex goes on as it went until the early age. nothing: the first surface, scaled to the volume."""
+    until: Annotated[float, Field(ge=AGES[0], le=AGES[1])] = 32.0
+    """The early age, weeks: a forecast knows surfaces up to there."""
+    rounds: Annotated[int, Field(ge=1, le=10)] = 3
+    """Rounds in which the growth that has to be imposed is found: compressed tissue grows less than it is told to."""
+    smoothing: Annotated[float, Field(ge=0, le=50)] | None = None
+    """Smoothing of measured growth along the surface, full width at half maximum, mm; null: as much as noise asks
+    for."""
+    seed: NonNegativeInt = 0
+    """Of the random rotation of shuffled."""
+    uncertain: list[PredictionKind] = []
+    """Kinds that are predicted once more under each of variants. How far these predictions lie apart is a map, and
+    whether the truth lies among them are columns of the table."""
+    variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {
+        "coarser": {"cell_size": 1.4},
+        "turned": {"seed": 1},
+        "softer": {"core_stiffness": 0.1875},
+        "stiffer": {"core_stiffness": 0.125},
+        "thinner": {"thickness": 1.0},
+        "thicker": {"thickness": 1.5},
+    }
+    """Variants, name: what differs, cell_size, seed (of generate: the direction in which the mesh is made), or keys of
+    fold. By default stiffness and thickness of the cortex are 20 % lower and higher."""
+
+    @model_validator(mode="after")
+    def _variants_are_valid(self) -> Prediction:
+        same_in_all = {
+            "path": "is not folded, so it has no variants",
+            "nothing": "is not folded, so it has no variants",
+            "braingrowth": "has constants of its own, which no variant changes",
+        }
+        if same := [kind for kind in self.uncertain if kind in same_in_all]:
+            raise ValueError(f"uncertain: {same[0]} {same_in_all[same[0]]}")
+        for name, changed in self.variants.items():
+            own = {key: value for key, value in changed.items() if key in ("cell_size", "seed")}
+            try:
+                Prediction(**own, variants={}), Fold(**{key: changed[key] for key in changed.keys() - own.keys()})
+            except ValidationError as error:
+                first = error.errors()[0]
+                raise ValueError(f"variant {name}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        return self

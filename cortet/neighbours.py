@@ -1,0 +1,110 @@
+"""The neighbours of the core: packages beside it that build on it, such as folding and the experiments of the paper.
+
+The core imports none of them. A neighbour is a folder `cortet/NAME` whose module `neighbour` declares `NEIGHBOUR`, and
+its rules are `rules/NAME.smk`. Without that folder its commands, sections, rules and panels are missing, and nothing
+else. Every job of the workflow loads all modules `neighbour`, so their methods import what they use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cortet.cli.shared import Commands
+    from cortet.cohort.plan import Plan
+    from cortet.cohort.sheet import Case
+    from cortet.config import Config
+    from cortet.report.over_all import Result
+    from cortet.report.pages import Panel
+    from cortet.sections import Cost, Section
+    from cortet.stages.stage import Step
+
+_PACKAGE = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class OnPage:
+    """What a neighbour adds to the page of all cases."""
+
+    #: files that its panels are made from; the page names the tables among them
+    files: Sequence[str]
+    #: what its panels depend on besides the files
+    facts: Any
+    #: the panels, once the files are there
+    panels: Callable[[], list[Panel]]
+
+
+class Neighbour:
+    """What a neighbour brings to the core: nothing, unless it says more."""
+
+    #: names of its folder in `cortet` and of its file in `rules`
+    name: str
+    #: Python call -> module that has it: `cortet.CALL`
+    calls: Mapping[str, str] = {}
+    #: its rules on a case, which follow the certificate, in their order
+    rules: Sequence[str] = ()
+    #: label of its results on a mesh in names of files
+    label: str = ""
+
+    def sections(self) -> Mapping[str, type[Section]]:
+        """Sections of the configuration by their names; `experiments.series` is a section within `experiments`."""
+        return {}
+
+    def steps(self) -> Mapping[str, Step]:
+        """Steps of the workflow that have arguments or a version, by their names."""
+        return {}
+
+    def costs(self) -> Mapping[str, Cost]:
+        """Cost of each of its rules on a case."""
+        return {}
+
+    def settings(self, _: Config) -> Iterable[str]:
+        """Named settings that are run beside that of the line."""
+        return ()
+
+    def meshers(self, _: Config) -> Iterable[str]:
+        """Meshers that are run beside those of the line."""
+        return ()
+
+    def check_field(self, name: str, own_name: str, file: str | Path) -> None:
+        """Raise InputError for a field whose name contradicts the one that it has in its file."""
+
+    def counts(self, _plan: Plan, _case: Case, _rule: str, _wildcards: Mapping[str, str]) -> bool:
+        """Whether a mesh of a case is not done if one of `rules` failed."""
+        return False
+
+    def files(self, _: Plan) -> list[str]:
+        """Its files of single cases that a whole run makes."""
+        return []
+
+    def results(self, _: Plan) -> list[Result]:
+        """Its tables and figures over all cases.
+
+        Raises
+        ------
+        InputError : the configuration asks for what the sheet does not allow
+        """
+        return []
+
+    def on_page(self, _: Plan) -> OnPage | None:
+        """Its part of the page of all cases."""
+        return None
+
+    def add_commands(self, _: Commands) -> None:
+        """Add its commands to `cortet`."""
+
+    def tools(self) -> Sequence[tuple[str, str, Callable[[], str]]]:
+        """Optional libraries that only it uses: name, purpose, and proof for `cortet doctor`."""
+        return ()
+
+
+@cache
+def neighbours() -> tuple[Neighbour, ...]:
+    """The neighbours that are there, by name."""
+    names = sorted(path.parent.name for path in _PACKAGE.glob("*/neighbour.py"))
+    return tuple(import_module(f"cortet.{name}.neighbour").NEIGHBOUR for name in names)

@@ -1,0 +1,174 @@
+"""Which meshes take part in the experiments of the paper, and the names of their records."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from cortet.cohort.layout import LABELS, SHARED, file_of
+from cortet.cohort.plan import Plan
+from cortet.cohort.selection import chosen
+from cortet.cohort.sheet import Case
+from cortet.meshers import BASELINES
+from cortet.sections import Cases
+from cortet.stages import STAGES
+
+#: label of a stage whose effect is measured -> stages that have run, what the last of them adds
+ABLATED = {
+    STAGES["generate"].label: ("S1-S2", "only"),
+    STAGES["relocate"].label: ("S1-S3", "+ Gmsh (S3)"),
+    STAGES["clean"].label: ("S1-S4", "+ cleaning (S4)"),
+    STAGES["reconnect"].label: ("S1-S4+", "+ reconnection (S4+)"),
+}
+#: case, cell size in µm and mesher
+OfCase = tuple[Case, int, str]
+#: path of a quality record -> its origin, so that a table can also say whose record is missing
+Records = dict[str, dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Experiments:
+    """The experiments on the cases of a plan."""
+
+    plan: Plan
+
+    @cached_property
+    def compared_meshers(self) -> list[str]:
+        """Meshers of other projects, for comparison. If one fails, its report says so and the run continues."""
+        meshers = self.plan.config.experiments.ablation.meshers
+        return [mesher for mesher in meshers if mesher in BASELINES and mesher not in self.plan.config.generate.meshers]
+
+    def settings_on(self, mesher: str) -> list[str]:
+        """Settings, by their names in files, that run on the meshes of a mesher: those that name it, else all."""
+        own = [name for name, setting in self.plan.settings.items() if mesher in setting.generate.meshers]
+        return own or list(self.plan.settings)
+
+    @cached_property
+    def own_meshers(self) -> list[str]:
+        """Meshers whose failure is that of the case."""
+        named = [*self.plan.config.generate.meshers, *self.plan.config.experiments.ablation.meshers]
+        return list(dict.fromkeys(name for name in named if name not in self.compared_meshers))
+
+    @cached_property
+    def mesher_of(self) -> dict[str, str]:
+        """By setting, the mesher whose meshes stand for it."""
+        return {name: setting.generate.meshers[0] for name, setting in self.plan.settings.items()}
+
+    @cached_property
+    def ablation_cases(self) -> dict[int, list[Case]]:
+        """Cell size in µm -> cases of the ablation."""
+        ablation = self.plan.config.experiments.ablation
+        sizes = dict.fromkeys(self.plan.resolutions, ablation.cases)
+        sizes |= {round(1000 * size): which for size, which in ablation.further.items()}
+        return {res: self._cases(which) for res, which in sizes.items()}
+
+    def ablated(self, meshers: Iterable[str]) -> list[OfCase]:
+        """Every mesh that the ablation takes from some meshers."""
+        meshers = list(meshers)
+        return [
+            (case, res, mesher) for res, cases in self.ablation_cases.items() for case in cases for mesher in meshers
+        ]
+
+    def ablation_reports(self) -> list[str]:
+        """What S1 reported of every mesh; with these as inputs the meshers run at once, not one after the other."""
+        meshes = self.ablated([*self.own_meshers, *self.compared_meshers])
+        return [*map(self._report, meshes)]
+
+    def ablation_records(self) -> list[str]:
+        """Quality records of the ablation, without those of meshers of other projects that made no mesh."""
+        made = [mesh for mesh in self.ablated(self.compared_meshers) if self._is_made(mesh)]
+        return [*self.records_of([*self.ablated(self.own_meshers), *made])]
+
+    def ablation_asked(self) -> Records:
+        """As `ablation_records`, with those of meshers of other projects that did not say what they made."""
+        others = self.ablated(self.compared_meshers)
+        silent = [mesh for mesh in others if self.plan.missing(self._report(mesh)) or self._is_made(mesh)]
+        return self.records_of([*self.ablated(self.own_meshers), *silent])
+
+    def references(self) -> dict[str, Path]:
+        """Reference meshes by name."""
+        return {path.stem: path for path in self.plan.config.experiments.reference_meshes}
+
+    def records_of(self, meshes: Iterable[OfCase]) -> Records:
+        """Quality records of meshes after each stage that the ablation looks at, in the settings run on them."""
+        plan = self.plan
+        return {
+            path: origin
+            for mesh in meshes
+            for stage, label in LABELS.items()
+            for name in ([""] if stage in SHARED else self.settings_on(mesh[2]))
+            if label in ABLATED and plan.settings[name].enabled(stage)
+            for path, origin in self._record(label, mesh, name).items()
+        }
+
+    def resolution_records(self) -> Records:
+        """Quality records of the last meshes of every setting, by cell size."""
+        resolution = self.plan.config.experiments.resolution
+        sizes = [round(1000 * size) for size in resolution.cell_size]
+        return self._last_records((case, res) for case in self._cases(resolution.cases) for res in sizes)
+
+    def measures_records(self) -> Records:
+        """Quality records of the last meshes of every setting, for the table of other measures."""
+        cases = self._cases(self.plan.config.experiments.measures.cases)
+        return self._last_records((case, self.plan.resolutions[0]) for case in cases)
+
+    def pooled_records(self, res: int) -> Records:
+        """Quality records that the figure of pooled quality takes at one cell size, µm."""
+        meshers = dict.fromkeys(self.mesher_of.values())
+        return self.records_of(mesh for mesh in self.ablated(meshers) if mesh[1] == res)
+
+    def series(self) -> list[dict[str, Any]]:
+        """Brains of the developmental series by age: both hemispheres where the sheet has them, unknown ages last."""
+        plan = self.plan
+        wanted = {(case.participant, case.session) for case in self._cases(plan.config.experiments.series.cases)}
+        brains: dict[tuple[str, str | None], dict[str, Any]] = {}
+        for case in plan.cases.values():
+            key = (case.participant, case.session)
+            mesh = file_of(plan.layout.mesh("Solver"), case, plan.resolutions[0], self.mesher_of[""])
+            if key in wanted and not plan.missing(mesh):
+                name = f"sub-{case.participant}" + (f", ses-{case.session}" if case.session else "")
+                brain = brains.setdefault(key, {"name": name, "age": case.scan_age, "meshes": {}})
+                brain["meshes"][case.hemi or "n/a"] = mesh
+        return sorted(
+            brains.values(), key=lambda one: (one["age"] is None, one["age"] or 0, list(one["meshes"].values()))
+        )
+
+    def missing(self, records: Records) -> list[dict[str, Any]]:
+        """Whose the records are that are missing, and why."""
+        reasons = ((origin, self.plan.missing(path)) for path, origin in records.items())
+        return [{"origin": origin, "reason": reason} for origin, reason in reasons if reason]
+
+    def _cases(self, which: Cases) -> list[Case]:
+        """Cases of an experiment, without those with inner surfaces, which the meshers compared do not know."""
+        return chosen([case for case in self.plan.cases.values() if not case.inner], which)
+
+    def _last_records(self, meshes: Iterable[tuple[Case, int]]) -> Records:
+        return {
+            path: origin
+            for case, res in meshes
+            for name, mesher in self.mesher_of.items()
+            for path, origin in self._record("Solver", (case, res, mesher), name).items()
+        }
+
+    def _record(self, label: str, mesh: OfCase, setting: str = "") -> Records:
+        case, res, mesher = mesh
+        path = file_of(self.plan.layout.mesh(label, "quality.json"), case, res, mesher, setting)
+        return {path: self.plan.origin_of_mesh(label, case.name, res, mesher, setting)}
+
+    def _report(self, mesh: OfCase) -> str:
+        return file_of(self.plan.layout.mesh("Generated", "tetmesh.json"), *mesh)
+
+    def _is_made(self, mesh: OfCase) -> bool:
+        """Whether a mesher of another project made a mesh."""
+        case, res, mesher = mesh
+        waited = self.plan.waited_for
+        path = Path(
+            waited("baseline", folder=case.folder, case=case.name, res=res, mesher=mesher)
+            if waited
+            else self._report(mesh)
+        )
+        return path.exists() and "failure" not in json.loads(path.read_text(encoding="utf-8"))

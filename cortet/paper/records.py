@@ -1,0 +1,34 @@
+"""Quality records by the meshes that they are about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cortet.report.records import read_record
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Which mesh a record is about."""
+
+    case: str
+    cell_size_mm: float
+    mesher: str
+    #: `default`, `cgal` or `published`; None before S3, where all settings share the mesh
+    setting: str | None
+    #: label of the stage, as in names of files, e.g. `Cleaned`
+    stage: str
+
+
+def by_origin(paths: Iterable[str | Path]) -> dict[Origin, dict[str, Any]]:
+    """Contents of the files of records by their origins, in the order given."""
+    records = [read_record(path) for path in paths]
+    return {Origin(**record["origin"]): record for record in records}
+
+
+def reasons_by_origin(missing: Iterable[Mapping[str, Any]]) -> dict[Origin, str]:
+    """Why records are missing, from the `origin` and the `reason` of each."""
+    return {Origin(**entry["origin"]): entry["reason"] for entry in missing}

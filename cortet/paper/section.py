@@ -1,0 +1,60 @@
+"""The section `experiments` of the configuration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cortet.meshers import MesherName
+from cortet.sections import Cases, CellSize, PositiveInt, Section, Setting
+
+
+class Ablation(Section):
+    """What each stage does (the paper's Table 1, and the pooled quality of its Fig. 2), beside other meshers."""
+
+    cases: Cases = "all"
+    """Cases at the cell sizes of `generate`: all, a number of them spread over the ages, or a list of their names."""
+    further: dict[CellSize, Cases] = {}
+    """Further cell sizes, mm, and the cases that are meshed with each, e.g. {0.6: [sub-01_hemi-L]}."""
+    meshers: list[MesherName] = ["cgal", "tetgen"]
+    """Meshers beside those of `generate`, through the same S3 and S4: lattice, or with its own defaults one of tetgen,
+    ftetwild, gmsh and netgen. Where one of these four fails, a row of the table says so."""
+    time_limit: PositiveInt = 60
+    """Minutes that tetgen, ftetwild, gmsh or netgen may take for one surface."""
+
+
+class Resolution(Section):
+    """Element count and quality against the cell size (the paper's Table 2)."""
+
+    cases: Cases = 3
+    """Cases: all, a number of them spread over the ages, or a list of their names."""
+    cell_size: list[CellSize] = [0.4, 0.6, 0.8]
+    """Cell sizes h, mm."""
+
+
+class Measures(Section):
+    """Worst element by three further measures of the literature."""
+
+    cases: Cases = 3
+    """Cases at the first cell size of `generate`: all, a number of them spread over the ages, or their names."""
+
+
+class Series(Section):
+    """Pictures of meshes over the ages, on one scale."""
+
+    cases: Cases = 4
+    """Cases at the first cell size of `generate`: all, a number of them spread over the ages, or their names. Both
+    hemispheres are drawn where the sheet has them."""
+
+
+class Experiments(Section):
+    """The experiments of the paper, on this cohort: `snakemake tables figures`."""
+
+    settings: list[Setting] = ["default", "cgal", "published"]
+    """Settings to compare, from S3 on. Each is run on the meshes of its own mesher, so `cgal` and `published` on the
+    same ones, and on those of tetgen, ftetwild, gmsh and netgen."""
+    reference_meshes: list[Path] = []
+    """Tetrahedral meshes in the format of BrainGrowth (Tallinen), measured beside ours."""
+    ablation: Ablation = Ablation()
+    resolution: Resolution = Resolution()
+    measures: Measures = Measures()
+    series: Series = Series()

@@ -1,0 +1,230 @@
+"""Fold meshes: the simulation that they are made for."""
+
+from cortet.folding.plan import Folds
+
+FOLDS = Folds(PLAN)
+
+
+wildcard_constraints:
+    seed="[0-9]+",
+    kind="[a-z]+",
+    variant=f"({'|'.join(name.capitalize() for name in CONFIG.fold.variants)})?",
+    changed=f"({'|'.join(name.capitalize() for name in CONFIG.experiments.prediction.variants)})?",
+
+
+rule fold:
+    """Grow the cortex until the end, or until an element inverts; goes on where a killed job was.
+
+    Frames and checkpoint lie beside the outputs; declared, Snakemake would delete them before it starts a job again.
+    """
+    input:
+        receipt=receipt("fold"),
+        mesh=LAYOUT.mesh("Solver"),
+    output:
+        verdict=FOLDS.fold("verdict.json"),
+        table=FOLDS.fold("fold.tsv"),
+        sidecar=FOLDS.fold("fold.json"),
+        series=FOLDS.fold("fold.pvd"),
+    # two threads that wait for each other after every loop are no gain on a small mesh
+    log:
+        LAYOUT.log("fold", (*MESH, "variant")),
+    benchmark:
+        took("fold", (*MESH, "variant"))
+    priority: 3
+    threads: lambda wildcards: 1 if PLAN.tets(wildcards) < 2e5 else 2
+    resources:
+        **asked("fold"),
+        gpu=FOLDS.gpus,
+    params:
+        arguments=lambda wildcards: PLAN.arguments("fold", wildcards) | FOLDS.variant(wildcards),
+        version=version_of("folding.fold"),
+    script:
+        "../scripts/fold.py"
+
+
+rule convergence_run:
+    """Mesh a surface in one realisation, fold the mesh, and carry the surface along."""
+    input:
+        receipt=receipt("convergence_run"),
+        surface=PLAN.surface,
+        fields=PLAN.existing_fields,
+        sphere=PLAN.sphere,
+        template=PLAN.template,
+    output:
+        record=FOLDS.convergence("record.json"),
+        table=FOLDS.convergence("fold.tsv"),
+        start=FOLDS.convergence("start.surf.gii"),
+        folded=FOLDS.convergence("folded.surf.gii"),
+    log:
+        LAYOUT.log("convergence_run", (*SHARED_MESH, "seed")),
+    benchmark:
+        took("convergence_run", (*SHARED_MESH, "seed"))
+    priority: 3
+    resources:
+        **asked("convergence_run"),
+        gpu=FOLDS.gpus,
+    params:
+        arguments=partial(PLAN.arguments, "fold"),
+        line=FOLDS.realisation,
+        origin=lambda wildcards: {
+            "case": wildcards.case,
+            "mesher": wildcards.mesher,
+            "seed": int(wildcards.seed),
+            "cell_size_mm": int(wildcards.res) / 1000,
+        },
+        input_sha256=lambda wildcards: content(PLAN.all_paths(wildcards)),
+        paths=PLAN.all_paths,
+        files=PLAN.field_paths,
+        age=lambda wildcards: CASES[wildcards.case].scan_age,
+        version=[version_of("folding.fold"), *(version_of(f"stages.{stage.name}") for stage in CONFIG.line())],
+    script:
+        "../scripts/convergence_run.py"
+
+
+rule prediction_run:
+    """Predict the later surfaces of a series from its first one, and compare them with the real ones."""
+    input:
+        receipt=receipt("prediction_run"),
+        surfaces=lambda wildcards: FOLDS.surfaces_of_series(wildcards.case),
+        spheres=lambda wildcards: FOLDS.spheres_of_series(wildcards.case),
+        labels=lambda wildcards: existing(FOLDS.labels_of_series(wildcards.case)),
+    output:
+        record=FOLDS.prediction("record.json"),
+    log:
+        LAYOUT.log("prediction_run", (*SURFACE, "kind", "changed")),
+    benchmark:
+        took("prediction_run", (*SURFACE, "kind", "changed"))
+    priority: 3
+    threads: 1
+    resources:
+        **asked("prediction_run"),
+        gpu=FOLDS.gpus,
+    params:
+        arguments=lambda wildcards: PLAN.arguments("fold", wildcards)
+        | {key: value for key, value in FOLDS.changed(wildcards).items() if key not in ("cell_size", "seed")},
+        line=FOLDS.predicted_realisation,
+        options=CONFIG.experiments.prediction.model_dump(mode="json", include={"until", "rounds", "smoothing", "seed"}),
+        ages=lambda wildcards: list(FOLDS.prediction_series()[wildcards.case]),
+        files=lambda wildcards: FOLDS.labels_of_series(wildcards.case),
+        origin=lambda wildcards: {"case": wildcards.case, "kind": wildcards.kind, "variant": wildcards.changed.lower()},
+        input_sha256=FOLDS.series_sha256,
+        version=[
+            version_of("folding.fold"),
+            version_of("folding.prediction"),
+            version_of("folding.prediction_tables"),
+            *(version_of(f"stages.{stage.name}") for stage in CONFIG.line()),
+        ],
+    script:
+        "../scripts/prediction_run.py"
+
+
+rule prediction_views:
+    """Predicted brains beside the real ones, and where they are too shallow or too deep."""
+    input:
+        receipt=receipt("prediction_views"),
+        record=FOLDS.prediction("record.json", changed=""),
+        surfaces=lambda wildcards: FOLDS.surfaces_of_series(wildcards.case),
+        spheres=lambda wildcards: FOLDS.spheres_of_series(wildcards.case),
+    output:
+        picture=report(
+            FOLDS.prediction("predicted.png", changed=""),
+            caption="../reports/table_prediction.rst",
+            category="Folding",
+            labels={"case": "{case} {kind}", "figure": "predicted and real"},
+        ),
+        errors=report(
+            FOLDS.prediction("errors.png", changed=""),
+            caption="../reports/table_prediction.rst",
+            category="Folding",
+            labels={"case": "{case} {kind}", "figure": "error of depth"},
+        ),
+    log:
+        LAYOUT.log("prediction_views", (*SURFACE, "kind")),
+    benchmark:
+        took("prediction_views", (*SURFACE, "kind"))
+    priority: 3
+    resources:
+        **asked("prediction_views"),
+    params:
+        placement=CONFIG.placement(),
+        hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
+        ages=lambda wildcards: list(FOLDS.prediction_series()[wildcards.case]),
+        input_sha256=FOLDS.series_sha256,
+        version=[version_of("folding.prediction_tables")],
+    script:
+        "../scripts/prediction_views.py"
+
+
+rule prediction_spread:
+    """How far predictions lie apart under other cells, stiffness and thickness, and whether the truth is among them."""
+    input:
+        receipt=receipt("prediction_spread"),
+        records=FOLDS.varied_predictions,
+        surfaces=lambda wildcards: FOLDS.surfaces_of_series(wildcards.case),
+        spheres=lambda wildcards: FOLDS.spheres_of_series(wildcards.case),
+    output:
+        record=FOLDS.prediction("spread.json", changed=""),
+        maps=FOLDS.prediction("spread.shape.gii", changed=""),
+        picture=report(
+            FOLDS.prediction("spread.png", changed=""),
+            caption="../reports/table_prediction.rst",
+            category="Folding",
+            labels={"case": "{case} {kind}", "figure": "how sure"},
+        ),
+    log:
+        LAYOUT.log("prediction_spread", (*SURFACE, "kind")),
+    benchmark:
+        took("prediction_spread", (*SURFACE, "kind"))
+    priority: 3
+    resources:
+        **asked("prediction_spread"),
+    params:
+        placement=CONFIG.placement(),
+        hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
+        ages=lambda wildcards: list(FOLDS.prediction_series()[wildcards.case]),
+        input_sha256=FOLDS.series_sha256,
+        version=[version_of("folding.prediction_spread")],
+    script:
+        "../scripts/prediction_spread.py"
+
+
+rule fold_figures:
+    """Its numbers against age, the brain every four weeks beside real ones, and a film."""
+    input:
+        receipt=receipt("fold_figures"),
+        table=rules.fold.output.table,
+        series=rules.fold.output.series,
+        real=lambda wildcards: [path for path in FOLDS.real_surfaces(wildcards).values() if existing(path)],
+    output:
+        numbers=report(
+            FOLDS.fold("folding.svg"),
+            caption="../reports/folding.rst",
+            category="Folding",
+            labels={"case": "{case} {variant}", "figure": "numbers"},
+        ),
+        picture=report(
+            FOLDS.fold("folded.png"),
+            caption="../reports/folded.rst",
+            category="Folding",
+            labels={"case": "{case} {variant}", "figure": "by age"},
+        ),
+        film=report(
+            FOLDS.fold("folding.gif"),
+            caption="../reports/folded.rst",
+            category="Folding",
+            labels={"case": "{case} {variant}", "figure": "film"},
+        ),
+    log:
+        LAYOUT.log("fold_figures", (*MESH, "variant")),
+    benchmark:
+        took("fold_figures", (*MESH, "variant"))
+    priority: 3
+    resources:
+        **asked("fold_figures"),
+    params:
+        hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
+        files=FOLDS.real_surfaces,
+        input_sha256=lambda wildcards: content(FOLDS.real_surfaces(wildcards)),
+        version=version_of("folding.fold_figures"),
+    script:
+        "../scripts/fold_figures.py"

@@ -1,0 +1,101 @@
+"""Meshes of other meshers, and reference meshes, for the experiments of the CORTET paper.
+
+None of this is part of `all`; ask for `tables` or `figures`.
+"""
+
+from cortet.paper.experiments import Experiments
+
+EXPERIMENTS = Experiments(PLAN)
+
+
+localrules:
+    tables,
+    figures,
+
+
+rule tables:
+    """Tables of the paper's experiments, and a methods paragraph."""
+    input:
+        COHORT_FILES,
+        OVER_ALL.of("table_ablation", "table_resolution", "table_measures", "methods"),
+
+
+rule figures:
+    """Figures of the paper's experiments."""
+    input:
+        OVER_ALL.of("cohort_figure", "figure_series"),
+        OVER_ALL.of(*(f"figure_pooled_quality_{res}" for res in EXPERIMENTS.ablation_cases)),
+
+
+checkpoint baseline:
+    """S1 by a mesher of another project; where it fails, the mesh is empty and the report says why."""
+    input:
+        receipt=receipt("baseline"),
+        surface=PLAN.meshed_surface,
+    output:
+        mesh=LAYOUT.mesh("Generated"),
+        report=LAYOUT.mesh("Generated", "tetmesh.json"),
+    log:
+        LAYOUT.log("baseline", SHARED_MESH),
+    benchmark:
+        took("baseline", SHARED_MESH)
+    wildcard_constraints:
+        mesher="|".join(EXPERIMENTS.compared_meshers) or "none",
+    resources:
+        mem_mb=partial(PLAN.megabytes, "generate"),
+        runtime=CONFIG.experiments.ablation.time_limit + 5,
+    params:
+        arguments=lambda wildcards: {
+            "mesher": wildcards.mesher,
+            "cell_size": int(wildcards.res) / 1000,
+            "time_limit": CONFIG.experiments.ablation.time_limit,
+        },
+        version=version_of("meshers.baselines"),
+        origin=partial(PLAN.origin, LABELS["generate"]),
+        input_sha256=PLAN.input_sha256,
+    script:
+        "../scripts/baseline.py"
+
+
+rule quality:
+    """Element quality of a mesh of another project's mesher that did not fail."""
+    input:
+        receipt=receipt("quality"),
+        mesh=LAYOUT.mesh("Generated"),
+    output:
+        record=LAYOUT.mesh("Generated", "quality.json"),
+    log:
+        LAYOUT.log("quality", SHARED_MESH),
+    benchmark:
+        took("quality", SHARED_MESH)
+    wildcard_constraints:
+        mesher="|".join(EXPERIMENTS.compared_meshers) or "none",
+    resources:
+        **asked("quality"),
+    params:
+        version=version_of("measure.quality"),
+        origin=partial(PLAN.origin, LABELS["generate"]),
+        input_sha256=PLAN.input_sha256,
+    script:
+        "../scripts/quality.py"
+
+
+rule reference:
+    """Element quality of a reference mesh."""
+    input:
+        receipt=receipt("reference"),
+        mesh=lambda wildcards: str(EXPERIMENTS.references()[wildcards.reference]),
+    output:
+        record=f"{OUT}/cohort/reference-{{reference}}_quality.json",
+    log:
+        LAYOUT.log("reference", ("reference",)),
+    benchmark:
+        took("reference", ("reference",))
+    resources:
+        mem_mb=2000,
+        runtime=5,
+    params:
+        version=version_of("measure.quality"),
+        origin=lambda wildcards: {"reference": wildcards.reference},
+    script:
+        "../scripts/reference.py"
