@@ -16,14 +16,14 @@ less than these is given in per cent of them, of the gyrification index and of s
 A real surface is measured as a simulated one is, its medial wall left out of width, depth and concavity; HEMI is L, R
 or both, and not needed where the file names it. With a pair, what lies between pial and white surface is the cortex:
 its share is of the volume of the pial surface, its thickness over the area of that without the medial wall; all else
-is of the white surface. `--table` measures all surfaces of that table anew, which lie anywhere in a folder, and
+is of the white surface. `--table` measures all surfaces of that table again, which lie anywhere in a folder, and
 prints it.
 
 `fit`: folds the mesh with the constants of the model (or those of --base), and once more with each of them larger by
 a share. Targets are volume and area of usual hemispheres, from those of the mesh on, the thickness and the width of
 real folds, every second week. The first table has what runs miss of them, root mean square, in standard errors and in
 per cent. The second has what one standard error of all targets leaves of each parameter (the inverse of the
-Gauss-Newton matrix), and which target it follows most. Gyrification index, depth, hull and extents are no targets:
+Gauss-Newton matrix), and which target it follows most. Gyrification index, depth, hull and extents are not targets:
 the table by week compares them. A run that is in DIR already is not made again.
 
 `reference`: `sphere5.mesh` of BrainGrowth, a whole body, grows from t = 0 with the choices and the time step of the
@@ -66,7 +66,7 @@ from cortet.meshes import FloatArray, TetMesh, TriSurface
 
 WEEKS = (24.0, 26.0, 28.0, 30.0, 32.0, 34.0, 36.0, 38.0)
 #: ages between which a simulated brain should be like a real one, weeks
-JUDGED = (26.0, 36.0)
+CHECKED = (26.0, 36.0)
 #: digits after the point of a table's columns
 DIGITS = {"gyrification_index": 3, "concave_share": 3, "sulcal_depth_mm": 2}
 AGE = "gestational_age"
@@ -150,7 +150,7 @@ def measured(given: Sequence[Given]) -> pd.DataFrame:
 
 
 def table_of(folder: Path) -> pd.DataFrame:
-    """`real_brains.tsv` as text, measured anew from the surfaces somewhere in a folder.
+    """`real_brains.tsv` as text, measured again from the surfaces somewhere in a folder.
 
     Raises
     ------
@@ -268,13 +268,13 @@ def surfaces_table(real: pd.DataFrame) -> str:
 
 
 def verdict(mean: pd.DataFrame, real: pd.DataFrame) -> list[str]:
-    """Where the mean is farthest from what is usual, else from real ones, between the ages that are judged."""
-    judged = mean[(mean.index >= JUDGED[0]) & (mean.index <= JUDGED[1])]
+    """Where the mean is farthest from what is usual, else from real ones, between the ages that are checked."""
+    checked = mean[(mean.index >= CHECKED[0]) & (mean.index <= CHECKED[1])]
     lines = []
     for column, quantity in QUANTITIES.items():
-        ages = judged.index.to_numpy(float)
-        wanted = usual(quantity.law, ages) if quantity.law else real.loc[judged.index, column].to_numpy(float)
-        differ = np.array([excess(a, b, quantity) for a, b in zip(judged[column], wanted, strict=True)])
+        ages = checked.index.to_numpy(float)
+        wanted = usual(quantity.law, ages) if quantity.law else real.loc[checked.index, column].to_numpy(float)
+        differ = np.array([excess(a, b, quantity) for a, b in zip(checked[column], wanted, strict=True)])
         if np.isnan(differ).all():
             continue
         worst = int(np.nanargmax(np.abs(differ)))
@@ -286,7 +286,7 @@ def verdict(mean: pd.DataFrame, real: pd.DataFrame) -> list[str]:
 
 
 def laws() -> list[str]:
-    """The laws that are used, fitted anew to the healthy hemispheres, and how far these are from them."""
+    """The laws that are used, fitted again to the healthy hemispheres, and how far these are from them."""
     brains = real_brains.healthy_hemispheres()
     lines = []
     for column, quantity in QUANTITIES.items():
@@ -318,7 +318,7 @@ def _given(paths: int) -> Callable[[str], Given]:
         try:
             weeks = float(age)
         except ValueError:
-            raise argparse.ArgumentTypeError(f"{age!r} in {text!r} is no age in weeks") from None
+            raise argparse.ArgumentTypeError(f"{age!r} in {text!r} is not an age in weeks") from None
         return Given(files[-1], weeks, None if hemisphere == "both" else hemisphere, files[0] if paths > 1 else None)
 
     return read
@@ -354,7 +354,7 @@ def weeks(
         print(weeks_table(mean, spread, wanted, several=len(runs) > 1), end="\n\n")
         named = "the surfaces above" if len(known) else f"{len(brains)} healthy hemispheres of real_brains.tsv"
         count = f"{len(runs)} run{'s' * (len(runs) > 1)}"
-        print(f"{count}; real: interpolated between {named}. From {JUDGED[0]:g} to {JUDGED[1]:g} weeks")
+        print(f"{count}; real: interpolated between {named}. From {CHECKED[0]:g} to {CHECKED[1]:g} weeks")
         print("\n".join(f"- {line}" for line in verdict(mean, wanted)), end="\n\n")
     print("Laws: largest value, rate per week, latest age in weeks")
     print("\n".join(f"- {line}" for line in laws()))

@@ -32,7 +32,7 @@ linear elasticity. CalculiX (ccx) solves the job that `cortet job` writes, and s
 mesh. Prints the gyrification index of both against age, and the correlation of what their curvature has gained, at
 the same place of the unfolded surface. Then, how strongly that gain has the period of the lattice over the unfolded
 surface: its mean power at the lattice's shortest reciprocal vectors over that at the same vectors turned at random (1
-is no imprint), the share of turned ones with more power, and the share of the gain's variance that waves of these
+means no imprint), the share of turned ones with more power, and the share of the gain's variance that waves of these
 vectors hold. Surface nodes settle between those of the lattice below, and thus sample any signal with its period; so
 the same is printed for the other run's gain, at the places of its own nodes and at those of the lattice's.
 """

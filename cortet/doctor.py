@@ -265,7 +265,6 @@ PROGRAMS = (
     Tool("meshtool", "S4, backend meshtool", _prove_meshtool),
     Tool("ccx", "CalculiX, which tests run on Abaqus files"),
     Tool("wb_command", "Connectome Workbench"),
-    Tool("conda", "environments of the rules"),
     Tool("sbatch", "SLURM, for profiles/slurm"),
 )
 

@@ -51,7 +51,7 @@ def _frozen(array: Any, dtype: type, columns: int, name: str, check: Callable[[N
     try:
         given = np.asarray(array)
     except ValueError as error:
-        raise InputError(f"{name} are no array: {error}", remedy="give rows of the same length") from None
+        raise InputError(f"{name} are not an array: {error}", remedy="give rows of the same length") from None
     if given.ndim != 2 or given.shape[1] != columns:
         raise InputError(f"{name} must have shape (n, {columns}), got {given.shape}", remedy="give one row for each")
     check(given)

@@ -189,7 +189,7 @@ def mesh_surface(
     case: str = "",
     progress: Callable[[Step], None] = lambda _: None,
 ) -> Meshed:
-    """Mesh one surface and judge the mesh.
+    """Mesh one surface and check the mesh.
 
     Parameters are those of `run`. The certificate of `case` identifies `source` by its hash; `progress` is called after
     every stage.

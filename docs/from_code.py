@@ -129,7 +129,7 @@ def _described(model: type[Section], prefix: str, settings: dict[str, Any], *, d
 
 
 def _leaves(model: type[Section], prefix: str = "") -> Iterator[str]:
-    """Dotted names of all keys that are no sections."""
+    """Dotted names of all keys that are not sections."""
     for key, info in model.model_fields.items():
         if isinstance(info.annotation, type) and issubclass(info.annotation, Section):
             yield from _leaves(info.annotation, f"{prefix}{key}.")
@@ -229,7 +229,7 @@ class Limits(SphinxDirective):
         """The table."""
         rows = ["| check | limit | what to change where it fails |", "|---|---|---|"]
         for check in checks():
-            unit = "h" if check.id in _FRACTIONS else check.unit  # it was judged with h = 1 mm
+            unit = "h" if check.id in _FRACTIONS else check.unit  # it was checked with h = 1 mm
             limit = f"{_SIGNS[check.comparison]} {check.limit:g} {unit}".strip()
             remedy = check.remedy or "nothing: it is a fault of a stage; report it"
             if check.id == "worst_q":

@@ -25,7 +25,7 @@ rule fold:
         table=FOLDS.fold("fold.tsv"),
         sidecar=FOLDS.fold("fold.json"),
         series=FOLDS.fold("fold.pvd"),
-    # two threads that wait for each other after every loop are no gain on a small mesh
+    # two threads that wait for each other after every loop gain nothing on a small mesh
     log:
         LAYOUT.log("fold", (*MESH, "variant")),
     benchmark:

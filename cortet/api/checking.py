@@ -1,4 +1,4 @@
-"""`certify`, `compare` and `repair`: judge meshes, repair surfaces."""
+"""`certify`, `compare` and `repair`: check meshes, repair surfaces."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def certify(
     cell_size: float | None = None,
     settings: Settings | None = None,
 ) -> Certificate:
-    """Judge any tetrahedral mesh against the surface that it should fill.
+    """Check any tetrahedral mesh against the surface that it should fill.
 
     Parameters
     ----------

@@ -45,15 +45,15 @@ def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
     if isinstance(shape, tuple | list) and len(shape) == 2:
         return _of_arrays(*shape)
     raise InputError(
-        f"a {type(shape).__name__} is no surface",
+        f"a {type(shape).__name__} is not a surface",
         remedy="give a file, a NiBabel image, a mesh of PyVista or trimesh, or vertices and faces",
     )
 
 
 def require_hemisphere(hemi: Any) -> None:
-    """Raise InputError for what is no hemisphere; None is a whole brain, or unknown."""
+    """Raise InputError for what is not a hemisphere; None is a whole brain, or unknown."""
     if hemi not in ("L", "R", None):
-        raise InputError(f"{hemi!r} is no hemisphere", remedy='use "L", "R" or None')
+        raise InputError(f"{hemi!r} is not a hemisphere", remedy='use "L", "R" or None')
 
 
 def require_named(given: Any, what: str) -> None:
@@ -66,7 +66,7 @@ def require_fields(fields: Mapping[str, Any]) -> None:
     """Raise InputError for fields that no file could hold, or values that no solver reads."""
     for name, values in fields.items():
         if not (isinstance(name, str) and re.fullmatch(r"\w[\w .-]*", name)):
-            raise InputError(f"{name!r} is no name of a field", remedy="use letters, digits, _ and -")
+            raise InputError(f"{name!r} is not the name of a field", remedy="use letters, digits, _ and -")
         _require_unmasked(values, f"the field {name}")
         if (kind := np.asarray(values).dtype).kind not in "fiub":
             raise InputError(f"the field {name} holds values of type {kind}", remedy="give real numbers")
@@ -80,7 +80,7 @@ def _of_polydata(shape: Any) -> TriSurface:
     if not shape.n_cells:
         raise InputError(f"the PolyData has {shape.n_points} points and no faces", remedy="give one with triangles")
     if not shape.is_all_triangles:
-        raise InputError("the PolyData has faces that are no triangles", remedy="call its triangulate() before")
+        raise InputError("the PolyData has faces that are not triangles", remedy="call its triangulate() before")
     return TriSurface(shape.points, shape.regular_faces, dict(shape.point_data))
 
 

@@ -403,7 +403,7 @@ def _files(given: Mapping[str, Any] | None) -> dict[str, str | Path]:
 
 
 def _others(given: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Those of some given things that are no files."""
+    """Those of some given things that are not files."""
     return {name: one for name, one in (given or {}).items() if not isinstance(one, str | Path)}
 
 
@@ -430,7 +430,7 @@ def tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
         return mesh
     if isinstance(made, Mesh | TetMesh):
         return made.mesh if isinstance(made, Mesh) else made
-    raise InputError(f"a {type(made).__name__} is no mesh", remedy="give a file, or what `cortet.mesh` returns")
+    raise InputError(f"a {type(made).__name__} is not a mesh", remedy="give a file, or what `cortet.mesh` returns")
 
 
 def image(pixels: NDArray[np.uint8]) -> str:

@@ -30,7 +30,7 @@ def add_commands(commands: Commands) -> None:
     quality.set_defaults(run=quality_command)
 
     certify = commands.add_parser(
-        "certify", parents=[writes(), inner(), limits()], help="judge a mesh against the surface it was made from"
+        "certify", parents=[writes(), inner(), limits()], help="check a mesh against the surface it was made from"
     )
     certify.add_argument("mesh", type=Path, metavar="MESH")
     certify.add_argument(
@@ -118,7 +118,7 @@ def quality_command(args: argparse.Namespace) -> int:
 
 
 def certify_command(args: argparse.Namespace) -> int:
-    """Judge a mesh against its surface and write the certificate."""
+    """Check a mesh against its surface and write the certificate."""
     from cortet.formats.atomic import write_json
     from cortet.solver_files.sets import with_regions
     from cortet.stages.separate import separate

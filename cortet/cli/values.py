@@ -69,7 +69,7 @@ class OutputFile(type(Path())):  # type: ignore[misc]
 def output_surface(text: str) -> OutputFile:
     """A surface that a command writes: GIfTI."""
     if not text.endswith(".gii"):
-        raise argparse.ArgumentTypeError(f"{text!r} is no name of a GIfTI file; end it in .surf.gii")
+        raise argparse.ArgumentTypeError(f"{text!r} is not the name of a GIfTI file; end it in .surf.gii")
     return OutputFile(text)
 
 

@@ -81,7 +81,7 @@ class _Reading:
     session: Session
     column: Column
     text: str
-    #: None if the column is not read, the value is no gestational age, or rows contradict each other
+    #: None if the column is not read, the value is not a gestational age, or rows contradict each other
     weeks: float | None
     #: whether the row is about all sessions of the participant
     shared: bool
@@ -205,7 +205,7 @@ def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
         return Column(table, name, "years", "BIDS, where no sidecar has Units", reason or _AT_BIRTH)
     if described and "weeks" not in described:
         only = "" if reason else f" (say Units: {described[0]} in the sidecar)"
-        return Column(table, name, described[0], "by its description", reason or "a description is no unit", only)
+        return Column(table, name, described[0], "by its description", reason or "a description is not a unit", only)
     return Column(table, name, "weeks", "no sidecar has its Units", reason)
 
 
@@ -272,7 +272,7 @@ def _sidecar(path: Path, table: str) -> Mapping[str, object]:
 
     Raises
     ------
-    InputError : the file is no JSON of keys and values
+    InputError : the file is not JSON of keys and values
     """
     beside = path.with_suffix(".json")
     root = Path(*path.parts[: len(path.parts) - len(Path(table).parts)])
@@ -283,7 +283,7 @@ def _sidecar(path: Path, table: str) -> Mapping[str, object]:
             try:
                 data = json.loads(content(file).decode("utf-8-sig"))
             except (ValueError, RecursionError) as error:
-                raise InputError(f"is no JSON: {error}", file=file, remedy="mend it, or delete it") from None
+                raise InputError(f"is not JSON: {error}", file=file, remedy="mend it, or delete it") from None
             if not isinstance(data, dict):
                 raise InputError("holds no keys", file=file, remedy="give one key per column of the table")
             said |= data

@@ -45,7 +45,7 @@ IGNORED = (
 )
 #: keys of a sidecar besides the report of the stage: origin of the file, hash of its input, and two keys of BIDS
 ABOUT = ("origin", "input_sha256", "Sources", "SpatialReference")
-#: `desc` of surfaces that are no result of a stage
+#: `desc` of surfaces that are not the result of a stage
 _SURFACES = {
     "phantom": "Synthetic cortex of the age of the case, or its sphere",
     "fields": "Surface as the gate lets it in, with the per-vertex fields of the case",

@@ -49,7 +49,7 @@ def _says_yes(case: Case, column: str) -> bool:
         return False
     if value.lower() not in YES | NO:
         raise InputError(
-            f"column {column} of {case.name}: {value!r} is no decision", remedy="use yes or no; n/a counts as no"
+            f"column {column} of {case.name}: {value!r} is neither yes nor no", remedy="use yes or no; n/a counts as no"
         )
     return value.lower() in YES
 

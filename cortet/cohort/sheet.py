@@ -150,7 +150,7 @@ def read_header(path: Path) -> list[str]:
 
     Raises
     ------
-    InputError : the file is no cohort sheet
+    InputError : the file is not a cohort sheet
     """
     header = list(read_uneven_tsv(path)[0].columns)
     _check_header(header, path)
@@ -233,15 +233,15 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
         label = row[column].removeprefix(prefix)
         optional = column == "session_id" and label in MISSING
         if not optional and not re.fullmatch("[A-Za-z0-9]+", label):
-            yield f"column {column}: {row[column]!r} is no BIDS label (use letters and digits only)"
+            yield f"column {column}: {row[column]!r} is not a BIDS label (use letters and digits only)"
         if len(label) > LONGEST_LABEL:
             yield f"column {column}: {len(label)} characters are too many (use at most {LONGEST_LABEL})"
     if row["hemi"].lower() not in HEMISPHERES and row["hemi"] not in MISSING:
-        yield f"column hemi: {row['hemi']!r} is no hemisphere (use L, R, or n/a for a whole brain)"
+        yield f"column hemi: {row['hemi']!r} is not a hemisphere (use L, R, or n/a for a whole brain)"
     if row["surface"] == PHANTOM and row["hemi"] in MISSING:
         yield f"column hemi: {row['hemi']!r}, but a {PHANTOM} is one hemisphere (use L or R)"
     if row["include"].lower() not in YES | NO:
-        yield f"column include: {row['include']!r} is no decision (use yes or no)"
+        yield f"column include: {row['include']!r} is neither yes nor no (use yes or no)"
     if row["include"].lower() in NO and row["exclude_reason"] in MISSING:
         yield f"column exclude_reason: {row['exclude_reason']!r} does not say why the row is excluded (give a reason)"
     youngest, oldest = SCAN_AGES
@@ -253,7 +253,7 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
             )
     elif not youngest <= (number(row["scan_age"]) or math.nan) <= oldest:
         yield (
-            f"column scan_age: {row['scan_age']!r} is no age in gestational weeks "
+            f"column scan_age: {row['scan_age']!r} is not an age in gestational weeks "
             f"(use a number from {youngest:g} to {oldest:g}, or n/a where the age is not known: "
             "the surface is then not smoothed by age)"
         )
@@ -263,7 +263,7 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
         named = _region(column) if column.startswith(INNER_PREFIX) else column.removeprefix(VOLUME_PREFIX)
         if column.startswith((INNER_PREFIX, VOLUME_PREFIX)) and not re.fullmatch("[A-Za-z][A-Za-z0-9]*", named):
             what = "a region" if _region(column) else "a volume"
-            yield f"column {column}: {named!r} is no name of {what} (use letters and digits only)"
+            yield f"column {column}: {named!r} is not the name of {what} (use letters and digits only)"
         if len(_region(column)) > LONGEST_LABEL:
             yield f"column {column}: {len(_region(column))} characters are too many (use at most {LONGEST_LABEL})"
         if _region(column) in _STANDING and value not in MISSING:
@@ -280,11 +280,11 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
                 f"(use {PHANTOM} in both columns, surface and {column}, or n/a here)"
             )
         if column == UNIT and value not in (*UNITS, *MISSING):
-            yield f"column {column}: {value!r} is no unit (use {', '.join(UNITS)})"
+            yield f"column {column}: {value!r} is not a unit (use {', '.join(UNITS)})"
         if column == CELL_SIZE and value not in MISSING and not _is_cell_size(number(value)):
             smallest, largest = CELL_SIZE_MM
             yield (
-                f"column {column}: {value!r} is no cell size (use a number from {smallest:g} to {largest:g}, mm, a "
+                f"column {column}: {value!r} is not a cell size (use a number from {smallest:g} to {largest:g}, mm, a "
                 "multiple of 0.001, or n/a for the sizes of the configuration)"
             )
         is_file = (
@@ -369,13 +369,14 @@ def filled_in(pattern: str, values: Mapping[str, Any]) -> str:
 
     Raises
     ------
-    InputError : a placeholder is not among the values, or the result is no file name
+    InputError : a placeholder is not among the values, or the result is not a file name
     """
     unknown = [name for name in re.findall(r"\{([^{}]*)\}", pattern) if name not in values]
     filled = re.sub(r"\{([^{}]*)\}", lambda match: str(values.get(match[1])), pattern)
     if unknown or not _is_file_name(filled):
         raise InputError(
-            f"{pattern!r} cannot be filled in: " + (f"no {unknown[0]!r}" if unknown else f"{filled!r} is no file name"),
+            f"{pattern!r} cannot be filled in: "
+            + (f"no {unknown[0]!r}" if unknown else f"{filled!r} is not a file name"),
             remedy=f"placeholders here are {', '.join(f'{{{name}}}' for name in values)}",
         )
     return filled

@@ -128,7 +128,7 @@ def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any
     return result
 
 
-#: names that pydantic gives to the types of a value; they are no part of a key's name
+#: names that pydantic gives to the types of a value; they are not part of a key's name
 _OF_A_UNION = re.compile(r"float$|int$|str$|(dict|list|constrained|literal)\b.*|\[key\]$")
 
 

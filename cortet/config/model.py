@@ -24,7 +24,7 @@ from cortet.stages.stage import Step
 
 _PACKAGE = Path(__file__).parents[1]
 
-#: steps that have arguments or a version and are no stages of the line
+#: steps that have arguments or a version and are not stages of the line
 STEPS: dict[str, Step] = {
     "phantom": Step("phantom", "phantom", frozenset({"subdivisions", "seed"}), ("gestational_age", "hemisphere")),
     "phantom_inner": Step("phantom", "phantom", frozenset({"thickness"})),

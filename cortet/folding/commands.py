@@ -193,7 +193,7 @@ def growth_command(args: argparse.Namespace) -> int:
     if not start < end:
         raise InputError(f"the later age, {end:g} weeks, is not after the early one, {start:g}", remedy="give both")
     if args.output.suffix != ".gii":
-        raise InputError("is no name of a GIfTI file", file=args.output, remedy="end it in .func.gii")
+        raise InputError("is not the name of a GIfTI file", file=args.output, remedy="end it in .func.gii")
     stem = stem_of(args.output).removesuffix(".func").removesuffix(".shape")
     metrics, record = (args.output.with_name(f"{stem}{ending}") for ending in (".shape.gii", ".growth.json"))
     for path in (metrics, record):

@@ -23,7 +23,7 @@ def growth_field(age: float, *, core: bool = False) -> str:
 
 
 def age_of_growth(name: str) -> float | None:
-    """The age in weeks up to which a field of this name holds growth; None if it is no such field."""
+    """The age in weeks up to which a field of this name holds growth; None if it is not such a field."""
     found = _GROWTH.fullmatch(name)
     return float(found[1].replace("_", ".")) if found else None
 

@@ -114,7 +114,7 @@ def fold(
 
     The folder gets the table of measurements with its sidecar, a table of wall seconds, frames with their series, and
     the verdict. A run that was killed continues from its last checkpoint there and ends with the same bits. With
-    another mesh or other settings it starts anew.
+    another mesh or other settings it starts again.
 
     Parameters
     ----------

@@ -223,7 +223,7 @@ def _touch_all(shared, contact, x, block_touched):  # type: ignore[no-untyped-de
 
 
 @cuda.jit(device=True)
-def _judge(shared, tallies):  # type: ignore[no-untyped-def]
+def _check(shared, tallies):  # type: ignore[no-untyped-def]
     """Decide whether a step may be taken; one block does this, while all others wait."""
     t, least, degenerate, touched = cuda.threadIdx.x, np.inf, 0.0, 0.0
     for patch in range(t, len(tallies.patch_least), THREADS):
@@ -323,7 +323,7 @@ def advance(  # type: ignore[no-untyped-def]
         _touch_all(shared, contact, x, tallies.block_touched)
         grid.sync()
         if cuda.blockIdx.x == 0:
-            _judge(shared, tallies)
+            _check(shared, tallies)
         grid.sync()
         if tallies.flags[HOW] != DONE:
             break

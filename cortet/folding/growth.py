@@ -39,7 +39,7 @@ def check_age(gestational_age: float) -> None:
     youngest, oldest = AGES
     if not youngest <= gestational_age <= oldest:
         raise InputError(
-            f"{gestational_age:g} is no gestational age to fold at: the model of growth holds from {youngest:g} to "
+            f"{gestational_age:g} is not a gestational age to fold at: the model of growth holds from {youngest:g} to "
             f"{oldest:g} weeks",
             remedy="give the gestational age of the mesh in weeks",
         )

@@ -58,7 +58,7 @@ def map_of(mesh: TetMesh, body: Body, start: float) -> GrowthMap | None:
     if not named:
         if wrong := next((name for name in mesh.point_data if name.startswith(GROWTH_FIELD)), None):
             raise InputError(
-                f"the field {wrong} is no map of growth",
+                f"the field {wrong} is not a map of growth",
                 remedy="carry the .func.gii that cortet growth wrote to the mesh",
             )
         return None

@@ -122,7 +122,7 @@ def lobes_of(labels: Path, count: int) -> dict[str, NDArray[np.bool_]]:
 
     Raises
     ------
-    InputError : the file has no labels, values that are no whole numbers, or another number of them
+    InputError : the file has no labels, values that are not whole numbers, or another number of them
     """
     values = next(iter(read_fields(labels).values()), np.empty(0))
     if values.shape != (count,):
@@ -133,7 +133,7 @@ def lobes_of(labels: Path, count: int) -> dict[str, NDArray[np.bool_]]:
         )
     if not (np.isfinite(values).all() and (values == np.round(values)).all()):
         raise InputError(
-            "has values that are no whole numbers", file=labels, remedy="name labels in the column field_label"
+            "has values that are not whole numbers", file=labels, remedy="name labels in the column field_label"
         )
     names, lobes = read_label_names(labels), dict[str, NDArray[np.bool_]]()
     for key in map(int, np.unique(values[values > 0])):

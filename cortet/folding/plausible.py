@@ -75,7 +75,7 @@ def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
     Raises
     ------
     InputError
-        the age is impossible; the mesh cannot be measured, has an inverted element or is no brain in mm; other regions
+        the age is impossible; the mesh cannot be measured, has inverted elements or is not a brain in mm; other regions
         surround the brain; or its medial side is another than the hemisphere says
     """
     require_measurable(mesh)

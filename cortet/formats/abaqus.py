@@ -195,7 +195,7 @@ def _region(text: bytes, sets: MeshSets, count: int) -> dict[str, IntArray]:
 
 
 def _line_of(row: int, data: bytes, line: int) -> int:
-    """Line number of a row of the data below line `line`; blank lines are no rows."""
+    """Line number of a row of the data below line `line`; blank lines are not rows."""
     filled = (number for number, text in enumerate(data.split(b"\n"), start=1) if text.strip())
     return line + next(itertools.islice(filled, row, None), 1)
 
@@ -325,7 +325,7 @@ def _ranges(data: bytes) -> NDArray[np.int64]:
             continue
         first, last, step = (*numbers, 1 if numbers[0] <= numbers[1] else -1) if len(numbers) == 2 else numbers
         if step == 0 or (last - first) * step < 0:
-            raise ValueError(f"{first} to {last} by {step} is no range")
+            raise ValueError(f"{first} to {last} by {step} is not a range")
         total += (last - first) // step + 1
         if total > _MOST_GENERATED:
             raise ValueError(f"generates more than {_MOST_GENERATED:,} numbers")

@@ -164,7 +164,7 @@ def _names(file: Path) -> dict[str, int]:
     try:
         return named_once([(name, int(tag)) for tag, name in rows], file)
     except ValueError as error:
-        raise DamagedFileError(f"is no table of tags and names: {error}", file=file) from error
+        raise DamagedFileError(f"is not a table of tags and names: {error}", file=file) from error
 
 
 def _beside(path: str | Path, suffix: str) -> Path:

@@ -141,7 +141,7 @@ def write_elements(
 
 
 def _placeholders(parts: Mapping[str, int]) -> str:
-    """A neo-Hookean material for each part, given by its number; InputError for a number that is no such id."""
+    """A neo-Hookean material for each part, given by its number; InputError for a number that is not such an id."""
     names = {number: name for name, number in parts.items()}
     if wrong := [number for number in names if not 1 <= number <= _MOST_MATERIALS]:
         what = f"the region {names[wrong[0]]} has the number {wrong[0]}, and ids of materials are in sequence from 1"
@@ -309,7 +309,7 @@ def _table(
     if not element.text:
         return np.empty((0, columns), dtype)
     if not re.fullmatch(r"\d{1,9}", element.text) or int(element.text) >= len(tables):
-        raise DamagedFileError(f"<{element.tag} {element.get('name', '')}> is no list", file=path)
+        raise DamagedFileError(f"<{element.tag} {element.get('name', '')}> is not a list", file=path)
     given, (tag, number) = tables[int(element.text)], _LISTS[element.tag]
     rows = given.replace(f'<{tag} {number}="'.encode(), b"").replace(b'">', b",").replace(f"</{tag}>".encode(), b"\n")
     if b"<" in rows:  # the rows are not written in the usual way
@@ -387,7 +387,7 @@ def _sections(root: ElementTree.Element) -> Iterator[str]:
     found = [section.tag for section in root]
     for tag in found:
         if tag not in SECTIONS:
-            yield f"<{tag}> is no section of a FEBio file"
+            yield f"<{tag}> is not a section of a FEBio file"
     for tag in REQUIRED:
         if tag not in found:
             yield f"there is no section <{tag}>"
@@ -423,7 +423,7 @@ def _domains(root: ElementTree.Element) -> Iterator[str]:
     for part in sorted(map(str, parts - domains.keys())):
         yield f"part {part} has no <SolidDomain>"
     for part in sorted(map(str, domains.keys() - parts)):
-        yield f"<SolidDomain> {part} is no part of the mesh"
+        yield f"<SolidDomain> {part} is not part of the mesh"
     for name, material in domains.items():
         if material not in materials:
             yield f"<SolidDomain> {name} names the material {material}, which there is not"

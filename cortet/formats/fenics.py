@@ -281,7 +281,7 @@ def _dataset(data: h5py.File, key: str, source: Path) -> NDArray[Any]:
         raise KeyError(key)
     dataset = data[key]
     if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind not in _XDMF_TYPES or not dataset.shape:
-        raise DamagedFileError(f"{key} is no array of numbers", file=source)
+        raise DamagedFileError(f"{key} is not an array of numbers", file=source)
     if dataset.external or dataset.is_virtual or dataset.compression or dataset.scaleoffset is not None:
         raise DamagedFileError(f"the values of {key} are compressed, or in another file", file=source)
     if dataset.nbytes > dataset.id.get_storage_size():

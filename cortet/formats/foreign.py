@@ -60,7 +60,7 @@ def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
 
 
 def fields_of(path: Path) -> dict[str, NDArray[Any]] | None:
-    """Per-vertex values of a FreeSurfer file, by its name; None if it is no such file."""
+    """Per-vertex values of a FreeSurfer file, by its name; None if it is not such a file."""
     head, size = _beginning(path)
     if head.startswith(freesurfer.VALUES):
         return freesurfer.read_values(path)

@@ -57,7 +57,7 @@ def of_gifti(systems: Sequence[System], about: Mapping[str, str], provenance: st
 
     Raises
     ------
-    InputError : a name is not known, the matrix is no affine, or it implies that the coordinates are not mm; or two
+    InputError : a name is not known, the matrix is not an affine, or it implies that the coordinates are not mm; or two
         systems lead to different locations in one space of the scanner
     """
     stated = [_frame(system, path) for system in systems]
@@ -199,8 +199,8 @@ def _check(frame: CoordinateFrame, path: str | Path, remedy: str = _TAKE_OUT) ->
     if rigid or (normalised and not (mirrored and least)):
         return
     raise InputError(
-        f"the matrix from its coordinates ({frame.dataspace}) to {frame.xformspace} is no rigid motion: lengths change "
-        f"by {low:.4g} to {high:.4g}" + (", mirrored" if mirrored else ""),
+        f"the matrix from its coordinates ({frame.dataspace}) to {frame.xformspace} is not a rigid motion: lengths "
+        f"change by {low:.4g} to {high:.4g}" + (", mirrored" if mirrored else ""),
         file=path,
         remedy=remedy,
     )

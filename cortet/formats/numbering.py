@@ -47,7 +47,7 @@ def indices(numbers: NDArray[np.int64], known: NDArray[np.int64], kind: str, pat
 def in_32_bits(values: NDArray[Any], what: str, path: str | Path | None = None) -> NDArray[np.int32]:
     """Whole numbers as int32. Raises InputError for a fraction, and for a number that would wrap to another one."""
     for bad, why in (
-        (~(values == np.floor(values)), "which is no whole number"),
+        (~(values == np.floor(values)), "which is not a whole number"),
         (~((values >= -(2**31)) & (values < 2**31)), "and labels have at most 32 bits"),
     ):
         if bad.any():
@@ -60,5 +60,5 @@ def whole(values: NDArray[np.float64], kind: str, path: str | Path) -> NDArray[n
     """Whole numbers that were read as real numbers. Raises InputError for fractions and for numbers of ten digits."""
     bad = ~(np.abs(values) < 2**31) | (values != np.round(values))
     if bad.any():
-        raise DamagedFileError(f"{values[bad][0]:g} is no number of a {kind}", file=path)
+        raise DamagedFileError(f"{values[bad][0]:g} is not a number of a {kind}", file=path)
     return values.astype(np.int64)

@@ -32,7 +32,7 @@ def read(path: str | Path) -> TriSurface:
         points = np.fromiter((float(word) for match in _VERTEX.finditer(text) for word in match.groups()), float)
         corners = np.fromiter(_corners(text), np.int64)
     except (ValueError, OverflowError) as error:
-        raise InputError(f"is no readable OBJ surface: {error}", file=path, remedy=_REMEDY) from error
+        raise InputError(f"is not a readable OBJ surface: {error}", file=path, remedy=_REMEDY) from error
     return triangulated(points.reshape(-1, 3), corners.reshape(-1, 3), path)
 
 

@@ -48,7 +48,7 @@ def read(path: str | Path) -> TriSurface:
         points = np.array([line[:3] for line in lines[1 : vertices + 1]], float).reshape(-1, 3)
         corners = np.fromiter(_corners(lines[vertices + 1 : vertices + 1 + faces]), np.int64)
     except (ValueError, IndexError, OverflowError) as error:
-        raise InputError(f"is no readable OFF surface: {error}", file=path, remedy=_REMEDY) from error
+        raise InputError(f"is not a readable OFF surface: {error}", file=path, remedy=_REMEDY) from error
     return triangulated(points, corners.reshape(-1, 3), path)
 
 

@@ -205,7 +205,7 @@ def record_of(paths: Iterable[Path]) -> dict[str, Any]:
 
 
 def files_of(record: Path) -> dict[str, str]:
-    """Name -> SHA-256 of the files that a record lists; empty if the file is no record of cortet."""
+    """Name -> SHA-256 of the files that a record lists; empty if the file is not a record of cortet."""
     data = json_of(record)
     files = data.get("files") if data.items() >= _SIGNATURE.items() else None
     return {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else {}
@@ -236,7 +236,7 @@ def delete_made(record: Path) -> None:
 
 
 def json_of(file: Path) -> dict[str, Any]:
-    """Content of a JSON file; empty if it is no JSON file."""
+    """Content of a JSON file; empty if it is not a JSON file."""
     try:
         data = json.loads(file.read_text("utf-8")) if file.stat().st_size < _LONGEST_RECORD else None
     except (OSError, ValueError, RecursionError):

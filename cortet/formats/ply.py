@@ -59,7 +59,7 @@ def read(path: str | Path) -> TriSurface:
         points = np.stack([values["vertex"][axis] for axis in "xyz"], axis=1).astype(float)
         return triangulated(points, values["face"]["vertices"], path)
     except (KeyError, IndexError, ValueError, OverflowError) as error:
-        raise InputError(f"is no readable PLY surface of triangles: {error}", file=path, remedy=_REMEDY) from error
+        raise InputError(f"is not a readable PLY surface of triangles: {error}", file=path, remedy=_REMEDY) from error
 
 
 def _described(header: str) -> tuple[str, list[_Element], bool]:
@@ -83,14 +83,14 @@ def _described(header: str) -> tuple[str, list[_Element], bool]:
     if any(_LIST in dict(element.properties) for element in found):
         raise ValueError("it has lists other than that of the corners of faces")
     if any(element.number < 0 for element in found) or "vertices" not in dict(found[names.index("face")].properties):
-        raise ValueError("its faces are no lists of corners, or a number is below 0")
+        raise ValueError("its faces are not lists of corners, or a number is below 0")
     return order, found, len(found) == len(elements)
 
 
 def _of_bytes(body: bytes, elements: list[_Element], order: str) -> tuple[dict[str, dict[str, NDArray[Any]]], int]:
     """The values of each element of a binary file, and the number of bytes left, but for blanks at the end.
 
-    ValueError if values are missing, or faces are no triangles.
+    ValueError if values are missing, or faces are not triangles.
     """
     start, found = 0, {}
     for element in elements:
@@ -131,5 +131,5 @@ def _of_text(body: bytes, elements: list[_Element]) -> tuple[dict[str, dict[str,
 
 def _triangles(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     if "length" in columns and "vertices" in columns and (columns["length"] != 3).any():
-        raise ValueError("it has faces that are no triangles")
+        raise ValueError("it has faces that are not triangles")
     return columns

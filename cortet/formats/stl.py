@@ -58,7 +58,7 @@ def read(path: str | Path) -> TriSurface:
     start = _HEADER_BYTES + 4
     count = int(np.frombuffer(data[_HEADER_BYTES:start].ljust(4, b"\0"), "<u4")[0])
     if len(data) != start + count * _TRIANGLE.itemsize:
-        raise DamagedFileError(f"is no binary STL file of {count} triangles: it has {len(data)} bytes", file=path)
+        raise DamagedFileError(f"is not a binary STL file of {count} triangles: it has {len(data)} bytes", file=path)
     return merged(np.frombuffer(data, _TRIANGLE, offset=start)["corners"].reshape(-1, 3), path)
 
 
@@ -67,10 +67,10 @@ def _of_text(data: bytes, path: str | Path) -> TriSurface:
         words = (float(word) for match in _TEXT.finditer(data) for word in match.groups())
         corners = np.fromiter(words, float).reshape(-1, 3)
     except ValueError as error:
-        raise InputError(f"is no readable STL: {error}", file=path, remedy="export it again") from error
+        raise InputError(f"is not a readable STL: {error}", file=path, remedy="export it again") from error
     if len(corners) != 3 * len(_FACET.findall(data)) or not _END.search(data):
         raise DamagedFileError(
-            "is no complete STL: a facet does not have three corners, or its end is missing", file=path
+            "is not a complete STL: a facet does not have three corners, or its end is missing", file=path
         )
     return merged(corners, path)
 

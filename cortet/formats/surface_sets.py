@@ -78,7 +78,7 @@ def sides(mesh: TetMesh, faces: IntArray) -> tuple[IntArray, IntArray]:
         all_turns = np.concatenate([every, *turned])
         cells[missing], strange = _owners(all_turns, np.tile(np.repeat(near, 4), 3), faces[missing], directed=True)
         if strange.any():
-            raise InputError(f"face {faces[missing][np.argmax(strange)].tolist()} is no face of a tetrahedron")
+            raise InputError(f"face {faces[missing][np.argmax(strange)].tolist()} is not a face of a tetrahedron")
     on_face = (mesh.cells[cells][:, :, None] == faces[:, None, :]).any(axis=2)
     return cells, on_face.argmin(axis=1).astype(np.int32)
 

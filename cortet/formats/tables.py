@@ -96,7 +96,7 @@ def described(entry: Mapping[str, Any], keys: Iterable[str] = ("Units", "Thresho
 def read_columns(path: Path) -> tuple[Column, ...]:
     """Columns from a table with one column per line; its header names text fields of `Column`."""
     rows: list[dict[str, str]] = read_tsv(path).replace(MISSING, "").to_dict("records")
-    return tuple(Column(**row) for row in rows)  # type: ignore[arg-type]  # `levels` is no text, and not among them
+    return tuple(Column(**row) for row in rows)  # type: ignore[arg-type]  # `levels` is not text, and not among them
 
 
 def values(columns: Sequence[Column], records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:

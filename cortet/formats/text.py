@@ -50,7 +50,7 @@ def read_rows(
     Raises
     ------
     BadRowError
-        a line has another number of fields, or a field that is no number of `dtype`; or lines are missing
+        a line has another number of fields, or a field that is not a number of `dtype`; or lines are missing
     """
     if rows == 0 or (rows is None and isinstance(lines, bytes) and not lines.strip()):
         return np.empty((0, columns), dtype)
@@ -88,5 +88,5 @@ def _bad_row(message: str, done: int) -> BadRowError:
     if found := re.search(r"changed from (\d+) to (\d+) at row (\d+)", message):
         return BadRowError(done + int(found[3]) - 1, f"has {found[2]} fields instead of {found[1]}")
     if found := re.search(r"could not convert string ' *(.*)' to \w+ at row (\d+)", message):
-        return BadRowError(done + int(found[2]), f"holds {found[1]!r}, which is no number of its kind")
+        return BadRowError(done + int(found[2]), f"holds {found[1]!r}, which is not a number of its kind")
     return BadRowError(done, message)

@@ -46,7 +46,7 @@ def content_is_elsewhere(path: str | Path) -> bool:
 
 
 def check_file(path: str | Path) -> None:
-    """Raise InputError unless a regular file is there, and may be read; it becomes an input, and may be no output."""
+    """Raise InputError unless a regular file is there, and may be read; an input must not become an output."""
     try:
         found = Path(path).stat()
     except (OSError, ValueError) as error:
@@ -82,7 +82,7 @@ def xml_root(text: bytes, path: str | Path) -> ElementTree.Element:
 
 
 def numbers(text: str, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """The numbers of a text, separated by white space; ValueError if one is no number of `dtype`."""
+    """The numbers of a text, separated by white space; ValueError if one is not a number of `dtype`."""
     kind = int if np.issubdtype(dtype, np.integer) else float
     try:
         return np.fromiter(map(kind, text.split()), dtype)

@@ -92,7 +92,7 @@ def read_named(text: str) -> Volume:
     match = _SPELLING.fullmatch(text)
     if match and match["what"] is not None and match["what"] not in get_args(Kind):
         raise InputError(
-            f"{match['what']!r} is no kind of volume", file=match["file"], remedy=f"use {', '.join(get_args(Kind))}"
+            f"{match['what']!r} is not a kind of volume", file=match["file"], remedy=f"use {', '.join(get_args(Kind))}"
         )
     kind: Any = match["what"] if match else None
     return read_volume(volume_file(text), kind)
@@ -107,7 +107,7 @@ def read_labels(text: str) -> tuple[Volume, list[int]]:
     """
     match = _SPELLING.fullmatch(text)
     if match is None:
-        raise InputError("is no volume", file=text, remedy="give NIfTI or MGZ, and labels: FILE.nii.gz:5,6")
+        raise InputError("is not a volume", file=text, remedy="give NIfTI or MGZ, and labels: FILE.nii.gz:5,6")
     if not match["what"]:
         raise InputError("is a volume, not a surface", file=text, remedy="say which labels to take: FILE:5 or FILE:5,6")
     volume = read_volume(match["file"], "labels")
@@ -146,7 +146,7 @@ def read_volume(path: str | Path, kind: Kind | None = None) -> Volume:
     import nibabel
 
     if not str(path).endswith(_ENDINGS):
-        raise InputError("is no volume", file=path, remedy=f"give a file that ends in {', '.join(_ENDINGS)}")
+        raise InputError("is not a volume", file=path, remedy=f"give a file that ends in {', '.join(_ENDINGS)}")
     check_file(path)
     with _readable(path):
         image: Any = nibabel.load(path, mmap=False)  # if a mapped file is truncated later, the program dies
@@ -173,7 +173,7 @@ def label_names(path: str | Path) -> dict[int, str]:
 
     Raises
     ------
-    InputError : the table has no columns index and name, or an index is no whole number or stands there twice
+    InputError : the table has no columns index and name, or an index is not a whole number or stands there twice
     """
     file = label_table(path)
     if file is None:
@@ -185,7 +185,7 @@ def label_names(path: str | Path) -> dict[int, str]:
     names: dict[int, str] = {}
     for line, key, name in zip(table.index, table["index"], table["name"], strict=True):
         if not re.fullmatch(r"-?\d{1,9}", key):
-            raise InputError(f"line {line}: {key!r} is no index", file=file, remedy=remedy)
+            raise InputError(f"line {line}: {key!r} is not an index", file=file, remedy=remedy)
         if int(key) in names:
             raise InputError(f"line {line}: index {key} stands there twice", file=file, remedy="keep one of the two")
         names[int(key)] = name
@@ -260,7 +260,7 @@ def _shape_is_usable(shape: tuple[int, ...], path: str | Path) -> str | None:
     more = [count for count in shape[3:] if count != 1]
     if len(shape) < 3 or 0 in shape:
         remedy = "give a volume with three axes"
-        raise InputError(f"has the shape {shape}, which is no volume", file=path, remedy=remedy)
+        raise InputError(f"has the shape {shape}, which is not a volume", file=path, remedy=remedy)
     if not more:
         return None
     if more != [_TENSOR]:
@@ -346,7 +346,7 @@ def _whole(values: NDArray[Any], path: str | Path) -> NDArray[np.int32]:
                 remedy="resample labels by nearest neighbour, not by interpolation; measured numbers are FILE:numbers",
             )
     if values.min() < -(2**31) or values.max() >= 2**31:
-        raise InputError("holds a label beyond 32 bits", file=path, remedy="number the labels anew")
+        raise InputError("holds a label beyond 32 bits", file=path, remedy="number the labels again")
     whole = values.astype(np.int32)
     if (count := len(np.unique(whole))) > _MOST_LABELS:
         what = f"holds {count:,} labels, more than the {_MOST_LABELS:,} that are read"

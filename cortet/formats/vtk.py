@@ -73,7 +73,7 @@ def read(path: str | Path) -> TetMesh:
     Raises
     ------
     InputError
-        the file is missing or incomplete, is no unstructured grid, holds cells that are not tetrahedra, indexes nodes
+        the file is missing or incomplete, is not an unstructured grid, holds cells other than tetrahedra, indexes nodes
         it lacks, or has a coordinate that is not finite
     """
     try:

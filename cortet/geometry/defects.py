@@ -1,4 +1,4 @@
-"""Where a triangulated surface has flat faces or is no manifold; `topology.surface_topology` only counts defects."""
+"""Where a triangulated surface has flat faces or is not a manifold; `topology.surface_topology` only counts defects."""
 
 from __future__ import annotations
 

@@ -159,7 +159,7 @@ def _inside_others(mesh: TetMesh, meant: IntArray | None = None) -> tuple[Flaw, 
 
     Parameters
     ----------
-    meant : (k, 3) nodes of faces; parts of the boundary that consist of them are no voids
+    meant : (k, 3) nodes of faces; parts of the boundary that consist of them are not voids
     """
     surface, _ = boundary_surface(mesh)
     number, part = np.unique(component_labels(surface.faces)[surface.faces[:, 0]], return_inverse=True)

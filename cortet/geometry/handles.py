@@ -77,7 +77,7 @@ def without_handles(work: Triangles, *, keep: int, max_loop: float, max_piece: f
 
 
 def _cut(work: Triangles, loop: IntArray, max_piece: float, genus: int, crossing: int) -> Triangles | None:
-    """The triangles cut along a loop and closed on both sides; None if the result is no sound surface.
+    """The triangles cut along a loop and closed on both sides; None if the result is not a sound surface.
 
     A sound one has one handle less than `genus`, and no more crossing triangles than `crossing`.
     """

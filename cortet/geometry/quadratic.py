@@ -171,7 +171,7 @@ def _require_sound(mesh: TetMesh) -> None:
 def _require_on_surface(mesh: TetMesh, walls: list[tuple[IntArray, TriSurface]], limit: float) -> None:
     """Raise InputError where nodes of the boundary or an interface are farther than `limit` mm from its surface."""
     if not 0 < limit < np.inf:
-        raise InputError(f"max_boundary_distance = {limit:g} is no limit", remedy="give a number of mm above 0")
+        raise InputError(f"max_boundary_distance = {limit:g} is not a limit", remedy="give a number of mm above 0")
     for faces, target in walls:
         distances = closest_points(tree_of(target), mesh.points[np.unique(faces)]).distances
         if off := np.count_nonzero(distances > limit):

@@ -33,7 +33,7 @@ def of_one_radius(sphere: TriSurface) -> TriSurface:
 
 
 def flaws(sphere: TriSurface) -> list[str]:
-    """Why a surface is no sphere around the origin, in words; empty for a sphere."""
+    """Why a surface is not a sphere around the origin, in words; empty for a sphere."""
     found = surface_topology(sphere.faces).problems()
     length = np.linalg.norm(sphere.points, axis=1)
     if not length.min() > _ROUND * length.max():

@@ -140,7 +140,7 @@ def certify(
     parameters: Mapping[str, Any] | None = None,
     reports: Mapping[str, Any] | None = None,
 ) -> Certificate:
-    """Judge a mesh.
+    """Check a mesh.
 
     Parameters
     ----------

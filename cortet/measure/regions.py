@@ -96,7 +96,7 @@ def require_known_regions(mesh: TetMesh, surface: TriSurface) -> None:
     remedy = f"number the regions as the surfaces do: {known}"
     if region.ndim != 1 or region.dtype.kind not in "biuf":
         what = (
-            f"regions of the shape {region.shape} and the type {region.dtype} are no numbers, one for each tetrahedron"
+            f"regions of the shape {region.shape} and the type {region.dtype} are not numbers, one for each tetrahedron"
         )
         raise InputError(what, remedy=remedy)
     unknown = ~np.isin(region, np.arange(1, len(names) + 1))

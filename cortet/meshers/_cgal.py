@@ -146,7 +146,7 @@ def one_core() -> Iterator[None]:
     """Confine this thread, and the threads it starts, to the core it is running on, and undo that at the end.
 
     The `cgal` wheel starts one thread per core it may use, and more than one make the mesh depend on their timing.
-    Each pass is confined anew, so that two jobs that happen to choose the same core do not share it for long.
+    Each pass is confined again, so that two jobs that happen to choose the same core do not share it for long.
     """
     if not hasattr(os, "sched_setaffinity"):
         logger.warning("no CPU affinity on this system: the cgal backend is not reproducible here")

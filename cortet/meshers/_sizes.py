@@ -148,7 +148,7 @@ def _by_field(surface: TriSurface, name: str, cell_size: float) -> list[FloatArr
         least = SHORTEST * cell_size
         bad = ~(values >= least) if values.ndim == 1 else np.ones(1, np.bool_)
         if bad.any():
-            what = f"{np.count_nonzero(bad)} values that are no cell size of at least {least:g} mm ({SHORTEST:g} h)"
+            what = f"{np.count_nonzero(bad)} values that are not cell sizes of at least {least:g} mm ({SHORTEST:g} h)"
             shown = f", the first {values[bad.argmax()]} at vertex {bad.argmax()}"
             raise InputError(
                 f"generate.size_field: {name} has {what}{shown}", remedy=f"give one size in mm per vertex; {_REMEDY}"

@@ -28,7 +28,7 @@ KEY = ["case", "cell_size_mm", "mesher"]
 #: (Iglewicz and Hoaglin, How to detect and handle outliers, ASQC Quality Press, 1993, who give 3.5)
 OUTLIER, FEWEST = 3.5, 5
 #: column -> its name in the reason why a mesh is an outlier
-JUDGED = {"q_max": "worst q", "q_mean": "mean q"}
+CHECKED = {"q_max": "worst q", "q_mean": "mean q"}
 #: least spread; a smaller one counts as this. If one surface is meshed in other directions, worst q spreads by 0.0005
 #: and mean q by 0.002 (a phantom of 26 weeks, h = 2.5 mm). Meshes that are more alike differ by chance, and a worst q
 #: that is 3.5 x 0.005 higher than others does not matter for a limit of 0.6
@@ -40,7 +40,7 @@ _ORDER = ("failed", "unfinished", "uncertified", "certified", "excluded")
 _SCORE = (
     "Larger of the absolute modified z-scores of worst q and mean q (Iglewicz and Hoaglin 1993) among the meshes of "
     f"one cell size and mesher, where there are at least {FEWEST}; above {OUTLIER} a mesh is called an outlier. "
-    "A spread counts as at least: " + ", ".join(f"{JUDGED[name]} {least:g}" for name, least in LEAST_SPREAD.items())
+    "A spread counts as at least: " + ", ".join(f"{CHECKED[name]} {least:g}" for name, least in LEAST_SPREAD.items())
 )
 #: columns that a mesh may have, and the columns that the page shows first
 COLUMNS = (
@@ -218,14 +218,14 @@ def with_outliers(rows: pd.DataFrame) -> pd.DataFrame:
     ----------
     rows : all strings, as read from the tables
     """
-    values = rows.reindex(columns=list(JUDGED)).apply(pd.to_numeric, errors="coerce").dropna()
-    scores = pd.DataFrame(index=rows.index, columns=list(JUDGED), dtype=float)
+    values = rows.reindex(columns=list(CHECKED)).apply(pd.to_numeric, errors="coerce").dropna()
+    scores = pd.DataFrame(index=rows.index, columns=list(CHECKED), dtype=float)
     for _, members in values.groupby([rows.loc[values.index, name] for name in ("cell_size_mm", "mesher")]):
         if len(members) >= FEWEST:
-            for name in JUDGED:
+            for name in CHECKED:
                 scores.loc[members.index, name] = modified_z_scores(members[name], LEAST_SPREAD[name])
     far = [
-        ", ".join(_far(JUDGED[name], value) for name, value in own.items() if abs(value) > OUTLIER)
+        ", ".join(_far(CHECKED[name], value) for name, value in own.items() if abs(value) > OUTLIER)
         for own in scores.to_dict("records")
     ]
     return rows.assign(outlier=scores.abs().max(axis="columns").map(cell), outlying=far)

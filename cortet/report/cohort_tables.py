@@ -61,7 +61,7 @@ def quality_table(certificates: Sequence[Certificate], cases: Iterable[Case]) ->
 
 
 def quality_columns(certificates: Sequence[Certificate], present: Iterable[str]) -> list[Column]:
-    """The columns of the names `present`, each with the limit by which certificates judge it."""
+    """The columns of the names `present`, each with the limit by which certificates check it."""
     known = {column.name: column for column in (*CASE_COLUMNS, *QUALITY_COLUMNS)}
     found = [known.get(name, Column(name, "Carried from the cohort sheet")) for name in present]
     return [replace(column, limit=_limit(certificates, column.check)) for column in found]

@@ -1,4 +1,4 @@
-"""The picture by which people judge a mesh: slices of an image, overlaid with the cut through the mesh."""
+"""The picture by which people check a mesh: slices of an image, overlaid with the cut through the mesh."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def broken_surface(surface: TriSurface) -> list[str]:
 def _coordinates(points: FloatArray) -> Iterator[str]:
     """Coordinates so large that areas and volumes overflow."""
     if (largest := float(np.abs(points).max(initial=0))) > _LARGEST_COORDINATE:
-        yield f"a coordinate is {largest:g}, which is no length of a body"
+        yield f"a coordinate is {largest:g}, which is not a length of a body"
 
 
 def _walls(mesh: TetMesh) -> TriSurface:
@@ -127,7 +127,7 @@ def _surface(file: AsRead) -> Iterator[str]:
     known = np.isin(found, true)
     if not known.all():
         where = file.face(int(np.argmin(known)))
-        yield f"{np.count_nonzero(~known)} triangles are no boundary face, the first {where}"
+        yield f"{np.count_nonzero(~known)} triangles are not boundary faces, the first {where}"
     order = np.argsort(true)
     partners = boundary[order[np.searchsorted(true, found[known], sorter=order)]]
     inward = np.flatnonzero(known)[~_same_turn(listed[known], partners)]

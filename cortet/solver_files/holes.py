@@ -21,7 +21,7 @@ def require_regions(holes: Collection[str], inner: Collection[str]) -> None:
     for hole in holes:
         if not regions_of(hole, inner):
             raise InputError(
-                f"the hole {hole} is no region inside an inner surface",
+                f"the hole {hole} is not a region inside an inner surface",
                 remedy=f"name one of {', '.join(inner)}" if inner else "give the surface around it: --inner NAME=FILE",
             )
 
@@ -36,7 +36,7 @@ def regions_of(hole: str, inner: Collection[str]) -> list[str]:
 def hollow(mesh: TetMesh, holes: Collection[str]) -> TetMesh:
     """The mesh without the tetrahedra of some regions, surface nodes first; faces around holes are `hole_surface`.
 
-    A name that is no region of the mesh changes nothing: in a cohort not every case has each region.
+    A name that is not a region of the mesh changes nothing: in a cohort not every case has each region.
 
     Parameters
     ----------

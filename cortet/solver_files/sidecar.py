@@ -145,7 +145,7 @@ def read_sidecar(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        the file of that name is no sidecar
+        the file of that name is not a sidecar
     """
     file = sidecar_path(path)
     if not file.exists():
@@ -156,10 +156,10 @@ def read_sidecar(path: Path) -> dict[str, Any]:
     except ValidationError as error:
         wrong = ", ".join(".".join(map(str, one["loc"])) for one in error.errors())
         raise InputError(
-            f"is no sidecar: wrong or missing {wrong}", file=file, remedy="export the mesh again"
+            f"is not a sidecar: wrong or missing {wrong}", file=file, remedy="export the mesh again"
         ) from error
     except (ValueError, RecursionError) as error:
-        raise InputError(f"is no sidecar: {error}", file=file, remedy="export the mesh again") from error
+        raise InputError(f"is not a sidecar: {error}", file=file, remedy="export the mesh again") from error
     return record
 
 

@@ -168,7 +168,9 @@ class BrokenSurface:
 
         turned = TriSurface(self.work.points, outward(self.work.points, self.work.faces))
         made, self.volume_before = rebuilt(turned, self.limits.spacing)
-        self._note(f"surface made anew on a grid of {self.limits.spacing:g} mm", 1, "surface", made.points.mean(axis=0))
+        self._note(
+            f"surface made again on a grid of {self.limits.spacing:g} mm", 1, "surface", made.points.mean(axis=0)
+        )
         work = mending.triangles(made.points, made.faces)
         self.work = work._replace(origin=np.full(len(made.points), -1, np.int32), made=work.made + REPLACED)
 

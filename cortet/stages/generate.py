@@ -133,7 +133,7 @@ def generate(
 
 
 def _require_meshable(surface: TriSurface, mesher: Mesher, settings: Generate) -> None:
-    """Refuse a surface that is no closed manifold, and settings that this mesher does not support."""
+    """Refuse a surface that is not a closed manifold, and settings that this mesher does not support."""
     from cortet.geometry.topology import surface_topology
 
     topology = surface_topology(surface.faces)

@@ -110,8 +110,8 @@ def resample(
     Raises
     ------
     InputError
-        the sphere is no sphere, or not of this surface; the surface has coordinates that are not finite; the template
-        is no sphere
+        the sphere is not round, or not of this surface; the surface has coordinates that are not finite; the template
+        is not a sphere
     """
     from cortet.geometry import spheres
 
@@ -149,7 +149,9 @@ def _common(settings: Resample) -> TriSurface:
         return icosphere(settings.subdivisions)
     sphere = read_surface(settings.template)
     if flaws := spheres.flaws(sphere):
-        raise InputError(f"is no sphere: {'; '.join(flaws)}", file=settings.template, remedy="mend resample.template")
+        raise InputError(
+            f"is not a sphere: {'; '.join(flaws)}", file=settings.template, remedy="mend resample.template"
+        )
     return sphere
 
 
@@ -165,7 +167,9 @@ def _check(surface: TriSurface, sphere: TriSurface, file: Any) -> None:
             remedy=f"give the sphere of this very surface, {without}",
         )
     if flaws := spheres.flaws(sphere):
-        raise InputError(f"is no sphere: {'; '.join(flaws)}", file=file, remedy=f"give a registered sphere, {without}")
+        raise InputError(
+            f"is not a sphere: {'; '.join(flaws)}", file=file, remedy=f"give a registered sphere, {without}"
+        )
     if not np.isfinite(surface.points).all():
         raise InputError(
             "coordinates of the surface are not finite, so that it cannot be resampled", file=file, remedy=without[3:]

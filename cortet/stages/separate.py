@@ -35,7 +35,7 @@ logger = logging.getLogger(__name__)
 class Regions(Section):
     """Meshes with inner surfaces (column `inner` of the sheet): what is between them and the outer one."""
 
-    #: S1 makes these elements: another number of them separates nothing anew
+    #: S1 makes these elements; their number changes nothing here
     choices: ClassVar[frozenset[str]] = Section.choices | {"elements_across"}
 
     min_gap: Annotated[float, Field(gt=0, le=2)] = 0.5

@@ -113,7 +113,7 @@ class Study:
 
 
 def is_result(path: Path, outputs: Path) -> bool:
-    """Whether an output is no log, benchmark or receipt, which tell of the jobs."""
+    """Whether an output is not a log, benchmark or receipt, which tell of the jobs."""
     return path.relative_to(outputs).parts[0] not in ("logs", "benchmarks", FOLDER)
 
 

@@ -141,7 +141,7 @@ def test_a_unit_that_only_a_description_names_is_never_read_as_weeks(
     folder = dataset(tmp_path, "scan_age", {"a": "30", "b": "45"}, said)
     found, told = ages(folder, patterns)
     assert found == [None, None]
-    assert f"column scan_age of participants.tsv, in {unit} (by its description); a description is no unit" in told
+    assert f"column scan_age of participants.tsv, in {unit} (by its description); a description is not a unit" in told
     assert f"(say Units: {unit} in the sidecar)" in told
 
 
@@ -207,7 +207,7 @@ def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path: Pa
 
 def test_a_sidecar_that_is_none_is_refused(tmp_path: Path) -> None:
     folder = dataset(tmp_path, "age", {"a": "28"})
-    for text, words in (("{", "is no JSON"), ("[1]", "holds no keys")):
+    for text, words in (("{", "is not JSON"), ("[1]", "holds no keys")):
         (folder / "participants.json").write_text(text)
         with pytest.raises(InputError, match=rf"participants.json: {words}"):
             scan(folder)

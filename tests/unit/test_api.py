@@ -77,13 +77,13 @@ def test_a_surface_may_come_from_anything_that_holds_one(ball: TriSurface, tmp_p
 @pytest.mark.parametrize(
     ("held", "words"),
     [
-        (3.0, "a float is no surface .*give a file, a NiBabel image"),
+        (3.0, "a float is not a surface .*give a file, a NiBabel image"),
         (nib.GiftiImage(), "the image holds no surface"),
-        (pyvista.Plane(), "faces that are no triangles .*triangulate"),
+        (pyvista.Plane(), "faces that are not triangles .*triangulate"),
         (pyvista.PolyData(), "the PolyData has 0 points and no faces"),
         ((np.ma.masked_array(np.zeros((4, 3)), np.eye(4, 3)), [[0, 1, 2]]), "the vertices: 3 values are masked"),
         ((np.zeros((3, 3)), [[0, 1, 7]]), "but vertices run from 0 to 2"),
-        (np.zeros((4, 3)), "a ndarray is no surface"),
+        (np.zeros((4, 3)), "a ndarray is not a surface"),
     ],
 )
 def test_what_holds_none_is_refused_in_words(held: Any, words: str) -> None:
@@ -101,14 +101,14 @@ def test_an_image_keeps_its_frame_as_its_file_does(ball: TriSurface, tmp_path: P
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({"hemi": "X"}, "'X' is no hemisphere"),
+        ({"hemi": "X"}, "'X' is not a hemisphere"),
         ({"inner": ["white.surf.gii"]}, "the inner surfaces have no names"),
         ({"fields": [1.0]}, "the fields have no names"),
         ({"volumes": ["x.nii.gz"]}, "the volumes have no names"),
         ({"fields": {"a": 3.0}}, "the field a is an array of 0 dimensions"),
         ({"fields": {"a": np.zeros((642, 2, 2))}}, "the field a is an array of 3 dimensions"),
-        ({"fields": {3: np.zeros(642)}}, "3 is no name of a field"),
-        ({"fields": {"a/../b": np.zeros(642)}}, "is no name of a field"),
+        ({"fields": {3: np.zeros(642)}}, "3 is not the name of a field"),
+        ({"fields": {"a/../b": np.zeros(642)}}, "is not the name of a field"),
         ({"fields": {"a": ["x"] * 642}}, "the field a holds values of type <U1"),
         ({"fields": {"a": np.zeros(642, complex)}}, "the field a holds values of type complex128"),
         ({"fields": {"a": np.full(642, np.nan)}}, "the field a is not finite at 642 vertices, the first is vertex 0"),
@@ -121,7 +121,7 @@ def test_what_no_mesh_can_take_is_refused_in_words(ball: TriSurface, more: dict[
         cortet.mesh(ball, 6.0, progress=False, **more)
 
 
-def test_a_surface_in_memory_brings_fields_that_are_judged_as_well(ball: TriSurface) -> None:
+def test_a_surface_in_memory_brings_fields_that_are_checked_as_well(ball: TriSurface) -> None:
     height = ball.points[:, 2].copy()
     height[3] = np.nan
     with pytest.raises(InputError, match="the field height is not finite at 1 vertices, the first is vertex 3"):
@@ -255,12 +255,12 @@ def test_meshes_are_compared_number_by_number(ball: TriSurface, made: cortet.Mes
     assert (table["a"] == table["b"]).all()
 
 
-def test_a_mesh_of_a_file_is_judged_and_what_is_none_is_said(
+def test_a_mesh_of_a_file_is_checked_and_what_is_none_is_said(
     ball: TriSurface, made: cortet.Mesh, tmp_path: Path
 ) -> None:
     file = made.save(tmp_path / "ball.vtu")
     assert cortet.certify(file, ball, 3.0).quality.tets == len(made.cells)
-    with pytest.raises(InputError, match=r"a NoneType is no mesh .*what `cortet.mesh` returns"):
+    with pytest.raises(InputError, match=r"a NoneType is not a mesh .*what `cortet.mesh` returns"):
         cortet.certify(None, ball)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="the meshes have no names"):
         cortet.compare([made], ball)  # type: ignore[arg-type]
@@ -284,7 +284,7 @@ def test_a_mesh_folds_from_the_age_it_was_made_at(made: cortet.Mesh, tmp_path: P
         cortet.fold(saved, 30)
     with pytest.raises(InputError, match="the mesh was made for a brain of 24 weeks, not 30"):
         cortet.fold(made, 30)
-    with pytest.raises(InputError, match="'left' is no hemisphere"):
+    with pytest.raises(InputError, match="'left' is not a hemisphere"):
         cortet.fold(saved, hemi="left")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="gestational age in weeks is '24', not a number"):
         cortet.fold(saved, "24")  # type: ignore[arg-type]

@@ -140,7 +140,7 @@ def test_an_inner_face_is_no_boundary_face(written):
     edit(written, name_an_inner_face)
     found = " ".join(verify(written, "braingrowth"))
     assert (
-        "1 boundary faces are missing" in found and "1 triangles are no boundary face, the first on line 233" in found
+        "1 boundary faces are missing" in found and "1 triangles are not boundary faces, the first on line 233" in found
     )
 
 

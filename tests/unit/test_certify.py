@@ -223,7 +223,7 @@ def test_centres_of_faces_far_from_the_surface_are_refused(mesh: TetMesh, surfac
     assert certify(mesh, moved, Certify(max_boundary_distance=None)).certified, "the cell size is not known"
 
 
-def test_the_native_surface_is_compared_both_ways_and_judged(mesh: TetMesh, surface: TriSurface) -> None:
+def test_the_native_surface_is_compared_both_ways_and_checked(mesh: TetMesh, surface: TriSurface) -> None:
     native = TriSurface(surface.points * 1.05, surface.faces)
     limits = {"max_native_distance": 0.5, "max_mean_native_distance": 0.1, "max_native_area_change": 0.06}
     certificate = certify(mesh, surface, Certify(**limits), native=native, cell_size=1.0)
@@ -290,7 +290,7 @@ def test_every_check_has_an_identifier_and_says_in_words_what_it_measures(mesh: 
 
 
 @pytest.mark.parametrize("size", [1e308, 0.0, -1.0, np.nan, np.inf])
-def test_a_cell_size_beyond_its_bounds_judges_nothing(mesh: TetMesh, surface: TriSurface, size: float) -> None:
+def test_a_cell_size_beyond_its_bounds_checks_nothing(mesh: TetMesh, surface: TriSurface, size: float) -> None:
     with pytest.raises(InputError, match=r"the cell size in mm is .* \(use 0.05 to 20\)"):
         certify(mesh, surface, cell_size=size)
 

@@ -78,7 +78,7 @@ NUMBERS = [
 
 
 def test_every_number_of_the_command_has_limits() -> None:
-    """A plain float or int, or a function of its own, would take 1e308; files and names are no numbers."""
+    """A plain float or int, or a function of its own, would take 1e308; files and names are not numbers."""
     for words, action in options():
         if isinstance(action.type, Number):
             assert math.isfinite(action.type.low) and math.isfinite(action.type.high), (words, action)
@@ -218,7 +218,7 @@ def test_a_release_that_does_not_exist_is_named(tmp_path: Path, capsys: pytest.C
     assert "nosuch: no such folder (name the root of the data release)" in capsys.readouterr().err
 
 
-def test_certify_judges_a_mesh_by_its_surface(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_certify_checks_a_mesh_by_its_surface(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mesh = cube_mesh(3, side=6.0)
     surface, _ = boundary_surface(mesh)
     vtu.write(mesh, tmp_path / "cube.vtu")
@@ -234,7 +234,7 @@ def test_certify_judges_a_mesh_by_its_surface(tmp_path: Path, capsys: pytest.Cap
     assert main(["certify", *files, "--q-max", "0.1"]) == 1
 
 
-def test_certify_judges_regions_of_an_exported_mesh_by_the_surfaces_they_were_made_from(
+def test_certify_checks_regions_of_an_exported_mesh_by_the_surfaces_they_were_made_from(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files = [str(tmp_path / name) for name in ("two.vtu", "outer.surf.gii", "inner.surf.gii")]

@@ -55,7 +55,7 @@ def test_unit_and_affine_are_those_of_the_row(tmp_path: Path) -> None:
     assert (first.unit, first.affine, second.unit, second.affine) == ("m", None, None, tmp_path / "t2.nii.gz")
     write_sheet(cases, tmp_path / "again.tsv")
     assert read_sheet(tmp_path / "again.tsv") == cases
-    with pytest.raises(InputError, match=r"column unit: 'inch' is no unit \(use mm, m, um\)"):
+    with pytest.raises(InputError, match=r"column unit: 'inch' is not a unit \(use mm, m, um\)"):
         read_sheet(sheet(tmp_path, GOOD + "\tinch", extra="\tunit"))
 
 
@@ -66,7 +66,7 @@ def test_a_row_may_have_a_cell_size_of_its_own(tmp_path: Path) -> None:
     write_sheet(cases, tmp_path / "again.tsv")
     assert read_sheet(tmp_path / "again.tsv") == cases
     for wrong in ("0", "-1", "fine", "0.80001", "1e9", "nan"):
-        with pytest.raises(InputError, match=rf"column cell_size: '{wrong}' is no cell size \(use a number from"):
+        with pytest.raises(InputError, match=rf"column cell_size: '{wrong}' is not a cell size \(use a number from"):
             read_sheet(sheet(tmp_path, GOOD + f"\t{wrong}", extra="\tcell_size"))
 
 
@@ -86,18 +86,18 @@ def test_an_unknown_placeholder_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("row", "words"),
     [
-        ("00/7\t01\tL\t27\ta.gii\tyes\tn/a", "line 2, column participant_id: '00/7' is no BIDS label"),
+        ("00/7\t01\tL\t27\ta.gii\tyes\tn/a", "line 2, column participant_id: '00/7' is not a BIDS label"),
         ("n/a\t01\tL\t27\ta.gii\tyes\tn/a", "column participant_id: 'n/a'"),
         ("007\tses_1\tL\t27\ta.gii\tyes\tn/a", "column session_id: 'ses_1'"),
-        ("007\t01\tleft-ish\t27\ta.gii\tyes\tn/a", "column hemi: 'left-ish' is no hemisphere (use L, R"),
-        ("007\t01\tL\t190\ta.gii\tyes\tn/a", "column scan_age: '190' is no age in gestational weeks"),
+        ("007\t01\tleft-ish\t27\ta.gii\tyes\tn/a", "column hemi: 'left-ish' is not a hemisphere (use L, R"),
+        ("007\t01\tL\t190\ta.gii\tyes\tn/a", "column scan_age: '190' is not an age in gestational weeks"),
         ("007\t01\tL\tnan\ta.gii\tyes\tn/a", "column scan_age: 'nan'"),
         ("007\t01\tL\tn/a\tphantom\tyes\tn/a", "column scan_age: 'n/a', but a phantom is made for an age"),
         ("007\t01\tL\told\ta.gii\tyes\tn/a", "n/a where the age is not known"),
         ("007\t01\tn/a\t27\tphantom\tyes\tn/a", "column hemi: 'n/a', but a phantom is one hemisphere"),
         ("007\t01\tL\t27\tn/a\tyes\tn/a", "column surface: 'n/a' names no file"),
         ("007\t01\tL\t27\t{x}.gii\tyes\tn/a", "column surface: '{x}.gii' cannot be a file name here"),
-        ("007\t01\tL\t27\ta.gii\tmaybe\tn/a", "column include: 'maybe' is no decision (use yes or no)"),
+        ("007\t01\tL\t27\ta.gii\tmaybe\tn/a", "column include: 'maybe' is neither yes nor no (use yes or no)"),
         ("007\t01\tL\t27\ta.gii\tno\tn/a", "column exclude_reason: 'n/a' does not say why"),
         ("007\t01\tL\t27\ta.gii", "line 2, all columns: 5 values for 7 columns"),
     ],
@@ -519,7 +519,9 @@ def test_a_column_of_the_sheet_may_choose_cases(tmp_path: Path) -> None:
     assert folded(cases, {"column": "simulated"}) == [cases[0], cases[2]]
     with pytest.raises(InputError, match="no column fold that says yes or no .*further columns are simulated"):
         chosen(cases, {"column": "fold"})
-    with pytest.raises(InputError, match="column fold of sub-a1_ses-01_hemi-L: 'maybe' is no decision .*yes or no"):
+    with pytest.raises(
+        InputError, match="column fold of sub-a1_ses-01_hemi-L: 'maybe' is neither yes nor no .*yes or no"
+    ):
         chosen(marked(tmp_path, "yes", "maybe"), {"column": "fold"})
 
 

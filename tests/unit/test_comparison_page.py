@@ -25,7 +25,7 @@ def files(tmp_path: Path) -> list[str]:
     return [str(tmp_path / name) for name in ("exact.vtu", "larger.msh", "ball.surf.gii")]
 
 
-def test_every_mesh_is_judged_by_the_same_limits(
+def test_every_mesh_is_checked_by_the_same_limits(
     files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page, table = tmp_path / "page.html", tmp_path / "table.tsv"

@@ -34,7 +34,7 @@ FACTS = {
 def test_config_yaml_documents_every_key_as_the_model_does() -> None:
     text = (ROOT / "config.yaml").read_text(encoding="utf-8")
     assert config.render(yaml.safe_load(text)) == text, (
-        "config.yaml and the sections differ; write it anew with "
+        "config.yaml and the sections differ; write it again with "
         "`python -c 'from cortet.config import refresh; refresh(\"config.yaml\")'`"
     )
 

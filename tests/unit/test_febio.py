@@ -167,7 +167,7 @@ def test_a_field_with_a_value_too_many_is_refused(tmp_path):
     [
         ('<Module type="solid"/>\n', "", "there is no section <Module>"),
         ("<Material>", "<Mesh></Mesh>\n<Material>", "one comes twice"),
-        ("<MeshDomains>", "<Domains></Domains>\n<MeshDomains>", "<Domains> is no section"),
+        ("<MeshDomains>", "<Domains></Domains>\n<MeshDomains>", "<Domains> is not a section"),
         ('mat="tissue"', 'mat="bone"', "names the material bone, which there is not"),
         ('<SolidDomain name="tissue"', '<SolidDomain name="bone"', "part tissue has no <SolidDomain>"),
         ('material id="1"', 'material id="2"', "materials are numbered 2, not from 1"),

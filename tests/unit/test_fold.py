@@ -382,9 +382,9 @@ def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh, model: Model) ->
         (Settings(22.0, model="braingrowth", growth_rate={22: 0}), {}, "growth_rate by age is of the model growing"),
         (Settings(22.0, growth_rate={22: 0, 40: -1.5}), {}, "growth_rate leaves nothing at 40 weeks"),
         (Settings(22.0, thickness_rate=-0.1), {}, "thickness_rate leaves nothing at"),
-        (Settings(12.0), {}, "12 is no gestational age to fold at: .* holds from 20 to 60 weeks"),
-        (Settings(-5.0), {}, "-5 is no gestational age"),
-        (Settings(np.nan), {}, "nan is no gestational age"),
+        (Settings(12.0), {}, "12 is not a gestational age to fold at: .* holds from 20 to 60 weeks"),
+        (Settings(-5.0), {}, "-5 is not a gestational age"),
+        (Settings(np.nan), {}, "nan is not a gestational age"),
         (Settings(22.0, end=np.inf), {}, "end = inf is not a finite number above 0"),
         (Settings(22.0, thickness=0.0), {}, "thickness = 0 is not a finite number above 0"),
         (Settings(22.0), {"filled": np.nan}, "the field filled is nan at node 0"),
@@ -419,7 +419,7 @@ def test_an_inverted_mesh_is_refused(ball: TetMesh) -> None:
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("hemisphere", [None, "L"])
 @pytest.mark.parametrize("fault", ["half of them", "one", "flat"])
-def test_an_inverted_mesh_is_judged_before_anything_is_computed(tmp_path: Path, fault: str, hemisphere: str) -> None:
+def test_an_inverted_mesh_is_checked_before_anything_is_computed(tmp_path: Path, fault: str, hemisphere: str) -> None:
     """Half of all tetrahedra inverted have no volume together, by which a centroid would divide."""
     mesh = cube_mesh(4, side=60.0)
     cells, points, turned = mesh.cells.copy(), mesh.points.copy(), slice(None, None, 2)

@@ -1,4 +1,4 @@
-"""Files that are no GIfTI: surfaces and values of other programs are read, what else there is is called by its name."""
+"""Files that are not GIfTI: surfaces and values of other programs are read, all else is called by its name."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ PLY += b"property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (PLY.replace(b"3 0 1 2", b"4 0 1 2 0"), "faces that are no triangles"),
+        (PLY.replace(b"3 0 1 2", b"4 0 1 2 0"), "faces that are not triangles"),
         (PLY.replace(b"3 0 1 2", b"3 0 1 3"), r"triangle 0 is \[0.0, 1.0, 3.0\], but vertices run from 0 to 2"),
         (PLY.replace(b"1 0 0", b"1 nan 0"), "1 vertices have coordinates that are not finite, the first is vertex 1"),
         (PLY.replace(b"vertex 3", b"vertex 300000000000"), "ends before its 300,000,000,000 elements vertex do"),

@@ -189,7 +189,7 @@ def test_a_field_of_sizes_makes_cells_smaller_there():
         (
             {"size": np.r_[np.ones(161), 0.1]},
             {},
-            r"1 values that are no cell size of at least 0.28 mm .*0.1 at vertex 161",
+            r"1 values that are not cell sizes of at least 0.28 mm .*0.1 at vertex 161",
         ),
         ({"size": np.r_[np.nan, np.ones(161)]}, {}, "first nan at vertex 0"),
         ({"size": np.ones((162, 3))}, {}, "give one size in mm per vertex"),

@@ -297,7 +297,7 @@ def _array(name: str, values: list[float], intent: str = "NIFTI_INTENT_NONE") ->
 def test_labels_that_are_no_whole_numbers_are_refused(tmp_path: Path, value: float) -> None:
     path = tmp_path / "smoothed.label.gii"
     nibabel.save(nibabel.GiftiImage(darrays=[_array("parcel", [1, value, 0], "NIFTI_INTENT_LABEL")]), path)
-    with pytest.raises(InputError, match=f"field `parcel` has the label {value}, which is no whole number"):
+    with pytest.raises(InputError, match=f"field `parcel` has the label {value}, which is not a whole number"):
         read_fields(path)
 
 
@@ -380,7 +380,7 @@ def test_empty_truncated_missing_and_other_files_are_refused(tmp_path: Path) -> 
         with pytest.raises(InputError, match="truncated or not GIfTI"):
             read_surface(path)
     path.write_bytes(b"ply\nformat ascii 1.0\n")
-    with pytest.raises(InputError, match="is no readable PLY surface"):
+    with pytest.raises(InputError, match="is not a readable PLY surface"):
         read_surface(path)
     path.write_text("<VTKFile></VTKFile>")
     with pytest.raises(InputError, match="not GIfTI: its XML begins with <VTKFile>"):

@@ -108,7 +108,7 @@ def test_an_output_that_is_no_gifti_is_refused(tmp_path: Path, capsys: pytest.Ca
     write_surface(ball_surface(2, radius=25.0), tmp_path / "x.surf.gii")
     surfaces = [str(tmp_path / "x.surf.gii")] * 2
     assert main(["growth", *surfaces, "--ages", "28", "30", "-o", str(tmp_path / "map")]) == 1
-    assert "map: is no name of a GIfTI file (end it in .func.gii)" in capsys.readouterr().err
+    assert "map: is not the name of a GIfTI file (end it in .func.gii)" in capsys.readouterr().err
 
 
 # --- what is imposed
@@ -206,7 +206,7 @@ def test_what_is_no_map_is_refused(values: FloatArray, age: float, message: str)
 def test_the_metrics_of_growth_in_place_of_its_map_are_refused() -> None:
     mesh = ball_mesh(2, radius=10.0)
     fields = {"growth_to_24_area_ratio": np.ones(len(mesh.points))}
-    with pytest.raises(InputError, match=r"growth_to_24_area_ratio is no map of growth \(carry the \.func\.gii"):
+    with pytest.raises(InputError, match=r"growth_to_24_area_ratio is not a map of growth \(carry the \.func\.gii"):
         prepared(replace(mesh, point_data=fields), THIN)
 
 

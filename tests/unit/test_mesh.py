@@ -64,7 +64,7 @@ def test_an_index_of_no_point_is_refused_with_element_and_range(index: int, show
         (MESH.cells.astype(str), "of type <U"),
         (MESH.cells[:, :3], r"cells must have shape \(n, 4\), got \(\d+, 3\)"),
         (MESH.cells[0], r"got \(4,\)"),
-        ([[0, 1, 2, 3], [0, 1]], "cells are no array"),
+        ([[0, 1, 2, 3], [0, 1]], "cells are not an array"),
     ],
 )
 def test_cells_that_are_no_rows_of_whole_numbers_are_refused(cells, words: str) -> None:

@@ -1,4 +1,4 @@
-"""What is no brain in mm and RAS coordinates is not folded; what is doubtful is said."""
+"""What is not a brain in mm and RAS coordinates is not folded; what is doubtful is said."""
 
 from __future__ import annotations
 

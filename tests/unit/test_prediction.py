@@ -122,7 +122,7 @@ def test_more_is_imposed_where_less_came_out() -> None:
     assert np.abs(corrected(series, wanted, wanted, wanted - 5.0)).max() == pytest.approx(1.2)
 
 
-def test_lobes_are_judged_one_by_one_where_labels_name_them(tmp_path: Path) -> None:
+def test_lobes_are_checked_one_by_one_where_labels_name_them(tmp_path: Path) -> None:
     series = balls()
     above = series.first.points[:, 2] > 0
     names = {1: "upper", 2: "lower"}
@@ -139,7 +139,7 @@ def test_lobes_are_judged_one_by_one_where_labels_name_them(tmp_path: Path) -> N
     one = scores(replace(series, lobes={"one": np.arange(len(above)) == 0}), {24.0: predicted})[1]
     assert one["depth"] is None and one["distance_mm"] > 0, "one vertex has no correlation, and JSON no NaN"
     write_fields({"thickness": np.linspace(1.0, 2.0, len(above))}, tmp_path / "thickness.shape.gii")
-    with pytest.raises(InputError, match="values that are no whole numbers"):
+    with pytest.raises(InputError, match="values that are not whole numbers"):
         lobes_of(tmp_path / "thickness.shape.gii", len(above))
     write_surface(series.first, tmp_path / "first.surf.gii")
     with pytest.raises(InputError, match="has 0 labels"):

@@ -130,11 +130,11 @@ def test_another_surface_than_the_meshed_one_is_refused(ball: tuple[TetMesh, Tri
         quadratic(mesh, other)
     assert quadratic(mesh, other, max_boundary_distance=0.02).curved > 0
     for none in (np.nan, -1.0, 0.0, np.inf):
-        with pytest.raises(InputError, match="is no limit"):
+        with pytest.raises(InputError, match="is not a limit"):
             quadratic(mesh, other, max_boundary_distance=none)
 
 
-def test_the_nodes_of_an_interface_are_judged_too() -> None:
+def test_the_nodes_of_an_interface_are_checked_too() -> None:
     mesh = cube_mesh(4, side=4.0)
     inner = (np.abs(mesh.points[mesh.cells].mean(axis=1) - 2) < 1).all(axis=1)
     mesh = replace(mesh, cell_data={REGION: 1 + inner.astype(np.int32)})

@@ -225,7 +225,7 @@ def test_a_region_that_no_surface_bounds_is_refused(strange: float) -> None:
     ):
         certify(replace(mesh, cell_data={REGION: region}), surface)
     for other in (mesh.cell_data[REGION][:, None], mesh.cell_data[REGION].astype(str)):
-        with pytest.raises(InputError, match=r"regions .*are no numbers, one for each tetrahedron.*1 cortex, 2 white"):
+        with pytest.raises(InputError, match=r"regions .*are not numbers, one for each tetrahedron.*1 cortex, 2 white"):
             certify(replace(mesh, cell_data={REGION: other}), surface)
 
 

@@ -1,4 +1,4 @@
-"""A surface made anew on a grid: always a sphere, near what was given, whatever was wrong with that."""
+"""A surface made again on a grid: always a sphere, near what was given, whatever was wrong with that."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_repair_makes_a_broken_surface_anew_where_it_is_asked_to() -> None:
     crossing = joined([without_faces(BALL, 20), moved(BALL, 3.0)])
     given = replace(crossing, point_data={"depth": crossing.points[:, 2].copy()})
     made, report = repair(given, Repair(method="voxel", spacing=SPACING), source="x")
-    assert report.repaired and [step.done for step in report.steps][-1] == "surface made anew on a grid of 0.8 mm"
+    assert report.repaired and [step.done for step in report.steps][-1] == "surface made again on a grid of 0.8 mm"
     assert abs(report.relative_volume_change) < 0.02
     assert made.point_data["depth"] == pytest.approx(made.points[:, 2], abs=2 * SPACING)
     assert FILLED not in made.point_data

@@ -199,7 +199,7 @@ def test_what_a_shell_does_not_go_with_is_said(made: cortet.Mesh) -> None:
         cortet.mesh(ball_surface(3), H, shell=0.1)
 
 
-def test_the_command_makes_shell_hole_and_records_and_judges_again(
+def test_the_command_makes_shell_hole_and_records_and_checks_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -216,7 +216,7 @@ def test_the_command_makes_shell_hole_and_records_and_judges_again(
     assert main(["job", "head.vtu", "-o", "job"]) == 1
     assert "they are in csf (give one: --material csf=0.01)" in capsys.readouterr().err
     assert main([*given.split(), "--hole", "tumour", "-o", "hollow.vtu"]) == 1
-    assert "the hole tumour is no region inside an inner surface" in capsys.readouterr().err
+    assert "the hole tumour is not a region inside an inner surface" in capsys.readouterr().err
 
     capsys.readouterr()
     assert main([*given.split(), "--hole", "ventricle", "-o", "hollow.stl"]) == 1
@@ -265,7 +265,7 @@ def test_an_envelope_from_the_command_is_the_outer_surface_of_two_halves(
     assert enclosed_volume(skull.points, skull.faces) > 2000
     with pytest.raises(SystemExit):
         main(["envelope", "L.surf.gii", "-o", "skull.vtu"])
-    assert "'skull.vtu' is no name of a GIfTI file" in capsys.readouterr().err
+    assert "'skull.vtu' is not the name of a GIfTI file" in capsys.readouterr().err
     command = "mesh skull.surf.gii --inner cortexL=L.surf.gii --inner cortexR=R.surf.gii --cell-size 1.5 -o head.inp"
     assert main(command.split()) == 0
     sets = FORMATS["abaqus"].read(tmp_path / "head.inp").sets.cells

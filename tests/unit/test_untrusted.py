@@ -158,8 +158,8 @@ def test_a_sidecar_of_another_kind_is_refused(key: str, value: object, mesh, tmp
     export(mesh, path, solver="vtu", certificate={"certified": True})
     record = json.loads(sidecar_path(path).read_text())
     sidecar_path(path).write_text(json.dumps({**record, key: value}))
-    assert "is no sidecar" in verify(path, "vtu")[0]
-    with pytest.raises(InputError, match="is no sidecar"):
+    assert "is not a sidecar" in verify(path, "vtu")[0]
+    with pytest.raises(InputError, match="is not a sidecar"):
         convert(path, tmp_path / "n.mesh")
 
 

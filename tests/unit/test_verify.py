@@ -119,7 +119,7 @@ def test_a_swapped_node_pair_and_a_wrong_sign_are_named(solver, breakage, words,
         (inward_face, "1 triangles face inward, the first"),
         (missing_face, "1 boundary faces are missing from the triangles"),
         (repeated_face, "1 triangles are listed more than once"),
-        (inner_face, "1 triangles are no boundary face, the first"),
+        (inner_face, "1 triangles are not boundary faces, the first"),
     ],
 )
 def test_a_wrong_list_of_faces_is_named(solver, breakage, words, tmp_path):

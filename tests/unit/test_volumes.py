@@ -90,7 +90,7 @@ def test_the_kind_is_told_from_the_file(tmp_path: Path, labels: NDArray[np.int16
         read_volume(written(tmp_path / "nan_outside.nii", around))
     assert read_named(f"{whole}:labels").kind == "labels"
     assert read_named(f"{whole}:numbers").kind == "numbers"
-    with pytest.raises(InputError, match="'tissue' is no kind of volume"):
+    with pytest.raises(InputError, match="'tissue' is not a kind of volume"):
         read_named(f"{whole}:tissue")
 
 
@@ -116,7 +116,7 @@ def test_labels_have_names(tmp_path: Path, labels: NDArray[np.int16]) -> None:
     with pytest.raises(InputError, match=r"dseg.tsv: names the labels 1, 2 all 'CSF' \(give their numbers instead"):
         read_labels(f"{file}:CSF")
     for text, words in (
-        ("index\tname\nx\tCSF\n", "line 2: 'x' is no index"),
+        ("index\tname\nx\tCSF\n", "line 2: 'x' is not an index"),
         ("index\tname\n1\ta\n1\tb\n", "line 3: index 1 stands there twice"),
         ("key\tname\n1\ta\n", "has the columns key, name"),
     ):
@@ -144,7 +144,7 @@ BAD: dict[str, tuple[Callable[[Path, NDArray[np.int16]], Path], str]] = {
         lambda path, labels: written(path, np.stack([labels] * 4, axis=-1)),
         r"holds 4 volumes \(its shape is \(32, 32, 32, 4\)\), not one, or the six of a tensor",
     ),
-    "2-D": (lambda path, labels: written(path, labels[0]), "which is no volume"),
+    "2-D": (lambda path, labels: written(path, labels[0]), "which is not a volume"),
     "fractions": (
         lambda path, labels: written(path.with_name("x_dseg.nii"), (labels / 3).astype(np.float32)),
         "is to hold labels, but .*% of its voxels hold no whole numbers, the first is 0.333333 at",
@@ -309,7 +309,7 @@ def test_outside_the_volume_the_label_is_0() -> None:
 
 
 def test_0_is_what_lies_outside_where_labels_cover_the_mesh() -> None:
-    """The boundary of voxels is no surface: a tetrahedron that is mostly beyond it still belongs to the tissue."""
+    """The boundary of voxels is not a surface: a tetrahedron that is mostly beyond it still belongs to the tissue."""
     points = np.array([[0, 0, 0], [4, 0, 0], [0, 4, 0], [0, 0, 4], [0, 0, -9.0]])
     mesh = TetMesh(points, [[0, 1, 2, 3], [0, 2, 1, 4]])
     values = np.zeros((8, 8, 40), np.int32)
@@ -488,7 +488,7 @@ def test_sheets_and_gaps_of_one_voxel_keep_their_width(slope: float) -> None:
 
 
 def test_labels_of_a_surface_are_refused() -> None:
-    with pytest.raises(InputError, match=r"pial.surf.gii:1: is no volume"):
+    with pytest.raises(InputError, match=r"pial.surf.gii:1: is not a volume"):
         read_labels("pial.surf.gii:1")
 
 
@@ -619,7 +619,7 @@ def test_a_sheet_names_volumes_and_a_scan_finds_them(tmp_path: Path, labels: NDA
     assert again.volumes == {**case.volumes, "fa": f"{tmp_path}/fa.nii:numbers"}
     table = read_tsv(tmp_path / "a" / "x.tsv").rename(columns={"volume_fa": "volume_f-a"})
     table.to_csv(tmp_path / "a" / "y.tsv", sep="\t", index=False)
-    with pytest.raises(InputError, match="column volume_f-a: 'f-a' is no name of a volume"):
+    with pytest.raises(InputError, match="column volume_f-a: 'f-a' is not the name of a volume"):
         read_sheet(tmp_path / "a" / "y.tsv")
 
 
