@@ -39,10 +39,12 @@ SHARE_OF_GAP = 0.4
 #: where triangles cross, remeshing is repeated at most this often; each time, edges and distances shrink by these
 #: factors, within this multiple of the target edge length
 ROUNDS, TIGHTER_SIZE, TIGHTER_DISTANCE, REACH = 6, 0.8, 0.6, 1.0
-#: an edge longer than this multiple of its target belongs to a triangle that is long and thin, or much too large
-MUCH_TOO_LONG = 6
-#: long thin triangles may be split into this many times as many points as the targets ask for; collapses follow
-MOST_POINTS = 100
+#: a triangle is much too large if an edge is longer than this multiple of its target; a splinter, if it is also thinner
+#: than this shape (`shapes`)
+MUCH_TOO_LARGE, SPLINTER = 6, 0.16
+#: triangles that are much too large may be split into this many times as many points as the targets ask for; collapses
+#: follow. Up to the first they are split in any order, up to the second the longest edges first
+MOST_POINTS = 3, 100
 #: factor by which targets may grow back in each round
 _EASE = 1.2
 
@@ -113,24 +115,41 @@ def remesh(surface: TriSurface, want: Wanted) -> Remeshed:
 def _split(work: Work, tree: SurfaceTree, scratch: Scratch, limits: Limits) -> tuple[Work, int]:
     """Split long edges; return the work, with more room if it needed that, and the number of splits of the last round.
 
-    Where edges are many times too long, the longest of their triangles are split first, until none is left. In any
-    other order, long thin triangles would leave ever thinner ones.
+    Splinters are split at their longest edges first, until no edge is too long: in any other order they would leave
+    ever thinner ones. So are triangles that are much too large, if splits in the usual order come to no end.
 
     Raises
     ------
     StageError : there would be more than `MOST_POINTS` times as many points as the targets and the samples ask for
     """
-    longest = triangles.longest_edge(work) > MUCH_TOO_LONG
-    most = MOST_POINTS * (triangles.points_wanted(work) + len(work.samples)) if longest else np.inf
+    thinnest = triangles.thinnest(work, MUCH_TOO_LARGE)
+    wanted = triangles.points_wanted(work) + len(work.samples)
+    if np.isinf(thinnest):
+        return _split_until(work, tree, scratch, limits, longest=False, most=np.inf)
+    if thinnest >= SPLINTER:
+        copy = work._replace(**{name: array.copy() for name, array in work._asdict().items()})
+        done, split = _split_until(copy, tree, scratch, limits, longest=False, most=MOST_POINTS[0] * wanted)
+        if split >= 0:
+            return done, split
+    done, split = _split_until(work, tree, scratch, limits, longest=True, most=MOST_POINTS[1] * wanted)
+    if split < 0:
+        raise StageError(
+            f"remeshing was given up at {done.used[0]:,} points, {MOST_POINTS[1]} times what the cell size asks for, "
+            f"at last near {place_mm(done.points[done.used[0] - 1])}",
+            remedy="remesh the surface, so that it has no triangles that are long and thin",
+        )
+    return done, split
+
+
+def _split_until(
+    work: Work, tree: SurfaceTree, scratch: Scratch, limits: Limits, *, longest: bool, most: float
+) -> tuple[Work, int]:
+    """Split long edges once, or if `longest`, until none is left; the number is -1 if that takes too many points."""
     changed = _every_block(work)
     while True:
         split = triangles.split_long(work, tree, scratch, limits, longest, changed)
         if split < 0 and work.used[0] > most:
-            raise StageError(
-                f"remeshing was given up at {work.used[0]:,} points, {MOST_POINTS} times what the cell size asks for, "
-                f"at last near {place_mm(work.points[work.used[0] - 1])}",
-                remedy="remesh the surface, so that it has no triangles that are long and thin",
-            )
+            return work, split
         if split < 0:
             work = _with_room(work)
             changed = _every_block(work)

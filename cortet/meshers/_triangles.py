@@ -53,14 +53,22 @@ BLOCK = 16
 
 
 @numba.njit(cache=True, error_model="numpy")
-def longest_edge(w):  # type: ignore[no-untyped-def]
-    """The length of an edge over its target, where that is largest."""
-    most = 0.0
-    for h in range(3 * w.used[1]):
-        if w.faces[h // 3, 0] >= 0:
+def thinnest(w, times):  # type: ignore[no-untyped-def]
+    """The least shape, 4 sqrt(3) A / sum l^2, of the triangles with an edge longer than so many `times` its target."""
+    least = np.inf
+    for f in range(w.used[1]):
+        if w.faces[f, 0] < 0:
+            continue
+        squares, too_long = 0.0, False
+        for h in range(3 * f, 3 * f + 3):
             a, b = origin_of(w, h), origin_of(w, next_of(h))
-            most = max(most, length_of(w, a, b) / min(w.size[a], w.size[b]))
-    return most
+            length = length_of(w, a, b)
+            squares += length * length
+            too_long = too_long or length > times * min(w.size[a], w.size[b])
+        if too_long:
+            nx, ny, nz = normal_of(w, f)
+            least = min(least, 2 * np.sqrt(3.0) * np.sqrt(nx * nx + ny * ny + nz * nz) / squares)
+    return least
 
 
 @numba.njit(cache=True, error_model="numpy")

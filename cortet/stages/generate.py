@@ -19,7 +19,7 @@ from cortet.stages.stage import Certificate, Stage, counted
 
 __all__ = ["STAGE", "Generate", "GenerateReport", "generate"]
 
-VERSION: int = 11
+VERSION: int = 12
 
 logger = logging.getLogger(__name__)
 

@@ -70,6 +70,25 @@ def test_fans_of_long_thin_triangles_become_triangles_of_one_size(surface: TriSu
     assert left_behind(surface, made) <= 0.4
 
 
+def test_large_triangles_are_split_as_usual_and_by_their_longest_edges_where_that_comes_to_no_end(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """Neither a coarse ball nor a prism of six sides has splinters; but one would get ever more of them."""
+    orders: list[bool] = []
+
+    def split_long(*given: Any) -> int:
+        orders.append(given[4])
+        return triangles.split_long(*given)
+
+    monkeypatch.setattr(_remesh, "triangles", SimpleNamespace(**{**vars(triangles), "split_long": split_long}))
+    remeshed(ball_surface(2, radius=10.0), 0.8)
+    assert orders and not any(orders)
+    orders.clear()
+    made = remeshed(can(6), 1.0).surface
+    assert orders.index(True) > 0  # after some rounds in the usual order
+    assert not len(unsound(made)) and surface_topology(made.faces).problems() == []
+
+
 def test_the_work_on_a_fan_grows_with_the_number_of_splits(monkeypatch: pytest.MonkeyPatch):
     """A hub near the rim takes hundreds of scans, each of a few splits: full scans look at 450 faces per split."""
     scanned = done = 0
@@ -89,7 +108,7 @@ def test_the_work_on_a_fan_grows_with_the_number_of_splits(monkeypatch: pytest.M
 
 
 def test_remeshing_that_needs_far_too_many_points_is_given_up(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(_remesh, "MOST_POINTS", 1)
+    monkeypatch.setattr(_remesh, "MOST_POINTS", (1, 1))
     with pytest.raises(StageError, match=r"given up at .* points, 1 times .* near \("):
         remeshed(can(200), 4.0)
 
