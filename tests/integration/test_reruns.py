@@ -299,16 +299,20 @@ def wait_for(found: Callable[[], int | None], run: subprocess.Popen[bytes], seco
     raise AssertionError("the job to kill never ran")
 
 
-@pytest.mark.parametrize("companion", [".h5", "_facets.xdmf", ".xdmf.json"])
-def test_a_file_that_vanished_beside_an_export_is_made_again(study: Study, companion: str) -> None:
+def test_files_that_vanished_beside_an_export_are_made_again(study: Study) -> None:
     study.config["export"] = {"formats": ["fenics"]}
-    study.jobs_of_run()
+    study.jobs_of_run("meshes")
     (mesh,) = (file for file in study.files("sub-a*.xdmf") if "_facets" not in file.name)
-    gone = mesh.with_name(mesh.name.removesuffix(".xdmf") + companion)
-    before = gone.read_bytes()
-    gone.unlink()
-    assert ("export", "sub-a") in study.jobs_of_run()
-    assert gone.read_bytes() == before
+    before = {mesh.with_name(mesh.stem + end): b"" for end in (".h5", "_facets.xdmf", ".xdmf.json")}
+    for gone in before:
+        before[gone] = gone.read_bytes()
+        aside = gone.rename(study.folder / "aside")
+        assert ("export", "sub-a") in study.planned_jobs("meshes")
+        aside.rename(gone)
+    for gone in before:
+        gone.unlink()
+    assert study.jobs_of_run("meshes") == {("export", "sub-a")}
+    assert {gone: gone.read_bytes() for gone in before} == before
 
 
 def test_an_export_that_was_changed_is_left_and_said(study: Study) -> None:
