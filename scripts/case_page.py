@@ -1,6 +1,5 @@
 """The page of one mesh, and the small picture that leads to it."""
 
-import json
 from pathlib import Path
 
 from _job import start
@@ -14,9 +13,10 @@ from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
 from cortet.report.case_page import about, write_case_page
 from cortet.report.pictures import thumbnail
+from cortet.report.records import read_certificate
 
 given, params = job.input, job.params
-certificate = json.loads(Path(given.certificate).read_text(encoding="utf-8"))
+certificate = read_certificate(given.certificate)
 exported = certificate["certified"] or params.exported["uncertified"]
 mesh = vtu.read(given.mesh)
 write_case_page(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +45,7 @@ def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
     if isinstance(shape, tuple | list) and len(shape) == 2:
         return _of_arrays(*shape)
     raise InputError(
-        f"a {type(shape).__name__} is not a surface",
+        f"an object of type {type(shape).__name__} is not a surface",
         remedy="give a file, a NiBabel image, a mesh of PyVista or trimesh, or vertices and faces",
     )
 
@@ -60,6 +60,14 @@ def require_named(given: Any, what: str) -> None:
     """Raise InputError for things without names."""
     if not isinstance(given, Mapping | None):
         raise InputError(f"the {what} have no names", remedy=f"give a dictionary of {what} by name")
+
+
+def require_region_names(names: Iterable[Any]) -> None:
+    """Raise InputError for names that no inner surface can have."""
+    for name in names:
+        if not (isinstance(name, str) and re.fullmatch("[A-Za-z][A-Za-z0-9]*", name)):
+            what = f"{name!r} cannot be the name of an inner surface"
+            raise InputError(what, remedy="use letters and digits, a letter first")
 
 
 def require_fields(fields: Mapping[str, Any]) -> None:

@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.api.given import Settings, SurfaceLike, require_fields, require_hemisphere, require_named, surface
+from cortet.api.given import (
+    Settings,
+    SurfaceLike,
+    require_fields,
+    require_hemisphere,
+    require_named,
+    require_region_names,
+    surface,
+)
 from cortet.config import Config, load, read
 from cortet.errors import InputError
 from cortet.formats import format_of
@@ -23,7 +31,7 @@ from cortet.formats.placement import placed
 from cortet.formats.tables import names
 from cortet.formats.tags import regions
 from cortet.formats.volumes import Volume
-from cortet.geometry.limits import SHELL_MM, require_within
+from cortet.geometry.limits import SCAN_AGES, SHELL_MM, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, with_remarks
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, require_measurable
@@ -239,6 +247,9 @@ def mesh(
     ------
     InputError : the surface cannot be meshed, a volume does not contain it, or a setting is impossible
     """
+    if not isinstance(settings, str | Path | Mapping | None):
+        what = f"an object of type {type(settings).__name__} holds no settings"
+        raise InputError(what, remedy='give a file, or keys by section: {"repair": {"enabled": True}}')
     data = dict(settings) if isinstance(settings, Mapping) else read(Path(settings)) if settings is not None else {}
     if cell_size is not None:
         data["generate"] = {**(data.get("generate") or {}), "cell_size": cell_size}
@@ -349,6 +360,9 @@ def inputs(
     require_hemisphere(hemi)
     for given, what in ((inner, "inner surfaces"), (fields, "fields"), (volumes, "volumes")):
         require_named(given, what)
+    require_region_names(inner or ())
+    if ga is not None:
+        require_within(ga, SCAN_AGES, "the gestational age in weeks")
     source, to_mm = _file(shape), config.placement()
     finite = not config.enabled("repair")
     outer = surface(shape, finite=finite)
@@ -376,7 +390,7 @@ def inputs(
     return Inputs(
         whole,
         config,
-        ga,
+        None if ga is None else float(ga),
         hemi or (hemisphere_of(source) if source else None),
         kind_of(source) if source else None,
         None if sphere is None else surface(sphere),
@@ -430,7 +444,9 @@ def tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
         return mesh
     if isinstance(made, Mesh | TetMesh):
         return made.mesh if isinstance(made, Mesh) else made
-    raise InputError(f"a {type(made).__name__} is not a mesh", remedy="give a file, or what `cortet.mesh` returns")
+    raise InputError(
+        f"an object of type {type(made).__name__} is not a mesh", remedy="give a file, or what `cortet.mesh` returns"
+    )
 
 
 def image(pixels: NDArray[np.uint8]) -> str:

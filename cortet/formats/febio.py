@@ -201,7 +201,11 @@ def read(path: str | Path) -> TetMesh:
     ids, cells = [], []
     for part in root.iterfind("Mesh/Elements"):
         if part.get("type") != "tet4":
-            raise DamagedFileError(f"elements of type {part.get('type')}, not tet4", file=path)
+            if part.get("type") == "tet10":
+                raise InputError(
+                    "holds tetrahedra of ten nodes", file=path, remedy="export the tetrahedra of four nodes alone"
+                )
+            raise DamagedFileError(f"holds elements of type {part.get('type')}, not tet4", file=path)
         rows = _table(part, tables, 5, np.int64, path)
         name = part.get("name", "")
         parts[name] = np.concatenate([parts[name], rows[:, 0]]) if name in parts else rows[:, 0]
@@ -253,6 +257,8 @@ def read_ten_nodes(path: str | Path) -> meshio.Mesh:
     tags = {str(one.get("name")): int(str(one.get("id"))) for one in root.iterfind("Material/material")}
     rows, numbers = [], []
     for part in root.iterfind("Mesh/Elements"):
+        if str(part.get("name")) not in tags:
+            raise DamagedFileError(f"<Elements {part.get('name')}> has no material", file=path)
         rows.append(_table(part, tables, 11, np.int64, path))
         numbers.append(np.full(len(rows[-1]), tags[str(part.get("name"))]))
     table = np.concatenate(rows)

@@ -31,7 +31,7 @@ class Column:
     levels: Mapping[str, str] = field(default_factory=dict)
     #: nested keys under which a record holds the value, joined by dots; empty: the name of the column
     place: str = ""
-    #: identifier of the certificate's check that checks it, and the limit of that check in words
+    #: identifier of the check of it in a certificate, and the limit of that check in words
     check: str = ""
     limit: str = ""
     #: what readers see above the column; a column without a heading is only in the file

@@ -138,7 +138,7 @@ def checked(
 
 def with_cell_size(check: Check, cell_size: float | None) -> Check:
     """The check with its remedy in full: if it failed and the cell size is known, with the size in mm to try next."""
-    return replace(check, remedy=check.remedy.format(smaller=smaller_cells(None if check.passed else cell_size)))
+    return replace(check, remedy=check.remedy.replace(SMALLER, smaller_cells(None if check.passed else cell_size)))
 
 
 def smaller_cells(cell_size: float | None) -> str:

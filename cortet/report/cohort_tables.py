@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ import pandas as pd
 from cortet.cohort.sheet import Case
 from cortet.formats.tables import Column, names, read_columns, values
 from cortet.report import DATA
+from cortet.report.records import read_certificate
 from cortet.report.table_files import Table, mean_and_sd, median_and_range, write
 
 VERSION: int = 7
@@ -136,9 +136,3 @@ def write_summary(certificates: Sequence[str | Path], cases: Iterable[Case], out
     """Write `SUMMARY` from the files of certificates, in the forms of `table_files.write`."""
     contents = [read_certificate(path) for path in certificates]
     write(SUMMARY, summary_table(quality_table(contents, cases)), *outputs)
-
-
-def read_certificate(path: str | Path) -> dict[str, Any]:
-    """Content of the file of a certificate."""
-    content: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
-    return content

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from cortet.cohort.sheet import Case
 from cortet.formats.atomic import atomic_path
+from cortet.report.records import read_certificate
 from cortet.report.table_files import write_page
 from cortet.stages import STAGES
 from cortet.stages.stage import Certificate, counted
@@ -60,7 +60,7 @@ def write_methods(
     view: str | Path,
 ) -> None:
     """Write the paragraph, and an HTML page of it, from the files of certificates."""
-    contents = [json.loads(Path(name).read_text(encoding="utf-8")) for name in certificates]
+    contents = [read_certificate(name) for name in certificates]
     text = methods_text(contents, sheet, failures)
     with atomic_path(markdown) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -192,11 +192,12 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
         if result.rule in done or not (result.rule in wanted or there):
             continue
         receipts.forget(receipts.receipt_path(Path(plan.layout.output), Path(plan.layout.log(result.rule, ()))))
-        for path in result.files:
-            Path(path).unlink(missing_ok=True)
         if measured or not result.measures:
             result.write()
             written += map(Path, result.files)
+        else:
+            for path in result.files:
+                Path(path).unlink(missing_ok=True)
     return written
 
 
@@ -305,8 +306,8 @@ class OverAll:
 
         def cite() -> None:
             from cortet.report.citation import write_citation
-            from cortet.report.cohort_tables import read_certificate
             from cortet.report.methods import methods_text
+            from cortet.report.records import read_certificate
 
             contents = [read_certificate(path) for path in self._certificates()]
             write_citation(methods_text(contents, plan.sheet, plan.unmeasured()), contents, *cited)

@@ -1,4 +1,4 @@
-"""Quality records of a cohort: the table of every mesh, stage by stage.
+"""Quality records and certificates of a cohort, as read; and the table of every mesh, stage by stage.
 
 A record is the JSON of `quality.QualitySummary`; its key `origin` names the mesh.
 """
@@ -10,11 +10,30 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from cortet.errors import InputError
 from cortet.formats.tables import Column, values
+from cortet.measure.checks import NAMES
 from cortet.measure.quality import COUNTED_LIMITS
 from cortet.report.table_files import Table, write
 
 VERSION: int = 3
+
+
+def read_certificate(path: str | Path) -> dict[str, Any]:
+    """Content of a certificate; checks of an earlier cortet, which had names alone, get their identifiers.
+
+    Raises
+    ------
+    InputError : the file holds no checks
+    """
+    content = read_record(path)
+    if not content.get("checks"):
+        raise InputError("is not a certificate", file=path, remedy="delete it, and run the cohort again")
+    if "schema" not in content:
+        ids = {name: key for key, name in NAMES.items()}
+        for check in content["checks"]:
+            check["id"] = ids.get(check["name"], check["name"])
+    return content
 
 
 def read_record(path: str | Path) -> dict[str, Any]:

@@ -86,7 +86,8 @@ def read_volumes(given: Mapping[str, str | Path | SpatialImage | Volume]) -> dic
     InputError : a name cannot be that of a field, or a file cannot be read (`formats.volumes.read_volume`)
     """
     for name in given:
-        if not re.fullmatch("[A-Za-z][A-Za-z0-9]*", name) or name.lower() in _TAKEN:
+        text = name if isinstance(name, str) else ""
+        if not re.fullmatch("[A-Za-z][A-Za-z0-9]*", text) or text.lower() in _TAKEN:
             raise InputError(
                 f"{name!r} cannot be the name of a volume",
                 remedy=f"use letters and digits, a letter first, and none of {', '.join(_TAKEN)}",

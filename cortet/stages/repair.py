@@ -50,8 +50,8 @@ class Repair(Section):
     max_piece: Threshold = 0.01
     """Share of the area up to which a separate piece is dropped; of several larger ones none is."""
     method: Method = "local"
-    """local mends what is broken and leaves the rest as it is. voxel, a last resort, makes a broken surface again as a
-    sphere, on a grid; of the keys above, only the change of volume limits it."""
+    """local mends what is broken and leaves the rest as it is. voxel, a last resort, replaces a broken surface by a
+    new one, a sphere, made on a grid; of the keys above, only the change of volume limits it."""
     spacing: Positive = 0.3
     """Spacing of the grid of voxel, mm: what is thinner is lost."""
 

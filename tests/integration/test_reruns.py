@@ -18,8 +18,10 @@ import pytest
 
 from cortet.cohort.lock import NAME
 from cortet.cohort.receipts import FOLDER
+from cortet.errors import InputError
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.hashing import sha256
+from cortet.report.over_all import report
 from tests.integration.study import ROOT, STATUS, Study, scaled, surface, twice
 
 COHORT = {
@@ -50,6 +52,24 @@ def test_nothing_reruns_after_a_fresh_checkout_with_every_file_touched(study: St
         if path.is_file() and ".snakemake" not in path.parts:
             path.touch()
     assert study.planned_jobs(project=checkout) == set()
+
+
+def test_a_report_reads_certificates_of_an_earlier_cortet_and_keeps_its_tables_if_it_fails(study: Study) -> None:
+    """An earlier one wrote no version and no identifiers of checks."""
+    table = study.outputs / "cohort/cohort_quality.tsv"
+    before = table.read_bytes()
+    for file in study.files("*_certificate.json"):
+        content = json.loads(file.read_text())
+        del content["schema"]
+        for check in content["checks"]:
+            del check["id"]
+        file.write_text(json.dumps(content))
+    report(study.outputs)
+    assert table.read_bytes() == before
+    file.write_text("{}")
+    with pytest.raises(InputError, match="sub-b.*is not a certificate"):
+        report(study.outputs)
+    assert table.read_bytes() == before
 
 
 def test_a_certificate_that_was_deleted_is_made_again(study: Study) -> None:

@@ -77,13 +77,13 @@ def test_a_surface_may_come_from_anything_that_holds_one(ball: TriSurface, tmp_p
 @pytest.mark.parametrize(
     ("held", "words"),
     [
-        (3.0, "a float is not a surface .*give a file, a NiBabel image"),
+        (3.0, "an object of type float is not a surface .*give a file, a NiBabel image"),
         (nib.GiftiImage(), "the image holds no surface"),
         (pyvista.Plane(), "faces that are not triangles .*triangulate"),
         (pyvista.PolyData(), "the PolyData has 0 points and no faces"),
         ((np.ma.masked_array(np.zeros((4, 3)), np.eye(4, 3)), [[0, 1, 2]]), "the vertices: 3 values are masked"),
         ((np.zeros((3, 3)), [[0, 1, 7]]), "but vertices run from 0 to 2"),
-        (np.zeros((4, 3)), "a ndarray is not a surface"),
+        (np.zeros((4, 3)), "an object of type ndarray is not a surface"),
     ],
 )
 def test_what_holds_none_is_refused_in_words(held: Any, words: str) -> None:
@@ -102,6 +102,10 @@ def test_an_image_keeps_its_frame_as_its_file_does(ball: TriSurface, tmp_path: P
     ("more", "words"),
     [
         ({"hemi": "X"}, "'X' is not a hemisphere"),
+        ({"inner": {1: ball_surface()}}, "1 cannot be the name of an inner surface"),
+        ({"inner": {"a b/c": ball_surface()}}, "'a b/c' cannot be the name of an inner surface"),
+        ({"volumes": {1: "dseg.nii.gz"}}, "1 cannot be the name of a volume"),
+        ({"settings": [1]}, "an object of type list holds no settings"),
         ({"inner": ["white.surf.gii"]}, "the inner surfaces have no names"),
         ({"fields": [1.0]}, "the fields have no names"),
         ({"volumes": ["x.nii.gz"]}, "the volumes have no names"),
@@ -260,7 +264,7 @@ def test_a_mesh_of_a_file_is_checked_and_what_is_none_is_said(
 ) -> None:
     file = made.save(tmp_path / "ball.vtu")
     assert cortet.certify(file, ball, 3.0).quality.tets == len(made.cells)
-    with pytest.raises(InputError, match=r"a NoneType is not a mesh .*what `cortet.mesh` returns"):
+    with pytest.raises(InputError, match=r"an object of type NoneType is not a mesh .*what `cortet.mesh` returns"):
         cortet.certify(None, ball)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="the meshes have no names"):
         cortet.compare([made], ball)  # type: ignore[arg-type]

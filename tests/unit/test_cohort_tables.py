@@ -30,6 +30,7 @@ from cortet.report.cohort_tables import (
     write_quality,
     write_summary,
 )
+from cortet.report.records import read_certificate
 from cortet.stages.repair import repair
 from cortet.stages.resample import Resample, resample
 
@@ -163,6 +164,18 @@ def test_the_summary_is_written_with_its_sidecar(tmp_path: Path) -> None:
     table, explained = tmp_path / "s.tsv", tmp_path / "s.json"
     write_summary(paths, CASES, [table, explained])
     assert table.read_text().splitlines()[0].split("\t") == list(json.loads(explained.read_text()))
+
+
+def test_certificates_of_an_earlier_cortet_give_the_same_table(records: list[dict[str, Any]], tmp_path: Path) -> None:
+    """Their checks had names alone."""
+    now, before = tmp_path / "now.json", tmp_path / "before.json"
+    now.write_text(json.dumps(records[0]))
+    old = {key: value for key, value in records[0].items() if key != "schema"}
+    old["checks"] = [{key: value for key, value in check.items() if key != "id"} for check in old["checks"]]
+    before.write_text(json.dumps(old))
+    new, found = read_certificate(now), read_certificate(before)
+    assert [check["id"] for check in found["checks"]] == [check["id"] for check in new["checks"]]
+    assert {**found, "schema": new["schema"]} == new
 
 
 def test_a_certificate_of_an_unknown_case_is_an_error(records: list[dict[str, Any]]) -> None:
