@@ -57,9 +57,13 @@ def certificate_path(mesh: Path) -> Path:
 
 
 def cell_size_of(mesh: Path) -> float | None:
-    """Cell size, mm, that the certificate beside a mesh records; None if there is none."""
-    size: float | None = json_of(certificate_path(mesh)).get("parameters", {}).get("generate", {}).get("cell_size")
-    return size
+    """Cell size, mm, that the certificate beside a mesh records, of a command or of the workflow; None without one."""
+    stem = mesh.name.removesuffix(mesh.suffix).removesuffix("_tetmesh")
+    for file in (certificate_path(mesh), mesh.with_name(f"{stem}_certificate.json")):
+        size: float | None = json_of(file).get("parameters", {}).get("generate", {}).get("cell_size")
+        if size is not None:
+            return size
+    return None
 
 
 def require_own_stem(

@@ -64,6 +64,9 @@ def test_certify_takes_the_cell_size_that_a_mesh_was_made_with(tmp_path: Path) -
     assert scaled and None not in scaled.values()
     assert limits(cortet.certify(made, made.surface)) == scaled
     assert limits(cortet.certify(tmp_path / "x.vtu", made.surface)) == scaled
+    of_workflow = (tmp_path / "x.vtu").rename(tmp_path / "sub-a_desc-latticeSolver_tetmesh.vtu")
+    (tmp_path / "x.certificate.json").rename(tmp_path / "sub-a_desc-latticeSolver_certificate.json")
+    assert limits(cortet.certify(of_workflow, made.surface)) == scaled
     assert set(limits(cortet.certify(made.mesh, made.surface)).values()) == {None}
 
 
