@@ -239,7 +239,7 @@ def test_a_matrix_that_is_no_affine_is_refused(tmp_path: Path) -> None:
 def test_a_volume_whose_axes_are_not_perpendicular_is_refused(tmp_path: Path) -> None:
     header = scan()
     header["Mdc"] = header["Mdc"] * 1.1
-    with pytest.raises(InputError, match=r"lh\.white: .*no rigid motion: lengths change by 1.1 to 1.1"):
+    with pytest.raises(InputError, match=r"lh\.white: .*not a rigid motion: lengths change by 1.1 to 1.1"):
         read_surface(own(tmp_path / "lh.white", header))
 
 

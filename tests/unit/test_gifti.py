@@ -227,10 +227,10 @@ def test_what_is_written_is_read_back_and_is_what_nibabel_reads(tmp_path: Path) 
         (np.eye(3), (0, 1), None),
         ([[0, -1, 0], [1, 0, 0], [0, 0, 1]], (0, 1), None),
         (np.diag([0.9, 1.05, 1.1]), (1, 3), None),  # a native brain, and the way to a template
-        (0.5 * np.eye(3), (0, 1), r"no rigid motion: lengths change by 0.5 to 0.5 \(apply the matrix"),
+        (0.5 * np.eye(3), (0, 1), r"not a rigid motion: lengths change by 0.5 to 0.5 \(apply the matrix"),
         (np.diag([0.5, 0.5, 0.8]), (0, 3), "lengths change by 0.5 to 0.8"),
         (np.diag([-1, 1, 1]), (0, 1), "lengths change by 1 to 1, mirrored"),
-        ([[1, 0.3, 0], [0, 1, 0], [0, 0, 1]], (1, 2), "no rigid motion"),
+        ([[1, 0.3, 0], [0, 1, 0], [0, 0, 1]], (1, 2), "not a rigid motion"),
         (np.zeros((3, 3)), (0, 1), "lengths change by 0 to 0"),
     ],
 )
