@@ -326,7 +326,10 @@ class Inputs:
             background=self.background,
         )
         large = [one.sentence for one in self.background if one.large]
-        read_from = (self.source, *self.inner_files.values(), *(volume.file for volume in self.volumes.values()))
+        read_from = (
+            *(self.source, self.sphere_source, *self.inner_files.values(), *self.field_files.values()),
+            *(volume.file for volume in self.volumes.values()),
+        )
         return Mesh(
             filled,
             with_remarks(made.certificate, large),
@@ -334,7 +337,7 @@ class Inputs:
             self.ga,
             self.hemi,
             self.config,
-            inputs=tuple(Path(file) for file in (*read_from, *self.field_files.values()) if file),
+            inputs=tuple(Path(file) for file in read_from if file),
             given=self.region_files,
             fields=self.field_files,
             volumes=self.volume_files,

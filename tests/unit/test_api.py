@@ -178,6 +178,7 @@ def test_a_field_and_a_sphere_may_be_files(ball: TriSurface, tmp_path: Path) -> 
     assert len(made.surface.points) == len(ball_surface(4).points)
     made.save(tmp_path / "ball.vtu")
     assert "height.shape.gii" in (tmp_path / "ball.vtu.json").read_text()
+    assert {file.name for file in made.inputs} == {"height.shape.gii", "ball.sphere.gii"}  # never overwritten
 
 
 def test_a_mesh_has_its_arrays_its_certificate_and_its_fields(made: cortet.Mesh) -> None:
