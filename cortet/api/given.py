@@ -11,6 +11,7 @@ import numpy as np
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface, surface_of
+from cortet.geometry.limits import NAME
 from cortet.meshes import TriSurface
 from cortet.solver_files.fields import require_finite
 
@@ -65,7 +66,7 @@ def require_named(given: Any, what: str) -> None:
 def require_region_names(names: Iterable[Any]) -> None:
     """Raise InputError for names that no inner surface can have."""
     for name in names:
-        if not (isinstance(name, str) and re.fullmatch("[A-Za-z][A-Za-z0-9]*", name)):
+        if not (isinstance(name, str) and re.fullmatch(NAME, name)):
             what = f"{name!r} cannot be the name of an inner surface"
             raise InputError(what, remedy="use letters and digits, a letter first")
 

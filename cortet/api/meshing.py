@@ -273,8 +273,9 @@ def mesh(
 class Inputs:
     """Everything that a mesh is made of, read and checked."""
 
-    #: with its fields, its inner surfaces and its shell, as given
+    #: with its fields, its inner surfaces and its shell, as given; and in mm
     surface: TriSurface
+    in_mm: TriSurface
     config: Config
     ga: float | None
     hemi: Literal["L", "R"] | None
@@ -294,9 +295,16 @@ class Inputs:
     said: Sequence[str]
 
     @property
-    def in_mm(self) -> TriSurface:
-        """The surface, placed in mm."""
-        return placed(self.surface, self.config.placement())
+    def facts(self) -> dict[str, Any]:
+        """What `pipeline.run` and `pipeline.mesh_surface` take besides the surface and the configuration."""
+        return {
+            "gestational_age": self.ga,
+            "hemisphere": self.hemi,
+            "source": self.source,
+            "inner_sources": self.inner_files,
+            "sphere": self.sphere,
+            "sphere_source": self.sphere_source,
+        }
 
     def mesh(self, progress: Callable[[Step], None], *, case: str | None = None) -> Mesh:
         """Mesh, certify and sample the volumes.
@@ -309,12 +317,7 @@ class Inputs:
         made = mesh_surface(
             self.surface,
             self.config,
-            gestational_age=self.ga,
-            hemisphere=self.hemi,
-            source=self.source,
-            inner_sources=self.inner_files,
-            sphere=self.sphere,
-            sphere_source=self.sphere_source,
+            **self.facts,
             case=case if case is not None else Path(self.source).name.partition(".")[0] if self.source else "",
             progress=progress,
         )
@@ -392,6 +395,7 @@ def inputs(
     background = backgrounds(images, in_mm)
     return Inputs(
         whole,
+        in_mm,
         config,
         None if ga is None else float(ga),
         hemi or (hemisphere_of(source) if source else None),

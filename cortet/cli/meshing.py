@@ -243,17 +243,7 @@ def stages_command(args: argparse.Namespace) -> int:
     rows = []
     widths = [max(len(column.name) + 2, 12) for column in STAGE_COLUMNS]
     print("".join(f"{column.name:>{width}}" for column, width in zip(STAGE_COLUMNS, widths, strict=True)))
-    line = run(
-        given.surface,
-        config,
-        gestational_age=args.ga,
-        hemisphere=given.hemi,
-        source=args.surface,
-        inner_sources=given.inner_files,
-        sphere=given.sphere,
-        sphere_source=args.sphere,
-    )
-    for row in measured_stages(line):
+    for row in measured_stages(run(given.surface, config, **given.facts)):
         values = (column.text(row) for column in STAGE_COLUMNS)
         print("".join(f"{value:>{width}}" for value, width in zip(values, widths, strict=True)), flush=True)
         rows.append(row)

@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from cortet.geometry.limits import CELL_SIZE_MM
+from cortet.geometry.limits import CELL_SIZE_MM, NAME
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def inner_file(text: str) -> tuple[str, str]:
     name, equals, file = text.partition("=")
     if not equals or "/" in name:  # the = is part of a path
         return "white", text
-    if not (re.fullmatch("[A-Za-z][A-Za-z0-9]*", name) and file):
+    if not (re.fullmatch(NAME, name) and file):
         raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE, NAME of letters and digits")
     return name, file
 

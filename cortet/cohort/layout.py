@@ -15,6 +15,7 @@ from typing import Any
 
 from cortet.cohort.sheet import Case
 from cortet.formats import FORMATS, Format
+from cortet.geometry.limits import NAME
 from cortet.stages import MESH_STAGES, STAGES
 
 #: stage -> label of its result in the names of meshes
@@ -36,7 +37,7 @@ WILDCARDS = {
     "folder": r"sub-[A-Za-z0-9]+(/ses-[A-Za-z0-9]+)?",
     "case": r"sub-[A-Za-z0-9]+(_ses-[A-Za-z0-9]+)?(_hemi-[LR])?",
     "res": r"[1-9][0-9]*",
-    "inner": r"[A-Za-z][A-Za-z0-9]*",
+    "inner": NAME,
     "mesher": r"[a-z0-9]+",
 }
 

@@ -25,7 +25,7 @@ from cortet.cohort.ages import number
 from cortet.errors import InputError
 from cortet.formats.placement import UNITS
 from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
-from cortet.geometry.limits import CELL_SIZE_MM, SCAN_AGES
+from cortet.geometry.limits import CELL_SIZE_MM, NAME, SCAN_AGES
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
 #: value that stands, in column `surface`, for a synthetic cortex of the row's age and hemisphere, in column `inner` for
@@ -261,7 +261,7 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
         if column == "surface" and value in MISSING:
             yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
         named = _region(column) if column.startswith(INNER_PREFIX) else column.removeprefix(VOLUME_PREFIX)
-        if column.startswith((INNER_PREFIX, VOLUME_PREFIX)) and not re.fullmatch("[A-Za-z][A-Za-z0-9]*", named):
+        if column.startswith((INNER_PREFIX, VOLUME_PREFIX)) and not re.fullmatch(NAME, named):
             what = "a region" if _region(column) else "a volume"
             yield f"column {column}: {named!r} is not the name of {what} (use letters and digits only)"
         if len(_region(column)) > LONGEST_LABEL:

@@ -25,6 +25,9 @@ PHANTOM_AGES, THICKNESS_MM = (21.0, 38.0), (0.1, 10.0)
 #: distance of a shell from the brain, mm; and half the width of the grooves that it spans
 SHELL_MM, CLOSING_MM = (0.5, 50.0), 15.0
 
+#: what the name of an inner surface or a volume must match: it stands in names of files and sets
+NAME = "[A-Za-z][A-Za-z0-9]*"
+
 
 def require_within(value: float, bounds: tuple[float, float], what: str) -> None:
     """Raise InputError for a value that is not within its bounds, both included."""

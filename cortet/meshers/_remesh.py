@@ -123,9 +123,9 @@ def _split(work: Work, tree: SurfaceTree, scratch: Scratch, limits: Limits) -> t
     StageError : there would be more than `MOST_POINTS` times as many points as the targets and the samples ask for
     """
     thinnest = triangles.thinnest(work, MUCH_TOO_LARGE)
-    wanted = triangles.points_wanted(work) + len(work.samples)
     if np.isinf(thinnest):
         return _split_until(work, tree, scratch, limits, longest=False, most=np.inf)
+    wanted = triangles.points_wanted(work) + len(work.samples)
     if thinnest >= SPLINTER:
         copy = work._replace(**{name: array.copy() for name, array in work._asdict().items()})
         done, split = _split_until(copy, tree, scratch, limits, longest=False, most=MOST_POINTS[0] * wanted)

@@ -17,6 +17,7 @@ from cortet.formats.hashing import sha256
 from cortet.formats.tables import Column
 from cortet.formats.volumes import Volume, label_table, matrices, read_named, six, to_scanner, volume_file, volume_of
 from cortet.geometry.coverage import Coverage, coverage
+from cortet.geometry.limits import NAME
 from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import joined
 from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
@@ -87,7 +88,7 @@ def read_volumes(given: Mapping[str, str | Path | SpatialImage | Volume]) -> dic
     """
     for name in given:
         text = name if isinstance(name, str) else ""
-        if not re.fullmatch("[A-Za-z][A-Za-z0-9]*", text) or text.lower() in _TAKEN:
+        if not re.fullmatch(NAME, text) or text.lower() in _TAKEN:
             raise InputError(
                 f"{name!r} cannot be the name of a volume",
                 remedy=f"use letters and digits, a letter first, and none of {', '.join(_TAKEN)}",
