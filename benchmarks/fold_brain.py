@@ -38,7 +38,6 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -57,7 +56,7 @@ from cortet.folding.journal import TABLE, VERDICT
 from cortet.folding.measurements import shape
 from cortet.folding.medial_wall import medial_wall
 from cortet.folding.models import CONSTANTS
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.formats import braingrowth, vtu
 from cortet.formats.gifti import hemisphere_of, read_surface
 from cortet.formats.tsv import MISSING, read_tsv
@@ -435,13 +434,13 @@ def fit(
     body = vtu.read(mesh)
     given = {name: float(value) for name, value in (pair.split("=") for pair in base)}
     constants: dict[str, Any] = {name: getattr(CONSTANTS["growing"], name) for name in PARAMETERS} | given
-    common = Settings(ga, hemi, end=end, record_interval=0.25)
-    found = {"base": misses(run_of(body, output / "base", replace(common, **constants)))}
+    common = Settings(gestational_age=ga, hemisphere=hemi, end=end, record_interval=0.25)
+    found = {"base": misses(run_of(body, output / "base", common.with_keys(**constants)))}
     print("run                       misses in standard errors (and in % of the target):  " + "  ".join(found["base"]))
     for name in ("base", *PARAMETERS):
         changed = {} if name == "base" else {name: constants[name] * (1 + step)}
         label = name if name == "base" else f"{name}={changed[name]:.4g}"
-        rows = run_of(body, output / label, replace(common, **(constants | changed)))
+        rows = run_of(body, output / label, common.with_keys(**(constants | changed)))
         found[name] = misses(rows)
         errors = {target.column: target.error for target in targets(rows, TARGET_WEEKS)}
         rms = {column: float(np.sqrt((missed**2).mean())) for column, missed in found[name].items()}
@@ -489,7 +488,7 @@ class Row(NamedTuple):
 def comparison(mesh: TetMesh, end: float, folder: Path) -> list[Row]:
     """Run the mesh until t = `end` with the choices of the reference; a row for each of its moments until then."""
     settings = Settings(
-        age_of(0.0),
+        gestational_age=age_of(0.0),
         end=age_of(end),
         time_step=TIME_STEP,
         model="braingrowth",

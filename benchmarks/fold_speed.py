@@ -1,6 +1,6 @@
 """How fast is a fold, what does it cost in all, is its growth slow enough, and does the number of threads change it?
 
-    python benchmarks/fold_speed.py [--cells 1e5 3e5 1e6] [--threads 1 2] [--steps 20] [--device cuda]
+    python benchmarks/fold_speed.py [--cells 1e5 3e5 1e6] [--threads 1 2] [--steps 20]
     python benchmarks/fold_speed.py runs MESH --ga 22 --hemi L [--end 30] [--models growing braingrowth] [--threads 1 2]
     python benchmarks/fold_speed.py rate MESH --ga 22 --hemi L [--end 34] [--slower 1 2 4]
 
@@ -10,9 +10,6 @@ little: compare the CPU seconds, and element-steps per CPU second and core. Memo
 making of the body on, and what of it is above that before. Bytes are what a step has to bring from memory and back,
 every array once in each loop that uses it; operations are those of the formulas. Beside them stand what a plain sum of
 arrays and plain multiply-adds reach on one core at that moment, and how CPU seconds grow with the number of tetrahedra.
-With `--device cuda` each size has one more row, of the GPU: wall seconds of the steps, in batches of 100 as a run takes
-them, with what goes to the host after each, and once before them, which compiles the kernel. Its bytes are those that
-its own loops bring from memory and back.
 
 `runs` folds a mesh with each model and number of threads: element-steps per CPU second of the steps, CPU seconds of
 all, what share of these is not steps (checks at the start, rows of the table, frames), and a hash of where every node
@@ -31,7 +28,6 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numba
@@ -44,15 +40,12 @@ from cortet.folding import growth
 from cortet.folding.altitude import smallest_altitude
 from cortet.folding.body import Material, body_of, scale_of, stable_time_step
 from cortet.folding.contact import contact_of
-from cortet.folding.device import device_name
-from cortet.folding.gpu import OnGpu
 from cortet.folding.growth import Course
 from cortet.folding.journal import TABLE
-from cortet.folding.kernels import DONE, Motion, Work, workspace
+from cortet.folding.kernels import DONE, Motion, Work, advance, workspace
 from cortet.folding.models import course
 from cortet.folding.patches import ROWS, VOLUME
-from cortet.folding.state import Moment, Settings
-from cortet.folding.stepper import OnCpu
+from cortet.folding.section import Settings
 from cortet.formats import vtu
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.ordering import ordered_along_curve
@@ -75,14 +68,6 @@ _ELEMENT_BYTES = (ROWS - VOLUME) * 8 + 12 + ROWS * 8 + 12
 _SLOT_BYTES = 4 * 4 + 2 * 16 + 2 * 24
 #: bytes per node: positions read three times and written, velocities, contact forces, volume and ratio, offsets, held
 _NODE_BYTES = 4 * 24 + 2 * 24 + 24 + 2 * 16 + 2 * 8 + 1
-#: the same on a GPU. An element has rows of growth and volume, then all rows, and twice its corners, its label and its
-#: four places in the lists of slots
-_GPU_ELEMENT_BYTES = (ROWS - VOLUME) * 8 + ROWS * 8 + 2 * (8 + 4 + 8)
-#: a slot: its node, where its list begins, and a position, twice; a ratio; volumes and forces written, and read with
-#: its number
-_GPU_SLOT_BYTES = 2 * (4 + 4 + 24) + 8 + 2 * (16 + 24) + 2 * 4
-#: a node: position, velocity and contact force read and written; volume and ratio; offsets, place, held
-_GPU_NODE_BYTES = 3 * 48 + 2 * 16 + 2 * 8 + 4 + 1
 
 
 def steps(
@@ -90,35 +75,30 @@ def steps(
     cells: Sequence[float] = (1e5, 3e5, 1e6),
     threads: Sequence[int] = (1, 2),
     steps: int = 20,
-    device: str = "cpu",
 ) -> None:
     """Time some steps on cubes of several sizes."""
-    if device == "cuda":
-        print(device_name())
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that wait do not count as work
     print(f"{machine()}; {OPERATIONS} operations per element-step")
     table = Table(*COLUMNS)
-    counts = [*threads, *([None] if device == "cuda" else [])]
-    rows = [table.add(alone(of_cube, size, count, steps)) for size in cells for count in counts]
+    rows = [table.add(alone(of_cube, size, count, steps)) for size in cells for count in threads]
     for count in threads:
         print_power(f"{count} threads", (row for row in rows if row["threads"] == count), y="cpu_s")
 
 
-def of_cube(cells: float, threads: int | None, steps: int) -> Row:
-    """Time some steps in this process, on a GPU if no threads are named, a row of the table."""
-    if threads:
-        numba.set_num_threads(threads)
-    steps_of(cube_mesh(3, jitter=0.2), 1, on_gpu=not threads)  # load or compile the kernels
+def of_cube(cells: float, threads: int, steps: int) -> Row:
+    """Time some steps in this process, a row of the table."""
+    numba.set_num_threads(threads)
+    steps_of(cube_mesh(3, jitter=0.2), 1)  # load or compile the kernels
     mesh = cube_mesh(round((cells / 6) ** (1 / 3)), jitter=0.2)
     mesh = TetMesh(*ordered_along_curve(mesh.points, mesh.cells)[:2])
     reset_peak_memory()
     before = peak_memory_mb() or 0
-    wall, cpu, bytes_moved = steps_of(mesh, steps, on_gpu=not threads)
+    wall, cpu, bytes_moved = steps_of(mesh, steps)
     peak = peak_memory_mb() or 0
     work = len(mesh.cells) * steps / 1e6
     return {
         "tets": len(mesh.cells),
-        "threads": threads or "gpu",
+        "threads": threads,
         "wall_s": wall,
         "cpu_s": cpu,
         "million_element_steps_per_s": work / wall,
@@ -132,7 +112,7 @@ def of_cube(cells: float, threads: int | None, steps: int) -> Row:
     }
 
 
-def steps_of(mesh: TetMesh, steps: int, *, on_gpu: bool) -> tuple[float, float, float]:
+def steps_of(mesh: TetMesh, steps: int) -> tuple[float, float, float]:
     """Wall and CPU seconds of some steps, and bytes per element-step; the CPU time is that of all threads."""
     scale, material = scale_of(mesh, None), Material()
     x = (mesh.points - scale.origin) / scale.length
@@ -141,26 +121,19 @@ def steps_of(mesh: TetMesh, steps: int, *, on_gpu: bool) -> tuple[float, float, 
     contact = contact_of(x, boundary_faces(mesh), bulk=material.bulk)
     dt = stable_time_step(smallest_altitude(x, mesh.cells), material)
     growth = course(np.full((steps, 1), _GROWTH))
-    what: Any = SimpleNamespace(body=body, material=material)
-    stepper = (OnGpu if on_gpu else OnCpu)(what, Moment(0, 0.0, state, work, contact))
-    stepper.begin()
-    if on_gpu and stepper.advance(growth.since(steps - 1), dt) != (1, DONE):
-        raise RuntimeError("the first step was not taken")
     wall, cpu = time.perf_counter(), time.process_time()
     for first in range(0, steps, 100):
         batch = Course(*(values[first : first + 100] for values in growth))
-        if (ended := stepper.advance(batch, dt)) != (len(batch.thickening), DONE):
+        ended = advance(body, material, state, work, contact, batch, dt)
+        if ended != (len(batch.thickening), DONE):
             raise RuntimeError(f"the steps ended with {ended}")
     seconds = time.perf_counter() - wall, time.process_time() - cpu
-    return *seconds, bytes_per_element(mesh, work, on_gpu=on_gpu)
+    return *seconds, bytes_per_element(mesh, work)
 
 
-def bytes_per_element(mesh: TetMesh, work: Work, *, on_gpu: bool) -> float:
+def bytes_per_element(mesh: TetMesh, work: Work) -> float:
     """Bytes that a step moves per tetrahedron."""
-    element, slot, node = (
-        (_GPU_ELEMENT_BYTES, _GPU_SLOT_BYTES, _GPU_NODE_BYTES) if on_gpu else (_ELEMENT_BYTES, _SLOT_BYTES, _NODE_BYTES)
-    )
-    return element + (len(work.patches.nodes) * slot + len(mesh.points) * node) / len(mesh.cells)
+    return _ELEMENT_BYTES + (len(work.patches.nodes) * _SLOT_BYTES + len(mesh.points) * _NODE_BYTES) / len(mesh.cells)
 
 
 def machine() -> str:
@@ -234,7 +207,7 @@ def of_run(file: Path, settings: Settings, threads: int) -> Row:
         return inverted
 
     with tempfile.TemporaryDirectory() as folder:
-        short = Settings(**{**vars(settings), "end": settings.gestational_age + _SHORT})
+        short = settings.with_keys(end=settings.gestational_age + _SHORT)
         folding.fold(mesh, Path(folder) / "short", short, say=lambda _: None)
         folding.advance_to = timed
         began = time.process_time()

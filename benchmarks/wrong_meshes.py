@@ -24,7 +24,7 @@ from cubes import cube_mesh
 from cortet.cli import main as cortet
 from cortet.errors import CortetError
 from cortet.folding.run import prepared
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.geometry.topology import TET_FACES, boundary_surface, neighbours
@@ -317,7 +317,7 @@ def curved(wrong: Wrong, folder: Path) -> list[str]:
 
 def folded(wrong: Wrong, _: Path) -> list[str]:
     """Why a folding run does not begin."""
-    prepared(wrong.mesh, Settings(22.0, end=23.0, thickness=2.0))
+    prepared(wrong.mesh, Settings(gestational_age=22.0, end=23.0, thickness=2.0))
     return []
 
 

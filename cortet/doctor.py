@@ -22,7 +22,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from cortet.neighbours import neighbours
 from cortet.version import __version__
 
 if TYPE_CHECKING:
@@ -254,12 +253,11 @@ LIBRARIES = (
     Tool("pyvista", "pictures of meshes", _prove_pyvista, "libgl1 libegl1 libxrender1"),
     *map(Tool, LISTED.split()),
 )
-#: the extras `slurm` and `baselines` (meshers that experiments compare with), and what neighbours use
+#: the extras `slurm` and `baselines` (meshers that experiments compare with)
 OPTIONAL = (
     Tool("snakemake-executor-plugin-slurm", "jobs on SLURM"),
     Tool("pytetwild", "fTetWild, to compare with"),
     Tool("netgen-mesher", "Netgen, to compare with"),
-    *(Tool(*tool) for neighbour in neighbours() for tool in neighbour.tools()),
 )
 PROGRAMS = (
     Tool("meshtool", "S4, backend meshtool", _prove_meshtool),

@@ -98,10 +98,6 @@ class Neighbour:
     def add_commands(self, _: Commands) -> None:
         """Add its commands to `cortet`."""
 
-    def tools(self) -> Sequence[tuple[str, str, Callable[[], str]]]:
-        """Optional libraries that only it uses: name, purpose, and proof for `cortet doctor`."""
-        return ()
-
 
 @cache
 def neighbours() -> tuple[Neighbour, ...]:

@@ -103,6 +103,10 @@ class Section(BaseModel):
             raise ValueError("yes and no (True and False) mean nothing here")
         return value
 
+    def with_keys(self, **keys: Any) -> Self:
+        """A copy in which some keys have other values, checked like those of a file."""
+        return type(self)(**{**self.model_dump(), **keys})
+
     def decided(self, config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG002, some sections ask for it
         """Arguments that the rest of the configuration or the mesh decides: keys of this section, or further facts."""
         return {}

@@ -34,7 +34,6 @@ rule fold:
     threads: lambda wildcards: 1 if PLAN.tets(wildcards) < 2e5 else 2
     resources:
         **asked("fold"),
-        gpu=FOLDS.gpus,
     params:
         arguments=lambda wildcards: PLAN.arguments("fold", wildcards) | FOLDS.variant(wildcards),
         version=version_of("folding.fold"),
@@ -62,7 +61,6 @@ rule convergence_run:
     priority: 3
     resources:
         **asked("convergence_run"),
-        gpu=FOLDS.gpus,
     params:
         arguments=partial(PLAN.arguments, "fold"),
         line=FOLDS.realisation,
@@ -98,7 +96,6 @@ rule prediction_run:
     threads: 1
     resources:
         **asked("prediction_run"),
-        gpu=FOLDS.gpus,
     params:
         arguments=lambda wildcards: PLAN.arguments("fold", wildcards)
         | {key: value for key, value in FOLDS.changed(wildcards).items() if key not in ("cell_size", "seed")},

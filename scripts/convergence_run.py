@@ -13,7 +13,7 @@ from cortet.folding.carried import carried
 from cortet.folding.fold import fold
 from cortet.folding.fold_figures import series
 from cortet.folding.journal import SERIES, per_percent
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.pipeline import mesh_surface

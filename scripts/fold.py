@@ -9,7 +9,7 @@ job = start(snakemake)
 
 from cortet.folding.fold import fold
 from cortet.folding.journal import per_percent
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.formats import vtu
 
 verdict = fold(

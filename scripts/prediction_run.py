@@ -11,7 +11,7 @@ from cortet.config import load
 from cortet.folding.longitudinal import read_series
 from cortet.folding.prediction import predict
 from cortet.folding.prediction_tables import write_run
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.formats.atomic import write_json
 from cortet.pipeline import mesh_surface
 

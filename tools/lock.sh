@@ -12,4 +12,4 @@ pin() {
         ${UPGRADE:+--upgrade} --no-annotate "$@"
 }
 pin --extra published --group dev --group build pyproject.toml -o requirements.txt
-pin --extra baselines --extra slurm --extra gpu pyproject.toml -c requirements.txt -o requirements-optional.txt
+pin --extra baselines --extra slurm pyproject.toml -c requirements.txt -o requirements-optional.txt

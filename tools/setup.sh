@@ -3,8 +3,7 @@
 #
 #   tools/setup.sh              the default line, and the setting `cgal` by the wheel of that name: nothing is compiled
 #   tools/setup.sh published    the paper's own tool as well: pygalmesh, which has no wheel, is compiled, once
-#   tools/setup.sh test         that, the programs that tests call, the other meshers, Snakemake's plugin for SLURM and
-#                               Numba's compiler for GPUs
+#   tools/setup.sh test         that, the programs that tests call, the other meshers and Snakemake's plugin for SLURM
 #
 #   PYTHON=python3.12      interpreter to use (default: the first that fits)
 #   CORTET_WHEELS=FOLDER   where the compiled pygalmesh is kept (default: ~/.cache/cortet/untimed-wheels)

@@ -124,7 +124,7 @@ def fold(
     from cortet.folding.fold import fold as folded
     from cortet.folding.journal import TABLE, per_percent
     from cortet.folding.plausible import brain_of, refuse_shell, require_same_brain
-    from cortet.folding.state import Settings as FoldSettings
+    from cortet.folding.section import Settings
     from cortet.formats.tsv import read_tsv
 
     require_hemisphere(hemi)
@@ -148,6 +148,6 @@ def fold(
     regions = (*values["core_regions"], *values["region_stiffness"])
     if isinstance(made, Mesh) and any(isinstance(region, str) for region in regions):
         mesh = made.named()
-    verdict = folded(mesh, place, FoldSettings(**values), speak if progress else None)
+    verdict = folded(mesh, place, Settings(**values), speak if progress else None)
     table = read_tsv(place / TABLE).apply(pd.to_numeric, errors="coerce")
     return Folded(asdict(verdict), table, place, hemi, keeper)

@@ -35,7 +35,6 @@ def add_commands(commands: Commands) -> None:
     fold.add_argument(
         "--time-step", type=Number(0, 1), metavar="DT", help="dimensionless (default: from smallest altitude)"
     )
-    fold.add_argument("--device", choices=["cpu", "cuda"], help="what takes the steps: cuda is a GPU (default: cpu)")
     fold.add_argument(
         "--real",
         action="append",
@@ -123,7 +122,7 @@ def fold_command(args: argparse.Namespace) -> int:
     from cortet.folding.fold_figures import FILM, NUMBERS, PICTURE, draw
     from cortet.folding.journal import FILES, status
     from cortet.folding.plausible import brain_of
-    from cortet.folding.state import Settings
+    from cortet.folding.section import Settings
     from cortet.formats.gifti import hemisphere_of, read_surface
 
     mesh = read_mesh(args.mesh, whole=True)
@@ -134,7 +133,7 @@ def fold_command(args: argparse.Namespace) -> int:
         may_write(args.output / name)
     if args.threads:
         set_num_threads(min(args.threads, get_num_threads()))
-    chosen = {"end": args.end, "time_step": args.time_step, "device": args.device}
+    chosen = {"end": args.end, "time_step": args.time_step}
     data: dict[str, Any] = {}
     if args.config:
         load(args.config)  # its errors name the file

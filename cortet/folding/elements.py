@@ -2,7 +2,7 @@
 
 The loops have the same arithmetic for every element and no branch, so the compiler makes vector instructions of them
 (`docs/notes/design.md` gives their timings). Elements in the degenerate branch are rare, so they are computed again,
-one by one. The mathematics is in `law`; `gpu_kernels` shares the functions on single elements.
+one by one. The mathematics is in `law`.
 """
 # Rows of a patch lie in one array at constant offsets, so that the compiler sees that they do not overlap.
 

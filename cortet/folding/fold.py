@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -37,7 +37,8 @@ from cortet.folding.kernels import Motion
 from cortet.folding.measurements import COLUMNS, Measurements
 from cortet.folding.plausible import check_cells, check_mesh
 from cortet.folding.run import advance_to, beginning, described, measured, millimetres, prepared, thickness_mm
-from cortet.folding.state import Moment, Run, Settings
+from cortet.folding.section import Settings
+from cortet.folding.state import Moment, Run
 from cortet.formats.atomic import write_json
 from cortet.formats.ownership import delete, delete_abandoned
 from cortet.formats.tables import write_table
@@ -68,8 +69,6 @@ class Verdict:
     outcome: Literal["folded", "inverted"]
     reason: str
     tets: int
-    #: "cpu", or the name of the GPU that took the steps
-    device: str
     #: number of steps taken
     steps: int
     gestational_age: float
@@ -131,11 +130,13 @@ def fold(
     known = max(ages_of_maps(mesh), default=settings.end)
     if settings.gestational_age < known < settings.end - _ROUNDED:
         doubts.append(f"growth was measured up to {known:g} weeks, so the fold ends there, not at {settings.end:g}")
-        settings = replace(settings, end=known)
+        settings = settings.with_keys(end=known)
     run = prepared(mesh, settings)
     for sentence in [*described(run), *(f"warning: {doubt}" for doubt in [*doubts, *check_cells(run)])]:
         say(sentence)
-    journal = Journal(folder, fingerprint(mesh, {**asdict(settings), "version": VERSION, "frames_at": [*frames_at]}))
+    journal = Journal(
+        folder, fingerprint(mesh, {**settings.model_dump(), "version": VERSION, "frames_at": [*frames_at]})
+    )
     moment = journal.resumed(run)
     stops = _stops(run, settings, frames_at)
     for stop in stops:
@@ -208,7 +209,7 @@ class Journal:
         moment.work.counts[:] = last.degenerate, last.contacts
         moment.work.energy[:] = last.energies[:2]
         contact = listed_at(moment.contact, at_listing, last.envelope)
-        return Moment(last.step, last.time, Motion(last.x, last.v), moment.work, contact, last.energies[2])
+        return Moment(last.step, last.time, Motion(last.x, last.v), moment.body, moment.work, contact, last.energies[2])
 
     def save(self, moment: Moment) -> None:
         """Write a checkpoint, unless the last one is recent."""
@@ -273,7 +274,6 @@ def _verdict(run: Run, moment: Moment, rows: list[dict[str, Any]]) -> Verdict:
         outcome="inverted" if element is not None else "folded",
         reason=reason,
         tets=len(run.cell),
-        device=run.device,
         steps=moment.step,
         gestational_age=age,
         time_step=(moment.time - run.start) / max(moment.step, 1),

@@ -4,7 +4,7 @@ No loop adds to what another iteration writes: see `patches`. Loops run over blo
 compiler makes for the end of a block cannot depend on the number of threads: the bits are the same for any number.
 
 `advance` is the interface: arrays in, arrays changed in place. The loop in time calls nothing else of the package.
-The computations in the elements of a patch are in `elements`. `gpu_kernels` shares the functions here on single nodes.
+The computations in the elements of a patch are in `elements`.
 """
 # Numba's parallel loops take no named tuples: these are passed as plain tuples and get their names back in each block.
 

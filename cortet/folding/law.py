@@ -17,8 +17,6 @@ Vectors are tuples of three floats; matrices are tuples of three vectors, their 
 
 from __future__ import annotations
 
-import math
-
 import numba
 import numpy as np
 
@@ -28,12 +26,7 @@ ALONG, ACROSS, CORE = 0, 1, 2
 #: stretch below which the law is continued by a polynomial
 SMALLEST_STRETCH = 0.1
 
-#: sweeps over all three pairs of columns; 5 are enough for most matrices
-_SWEEPS = 12
-#: cosine of the angle between two columns below which they are orthogonal to rounding
-_ORTHOGONAL = 1e-16
-
-#: compilation on a CPU of functions shared by both processors; `fast` ones may be called by functions on either
+#: compilation of functions of single elements and nodes
 fast = numba.njit(fastmath={"contract"}, error_model="numpy", cache=True)
 #: compilation of functions in a loop that must become vector instructions: a call left in the loop would prevent this
 inlined = numba.njit(fastmath={"contract"}, error_model="numpy", cache=True, forceinline=True)
@@ -213,78 +206,3 @@ def degenerate_stress(u, s, vt, mu):  # type: ignore[no-untyped-def]
     principal = mu / 2 * (s**2).sum() * np.array([da * b * c, a * db * c, a * b * dc]) + mu * a * b * c * s
     p = (u * principal) @ vt
     return (p[0, 0], p[0, 1], p[0, 2]), (p[1, 0], p[1, 1], p[1, 2]), (p[2, 0], p[2, 1], p[2, 2])
-
-
-@fast
-def turned_stretches(f0, f1, f2):  # type: ignore[no-untyped-def]
-    """`stretches` for a GPU, which has no LAPACK: columns of U, the stretches, and columns of V.
-
-    Pairs of columns of F are rotated in their plane until all are orthogonal: F V = U diag(s) (Hestenes, Journal of the
-    Society for Industrial and Applied Mathematics 6, 1958). All rotations are proper, so U and V are, too, and the last
-    stretch is negative if F inverts.
-    """
-    x, y, z = (f0[0], f1[0], f2[0]), (f0[1], f1[1], f2[1]), (f0[2], f1[2], f2[2])
-    u, v, w = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    for _ in range(_SWEEPS):
-        xy, x, y, u, v = _turned(x, y, u, v)
-        xz, x, z, u, w = _turned(x, z, u, w)
-        yz, y, z, v, w = _turned(y, z, v, w)
-        if not (xy or xz or yz):
-            break
-    x, y, u, v = _longer_first(x, y, u, v)
-    x, z, u, w = _longer_first(x, z, u, w)
-    y, z, v, w = _longer_first(y, z, v, w)
-    size, middle = math.sqrt(dot(x, x)), math.sqrt(dot(y, y))
-    first = combined(1 / size, x, 0.0, x) if size > 0 else (1.0, 0.0, 0.0)
-    second = combined(1 / middle, y, 0.0, y) if middle > 0 else _across(first)
-    third = cross(first, second)
-    return (first, second, third), (size, middle, dot(third, z)), (u, v, w)
-
-
-@fast
-def _turned(x, y, u, v):  # type: ignore[no-untyped-def]
-    """Whether two columns were not orthogonal; then both, and those of V, after the rotation that makes them so."""
-    xx, yy, xy = dot(x, x), dot(y, y), dot(x, y)
-    if not abs(xy) > _ORTHOGONAL * math.sqrt(xx * yy):
-        return False, x, y, u, v
-    half = (yy - xx) / (2 * xy)
-    tangent = (1.0 if half >= 0 else -1.0) / (abs(half) + math.sqrt(1 + half * half))
-    cosine = 1 / math.sqrt(1 + tangent * tangent)
-    sine = tangent * cosine
-    return (
-        True,
-        combined(cosine, x, -sine, y),
-        combined(sine, x, cosine, y),
-        combined(cosine, u, -sine, v),
-        combined(sine, u, cosine, v),
-    )
-
-
-@fast
-def _longer_first(x, y, u, v):  # type: ignore[no-untyped-def]
-    """Two columns and those of V, rotated by a right angle if the second is longer."""
-    if dot(y, y) > dot(x, x):
-        return y, combined(-1.0, x, 0.0, x), v, combined(-1.0, u, 0.0, u)
-    return x, y, u, v
-
-
-@fast
-def _across(a):  # type: ignore[no-untyped-def]
-    """A unit vector perpendicular to a unit vector."""
-    b = cross(a, (1.0, 0.0, 0.0)) if abs(a[0]) < 0.7 else cross(a, (0.0, 1.0, 0.0))
-    return combined(1 / math.sqrt(dot(b, b)), b, 0.0, b)
-
-
-@fast
-def turned_stress(u, s, v, mu):  # type: ignore[no-untyped-def]
-    """`degenerate_stress` from the result of `turned_stretches`."""
-    (a, da), (b, db), (c, dc) = phi(s[0]), phi(s[1]), phi(s[2])
-    half, product = mu / 2 * dot(s, s), mu * a * b * c
-    p = half * da * b * c + product * s[0]
-    q = half * a * db * c + product * s[1]
-    r = half * a * b * dc + product * s[2]
-    return (
-        combined(1.0, combined(p * u[0][0], v[0], q * u[1][0], v[1]), r * u[2][0], v[2]),
-        combined(1.0, combined(p * u[0][1], v[0], q * u[1][1], v[1]), r * u[2][1], v[2]),
-        combined(1.0, combined(p * u[0][2], v[0], q * u[1][2], v[1]), r * u[2][2], v[2]),
-    )

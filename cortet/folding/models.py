@@ -41,8 +41,7 @@ from cortet.folding.growth import (
 from cortet.folding.growth_map import GrowthMap, ages_of_maps, grown_body, map_of
 from cortet.folding.kernels import grown_volume_of
 from cortet.folding.law import ACROSS, ALONG, CORE
-from cortet.folding.section import misplaced
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.meshes import REGION, FloatArray, IntArray, TetMesh
 
 #: weeks between the ages at which the stretch of the core is solved for, most rounds, and largest change in the last
@@ -175,10 +174,7 @@ def constants(settings: Settings) -> Constants:
 
 
 def check_model(settings: Settings) -> None:
-    """Raise InputError for a setting of the other model, or a law of growth that leaves nothing of the body."""
-    if wrong := misplaced(settings):
-        what, _, remedy = wrong.partition(": ")
-        raise InputError(what, remedy=remedy)
+    """Raise InputError for a law of growth that leaves nothing of the body."""
     if settings.model != "growing":
         return
     chosen = constants(settings)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -87,12 +87,6 @@ class Folding(Neighbour):
         from cortet.folding.commands import add_commands
 
         add_commands(commands)
-
-    def tools(self) -> Sequence[tuple[str, str, Callable[[], str]]]:
-        """The library for GPUs."""
-        from cortet.folding.proof import prove_gpu
-
-        return (("numba-cuda", "folding on a GPU", prove_gpu),)
 
 
 NEIGHBOUR = Folding()

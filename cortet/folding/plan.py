@@ -96,10 +96,6 @@ class Folds:
         found = self.plan.config.fold.real_surfaces_of(self.plan.case(job).hemi)
         return {f"{age:g}": str(path) for age, path in found.items()}
 
-    def gpus(self, job: Job) -> int:
-        """GPUs that a fold asks for."""
-        return int(self.variant(job).get("device", self.plan.config.fold.device) == "cuda")
-
     # --- convergence ---------------------------------------------------------------------------------------------
 
     def realisation(self, job: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,7 +17,8 @@ from cortet.folding.body import require_positive
 from cortet.folding.growth import check_age
 from cortet.folding.medial_wall import TOWARDS_MIDLINE
 from cortet.folding.run import thickness_mm
-from cortet.folding.state import Run, Settings
+from cortet.folding.section import Settings
+from cortet.folding.state import Run
 from cortet.formats.hashing import sha256
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary, face_areas, face_normals

@@ -26,7 +26,7 @@ from cortet.folding.fields import growth_field
 from cortet.folding.fold import SAME_AGE, Say, Verdict, fold
 from cortet.folding.growth import AREA, VOLUME, usual
 from cortet.folding.longitudinal import Series
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.folding.surface_growth import (
     fitted,
     logarithmic_growth,
@@ -233,8 +233,9 @@ def predict(
     if kind == "braingrowth":
         settings = _of_braingrowth(settings)
     elif kind not in ("unmapped", "forecast"):
-        settings = replace(settings, volume=series.volumes(), hull=series.hulls())
-    settings, end = replace(settings, end=series.ages[-1]), series.ages[-1]
+        settings = settings.with_keys(volume=series.volumes(), hull=series.hulls())
+    end = series.ages[-1]
+    settings = settings.with_keys(end=end)
     wanted = _wanted(series, kind, until, smoothing, seed)
     if not wanted:
         verdict, points = _folded(series, mesh, {}, folder, settings)
@@ -247,7 +248,7 @@ def predict(
         if kind == "forecast" and last:
             maps = imposed | forecast_growth(series, imposed, until, [age for age in series.ages if age > until])
         place = folder if last else folder / f"round-{number}"
-        until_then = replace(settings, end=end if last else max(wanted))
+        until_then = settings.with_keys(end=end if last else max(wanted))
         verdict, points = _folded(series, mesh, maps, place, until_then, core)
         came = {age: _came_out(series, points[age], smoothing) for age in wanted if age in points}
         residuals.append(_residual(series, wanted, came))
@@ -274,7 +275,7 @@ def _wanted(series: Series, kind: Kind, until: float, smoothing: float | None, s
 def _of_braingrowth(settings: Settings) -> Settings:
     """The settings with BrainGrowth's model and its constants; only the thickness of the cortex stays."""
     laws = dict.fromkeys(("growth_rate", "thickness_rate", "core_stiffness", "volume", "hull", "envelope"))
-    return replace(settings, model="braingrowth", core_regions={}, **laws)  # type: ignore[arg-type]
+    return settings.with_keys(model="braingrowth", core_regions={}, **laws)
 
 
 def _better(residuals: Sequence[Mapping[str, float]]) -> bool:

@@ -20,17 +20,25 @@ from cortet.folding.body import (
     scale_of,
     stable_time_step,
 )
-from cortet.folding.contact import contact_of
+from cortet.folding.contact import contact_of, listed_at
 from cortet.folding.convex import planes_of
-from cortet.folding.device import device_name
-from cortet.folding.gpu import OnGpu
 from cortet.folding.growth import age_of, check_age, time_of
-from cortet.folding.kernels import INVERTED, LIST_OUTDATED, Motion, workspace
+from cortet.folding.kernels import (
+    INVERTED,
+    LIST_OUTDATED,
+    Motion,
+    advance,
+    elastic_energy,
+    elastic_forces,
+    kinetic_energy,
+    workspace,
+)
 from cortet.folding.measurements import Measurements, shape
 from cortet.folding.medial_wall import medial_wall
 from cortet.folding.models import check_model, constants, labels_of, model_of, stiffness_of, thickness_at_start
-from cortet.folding.state import Moment, Run, Settings, Stepper
-from cortet.folding.stepper import OnCpu
+from cortet.folding.patches import renew
+from cortet.folding.section import Settings
+from cortet.folding.state import Moment, Run
 from cortet.geometry.filling import require_body
 from cortet.geometry.ordering import curve_order
 from cortet.geometry.topology import boundary_faces
@@ -45,8 +53,6 @@ _EARLY_CHUNK, _EARLY_STEPS = 20, 1000
 _ALIKE = 20
 #: medial plane of the reference
 _REFERENCE_PLANE = {"gap": 0.004, "plane": 1.0}
-#: settings that must be above 0
-_POSITIVE = ("end", "core_stiffness", "thickness", "record_interval", "frame_interval")
 #: hemisphere -> side of the medial plane in RAS coordinates
 _SIDE = {"L": -1.0, "R": 1.0, None: 0.0}
 
@@ -56,13 +62,11 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
 
     Raises
     ------
-    InputError : a setting is not a number of its kind; nothing grows; the tetrahedra fill no body, or one is inverted;
-        a field is missing or has impossible values; the time step is not stable; or there is no GPU
+    InputError : nothing grows; the tetrahedra fill no body, or one is inverted;
+        a field is missing or has impossible values; or the time step is not stable
     """
-    _check_numbers(settings)
     check_age(settings.gestational_age)
     check_model(settings)
-    device = device_name() if settings.device == "cuda" else "cpu"
     if not settings.gestational_age < settings.end:
         raise InputError(
             f"nothing grows from {settings.gestational_age:g} to {settings.end:g} weeks", remedy="set a later end"
@@ -111,32 +115,12 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
         start,
         end,
         bound,
-        device,
     )
 
 
 def _stiffest(material: Material, body: Body) -> Material:
     """The material of the stiffest core, which limits the time step."""
     return material._replace(mu_core=material.mu_core * float(body.stiffness.max()))
-
-
-def _check_numbers(settings: Settings) -> None:
-    """Raise InputError for a setting that is not a finite number, or not above 0 where it must be."""
-    for name in _POSITIVE:
-        value = getattr(settings, name)
-        if value is not None and not (np.isfinite(value) and value > 0):
-            raise InputError(
-                f"{name} = {value:g} is not a finite number above 0", remedy="mend the settings of the fold"
-            )
-    for region, stiffness in settings.region_stiffness.items():
-        if not (np.isfinite(stiffness) and stiffness > 0):
-            raise InputError(
-                f"the stiffness of region {region} is {stiffness:g}, not a finite number above 0",
-                remedy="mend the settings of the fold",
-            )
-    for label, law in settings.regions.items():
-        if not np.isfinite(law).all():
-            raise InputError(f"the growth law of region {label} is {list(law)}", remedy="mend the settings of the fold")
 
 
 def described(run: Run) -> list[str]:
@@ -146,8 +130,6 @@ def described(run: Run) -> list[str]:
         f"the growing cortex is {thickness_mm(run):.2f} mm thick at the start: "
         f"{share:.3f} of the unit of length, {run.scale.length:.1f} mm"
     ]
-    if run.device != "cpu":
-        sentences.append(f"the steps are taken on a GPU: {run.device}")
     if run.wall is not None:
         sentences.append(
             f"medial wall: {run.wall.area_mm2:.0f} mm2, {run.wall.share:.1%} of the surface; {run.wall.found}"
@@ -200,7 +182,7 @@ def beginning(run: Run) -> Moment:
         planes=planes_of(ConvexHull(x)) if run.enveloped else None,
         **plane,
     )
-    return Moment(0, run.start, Motion(x, np.zeros_like(x)), workspace(run.body), contact)
+    return Moment(0, run.start, Motion(x, np.zeros_like(x)), run.body, workspace(run.body), contact)
 
 
 def advance_to(run: Run, moment: Moment, target: float) -> bool:
@@ -208,27 +190,20 @@ def advance_to(run: Run, moment: Moment, target: float) -> bool:
 
     The time step is that for the present body (`time_step_of`), or a little less, so that all steps are equal.
     """
-    stepper = moment.stepper or _stepper(run, moment)
-    begin, moment.stepper = moment.time, stepper
-    stepper.begin()
+    begin = moment.time
     steps = max(int(np.ceil((target - begin) / time_step_of(run, moment) - 1e-9)), 1)
     dt = (target - begin) / steps
     length = _CHUNK if moment.step >= _EARLY_STEPS else _EARLY_CHUNK
     chunks = (np.arange(first, min(steps, first + length)).astype(float) for first in range(0, steps, length))
-    energy = sum(_energies(run, stepper, stepper.state, begin, dt))
+    energy = sum(_energies(run, moment, moment.state, begin, dt))
     inverted = False
     for chunk in chunks:
-        inverted, energy = _advance_over(run, moment, stepper, begin + dt * chunk, dt, energy)
+        inverted, energy = _advance_over(run, moment, begin + dt * chunk, dt, energy)
         if inverted:
             break
     if not inverted:
         moment.time = target
-    stepper.finish()
     return inverted
-
-
-def _stepper(run: Run, moment: Moment) -> Stepper:
-    return OnCpu(run, moment) if run.device == "cpu" else OnGpu(run, moment)
 
 
 def time_step_of(run: Run, moment: Moment) -> float:
@@ -243,9 +218,7 @@ def time_step_of(run: Run, moment: Moment) -> float:
     return stable_time_step(altitude, material)
 
 
-def _advance_over(
-    run: Run, moment: Moment, stepper: Stepper, times: FloatArray, dt: float, energy: float
-) -> tuple[bool, float]:
+def _advance_over(run: Run, moment: Moment, times: FloatArray, dt: float, energy: float) -> tuple[bool, float]:
     """Take one step at each of `times`; `energy` is the energy before them.
 
     Also adds up the energy that growth brings into the body. At a fixed shape, only growth changes the energy, from
@@ -256,31 +229,41 @@ def _advance_over(
     -------
     whether the run ended at an inverted element; the energy after the steps
     """
-    before = stepper.copy()
+    before = Motion(moment.state.x.copy(), moment.state.v.copy())
     course = run.growth.at(times, dt)
     alike = _ALIKE if run.growth.mapped else len(times)
     done, how = 0, LIST_OUTDATED
     while done < len(times) and how != INVERTED:
         first = done - done % alike
-        stepper.take(run.growth.body(run.body, float(times[first]) + dt * alike / 2))
-        steps, how = stepper.advance(course.part(done, first + alike), dt)
-        done += steps
+        _take(moment, run.growth.body(run.body, float(times[first]) + dt * alike / 2))
+        part = course.part(done, first + alike)
+        steps, how = advance(moment.body, run.material, moment.state, moment.work, moment.contact, part, dt)
+        done += int(steps)
         if how == LIST_OUTDATED:
-            stepper.list_contacts(float(course.envelope[done]))
+            moment.contact = listed_at(moment.contact, moment.state.x, float(course.envelope[done]))
     now = float(times[0]) + dt * done
-    held = sum(_energies(run, stepper, before, now, dt))
-    moved = sum(_energies(run, stepper, stepper.state, moment.time, dt))
-    after = sum(_energies(run, stepper, stepper.state, now, dt))
+    held = sum(_energies(run, moment, before, now, dt))
+    moved = sum(_energies(run, moment, moment.state, moment.time, dt))
+    after = sum(_energies(run, moment, moment.state, now, dt))
     moment.growth_work += (held - energy + after - moved) / 2
     moment.step, moment.time = moment.step + done, now
-    return how == INVERTED, after
+    return bool(how == INVERTED), after
 
 
-def _energies(run: Run, stepper: Stepper, state: Motion, time: float, dt: float) -> tuple[float, float]:
-    """Kinetic and elastic energy of a state with the growth at a time."""
-    course = run.growth.at(np.array([time]), dt)
-    stepper.take(run.growth.body(run.body, time))
-    return stepper.energies(state, course.growth[0], float(course.thickening[0]))
+def _take(moment: Moment, body: Body) -> None:
+    """Continue with a body whose `amount`, `gradients` and `volumes` may have changed."""
+    if body is not moment.body:
+        renew(moment.work.patches, body)
+        moment.body = body
+
+
+def _energies(run: Run, moment: Moment, state: Motion, time: float, dt: float) -> tuple[float, float]:
+    """Kinetic and elastic energy of a state with the growth at a time; J and growth there stay in `moment.work`."""
+    course, work = run.growth.at(np.array([time]), dt), moment.work
+    _take(moment, run.growth.body(run.body, time))
+    elastic_forces(run.material, state.x, work, course.growth[0], float(course.thickening[0]))
+    kinetic = kinetic_energy(run.material, state.v, work)
+    return kinetic, elastic_energy(moment.body, run.material, state.x, work, course.growth[0])
 
 
 def millimetres(run: Run, moment: Moment) -> FloatArray:
@@ -291,7 +274,7 @@ def millimetres(run: Run, moment: Moment) -> FloatArray:
 def measured(run: Run, moment: Moment) -> Measurements:
     """Measure the body in its present state; its J and growth are left in `moment.work`."""
     work = moment.work
-    kinetic, elastic = _energies(run, OnCpu(run, moment), moment.state, moment.time, 0.0)
+    kinetic, elastic = _energies(run, moment, moment.state, moment.time, 0.0)
     dissipated, pushed = work.energy.tolist()
     missing = kinetic + elastic + dissipated - moment.growth_work - pushed
     flow = abs(moment.growth_work) + abs(pushed)

@@ -24,23 +24,6 @@ Amount = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
 ByAge = Amount | Annotated[dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Amount], Field(min_length=1)]
 
 
-def misplaced(fold: Any) -> str | None:
-    """What is wrong if a section or the settings of a run have a key of the other model; None: nothing."""
-    growing = fold.model == "growing"
-    of_growing = {
-        "thickness_rate": fold.thickness_rate is not None,
-        "volume": fold.volume is not None,
-        "hull": fold.hull is not None,
-        "envelope": bool(fold.envelope),
-        "core_regions": bool(fold.core_regions),
-        "growth_rate by age": isinstance(fold.growth_rate, Mapping),
-    }
-    wrong = {"reference": fold.reference} if growing else of_growing
-    name = next((name for name, is_set in wrong.items() if is_set), None)
-    other = "braingrowth" if growing else "growing"
-    return name and f"{name} is of the model {other}, not of {fold.model}: leave it out, or set model: {other}"
-
-
 class Fold(Section):
     """Folding simulation of meshes: growth of the cortex until it buckles."""
 
@@ -108,14 +91,22 @@ class Fold(Section):
     """Weeks between two rows of the table of a run."""
     frame_interval: Positive = 1.0
     """Weeks between two frames (.vtu) of a run."""
-    device: Literal["cpu", "cuda"] = "cpu"
-    """What takes the steps of a run: cpu, or cuda for a GPU of NVIDIA (`pip install 'cortet[gpu]'`), where the workflow
-    lets one job at a time have one. A result is reproducible bit for bit on one device, not across devices."""
 
     @model_validator(mode="after")
     def _keys_are_of_the_model(self) -> Fold:
-        if wrong := misplaced(self):
-            raise ValueError(wrong)
+        of_growing = {
+            "thickness_rate": self.thickness_rate is not None,
+            "volume": self.volume is not None,
+            "hull": self.hull is not None,
+            "envelope": bool(self.envelope),
+            "core_regions": bool(self.core_regions),
+            "growth_rate by age": isinstance(self.growth_rate, Mapping),
+        }
+        wrong = {"reference": self.reference} if self.model == "growing" else of_growing
+        other = "braingrowth" if self.model == "growing" else "growing"
+        if name := next((name for name, is_set in wrong.items() if is_set), None):
+            what = f"{name} is of the model {other}, not of {self.model}"
+            raise ValueError(f"{what}: leave it out, or set model: {other}")
         return self
 
     @model_validator(mode="after")
@@ -143,7 +134,13 @@ class Fold(Section):
         }
 
 
-DEFAULT = Fold()
+class Settings(Fold):
+    """What a run needs besides its mesh: the section, and whose brain the mesh is."""
+
+    gestational_age: float
+    """Of the mesh, weeks; growth is relative to it."""
+    hemisphere: Literal["L", "R"] | None = None
+    """Half a brain, which the medial plane confines; null: a whole one."""
 
 
 class Convergence(Section):

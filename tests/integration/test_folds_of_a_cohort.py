@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import re
 import shutil
 
 from tests.integration.study import Study, scaled
@@ -34,11 +33,3 @@ def test_all_cases_are_folded_under_every_variant(study: Study) -> None:
     assert study.planned_jobs() == set()
     scaled(real, 1.1)
     assert study.planned_jobs() == {("fold_figures", "sub-a"), ("fold_figures", "sub-b")}
-
-
-def test_a_fold_asks_for_a_gpu_where_it_shall_have_one(study: Study) -> None:
-    study.config["fold"] = {"cases": "all", "device": "cuda", "variants": {"plain": {"device": "cpu"}}}
-    plan = study.run("--dry-run").stdout
-    jobs = re.findall(r"^rule fold:\n((?: +.*\n)*)", plan, flags=re.MULTILINE)
-    asked = {("FoldedPlain" in job, re.search(r"gpu=(\d)", job)[1]) for job in jobs}
-    assert asked == {(False, "1"), (True, "0")}

@@ -14,7 +14,7 @@ from cortet.config import load
 from cortet.errors import InputError
 from cortet.folding.cohort_folding import COLUMNS, cohort_folding_figure, write_cohort_folding
 from cortet.folding.fold import fold
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.formats.tables import names
 from cortet.formats.tsv import read_tsv
 

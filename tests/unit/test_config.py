@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import json
 from collections.abc import Iterator
-from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
 
@@ -15,7 +14,7 @@ import yaml
 from cortet import config
 from cortet.config import keys_not_given
 from cortet.errors import InputError
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.sections import Section
 from cortet.stages import STAGES
 
@@ -80,7 +79,7 @@ def test_a_stage_gets_exactly_the_parameters_its_function_takes(stage: str) -> N
 
 def test_the_folding_section_holds_the_settings_of_a_run() -> None:
     given = set(config.Config().arguments("fold", FACTS))
-    assert given == {field.name for field in fields(Settings)}
+    assert given == Settings.model_fields.keys() - Settings.choices
 
 
 def test_stage_parameters_are_plain_data_with_the_version_of_the_stage() -> None:

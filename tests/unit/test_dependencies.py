@@ -33,7 +33,7 @@ def test_the_doctor_proves_every_runtime_dependency():
 
 def test_the_doctor_knows_the_extras():
     extras = PROJECT["project"]["optional-dependencies"]
-    extra = names(extras["baselines"] + extras["slurm"] + extras["gpu"])
+    extra = names(extras["baselines"] + extras["slurm"])
     assert {library.name for library in doctor.OPTIONAL} == extra
     assert not doctor.problems([doctor.Finding("missing", name, "", "", "not installed") for name in extra])
 

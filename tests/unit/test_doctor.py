@@ -40,7 +40,7 @@ def test_every_library_works_here(name):
 
 def test_what_is_compiled_or_linked_with_the_system_is_proved():
     proved = {tool.name for tool in (*doctor.LIBRARIES, *doctor.OPTIONAL, *doctor.PROGRAMS) if tool.proof}
-    assert proved == {"numba", "pygalmesh", "cgal", "gmsh", "pymeshlab", "pyvista", "numba-cuda", "meshtool"}
+    assert proved == {"numba", "pygalmesh", "cgal", "gmsh", "pymeshlab", "pyvista", "meshtool"}
     assert {tool.name for tool in doctor.LIBRARIES if tool.system_packages} < proved
 
 

@@ -19,6 +19,7 @@ from cubes import cube_mesh
 from fold_brain import comparison
 from shapes import ball_mesh
 
+from cortet.config import load
 from cortet.errors import InputError
 from cortet.folding import fold as fold_module
 from cortet.folding.body import THICKNESS, Material, growth_mask, scale_of
@@ -28,7 +29,7 @@ from cortet.folding.law import ALONG
 from cortet.folding.measurements import COLUMNS, Measurements
 from cortet.folding.models import CONSTANTS
 from cortet.folding.run import beginning, prepared, thickness_mm, time_step_of
-from cortet.folding.state import Model, Settings
+from cortet.folding.section import Model, Settings
 from cortet.formats import braingrowth
 from cortet.formats.gifti import read_surface
 from cortet.formats.tables import names
@@ -110,7 +111,9 @@ def test_the_ball_grows_without_inversion(finished: tuple[Path, Verdict]) -> Non
 
 def test_a_run_says_how_thick_its_cortex_is(ball: TetMesh, tmp_path: Path) -> None:
     said: list[str] = []
-    verdict = fold(ball, tmp_path, Settings(22.0, "L", end=22.01, model="braingrowth"), say=said.append)
+    verdict = fold(
+        ball, tmp_path, Settings(gestational_age=22.0, hemisphere="L", end=22.01, model="braingrowth"), say=said.append
+    )
     assert verdict.thickness_mm == pytest.approx(0.042 * verdict.length_mm, rel=0.01)
     assert said[0].startswith(f"the growing cortex is {verdict.thickness_mm:.2f} mm thick at the start: 0.042 of the")
     assert said[1].startswith("medial wall: ") and verdict.medial_wall is not None
@@ -120,7 +123,7 @@ def test_a_run_says_how_thick_its_cortex_is(ball: TetMesh, tmp_path: Path) -> No
 
 def test_a_run_says_how_much_the_whole_grows(ball: TetMesh, tmp_path: Path) -> None:
     said: list[str] = []
-    fold(ball, tmp_path, replace(QUICK, end=22.2), say=said.append)
+    fold(ball, tmp_path, QUICK.with_keys(end=22.2), say=said.append)
     assert said[1].startswith("until 22.2 weeks lengths of the core grow by 1.02; beside it the cortex grows by 1.01 ")
     assert said[1].endswith("across; an envelope grows by 1.01")
 
@@ -135,8 +138,8 @@ def test_the_energies_balance(finished: tuple[Path, Verdict]) -> None:
 
 def test_each_model_has_a_stiffness_and_settings_another(ball: TetMesh) -> None:
     assert prepared(ball, QUICK).material == Material(mu_core=CONSTANTS["growing"].core_stiffness)
-    assert prepared(ball, replace(QUICK, model="braingrowth")).material == Material()
-    assert prepared(ball, replace(QUICK, core_stiffness=0.5)).material == Material(mu_core=0.5)
+    assert prepared(ball, QUICK.with_keys(model="braingrowth")).material == Material()
+    assert prepared(ball, QUICK.with_keys(core_stiffness=0.5)).material == Material(mu_core=0.5)
 
 
 def test_the_time_step_follows_the_body(ball: TetMesh) -> None:
@@ -204,7 +207,7 @@ def test_what_a_killed_process_was_writing_is_deleted_by_the_next(ball: TetMesh,
     for file in others:
         file.touch()
     assert len(list(tmp_path.rglob(".*"))) == 4
-    fold(ball, tmp_path, Settings(22.0, end=22.2, thickness=3.0))
+    fold(ball, tmp_path, Settings(gestational_age=22.0, end=22.2, thickness=3.0))
     assert sorted(tmp_path.rglob(".*")) == sorted(others)
 
 
@@ -258,7 +261,7 @@ def test_a_checkpoint_of_another_run_is_not_used(
     fold(
         ball,
         tmp_path,
-        Settings(22.0, end=22.4, thickness=3.0),
+        Settings(gestational_age=22.0, end=22.4, thickness=3.0),
         lambda measurements, *_: steps.append(measurements.step),
     )
     assert steps[0] == 0
@@ -266,7 +269,7 @@ def test_a_checkpoint_of_another_run_is_not_used(
 
 
 def test_it_ends_at_the_first_inverted_element_and_names_it(ball: TetMesh, tmp_path: Path) -> None:
-    settings = Settings(22.0, end=40.0, model="braingrowth", growth_rate=1000.0, record_interval=0.5)
+    settings = Settings(gestational_age=22.0, end=40.0, model="braingrowth", growth_rate=1000.0, record_interval=0.5)
     verdict = fold(ball, tmp_path, settings)
     assert verdict.outcome == "inverted"
     assert verdict.gestational_age < 40.0
@@ -282,7 +285,10 @@ def test_it_ends_at_the_first_inverted_element_and_names_it(ball: TetMesh, tmp_p
 def test_half_a_brain_has_the_unit_of_the_whole_and_stays_on_its_side(
     ball: TetMesh, hemisphere: str, side: float, aspect: tuple[float, ...], length: float
 ) -> None:
-    run = prepared(TetMesh(ball.points * aspect, ball.cells), Settings(22.0, hemisphere, model="braingrowth"))
+    run = prepared(
+        TetMesh(ball.points * aspect, ball.cells),
+        Settings(gestational_age=22.0, hemisphere=hemisphere, model="braingrowth"),
+    )
     assert run.scale.length == pytest.approx(length, rel=0.02)  # half its length, its width, half its height
     assert thickness_mm(run) == pytest.approx(0.042 * run.scale.length, rel=0.01)
     assert (side * beginning(run).state.x[:, 0]).min() == pytest.approx(0, abs=1e-12)
@@ -299,7 +305,7 @@ def test_the_cortex_of_a_real_brain_is_as_thick_as_in_the_reference() -> None:
 def test_a_whole_brain_is_scaled_by_its_largest_coordinate(ball: TetMesh) -> None:
     long = TetMesh(ball.points * [0.7, 1, 0.6], ball.cells)
     for reference in (False, True):
-        x = beginning(prepared(long, Settings(22.0, model="braingrowth", reference=reference))).state.x
+        x = beginning(prepared(long, Settings(gestational_age=22.0, model="braingrowth", reference=reference))).state.x
         assert np.abs(x).max() == pytest.approx(1)
     assert x.mean(axis=0) == pytest.approx([0, 0, 0], abs=1e-12)
 
@@ -342,7 +348,7 @@ def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh, model: Model) ->
         "label": np.where(upper, 7, 3),
     }
     mesh = TetMesh(ball.points, ball.cells, fields)
-    run = prepared(mesh, Settings(22.0, model=model, regions={7: (2.0, 5.0, 0.4)}))
+    run = prepared(mesh, Settings(gestational_age=22.0, model=model, regions={7: (2.0, 5.0, 0.4)}))
     low, high = (
         run.mesh.points[run.body.cells][:, :, 2].max(axis=1) <= 3.0,
         run.mesh.points[run.body.cells][:, :, 2].min(axis=1) > 3.0,
@@ -364,45 +370,52 @@ def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh, model: Model) ->
 @pytest.mark.parametrize(
     ("settings", "fields", "words"),
     [
-        (Settings(40.0, end=30.0), {}, "nothing grows from 40 to 30 weeks"),
-        (Settings(22.0, regions={1: (1.0, 1.0, 1.0)}), {}, "no field label"),
+        ({"gestational_age": 40.0, "end": 30.0}, {}, "nothing grows from 40 to 30 weeks"),
+        ({"regions": {1: (1.0, 1.0, 1.0)}}, {}, "no field label"),
         (
-            Settings(22.0, regions={1: (1.0, 1.0, 1.0), 9: (1.0, 1.0, 1.0)}),
+            {"regions": {1: (1.0, 1.0, 1.0), 9: (1.0, 1.0, 1.0)}},
             {"label": 1},
             "fold.regions names 9, but the field label of the mesh has only 1",
         ),
-        (Settings(22.0, regions={1: (np.nan, 1.0, 1.0)}), {"label": 1}, "growth law of region 1 is"),
-        (Settings(22.0, core_regions={2: -0.01}), {}, "no cell data region"),
-        (Settings(22.0, reference=True), {}, "reference is of the model braingrowth, not of growing"),
-        (
-            Settings(22.0, model="braingrowth", volume={22: 20}),
-            {},
-            "volume is of the model growing, not of braingrowth",
-        ),
-        (Settings(22.0, model="braingrowth", growth_rate={22: 0}), {}, "growth_rate by age is of the model growing"),
-        (Settings(22.0, growth_rate={22: 0, 40: -1.5}), {}, "growth_rate leaves nothing at 40 weeks"),
-        (Settings(22.0, thickness_rate=-0.1), {}, "thickness_rate leaves nothing at"),
-        (Settings(12.0), {}, "12 is not a gestational age to fold at: .* holds from 20 to 60 weeks"),
-        (Settings(-5.0), {}, "-5 is not a gestational age"),
-        (Settings(np.nan), {}, "nan is not a gestational age"),
-        (Settings(22.0, end=np.inf), {}, "end = inf is not a finite number above 0"),
-        (Settings(22.0, thickness=0.0), {}, "thickness = 0 is not a finite number above 0"),
-        (Settings(22.0), {"filled": np.nan}, "the field filled is nan at node 0"),
-        (Settings(22.0), {"thickness": np.inf}, "the field thickness is inf at node 0"),
-        (Settings(22.0), {"thickness": [1.0, 1.0, 1.0]}, r"the field thickness has \d+ x 3 values, not one per node"),
-        (Settings(22.0, "L"), {"medial_wall": np.nan}, "the field medial_wall is nan at node 0"),
-        (Settings(22.0, regions={1: (1.0, 1.0, 1.0)}), {"label": np.nan}, "the field label is nan at node 0"),
-        (Settings(22.0), {"growth": 1.001}, "growth has values from 1.001 to 1.001, not 0 to 1"),
-        (Settings(22.0), {"growth": 2.0}, "growth has values from 2 to 2"),
-        (Settings(22.0), {"thickness": -1.0}, "thickness falls to -1 mm"),
+        ({"core_regions": {2: -0.01}}, {}, "no cell data region"),
+        ({"growth_rate": {22: 0, 40: -1.5}}, {}, "growth_rate leaves nothing at 40 weeks"),
+        ({"thickness_rate": -0.1}, {}, "thickness_rate leaves nothing at"),
+        ({"gestational_age": 12.0}, {}, "12 is not a gestational age to fold at: .* holds from 20 to 60 weeks"),
+        ({"gestational_age": -5.0}, {}, "-5 is not a gestational age"),
+        ({"gestational_age": np.nan}, {}, "nan is not a gestational age"),
+        ({}, {"filled": np.nan}, "the field filled is nan at node 0"),
+        ({}, {"thickness": np.inf}, "the field thickness is inf at node 0"),
+        ({}, {"thickness": [1.0, 1.0, 1.0]}, r"the field thickness has \d+ x 3 values, not one per node"),
+        ({"hemisphere": "L"}, {"medial_wall": np.nan}, "the field medial_wall is nan at node 0"),
+        ({"regions": {1: (1.0, 1.0, 1.0)}}, {"label": np.nan}, "the field label is nan at node 0"),
+        ({}, {"growth": 1.001}, "growth has values from 1.001 to 1.001, not 0 to 1"),
+        ({}, {"growth": 2.0}, "growth has values from 2 to 2"),
+        ({}, {"thickness": -1.0}, "thickness falls to -1 mm"),
     ],
 )
 def test_what_cannot_be_folded_is_refused(
-    ball: TetMesh, settings: Settings, fields: dict[str, Any], words: str
+    ball: TetMesh, settings: dict[str, Any], fields: dict[str, Any], words: str
 ) -> None:
     data = {name: np.array([value] * len(ball.points)) for name, value in fields.items()}
     with pytest.raises(InputError, match=words):
-        prepared(TetMesh(ball.points, ball.cells, data), settings)
+        prepared(TetMesh(ball.points, ball.cells, data), Settings(**{"gestational_age": 22.0, **settings}))
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"reference": True}, "reference is of the model braingrowth, not of growing"),
+        ({"model": "braingrowth", "volume": {22: 20}}, "volume is of the model growing, not of braingrowth"),
+        ({"model": "braingrowth", "growth_rate": {22: 0}}, "growth_rate by age is of the model growing"),
+        ({"regions": {1: (np.nan, 1.0, 1.0)}}, "fold.regions.1 = nan: .* finite"),
+        ({"region_stiffness": {"tissue_thalamus": 0.0}}, "region_stiffness.tissue_thalamus = 0.0: .* greater than 0"),
+        ({"end": np.inf}, "fold.end = inf: .* less than or equal to 60"),
+        ({"thickness": 0.0}, "fold.thickness = 0.0: .* greater than 0"),
+    ],
+)
+def test_settings_of_no_run_are_refused(settings: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        load({"fold": settings})
 
 
 def test_a_growth_that_rounding_has_taken_beyond_1_is_clipped(ball: TetMesh) -> None:
@@ -413,7 +426,7 @@ def test_a_growth_that_rounding_has_taken_beyond_1_is_clipped(ball: TetMesh) -> 
 
 def test_an_inverted_mesh_is_refused(ball: TetMesh) -> None:
     with pytest.raises(InputError, match="inverted or flat before anything grows"):
-        prepared(TetMesh(ball.points, ball.cells[:, [1, 0, 2, 3]]), Settings(22.0))
+        prepared(TetMesh(ball.points, ball.cells[:, [1, 0, 2, 3]]), Settings(gestational_age=22.0))
 
 
 @pytest.mark.filterwarnings("error")
@@ -430,7 +443,10 @@ def test_an_inverted_mesh_is_checked_before_anything_is_computed(tmp_path: Path,
         cells[turned] = cells[turned][:, [1, 0, 2, 3]]
     wrong = TetMesh(points, cells)
     named = "5 is inverted or flat before anything grows, the worst of 1 " if fault == "one" else "is inverted or flat"
-    for checked in (lambda: fold(wrong, tmp_path, Settings(22.0, hemisphere)), lambda: prepared(wrong, Settings(22.0))):
+    for checked in (
+        lambda: fold(wrong, tmp_path, Settings(gestational_age=22.0, hemisphere=hemisphere)),
+        lambda: prepared(wrong, Settings(gestational_age=22.0)),
+    ):
         with pytest.raises(InputError, match=f"tetrahedron .*{named}"):
             checked()
 
@@ -443,7 +459,7 @@ def test_the_references_sphere_grows_as_in_the_reference(tmp_path: Path) -> None
 
 
 def test_the_reference_counts_growth_from_its_start_and_a_step_late(ball: TetMesh) -> None:
-    settings = Settings(30.0, model="braingrowth", reference=True, time_step=1e-4)
+    settings = Settings(gestational_age=30.0, model="braingrowth", reference=True, time_step=1e-4)
     run, start = prepared(ball, settings), time_of(30.0)
     (growth,), (thickening,), _ = run.growth.at(np.array([start + 5e-4]), 1e-4)
     assert growth[0] == pytest.approx([1.829 * (start + 4e-4), 0, 0])

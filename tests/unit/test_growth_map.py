@@ -16,7 +16,7 @@ from cortet.folding.fold import fold
 from cortet.folding.growth_map import sheared, tangents
 from cortet.folding.law import deformation, grown_gradients
 from cortet.folding.run import advance_to, beginning, prepared
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.folding.surface_growth import (
     area_ratio,
     logarithmic_growth,
@@ -30,7 +30,7 @@ from cortet.formats.gifti import write_surface
 from cortet.geometry.topology import vertex_normals
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 
-THIN = Settings(22.0, end=22.5, thickness=3.0, record_interval=0.5, frame_interval=0.5, envelope=False)
+THIN = Settings(gestational_age=22.0, end=22.5, thickness=3.0, record_interval=0.5, frame_interval=0.5, envelope=False)
 
 
 def stretched(surface: TriSurface, *factors: float) -> TriSurface:
@@ -152,10 +152,10 @@ def grown(mesh: TetMesh, settings: Settings) -> FloatArray:
 def test_a_map_that_is_the_same_everywhere_grows_like_the_law_that_says_so() -> None:
     mesh = ball_mesh(2, radius=10.0)
     still = {22.0: 1.0, 23.0: 1.0}  # the whole keeps its volume
-    by_law = grown(mesh, replace(THIN, volume=still, growth_rate={22.0: 0.0, 24.0: 0.2}))
-    measured = prepared(mapped(mesh, radial(mesh, 1.2)), replace(THIN, volume=still))
+    by_law = grown(mesh, THIN.with_keys(volume=still, growth_rate={22.0: 0.0, 24.0: 0.2}))
+    measured = prepared(mapped(mesh, radial(mesh, 1.2)), THIN.with_keys(volume=still))
     assert measured.growth.mapped
-    by_map = grown(mapped(mesh, radial(mesh, 1.2)), replace(THIN, volume=still))
+    by_map = grown(mapped(mesh, radial(mesh, 1.2)), THIN.with_keys(volume=still))
     gained = np.linalg.norm(by_law - mesh.points, axis=1).max()
     assert gained > 0.05
     # a map is even in the logarithm, relative to a core that shrinks a little; the law in the stretch
@@ -172,7 +172,7 @@ def test_what_grows_more_along_its_meridians_becomes_longer_from_pole_to_pole() 
     shape = 0.2 * (from_axis / from_centre) ** 2
     tensors = meridian[:, :, None] * meridian[:, None, :] - parallel[:, :, None] * parallel[:, None, :]
     tensors = (shape[:, None, None] * tensors)[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    end = grown(mapped(mesh, tensors), replace(THIN, end=23.5, volume={22.0: 1.0, 24.0: 1.0}))
+    end = grown(mapped(mesh, tensors), THIN.with_keys(end=23.5, volume={22.0: 1.0, 24.0: 1.0}))
     along_x, along_y, along_z = np.ptp(end, axis=0) / np.ptp(mesh.points, axis=0)
     assert along_z > 1.005 > 0.998 > along_x
     assert along_x == pytest.approx(along_y, rel=1e-3)
@@ -180,7 +180,7 @@ def test_what_grows_more_along_its_meridians_becomes_longer_from_pole_to_pole() 
 
 def test_a_killed_run_of_a_map_ends_with_the_same_bits_and_its_energy_is_balanced(tmp_path: Path) -> None:
     mesh = mapped(ball_mesh(2, radius=10.0), radial(ball_mesh(2, radius=10.0), 1.3), 26.0)
-    settings = replace(THIN, end=24.0)
+    settings = THIN.with_keys(end=24.0)
     verdict = fold(mesh, tmp_path / "whole", settings)
     assert abs(verdict.energy_error or 0) < 5e-3
     again = fold(mesh, tmp_path / "again", settings)
@@ -213,7 +213,7 @@ def test_the_metrics_of_growth_in_place_of_its_map_are_refused() -> None:
 def test_a_map_beside_another_law_is_refused() -> None:
     mesh = mapped(ball_mesh(1, radius=10.0), np.zeros((len(ball_mesh(1).points), 6)))
     with pytest.raises(InputError, match="growth_to_24, and fold.model braingrowth says something else"):
-        prepared(mesh, replace(THIN, model="braingrowth", envelope=None))
+        prepared(mesh, THIN.with_keys(model="braingrowth", envelope=None))
     with pytest.raises(InputError, match="the field growth says"):
         prepared(replace(mesh, point_data={**mesh.point_data, "growth": np.ones(len(mesh.points))}), THIN)
 
@@ -221,7 +221,7 @@ def test_a_map_beside_another_law_is_refused() -> None:
 def test_a_fold_ends_where_its_last_map_does(tmp_path: Path) -> None:
     mesh = mapped(ball_mesh(1, radius=10.0), np.zeros((len(ball_mesh(1).points), 6)), 22.5)
     said = list[str]()
-    verdict = fold(mesh, tmp_path, replace(THIN, end=24.0), say=said.append)
+    verdict = fold(mesh, tmp_path, THIN.with_keys(end=24.0), say=said.append)
     assert verdict.gestational_age == pytest.approx(22.5)
     assert "warning: growth was measured up to 22.5 weeks, so the fold ends there, not at 24" in said
 

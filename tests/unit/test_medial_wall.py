@@ -14,7 +14,7 @@ from cortet.folding.body import scale_of
 from cortet.folding.growth import time_of
 from cortet.folding.medial_wall import Wall, medial_wall
 from cortet.folding.run import advance_to, beginning, described, millimetres, prepared
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.formats.gifti import read_surface
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.meshes import MeshSets, TetMesh, TriSurface
@@ -93,7 +93,7 @@ def test_the_mesh_may_say_what_its_wall_is() -> None:
         wall = wall_of(marked, "L")
         assert np.array_equal(wall.nodes, top)
         assert wall.found == "the mesh marks it (medial_wall)"
-        assert prepared(marked, Settings(22.0, "L")).body.held.sum() == top.sum()
+        assert prepared(marked, Settings(gestational_age=22.0, hemisphere="L")).body.held.sum() == top.sum()
 
 
 @pytest.mark.parametrize(("value", "words"), [(0, "marks none of the surface"), (1, "marks all of the surface")])
@@ -118,7 +118,7 @@ def test_the_wall_of_a_real_brain_is_the_cut_through_its_middle(name: str) -> No
 
 def test_the_wall_slides_in_the_sagittal_plane_and_does_not_grow() -> None:
     mesh = block()
-    run = prepared(mesh, Settings(22.0, "L", thickness=6.0))
+    run = prepared(mesh, Settings(gestational_age=22.0, hemisphere="L", thickness=6.0))
     surface = boundary_nodes(run.mesh)
     held = run.body.held
     inside = held[run.body.cells].all(axis=1)
@@ -135,6 +135,9 @@ def test_the_wall_slides_in_the_sagittal_plane_and_does_not_grow() -> None:
 
 
 def test_a_whole_brain_has_none() -> None:
-    run = prepared(block(), Settings(22.0))
+    run = prepared(block(), Settings(gestational_age=22.0))
     assert run.wall is None and not run.body.held.any()
-    assert prepared(block(), Settings(22.0, "L", model="braingrowth", reference=True)).wall is None
+    assert (
+        prepared(block(), Settings(gestational_age=22.0, hemisphere="L", model="braingrowth", reference=True)).wall
+        is None
+    )

@@ -9,7 +9,7 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.errors import InputError
 from cortet.folding.fold import fold
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.measure.certify import certify
 from cortet.measure.quality import measures, quality, summarise
 from cortet.meshes import MeshSets, TetMesh, TriSurface
@@ -109,7 +109,7 @@ def test_numbers_that_are_none_and_nothing_at_all_are_not_measured(bad: float, t
         for measured in (
             lambda mesh=mesh: certify(mesh, SURFACE),
             lambda mesh=mesh: summarise(mesh),
-            lambda mesh=mesh: fold(mesh, tmp_path, Settings(28.0)),
+            lambda mesh=mesh: fold(mesh, tmp_path, Settings(gestational_age=28.0)),
         ):
             with pytest.raises(InputError, match=words):
                 measured()

@@ -13,14 +13,14 @@ from cortet.errors import InputError
 from cortet.folding.fold import fold
 from cortet.folding.plausible import check_cells, check_mesh, flatness
 from cortet.folding.run import prepared
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.formats.gifti import read_surface
 from cortet.meshes import TetMesh
 from cortet.phantom import phantom
 from cortet.stages.generate import generate
 
 SHARED = Path(__file__).parents[3] / "shared/data"
-LEFT, RIGHT = Settings(26.0, "L"), Settings(26.0, "R")
+LEFT, RIGHT = Settings(gestational_age=26.0, hemisphere="L"), Settings(gestational_age=26.0, hemisphere="R")
 
 
 @pytest.fixture(scope="module")
@@ -62,10 +62,11 @@ def test_what_is_flatter_on_the_other_side_and_lies_beyond_the_midline_is_refuse
     flat = flatness(old)
     assert 1.05 < flat[0, 1] / flat[0, -1] < 1.2, "by its sides alone this would only be doubted"
     with pytest.raises(InputError, match="use --hemi L"):
-        check_mesh(old, Settings(28.0, "R"))
+        check_mesh(old, Settings(gestational_age=28.0, hemisphere="R"))
     centred = replace(old, points=old.points - old.points.mean(axis=0))
-    assert [words for words in check_mesh(centred, Settings(28.0, "R")) if "use --hemi L" in words]
-    assert check_mesh(centred, Settings(28.0, "L")) == []
+    doubts = check_mesh(centred, Settings(gestational_age=28.0, hemisphere="R"))
+    assert [words for words in doubts if "use --hemi L" in words]
+    assert check_mesh(centred, Settings(gestational_age=28.0, hemisphere="L")) == []
 
 
 def test_a_mesh_that_marks_its_medial_wall_is_believed(left: TetMesh) -> None:
@@ -104,12 +105,12 @@ def test_a_volume_that_is_none_of_the_age_is_doubted(left: TetMesh) -> None:
 def test_cells_as_coarse_as_the_cortex_are_doubted(left: TetMesh) -> None:
     (doubt,) = check_cells(prepared(left, LEFT))
     assert "the width of the folds will be that of the cells" in doubt
-    assert check_cells(prepared(left, replace(LEFT, thickness=8.0))) == []
+    assert check_cells(prepared(left, LEFT.with_keys(thickness=8.0))) == []
 
 
 def test_a_fold_says_its_doubts_and_begins_none_that_is_refused(left: TetMesh, tmp_path: Path) -> None:
     said: list[str] = []
-    fold(left, tmp_path, replace(LEFT, end=26.001), say=said.append)
+    fold(left, tmp_path, LEFT.with_keys(end=26.001), say=said.append)
     assert said[-1].startswith("warning: the cells are ")
     with pytest.raises(InputError, match="hemisphere R"):
         fold(left, tmp_path / "none", RIGHT)
@@ -123,7 +124,7 @@ def test_a_fold_says_its_doubts_and_begins_none_that_is_refused(left: TetMesh, t
 )
 def test_real_hemispheres_are_in_their_place(name: str, hemisphere: str) -> None:
     mesh = generate(read_surface(SHARED / f"fetal/{name}.surf.gii"), cell_size=4.0, mesher="lattice")[0]
-    settings = Settings(float("".join(filter(str.isdigit, name))), hemisphere)
+    settings = Settings(gestational_age=float("".join(filter(str.isdigit, name))), hemisphere=hemisphere)
     assert check_mesh(mesh, settings) == []
     with pytest.raises(InputError, match="turn the mesh to RAS"):
         check_mesh(placed(mesh, 2, -1, 3), settings)

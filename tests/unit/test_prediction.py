@@ -32,7 +32,7 @@ from cortet.folding.prediction import (
 )
 from cortet.folding.prediction_spread import checked, spreads
 from cortet.folding.prediction_tables import correlation, predicted_surfaces, scores, write_prediction, write_run
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.folding.surface_growth import area_ratio, fitted
 from cortet.formats import vtu
 from cortet.formats.gifti import write_fields, write_surface
@@ -41,7 +41,9 @@ from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.stages.transfer import transfer
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-SETTINGS = Settings(22.0, end=23.0, thickness=3.0, record_interval=0.5, frame_interval=0.5, envelope=False)
+SETTINGS = Settings(
+    gestational_age=22.0, end=23.0, thickness=3.0, record_interval=0.5, frame_interval=0.5, envelope=False
+)
 
 
 def bumpy(size: float, height: float) -> TriSurface:
@@ -239,7 +241,7 @@ def test_models_that_run_by_themselves_know_no_later_surface(tmp_path: Path) -> 
 
 def test_a_kind_of_another_model_is_refused(tmp_path: Path) -> None:
     series, mesh = grown_balls(tmp_path)
-    settings = replace(SETTINGS, model="braingrowth", envelope=None)
+    settings = SETTINGS.with_keys(model="braingrowth", envelope=None)
     with pytest.raises(InputError, match="kind mechanics imposes growth on the model growing, but fold.model is b"):
         predict(series, mesh, "mechanics", tmp_path / "fold", settings=settings, until=23.0)
 
@@ -250,7 +252,7 @@ def test_ages_of_weeks_and_days_are_predicted_as_they_are(tmp_path: Path) -> Non
         at: replace(one, points=5 * one.points) for at, one in ((22.0, bumpy(2.0, 0.1)), (age, bumpy(2.1, 0.15)))
     }
     series, mesh = series_of({**surfaces, 23.0: surfaces[age]}), ball_mesh(2, radius=10.0)
-    settings = replace(SETTINGS, record_interval=0.5, frame_interval=1.0)
+    settings = SETTINGS.with_keys(record_interval=0.5, frame_interval=1.0)
     found = predict(series, mesh, "unmapped", tmp_path, settings=settings, until=age)
     assert list(found.points) == [age, 23.0]
     table = pd.read_csv(tmp_path / "fold.tsv", sep="\t")

@@ -21,7 +21,7 @@ from cortet.cli import main as cortet_command
 from cortet.cli.given import read_mesh
 from cortet.errors import InputError, StageError
 from cortet.folding.models import stiffness_of
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.formats import FORMATS, format_of, msh, nastran, vtu
 from cortet.formats.gifti import write_surface
 from cortet.formats.tags import face_tags, region_numbers, regions
@@ -465,7 +465,7 @@ def test_a_number_means_the_region_of_today_in_a_file_of_an_earlier_cortet(name:
         del record["regions"], record["surface"]
         (tmp_path / f"{path.name}.json").write_text(json.dumps(record))
     for read in (tetrahedra, read_mesh):
-        settings = Settings(28.0, region_stiffness={2: 5.0})
+        settings = Settings(gestational_age=28.0, region_stiffness={2: 5.0})
         moduli = stiffness_of(read(path), settings)
         assert np.array_equal(moduli > moduli.min(), white)
 

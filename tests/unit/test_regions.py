@@ -14,7 +14,7 @@ from cortet.config import load
 from cortet.errors import InputError
 from cortet.folding.body import body_of, scale_of, with_interface
 from cortet.folding.fold import fold
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.formats import FORMATS
 from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closest_points, forest, surface_tree
@@ -390,7 +390,7 @@ def test_the_outer_region_is_what_grows_in_the_direction_across_it(meshed):
 
 
 def test_a_mesh_of_two_regions_folds(meshed, tmp_path):
-    verdict = fold(meshed.mesh, tmp_path, Settings(22.0, end=22.2))
+    verdict = fold(meshed.mesh, tmp_path, Settings(gestational_age=22.0, end=22.2))
     assert verdict.outcome == "folded" and verdict.thickness_mm > 1
 
 

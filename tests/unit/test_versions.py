@@ -18,7 +18,7 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.config import SETTINGS, version_of
 from cortet.folding.fold import fold
-from cortet.folding.state import Settings
+from cortet.folding.section import Settings
 from cortet.formats import vtu
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh, TriSurface
@@ -87,7 +87,7 @@ def floating_ball() -> TetMesh:
 def folded_ball() -> TetMesh:
     """A ball whose skin has grown for a week."""
     with tempfile.TemporaryDirectory() as folder:
-        fold(ball_mesh(2, radius=10.0), Path(folder), Settings(22.0, end=23.0, thickness=3.0))
+        fold(ball_mesh(2, radius=10.0), Path(folder), Settings(gestational_age=22.0, end=23.0, thickness=3.0))
         return vtu.read(sorted(Path(folder).glob("frames/*.vtu"))[-1])
 
 
