@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cortet.cli.shared import Commands
+    from cyclopts import App
+
     from cortet.cohort.plan import Plan
     from cortet.cohort.sheet import Case
     from cortet.config import Config
@@ -95,7 +96,7 @@ class Neighbour:
         """Its part of the page of all cases."""
         return None
 
-    def add_commands(self, _: Commands) -> None:
+    def add_commands(self, _: App) -> None:
         """Add its commands to `cortet`."""
 
 

@@ -8,7 +8,6 @@ the build.
 
 from __future__ import annotations
 
-import argparse
 import ast
 import json
 import re
@@ -19,6 +18,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
+from cyclopts import App, Argument
 from docutils import nodes
 from pydantic.fields import FieldInfo
 from sphinx.application import Sphinx
@@ -26,7 +26,7 @@ from sphinx.environment import BuildEnvironment
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
-from cortet.cli import parser
+from cortet.cli import commands
 from cortet.config import SETTINGS, Config
 from cortet.sections import Section
 from cortet.stages import STAGES, Stage
@@ -179,44 +179,32 @@ def _plain(value: Any) -> str:
 
 
 class Commands(SphinxDirective):
-    """Every command of the command line: usage, arguments and options, as argparse knows them."""
+    """Every command of the command line: arguments and options, as its function has them."""
 
     def run(self) -> list[nodes.Node]:
         """A section for each command."""
-        text = "\n".join(line for name, command, does in commands() for line in _usage(name, command, does))
+        text = "\n".join(line for name, command in commands() for line in _usage(name, command))
         return self.parse_text_to_nodes(text, allow_section_headings=True)
 
 
-def commands() -> list[tuple[str, argparse.ArgumentParser, str]]:
-    """Name, parser and help of all commands that do something."""
-    return list(_commands("cortet", parser(), ""))
-
-
-def _commands(
-    name: str, found: argparse.ArgumentParser, does: str
-) -> Iterator[tuple[str, argparse.ArgumentParser, str]]:
-    below = [action for action in found._actions if isinstance(action, argparse._SubParsersAction)]
-    if not below:
-        yield name, found, does
-    for action in below:
-        helps = {choice.dest: choice.help or "" for choice in action._choices_actions}
-        for word, command in action.choices.items():
-            yield from _commands(f"{name} {word}", command, helps[word])
-
-
-def _usage(name: str, command: argparse.ArgumentParser, does: str) -> Iterator[str]:
-    command.formatter_class = lambda prog: argparse.HelpFormatter(prog, width=100)
-    yield f"## {name}\n\n{does[:1].upper()}{does[1:]}.\n"
-    yield f"```text\n{command.format_usage().removeprefix('usage: ').strip()}\n```\n"
+def _usage(name: str, command: App) -> Iterator[str]:
+    does, _, rest = command.help.partition("\n")
+    example = rest.partition("Examples")[2].strip(" -\n")
+    yield f"## {name}\n\n{does}\n"
+    yield f"```text\n{example}\n```\n"
     yield f"```{{program}} {name}\n```\n"
-    for action in command._actions:
-        if action.dest == "help":
-            continue
-        value = action.metavar or ("{" + ",".join(map(str, action.choices)) + "}" if action.choices else "")
-        flags = [f"{flag} {value}".strip() for flag in action.option_strings] or [str(value)]
-        required = " Required." if action.required and action.option_strings else ""
-        text = re.sub(r"(--[a-z-]+)", r"`\1`", (action.help or "").rstrip("."))
-        yield f"```{{option}} {', '.join(flags)}\n\n{text[:1].upper()}{text[1:]}.{required}\n```\n"
+    for one in command.assemble_argument_collection(parse_docstring=True):
+        if one.show:
+            yield from _argument(one)
+
+
+def _argument(one: Argument) -> Iterator[str]:
+    choices = one.get_choices()
+    value = "" if one.is_flag() else "{" + ",".join(choices) + "}" if choices else one.parameter.metavar or ""
+    flags = [one.name] if one.field_info.is_positional else [f"{flag} {value}".strip() for flag in one.names]
+    required = " Required." if one.required and not one.field_info.is_positional else ""
+    text = re.sub(r"(--[a-z-]+)", r"`\1`", " ".join((one.parameter.help or "").split()))
+    yield f"```{{option}} {', '.join(flags)}\n\n{text}{required}\n```\n"
 
 
 # --- checks ----------------------------------------------------------------------------------------------------------

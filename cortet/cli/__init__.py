@@ -1,46 +1,78 @@
-"""The `cortet` command. Each subcommand imports the heavy modules that it needs."""
+"""The `cortet` command: each command is a function, and its parameters are the arguments and options.
+
+A command imports what is heavy only when it runs.
+"""
 
 from __future__ import annotations
 
-import argparse
 import contextlib
+import inspect
 import logging
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import is_dataclass
 from pathlib import Path
+from typing import Any
+
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
+from cyclopts.help import DefaultFormatter, PanelSpec
+from rich.box import Box
 
 from cortet.cli import meshes, meshing, runs, surfaces
-from cortet.cli.values import WRITTEN, CheckedOutput, FolderOfFiles, Number, OutputFile
-from cortet.errors import CortetError, InputError
+from cortet.cli.shared import HELP
+from cortet.cli.values import WRITTEN, CheckedOutput, FolderOfFiles, OutputFile
+from cortet.errors import CortetError
 from cortet.formats.ownership import guarded
 from cortet.neighbours import neighbours
 from cortet.version import __version__
 
-__all__ = ["Number", "main", "parser"]
+__all__ = ["app", "commands", "main"]
+
+#: the last of an option given twice counts; what looks like JSON is the name of a file
+_OPTIONS = Parameter(negative=(), show_default=False, allow_repeating=True, json_list=False, json_dict=False)
+_PLAIN = DefaultFormatter(panel_spec=PanelSpec(box=Box("    \n" * 8), padding=0))
 
 
-def parser() -> argparse.ArgumentParser:
-    """The parser of the command; each module beside this one adds its subcommands, as neighbours do."""
-    top = argparse.ArgumentParser(prog="cortet", description="Certified tetrahedral meshes of cortical surfaces.")
-    top.add_argument("--version", action="version", version=f"cortet {__version__}")
-    commands = top.add_subparsers(required=True, metavar="COMMAND")
-    for module in (meshing, surfaces, meshes):
-        module.add_commands(commands)
+def app() -> App:
+    """The command; each module beside this one adds commands, as neighbours do."""
+    top = App(
+        name="cortet",
+        help="Certified tetrahedral meshes of cortical surfaces.",
+        version=f"cortet {__version__}",
+        default_parameter=_OPTIONS,
+        group_commands=HELP,
+        help_format="plaintext",
+        help_formatter=_PLAIN,
+    )
+    for module in (meshing, surfaces, meshes, runs):
+        module.add_commands(top)
     for neighbour in neighbours():
-        neighbour.add_commands(commands)
-    runs.add_commands(commands)
+        neighbour.add_commands(top)
+    top.register_install_completion_command(help="Let the shell complete commands and options.")
     return top
 
 
+def commands(of: App | None = None, words: str = "cortet") -> Iterator[tuple[str, App]]:
+    """Every command that does something, with its words."""
+    for name, one in (of or app()).resolved_commands().items():
+        if name.startswith("-"):
+            continue
+        if one.default_command:
+            yield f"{words} {name}", one
+        else:
+            yield from commands(one, f"{words} {name}")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; 0: done and well, 1: refused, not certified or failed, 2: wrong usage."""
-    args = parser().parse_args(arguments)
-    logging.basicConfig(format="%(levelname)s %(message)s", level=logging.INFO if args.verbose else logging.WARNING)
+    """Run one command; 0: done and well, 1: refused, not certified or failed, 2: wrong usage, by SystemExit."""
     try:
-        _refuse_repeated(args)
-        with _guarded(args):
-            code = int(args.run(args))
+        command, bound = _parsed(sys.argv[1:] if arguments is None else list(arguments))
+        given = _given(bound) if command.__module__.startswith("cortet.") else {}  # what is the library's: help
+        level = logging.INFO if given.get("verbose") else logging.WARNING
+        logging.basicConfig(format="%(levelname)s %(message)s", level=level)
+        with _guarded(given):
+            code = int(command(*bound.args, **bound.kwargs) or 0)
         sys.stdout.flush()
         return code
     except BrokenPipeError:  # the reader of our output, `head` perhaps, has closed it
@@ -60,35 +92,71 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
-def _refuse_repeated(args: argparse.Namespace) -> None:
-    """Raise InputError where an option that may be repeated has the same name, or age, twice."""
-    for option, form in (
-        ("inner", "NAME=FILE"),
-        ("field", "NAME=FILE"),
-        ("volume", "NAME=FILE"),
-        ("real", "WEEKS=FILE"),
-        ("material", "SET=SHEAR"),
-        ("size", "WHERE=MM"),
-    ):
-        names = [name for name, _ in getattr(args, option, [])]
-        if twice := next((name for name in names if names.count(name) > 1), None):
-            raise InputError(f"--{option} names {twice} twice", remedy=f"give each its own: {form}")
+def _parsed(words: list[str]) -> tuple[Any, inspect.BoundArguments]:
+    """The function of a command and its arguments. Wrong usage is said in one line, and ends with 2."""
+    top = app()
+    try:
+        command, bound, _ = top.parse_args(words, print_error=False, exit_on_error=False)
+    except CycloptsError as error:
+        raise _usage(["cortet", *(error.command_chain or ())], _complaint(error)) from None
+    if command == top.help_print and not {"--help", "-h"} & set(words):
+        raise _usage(["cortet", *words], "name a command")
+    return command, bound
 
 
-def _guarded(args: argparse.Namespace) -> contextlib.AbstractContextManager[None]:
-    """The guard of a command, from the types of its arguments."""
-    from cortet.formats.volumes import is_volume, volume_file
+def _complaint(error: CycloptsError) -> str:
+    """What is wrong with the words of a command."""
+    name = error.argument.name if error.argument else ""
+    if isinstance(error, MissingArgumentError):
+        return f"{error.keyword} needs {_counted(error)}" if error.keyword else f"{name} is missing"
+    if isinstance(error, UnusedCliTokensError):
+        return f"too many arguments: {' '.join(error.unused_tokens or ())}"
+    text = str(error).partition(" Available commands")[0].rstrip(".")
+    return text if name in text else f"Invalid value for {name}: {text}"
 
-    values = [one for value in vars(args).values() for one in (value if isinstance(value, list) else [value])]
-    pairs = [value for value in values if isinstance(value, tuple)]
-    named = [last for _, last in pairs if isinstance(last, str)]  # NAME=FILE
-    named += [first for first, last in pairs if not isinstance(last, str) and is_volume(first)]  # VOLUME=MM
-    named += [value for value in values if isinstance(value, str) and is_volume(value)]
-    paths = [*values, *(Path(volume_file(name)) for name in named)]
+
+def _counted(error: MissingArgumentError) -> str:
+    """How many values an option needs."""
+    count, _ = error.argument.token_count() if error.argument else (1, False)
+    return "a value" if count == 1 else f"{count} values"
+
+
+def _usage(command: list[str], complaint: str) -> SystemExit:
+    """The end of the program after wrong usage, which is told."""
+    name = " ".join(command)
+    print(f"{name}: {complaint} (usage: {name} --help)", file=sys.stderr)
+    return SystemExit(2)
+
+
+def _given(bound: inspect.BoundArguments) -> dict[str, Any]:
+    """The arguments of a command by name, those within groups of options, too."""
+    given: dict[str, Any] = {}
+    for name, value in bound.arguments.items():
+        given |= vars(value) if is_dataclass(value) else {name: value}
+    return given
+
+
+def _guarded(given: dict[str, Any]) -> contextlib.AbstractContextManager[None]:
+    """The guard of a command, from the types of its arguments; any text may name an input."""
+    if not given:
+        return contextlib.nullcontext()
+    from cortet.formats.volumes import volume_file
+
+    single = list(_single(list(given.values())))
+    named = [Path(volume_file(value)) for value in single if isinstance(value, str)]
     return guarded(
-        [path for path in paths if isinstance(path, Path) and not isinstance(path, WRITTEN)],
-        files=[path for path in paths if isinstance(path, OutputFile)],
-        shared=[path for path in paths if isinstance(path, FolderOfFiles)],
-        folders=[path for path in paths if isinstance(path, CheckedOutput)],
-        force=getattr(args, "force", False),
+        [*named, *(value for value in single if isinstance(value, Path) and not isinstance(value, WRITTEN))],
+        files=[value for value in single if isinstance(value, OutputFile)],
+        shared=[value for value in single if isinstance(value, FolderOfFiles)],
+        folders=[value for value in single if isinstance(value, CheckedOutput)],
+        force=bool(given.get("force")),
     )
+
+
+def _single(value: object) -> Iterator[object]:
+    """The single values within lists and pairs."""
+    if isinstance(value, (list, tuple)):
+        for one in value:
+            yield from _single(one)
+    else:
+        yield value

@@ -2,42 +2,40 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cortet.errors import InputError
 
 if TYPE_CHECKING:
-    from cortet.config import Config
     from cortet.meshes import TetMesh
 
 
-def config_of(args: argparse.Namespace) -> Config:
-    """The configuration of a file; options of the command take precedence."""
-    from cortet.config import load
-
-    return load(settings_of(args))
-
-
-def settings_of(args: argparse.Namespace) -> dict[str, Any]:
+def settings_of(
+    file: Path | None,
+    setting: str | None,
+    cell_size: float | None,
+    *,
+    sizes: Iterable[tuple[str, float | None]] = (),
+    holes: Sequence[str] = (),
+) -> dict[str, Any]:
     """The sections of a configuration file; options of the command take precedence."""
     from cortet.config import load, read
 
     data: dict[str, Any] = {}
-    if args.config:
-        load(args.config)  # its errors name the file
-        data = read(args.config)
-    if args.setting:
-        data["setting"] = args.setting
-    if args.cell_size is not None:
-        data["generate"] = {**(data.get("generate") or {}), "cell_size": args.cell_size}
-    if getattr(args, "size", None):
-        data["generate"] = {**(data.get("generate") or {}), "sizes": dict(args.size)}
-    if getattr(args, "hole", None):
-        data["export"] = {**(data.get("export") or {}), "holes": args.hole}
+    if file:
+        load(file)  # its errors name the file
+        data = read(file)
+    if setting:
+        data["setting"] = setting
+    if cell_size is not None:
+        data["generate"] = {**(data.get("generate") or {}), "cell_size": cell_size}
+    if sizes:
+        data["generate"] = {**(data.get("generate") or {}), "sizes": dict(sizes)}
+    if holes:
+        data["export"] = {**(data.get("export") or {}), "holes": list(holes)}
     return data
 
 

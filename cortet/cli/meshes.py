@@ -2,103 +2,50 @@
 
 from __future__ import annotations
 
-import argparse
-import json
+import json as json_format
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import App, Parameter
 
 from cortet.cli.given import draw, read_mesh, stem_of
-from cortet.cli.shared import common, inner, limits, writes
-from cortet.cli.values import Number, OutputFile, output_picture
+from cortet.cli.shared import MESHES, Common, Limits, Writes, add
+from cortet.cli.values import InnerFiles, InputFile, O, OutputFile, Picture, number
 from cortet.errors import InputError
 from cortet.formats import FORMATS, format_of
 
 if TYPE_CHECKING:
-    from cortet.cli.shared import Commands
     from cortet.measure.certify import Certificate
     from cortet.meshes import TetMesh, TriSurface
 
+Unit = Literal["mm", "um"]
 
-def add_commands(commands: Commands) -> None:
+
+def add_commands(app: App) -> None:
     """Add the commands on meshes."""
-    quality = commands.add_parser("quality", parents=[common()], help="measure the elements of a mesh")
-    quality.add_argument("mesh", type=Path, metavar="MESH")
-    quality.add_argument("--json", action="store_true", help="every number, the histogram too, as JSON")
-    quality.set_defaults(run=quality_command)
-
-    certify = commands.add_parser(
-        "certify", parents=[writes(), inner(), limits()], help="check a mesh against the surface it was made from"
-    )
-    certify.add_argument("mesh", type=Path, metavar="MESH")
-    certify.add_argument(
-        "surface", type=Path, nargs="?", metavar="SURFACE", help="default: the surface that was meshed, by the sidecar"
-    )
-    certify.add_argument("-o", "--output", type=OutputFile, metavar="JSON", help="also write the certificate there")
-    certify.set_defaults(run=certify_command)
-
-    compare = commands.add_parser(
-        "compare", parents=[writes(), limits()], help="set meshes of one surface side by side, whatever made them"
-    )
-    compare.add_argument("meshes", type=Path, nargs="+", metavar="MESH")
-    compare.add_argument(
-        "--surface", type=Path, metavar="SURFACE", help="the surface they fill (default: by the sidecar of the first)"
-    )
-    compare.add_argument("-o", "--output", type=OutputFile, required=True, metavar="HTML", help="page for a browser")
-    compare.add_argument("--table", type=OutputFile, metavar="TSV", help="also write the numbers there")
-    compare.set_defaults(run=compare_command)
-
-    verify = commands.add_parser(
-        "verify", parents=[common()], help="check a solver file against its solver's conventions"
-    )
-    verify.add_argument("file", type=Path, metavar="FILE")
-    verify.add_argument("--solver", choices=list(FORMATS), help="solver that will read it (default: by the suffix)")
-    verify.set_defaults(run=verify_command)
-
-    convert = commands.add_parser("convert", parents=[writes()], help="write a mesh file in another solver's format")
-    convert.add_argument("source", type=Path, metavar="IN")
-    convert.add_argument("target", type=OutputFile, metavar="OUT", help="its suffix says for which solver")
-    convert.add_argument("--unit", choices=["mm", "um"], default="um", help="of a CARP file that is written")
-    convert.add_argument("--source-unit", choices=["mm", "um"], default="um", help="of a CARP file without a sidecar")
-    convert.add_argument(
-        "--tags", metavar="VOLUME", help="number the tetrahedra by the labels of this volume, not by their regions"
-    )
-    convert.set_defaults(run=convert_command)
-
-    quadratic = commands.add_parser(
-        "quadratic", parents=[writes()], help="write a mesh as ten-node tetrahedra, midside nodes on the surface"
-    )
-    quadratic.add_argument("mesh", type=Path, metavar="MESH")
-    quadratic.add_argument(
-        "surface", type=Path, nargs="?", metavar="SURFACE", help="default: the surface that was meshed, by the sidecar"
-    )
-    quadratic.add_argument(
-        "--max-boundary-distance",
-        type=Number(0, 1000, endless=True),
-        default=1e-3,
-        metavar="MM",
-        help="limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit)",
-    )
-    quadratic.add_argument(
-        "-o", "--output", type=OutputFile, required=True, metavar="OUT", help=".inp, .feb, .msh, .vtu or .xdmf"
-    )
-    quadratic.set_defaults(run=quadratic_command)
-
-    picture = commands.add_parser("picture", parents=[writes()], help="draw a mesh cut open, coloured by q")
-    picture.add_argument("mesh", type=Path, metavar="MESH")
-    picture.add_argument("-o", "--output", type=output_picture, required=True, metavar="PNG")
-    picture.set_defaults(run=picture_command)
+    add(app, MESHES, quality, certify, compare, verify, convert, quadratic, picture)
 
 
-def quality_command(args: argparse.Namespace) -> int:
-    """Print the element quality of a mesh."""
+def quality(mesh: Path, /, *, json: bool = False, _: Common = Common()) -> int:
+    """Measure the elements of a mesh.
+
+    Parameters
+    ----------
+    json
+        Every number, the histogram too, as JSON.
+
+    Examples
+    --------
+    cortet quality lh.vtu
+    """
     from cortet.measure.quality import summarise
 
-    found = summarise(read_mesh(args.mesh))
-    if args.json:
-        print(json.dumps(asdict(found), indent=2, allow_nan=False))
+    found = summarise(read_mesh(mesh))
+    if json:
+        print(json_format.dumps(asdict(found), indent=2, allow_nan=False))
         return 0
     other = {"1 - mean ratio": found.one_minus_mean_ratio, "1 - radius ratio": found.one_minus_radius_ratio}
     rows = {
@@ -117,85 +64,127 @@ def quality_command(args: argparse.Namespace) -> int:
     return 0
 
 
-def certify_command(args: argparse.Namespace) -> int:
-    """Check a mesh against its surface and write the certificate."""
+def certify(
+    mesh: Path,
+    surface: Path | None = None,
+    /,
+    *,
+    inner: InnerFiles = (),
+    limits: Limits = Limits(),
+    output: Annotated[OutputFile | None, O, Parameter(metavar="JSON")] = None,
+    _: Writes = Writes(),
+) -> int:
+    """Check a mesh against the surface it was made from.
+
+    Parameters
+    ----------
+    surface
+        Default: the surface that was meshed, by the sidecar.
+    output
+        Also write the certificate there.
+
+    Examples
+    --------
+    cortet certify lh.vtu lh.pial.surf.gii --cell-size 0.6
+    """
     from cortet.formats.atomic import write_json
     from cortet.solver_files.sets import with_regions
     from cortet.stages.separate import separate
 
-    mesh, given = read_mesh(args.mesh, whole=True), args.surface
-    surface = filled_surface(args.mesh, args)
-    if surface.inner:
-        mesh = with_regions(mesh, list(surface.inner))
-        if args.cell_size is not None and args.surface == given:  # not as meshed: separate them as then
-            surface, _ = separate(surface, cell_size=args.cell_size)
-    certificate = _checked(mesh, surface, args.mesh, args)
-    if args.output:
-        write_json(asdict(certificate), args.output)
+    read = read_mesh(mesh, whole=True)
+    filled, source = filled_surface(mesh, surface, inner)
+    if filled.inner:
+        read = with_regions(read, list(filled.inner))
+        if limits.cell_size is not None and source == surface:  # not as meshed: separate them as then
+            filled, _report = separate(filled, cell_size=limits.cell_size)
+    certificate = _checked(read, filled, mesh, source, limits)
+    if output:
+        write_json(asdict(certificate), output)
     for check in certificate.checks:
         print(f"{'pass' if check.passed else 'FAIL'}  {check.finding}")
     print_verdict(certificate)
     return 0 if certificate.certified else 1
 
 
-def filled_surface(mesh: Path, args: argparse.Namespace) -> TriSurface:
-    """The surface that a mesh fills, with its inner ones: as meshed if that was kept, else as given."""
+def filled_surface(mesh: Path, given: Path | None, inner: Sequence[tuple[str, str]] = ()) -> tuple[TriSurface, Path]:
+    """The surface that a mesh fills, with its inner ones, as meshed if that was kept, else as given; and its file."""
     from cortet.solver_files.meshed import meshed_surface
 
-    inner = {name: Path(file) for name, file in getattr(args, "inner", [])}
-    surface, args.surface = meshed_surface(mesh, given := args.surface, inner)
-    if args.surface != given:
-        print(f"{args.surface}: the surface that was meshed, by the sidecar of {mesh.name}")
-    return surface
+    surface, source = meshed_surface(mesh, given, {name: Path(file) for name, file in inner})
+    if source != given:
+        print(f"{source}: the surface that was meshed, by the sidecar of {mesh.name}")
+    return surface, source
 
 
-def _checked(mesh: TetMesh, surface: TriSurface, file: Path, args: argparse.Namespace) -> Certificate:
+def _checked(mesh: TetMesh, surface: TriSurface, file: Path, source: Path, limits: Limits) -> Certificate:
     """The certificate of the mesh of a file, by the limits given to the command and the cell size if that is known."""
     from cortet.config import load
     from cortet.measure.certify import certify
     from cortet.solver_files.meshed import cell_size_of
 
-    given = {"q_max": args.q_max, "max_boundary_distance": args.max_boundary_distance}
-    chosen = {key: None if value == math.inf else value for key, value in given.items()}
-    section = {key: value for key, value in chosen.items() if given[key] is not None}
-    config, cell_size = load({"certify": section}), args.cell_size or cell_size_of(file)
+    given = {"q_max": limits.q_max, "max_boundary_distance": limits.max_boundary_distance}
+    section = {key: None if value == math.inf else value for key, value in given.items() if value is not None}
+    config, cell_size = load({"certify": section}), limits.cell_size or cell_size_of(file)
     return certify(
         mesh,
         surface,
         config.certify,
         cell_size=cell_size,
         case=stem_of(file),
-        source=args.surface,
+        source=source,
         parameters={"certify": config.arguments("certify", {"cell_size": cell_size})},
     )
 
 
-def compare_command(args: argparse.Namespace) -> int:
-    """Print and write the differences between meshes."""
+def compare(
+    meshes: Annotated[Sequence[Path], Parameter(name="MESH")],
+    /,
+    *,
+    output: Annotated[OutputFile, O, Parameter(metavar="HTML")],
+    surface: InputFile | None = None,
+    table: Annotated[OutputFile | None, Parameter(metavar="TSV")] = None,
+    limits: Limits = Limits(),
+    _: Writes = Writes(),
+) -> int:
+    """Set meshes of one surface side by side, whatever made them.
+
+    Parameters
+    ----------
+    output
+        Page for a browser.
+    surface
+        The surface they fill (default: by the sidecar of the first).
+    table
+        Also write the numbers there.
+
+    Examples
+    --------
+    cortet compare lh.vtu other.inp --surface lh.pial.surf.gii -o comparison.html
+    """
     from cortet.formats.tsv import write_tsv
     from cortet.report.comparison_page import comparison_rows, write_comparison_page
 
-    names = _names_of(args.meshes)
-    surface = filled_surface(args.meshes[0], args)
-    meshes = {name: read_mesh(file) for name, file in names.items()}
-    certificates = {name: asdict(_checked(mesh, surface, names[name], args)) for name, mesh in meshes.items()}
-    write_comparison_page(meshes, certificates, surface, args.output, source=args.surface.name)
-    if args.table:
+    names = _names_of(meshes)
+    filled, source = filled_surface(meshes[0], surface)
+    read = {name: read_mesh(file) for name, file in names.items()}
+    certificates = {name: asdict(_checked(mesh, filled, names[name], source, limits)) for name, mesh in read.items()}
+    write_comparison_page(read, certificates, filled, output, source=source.name)
+    if table:
         rows = comparison_rows(certificates)
         columns = {"number": "name", "limit": "limit"}
         write_tsv(
             [
                 {column: row[key] for column, key in columns.items()}
-                | {name: value for name, (value, _) in zip(meshes, row["values"], strict=True)}
+                | {name: value for name, (value, _) in zip(read, row["values"], strict=True)}
                 for row in rows
             ],
-            [*columns, *meshes],
-            args.table,
+            [*columns, *read],
+            table,
         )
     for name, certificate in certificates.items():
         verdict = "certified" if certificate["certified"] else "NOT certified: " + "; ".join(certificate["reasons"])
         print(f"{name}: {verdict}")
-    print(f"{args.output}: written")
+    print(f"{output}: written")
     return 0
 
 
@@ -208,39 +197,102 @@ def _names_of(files: Sequence[Path]) -> dict[str, Path]:
     return names
 
 
-def verify_command(args: argparse.Namespace) -> int:
-    """Check a solver's file as it was written."""
+def verify(
+    file: Path,
+    /,
+    *,
+    solver: Annotated[str | None, Parameter(choices=tuple(FORMATS), metavar="NAME")] = None,
+    _: Common = Common(),
+) -> int:
+    """Check a solver file against its solver's conventions.
+
+    Parameters
+    ----------
+    solver
+        Solver that will read it (default: by the suffix).
+
+    Examples
+    --------
+    cortet verify lh.inp
+    """
     from cortet.solver_files.verify import verify
 
-    solver = args.solver or format_of(args.file).name
-    problems = verify(args.file, solver)
+    solver = solver or format_of(file).name
+    problems = verify(file, solver)
     for problem in problems:
-        print(f"{args.file}: {problem}")
+        print(f"{file}: {problem}")
     if not problems:
-        print(f"{args.file}: keeps every convention of {solver}")
+        print(f"{file}: keeps every convention of {solver}")
     return 1 if problems else 0
 
 
-def convert_command(args: argparse.Namespace) -> int:
-    """Write a mesh in another format, verified."""
+def convert(
+    source: Annotated[Path, Parameter(name="IN")],
+    target: Annotated[OutputFile, Parameter(name="OUT")],
+    /,
+    *,
+    unit: Unit = "um",
+    source_unit: Unit = "um",
+    tags: Annotated[str | None, Parameter(metavar="VOLUME")] = None,
+    _: Writes = Writes(),
+) -> int:
+    """Write a mesh file in another solver's format.
+
+    Parameters
+    ----------
+    target
+        Its suffix says for which solver.
+    unit
+        Of a CARP file that is written (default: um).
+    source_unit
+        Of a CARP file without a sidecar (default: um).
+    tags
+        Number the tetrahedra by the labels of this volume, not by their regions.
+
+    Examples
+    --------
+    cortet convert lh.vtu lh.inp
+    """
     from cortet.solver_files.export import convert
 
-    for change in convert(args.source, args.target, unit=args.unit, source_unit=args.source_unit, tags=args.tags):
-        print(f"{args.target}: {change}")
-    print(f"{args.target}: written and verified")
+    for change in convert(source, target, unit=unit, source_unit=source_unit, tags=tags):
+        print(f"{target}: {change}")
+    print(f"{target}: written and verified")
     return 0
 
 
-def quadratic_command(args: argparse.Namespace) -> int:
-    """Write a mesh of ten-node tetrahedra."""
+def quadratic(
+    mesh: Path,
+    surface: Path | None = None,
+    /,
+    *,
+    output: Annotated[OutputFile, O, Parameter(metavar="OUT")],
+    max_boundary_distance: Annotated[float, number(0, 1000, "MM", endless=True)] = 1e-3,
+    _: Writes = Writes(),
+) -> int:
+    """Write a mesh as ten-node tetrahedra, midside nodes on the surface.
+
+    Parameters
+    ----------
+    surface
+        Default: the surface that was meshed, by the sidecar.
+    output
+        .inp, .feb, .msh, .vtu or .xdmf.
+    max_boundary_distance
+        Limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit).
+
+    Examples
+    --------
+    cortet quadratic lh.vtu -o lh10.inp
+    """
     from cortet.geometry.quadratic import quadratic
     from cortet.solver_files.ten_nodes import write_ten_nodes
 
-    mesh = read_mesh(args.mesh, whole=True)
-    limit = args.max_boundary_distance
-    surface = filled_surface(args.mesh, args)
-    curved = quadratic(mesh, surface, max_boundary_distance=None if limit == math.inf else limit)
-    told = write_ten_nodes(mesh, curved, args.output)
+    read = read_mesh(mesh, whole=True)
+    filled, _source = filled_surface(mesh, surface)
+    limit = None if max_boundary_distance == math.inf else max_boundary_distance
+    curved = quadratic(read, filled, max_boundary_distance=limit)
+    told = write_ten_nodes(read, curved, output)
     straight = curved.straightened_for_elements + curved.straightened_for_crossings
     print(
         f"{curved.curved} edges follow the surface, their middles moved by up to {curved.largest_move_mm:.3f} mm; "
@@ -248,14 +300,19 @@ def quadratic_command(args: argparse.Namespace) -> int:
     )
     print(f"least Jacobian determinant, of that of the straight element: {curved.least_jacobian:.3f}")
     for what in told:
-        print(f"{args.output}: {what}")
-    print(f"{args.output}: written")
+        print(f"{output}: {what}")
+    print(f"{output}: written")
     return 0
 
 
-def picture_command(args: argparse.Namespace) -> int:
-    """Draw a mesh."""
-    draw(read_mesh(args.mesh), args.output)
+def picture(mesh: Path, /, *, output: Annotated[Picture, O], _: Writes = Writes()) -> int:
+    """Draw a mesh cut open, coloured by q.
+
+    Examples
+    --------
+    cortet picture lh.vtu -o lh.png
+    """
+    draw(read_mesh(mesh), output)
     return 0
 
 

@@ -2,126 +2,184 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
 
-from cortet.cli.given import config_of, draw, stem_of
+from cyclopts import App, Parameter
+
+from cortet.cli.given import draw, settings_of, stem_of
 from cortet.cli.meshes import print_verdict
-from cortet.cli.shared import inner, writes
-from cortet.cli.values import Number, OutputFile, named_file, output_picture, size
+from cortet.cli.shared import MESHES, Writes, add
+from cortet.cli.values import (
+    CellSize,
+    InnerFiles,
+    InputFile,
+    NamedFiles,
+    O,
+    OutputFile,
+    Picture,
+    Setting,
+    Sizes,
+    number,
+)
 from cortet.errors import InputError
 from cortet.formats import format_of, require_holes
 from cortet.formats.ownership import may_write, refuse_companion
-from cortet.geometry.limits import CELL_SIZE_MM, SCAN_AGES, SHELL_MM
+from cortet.geometry.limits import SCAN_AGES, SHELL_MM
 
 #: said of a mesh of a white surface without others
 WHITE_ALONE = "the surface is a white one: the mesh is what it encloses, white matter, without the cortex around it"
 
 if TYPE_CHECKING:
-    from cortet.api.meshing import Inputs
-    from cortet.cli.shared import Commands
+    from cortet.api.meshing import Inputs, Mesh
     from cortet.config import Config
     from cortet.meshes import TetMesh, TriSurface
     from cortet.pipeline import Step
 
 
-def add_commands(commands: Commands) -> None:
+def add_commands(app: App) -> None:
     """Add `mesh` and `stages`."""
-    line = argparse.ArgumentParser(add_help=False, parents=[inner()])
-    line.add_argument(
-        "--size",
-        action="append",
-        default=[],
-        type=size,
-        metavar="WHERE=MM",
-        help="smaller cells at the surface of a region (white=0.5), inside labels of a volume (dseg.nii.gz:5=0.5), or "
-        "as the voxels of a volume say (sizes.nii.gz); repeatable",
-    )
-    line.add_argument(
-        "--shell",
-        type=Number(*SHELL_MM),
-        metavar="MM",
-        help="also mesh the space around the brain, a region csf, up to a smooth surface at least so far away",
-    )
-    line.add_argument("surface", type=Path, metavar="SURFACE", help="closed surface, GIfTI, mm")
-    line.add_argument(
-        "--cell-size",
-        type=Number(*CELL_SIZE_MM),
-        metavar="MM",
-        help="cell size h (default: 0.6, or what --config says)",
-    )
-    line.add_argument(
-        "--ga",
-        type=Number(*SCAN_AGES),
-        metavar="WEEKS",
-        help="gestational age, by which the setting published smooths the surface",
-    )
-    line.add_argument(
-        "--setting",
-        choices=["default", "cgal", "published"],
-        help="our line, the paper's mesher with our boundary, or all choices of the paper",
-    )
-    line.add_argument("--config", type=Path, metavar="FILE", help="YAML file of parameters; see `cortet config`")
-    line.add_argument(
-        "--field",
-        action="append",
-        default=[],
-        type=named_file,
-        metavar="NAME=FILE",
-        help="per-vertex field to carry to the mesh, GIfTI; repeatable",
-    )
-    line.add_argument(
-        "--sphere", type=Path, metavar="FILE", help="sphere of SURFACE, through which it is put onto the common mesh"
-    )
-
-    mesh = commands.add_parser("mesh", parents=[writes(), line], help="mesh one surface and certify the mesh")
-    mesh.add_argument(
-        "-o",
-        "--output",
-        type=OutputFile,
-        required=True,
-        metavar="OUT",
-        help="mesh file; its suffix says for which solver",
-    )
-    mesh.add_argument(
-        "--volume",
-        action="append",
-        default=[],
-        type=named_file,
-        metavar="NAME=FILE",
-        help="NIfTI or MGZ whose labels, numbers or tensors the tetrahedra get; FILE:KIND says which; repeatable",
-    )
-    mesh.add_argument(
-        "--hole",
-        action="append",
-        metavar="NAME",
-        help="write no tetrahedra inside the inner surface NAME, a ventricle for example; repeatable",
-    )
-    mesh.add_argument(
-        "--picture", type=output_picture, metavar="PNG", help="also draw the mesh cut open, coloured by q"
-    )
-    mesh.add_argument(
-        "--slices",
-        type=output_picture,
-        metavar="PNG",
-        help="also draw slices of the first volume with the mesh in them",
-    )
-    mesh.add_argument("--page", type=OutputFile, metavar="HTML", help="also write a page on the mesh for a browser")
-    mesh.set_defaults(run=mesh_command)
-
-    table = commands.add_parser(
-        "stages", parents=[writes(), line], help="run the line and tabulate what each stage does"
-    )
-    table.add_argument("-o", "--output", type=OutputFile, metavar="TSV", help="also write the table there")
-    table.set_defaults(run=stages_command)
+    add(app, MESHES, mesh, stages)
 
 
-def mesh_command(args: argparse.Namespace) -> int:
-    """Mesh a surface, certify the mesh and write it with its companions."""
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Line:
+    """Options of the line of stages from a surface to a mesh.
+
+    Parameters
+    ----------
+    shell
+        Also mesh the space around the brain, a region csf, up to a smooth surface at least so far away.
+    cell_size
+        Cell size h (default: 0.6, or what --config says).
+    ga
+        Gestational age, by which the setting published smooths the surface.
+    setting
+        Our line, the paper's mesher with our boundary, or all choices of the paper.
+    config
+        YAML file of parameters; see `cortet config`.
+    field
+        Per-vertex field to carry to the mesh, GIfTI; repeatable.
+    sphere
+        Sphere of SURFACE, through which it is put onto the common mesh.
+    """
+
+    inner: InnerFiles = ()
+    size: Sizes = ()
+    shell: Annotated[float | None, number(*SHELL_MM, "MM")] = None
+    cell_size: CellSize | None = None
+    ga: Annotated[float | None, number(*SCAN_AGES, "WEEKS")] = None
+    setting: Setting | None = None
+    config: InputFile | None = None
+    field: NamedFiles = ()
+    sphere: InputFile | None = None
+
+    def loaded(self, holes: Sequence[str] = ()) -> Config:
+        """The configuration; options of the command take precedence over its file."""
+        from cortet.config import load
+
+        return load(settings_of(self.config, self.setting, self.cell_size, sizes=self.size, holes=holes))
+
+    def inputs(self, surface: Path, config: Config, volumes: Sequence[tuple[str, str]] = ()) -> Inputs:
+        """What a command is to mesh."""
+        from cortet.api.meshing import inputs
+
+        return inputs(
+            surface,
+            config,
+            ga=self.ga,
+            inner=dict(self.inner),
+            shell=self.shell,
+            fields=dict(self.field),
+            volumes=dict(volumes),
+            sphere=self.sphere,
+        )
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Views:
+    """What shows a mesh.
+
+    Parameters
+    ----------
+    picture
+        Also draw the mesh cut open, coloured by q.
+    slices
+        Also draw slices of the first volume with the mesh in them.
+    page
+        Also write a page on the mesh for a browser.
+    """
+
+    picture: Picture | None = None
+    slices: Picture | None = None
+    page: Annotated[OutputFile | None, Parameter(metavar="HTML")] = None
+
+    def write(self, made: Mesh, given: Inputs, surface: Path, ga: float | None, config: Config, place: Place) -> None:
+        """Write those that are asked for; `place` gives the temporary file of each."""
+        if self.slices:
+            from cortet.report.slices import slices
+
+            slices(made.mesh, *next(iter(given.volumes.items())), place(self.slices), given.in_mm.frame)
+            print(f"{self.slices}: drawn")
+        if self.picture:
+            draw(made.mesh, self.picture, place)
+        if self.page:
+            from cortet.formats.gifti import kind_of
+            from cortet.report.case_page import about, write_case_page
+
+            chosen = {
+                "surface": kind_of(surface),
+                "scan_age": ga,
+                "cell_size": config.generate.cell_size[0],
+                "mesher": config.generate.meshers[0],
+            }
+            write_case_page(
+                made.mesh,
+                given.in_mm,
+                asdict(made.certificate),
+                place(self.page),
+                meshed=made.surface,
+                facts=about(chosen),
+            )
+            print(f"{self.page}: written")
+
+
+Place = Callable[[Path], Path]
+
+
+def mesh(
+    surface: Path,
+    /,
+    *,
+    output: Annotated[OutputFile, O, Parameter(metavar="OUT")],
+    line: Line = Line(),
+    volume: NamedFiles = (),
+    hole: Annotated[Sequence[str], Parameter(metavar="NAME")] = (),
+    views: Views = Views(),
+    how: Writes = Writes(),
+) -> int:
+    """Mesh one surface and certify the mesh.
+
+    Parameters
+    ----------
+    surface
+        Closed surface, GIfTI, mm.
+    output
+        Mesh file; its suffix says for which solver.
+    volume
+        NIfTI or MGZ whose labels, numbers or tensors the tetrahedra get; FILE:KIND says which; repeatable.
+    hole
+        Write no tetrahedra inside the inner surface NAME, a ventricle for example; repeatable.
+
+    Examples
+    --------
+    cortet mesh lh.pial.surf.gii --inner lh.white.surf.gii -o lh.inp
+    """
     from cortet.formats.tables import printed
     from cortet.pipeline import Meshed, companions, save
     from cortet.solver_files.holes import require_regions
@@ -129,47 +187,38 @@ def mesh_command(args: argparse.Namespace) -> int:
     from cortet.solver_files.sidecar import sidecar_path
     from cortet.solver_files.volumes import TISSUE_COLUMNS
 
-    if args.slices and not args.volume:
+    if views.slices and not volume:
         raise InputError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
     # a file that cannot be written is refused before the work, and before files of an earlier run are deleted
-    config = config_of(args)
-    require_holes(config.export.holes, format_of(args.output).name)
-    given = _inputs(args, config)
-    surface = given.surface
-    beside = companions(args.output, surface.inner, volumes=bool(args.volume))
-    every = [*beside.files, sidecar_path(args.output)]
+    config = line.loaded(hole)
+    require_holes(config.export.holes, format_of(output).name)
+    given = line.inputs(surface, config, volume)
+    inner = given.surface.inner
+    beside = companions(output, inner, volumes=bool(volume))
+    every = [*beside.files, sidecar_path(output)]
     for file in every:
         may_write(file)
-    for file in (args.page, args.picture, args.slices):
-        if file and file.absolute() in [one.absolute() for one in every]:
-            refuse_companion(file)
-    if not args.force:
-        require_own_stem(args.output, given.region_files, cell_size=config.generate.cell_size[0])
-    require_regions(config.export.holes, surface.inner)
-    for line in given.said:
-        print(line)
-    progress = Progress(config, args.ga, nested=bool(surface.inner), registered=given.sphere is not None)
-    made = given.mesh(progress, case=stem_of(args.output))
+    for view in (views.page, views.picture, views.slices):
+        if view and view.absolute() in [one.absolute() for one in every]:
+            refuse_companion(view)
+    if not how.force:
+        require_own_stem(output, given.region_files, cell_size=config.generate.cell_size[0])
+    require_regions(config.export.holes, inner)
+    for said in given.said:
+        print(said)
+    progress = Progress(config, line.ga, nested=bool(inner), registered=given.sphere is not None)
+    made = given.mesh(progress, case=stem_of(output))
     certificate = made.certificate
-
-    def views(place: Callable[[Path], Path]) -> None:
-        if args.slices:
-            from cortet.report.slices import slices
-
-            slices(made.mesh, *next(iter(given.volumes.items())), place(args.slices), given.in_mm.frame)
-            print(f"{args.slices}: drawn")
-        _mesh_views(args, made.mesh, made.surface, given.in_mm, asdict(certificate), config, place)
-
     told = save(
         Meshed(made.mesh, certificate, made.surface),
-        args.output,
+        output,
         config,
         made.origin,
         kind=made.kind,
         labels=made.label_names,
         rows=made.tissue_rows,
-        force=args.force,
-        views=views,
+        force=how.force,
+        views=lambda place: views.write(made, given, surface, line.ga, config, place),
     )
     print()
     if made.tissue_rows:
@@ -178,66 +227,43 @@ def mesh_command(args: argparse.Namespace) -> int:
     print(f"{beside.certificate}: every number beside its limit")
     if certificate.certified:
         for what in told:
-            print(f"{args.output}: {what}")
+            print(f"{output}: {what}")
         meshed = next(iter(beside.surfaces.values())).name
-        print(f"{args.output}: written, with the surface that was meshed: {meshed}")
-        if made.kind == "white" and not surface.inner:
+        print(f"{output}: written, with the surface that was meshed: {meshed}")
+        if made.kind == "white" and not inner:
             print(WHITE_ALONE)
     else:
-        print(f"{args.output}: not written")
+        print(f"{output}: not written")
     return 0 if certificate.certified else 1
 
 
-def _inputs(args: argparse.Namespace, config: Config) -> Inputs:
-    """What a command is to mesh."""
-    from cortet.api.meshing import inputs
+def stages(
+    surface: Path,
+    /,
+    *,
+    output: Annotated[OutputFile | None, O, Parameter(metavar="TSV")] = None,
+    line: Line = Line(),
+    _: Writes = Writes(),
+) -> int:
+    """Run the line and tabulate what each stage does.
 
-    return inputs(
-        args.surface,
-        config,
-        ga=args.ga,
-        inner=dict(args.inner),
-        shell=args.shell,
-        fields=dict(args.field),
-        volumes=dict(getattr(args, "volume", ())),
-        sphere=args.sphere,
-    )
+    Parameters
+    ----------
+    surface
+        Closed surface, GIfTI, mm.
+    output
+        Also write the table there.
 
-
-def _mesh_views(
-    args: argparse.Namespace,
-    mesh: TetMesh,
-    meshed: TriSurface,
-    given: TriSurface,
-    certificate: Mapping[str, Any],
-    config: Config,
-    place: Callable[[Path], Path],
-) -> None:
-    """Write the picture and the page of a mesh if asked for; `place` gives the temporary file of each."""
-    if args.picture:
-        draw(mesh, args.picture, place)
-    if args.page:
-        from cortet.formats.gifti import kind_of
-        from cortet.report.case_page import about, write_case_page
-
-        chosen = {
-            "surface": kind_of(args.surface),
-            "scan_age": args.ga,
-            "cell_size": config.generate.cell_size[0],
-            "mesher": config.generate.meshers[0],
-        }
-        write_case_page(mesh, given, certificate, place(args.page), meshed=meshed, facts=about(chosen))
-        print(f"{args.page}: written")
-
-
-def stages_command(args: argparse.Namespace) -> int:
-    """Print the effect of each stage of the line on a surface."""
+    Examples
+    --------
+    cortet stages lh.pial.surf.gii --cell-size 1.2
+    """
     from cortet.formats.tables import write_table
     from cortet.pipeline import run
     from cortet.report.stage_table import STAGE_COLUMNS, measured_stages
 
-    config = config_of(args)
-    given = _inputs(args, config)
+    config = line.loaded()
+    given = line.inputs(surface, config)
     for said in given.said:
         print(said)
     rows = []
@@ -247,8 +273,8 @@ def stages_command(args: argparse.Namespace) -> int:
         values = (column.text(row) for column in STAGE_COLUMNS)
         print("".join(f"{value:>{width}}" for value, width in zip(values, widths, strict=True)), flush=True)
         rows.append(row)
-    if args.output:
-        write_table(STAGE_COLUMNS, rows, args.output)
+    if output:
+        write_table(STAGE_COLUMNS, rows, output)
     return 0
 
 

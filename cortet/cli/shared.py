@@ -1,62 +1,82 @@
-"""Options that several commands share."""
+"""What commands share: groups of options, and how a command is added."""
 
 from __future__ import annotations
 
-import argparse
-from typing import TYPE_CHECKING
+import inspect
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated
 
-from cortet.cli.values import Number, inner_file
-from cortet.geometry.limits import CELL_SIZE_MM
+from cyclopts import App, Group, Parameter
 
-if TYPE_CHECKING:
-    #: the subparsers to which each module adds its commands
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+from cortet.cli.values import CellSize, number
 
-
-def common() -> argparse.ArgumentParser:
-    """Options of every command."""
-    own = argparse.ArgumentParser(add_help=False)
-    own.add_argument("-v", "--verbose", action="store_true", help="say more while working")
-    return own
-
-
-def writes() -> argparse.ArgumentParser:
-    """Options of commands that write files."""
-    own = argparse.ArgumentParser(add_help=False, parents=[common()])
-    own.add_argument("--force", action="store_true", help="replace existing files, whoever made them; never an input")
-    return own
+SURFACES = Group("Surfaces", sort_key=1)
+MESHES = Group("Meshes", sort_key=2)
+GROWTH = Group("Growth and folding", sort_key=3)
+COHORTS = Group("Cohorts", sort_key=4)
+OTHERS = Group("Others", sort_key=5)
+HELP = Group("Help", sort_key=6)
 
 
-def inner() -> argparse.ArgumentParser:
-    """Options for surfaces inside the named one."""
-    own = argparse.ArgumentParser(add_help=False)
-    own.add_argument(
-        "--inner",
-        action="append",
-        default=[],
-        type=inner_file,
-        metavar="[NAME=]FILE",
-        help="closed surface inside SURFACE, whose inside is a region NAME (default: white), or labels of a volume, "
-        "VOLUME:5,6; repeatable",
-    )
-    return own
+def add(app: App, group: Group | None, *commands: Callable[..., int], name: str | None = None) -> None:
+    """Add functions as commands; the example in the docstring of each ends its help."""
+    for command in commands:
+        _, _, example = (inspect.getdoc(command) or "").partition("Examples\n--------\n")
+        end = f"Example:\n{textwrap.indent(example, '  ')}" if example else None
+        app.command(command, name=name, group=group, help_epilogue=end)
 
 
-def limits() -> argparse.ArgumentParser:
-    """Options for the limits by which a mesh is checked."""
-    own = argparse.ArgumentParser(add_help=False)
-    own.add_argument("--q-max", type=Number(0, 1), metavar="Q", help="limit of the worst q (default: 0.6)")
-    own.add_argument(
-        "--max-boundary-distance",
-        type=Number(0, 1000, endless=True),
-        metavar="MM",
-        help="limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit)",
-    )
-    own.add_argument(
-        "--cell-size",
-        type=Number(*CELL_SIZE_MM),
-        metavar="MM",
-        help="cell size h; the surface may be half of it from the boundary, and inner surfaces are moved away from it "
-        "first, as for meshing (default: not known, no limit)",
-    )
-    return own
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Common:
+    """Options of every command.
+
+    Parameters
+    ----------
+    verbose
+        Say more while working.
+    """
+
+    verbose: Annotated[bool, Parameter(alias="-v")] = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Writes(Common):
+    """Options of commands that write files.
+
+    Parameters
+    ----------
+    verbose
+        Say more while working.
+    force
+        Replace existing files, whoever made them; never an input.
+    """
+
+    force: bool = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Limits:
+    """Limits by which a mesh is checked.
+
+    Parameters
+    ----------
+    q_max
+        Limit of the worst q (default: 0.6).
+    max_boundary_distance
+        Limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit).
+    """
+
+    q_max: Annotated[float | None, number(0, 1, "Q")] = None
+    max_boundary_distance: Annotated[float | None, number(0, 1000, "MM", endless=True)] = None
+    cell_size: Annotated[
+        CellSize | None,
+        Parameter(
+            help="Cell size h; the surface may be half of it from the boundary, and inner surfaces are moved away from "
+            "it first, as for meshing (default: not known, no limit)."
+        ),
+    ] = None

@@ -1,19 +1,23 @@
-"""Types of option values."""
+"""Types of arguments and options: what each may say, and what it becomes."""
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
+from cyclopts import Parameter, Token
+
+from cortet.errors import InputError
 from cortet.geometry.limits import CELL_SIZE_MM, NAME
 
 
 @dataclass(frozen=True)
 class Number:
-    """Type of an option: a number within limits, both included."""
+    """Converter of an option whose values are numbers within limits, both included."""
 
     low: float
     high: float
@@ -21,7 +25,12 @@ class Number:
     #: whether `inf` is allowed
     endless: bool = False
 
-    def __call__(self, text: str) -> float:
+    def __call__(self, _: object, tokens: Sequence[Token]) -> Any:
+        """The number, or the numbers if there are several."""
+        first, *more = [self.read(token.value) for token in tokens]
+        return (first, *more) if more else first
+
+    def read(self, text: str) -> float:
         """The number in a text; an error names the text and the limits."""
         with contextlib.suppress(ValueError):
             value = int(text) if self.whole else float(text)
@@ -29,14 +38,38 @@ class Number:
                 return value
         kind = "a whole number" if self.whole else "a number"
         also = ", or inf" if self.endless else ""
-        raise argparse.ArgumentTypeError(f"{text!r} is not {kind} from {self.low:g} to {self.high:.10g}{also}")
+        raise ValueError(f"{text!r} is not {kind} from {self.low:g} to {self.high:.10g}{also}")
+
+
+def number(low: float, high: float, unit: str, *, whole: bool = False, endless: bool = False) -> Parameter:
+    """An option whose value is a number within limits; help shows the unit in its place."""
+    return Parameter(converter=Number(low, high, whole, endless), metavar=unit)
+
+
+def pairs(read: Callable[[str], tuple[Any, Any]], form: str, shown: str | None = None) -> Parameter:
+    """An option that may be repeated, as pairs of a name and a value; InputError if a name comes twice.
+
+    Parameters
+    ----------
+    read : the pair in a text, or ValueError
+    form, shown : of the text, as errors and as help say it
+    """
+
+    def read_all(_: object, tokens: Sequence[Token]) -> list[tuple[Any, Any]]:
+        found = [read(token.value) for token in tokens]
+        names = [name for name, _ in found]
+        if twice := next((name for name in names if names.count(name) > 1), None):
+            raise InputError(f"{tokens[0].keyword} names {twice} twice", remedy=f"give each its own: {form}")
+        return found
+
+    return Parameter(converter=read_all, n_tokens=1, metavar=shown or form)
 
 
 def named_file(text: str) -> tuple[str, str]:
     """NAME=FILE."""
     name, equals, file = text.partition("=")
     if not (name and equals and file):
-        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE")
+        raise ValueError(f"{text!r} is not NAME=FILE")
     return name, file
 
 
@@ -48,8 +81,8 @@ def size(text: str) -> tuple[str, float | None]:
     if not equals and is_volume(text):
         return text, None
     if not where:
-        raise argparse.ArgumentTypeError(f"{text!r} is not REGION=MM, VOLUME:LABELS=MM or a volume of sizes in mm")
-    return where, Number(*CELL_SIZE_MM)(value)
+        raise ValueError(f"{text!r} is not REGION=MM, VOLUME:LABELS=MM or a volume of sizes in mm")
+    return where, Number(*CELL_SIZE_MM).read(value)
 
 
 def inner_file(text: str) -> tuple[str, str]:
@@ -58,19 +91,12 @@ def inner_file(text: str) -> tuple[str, str]:
     if not equals or "/" in name:  # the = is part of a path
         return "white", text
     if not (re.fullmatch(NAME, name) and file):
-        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FILE, NAME of letters and digits")
+        raise ValueError(f"{text!r} is not NAME=FILE, NAME of letters and digits")
     return name, file
 
 
 class OutputFile(type(Path())):  # type: ignore[misc]
     """A file that a command writes; every other path among its arguments is an input."""
-
-
-def output_surface(text: str) -> OutputFile:
-    """A surface that a command writes: GIfTI."""
-    if not text.endswith(".gii"):
-        raise argparse.ArgumentTypeError(f"{text!r} is not the name of a GIfTI file; end it in .surf.gii")
-    return OutputFile(text)
 
 
 class CheckedOutput(type(Path())):  # type: ignore[misc]
@@ -81,11 +107,49 @@ class FolderOfFiles(type(Path())):  # type: ignore[misc]
     """A folder in which a command writes some files; each file is guarded separately."""
 
 
-def output_picture(text: str) -> OutputFile:
-    """A file to write that ends in .png."""
-    if not text.lower().endswith(".png"):
-        raise argparse.ArgumentTypeError(f"{text!r} does not end in .png")
+WRITTEN = (OutputFile, CheckedOutput, FolderOfFiles)
+
+
+def _surface(_: object, tokens: Sequence[Token]) -> OutputFile:
+    """A surface that a command writes: GIfTI."""
+    text = tokens[-1].value
+    if not text.endswith(".gii"):
+        raise ValueError(f"{text!r} is not the name of a GIfTI file; end it in .surf.gii")
     return OutputFile(text)
 
 
-WRITTEN = (OutputFile, CheckedOutput, FolderOfFiles)
+def _picture(_: object, tokens: Sequence[Token]) -> OutputFile:
+    """A file to write that ends in .png."""
+    text = tokens[-1].value
+    if not text.lower().endswith(".png"):
+        raise ValueError(f"{text!r} does not end in .png")
+    return OutputFile(text)
+
+
+# Of a docstring help keeps the ends of lines, so longer help stands here.
+
+#: the option `-o`
+O = Parameter(alias="-o")  # noqa: E741
+SurfaceFile = Annotated[OutputFile, Parameter(converter=_surface, metavar="GII")]
+Picture = Annotated[OutputFile, Parameter(converter=_picture, metavar="PNG")]
+InputFile = Annotated[Path, Parameter(metavar="FILE")]
+CellSize = Annotated[float, number(*CELL_SIZE_MM, "MM")]
+Setting = Literal["default", "cgal", "published"]
+Hemisphere = Literal["L", "R"]
+NamedFiles = Annotated[Sequence[tuple[str, str]], pairs(named_file, "NAME=FILE")]
+InnerFiles = Annotated[
+    Sequence[tuple[str, str]],
+    pairs(inner_file, "NAME=FILE", "[NAME=]FILE"),
+    Parameter(
+        help="Closed surface inside SURFACE, whose inside is a region NAME (default: white), or labels of a volume, "
+        "VOLUME:5,6; repeatable."
+    ),
+]
+Sizes = Annotated[
+    Sequence[tuple[str, float | None]],
+    pairs(size, "WHERE=MM"),
+    Parameter(
+        help="Smaller cells at the surface of a region (white=0.5), inside labels of a volume (dseg.nii.gz:5=0.5), or "
+        "as the voxels of a volume say (sizes.nii.gz); repeatable."
+    ),
+]

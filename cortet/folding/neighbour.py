@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from cortet.neighbours import Neighbour, OnPage
 
 if TYPE_CHECKING:
-    from cortet.cli.shared import Commands
+    from cyclopts import App
+
     from cortet.cohort.plan import Plan
     from cortet.cohort.sheet import Case
     from cortet.report.over_all import Result
@@ -82,11 +83,11 @@ class Folding(Neighbour):
 
         return on_page(plan)
 
-    def add_commands(self, commands: Commands) -> None:
+    def add_commands(self, app: App) -> None:
         """Add `fold`, `growth` and `job`."""
         from cortet.folding.commands import add_commands
 
-        add_commands(commands)
+        add_commands(app)
 
 
 NEIGHBOUR = Folding()

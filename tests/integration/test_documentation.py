@@ -6,7 +6,6 @@ comment before it: `<!-- not run: REASON -->`; its `cortet` commands are parsed 
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import os
@@ -19,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from cortet.cli import main, parser
+from cortet.cli import app, commands, main
 from tests.integration.documented import PAGES, ROOT, Block, blocks, coarse, like, make_checkout
 from tests.integration.study import Study
 
@@ -90,7 +89,7 @@ def test_what_a_page_shows_is_what_happens(block: Block, checkout: Path) -> None
     for command, shown in block.commands:
         if block.not_run:
             if command.startswith("cortet "):
-                parser().parse_args(shlex.split(command)[1:])
+                app().parse_args(shlex.split(command)[1:], print_error=False, exit_on_error=False)
             continue
         output = run(coarse(command), checkout)
         alike = like if command.startswith(("cortet", "cat")) else str.strip  # coarse meshes have other numbers
@@ -125,10 +124,7 @@ def run(command: str, folder: Path) -> str:
     if command.startswith("cortet ") and not SHELL.search(command):
         output = io.StringIO()
         with contextlib.chdir(folder), contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
-            try:
-                status = main(shlex.split(command)[1:])
-            except SystemExit as end:  # of options like --help and --status
-                status = end.code
+            status = main(shlex.split(command)[1:])
         assert status == 0, f"{command}: exit code {status}\n{output.getvalue()}"
         return output.getvalue()
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
@@ -145,19 +141,18 @@ def test_few_blocks_are_not_run() -> None:
     assert len(excused) <= 8, excused
 
 
-def options(command: argparse.ArgumentParser, name: str = "cortet") -> dict[str, set[str]]:
-    """Command -> its options; a group of commands, as `cohort`, has none."""
-    found = {name: {flag for action in command._actions for flag in action.option_strings}}
-    for action in command._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for word, below in action.choices.items():
-                found |= options(below, f"{name} {word}")
+def options() -> dict[str, set[str]]:
+    """Command -> its options, those that are commands themselves, too."""
+    found = {"cortet": set(app())}
+    for words, command in commands():
+        own = {name for one in command.assemble_argument_collection() for name in one.names}
+        found |= {words: own | set(command), words.rpartition(" ")[0]: found.get(words.rpartition(" ")[0], set())}
     return found
 
 
 @pytest.mark.parametrize("page", [pytest.param(page, id=str(page.relative_to(ROOT))) for page in PAGES])
 def test_commands_within_a_sentence_exist(page: Path) -> None:
-    known = options(parser())
+    known = options()
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     for command in re.findall(r"`(cortet [a-z][^`]*|cortet --[^`]*)`", text):
         name = max((name for name in known if f"{command} ".startswith(f"{name} ")), key=len)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import json
 import math
@@ -16,11 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cubes import cube_mesh
+from cyclopts import Argument, ArgumentCollection, Token
 from shapes import ball_mesh, ball_surface
 
 import cortet
-from cortet.cli import Number, main, parser
-from cortet.cli.values import inner_file
+from cortet.cli import commands, main
+from cortet.cli.values import Number, inner_file
 from cortet.cohort.sheet import read_sheet
 from cortet.config import load
 from cortet.formats import braingrowth, vtu
@@ -39,11 +39,16 @@ def ball(tmp_path: Path) -> Path:
 
 def test_the_command_starts_without_loading_anything_heavy() -> None:
     code = (
-        "import sys; from cortet.cli import parser; parser(); "
-        "print(*{'numpy', 'numba', 'gmsh', 'pyvista', 'pydantic'} & set(sys.modules))"
+        "import sys; from cortet.cli import main; main(['--help']); main(['fold', '--help']); "
+        "print(*{'numpy', 'numba', 'gmsh', 'pyvista', 'pydantic', 'scipy', 'pandas', 'nibabel'} & set(sys.modules))"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert shown.split() == []
+    assert "cortet fold --status DIR" in shown and not shown.splitlines()[-1]
+
+
+def test_neither_the_package_nor_a_job_loads_the_library_of_the_command() -> None:
+    code = "import sys, cortet.pipeline, cortet.cohort.jobs, cortet.api; print('cyclopts' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
 
 
 @pytest.mark.parametrize(
@@ -56,45 +61,39 @@ def test_wrong_usage_exits_with_2(arguments: list[str], capsys: pytest.CaptureFi
     assert "usage: cortet" in capsys.readouterr().err
 
 
-def options() -> Iterator[tuple[str, argparse.Action]]:
-    """Every option that takes a value of some type, and the words of its command."""
-
-    def below(of: argparse.ArgumentParser, words: str) -> Iterator[tuple[str, argparse.Action]]:
-        for action in of._actions:
-            if isinstance(action, argparse._SubParsersAction):
-                for name, one in action.choices.items():
-                    yield from below(one, f"{words} {name}")
-            elif action.type is not None:
-                yield words, action
-
-    return below(parser(), "")
+def options() -> Iterator[tuple[str, ArgumentCollection, Argument]]:
+    """Every argument and option, with the words of its command and all of its arguments."""
+    for words, command in commands():
+        every = command.assemble_argument_collection()
+        yield from ((words, every, one) for one in every if one.show)
 
 
 NUMBERS = [
-    pytest.param(words, action, id=f"{words} {action.option_strings[0]}")
-    for words, action in options()
-    if isinstance(action.type, Number)
+    pytest.param(words, every, one, id=f"{words} {one.name}")
+    for words, every, one in options()
+    if isinstance(one.parameter.converter, Number)
 ]
 
 
 def test_every_number_of_the_command_has_limits() -> None:
     """A plain float or int, or a function of its own, would take 1e308; files and names are not numbers."""
-    for words, action in options():
-        if isinstance(action.type, Number):
-            assert math.isfinite(action.type.low) and math.isfinite(action.type.high), (words, action)
+    for words, _, one in options():
+        kind = one.parameter.converter
+        if isinstance(kind, Number):
+            assert math.isfinite(kind.low) and math.isfinite(kind.high), (words, one)
             continue
-        assert callable(action.type)
-        for text in ("1e308", "7"):
-            with contextlib.suppress(ValueError, argparse.ArgumentTypeError):
-                assert not isinstance(action.type(text), (int, float)), (words, action)
+        assert callable(kind) or not re.search(r"\b(int|float)\b", str(one.hint)), (words, one)
+        for text in ("1e308", "7") if callable(kind) else ():
+            with contextlib.suppress(ValueError):
+                assert not isinstance(kind(one.hint, [Token(value=text)]), (int, float)), (words, one)
     assert len(NUMBERS) >= 20
 
 
-@pytest.mark.parametrize(("words", "action"), NUMBERS)
+@pytest.mark.parametrize(("words", "every", "option"), NUMBERS)
 def test_a_number_beyond_its_limits_is_refused_in_one_sentence(
-    words: str, action: argparse.Action, capsys: pytest.CaptureFixture[str]
+    words: str, every: ArgumentCollection, option: Argument, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    kind, option = action.type, action.option_strings[0]
+    kind = option.parameter.converter
     assert isinstance(kind, Number)
     beyond = [
         kind.low - (1 if kind.whole else 1e-3),
@@ -106,17 +105,25 @@ def test_a_number_beyond_its_limits_is_refused_in_one_sentence(
         "9" * 5000,
         "x",
     ]
+    command = [*words.split()[1:], *required(every, but=option)]
+    count, _ = option.token_count()
     for value in [*map(str, beyond), *([] if kind.endless else ["inf"]), *(["1.5"] if kind.whole else [])]:
-        several = isinstance(action.nargs, int)
-        if several and value.startswith("-"):  # would be read as the next option
-            continue
         with pytest.raises(SystemExit) as stopped:
-            main([*words.split(), *([option, *[value] * action.nargs] if several else [f"{option}={value}"])])
+            main([*command, *([option.name, *[value] * count] if count > 1 else [f"{option.name}={value}"])])
         assert stopped.value.code == 2
-        complaint = capsys.readouterr().err.splitlines()[-1]
+        (complaint,) = capsys.readouterr().err.splitlines()
         limits = f"number from {kind.low:g} to {kind.high:.10g}"
-        assert f"{option}: {value!r} is not a" in complaint and limits in complaint
-    assert kind(str(kind.low)) == kind.low and kind(str(kind.high)) == kind.high
+        assert f"{option.name}: {value!r} is not a" in complaint and limits in complaint
+    assert kind.read(str(kind.low)) == kind.low and kind.read(str(kind.high)) == kind.high
+
+
+def required(every: ArgumentCollection, but: Argument) -> Iterator[str]:
+    """Words for all that a command must be given, but for one option."""
+    for one in every:
+        if one.required and one.show and one is not but:
+            kind = one.parameter.converter
+            value = str(kind.high) if isinstance(kind, Number) else (one.get_choices() or ["x.gii"])[0]
+            yield from [*([] if one.field_info.is_positional else [one.name]), *[value] * one.token_count()[0]]
 
 
 def test_gate_gives_one_verdict_per_file(ball: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -371,7 +378,7 @@ def test_a_mesh_that_was_changed_after_cortet_wrote_it_is_told(
 def test_a_path_may_have_an_equals_sign() -> None:
     assert inner_file("white=/a=1/white.surf.gii") == ("white", "/a=1/white.surf.gii")
     assert inner_file("/a=1/white.surf.gii") == ("white", "/a=1/white.surf.gii")
-    with pytest.raises(argparse.ArgumentTypeError, match="is not NAME=FILE"):
+    with pytest.raises(ValueError, match="is not NAME=FILE"):
         inner_file("my white=white.surf.gii")
 
 
