@@ -243,7 +243,10 @@ def _prove_meshtool() -> str:
     return f"brings the worst q of a bad mesh from {before:.3f} to {after:.3f}"
 
 
-LISTED = "cyclopts h5py jinja2 matplotlib meshio nibabel numpy pandas pydantic pyyaml scipy snakemake tabulate tetgen trimesh"
+LISTED = (
+    "cyclopts h5py jinja2 matplotlib meshio nibabel numpy pandas pydantic pyyaml scipy snakemake tabulate tetgen "
+    "trimesh"
+)
 LIBRARIES = (
     Tool("numba", "kernels of S4", _prove_numba),
     Tool("pygalmesh", "S1, as published", lambda: _prove_mesher("pygalmesh"), "libgmp10 libmpfr6"),
