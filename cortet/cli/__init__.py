@@ -15,7 +15,7 @@ from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
-from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
+from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
 from cyclopts.help import DefaultFormatter, PanelSpec
 from rich.box import Box
 
@@ -108,17 +108,12 @@ def _complaint(error: CycloptsError) -> str:
     """What is wrong with the words of a command."""
     name = error.argument.name if error.argument else ""
     if isinstance(error, MissingArgumentError):
-        return f"{error.keyword} needs {_counted(error)}" if error.keyword else f"{name} is missing"
+        return f"{error.keyword} lacks a value" if error.keyword else f"{name} is missing"
     if isinstance(error, UnusedCliTokensError):
         return f"too many arguments: {' '.join(error.unused_tokens or ())}"
     text = str(error).partition(" Available commands")[0].rstrip(".")
-    return text if name in text else f"Invalid value for {name}: {text}"
-
-
-def _counted(error: MissingArgumentError) -> str:
-    """How many values an option needs."""
-    count, _ = error.argument.token_count() if error.argument else (1, False)
-    return "a value" if count == 1 else f"{count} values"
+    several = isinstance(error, CoercionError) and error.token is None
+    return f"Invalid value for {name}: {text}" if several else text
 
 
 def _usage(command: list[str], complaint: str) -> SystemExit:

@@ -3,40 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cortet.errors import InputError
 
 if TYPE_CHECKING:
     from cortet.meshes import TetMesh
-
-
-def settings_of(
-    file: Path | None,
-    setting: str | None,
-    cell_size: float | None,
-    *,
-    sizes: Iterable[tuple[str, float | None]] = (),
-    holes: Sequence[str] = (),
-) -> dict[str, Any]:
-    """The sections of a configuration file; options of the command take precedence."""
-    from cortet.config import load, read
-
-    data: dict[str, Any] = {}
-    if file:
-        load(file)  # its errors name the file
-        data = read(file)
-    if setting:
-        data["setting"] = setting
-    if cell_size is not None:
-        data["generate"] = {**(data.get("generate") or {}), "cell_size": cell_size}
-    if sizes:
-        data["generate"] = {**(data.get("generate") or {}), "sizes": dict(sizes)}
-    if holes:
-        data["export"] = {**(data.get("export") or {}), "holes": list(holes)}
-    return data
 
 
 def stem_of(path: Path) -> str:

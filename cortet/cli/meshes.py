@@ -13,7 +13,7 @@ from cyclopts import App, Parameter
 
 from cortet.cli.given import draw, read_mesh, stem_of
 from cortet.cli.shared import MESHES, Common, Limits, Writes, add
-from cortet.cli.values import InnerFiles, InputFile, O, OutputFile, Picture, number
+from cortet.cli.values import InnerFiles, InputFile, MeshFile, O, OutputFile, Picture, number
 from cortet.errors import InputError
 from cortet.formats import FORMATS, format_of
 
@@ -29,7 +29,7 @@ def add_commands(app: App) -> None:
     add(app, MESHES, quality, certify, compare, verify, convert, quadratic, picture)
 
 
-def quality(mesh: Path, /, *, json: bool = False, _: Common = Common()) -> int:
+def quality(file: MeshFile, /, *, json: bool = False, _: Common = Common()) -> int:
     """Measure the elements of a mesh.
 
     Parameters
@@ -43,7 +43,7 @@ def quality(mesh: Path, /, *, json: bool = False, _: Common = Common()) -> int:
     """
     from cortet.measure.quality import summarise
 
-    found = summarise(read_mesh(mesh))
+    found = summarise(read_mesh(file))
     if json:
         print(json_format.dumps(asdict(found), indent=2, allow_nan=False))
         return 0
@@ -65,7 +65,7 @@ def quality(mesh: Path, /, *, json: bool = False, _: Common = Common()) -> int:
 
 
 def certify(
-    mesh: Path,
+    file: MeshFile,
     surface: Path | None = None,
     /,
     *,
@@ -91,13 +91,13 @@ def certify(
     from cortet.solver_files.sets import with_regions
     from cortet.stages.separate import separate
 
-    read = read_mesh(mesh, whole=True)
-    filled, source = filled_surface(mesh, surface, inner)
+    mesh = read_mesh(file, whole=True)
+    filled, source = filled_surface(file, surface, inner)
     if filled.inner:
-        read = with_regions(read, list(filled.inner))
+        mesh = with_regions(mesh, list(filled.inner))
         if limits.cell_size is not None and source == surface:  # not as meshed: separate them as then
             filled, _report = separate(filled, cell_size=limits.cell_size)
-    certificate = _checked(read, filled, mesh, source, limits)
+    certificate = _checked(mesh, filled, file, source, limits)
     if output:
         write_json(asdict(certificate), output)
     for check in certificate.checks:
@@ -137,7 +137,7 @@ def _checked(mesh: TetMesh, surface: TriSurface, file: Path, source: Path, limit
 
 
 def compare(
-    meshes: Annotated[Sequence[Path], Parameter(name="MESH")],
+    files: Annotated[Sequence[Path], Parameter(name="MESH")],
     /,
     *,
     output: Annotated[OutputFile, O, Parameter(metavar="HTML")],
@@ -164,21 +164,21 @@ def compare(
     from cortet.formats.tsv import write_tsv
     from cortet.report.comparison_page import comparison_rows, write_comparison_page
 
-    names = _names_of(meshes)
-    filled, source = filled_surface(meshes[0], surface)
-    read = {name: read_mesh(file) for name, file in names.items()}
-    certificates = {name: asdict(_checked(mesh, filled, names[name], source, limits)) for name, mesh in read.items()}
-    write_comparison_page(read, certificates, filled, output, source=source.name)
+    names = _names_of(files)
+    filled, source = filled_surface(files[0], surface)
+    meshes = {name: read_mesh(file) for name, file in names.items()}
+    certificates = {name: asdict(_checked(mesh, filled, names[name], source, limits)) for name, mesh in meshes.items()}
+    write_comparison_page(meshes, certificates, filled, output, source=source.name)
     if table:
         rows = comparison_rows(certificates)
         columns = {"number": "name", "limit": "limit"}
         write_tsv(
             [
                 {column: row[key] for column, key in columns.items()}
-                | {name: value for name, (value, _) in zip(read, row["values"], strict=True)}
+                | {name: value for name, (value, _) in zip(meshes, row["values"], strict=True)}
                 for row in rows
             ],
-            [*columns, *read],
+            [*columns, *meshes],
             table,
         )
     for name, certificate in certificates.items():
@@ -262,7 +262,7 @@ def convert(
 
 
 def quadratic(
-    mesh: Path,
+    file: MeshFile,
     surface: Path | None = None,
     /,
     *,
@@ -288,11 +288,11 @@ def quadratic(
     from cortet.geometry.quadratic import quadratic
     from cortet.solver_files.ten_nodes import write_ten_nodes
 
-    read = read_mesh(mesh, whole=True)
-    filled, _source = filled_surface(mesh, surface)
+    mesh = read_mesh(file, whole=True)
+    filled, _source = filled_surface(file, surface)
     limit = None if max_boundary_distance == math.inf else max_boundary_distance
-    curved = quadratic(read, filled, max_boundary_distance=limit)
-    told = write_ten_nodes(read, curved, output)
+    curved = quadratic(mesh, filled, max_boundary_distance=limit)
+    told = write_ten_nodes(mesh, curved, output)
     straight = curved.straightened_for_elements + curved.straightened_for_crossings
     print(
         f"{curved.curved} edges follow the surface, their middles moved by up to {curved.largest_move_mm:.3f} mm; "
@@ -305,14 +305,14 @@ def quadratic(
     return 0
 
 
-def picture(mesh: Path, /, *, output: Annotated[Picture, O], _: Writes = Writes()) -> int:
+def picture(file: MeshFile, /, *, output: Annotated[Picture, O], _: Writes = Writes()) -> int:
     """Draw a mesh cut open, coloured by q.
 
     Examples
     --------
     cortet picture lh.vtu -o lh.png
     """
-    draw(read_mesh(mesh), output)
+    draw(read_mesh(file), output)
     return 0
 
 

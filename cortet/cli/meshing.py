@@ -10,21 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
-from cortet.cli.given import draw, settings_of, stem_of
+from cortet.cli.given import draw, stem_of
 from cortet.cli.meshes import print_verdict
-from cortet.cli.shared import MESHES, Writes, add
-from cortet.cli.values import (
-    CellSize,
-    InnerFiles,
-    InputFile,
-    NamedFiles,
-    O,
-    OutputFile,
-    Picture,
-    Setting,
-    Sizes,
-    number,
-)
+from cortet.cli.shared import MESHES, Configured, Writes, add
+from cortet.cli.values import InnerFiles, InputFile, NamedFiles, O, OutputFile, Picture, Sizes, number
 from cortet.errors import InputError
 from cortet.formats import format_of, require_holes
 from cortet.formats.ownership import may_write, refuse_companion
@@ -54,14 +43,8 @@ class Line:
     ----------
     shell
         Also mesh the space around the brain, a region csf, up to a smooth surface at least so far away.
-    cell_size
-        Cell size h (default: 0.6, or what --config says).
     ga
         Gestational age, by which the setting published smooths the surface.
-    setting
-        Our line, the paper's mesher with our boundary, or all choices of the paper.
-    config
-        YAML file of parameters; see `cortet config`.
     field
         Per-vertex field to carry to the mesh, GIfTI; repeatable.
     sphere
@@ -71,18 +54,9 @@ class Line:
     inner: InnerFiles = ()
     size: Sizes = ()
     shell: Annotated[float | None, number(*SHELL_MM, "MM")] = None
-    cell_size: CellSize | None = None
     ga: Annotated[float | None, number(*SCAN_AGES, "WEEKS")] = None
-    setting: Setting | None = None
-    config: InputFile | None = None
     field: NamedFiles = ()
     sphere: InputFile | None = None
-
-    def loaded(self, holes: Sequence[str] = ()) -> Config:
-        """The configuration; options of the command take precedence over its file."""
-        from cortet.config import load
-
-        return load(settings_of(self.config, self.setting, self.cell_size, sizes=self.size, holes=holes))
 
     def inputs(self, surface: Path, config: Config, volumes: Sequence[tuple[str, str]] = ()) -> Inputs:
         """What a command is to mesh."""
@@ -158,6 +132,7 @@ def mesh(
     *,
     output: Annotated[OutputFile, O, Parameter(metavar="OUT")],
     line: Line = Line(),
+    configured: Configured = Configured(),
     volume: NamedFiles = (),
     hole: Annotated[Sequence[str], Parameter(metavar="NAME")] = (),
     views: Views = Views(),
@@ -180,6 +155,7 @@ def mesh(
     --------
     cortet mesh lh.pial.surf.gii --inner lh.white.surf.gii -o lh.inp
     """
+    from cortet.config import load
     from cortet.formats.tables import printed
     from cortet.pipeline import Meshed, companions, save
     from cortet.solver_files.holes import require_regions
@@ -190,7 +166,7 @@ def mesh(
     if views.slices and not volume:
         raise InputError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
     # a file that cannot be written is refused before the work, and before files of an earlier run are deleted
-    config = line.loaded(hole)
+    config = load(configured.settings(line.size, hole))
     require_holes(config.export.holes, format_of(output).name)
     given = line.inputs(surface, config, volume)
     inner = given.surface.inner
@@ -243,6 +219,7 @@ def stages(
     *,
     output: Annotated[OutputFile | None, O, Parameter(metavar="TSV")] = None,
     line: Line = Line(),
+    configured: Configured = Configured(),
     _: Writes = Writes(),
 ) -> int:
     """Run the line and tabulate what each stage does.
@@ -258,11 +235,12 @@ def stages(
     --------
     cortet stages lh.pial.surf.gii --cell-size 1.2
     """
+    from cortet.config import load
     from cortet.formats.tables import write_table
     from cortet.pipeline import run
     from cortet.report.stage_table import STAGE_COLUMNS, measured_stages
 
-    config = line.loaded()
+    config = load(configured.settings(line.size))
     given = line.inputs(surface, config)
     for said in given.said:
         print(said)

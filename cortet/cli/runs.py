@@ -10,9 +10,8 @@ from typing import Annotated, Literal
 from cyclopts import App, Group, Parameter
 from cyclopts.validators import mutually_exclusive
 
-from cortet.cli.given import settings_of
-from cortet.cli.shared import COHORTS, OTHERS, Common, add
-from cortet.cli.values import CellSize, CheckedOutput, Hemisphere, InputFile, O, Setting, number
+from cortet.cli.shared import COHORTS, OTHERS, Common, Configured, add
+from cortet.cli.values import CheckedOutput, Hemisphere, InputFile, O, Setting, number
 from cortet.errors import InputError
 
 #: what becomes of a sheet that is there
@@ -127,9 +126,7 @@ def run(
     participant_label: Annotated[Labels, Parameter(alias="--participant_label")] = (),
     session_label: Annotated[Labels, Parameter(alias="--session_label")] = (),
     hemi: Hemisphere | None = None,
-    cell_size: CellSize | None = None,
-    setting: Setting | None = None,
-    config: InputFile | None = None,
+    configured: Configured = Configured(),
     pial: bool = False,
     cores: Annotated[int | None, number(1, 10_000, "N", whole=True)] = None,
     profile: Annotated[str | None, Parameter(metavar="NAME")] = None,
@@ -153,12 +150,6 @@ def run(
         Only these sessions.
     hemi
         Only this hemisphere.
-    cell_size
-        Cell size h (default: 0.6, or what --config says).
-    setting
-        As of `cortet mesh`.
-    config
-        YAML file of parameters; see `cortet config`.
     pial
         Two regions: the pial surface, and the white one inside.
     cores
@@ -177,7 +168,7 @@ def run(
     from cortet.cohort import app
     from cortet.cohort.selection import ageless_notice
 
-    settings = settings_of(config, setting, cell_size)
+    settings = configured.settings()
     selection = app.Selection(participant_label, session_label, hemi)
     if pial:
         cohort = settings.get("cohort") or {}

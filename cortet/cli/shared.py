@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import inspect
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import App, Group, Parameter
 
-from cortet.cli.values import CellSize, number
+from cortet.cli.values import CellSize, InputFile, Setting, number
 
 SURFACES = Group("Surfaces", sort_key=1)
 MESHES = Group("Meshes", sort_key=2)
@@ -20,7 +20,7 @@ OTHERS = Group("Others", sort_key=5)
 HELP = Group("Help", sort_key=6)
 
 
-def add(app: App, group: Group | None, *commands: Callable[..., int], name: str | None = None) -> None:
+def add(app: App, group: Group, *commands: Callable[..., int], name: str | None = None) -> None:
     """Add functions as commands; the example in the docstring of each ends its help."""
     for command in commands:
         _, _, example = (inspect.getdoc(command) or "").partition("Examples\n--------\n")
@@ -49,13 +49,49 @@ class Writes(Common):
 
     Parameters
     ----------
-    verbose
-        Say more while working.
     force
         Replace existing files, whoever made them; never an input.
     """
 
     force: bool = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Configured:
+    """What a configuration is made of.
+
+    Parameters
+    ----------
+    config
+        YAML file of parameters; see `cortet config`.
+    setting
+        Our line, the paper's mesher with our boundary, or all choices of the paper.
+    cell_size
+        Cell size h (default: 0.6, or what --config says).
+    """
+
+    config: InputFile | None = None
+    setting: Setting | None = None
+    cell_size: CellSize | None = None
+
+    def settings(self, sizes: Iterable[tuple[str, float | None]] = (), holes: Sequence[str] = ()) -> dict[str, Any]:
+        """The sections of the file; options of the command take precedence."""
+        from cortet.config import load, read
+
+        data: dict[str, Any] = {}
+        if self.config:
+            load(self.config)  # its errors name the file
+            data = read(self.config)
+        if self.setting:
+            data["setting"] = self.setting
+        if self.cell_size is not None:
+            data["generate"] = {**(data.get("generate") or {}), "cell_size": self.cell_size}
+        if sizes:
+            data["generate"] = {**(data.get("generate") or {}), "sizes": dict(sizes)}
+        if holes:
+            data["export"] = {**(data.get("export") or {}), "holes": list(holes)}
+        return data
 
 
 @Parameter(name="*")

@@ -188,7 +188,7 @@ def resample(
 
     Examples
     --------
-    cortet resample lh.white.surf.gii --sphere lh.sphere.surf.gii -o common.surf.gii
+    cortet resample lh.surf.gii --sphere lh.sphere.surf.gii -o common.surf.gii
     """
     from cortet.config import load
     from cortet.formats.gifti import read_surface, write_surface

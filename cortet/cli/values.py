@@ -132,6 +132,7 @@ def _picture(_: object, tokens: Sequence[Token]) -> OutputFile:
 O = Parameter(alias="-o")  # noqa: E741
 SurfaceFile = Annotated[OutputFile, Parameter(converter=_surface, metavar="GII")]
 Picture = Annotated[OutputFile, Parameter(converter=_picture, metavar="PNG")]
+MeshFile = Annotated[Path, Parameter(name="MESH")]
 InputFile = Annotated[Path, Parameter(metavar="FILE")]
 CellSize = Annotated[float, number(*CELL_SIZE_MM, "MM")]
 Setting = Literal["default", "cgal", "published"]

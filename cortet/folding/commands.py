@@ -10,10 +10,21 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import App, Group, Parameter
 
-from cortet.cli.given import read_mesh, settings_of, stem_of
+from cortet.cli.given import read_mesh, stem_of
 from cortet.cli.meshes import filled_surface
-from cortet.cli.shared import GROWTH, Common, Writes, add
-from cortet.cli.values import FolderOfFiles, Hemisphere, InputFile, Number, O, OutputFile, Picture, number, pairs
+from cortet.cli.shared import GROWTH, Common, Configured, Writes, add
+from cortet.cli.values import (
+    FolderOfFiles,
+    Hemisphere,
+    InputFile,
+    MeshFile,
+    Number,
+    O,
+    OutputFile,
+    Picture,
+    number,
+    pairs,
+)
 from cortet.errors import InputError
 from cortet.folding import AGES
 from cortet.formats.atomic import recorded
@@ -59,7 +70,7 @@ def add_commands(app: App) -> None:
 
 
 def fold(
-    mesh: Path,
+    file: MeshFile,
     /,
     *,
     output: Folder,
@@ -105,16 +116,16 @@ def fold(
     from cortet.folding.section import Settings
     from cortet.formats.gifti import hemisphere_of, read_surface
 
-    read = read_mesh(mesh, whole=True)
-    age, side = brain_of(mesh, ga, hemi)
+    mesh = read_mesh(file, whole=True)
+    age, side = brain_of(file, ga, hemi)
     if age is None:
-        raise InputError("does not say for which gestational age it was made", file=mesh, remedy="add --ga WEEKS")
+        raise InputError("does not say for which gestational age it was made", file=file, remedy="add --ga WEEKS")
     for name in (*FILES, NUMBERS, PICTURE, FILM):  # before the work
         may_write(output / name)
     if threads:
         set_num_threads(min(threads, get_num_threads()))
     chosen = {"end": end, "time_step": time_step}
-    data = settings_of(config, None, None)
+    data = Configured(config).settings()
     data["fold"] = {**(data.get("fold") or {}), **{key: value for key, value in chosen.items() if value is not None}}
     if real:
         data["fold"]["real_surfaces"] = (data["fold"].get("real_surfaces") or {}) | dict(real)
@@ -131,7 +142,7 @@ def fold(
             )
     live = sys.stdout.isatty()
     verdict = fold(
-        read,
+        mesh,
         output,
         Settings(**values),
         lambda *progress: print(
@@ -240,7 +251,7 @@ def growth(
 
 
 def job(
-    mesh: Path,
+    file: MeshFile,
     /,
     *,
     output: Folder,
@@ -254,7 +265,7 @@ def job(
 
     Parameters
     ----------
-    mesh
+    file
         With the sets that cortet exports.
     solver
         Default: calculix.
@@ -276,15 +287,15 @@ def job(
         "febio": ("febio_job", "febio4 -i job.feb"),
         "fenics": ("fenics_job", "python3 job.py"),
     }[solver]
-    read, more = read_mesh(mesh, whole=ten_nodes is not None), dict[str, object]()
+    mesh, more = read_mesh(file, whole=ten_nodes is not None), dict[str, object]()
     if ten_nodes is not None:
         if solver != "calculix":
             raise InputError(f"--ten-nodes is not for {solver}", remedy="use it with --solver calculix, or leave it")
-        more["curved"] = quadratic(read, filled_surface(mesh, ten_nodes)[0])
+        more["curved"] = quadratic(mesh, filled_surface(file, ten_nodes)[0])
     if material:
         if solver == "febio":
             raise InputError("--material is not for febio", remedy="use another solver, or edit <Material> in job.feb")
         more["moduli"] = dict(material)
-    import_module(f"cortet.folding.{module}").write_job(read, output, growth=growth, **more)
+    import_module(f"cortet.folding.{module}").write_job(mesh, output, growth=growth, **more)
     print(f"{output}: written; run `{run}` in it")
     return 0

@@ -6,6 +6,7 @@ import contextlib
 import json
 import math
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -15,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cubes import cube_mesh
-from cyclopts import Argument, ArgumentCollection, Token
+from cyclopts import App, Argument, ArgumentCollection, Token
 from shapes import ball_mesh, ball_surface
 
 import cortet
@@ -59,6 +60,19 @@ def test_wrong_usage_exits_with_2(arguments: list[str], capsys: pytest.CaptureFi
         main(arguments)
     assert stopped.value.code == 2
     assert "usage: cortet" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("words", "command"), [pytest.param(*one, id=one[0]) for one in commands()])
+def test_the_help_of_a_command_ends_with_an_example(
+    words: str, command: App, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The example is one line of a narrow terminal, and the command takes it."""
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main([*words.split()[1:], "--help"]) == 0
+    shown = capsys.readouterr().out
+    *_, head, example = shown.splitlines()
+    assert head == "Example:" and example.startswith(f"  {words}") and max(map(len, shown.splitlines())) <= 80
+    command.parse_args(shlex.split(example.removeprefix(f"  {words}")), print_error=False, exit_on_error=False)
 
 
 def options() -> Iterator[tuple[str, ArgumentCollection, Argument]]:
