@@ -44,7 +44,8 @@ def _serve(jobs: Any, address: str) -> None:
     from snakemake.script import PythonScript
 
     def execute(script: Any, name: str, edit: bool = False) -> None:
-        environment = os.environ | {"OMP_NUM_THREADS": str(script.threads)}
+        # Numba, which is loaded, reads the second when cortet is imported: before the job says it
+        environment = os.environ | dict.fromkeys(["OMP_NUM_THREADS", "NUMBA_NUM_THREADS"], str(script.threads))
         if status := jobs.run(name, address, environment, script.bench_record):
             raise subprocess.CalledProcessError(status, name)
 
