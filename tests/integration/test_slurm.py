@@ -49,6 +49,7 @@ def test_slurm_makes_the_same_files_and_retries_only_what_was_killed(finished: S
     arguments = study.command()
     arguments[1:3] = ["-c", IMPATIENT]
     arguments[arguments.index("--cores") :] = ["--profile", str(ROOT / "profiles/slurm")]
+    arguments += ["--slurm-init-seconds-before-status-checks", "2"]
     columns = {"SLURM_COLUMNS": "JobID,State,Comment%-80"}
     result = subprocess.run(
         [str(ROOT / "tools/slurm.sh"), *arguments],
