@@ -28,6 +28,7 @@ LIBRARIES = [
     "nibabel",
     "numba",
     "numba.core.registry",
+    "numba.np.ufunc.parallel",
     "yaml",
     "uuid",
     "scipy.optimize",
@@ -127,6 +128,9 @@ if __name__ == "__main__":
     request = _asked(socket.socket(fileno=int(sys.argv[1])))
     script = request.pop("script")
     become(path=[str(Path(script).parent)], **request)
+    parallel: Any = sys.modules["numba.np.ufunc.parallel"]  # Numba has counted its threads before it knew the job
+    sys.modules["numba"].config.reload_config()
+    parallel.NUM_THREADS = parallel.get_thread_count()
     with suppress(ImportError):  # as Python does at its start
         importlib.import_module("sitecustomize")
     main = sys.modules["__main__"] = ModuleType("__main__")

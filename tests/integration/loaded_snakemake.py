@@ -44,7 +44,7 @@ def _serve(jobs: Any, address: str) -> None:
     from snakemake.script import PythonScript
 
     def execute(script: Any, name: str, edit: bool = False) -> None:
-        # Numba, which is loaded, reads the second when cortet is imported: before the job says it
+        # the second is for Numba, which is loaded before the job can say it
         environment = os.environ | dict.fromkeys(["OMP_NUM_THREADS", "NUMBA_NUM_THREADS"], str(script.threads))
         if status := jobs.run(name, address, environment, script.bench_record):
             raise subprocess.CalledProcessError(status, name)
