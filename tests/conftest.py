@@ -1,7 +1,12 @@
 """What holds for all tests."""
 
+import os
+
 import numba
 import pytest
+
+# processes that tests start would compile every module of the project each time
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 @pytest.fixture(autouse=True)

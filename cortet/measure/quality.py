@@ -15,13 +15,11 @@ import numba
 import numpy as np
 
 from cortet.geometry.topology import TET_EDGES
+from cortet.measure.counts import COUNTED_LIMITS, HISTOGRAM_BIN_WIDTH
 from cortet.meshes import FloatArray, IntArray, TetMesh, require_indices, require_measurable
 
 VERSION: int = 2
 
-#: values of q above which elements are counted; a solver-ready mesh stays below the last
-COUNTED_LIMITS = (0.3, 0.4, 0.5, 0.6)
-HISTOGRAM_BIN_WIDTH = 0.005
 #: (K + 4/3 mu) of the folding simulation in units of mu, with bulk modulus K = 5 (BrainGrowth), and its density
 _P_WAVE_MODULUS, _DENSITY = 5 + 4 / 3, 0.01
 

@@ -13,7 +13,7 @@ import pandas as pd
 from cortet.formats.tables import headed
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import surface_topology
-from cortet.measure.quality import COUNTED_LIMITS
+from cortet.measure.counts import COUNTED_LIMITS
 from cortet.meshes import TetMesh, TriSurface
 from cortet.report import pages, pictures, published
 from cortet.report.boundary_view import boundary_view, three_js

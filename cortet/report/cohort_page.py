@@ -17,8 +17,7 @@ from cortet.formats.tsv import MISSING, cell, read_tsv
 from cortet.neighbours import OnPage
 from cortet.report import pages
 from cortet.report.cohort_tables import CASE_COLUMNS, QUALITY_COLUMNS
-from cortet.report.pages import Panel, Part
-from cortet.report.pictures import SIDES
+from cortet.report.pages import SIDES, Panel, Part
 
 Row = Mapping[str, str]
 

@@ -16,8 +16,8 @@ from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
 from cortet.report.case_page import ELEMENTS, Certificate, in_words, limit_of
 from cortet.report.figures import mesh_quality_figures, svg
-from cortet.report.pages import Panel, Part
-from cortet.report.pictures import SIDES, captioned
+from cortet.report.pages import SIDES, Panel, Part
+from cortet.report.pictures import captioned
 from cortet.report.render import cut_view, surface_view
 
 #: numbers that a comparison shows besides the checks

@@ -38,6 +38,9 @@ _TEMPLATES = jinja2.Environment(
     lstrip_blocks=True,
 )
 _TEMPLATES.filters["json"] = functools.partial(json.dumps, indent=2)
+#: sides of the head, as captions call them
+SIDES: dict[Literal["L", "R"], str] = {"L": "left", "R": "right"}
+
 #: a text of more characters gets room for several lines in a cell
 _LONG = 40
 

@@ -17,15 +17,13 @@ from cortet.measure.lost import distances_to
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface, region_names
 from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
+from cortet.report.pages import SIDES
 from cortet.report.render import COLOUR_NAMES, cut_view, reddest, surface_view, webp
 
 Picture = dict[str, Any]
 
 #: pixels of a thumbnail, width and height: twice those on the page, for fine screens
 _THUMBNAIL = (192, 144)
-
-#: sides of the head that a surface is drawn from
-SIDES: dict[Literal["L", "R"], str] = {"L": "left", "R": "right"}
 
 
 def captioned(image: NDArray[Any], caption: str, more: str = "") -> Picture:

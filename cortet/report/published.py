@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cortet.formats.tsv import MISSING, read_tsv
-from cortet.measure.quality import HISTOGRAM_BIN_WIDTH
+from cortet.measure.counts import HISTOGRAM_BIN_WIDTH
 from cortet.report import DATA
 
 #: cell size of the published meshes, mm

@@ -12,8 +12,7 @@ from typing import Any
 
 from cortet.errors import InputError
 from cortet.formats.tables import Column, values
-from cortet.measure.checks import NAMES
-from cortet.measure.quality import COUNTED_LIMITS
+from cortet.measure.counts import COUNTED_LIMITS
 from cortet.report.table_files import Table, write
 
 VERSION: int = 3
@@ -30,6 +29,8 @@ def read_certificate(path: str | Path) -> dict[str, Any]:
     if not content.get("checks"):
         raise InputError("is not a certificate", file=path, remedy="delete it, and run the cohort again")
     if "schema" not in content:
+        from cortet.measure.checks import NAMES  # which loads what measures: tables need it for old files only
+
         ids = {name: key for key, name in NAMES.items()}
         for check in content["checks"]:
             check["id"] = ids.get(check["name"], check["name"])

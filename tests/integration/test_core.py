@@ -14,6 +14,7 @@ import yaml
 
 from cortet.cohort.sheet import PHANTOM, Case, write_sheet
 from cortet.neighbours import neighbours
+from tests.integration import loaded_snakemake
 from tests.integration.study import CONFIG, ROOT
 
 NAMES = [neighbour.name for neighbour in neighbours()]
@@ -79,7 +80,9 @@ def test_the_command_and_the_configuration_lack_what_neighbours_bring(core: Path
 def test_a_cohort_is_meshed_with_its_tables_and_pages(core: Path, tmp_path: Path) -> None:
     write_sheet([Case("a", None, "L", 26.0, PHANTOM)], tmp_path / "cohort.tsv")
     (tmp_path / "config.yaml").write_text(yaml.safe_dump({**CONFIG, "phantom": {"subdivisions": 4}}))
-    run(core, tmp_path, "-m", "snakemake", "--snakefile", str(core / "Snakefile"), "--cores", "2")
+    arguments = ["--snakefile", str(core / "Snakefile"), "--cores", "2"]
+    done = loaded_snakemake.run(arguments, tmp_path, {**os.environ, "PYTHONPATH": str(core)})
+    assert done.returncode == 0, done.stdout + done.stderr
     made = tmp_path / "derivatives/cortet"
     assert (made / "cohort/index.html").exists() and list(made.rglob("*_certificate.json"))
     assert not list(made.rglob("*fold*"))

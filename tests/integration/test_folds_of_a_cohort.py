@@ -16,20 +16,20 @@ def test_all_cases_are_folded_under_every_variant(study: Study) -> None:
         "end": 24.2,
         "thickness": 3.0,
         "frame_interval": 0.2,
-        "variants": {"thin": {"thickness": 2.0}, "wild": {"growth_rate": 2000.0, "end": 40.0, "record_interval": 0.5}},
+        "variants": {"wild": {"thickness": 2.0, "growth_rate": 2000.0, "end": 40.0, "record_interval": 0.5}},
     }
     jobs = study.jobs_of_run()
     assert {("fold", "sub-a"), ("fold", "sub-b"), ("cohort_folding", "-"), ("cohort_page", "-")} <= jobs
     with (study.outputs / "cohort/cohort_folding.tsv").open(newline="") as file:
         rows = {(row["case"], row["variant"]): row for row in csv.DictReader(file, delimiter="\t")}
-    assert set(rows) == {(f"sub-{name}_hemi-L", variant) for name in "ab" for variant in ("n/a", "thin", "wild")}
+    assert set(rows) == {(f"sub-{name}_hemi-L", variant) for name in "ab" for variant in ("n/a", "wild")}
     states = {key: row["state"] for key, row in rows.items()}
     assert {state for (_, variant), state in states.items() if variant != "wild"} == {"folded"}
     assert {state for (_, variant), state in states.items() if variant == "wild"} == {"inverted"}
-    assert float(rows["sub-a_hemi-L", "thin"]["thickness_mm"]) == 2.0
+    assert float(rows["sub-a_hemi-L", "wild"]["thickness_mm"]) == 2.0
     assert float(rows["sub-a_hemi-L", "n/a"]["thickness_mm"]) == 3.0
     page = (study.outputs / "cohort/index.html").read_text()
-    assert page.count("by age") == 6 and "FoldedThin/folding.gif" in page
+    assert page.count("by age") == 4 and "FoldedWild/folding.gif" in page
     assert study.planned_jobs() == set()
     scaled(real, 1.1)
     assert study.planned_jobs() == {("fold_figures", "sub-a"), ("fold_figures", "sub-b")}

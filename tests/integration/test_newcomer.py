@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import yaml
 
 from cortet.cohort.sheet import PHANTOM, Case, write_sheet
 from cortet.formats import vtu
+from tests.integration import loaded_snakemake
 from tests.integration.study import CONFIG, ROOT
 
 STAGE = '''"""Mark how high above the lowest node each node lies."""
@@ -113,10 +112,9 @@ def test_a_stage_and_a_mesher_are_one_file_each(tmp_path: Path) -> None:
         "export": {"formats": [], "uncertified": True},
     }
     (study / "config.yaml").write_text(yaml.safe_dump(config))
-    command = [sys.executable, "-m", "snakemake", "--snakefile", str(project / "Snakefile"), "--cores", "2"]
-    command += ["derivatives/cortet/logs/CITATION.md"]  # of all certificates; no tables, figures and pages
-    environment = {**os.environ, "PYTHONPATH": str(project)}
-    done = subprocess.run(command, cwd=study, env=environment, capture_output=True, text=True, check=False)
+    arguments = ["--snakefile", str(project / "Snakefile"), "--cores", "2"]
+    arguments += ["derivatives/cortet/logs/CITATION.md"]  # of all certificates; no tables, figures and pages
+    done = loaded_snakemake.run(arguments, study, {**os.environ, "PYTHONPATH": str(project)})
     assert done.returncode == 0, done.stdout + done.stderr
 
     made = study / "derivatives/cortet"
