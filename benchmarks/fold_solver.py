@@ -63,8 +63,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import sph_harm_y
 
 from cortet.folding import fenics_job
-from cortet.folding.altitude import smallest_altitude
-from cortet.folding.body import Body, Material, Scale, body_of, stable_time_step
+from cortet.folding.body import Body, Material, Scale, body_of
 from cortet.folding.calculix import write_job
 from cortet.folding.contact import contact_of, listed_at
 from cortet.folding.fold_figures import series
@@ -72,7 +71,8 @@ from cortet.folding.growth import Linear
 from cortet.folding.journal import SERIES, TABLE
 from cortet.folding.kernels import DONE, LIST_OUTDATED, Motion, advance, workspace
 from cortet.folding.law import ACROSS
-from cortet.folding.models import course
+from cortet.folding.models import course, tangential
+from cortet.folding.stability import longest_step
 from cortet.formats import vtu
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.nesting import nested
@@ -88,8 +88,6 @@ from cortet.stages.solver_ready import surface_nodes_first
 
 # --- strips ----------------------------------------------------------------------------------------------------------
 
-#: time step, in units of the one that a run would take: nothing is compressed much here
-TIME_STEP = 3.0
 #: of the displacement at first and of the roughness at which the wavelength is measured, in film thicknesses
 _SEED, _ROUGHNESS = 1e-3, 0.05
 #: time until the film has grown enough to buckle, in wavelengths over the base's shear wave speed: a film that grows
@@ -195,8 +193,8 @@ def growing(
     """
     body, mesh = strip.body, TetMesh(strip.points, strip.body.cells)
     work, state = workspace(body), Motion(start.copy(), np.zeros_like(start))
-    contact = contact_of(start, boundary_faces(mesh), bulk=material.bulk)._replace(radius=np.inf)
-    dt = TIME_STEP * stable_time_step(smallest_altitude(strip.points, body.cells), material)
+    contact = contact_of(start, boundary_faces(mesh), bulk=0.0)._replace(radius=np.inf)
+    dt = longest_step(material, start, work, contact, tangential([0.0]))[0] / 2  # growth across makes cells flat
     for step in count():
         growth = rate * step * dt
         grown = course([[growth]])
@@ -370,7 +368,7 @@ def fold_ball(mesh: TetMesh, thickness: float, stiffness: float) -> Folds:
     body = body_of(mesh, Scale(np.zeros(3), 1.0), thickness=thickness)
     work, state = workspace(body), Motion(mesh.points.copy(), np.zeros_like(mesh.points))
     contact = contact_of(state.x, boundary_faces(mesh), bulk=material.bulk)
-    dt = TIME_STEP * stable_time_step(smallest_altitude(mesh.points, mesh.cells), material)
+    dt, _ = longest_step(material, state.x, work, contact, tangential([0.0]))
     wavelength, buckling = theory(thickness, material)
     rate = buckling / (_BALL_PERIODS * wavelength * np.sqrt(material.density / material.mu_core))
     surface = boundary_nodes(mesh)
@@ -494,8 +492,8 @@ def by_cortet(mesh: TetMesh, growth: float) -> FloatArray:
     points, material = mesh.points / OUTER, Material(damping=_DAMPING)
     body = body_of(mesh, Scale(np.zeros(3), OUTER))
     work, state = workspace(body), Motion(points.copy(), np.zeros(points.shape))
-    contact = contact_of(points, boundary_faces(mesh), bulk=material.bulk)._replace(radius=np.inf)
-    dt = 3 * stable_time_step(smallest_altitude(points, mesh.cells), material)
+    contact = contact_of(points, boundary_faces(mesh), bulk=0.0)._replace(radius=np.inf)
+    dt, _ = longest_step(material, points, work, contact, tangential([growth]))
     while True:
         steps = course(np.full((_STEPS, 1), growth))
         if advance(body, material, state, work, contact, steps, dt) != (_STEPS, DONE):

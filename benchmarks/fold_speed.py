@@ -37,8 +37,7 @@ from cubes import cube_mesh
 
 from cortet.folding import fold as folding
 from cortet.folding import growth
-from cortet.folding.altitude import smallest_altitude
-from cortet.folding.body import Material, body_of, scale_of, stable_time_step
+from cortet.folding.body import Material, body_of, scale_of
 from cortet.folding.contact import contact_of
 from cortet.folding.growth import Course
 from cortet.folding.journal import TABLE
@@ -46,6 +45,7 @@ from cortet.folding.kernels import DONE, Motion, Work, advance, workspace
 from cortet.folding.models import course
 from cortet.folding.patches import ROWS, VOLUME
 from cortet.folding.section import Settings
+from cortet.folding.stability import longest_step
 from cortet.formats import vtu
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.ordering import ordered_along_curve
@@ -119,8 +119,8 @@ def steps_of(mesh: TetMesh, steps: int) -> tuple[float, float, float]:
     body = body_of(mesh, scale)
     state, work = Motion(x, np.zeros_like(x)), workspace(body)
     contact = contact_of(x, boundary_faces(mesh), bulk=material.bulk)
-    dt = stable_time_step(smallest_altitude(x, mesh.cells), material)
     growth = course(np.full((steps, 1), _GROWTH))
+    dt, _ = longest_step(material, x, work, contact, growth.growth[0])
     wall, cpu = time.perf_counter(), time.process_time()
     for first in range(0, steps, 100):
         batch = Course(*(values[first : first + 100] for values in growth))

@@ -252,26 +252,6 @@ def _away_from(x: FloatArray, nodes: NDArray[np.integer], at: IntArray) -> Float
     return np.clip(cKDTree(x[nodes]).query(x[at])[0] / THICKNESS, 0, 1)
 
 
-def stable_time_step(altitude: float, material: Material) -> float:
-    """Time step for the smallest altitude of the body in its present state: 0.15 sqrt(rho / K) altitude.
-
-    About a sixth of the time that a pressure wave takes, because contact is stiffer than the body; a third in a body
-    that resists shear far more than compression. A tetrahedron that growth has flattened is stiffer, too, but the time
-    step has fallen with its altitude.
-    """
-    usual = 0.15 * float(np.sqrt(material.density / material.bulk)) * altitude
-    return min(usual, largest_time_step(altitude, material) / 3)
-
-
-def largest_time_step(altitude: float, material: Material) -> float:
-    """Time in which a pressure wave crosses the smallest altitude; no explicit scheme is stable above it.
-
-    Reference: Courant, Friedrichs and Lewy, Mathematische Annalen 100, 1928.
-    """
-    stiffness = material.bulk + 4 / 3 * max(material.mu_cortex, material.mu_core)
-    return altitude * float(np.sqrt(material.density / stiffness))
-
-
 class CortexRegion(NamedTuple):
     """The cortex of a body with n nodes and m tetrahedra; lengths in the unit of its points."""
 

@@ -25,8 +25,9 @@ from cortet.meshes import FloatArray, IntArray
 
 #: in mean edges of the undeformed surface: distance where the force begins, and radius of the list (Wang et al. 2021)
 REACH, RADIUS = 0.2, 0.6
-#: force at distance 0, per squared mean edge, in units of the bulk modulus
-PENALTY = 10.0
+#: force at distance 0, per squared mean edge, in units of the bulk modulus: that of the reference (Wang et al. 2021),
+#: and one that holds what presses folds together, and allows steps that are longer by the root of their ratio
+REFERENCE_PENALTY, PENALTY = 10.0, 2.0
 #: the same for the envelope, one reach beyond it
 SOFT = 0.3
 
@@ -46,6 +47,8 @@ class Contact(NamedTuple):
     candidates: IntArray
     #: (s, 3), positions of the surface nodes when the list was made
     listed: FloatArray
+    #: (n,), how stiff the contacts of a node are, at most 1: in proportion to its volume if that is less than usual
+    weight: FloatArray
     #: distance at which the force begins, and largest force of one node
     reach: float
     strength: float
@@ -76,7 +79,9 @@ def contact_of(
     bulk: float,
     side: float = 0.0,
     gap: float = 0.0,
-    plane: float = PENALTY,
+    volumes: FloatArray | None = None,
+    penalty: float = PENALTY,
+    plane: float | None = None,
     planes: FloatArray | None = None,
 ) -> Contact:
     """The contact of a body in its reference state, with its first list.
@@ -88,7 +93,9 @@ def contact_of(
     bulk : modulus, the unit of the penalty
     side : +1 or -1 for half a brain that must stay on that side of the medial plane
     gap : distance of that plane from x = 0, away from the body
-    plane : force at a depth of one reach behind the plane, per squared mean edge, in units of the bulk modulus
+    volumes : (n,), around each node; None: all contacts are equally stiff
+    penalty : force at distance 0, per squared mean edge, in units of the bulk modulus
+    plane : the same at a depth of one reach behind the plane; None: `penalty`
     planes : (p, 4), planes of the envelope; None: no envelope
     """
     nodes = np.unique(faces).astype(np.int32)
@@ -105,12 +112,13 @@ def contact_of(
         offsets=np.zeros(s + 1, np.int64),
         candidates=np.zeros(0, np.int32),
         listed=x[nodes],
+        weight=np.ones(len(x)) if volumes is None else np.minimum(volumes / np.median(volumes[nodes]), 1),
         reach=REACH * mean_edge,
-        strength=PENALTY * bulk * mean_edge**2,
+        strength=penalty * bulk * mean_edge**2,
         radius=RADIUS * mean_edge,
         side=float(side),
         gap=float(gap),
-        stiffness=plane * bulk * mean_edge / REACH,
+        stiffness=(penalty if plane is None else plane) * bulk * mean_edge / REACH,
         planes=np.zeros((0, 4)) if planes is None else planes,
         softness=SOFT * bulk * mean_edge / REACH,
         plane=np.full(s, -1, np.int32),
@@ -245,8 +253,10 @@ def touch(contact, x, i):  # type: ignore[no-untyped-def]
         if not in_front and not (a > 0 and b > 0 and c > 0):
             continue  # beyond an edge: another triangle is nearer, or the node is outside
         nearest2 = distance2
-        distance = math.sqrt(distance2)
-        size = contact.strength * (1 - (distance if in_front else -distance) / contact.reach)
+        distance, weight = math.sqrt(distance2), contact.weight[node]
+        for corner in contact.faces[face]:
+            weight = min(weight, contact.weight[corner])
+        size = weight * contact.strength * (1 - (distance if in_front else -distance) / contact.reach)
         if in_front and distance > 0:
             n0, n1, n2 = d0 / distance, d1 / distance, d2 / distance
         contact.touched[i] = face
@@ -284,7 +294,7 @@ def _against_plane(contact, x, external):  # type: ignore[no-untyped-def]
     """Push nodes beyond the medial plane back; the force per depth is that of a contact."""
     count = 0
     for node in contact.nodes:
-        push = plane_force(contact, x[node, 0])
+        push = contact.weight[node] * plane_force(contact, x[node, 0])
         if push != 0:
             external[node, 0] += push
             count += 1

@@ -19,13 +19,17 @@ from cortet.folding.law import (
     cross,
     deformation,
     degenerate_stress,
+    dot,
     fast,
     forces_on_corners,
     grown_gradients,
     grown_volume,
     growth_share,
     inlined,
+    inverse_cube_root,
+    may_be_degenerate,
     own_growth,
+    phi,
     shear_modulus,
     stress,
     stretches,
@@ -118,6 +122,21 @@ def stress_elements(rows, constants, material):  # type: ignore[no-untyped-def]
         put_forces(rows, e, forces_on_corners(p0, p1, p2, a, b, c))
         rows[J * SIZE + e] = j
         rows[TRACE * SIZE + e] = trace
+
+
+@fast
+def deviatoric_energy(rows, constants, material, e):  # type: ignore[no-untyped-def]
+    """mu / 2 (J^(-2/3) tr B - 3) times the grown volume of element e, after `grow_elements`."""
+    a, b, c = own_gradients(constants, e, rows[ALPHA * SIZE + e], rows[BETA * SIZE + e])
+    f0, f1, f2 = deformation(at(rows, EDGES, e), at(rows, EDGES + 3, e), at(rows, EDGES + 6, e), a, b, c)
+    j, trace = dot(f0, cross(f1, f2)), dot(f0, f0) + dot(f1, f1) + dot(f2, f2)
+    factor = inverse_cube_root(j) ** 2
+    if may_be_degenerate(j, trace):
+        stretch = stretches(f0, f1, f2)[1]
+        factor = phi(stretch[0])[0] * phi(stretch[1])[0] * phi(stretch[2])[0]
+    return (
+        rows[GROWN * SIZE + e] * own_modulus(constants, material, e, rows[SHARE * SIZE + e]) / 2 * (factor * trace - 3)
+    )
 
 
 @inlined

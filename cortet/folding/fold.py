@@ -35,6 +35,7 @@ from cortet.folding.journal import (
 )
 from cortet.folding.kernels import Motion
 from cortet.folding.measurements import COLUMNS, Measurements
+from cortet.folding.patches import renew
 from cortet.folding.plausible import check_cells, check_mesh
 from cortet.folding.run import advance_to, beginning, described, measured, millimetres, prepared, thickness_mm
 from cortet.folding.section import Settings
@@ -45,7 +46,7 @@ from cortet.formats.tables import write_table
 from cortet.formats.tsv import write_tsv
 from cortet.meshes import TetMesh
 
-VERSION: int = 7
+VERSION: int = 8
 
 #: wall time between two checkpoints, and between two updates of the tables
 _CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0
@@ -156,7 +157,7 @@ def fold(
             progress(measurements, part, journal.seconds)
         if last:
             break
-        journal.save(moment)
+        journal.save(run, moment)
     verdict = _verdict(run, moment, journal.rows)
     write_json(asdict(verdict), folder / VERDICT)
     journal.checkpoint.unlink(missing_ok=True)
@@ -208,10 +209,15 @@ class Journal:
         at_listing[moment.contact.nodes] = last.listed
         moment.work.counts[:] = last.degenerate, last.contacts
         moment.work.energy[:] = last.energies[:2]
-        contact = listed_at(moment.contact, at_listing, last.envelope)
-        return Moment(last.step, last.time, Motion(last.x, last.v), moment.body, moment.work, contact, last.energies[2])
+        moment.step, moment.time, moment.state = last.step, last.time, Motion(last.x, last.v)
+        moment.dt, moment.mode, moment.growth_work = last.dt, last.mode, last.energies[2]
+        if len(last.gradients):
+            moment.base.gradients[:] = last.gradients
+            renew(moment.work.patches, moment.base)
+        moment.contact = listed_at(moment.contact, at_listing, last.envelope)
+        return moment
 
-    def save(self, moment: Moment) -> None:
+    def save(self, run: Run, moment: Moment) -> None:
         """Write a checkpoint, unless the last one is recent."""
         if time.monotonic() - self.saved < _CHECKPOINT_SECONDS:
             return
@@ -219,8 +225,11 @@ class Journal:
             fingerprint=self.fingerprint,
             step=moment.step,
             time=moment.time,
+            dt=moment.dt,
             x=moment.state.x,
             v=moment.state.v,
+            mode=np.zeros_like(moment.state.x) if moment.mode is None else moment.mode,
+            gradients=moment.base.gradients if moment.base is not run.body else np.zeros((0, 3, 3)),
             listed=moment.contact.listed,
             envelope=moment.contact.envelope,
             degenerate=int(moment.work.counts[0]),

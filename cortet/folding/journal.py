@@ -31,7 +31,7 @@ FILES = (TABLE, SIDECAR, SECONDS, VERDICT, SERIES, CHECKPOINT)
 #: called with every row of the table, the share of the steps done, and the seconds that they took
 Progress = Callable[[Measurements, float, float], None]
 
-_ARRAYS = ("x", "v", "listed")
+_ARRAYS = ("x", "v", "mode", "gradients", "listed")
 _WIDTH = 20
 
 
@@ -73,11 +73,17 @@ class Checkpoint(NamedTuple):
     #: (n, 3) each
     x: FloatArray
     v: FloatArray
+    #: (n, 3), the mode that limits the time step
+    mode: FloatArray
+    #: (m, 3, 3), those of the reference state if tissue yields; else (0, 3, 3)
+    gradients: FloatArray
     #: (s, 3), positions when the contact list was made
     listed: FloatArray
     #: size of the envelope then
     envelope: float
     time: float
+    #: length of the last step
+    dt: float
     degenerate: int
     contacts: int
     #: since the start: energy dissipated, work of the contact, work of growth

@@ -26,6 +26,7 @@ from cortet.folding.elements import (
     SHARE,
     TRACE,
     J,
+    deviatoric_energy,
     edges_of_elements,
     grow_elements,
     mean_ratio,
@@ -33,20 +34,13 @@ from cortet.folding.elements import (
     stress_elements,
 )
 from cortet.folding.law import (
-    combined,
-    cross,
-    deformation,
     dot,
     fast,
-    grown_gradients,
     grown_volume,
     growth_share,
     inlined,
     may_be_degenerate,
     own_growth,
-    phi,
-    shear_modulus,
-    stretches,
     vector,
 )
 from cortet.folding.patches import (
@@ -155,21 +149,6 @@ def _volumes(patch, patches, x, growth, thickening, elements, slot_volumes, rows
             own[corner, 5] += grown
     for i in range(patches.offsets[patch + 1] - slot):
         slot_volumes[slot + i, 0], slot_volumes[slot + i, 1] = own[i, 4], own[i, 5]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _record(work, x, growth, thickening):  # type: ignore[no-untyped-def]
-    """Growth, current and grown volume of each element, for measurements; no step needs them."""
-    patches, rows, own = work.patches, work.own_rows[0], work.own_nodes[0]
-    for patch in range(len(patches.corners)):
-        first = patch * SIZE
-        _fetch(patches, patch, x, own)
-        edges_of_elements(rows, patches.corners[patch], own)
-        grow_elements(rows, patches.constants[patch], patches.label[patch], growth, thickening)
-        for e in range(min(SIZE, len(work.share) - first)):
-            work.share[first + e] = rows[SHARE * SIZE + e]
-            work.current[first + e] = rows[CURRENT * SIZE + e]
-            work.grown[first + e] = rows[GROWN * SIZE + e]
 
 
 @fast
@@ -333,14 +312,13 @@ def grown_volume_of(body, growth):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def elastic_forces(material, x, work, growth, thickening):  # type: ignore[no-untyped-def]
-    """Compute forces, growth and volumes in `work` for positions x; return the smallest J, NaN if any is.
+    """Compute forces and nodal volumes in `work` for positions x; return the smallest J, NaN if any is.
 
     Parameters
     ----------
     growth : (labels, 3), growth of each label: ALONG, ACROSS and CORE
     thickening : gain of the cortex in thickness
     """
-    _record(work, x, growth, thickening)
     return _all_forces(material, x, work, growth, thickening)
 
 
@@ -397,39 +375,41 @@ def _nodal_forces(work):  # type: ignore[no-untyped-def]
     return result
 
 
-def kinetic_energy(material: Material, v: FloatArray, work: Work) -> float:
-    """Kinetic energy of velocities v (n, 3); `elastic_forces` must have run for this state last."""
-    return material.density / 2 * float((work.node_grown[:, None] * v**2).sum())
-
-
-def elastic_energy(body: Body, material: Material, x: FloatArray, work: Work, growth: FloatArray) -> float:
-    """Elastic energy of positions x (n, 3); `elastic_forces` must have run for them last."""
+def energies(
+    material: Material, state: Motion, work: Work, growth: FloatArray, thickening: float
+) -> tuple[float, float]:
+    """Kinetic and elastic energy of a state, whose growth and volumes stay in `work`; see `elastic_forces`."""
+    deviatoric = np.empty(len(work.share))
+    _measure(
+        tuple(work.patches),
+        tuple(material),
+        state.x,
+        growth,
+        thickening,
+        (deviatoric, work.share, work.current, work.grown),
+        (work.slot_volumes, work.node_grown, work.ratio),
+        (work.own_rows, work.own_nodes),
+    )
+    kinetic = material.density / 2 * (work.node_grown[:, None] * state.v**2).sum()
     volumetric = material.bulk / 2 * (work.node_grown * (work.ratio - 1) ** 2).sum()
-    return float(_deviatoric_energy(body, material, x, work, growth).sum() + volumetric)
+    return float(kinetic), float(deviatoric.sum() + volumetric)
 
 
-@fast
-def _deviatoric_energy(body, material, x, work, growth):  # type: ignore[no-untyped-def]
-    """mu / 2 (J^(-2/3) tr B - 3) times the grown volume of each element: (m,)."""
-    energy = np.empty(len(body.cells))
-    for e in range(len(energy)):
-        share = work.share[e]
-        origin, n, gradients, cells = (
-            vector(x, body.cells[e, 0]),
-            vector(body.normals, e),
-            body.gradients[e],
-            body.cells,
-        )
-        u, v = combined(1.0, vector(x, cells[e, 1]), -1.0, origin), combined(1.0, vector(x, cells[e, 2]), -1.0, origin)
-        w = combined(1.0, vector(x, cells[e, 3]), -1.0, origin)
-        along, across, core = vector(growth, body.label[e])
-        alpha, beta = own_growth(share, body.amount[e], along, across, core)
-        a, b, c = vector(gradients, 0), vector(gradients, 1), vector(gradients, 2)
-        f0, f1, f2 = deformation(u, v, w, *grown_gradients(a, b, c, n, 1 - dot(n, n), alpha, beta))
-        j, trace = dot(f0, cross(f1, f2)), dot(f0, f0) + dot(f1, f1) + dot(f2, f2)
-        factor = j ** (-2 / 3)
-        if may_be_degenerate(j, trace):
-            stretch = stretches(f0, f1, f2)[1]
-            factor = phi(stretch[0])[0] * phi(stretch[1])[0] * phi(stretch[2])[0]
-        energy[e] = work.grown[e] * shear_modulus(material, share, body.stiffness[e]) / 2 * (factor * trace - 3)
-    return energy
+@numba.njit(parallel=True, cache=True, error_model="numpy")
+def _measure(patches, material, x, growth, thickening, of_elements, of_nodes, own):  # type: ignore[no-untyped-def]
+    (deviatoric, share, current, grown), (slot_volumes, node_grown, ratio), (rows, nodes) = of_elements, of_nodes, own
+    elements = len(share)
+    for patch in numba.prange((elements + SIZE - 1) // SIZE):
+        t = numba.get_thread_id()  # type: ignore[attr-defined]
+        _volumes(patch, patches, x, growth, thickening, elements, slot_volumes, rows[t], nodes[t])
+        constants = Patches(*patches).constants[patch]
+        for e in range(min(SIZE, elements - patch * SIZE)):
+            i = patch * SIZE + e
+            deviatoric[i] = deviatoric_energy(rows[t], constants, Material(*material), e)
+            share[i], current[i], grown[i] = (
+                rows[t, SHARE * SIZE + e],
+                rows[t, CURRENT * SIZE + e],
+                rows[t, GROWN * SIZE + e],
+            )
+    for block in numba.prange((len(ratio) + _BLOCK - 1) // _BLOCK):
+        ratios(block * _BLOCK, min(len(ratio), (block + 1) * _BLOCK), patches, slot_volumes, node_grown, ratio)

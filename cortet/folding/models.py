@@ -41,6 +41,7 @@ from cortet.folding.growth import (
 from cortet.folding.growth_map import GrowthMap, ages_of_maps, grown_body, map_of
 from cortet.folding.kernels import grown_volume_of
 from cortet.folding.law import ACROSS, ALONG, CORE
+from cortet.folding.relaxation import Relaxation
 from cortet.folding.section import Settings
 from cortet.meshes import REGION, FloatArray, IntArray, TetMesh
 
@@ -238,6 +239,21 @@ def stiffness_of(mesh: TetMesh, settings: Settings) -> FloatArray:
     usual, chosen = constants(settings).core_stiffness, settings.region_stiffness
     moduli = np.array([usual, *chosen.values()])
     return moduli[_places(mesh, list(chosen), "fold.region_stiffness")] / usual
+
+
+def relaxation_of(mesh: TetMesh, settings: Settings) -> Relaxation | None:
+    """How fast the core of each tetrahedron yields; None: all of it is elastic.
+
+    Raises
+    ------
+    InputError : the settings name a region that the mesh does not have
+    """
+    chosen = settings.region_relaxation
+    if settings.core_relaxation is None and not any(chosen.values()):
+        return None
+    return Relaxation(
+        _places(mesh, list(chosen), "fold.region_relaxation"), [settings.core_relaxation, *chosen.values()]
+    )
 
 
 def _places(mesh: TetMesh, keys: Sequence[int | str], setting: str) -> IntArray:

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from cortet.errors import InputError
-from cortet.folding.altitude import smallest_altitude
 from cortet.folding.body import (
     Body,
     Material,
@@ -15,29 +14,36 @@ from cortet.folding.body import (
     body_of,
     default_mask,
     growth_mask,
-    largest_time_step,
     require_positive,
     scale_of,
-    stable_time_step,
 )
-from cortet.folding.contact import contact_of, listed_at
+from cortet.folding.contact import REFERENCE_PENALTY, contact_of, listed_at
 from cortet.folding.convex import planes_of
 from cortet.folding.growth import age_of, check_age, time_of
 from cortet.folding.kernels import (
+    DONE,
     INVERTED,
     LIST_OUTDATED,
     Motion,
     advance,
-    elastic_energy,
-    elastic_forces,
-    kinetic_energy,
+    energies,
     workspace,
 )
 from cortet.folding.measurements import Measurements, shape
 from cortet.folding.medial_wall import medial_wall
-from cortet.folding.models import check_model, constants, labels_of, model_of, stiffness_of, thickness_at_start
+from cortet.folding.models import (
+    check_model,
+    constants,
+    labels_of,
+    model_of,
+    relaxation_of,
+    stiffness_of,
+    thickness_at_start,
+)
 from cortet.folding.patches import renew
+from cortet.folding.relaxation import PART, relax
 from cortet.folding.section import Settings
+from cortet.folding.stability import longest_step
 from cortet.folding.state import Moment, Run
 from cortet.geometry.filling import require_body
 from cortet.geometry.ordering import curve_order
@@ -46,13 +52,13 @@ from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import REGION, FloatArray, MeshSets, TetMesh
 
 #: steps for which growth is computed at once; then its work is added up
-_CHUNK = 100
+_CHUNK = 25
 #: the same for the first `_EARLY_STEPS`, in which the work of growth changes fast; a multiple of `_ALIKE`
-_EARLY_CHUNK, _EARLY_STEPS = 20, 1000
+_EARLY_CHUNK, _EARLY_STEPS = 5, 250
 #: steps during which the growth of a map is constant: that in the middle of them
-_ALIKE = 20
-#: medial plane of the reference
-_REFERENCE_PLANE = {"gap": 0.004, "plane": 1.0}
+_ALIKE = 5
+#: contact and medial plane of the reference
+_REFERENCE = {"gap": 0.004, "plane": 1.0, "penalty": REFERENCE_PENALTY}
 #: hemisphere -> side of the medial plane in RAS coordinates
 _SIDE = {"L": -1.0, "R": 1.0, None: 0.0}
 
@@ -63,7 +69,7 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     Raises
     ------
     InputError : nothing grows; the tetrahedra fill no body, or one is inverted;
-        a field is missing or has impossible values; or the time step is not stable
+        or a field is missing or has impossible values
     """
     check_age(settings.gestational_age)
     check_model(settings)
@@ -90,13 +96,6 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
         body = body._replace(label=body.label * (len(settings.core_regions) + 1) + regions)
     if settings.region_stiffness:
         body = body._replace(stiffness=stiffness_of(mesh, settings))
-    altitude, bound = smallest_altitude(mesh.points, mesh.cells) / scale.length, settings.time_step
-    limit = largest_time_step(altitude, _stiffest(material, body))
-    if bound is not None and not 0 < bound <= limit:
-        raise InputError(
-            f"time step {bound:g} is not above 0 and at most {limit:.3g}, the limit of stability",
-            remedy="leave time_step out, or choose a smaller one",
-        )
     side = _SIDE[settings.hemisphere]
     faces, end = boundary_faces(mesh), time_of(settings.end)
     return Run(
@@ -111,16 +110,12 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
         settings.reference,
         material,
         model_of(body, mesh, settings),
+        relaxation_of(mesh, settings),
         constants(settings).envelope,
         start,
         end,
-        bound,
+        settings.time_step,
     )
-
-
-def _stiffest(material: Material, body: Body) -> Material:
-    """The material of the stiffest core, which limits the time step."""
-    return material._replace(mu_core=material.mu_core * float(body.stiffness.max()))
 
 
 def described(run: Run) -> list[str]:
@@ -171,18 +166,32 @@ def _ordered(mesh: TetMesh) -> tuple[TetMesh, NDArray[np.int64], NDArray[np.int6
 
 
 def beginning(run: Run) -> Moment:
-    """The undeformed body at rest."""
+    """The undeformed body at rest.
+
+    Raises
+    ------
+    InputError : the time step that the user chose is not stable
+    """
     x = (run.mesh.points - run.scale.origin) / run.scale.length
-    plane = _REFERENCE_PLANE if run.reference else {}
+    body, volumes = run.body, np.repeat(run.body.volumes / 4, 4)
+    if run.relaxation:
+        body = body._replace(gradients=body.gradients.copy())
+    weighted = {"volumes": np.bincount(body.cells.ravel(), volumes)}
     contact = contact_of(
         x,
         run.faces,
         bulk=run.material.bulk,
         side=run.side,
         planes=planes_of(ConvexHull(x)) if run.enveloped else None,
-        **plane,
+        **(_REFERENCE if run.reference else weighted),
     )
-    return Moment(0, run.start, Motion(x, np.zeros_like(x)), run.body, workspace(run.body), contact)
+    moment = Moment(0, run.start, Motion(x, np.zeros_like(x)), body, body, workspace(body), contact)
+    if run.time_step is not None and not run.time_step <= (limit := _longest_step(run, moment)):
+        raise InputError(
+            f"time step {run.time_step:g} is above {limit:.3g}, the limit of stability",
+            remedy="leave time_step out, or choose a smaller one",
+        )
+    return moment
 
 
 def advance_to(run: Run, moment: Moment, target: float) -> bool:
@@ -195,7 +204,7 @@ def advance_to(run: Run, moment: Moment, target: float) -> bool:
     dt = (target - begin) / steps
     length = _CHUNK if moment.step >= _EARLY_STEPS else _EARLY_CHUNK
     chunks = (np.arange(first, min(steps, first + length)).astype(float) for first in range(0, steps, length))
-    energy = sum(_energies(run, moment, moment.state, begin, dt))
+    energy = sum(_energies(run, moment, begin - moment.dt / 2))
     inverted = False
     for chunk in chunks:
         inverted, energy = _advance_over(run, moment, begin + dt * chunk, dt, energy)
@@ -207,15 +216,24 @@ def advance_to(run: Run, moment: Moment, target: float) -> bool:
 
 
 def time_step_of(run: Run, moment: Moment) -> float:
-    """Time step for the present body: growth and folding flatten elements, and flat ones require small steps.
+    """Time step for the present body; one that the user has chosen holds until the limit of stability falls below."""
+    return min(run.time_step or np.inf, _longest_step(run, moment))
 
-    A time step that the user has chosen holds until the limit of stability falls below it.
-    """
-    altitude = smallest_altitude(moment.state.x, run.mesh.cells)
-    material = _stiffest(run.material, run.body)
-    if run.time_step is not None:
-        return min(run.time_step, largest_time_step(altitude, material))
-    return stable_time_step(altitude, material)
+
+def _longest_step(run: Run, moment: Moment) -> float:
+    """The longest step for the present body; the moment keeps the mode that limits it."""
+    course = run.growth.at(np.array([moment.time]), 0.0)
+    _take(moment, run.growth.body(moment.base, moment.time))
+    step, moment.mode = longest_step(
+        run.material,
+        moment.state.x,
+        moment.work,
+        moment.contact,
+        course.growth[0],
+        thickening=float(course.thickening[0]),
+        mode=moment.mode,
+    )
+    return step
 
 
 def _advance_over(run: Run, moment: Moment, times: FloatArray, dt: float, energy: float) -> tuple[bool, float]:
@@ -223,31 +241,66 @@ def _advance_over(run: Run, moment: Moment, times: FloatArray, dt: float, energy
 
     Also adds up the energy that growth brings into the body. At a fixed shape, only growth changes the energy, from
     that with the earlier growth to that with the later one. The work of growth is the mean of this change over the
-    shapes at both ends (trapezoidal rule).
+    shapes at both ends (trapezoidal rule). All are taken half a step ago, where the velocities are.
 
     Returns
     -------
     whether the run ended at an inverted element; the energy after the steps
     """
-    before = Motion(moment.state.x.copy(), moment.state.v.copy())
-    course = run.growth.at(times, dt)
-    alike = _ALIKE if run.growth.mapped else len(times)
+    course, begin, count = run.growth.at(times, dt), float(times[0]), len(times)
+    before, after = begin - moment.dt / 2, begin + dt * (count - 0.5)
+    held = sum(_energies(run, moment, after))
+    alike = _alike(run, begin, dt, count)
     done, how = 0, LIST_OUTDATED
-    while done < len(times) and how != INVERTED:
+    _relax(run, moment, before, dt * min(alike, count) / 2)
+    while done < count and how != INVERTED:
         first = done - done % alike
-        _take(moment, run.growth.body(run.body, float(times[first]) + dt * alike / 2))
+        middle = begin + dt * (first + (min(alike, count - first) - 1) / 2)
+        _take(moment, run.growth.body(moment.base, middle))
         part = course.part(done, first + alike)
         steps, how = advance(moment.body, run.material, moment.state, moment.work, moment.contact, part, dt)
-        done += int(steps)
+        done, moment.dt = done + int(steps), dt
         if how == LIST_OUTDATED:
             moment.contact = listed_at(moment.contact, moment.state.x, float(course.envelope[done]))
-    now = float(times[0]) + dt * done
-    held = sum(_energies(run, moment, before, now, dt))
-    moved = sum(_energies(run, moment, moment.state, moment.time, dt))
-    after = sum(_energies(run, moment, moment.state, now, dt))
-    moment.growth_work += (held - energy + after - moved) / 2
-    moment.step, moment.time = moment.step + done, now
-    return bool(how == INVERTED), after
+        elif how == DONE:  # half of this part, and half of the next
+            _relax(run, moment, begin + dt * (done - 0.5), dt * (done - first + min(alike, count - done)) / 2)
+    moved, end = sum(_energies(run, moment, before)), sum(_energies(run, moment, after))
+    moment.growth_work += (held - energy + end - moved) / 2
+    moment.step, moment.time = moment.step + done, begin + dt * done
+    return bool(how == INVERTED), end
+
+
+def _alike(run: Run, time: float, dt: float, steps: int) -> int:
+    """Steps during which the reference state is the same, for a map of growth and tissue that yields."""
+    alike = _ALIKE if run.growth.mapped else steps
+    if run.relaxation and (fastest := float(run.relaxation.rates(age_of(time)).max())) > 0:
+        alike = min(alike, max(int(PART / fastest / (age_of(time + dt) - age_of(time))), 1))
+    return alike
+
+
+def _relax(run: Run, moment: Moment, time: float, duration: float) -> None:
+    """Let tissue yield for a duration around a time; the energy that this takes is dissipated."""
+    if not run.relaxation:
+        return
+    age, course = age_of(time), run.growth.at(np.array([time]), 0.0)
+    parts = 1 - np.exp(-run.relaxation.rates(age) * (age_of(time + duration) - age))
+    _take(moment, run.growth.body(moment.base, time))
+    moment.work.energy[0] += relax(
+        moment.base,
+        moment.body,
+        run.material,
+        _half_a_step_ago(moment),
+        course.growth[0],
+        float(course.thickening[0]),
+        parts[run.relaxation.law],
+    )
+    moment.body = run.growth.body(moment.base, time)
+    renew(moment.work.patches, moment.body)
+
+
+def _half_a_step_ago(moment: Moment) -> FloatArray:
+    """The positions to which the velocities belong: (n, 3)."""
+    return moment.state.x - moment.dt / 2 * moment.state.v
 
 
 def _take(moment: Moment, body: Body) -> None:
@@ -257,13 +310,12 @@ def _take(moment: Moment, body: Body) -> None:
         moment.body = body
 
 
-def _energies(run: Run, moment: Moment, state: Motion, time: float, dt: float) -> tuple[float, float]:
-    """Kinetic and elastic energy of a state with the growth at a time; J and growth there stay in `moment.work`."""
-    course, work = run.growth.at(np.array([time]), dt), moment.work
-    _take(moment, run.growth.body(run.body, time))
-    elastic_forces(run.material, state.x, work, course.growth[0], float(course.thickening[0]))
-    kinetic = kinetic_energy(run.material, state.v, work)
-    return kinetic, elastic_energy(moment.body, run.material, state.x, work, course.growth[0])
+def _energies(run: Run, moment: Moment, time: float) -> tuple[float, float]:
+    """Kinetic and elastic energy half a step ago, with the growth at a time; growth and volumes stay in the work."""
+    course = run.growth.at(np.array([time]), moment.dt)
+    _take(moment, run.growth.body(moment.base, time))
+    state = Motion(_half_a_step_ago(moment), moment.state.v)
+    return energies(run.material, state, moment.work, course.growth[0], float(course.thickening[0]))
 
 
 def millimetres(run: Run, moment: Moment) -> FloatArray:
@@ -274,7 +326,7 @@ def millimetres(run: Run, moment: Moment) -> FloatArray:
 def measured(run: Run, moment: Moment) -> Measurements:
     """Measure the body in its present state; its J and growth are left in `moment.work`."""
     work = moment.work
-    kinetic, elastic = _energies(run, moment, moment.state, moment.time, 0.0)
+    kinetic, elastic = _energies(run, moment, moment.time - moment.dt / 2)
     dissipated, pushed = work.energy.tolist()
     missing = kinetic + elastic + dissipated - moment.growth_work - pushed
     flow = abs(moment.growth_work) + abs(pushed)

@@ -21,6 +21,7 @@ PredictionKind = Literal[
 ]
 #: growth per week from 22 weeks on, or growth since then at ages: {22: 0, 30: 0.3, 38: 0.8}
 Amount = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
+AtAges = Annotated[dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Positive], Field(min_length=1)]
 ByAge = Amount | Annotated[dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Amount], Field(min_length=1)]
 
 
@@ -77,6 +78,11 @@ class Fold(Section):
     """Shear modulus of single regions of the core over that of the cortex, as `core_stiffness` is that of the rest: a
     region by its number, or a set of tetrahedra by its name, as in `core_regions`. How much a region resists a change
     of its volume stays that of the whole body."""
+    core_relaxation: Positive | AtAges | None = None
+    """Of growing: time in which shear stress in the core relaxes, weeks, or at ages, {22: 0.5, 34: 1}: tissue that is
+    pulled grows, as white matter does. null: the core is elastic."""
+    region_relaxation: dict[int | str, Positive | AtAges | None] = {}
+    """The same of single regions of the core, as in `core_regions`; null: elastic."""
     regions: dict[int, Annotated[list[Finite], Field(min_length=3, max_length=3)]] = {}
     """Growth of single regions: value of the field label, then amplitude, rate and latency of a Gompertz law."""
     thickness: Positive | None = None
@@ -100,6 +106,8 @@ class Fold(Section):
             "hull": self.hull is not None,
             "envelope": bool(self.envelope),
             "core_regions": bool(self.core_regions),
+            "core_relaxation": self.core_relaxation is not None,
+            "region_relaxation": bool(self.region_relaxation),
             "growth_rate by age": isinstance(self.growth_rate, Mapping),
         }
         wrong = {"reference": self.reference} if self.model == "growing" else of_growing

@@ -13,7 +13,8 @@ from cortet.folding.contact import Contact
 from cortet.folding.growth import Growth
 from cortet.folding.kernels import Motion, Work
 from cortet.folding.medial_wall import Wall
-from cortet.meshes import IntArray, TetMesh
+from cortet.folding.relaxation import Relaxation
+from cortet.meshes import FloatArray, IntArray, TetMesh
 
 
 class Run(NamedTuple):
@@ -35,6 +36,8 @@ class Run(NamedTuple):
     reference: bool
     material: Material
     growth: Growth
+    #: how fast the core yields; None: it is elastic
+    relaxation: Relaxation | None
     #: whether an envelope confines the crowns
     enveloped: bool
     #: times of the simulation at the start and at the end
@@ -51,9 +54,15 @@ class Moment:
     step: int
     time: float
     state: Motion
-    #: the body that `work` holds: `run.body` as it has grown, where growth was measured
+    #: the reference state: `run.body`, but for the gradients of elements that have yielded
+    base: Body
+    #: the body that `work` holds: `base` as it has grown, where growth was measured
     body: Body
     work: Work
     contact: Contact
     #: energy that growth has brought into the body since the start
     growth_work: float = 0.0
+    #: length of the last step: velocities are those half a step ago
+    dt: float = 0.0
+    #: (n, 3), the mode of the body that limits the time step; None before the first step
+    mode: FloatArray | None = None

@@ -1,0 +1,192 @@
+"""Tissue that yields: a held strain decays as in a Maxwell body, in shape and not in volume, in the core alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from cubes import cube_mesh
+from scipy.linalg import expm, logm
+from shapes import ball_mesh
+
+from cortet.errors import InputError
+from cortet.folding.body import Body, Material, Scale, body_of
+from cortet.folding.fold import fold
+from cortet.folding.journal import TABLE
+from cortet.folding.kernels import Motion, elastic_forces, energies, nodal_forces, workspace
+from cortet.folding.models import tangential
+from cortet.folding.relaxation import FLATTEST, Relaxation, quality, relax, squared_stretches
+from cortet.folding.run import advance_to, beginning, prepared
+from cortet.folding.section import Settings
+from cortet.formats.tsv import read_tsv
+from cortet.measure.quality import quality as q_of
+from cortet.meshes import REGION, FloatArray, TetMesh
+
+UNIT, MATERIAL, NOTHING = Scale(np.zeros(3), 1.0), Material(mu_core=1.0), tangential([0.0])
+YIELDS = Settings(gestational_age=22.0, end=22.5, thickness=3.0, core_relaxation=0.5, record_interval=0.1)
+
+
+def core(mesh: TetMesh) -> Body:
+    """A body of which all is core."""
+    body = body_of(mesh, UNIT, mask=np.zeros(len(mesh.points)))
+    return body._replace(gradients=body.gradients.copy())
+
+
+def step(body: Body, x: FloatArray, part: float, growth: FloatArray = NOTHING) -> float:
+    return relax(body, body, MATERIAL, x, growth, 0.0, np.full(len(body.cells), part))
+
+
+def elastic_strain(body: Body, x: FloatArray) -> FloatArray:
+    """Logarithm of Fe^T Fe of the first element, half of it."""
+    corners = x[body.cells[0]]
+    f = (corners[1:] - corners[0]).T @ body.gradients[0]
+    return np.asarray(np.real(logm(f.T @ f)) / 2)
+
+
+SHEARED = np.array([[1.3, 0.4, 0.0], [0.0, 0.9, 0.1], [0.0, 0.0, 1.0]])
+
+
+def test_a_held_strain_decays_by_the_exponential_and_its_trace_stays() -> None:
+    mesh = cube_mesh(2, jitter=0.2)
+    body, x = core(mesh), mesh.points @ SHEARED.T
+    before = elastic_strain(body, x)
+    for _ in range(10):
+        step(body, x, 1 - np.exp(-0.1))  # a time tau in all
+    after = elastic_strain(body, x)
+    deviator = before - np.trace(before) / 3 * np.eye(3)
+    assert np.trace(after) == pytest.approx(np.trace(before), abs=1e-13)
+    assert np.linalg.eigvalsh(after - np.trace(after) / 3 * np.eye(3)) == pytest.approx(
+        np.exp(-1) * np.linalg.eigvalsh(deviator), abs=1e-12
+    )
+    assert np.linalg.det(body.gradients) == pytest.approx(1 / (6 * body.volumes), rel=1e-12)
+
+
+def test_the_energy_that_is_booked_is_what_the_body_loses() -> None:
+    mesh = ball_mesh(2)
+    body = body_of(mesh, UNIT, thickness=0.3)
+    body, growth = body._replace(gradients=body.gradients.copy()), np.array([[0.3, -0.1, 0.05]])
+    x = mesh.points @ SHEARED.T
+    state = Motion(x, np.zeros_like(x))
+    before = sum(energies(MATERIAL, state, workspace(body), growth, 0.0))
+    booked = step(body, x, 0.2, growth)
+    after = sum(energies(MATERIAL, state, workspace(body), growth, 0.0))
+    assert booked == pytest.approx(before - after, rel=1e-10)
+    assert booked > 0
+
+
+def test_cortex_does_not_yield() -> None:
+    mesh = ball_mesh(2)
+    body = body_of(mesh, UNIT)._replace(depth=np.full(len(mesh.cells), -1e9))
+    body = body._replace(gradients=body.gradients.copy())
+    before = body.gradients.copy()
+    assert step(body, mesh.points @ SHEARED.T, 0.2) == pytest.approx(0, abs=1e-15)
+    assert body.gradients == pytest.approx(before, abs=1e-12)
+
+
+def test_a_rotation_changes_nothing() -> None:
+    mesh = cube_mesh(2, jitter=0.2)
+    turn = expm(np.array([[0.0, 1.0, -0.5], [-1.0, 0.0, 0.3], [0.5, -0.3, 0.0]]))
+    ends = []
+    for x in (mesh.points @ SHEARED.T, mesh.points @ SHEARED.T @ turn.T):
+        body = core(mesh)
+        step(body, x, 0.5)
+        ends.append(body.gradients)
+    assert ends[0] == pytest.approx(ends[1], abs=1e-12)
+
+
+def test_no_reference_becomes_flat() -> None:
+    mesh = cube_mesh(2, jitter=0.2)
+    body, x = core(mesh), mesh.points * [4.0, 4.0, 1 / 16]
+    for _ in range(200):
+        step(body, x, 0.1)
+    edges = np.linalg.inv(body.gradients).transpose(0, 2, 1)
+    reference = np.concatenate([np.zeros((len(edges), 1, 3)), edges], axis=1)
+    worst = q_of(reference.reshape(-1, 3), np.arange(4 * len(edges)).reshape(-1, 4)).max()
+    assert 0.5 < worst < 1
+    assert min(quality(*map(tuple, rows)) for rows in body.gradients) >= FLATTEST
+
+
+def test_the_quality_of_a_reference_is_that_of_the_field() -> None:
+    """Mean ratio: 12 (3 V)^(2/3) over the sum of the squared edges (Liu and Joe, BIT 34, 1994)."""
+    rng = np.random.default_rng(0)
+    corners = rng.normal(size=(20, 4, 3))
+    for points in corners:
+        edges = points[1:] - points[0]
+        a, b, c = np.linalg.inv(edges).T
+        pairs = [points[i] - points[j] for i in range(4) for j in range(i)]
+        expected = 12 * abs(np.linalg.det(edges) / 2) ** (2 / 3) / np.square(pairs).sum()
+        assert quality(tuple(a), tuple(b), tuple(c)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("f", [SHEARED, np.diag([1.1, 1.0, -0.05]), np.diag([0.05, 0.05, 0.05]), np.zeros((3, 3))])
+@pytest.mark.parametrize("seed", range(3))
+def test_stretches_and_axes_are_those_of_the_singular_value_decomposition(f: FloatArray, seed: int) -> None:
+    left, right = (np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0] for _ in range(2))
+    f = left @ f @ right
+    squares, axes = squared_stretches(*map(tuple, f))
+    assert sorted(squares) == pytest.approx(sorted(np.linalg.svd(f)[1] ** 2), rel=1e-12, abs=1e-14)
+    v = np.array(axes)
+    assert v @ v.T == pytest.approx(np.eye(3), abs=1e-14)
+    assert v.T @ np.diag(squares) @ v == pytest.approx(f.T @ f, abs=1e-13)
+
+
+def test_rates_follow_ages_and_regions() -> None:
+    laws = Relaxation(np.array([0, 1, 2]), [0.5, {24.0: 1.0, 28.0: 2.0}, None])
+    assert laws.rates(26.0) == pytest.approx([2.0, 1 / 1.5, 0.0])
+    assert laws.rates(20.0)[1] == 1.0 and laws.rates(40.0)[1] == 0.5
+
+
+def test_a_core_that_yields_lets_the_cortex_press_less(tmp_path: Path) -> None:
+    """Its elastic energy is smaller, what is lost is booked, and in the end all is accounted for."""
+    ball, ends = ball_mesh(2, radius=10.0), {}
+    for name, time in (("elastic", None), ("slow", 5.0), ("fast", 0.2)):
+        fold(ball, tmp_path / name, YIELDS.with_keys(core_relaxation=time))
+        ends[name] = read_tsv(tmp_path / name / TABLE).apply(pd.to_numeric, errors="coerce").iloc[-1]
+    assert ends["fast"].elastic_energy < ends["slow"].elastic_energy < ends["elastic"].elastic_energy
+    assert ends["fast"].dissipated_energy > ends["slow"].dissipated_energy > ends["elastic"].dissipated_energy
+    assert max(abs(end.energy_error) for end in ends.values()) < 0.01
+
+
+def test_a_region_may_stay_elastic() -> None:
+    ball = ball_mesh(2, radius=10.0)
+    inner = np.linalg.norm(ball.points[ball.cells].mean(axis=1), axis=1) < 4
+    mesh = TetMesh(ball.points, ball.cells, cell_data={REGION: np.where(inner, 4, 1)})
+    run = prepared(mesh, YIELDS.with_keys(region_relaxation={4: None}))
+    moment = beginning(run)
+    advance_to(run, moment, run.end)
+    changed = (moment.base.gradients != run.body.gradients).any(axis=(1, 2))
+    own = np.linalg.norm(run.mesh.points[run.body.cells].mean(axis=1), axis=1) < 4
+    assert not changed[own].any() and changed[~own].mean() > 0.5
+    with pytest.raises(InputError, match="fold.region_relaxation names 9"):
+        prepared(mesh, YIELDS.with_keys(region_relaxation={9: 1.0}))
+
+
+def test_a_killed_run_ends_with_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ball, ends = ball_mesh(2, radius=10.0), []
+    monkeypatch.setattr("cortet.folding.fold._CHECKPOINT_SECONDS", 0.0)
+
+    def stop(measurements: Any, part: float, seconds: float) -> None:
+        if part > 0.5:
+            raise KeyboardInterrupt
+
+    for name, killed in (("whole", False), ("killed", True)):
+        if killed:
+            with pytest.raises(KeyboardInterrupt):
+                fold(ball, tmp_path / name, YIELDS, stop)
+        fold(ball, tmp_path / name, YIELDS)
+        ends.append(sorted((tmp_path / name / "frames").glob("*.vtu"))[-1].read_bytes())
+    assert ends[0] == ends[1]
+
+
+def test_forces_vanish_where_strain_has_decayed() -> None:
+    mesh = cube_mesh(2, jitter=0.2)
+    isochoric = expm(np.array([[0.2, 0.1, 0.0], [0.1, -0.1, 0.0], [0.0, 0.0, -0.1]]))
+    body, x = core(mesh), mesh.points @ isochoric.T
+    for _ in range(300):
+        step(body, x, 0.1)
+    work = workspace(body)
+    elastic_forces(MATERIAL, x, work, NOTHING, 0.0)
+    assert np.abs(nodal_forces(work)).max() < 1e-12
