@@ -1,6 +1,7 @@
 """Does the folding solver do what theory says: onset and width of folds, displacements, and no imprint of a lattice?
 
     python benchmarks/fold_solver.py [--spacing 0.5] [--thickness 1 2] [--stiffness 0.5 1 2 5 10 20] [--across -0.25]
+    python benchmarks/fold_solver.py yielding [--spacing 0.5] [--stiffness 1 2] [--times 2 0.5] [--rate 0.039]
     python benchmarks/fold_solver.py balls [--nodes 12000] [--thickness 0.12 0.18] [--stiffness 4 16]
     python benchmarks/fold_solver.py growing_ball [--cell-sizes 2.5 1.75 1.25] [--growth 0.02] [--dolfinx PYTHON]
     python benchmarks/fold_solver.py imprint LATTICE_RUN OTHER_RUN --cell-size 0.8
@@ -18,6 +19,11 @@ from noise : the surface is displaced at random by a thousandth of the thickness
     wavelength is that of the mean wave number, each weighted by its power.
 Allen : 2 pi H (E_f / 3 E_s)^(1/3) for a thickness H and plane-strain moduli E = 2 mu / (1 - nu) of a stiff film on a
     soft base (Allen 1969).
+
+`yielding`: the base relaxes as a Maxwell body (`fold.core_relaxation`), and its layer is sharp. A bump of each of three
+lengths around that of the first wave of `fold_theory.py yielding` grows; the growth along in which it becomes from
+`_LOW` to `_HIGH` times as high is set beside that of the theory, and the least growth at which one is so high, and its
+length, likewise.
 
 `balls`: a flat layer would buckle as the strip says; a ball's curvature changes the factor, not the trend. The ball
 grows until the distances of its surface from the centre, divided by those at the start, vary by some per cent; the
@@ -55,7 +61,8 @@ import pyvista
 import trimesh
 from _frame import command, cpu_seconds
 from cubes import KUHN
-from fold_theory import Onset, onset
+from fold_theory import Onset, first_wave, onset
+from fold_theory import heights as theory_of_waves
 from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.spatial import ConvexHull, Delaunay, cKDTree
@@ -71,7 +78,9 @@ from cortet.folding.growth import Linear
 from cortet.folding.journal import SERIES, TABLE
 from cortet.folding.kernels import DONE, LIST_OUTDATED, Motion, advance, workspace
 from cortet.folding.law import ACROSS
-from cortet.folding.models import course, tangential
+from cortet.folding.models import CONSTANTS, course, tangential
+from cortet.folding.patches import renew
+from cortet.folding.relaxation import relax
 from cortet.folding.stability import longest_step
 from cortet.formats import vtu
 from cortet.formats.tsv import read_tsv
@@ -105,6 +114,12 @@ _WAVES = 0.75, 1.0, 1.3
 _LENGTH = 6
 #: of the base's layers, each over the one above
 _GRADING = 1.25
+
+
+#: steps after which a base relaxes
+_PER_YIELD = 10
+#: heights of a bump, over that at the start, between which its growth on a base that yields is measured
+_LOW, _HIGH = 3.0, 10.0
 
 
 class Wrinkles(NamedTuple):
@@ -179,6 +194,8 @@ def growing(
     material: Material,
     rate: float,
     across: Callable[[float], float] = lambda _: 0.0,
+    *,
+    yielding: float = np.inf,
 ) -> Iterator[tuple[float, FloatArray]]:
     """Growth along, and heights of the surface (k,), after each step from positions (n, 3).
 
@@ -186,12 +203,14 @@ def growing(
     ----------
     rate : growth along per time
     across : growth across, by that along
+    yielding : growth along in the time in which the base relaxes; inf: it is elastic
 
     Raises
     ------
     RuntimeError : an element inverted
     """
-    body, mesh = strip.body, TetMesh(strip.points, strip.body.cells)
+    body = strip.body._replace(gradients=strip.body.gradients.copy())
+    mesh, every = TetMesh(strip.points, body.cells), np.ones(len(body.cells))
     work, state = workspace(body), Motion(start.copy(), np.zeros_like(start))
     contact = contact_of(start, boundary_faces(mesh), bulk=0.0)._replace(radius=np.inf)
     dt = longest_step(material, start, work, contact, tangential([0.0]))[0] / 2  # growth across makes cells flat
@@ -204,6 +223,10 @@ def growing(
         for axis, nodes in enumerate(strip.held):
             state.x[nodes, axis] = start[nodes, axis]
             state.v[nodes, axis] = 0
+        if np.isfinite(yielding) and step % _PER_YIELD == 0:
+            parts = -np.expm1(-_PER_YIELD * rate * dt / yielding) * every
+            relax(body, body, material, state.x, grown.growth[0], 0.0, parts)
+            renew(work.patches, body)
         yield growth, state.x[strip.surface, 2]
 
 
@@ -307,6 +330,73 @@ def strips(
             f" {allen / length:11.2f} {time.process_time() - began:6.0f}",
             flush=True,
         )
+
+
+# --- strips on a base that yields ------------------------------------------------------------------------------------
+
+
+def sharp(strip: Strip) -> Strip:
+    """The strip with all of the growth in its film, and none below."""
+    depth = np.where(strip.body.depth < strip.body.thickness, -np.inf, np.inf)
+    return strip._replace(body=strip.body._replace(depth=depth))
+
+
+def grown_between(growths: Sequence[float], heights: Sequence[float]) -> tuple[float, float]:
+    """Growth along from a height of `_LOW` to one of `_HIGH`, and at the latter; NaN: it was not reached."""
+    low, high = (float(np.interp(at, heights, growths, right=np.nan)) for at in (_LOW, _HIGH))
+    return high - low, high
+
+
+def bump_on(wavelength: float, spacing: float, material: Material, yielding: float, slow: float) -> tuple[float, float]:
+    """How much a film 1 thick grows while a bump does; see `grown_between`.
+
+    slow : growth along in the time in which a shear wave of the base crosses the wave
+    """
+    flat = film(strip(wavelength, 2 * wavelength + 2, 1.0, spacing), 1.0)
+    wave = np.cos(2 * np.pi * flat.points[:, 0] / wavelength)
+    bumpy = flat.points.copy()
+    bumpy[:, 2] += _BUMP * wave * np.exp(2 * np.pi / wavelength * bumpy[:, 2]) * ~flat.held[2]
+    bent = film(TetMesh(bumpy, flat.body.cells), 1.0)
+    bent = sharp(bent._replace(body=bent.body._replace(depth=flat.body.depth), held=flat.held, surface=flat.surface))
+    seen: list[tuple[float, float]] = []
+    for growth, heights in growing(
+        bent, bumpy, material, rate_of(1 / slow, 1.0, wavelength, material), yielding=yielding
+    ):
+        amplitude = float(dct(heights, type=1)[2])
+        seen.append((growth, amplitude))
+        if amplitude > 1.05 * _HIGH * seen[0][1] or growth > 1:
+            break
+    growths, amplitudes = np.array(seen).T
+    return grown_between(growths, amplitudes / amplitudes[0])
+
+
+def yielding(
+    *,
+    spacing: float = 0.5,
+    stiffness: Sequence[float] = (1.0, 2.0),
+    times: Sequence[float] = (2.0, 0.5),
+    rate: float = CONSTANTS["growing"].growth_rate,
+    slow: float = 0.02,
+) -> None:
+    """Compare bumps on a base that yields with theory.
+
+    times : in which the base relaxes, weeks
+    rate : growth along per week
+    slow : growth along in the time in which a shear wave of the base crosses a wave
+    """
+    print("stiffness  weeks  wavelength  growth of the bump  measured / exact  CPU s")
+    for ratio, weeks in product(stiffness, times):
+        material = material_of(ratio)
+        _, first = first_wave(material, rate * weeks)
+        for wavelength in np.array(_WAVES) * first:
+            began = time.process_time()
+            exact = grown_between(*theory_of_waves(2 * np.pi / wavelength, material, rate * weeks))
+            found = bump_on(wavelength, spacing, material, rate * weeks, slow)
+            print(
+                f"{ratio:9g} {weeks:6g} {wavelength:11.2f} {found[0]:19.4f} {found[0] / exact[0]:17.3f}"
+                f" {time.process_time() - began:6.0f}",
+                flush=True,
+            )
 
 
 # --- balls that fold -------------------------------------------------------------------------------------------------
@@ -596,7 +686,7 @@ def imprint(lattice_run: Path, other_run: Path, *, cell_size: float) -> None:
     print(f"other run, at the nodes of the lattice run: {periodic(places, there, constant)}")
 
 
-main = command(__doc__, strips, balls, growing_ball, imprint)
+main = command(__doc__, strips, yielding, balls, growing_ball, imprint)
 
 if __name__ == "__main__":
     main()

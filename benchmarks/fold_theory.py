@@ -1,6 +1,7 @@
 """At which growth does a flat cortex fold, how wide, and at which age, by exact theory?
 
     python benchmarks/fold_theory.py [--stiffness 0.5 1 2 5 10 20] [--across -0.3] [--sharp]
+    python benchmarks/fold_theory.py yielding [--stiffness 1 2 5] [--time 4 2 1 0.5 0.25] [--rate 0.039] [--across -0.2]
     python benchmarks/fold_theory.py ages [--rate 0.045] [--thickness 1.1] [--thickness-rate -0.02] [--stiffness 1 2 5]
 
 A half-space whose uppermost part grows tangentially and is held at its sides stays flat until the second variation of
@@ -15,6 +16,11 @@ a displacement gradient H is H_ij / Fg_jj of elastic deformation, and an initial
 alpha)^2 (1 + beta) grown ones. The base does not grow: where it does, as in the model `growing`, lengths are those of
 a frame that grows with it. Thicknesses are those before growth.
 
+`yielding` lets the base relax as a Maxwell body (`fold.core_relaxation`). A layer that grows at some rate then has no
+critical growth: every wave grows once it is under pressure, faster the more the base yields. A wave is a displacement
+of the first moment. Printed is the wave that is the first to be `AMPLIFIED` times as high, and the growth at which it
+is. With a time of inf, the base is elastic. The layer is sharp, as only the base may yield.
+
 `ages` takes the cortex of the model `growing`: the cortex grows along itself, and across itself, relative to a core
 that grows by s: that of `cortet.folding`, but s is the cube root of the volume alone, as if cortex took no part of
 it. The onset is that above for what the cortex has grown across itself at an age; cortex folds at the age at which it
@@ -28,11 +34,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from _frame import command
-from scipy.linalg import LinAlgError, cholesky_banded
+from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 from scipy.optimize import brentq, minimize_scalar
 
 from cortet.folding.body import Material
@@ -131,6 +138,13 @@ def is_stable(
 
     Growth across is more than -1.
     """
+    return _is_positive(stiffness_of(growth, wave_number, thickness, material, profile, across))
+
+
+def stiffness_of(
+    growth: float, wave_number: float, thickness: float, material: Material, profile: Profile, across: float = 0.0
+) -> FloatArray:
+    """Second variation of the energy by a wave, of each element of the depth: (m, 6, 6); see `is_stable`."""
     borders = levels(thickness, wave_number)
     length = np.diff(borders)
     at, weights = _GAUSS
@@ -156,21 +170,26 @@ def is_stable(
     for moduli_at, gradients in ((direct, first), (rotated, second)):
         by_point = moduli_at.reshape(*depth.shape, 2, 2)
         local += np.einsum("eq,eqai,eqab,eqbj->eij", measure, gradients, by_point, gradients)
-    return _is_positive(local)
+    return local
 
 
 def _is_positive(local: FloatArray) -> bool:
     """Whether a chain of elements (m, 6, 6), each with two unknowns more than its last shares, held at its end, is."""
+    try:
+        cholesky_banded(_banded(local), lower=True)
+    except LinAlgError:
+        return False
+    return True
+
+
+def _banded(local: FloatArray) -> FloatArray:
+    """The matrix of a chain of elements in lower banded form; the last node does not move."""
     size = 4 * len(local) + 2
     banded = np.zeros((6, size))
     for i in range(6):
         for j in range(i + 1):  # lower form: row i - j, column j
             np.add.at(banded[i - j], 4 * np.arange(len(local)) + j, local[:, i, j])
-    try:
-        cholesky_banded(banded[:, : size - 2], lower=True)  # the last node does not move
-    except LinAlgError:
-        return False
-    return True
+    return banded[:, : size - 2]
 
 
 def critical_growth(
@@ -216,6 +235,98 @@ def bilayer(
     for ratio in stiffness:
         first = onset(Material(mu_cortex=1.0, mu_core=1 / ratio), profile, across)
         print(f"{ratio:9g} {first.growth:7.4f} {first.wavelength:11.3f}  {first.set_by_layer}", flush=True)
+
+
+# --- on a base that yields -------------------------------------------------------------------------------------------
+
+#: a wave counts as a fold from this height on, over that at the start
+AMPLIFIED = float(np.exp(3))
+#: steps of growth, and least steps of a relaxation time; growth until which waves are followed
+_STEPS, _PER_TIME, _FOLLOWED = 400, 10, 1.0
+#: waves that are tried, in thicknesses
+_WAVES = np.geomspace(2.0, 30.0, 25)
+
+
+def heights(wave_number: float, material: Material, yielding: float, across: float = 0.0) -> tuple[FloatArray, ...]:
+    """Growth along a layer 1 thick, and the height of a wave over that at the start: (k,) each, until it has no limit.
+
+    The base is pulled towards the shape to which it has relaxed. All else is elastic. Growth across is in proportion to
+    that along.
+
+    Parameters
+    ----------
+    yielding : growth along in the time in which the base relaxes; inf: it is elastic
+    """
+    step = min(_FOLLOWED / _STEPS, yielding / _PER_TIME)
+    part = -np.expm1(-step / yielding)
+
+    def at(growth: float, of: Material) -> FloatArray:
+        return stiffness_of(growth, wave_number, 1.0, of, sharp_profile, across * growth)
+
+    borders = levels(1.0, wave_number)
+    in_base = (borders[:-1] > 1 - 1e-9)[:, None, None]
+    all_of_it, volume = at(0.0, material), at(0.0, material._replace(mu_cortex=0.0, mu_core=0.0))
+    yields = np.where(in_base, all_of_it - volume, 0.0)  # in shape, and not in volume
+    depth = np.sort(np.concatenate([borders, (borders[:-1] + borders[1:]) / 2]))[:-1]
+    start = np.zeros(2 * len(depth))
+    start[1::2] = np.exp(-wave_number * depth)
+    relaxed, kept, found = start, _forces(all_of_it - yields, start), []
+    growths = np.arange(0, _FOLLOWED, step)
+    for growth in growths:
+        try:
+            factor = cholesky_banded(_banded(at(growth, material)), lower=True)
+        except LinAlgError:
+            break
+        wave = cho_solve_banded((factor, True), kept + _forces(yields, relaxed))
+        found.append(wave[1])
+        relaxed = relaxed + part * (wave - relaxed)
+        if wave[1] > AMPLIFIED * start[1]:
+            break
+    return growths[: len(found)], np.array(found) / start[1]
+
+
+def _forces(local: FloatArray, displacement: FloatArray) -> FloatArray:
+    """Those of a chain of elements (m, 6, 6) for a displacement of all nodes but the last."""
+    unknowns = 4 * np.arange(len(local))[:, None] + np.arange(6)
+    whole, forces = np.zeros((2, 4 * len(local) + 2))
+    whole[:-2] = displacement
+    np.add.at(forces, unknowns, np.einsum("eij,ej->ei", local, whole[unknowns]))
+    return forces[:-2]
+
+
+def first_wave(material: Material, yielding: float, across: float = 0.0) -> tuple[float, float]:
+    """Growth along at which the first wave is `AMPLIFIED` times as high, and its length in thicknesses; NaN: none."""
+    reached = np.full(len(_WAVES), np.nan)
+    for i, wave in enumerate(_WAVES):
+        growths, height = heights(2 * np.pi / wave, material, yielding, across)
+        if height[-1] > AMPLIFIED or growths[-1] < _FOLLOWED * (1 - 1.5 / _STEPS):
+            reached[i] = growths[-1]
+    if np.isnan(reached).all():
+        return np.nan, np.nan
+    first = int(np.nanargmin(reached))
+    if not 0 < first < len(_WAVES) - 1 or np.isnan(reached[first - 1 : first + 2]).any():
+        return float(reached[first]), float(_WAVES[first])
+    a, b, c = np.polyfit(np.log(_WAVES[first - 1 : first + 2]), reached[first - 1 : first + 2], 2)
+    return (float(c - b**2 / (4 * a)), float(np.exp(-b / (2 * a)))) if a > 0 else (reached[first], _WAVES[first])
+
+
+def yielding(
+    *,
+    stiffness: Sequence[float] = (1.0, 2.0, 6.67),
+    time: Sequence[float] = (np.inf, 4.0, 2.0, 1.0, 0.5, 0.25),
+    rate: float = CONSTANTS["growing"].growth_rate,
+    across: float = 0.0,
+) -> None:
+    """The first wave for each stiffness and relaxation time of the base.
+
+    time : in which the base relaxes, weeks
+    rate : growth along per week
+    across : growth across over growth along
+    """
+    print("stiffness  time, weeks  growth  weeks  wavelength")
+    for ratio, weeks in product(stiffness, time):
+        growth, wave = first_wave(Material(mu_cortex=1.0, mu_core=1 / ratio), rate * weeks, across)
+        print(f"{ratio:9g} {weeks:12g} {growth:7.3f} {growth / rate:6.1f} {wave:11.2f}", flush=True)
 
 
 # --- by age ----------------------------------------------------------------------------------------------------------
@@ -349,7 +460,7 @@ def ages(
             print(f"{ratio:9g}  {WIDTH / width(first.wavelength, 1.0, model, WIDTH_AT):.2f}")
 
 
-main = command(__doc__, bilayer, ages)
+main = command(__doc__, bilayer, yielding, ages)
 
 if __name__ == "__main__":
     main()

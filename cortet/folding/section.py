@@ -89,7 +89,7 @@ class Fold(Section):
     """Thickness of the growing cortex at the start, mm. null: of growing, that of the model; of braingrowth, 0.042 of
     half the length of the brain at 22 weeks, 1.25 mm, and slightly more later. A run says which."""
     time_step: Positive | None = None
-    """Largest dimensionless time step; null: from the smallest altitude of the tetrahedra, as the run goes on."""
+    """Largest dimensionless time step; null: the longest that is stable, measured as the run goes on."""
     reference: bool = False
     """true: centre, mask, medial plane, start of growth and lag of the reference implementation, for comparison; of
     braingrowth."""

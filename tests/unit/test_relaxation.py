@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pandas as pd
 import pytest
@@ -178,6 +179,17 @@ def test_a_killed_run_ends_with_the_same_bits(tmp_path: Path, monkeypatch: pytes
                 fold(ball, tmp_path / name, YIELDS, stop)
         fold(ball, tmp_path / name, YIELDS)
         ends.append(sorted((tmp_path / name / "frames").glob("*.vtu"))[-1].read_bytes())
+    assert ends[0] == ends[1]
+
+
+def test_the_bits_are_the_same_for_any_number_of_threads(tmp_path: Path) -> None:
+    if numba.config.NUMBA_NUM_THREADS < 2:
+        pytest.skip("one processor only")
+    ball, ends = ball_mesh(3, radius=10.0), []
+    for threads in (1, 2):
+        numba.set_num_threads(threads)
+        fold(ball, tmp_path / str(threads), YIELDS)
+        ends.append(sorted((tmp_path / str(threads) / "frames").glob("*.vtu"))[-1].read_bytes())
     assert ends[0] == ends[1]
 
 
