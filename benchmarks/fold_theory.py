@@ -299,7 +299,9 @@ def first_wave(material: Material, yielding: float, across: float = 0.0) -> tupl
     reached = np.full(len(_WAVES), np.nan)
     for i, wave in enumerate(_WAVES):
         growths, height = heights(2 * np.pi / wave, material, yielding, across)
-        if height[-1] > AMPLIFIED or growths[-1] < _FOLLOWED * (1 - 1.5 / _STEPS):
+        if height[-1] > AMPLIFIED:
+            reached[i] = np.interp(np.log(AMPLIFIED), np.log(height), growths)
+        elif growths[-1] < _FOLLOWED * (1 - 1.5 / _STEPS):  # it has no limit
             reached[i] = growths[-1]
     if np.isnan(reached).all():
         return np.nan, np.nan
