@@ -311,10 +311,15 @@ def _take(moment: Moment, body: Body) -> None:
 
 
 def _energies(run: Run, moment: Moment, time: float) -> tuple[float, float]:
-    """Kinetic and elastic energy half a step ago, with the growth at a time; growth and volumes stay in the work."""
+    """Kinetic and elastic energy half a step ago, with the growth at a time."""
+    return _energies_at(run, moment, _half_a_step_ago(moment), time)
+
+
+def _energies_at(run: Run, moment: Moment, x: FloatArray, time: float) -> tuple[float, float]:
+    """The same at positions x (n, 3), whose growth and volumes stay in `moment.work`."""
     course = run.growth.at(np.array([time]), moment.dt)
     _take(moment, run.growth.body(moment.base, time))
-    state = Motion(_half_a_step_ago(moment), moment.state.v)
+    state = Motion(x, moment.state.v)
     return energies(run.material, state, moment.work, course.growth[0], float(course.thickening[0]))
 
 
@@ -327,6 +332,7 @@ def measured(run: Run, moment: Moment) -> Measurements:
     """Measure the body in its present state; its J and growth are left in `moment.work`."""
     work = moment.work
     kinetic, elastic = _energies(run, moment, moment.time - moment.dt / 2)
+    _energies_at(run, moment, moment.state.x, moment.time)  # volumes are those of now
     dissipated, pushed = work.energy.tolist()
     missing = kinetic + elastic + dissipated - moment.growth_work - pushed
     flow = abs(moment.growth_work) + abs(pushed)
