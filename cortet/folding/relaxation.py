@@ -119,7 +119,7 @@ def _yield(base, body, material, x, growth, thickening, part, e):  # type: ignor
         return 0.0
     mean = (p * q * r) ** (1 / 3)
     p, q, r = p / mean, q / mean, r / mean
-    factors = p ** (-part / 2), q ** (-part / 2), r ** (-part / 2)
+    factors = math.exp(-part / 2 * math.log(p)), math.exp(-part / 2 * math.log(q)), math.exp(-part / 2 * math.log(r))
     own = base.gradients[e]
     a, b, c = vector(own, 0), vector(own, 1), vector(own, 2)
     before = quality(a, b, c)
@@ -132,7 +132,8 @@ def _yield(base, body, material, x, growth, thickening, part, e):  # type: ignor
         return 0.0
     for k in range(3):
         own[0, k], own[1, k], own[2, k] = a[k], b[k], c[k]
-    lost = p + q + r - p ** (1 - part) - q ** (1 - part) - r ** (1 - part)
+    u, v, w = factors
+    lost = p * (1 - u * u) + q * (1 - v * v) + r * (1 - w * w)
     grown = grown_volume(body.volumes[e], alpha, beta, isotropic)
     return grown * shear_modulus(material, share, body.stiffness[e]) / 2 * lost
 
