@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import logging
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +31,8 @@ _UNITS = {**UNITS, "cm": 10.0}
 _SAME_EXTENT = 1e-3
 #: nodes are the same within this share of the shortest edge
 _SAME_NODE = 0.05
+#: arrays that readers of VTK add
+_OF_READERS = ("ObjectId", "GlobalElementId", "GlobalNodeId", "PedigreeElementId", "PedigreeNodeId", "vtkGhostType")
 #: corners of a tetrahedron, of whatever order
 _CORNERS = 4
 #: types of cells that are tetrahedra, of VTK and of meshio
@@ -73,18 +79,32 @@ def read_result(path: Path) -> Iterator[Step]:
     check_file(path)
     steps = _with_meshio(path) if path.suffix.lower() == ".xdmf" else _with_pyvista(path)
     try:
-        for step in steps:
+        while step := _next(steps):
             if not len(step.points):
                 raise DamagedFileError("holds no nodes", file=path)
             yield step
     except InputError:
         raise
     except (Exception, SystemExit) as error:  # meshio ends the program for a file that it cannot read
+        said = (str(error).strip().splitlines() or [""])[-1].rpartition("): ")[2]  # VTK begins with lines of its code
         raise InputError(
-            f"cannot be read as a result: {error or type(error).__name__}",
+            f"cannot be read as a result: {said or type(error).__name__}",
             file=path,
             remedy="write VTU, VTK, XDMF or Exodus, or what else PyVista or meshio reads",
         ) from error
+
+
+def _next(steps: Iterator[Step]) -> Step | None:
+    """The next step, if there is one; what VTK, PyVista and meshio say of damage is kept to an error of ours."""
+    import pyvista
+
+    with warnings.catch_warnings(), pyvista.vtk_verbosity("off"), redirect_stdout(io.StringIO()):
+        warnings.simplefilter("ignore")
+        logging.disable()
+        try:
+            return next(steps, None)
+        finally:
+            logging.disable(logging.NOTSET)
 
 
 def _with_pyvista(path: Path) -> Iterator[Step]:
@@ -96,6 +116,9 @@ def _with_pyvista(path: Path) -> Iterator[Step]:
         yield from _with_meshio(path)
         return
     times = list(getattr(reader, "time_values", ()))
+    if isinstance(reader, pyvista.ExodusIIReader) and len(times) < 2:  # of files that meshio wrote, VTK returns noise
+        yield from _with_meshio(path)  # which reads the first time only
+        return
     for time in times or [None]:
         if time is not None:
             reader.set_active_time_value(time)
@@ -254,7 +277,7 @@ def on_surface(
     matrix = found.matrix(depth)
     if missing := int((np.diff(matrix.indptr) == 0).sum()):
         told[f"{missing:,} vertices have no value, NaN: their points are outside the mesh"] = None
-    left_out = {*mesh.sets.nodes, *mesh.sets.faces, *mesh.sets.cells}
+    left_out = {*_OF_READERS, *mesh.sets.nodes, *mesh.sets.faces, *mesh.sets.cells}
     for number, step in enumerate(steps):
         if order is None or last is None or not _same_mesh(step, last):
             order = in_order(step, mesh, file=file, mesh_file=mesh_file)
