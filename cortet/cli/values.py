@@ -126,14 +126,12 @@ def _fields(_: object, tokens: Sequence[Token]) -> OutputFile:
     return OutputFile(text)
 
 
-def _depth(_: object, tokens: Sequence[Token]) -> float | tuple[float, float]:
+def _depth(_: object, tokens: Sequence[Token]) -> tuple[float, float]:
     """MM, or a range FROM:TO."""
-    ends = [Number(0, 100).read(text) for text in tokens[-1].value.split(":")]
-    if len(ends) == 1:
-        return ends[0]
-    if len(ends) > 2 or ends[0] >= ends[1]:
+    first, *more = [Number(0, 100).read(text) for text in tokens[-1].value.split(":")]
+    if len(more) > 1 or first > (last := more[0] if more else first):
         raise ValueError(f"{tokens[-1].value!r} is not MM, or FROM:TO of a range")
-    return ends[0], ends[1]
+    return first, last
 
 
 def _picture(_: object, tokens: Sequence[Token]) -> OutputFile:
@@ -151,7 +149,7 @@ O = Parameter(alias="-o")  # noqa: E741
 SurfaceFile = Annotated[OutputFile, Parameter(converter=_surface, metavar="GII")]
 FieldsFile = Annotated[OutputFile, Parameter(converter=_fields, metavar="GII")]
 Depth = Annotated[
-    float | tuple[float, float],
+    tuple[float, float],
     Parameter(
         converter=_depth,
         n_tokens=1,

@@ -83,11 +83,11 @@ class SurfaceMap:
 
         Raises
         ------
-        InputError : a depth is negative or not finite, or a range has no length
+        InputError : a depth is negative or not finite, or the first of a range is below the last
         """
         first, last = depth if isinstance(depth, tuple) else (depth, depth)
-        if not 0 <= first <= last < np.inf or (isinstance(depth, tuple) and first == last):
-            raise InputError(f"{depth} is no depth", remedy="give mm from 0 on, or a lower and a larger one of a range")
+        if not 0 <= first <= last < np.inf:
+            raise InputError(f"{depth} is no depth", remedy="give mm from 0 on, the smaller one of a range first")
         steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES if first < last else np.zeros(1)
         rows, columns, weights = [], [], []
         known = np.flatnonzero(np.isfinite(self.points).all(axis=1))
