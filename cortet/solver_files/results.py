@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import io
-import logging
-import warnings
+import json
+import signal
+import sys
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import DamagedFileError, InputError
+from cortet.formats import child, result_reader
 from cortet.formats.components import in_components
 from cortet.formats.placement import UNITS
-from cortet.formats.untrusted import check_file
+from cortet.formats.untrusted import check_file, naming, sound
 from cortet.geometry.topology import edges, used_vertices
-from cortet.meshes import FloatArray, IntArray, TetMesh
+from cortet.meshes import IntArray, TetMesh
 from cortet.solver_files.surface_map import Depth, SurfaceMap, applied
-
-if TYPE_CHECKING:
-    import pyvista
 
 #: units that the coordinates of a result may have -> mm
 _UNITS = {**UNITS, "cm": 10.0}
@@ -31,12 +29,6 @@ _UNITS = {**UNITS, "cm": 10.0}
 _SAME_EXTENT = 1e-3
 #: nodes are the same within this share of the shortest edge
 _SAME_NODE = 0.05
-#: arrays that readers of VTK add
-_OF_READERS = ("ObjectId", "GlobalElementId", "GlobalNodeId", "PedigreeElementId", "PedigreeNodeId", "vtkGhostType")
-#: corners of a tetrahedron, of whatever order
-_CORNERS = 4
-#: types of cells that are tetrahedra, of VTK and of meshio
-_OF_VTK, _OF_MESHIO = (10, 24), ("tetra", "tetra10")
 #: rows and columns of the six numbers of a symmetric tensor: xx, yy, zz, xy, yz, xz, as VTK has them
 _SYMMETRIC = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 #: a tensor is symmetric if it differs from its transpose by no more than this share of its largest number
@@ -48,13 +40,8 @@ class Step:
     """A result at one time."""
 
     time: float | None
-    #: (p, 3), in whatever unit
-    points: FloatArray
-    #: (t, 4) corners of tetrahedra, of those with more nodes, too
-    cells: IntArray
-    #: name -> (p,) or (p, k), and (t,) or (t, k)
-    point_data: Mapping[str, NDArray[Any]]
-    cell_data: Mapping[str, NDArray[Any]]
+    #: in whatever unit; tetrahedra have their corners only, so that nodes may be unused
+    mesh: TetMesh
 
 
 @dataclass(frozen=True)
@@ -74,129 +61,35 @@ def read_result(path: Path) -> Iterator[Step]:
 
     Raises
     ------
-    InputError : neither PyVista nor meshio can read the file, or it has no nodes
+    InputError : neither PyVista nor meshio can read the file, or what they read is no mesh with fields
     """
     check_file(path)
-    steps = _with_meshio(path) if path.suffix.lower() == ".xdmf" else _with_pyvista(path)
-    try:
-        while step := _next(steps):
-            if not len(step.points):
-                raise DamagedFileError("holds no nodes", file=path)
-            yield step
-    except InputError:
-        raise
-    except (Exception, SystemExit) as error:  # meshio ends the program for a file that it cannot read
-        said = (str(error).strip().splitlines() or [""])[-1].rpartition("): ")[2]  # VTK begins with lines of its code
-        raise InputError(
-            f"cannot be read as a result: {said or type(error).__name__}",
-            file=path,
-            remedy="write VTU, VTK, XDMF or Exodus, or what else PyVista or meshio reads",
-        ) from error
+    with TemporaryDirectory(prefix="cortet-result-") as folder:
+        done = child.run([sys.executable, "-P", result_reader.__file__, str(path.absolute()), folder])
+        if done.returncode:
+            said = (done.stderr.strip() or "no message").splitlines()[-1]
+            broke = f"its reader broke down ({signal.Signals(-done.returncode).name})" if done.returncode < 0 else said
+            raise InputError(
+                f"cannot be read as a result: {broke}",
+                file=path,
+                remedy="write VTU, VTK, XDMF or Exodus, or what else PyVista or meshio reads",
+            )
+        for file in sorted(Path(folder).glob("*.npz")):
+            with np.load(file) as arrays, naming(path):
+                yield _step(dict(arrays), path)
 
 
-def _next(steps: Iterator[Step]) -> Step | None:
-    """The next step, if there is one; what VTK, PyVista and meshio say of damage is kept to an error of ours."""
-    import pyvista
-
-    with warnings.catch_warnings(), pyvista.vtk_verbosity("off"), redirect_stdout(io.StringIO()):
-        warnings.simplefilter("ignore")
-        logging.disable()
-        try:
-            return next(steps, None)
-        finally:
-            logging.disable(logging.NOTSET)
+def _step(arrays: dict[str, NDArray[Any]], path: Path) -> Step:
+    """A step as `result_reader` writes it."""
+    names = json.loads(str(arrays["names"]))
+    of_nodes, of_cells = ({name: arrays[key] for key, name in names[kind].items()} for kind in ("node", "cell"))
+    if not len(arrays["points"]):
+        raise DamagedFileError("holds no nodes", file=path)
+    mesh = sound(path, arrays["points"], arrays["cells"], of_nodes, of_cells)
+    return Step(float(arrays["time"]) if "time" in arrays else None, mesh)
 
 
-def _with_pyvista(path: Path) -> Iterator[Step]:
-    import pyvista
-
-    try:
-        reader = pyvista.get_reader(str(path))
-    except ValueError:  # it knows no reader for this ending
-        yield from _with_meshio(path)
-        return
-    times = list(getattr(reader, "time_values", ()))
-    if isinstance(reader, pyvista.ExodusIIReader) and len(times) < 2:  # of files that meshio wrote, VTK returns noise
-        yield from _with_meshio(path)  # which reads the first time only
-        return
-    for time in times or [None]:
-        if time is not None:
-            reader.set_active_time_value(time)
-        grid = reader.read()
-        grid = grid.combine() if isinstance(grid, pyvista.MultiBlock) else grid.cast_to_unstructured_grid()
-        yield _of_grid(grid, time)
-
-
-def _of_grid(grid: pyvista.UnstructuredGrid, time: float | None) -> Step:
-    if time is None and "TimeValue" in grid.field_data:
-        time = float(np.ravel(grid.field_data["TimeValue"])[0])
-    known = [kind for kind in _OF_VTK if kind in grid.cells_dict]
-    order = np.concatenate([np.flatnonzero(grid.celltypes == kind) for kind in known] or [np.zeros(0, int)])
-    return Step(
-        time,
-        np.asarray(grid.points, float),
-        _corners(grid.cells_dict[kind] for kind in known),
-        {name: np.asarray(values) for name, values in grid.point_data.items()},
-        {name: np.asarray(values)[order] for name, values in grid.cell_data.items()},
-    )
-
-
-def _with_meshio(path: Path) -> Iterator[Step]:
-    import meshio
-
-    from cortet.formats.plugins import register_with_meshio
-
-    register_with_meshio()
-    if path.suffix.lower() == ".xdmf":
-        try:
-            series = meshio.xdmf.TimeSeriesReader(path)
-        except meshio.ReadError:  # of one time
-            pass
-        else:
-            yield from _of_series(series)
-            return
-    read = meshio.read(path)
-    yield _of_blocks(None, read.points, read.cells, read.point_data, read.cell_data)
-
-
-def _of_series(series: Any) -> Iterator[Step]:
-    """The steps of an XDMF file. dolfinx writes a series for each field, of which meshio takes the last."""
-    with series:
-        points, blocks = series.read_points_cells()
-        several = [list(grid) for grid in series.domain if grid.get("CollectionType") == "Temporal"]
-        found: dict[float, tuple[dict[str, Any], dict[str, Any]]] = {}
-        for collection in several:
-            series.collection = collection
-            for number in range(len(collection)):
-                time, of_nodes, of_cells = series.read_data(number)
-                known = found.setdefault(time, ({}, {}))
-                known[0].update(of_nodes)
-                known[1].update(of_cells)
-        for time, (of_nodes, of_cells) in sorted(found.items()):
-            yield _of_blocks(time, points, blocks, of_nodes, of_cells)
-
-
-def _of_blocks(
-    time: float | None, points: Any, blocks: Any, of_nodes: Mapping[str, Any], of_cells: Mapping[str, Any]
-) -> Step:
-    """A step of meshio's blocks of cells."""
-    known = [number for number, block in enumerate(blocks) if block.type in _OF_MESHIO]
-    return Step(
-        time,
-        np.asarray(points, float),
-        _corners(blocks[number].data for number in known),
-        {name: np.asarray(values) for name, values in of_nodes.items()},
-        {name: np.concatenate([values[number] for number in known]) for name, values in of_cells.items() if known},
-    )
-
-
-def _corners(blocks: Iterable[NDArray[Any]]) -> IntArray:
-    return np.concatenate([np.zeros((0, _CORNERS), np.int32), *(block[:, :_CORNERS] for block in blocks)]).astype(
-        np.int32
-    )
-
-
-def in_order(step: Step, mesh: TetMesh, *, file: Path, mesh_file: Path) -> Order:
+def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> Order:
     """Find the nodes and tetrahedra of a mesh in a result, by where the nodes are.
 
     Nodes between the corners of tetrahedra, and those of no tetrahedron, are left out.
@@ -205,14 +98,15 @@ def in_order(step: Step, mesh: TetMesh, *, file: Path, mesh_file: Path) -> Order
     ------
     InputError : the nodes of the result are not those of the mesh
     """
-    used = used_vertices(step.cells, len(step.points)) if len(step.cells) else np.arange(len(step.points))
+    used = used_vertices(result.cells, len(result.points)) if len(result.cells) else np.arange(len(result.points))
     if len(used) != len(mesh.points):
         raise _of_another(f"has {len(used):,} nodes, and {mesh_file.name} {len(mesh.points):,}", file)
-    points = step.points[used]
-    ratio = float(np.linalg.norm(np.ptp(mesh.points, axis=0)) / np.linalg.norm(np.ptp(points, axis=0)).clip(1e-300))
+    points = result.points[used]
+    extent, own = (float(np.linalg.norm(np.ptp(one, axis=0))) for one in (mesh.points, points))
+    ratio = extent / max(own, 1e-300)
     unit = next((name for name, mm in _UNITS.items() if abs(ratio / mm - 1) < _SAME_EXTENT), None)
     if unit is None:
-        raise _of_another(f"is {1 / ratio:.4g} times as large as {mesh_file.name}", file)
+        raise _of_another(f"is {own / extent:.4g} times as large as {mesh_file.name}", file)
     told = [] if unit == "mm" else [f"its coordinates are in {unit}; values stay as they are"]
     points = points * _UNITS[unit]
     ends = mesh.points[edges(mesh.cells)]
@@ -229,7 +123,7 @@ def in_order(step: Step, mesh: TetMesh, *, file: Path, mesh_file: Path) -> Order
             raise _of_another(what, file)
         told.append("its nodes are in another order; they were matched by position")
     nodes = used[place]
-    return Order(nodes.astype(np.int32), _cells_in_order(step.cells, nodes, mesh), told)
+    return Order(nodes.astype(np.int32), _cells_in_order(result.cells, nodes, mesh), told)
 
 
 def _of_another(what: str, file: Path) -> InputError:
@@ -277,19 +171,19 @@ def on_surface(
     matrix = found.matrix(depth)
     if missing := int((np.diff(matrix.indptr) == 0).sum()):
         told[f"{missing:,} vertices have no value, NaN: their points are outside the mesh"] = None
-    left_out = {*_OF_READERS, *mesh.sets.nodes, *mesh.sets.faces, *mesh.sets.cells}
+    left_out = {*mesh.sets.nodes, *mesh.sets.faces, *mesh.sets.cells}
     for number, step in enumerate(steps):
-        if order is None or last is None or not _same_mesh(step, last):
-            order = in_order(step, mesh, file=file, mesh_file=mesh_file)
+        if order is None or last is None or not _same_mesh(step.mesh, last):
+            order = in_order(step.mesh, mesh, file=file, mesh_file=mesh_file)
             told |= dict.fromkeys(order.told)
-        last = step
-        nodal = {name: values[order.nodes] for name, values in _numbers(step.point_data)}
+        last = step.mesh
+        nodal = {name: values[order.nodes] for name, values in last.point_data.items()}
         elementwise = {}
         if order.cells is not None:
             elementwise = {
-                name: applied(found.from_cells, values[order.cells]) for name, values in _numbers(step.cell_data)
+                name: applied(found.from_cells, values[order.cells]) for name, values in last.cell_data.items()
             }
-        elif step.cell_data:
+        elif last.cell_data:
             told |= {"its tetrahedra are not those of the mesh: fields of elements are left out": None}
         if both := sorted(nodal.keys() & elementwise.keys()):
             told |= {f"{', '.join(both)}: also of elements, left out": None}
@@ -312,15 +206,8 @@ def on_surface(
     }, list(told)
 
 
-def _same_mesh(one: Step, other: Step) -> bool:
+def _same_mesh(one: TetMesh, other: TetMesh) -> bool:
     return np.array_equal(one.points, other.points) and np.array_equal(one.cells, other.cells)
-
-
-def _numbers(fields: Mapping[str, NDArray[Any]]) -> Iterator[tuple[str, NDArray[Any]]]:
-    """The fields that hold real numbers, as (c,) or (c, k)."""
-    for name, values in fields.items():
-        if values.dtype.kind in "fiub":
-            yield name, values if values.ndim == 1 else values.reshape(len(values), -1)
 
 
 def _of_tensors(fields: Mapping[str, NDArray[np.float64]]) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
