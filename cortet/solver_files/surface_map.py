@@ -218,13 +218,16 @@ def map_of_file(path: Path, mesh: TetMesh, surface: Path | None = None) -> tuple
     parameters = parameters_of(path)
     native = replace(read_surface(file, finite=False), inner={}, point_data={})
     native = placed(native, parameters.get("gate", {}).get("to_mm") if region else None)
-    meshed, number = native, 0
+    if not len(native.faces):
+        raise InputError("has no triangles", file=file, remedy="name the surface that the mesh was made from")
     if record.get("meshed"):
         every = meshed_surface(path, None, {})[0]
         names = region_names(every.inner)
         number = names.index(region or next(iter(given), names[0]))
-        meshed = sheets(every)[number]
-    found = surface_map(mesh, meshed, native, number=number, renumbered="resample" in parameters)
+        meshed, renumbered = sheets(every)[number], "resample" in parameters
+    else:  # the boundary takes the place of the meshed surface
+        meshed, number, renumbered = _faces_of(mesh, 0)[0], 0, True
+    found = surface_map(mesh, meshed, native, number=number, renumbered=renumbered)
     others = found.distances[~found.kept & np.isfinite(found.distances)]
     if len(others) and np.median(others) > _FAR_MM:
         raise InputError(
@@ -232,8 +235,10 @@ def map_of_file(path: Path, mesh: TetMesh, surface: Path | None = None) -> tuple
             file=file,
             remedy="name the surface that the mesh was made from, in mm",
         )
-    how = f"{found.kept.sum():,} of {len(found.kept):,} vertices are those of the meshed surface"
-    return found, file, how + (f", the others at most {others.max():.2f} mm from it" if len(others) else "")
+    matched = [f"{found.kept.sum():,} of {len(found.kept):,} vertices by their number"] if found.kept.any() else []
+    if len(others):
+        matched.append(f"{len(others):,} by the closest point, at most {others.max():.2f} mm away")
+    return found, file, ", ".join(matched)
 
 
 def _given_file(mesh: Path, given: Mapping[str, Mapping[str, str]]) -> Path:

@@ -91,7 +91,7 @@ def test_all_fields_come_back_by_their_names(folder: Path, mesh: TetMesh, capsys
     write(mesh, "r.vtu")
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
     assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii") == 0
-    assert "642 of 642 vertices are those of the meshed surface" in capsys.readouterr().out
+    assert "642 of 642 vertices by their number" in capsys.readouterr().out
     assert all((folder / name).read_bytes() == content for name, content in before.items() if name[0] != ".")
     found, surface = arrays("r.func.gii"), nib.load("x.surf.gii").agg_data("pointset")
     assert all(values.shape == (642,) and values.dtype == np.float32 for values in found.values())
@@ -299,6 +299,7 @@ def test_a_named_surface_takes_the_place_of_that_of_the_sidecar(
     Path("x.vtu.json").unlink()
     assert project("r.vtu", "--mesh", "x.vtu", "--surface", "x.surf.gii", "-o", "named.func.gii") == 0
     assert arrays("named.func.gii")["T"] == pytest.approx(arrays("own.func.gii")["T"], abs=0.1)
+    assert "x.surf.gii: 642 by the closest point, at most" in capsys.readouterr().out
 
 
 def test_an_inner_surface_and_another_unit_are_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -361,3 +362,23 @@ def test_tensors_are_known_by_their_numbers(mesh: TetMesh, folder: Path, capsys:
     assert "s is read as xx, yy, zz, xy, yz, xz" in said and "F is not symmetric" in said
     assert found["s_principal_1"][0] == pytest.approx(np.linalg.eigvalsh([[1, 4, 6], [4, 2, 5], [6, 5, 3]])[2])
     assert "F_9" in found and "F_pressure" not in found
+
+
+def test_a_node_that_does_not_exist_and_a_reader_that_breaks_down_are_refused(
+    mesh: TetMesh, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of damaged `.vtk` files, 4 in 10 end VTK with a signal."""
+    made = grid(mesh.points, mesh.cells)
+    made.point_data["T"] = mesh.points[:, 2]
+    made.save("r.vtk", binary=False)
+    text = Path("r.vtk").read_text()
+    head, mark, rest = text.partition("CONNECTIVITY vtktypeint64\n")
+    Path("r.vtk").write_text(head + mark + rest.replace(rest.split()[0], "4000000", 1))
+    words = ["r.vtk", "--mesh", "x.vtu", "-o", "r.func.gii"]
+    assert mark and project(*words) == 1
+    assert re.search("^cortet: r.vtk: ", capsys.readouterr().err)
+    broken = subprocess.CompletedProcess([], -signal.SIGSEGV, "", "")
+    monkeypatch.setattr("cortet.formats.child.run", lambda *_, **__: broken)
+    assert project(*words) == 1
+    assert "r.vtk: cannot be read as a result: its reader broke down (SIGSEGV)" in capsys.readouterr().err
+    assert not Path("r.func.gii").exists()
