@@ -7,11 +7,12 @@ import sys
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cortet.api.given import (
     Settings,
@@ -32,14 +33,15 @@ from cortet.formats.tables import names
 from cortet.formats.tags import regions
 from cortet.formats.volumes import Volume
 from cortet.geometry.limits import SCAN_AGES, SHELL_MM, require_within
-from cortet.geometry.nesting import nested
+from cortet.geometry.nesting import nested, sheets
 from cortet.measure.certify import Certificate, with_remarks
-from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, require_measurable
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
 from cortet.pipeline import Meshed, Step, mesh_surface, save, with_sets
 from cortet.solver_files.earlier import read_today
 from cortet.solver_files.fields import with_fields
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.meshed import Origin
+from cortet.solver_files.surface_map import SurfaceMap, applied, surface_map
 from cortet.solver_files.volumes import (
     TISSUE_COLUMNS,
     Background,
@@ -83,6 +85,8 @@ class Mesh:
     label_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     #: which surface was given, if its file says: a mesh of a white one has no cortex
     kind: Literal["white", "pial"] | None = None
+    #: region -> surface that was given, in mm, the outermost first; without the shell, which was made
+    native: Mapping[str, TriSurface] = field(default_factory=dict)
 
     @property
     def origin(self) -> Origin:
@@ -117,6 +121,65 @@ class Mesh:
         from cortet.measure.quality import quality
 
         return quality(self.points, self.cells)
+
+    def to_surface(
+        self, values: ArrayLike, *, depth: float | tuple[float, float] | None = None, region: str | None = None
+    ) -> NDArray[Any]:
+        """Values of the mesh at the vertices of the surface that was given: (v,) or (v, k).
+
+        A vertex gets the value at the nearest point of the boundary, where the vertex went as the surface was smoothed.
+        Numbers are interpolated; integers are labels, and come from the nearest node.
+
+        Parameters
+        ----------
+        values : (n,) or (n, k) of nodes, or (m,) or (m, k) of tetrahedra, whose means, weighted by volume, nodes get
+        depth : mm below each vertex, along the inward normal of the meshed surface, or the ends of a range, whose mean
+            is taken; NaN for a vertex with no such point in the mesh
+        region : inside which surface, by name; None: the outermost one that was given
+
+        Raises
+        ------
+        InputError : there are other numbers of values, or no such surface
+        """
+        return self.surface_map(region).on_surface(np.asarray(values), depth)
+
+    def from_surface(self, values: ArrayLike, *, region: str | None = None) -> NDArray[Any]:
+        """Values of the given surface, (v,) or (v, k), at the nodes: (n,) or (n, k), NaN inside. As `to_surface`."""
+        found, given = self.surface_map(region), np.asarray(values)
+        if len(given) != found.from_surface.shape[1]:
+            raise InputError(
+                f"{len(given):,} values for a surface of {found.from_surface.shape[1]:,} vertices",
+                remedy="give one for each vertex of the surface as it was given",
+            )
+        return applied(found.from_surface, given)
+
+    def surface_map(self, region: str | None = None) -> SurfaceMap:
+        """How the nodes and the vertices of a given surface belong together, as sparse matrices.
+
+        Parameters
+        ----------
+        region : inside the surface; None: the outermost one that was given
+
+        Raises
+        ------
+        InputError : no surface of this name was given
+        """
+        name = next(iter(self.native), "") if region is None else region
+        if name not in self.native:
+            raise InputError(f"no surface {name!r} was given", remedy=f"name one of {', '.join(self.native) or 'none'}")
+        if name not in self._maps:
+            self._maps[name] = surface_map(
+                self.mesh,
+                sheets(self.surface)[region_names(self.surface.inner).index(name)],
+                self.native[name],
+                number=region_names(self.surface.inner).index(name),
+                renumbered="resample" in self.certificate.parameters,
+            )
+        return self._maps[name]
+
+    @cached_property
+    def _maps(self) -> dict[str, SurfaceMap]:
+        return {}
 
     def checks(self) -> pd.DataFrame:
         """The checks of the certificate: name, whether passed, finding."""
@@ -276,6 +339,8 @@ class Inputs:
     #: with its fields, its inner surfaces and its shell, as given; and in mm
     surface: TriSurface
     in_mm: TriSurface
+    #: region -> surface, in mm, without the shell
+    native: Mapping[str, TriSurface]
     config: Config
     ga: float | None
     hemi: Literal["L", "R"] | None
@@ -347,6 +412,7 @@ class Inputs:
             tissue_rows=tuple(rows),
             label_names=label_names(self.volumes),
             kind=self.kind,
+            native=self.native,
         )
 
 
@@ -391,11 +457,15 @@ def inputs(
         whole, region_files = shelled, {} if source is None else {brain: source, **within.files}
     images = read_volumes(volumes or {})
     in_mm = placed(whole, to_mm)
+    native = dict(zip(region_names(in_mm.inner), sheets(in_mm), strict=True))
+    if shell is not None:
+        native = dict(list(native.items())[1:])
     require_in_place(images, in_mm)
     background = backgrounds(images, in_mm)
     return Inputs(
         whole,
         in_mm,
+        native,
         config,
         None if ga is None else float(ga),
         hemi or (hemisphere_of(source) if source else None),

@@ -1,4 +1,4 @@
-"""Commands on meshes: `quality`, `certify`, `compare`, `verify`, `convert`, `quadratic`, `picture`."""
+"""Commands on meshes: `quality`, `certify`, `compare`, `verify`, `convert`, `quadratic`, `picture`, `project`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cyclopts import App, Parameter
 
 from cortet.cli.given import draw, read_mesh, stem_of
 from cortet.cli.shared import MESHES, Common, Limits, Writes, add
-from cortet.cli.values import InnerFiles, InputFile, MeshFile, O, OutputFile, Picture, number
+from cortet.cli.values import Depth, FieldsFile, InnerFiles, InputFile, MeshFile, O, OutputFile, Picture, number
 from cortet.errors import InputError
 from cortet.formats import FORMATS, format_of
 
@@ -26,7 +26,7 @@ Unit = Literal["mm", "um"]
 
 def add_commands(app: App) -> None:
     """Add the commands on meshes."""
-    add(app, MESHES, quality, certify, compare, verify, convert, quadratic, picture)
+    add(app, MESHES, quality, certify, compare, verify, convert, quadratic, picture, project)
 
 
 def quality(file: MeshFile, /, *, json: bool = False, _: Common = Common()) -> int:
@@ -313,6 +313,49 @@ def picture(file: MeshFile, /, *, output: Annotated[Picture, O], _: Writes = Wri
     cortet picture lh.vtu -o lh.png
     """
     draw(read_mesh(file), output)
+    return 0
+
+
+def project(
+    result: Annotated[Path, Parameter(name="RESULT")],
+    /,
+    *,
+    mesh: InputFile,
+    output: Annotated[FieldsFile, O],
+    depth: Depth | None = None,
+    surface: InputFile | None = None,
+    _: Writes = Writes(),
+) -> int:
+    """Bring the result of a solver back to the surface that its mesh was made from.
+
+    Parameters
+    ----------
+    result
+        VTU, VTK, XDMF, Exodus, ...: fields of nodes and elements, steps.
+    mesh
+        The mesh that the solver ran on, as cortet wrote it.
+    output
+        GIfTI with an array for each field and step.
+    surface
+        Another surface (default: by the sidecar of the mesh).
+
+    Examples
+    --------
+    cortet project result.vtu --mesh lh.vtu -o lh.func.gii
+    """
+    from cortet.formats.gifti import hemisphere_of, write_fields
+    from cortet.solver_files.results import on_surface, read_result
+    from cortet.solver_files.sidecar import read_sidecar
+    from cortet.solver_files.surface_map import map_of_file
+
+    found, file, how = map_of_file(mesh, read_mesh(mesh), surface)
+    print(f"{file}: {how}")
+    fields, told = on_surface(read_result(result), found, file=result, mesh_file=mesh, depth=depth)
+    for line in told:
+        print(f"{result}: {line}")
+    hemisphere = (read_sidecar(mesh).get("made_from") or {}).get("hemisphere") or hemisphere_of(file)
+    write_fields(fields, output, hemisphere=hemisphere)
+    print(f"{output}: {len(fields)} fields of {len(found.points):,} vertices: {', '.join(fields)}")
     return 0
 
 

@@ -118,6 +118,22 @@ def _surface(_: object, tokens: Sequence[Token]) -> OutputFile:
     return OutputFile(text)
 
 
+def _fields(_: object, tokens: Sequence[Token]) -> OutputFile:
+    """Values of vertices that a command writes: GIfTI."""
+    text = tokens[-1].value
+    if not text.endswith(".gii"):
+        raise ValueError(f"{text!r} is not the name of a GIfTI file; end it in .func.gii")
+    return OutputFile(text)
+
+
+def _depth(_: object, tokens: Sequence[Token]) -> tuple[float, float]:
+    """MM, or a range FROM:TO."""
+    first, *more = [Number(0, 100).read(text) for text in tokens[-1].value.split(":")]
+    if len(more) > 1 or first > (last := more[0] if more else first):
+        raise ValueError(f"{tokens[-1].value!r} is not MM, or FROM:TO of a range")
+    return first, last
+
+
 def _picture(_: object, tokens: Sequence[Token]) -> OutputFile:
     """A file to write that ends in .png."""
     text = tokens[-1].value
@@ -131,6 +147,16 @@ def _picture(_: object, tokens: Sequence[Token]) -> OutputFile:
 #: the option `-o`
 O = Parameter(alias="-o")  # noqa: E741
 SurfaceFile = Annotated[OutputFile, Parameter(converter=_surface, metavar="GII")]
+FieldsFile = Annotated[OutputFile, Parameter(converter=_fields, metavar="GII")]
+Depth = Annotated[
+    tuple[float, float],
+    Parameter(
+        converter=_depth,
+        n_tokens=1,
+        metavar="MM",
+        help="Values this far below the surface, or means over a range, 1:3 (default: on it).",
+    ),
+]
 Picture = Annotated[OutputFile, Parameter(converter=_picture, metavar="PNG")]
 MeshFile = Annotated[Path, Parameter(name="MESH")]
 InputFile = Annotated[Path, Parameter(metavar="FILE")]

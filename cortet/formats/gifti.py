@@ -213,10 +213,19 @@ def write_surface(surface: TriSurface, path: str | Path) -> None:
         temporary.write_bytes(GiftiImage(darrays=arrays).to_xml())
 
 
-def write_fields(fields: Mapping[str, NDArray[Any]], path: str | Path) -> None:
-    """Write named per-vertex fields without a surface (.shape.gii, .func.gii); float32, labels int32."""
+def write_fields(
+    fields: Mapping[str, NDArray[Any]], path: str | Path, *, hemisphere: Literal["L", "R"] | None = None
+) -> None:
+    """Write named per-vertex fields without a surface (.shape.gii, .func.gii); float32, labels int32.
+
+    Parameters
+    ----------
+    hemisphere : whose structure the file names, as Connectome Workbench asks of it
+    """
+    named = {"L": "CortexLeft", "R": "CortexRight"}
+    meta = GiftiMetaData(**({"AnatomicalStructurePrimary": named[hemisphere]} if hemisphere else {}))
     with atomic_path(path) as temporary:
-        temporary.write_bytes(GiftiImage(darrays=_arrays(fields)).to_xml())
+        temporary.write_bytes(GiftiImage(darrays=_arrays(fields), meta=meta).to_xml())
 
 
 def _arrays(fields: Mapping[str, NDArray[Any]]) -> list[GiftiDataArray]:

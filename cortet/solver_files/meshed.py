@@ -58,12 +58,15 @@ def certificate_path(mesh: Path) -> Path:
 
 def cell_size_of(mesh: Path) -> float | None:
     """Cell size, mm, that the certificate beside a mesh records, of a command or of the workflow; None without one."""
+    size: float | None = parameters_of(mesh).get("generate", {}).get("cell_size")
+    return size
+
+
+def parameters_of(mesh: Path) -> dict[str, Any]:
+    """Stage -> its parameters, by the certificate beside a mesh, of a command or the workflow; empty without one."""
     stem = mesh.name.removesuffix(mesh.suffix).removesuffix("_tetmesh")
-    for file in (certificate_path(mesh), mesh.with_name(f"{stem}_certificate.json")):
-        size: float | None = json_of(file).get("parameters", {}).get("generate", {}).get("cell_size")
-        if size is not None:
-            return size
-    return None
+    files = (certificate_path(mesh), mesh.with_name(f"{stem}_certificate.json"))
+    return next((found for file in files if (found := json_of(file).get("parameters"))), {})
 
 
 def require_own_stem(

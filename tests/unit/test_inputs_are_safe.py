@@ -70,6 +70,7 @@ COMMANDS = {
     "convert": [Command("x.vtu OUT", suffix) for suffix in (".inp", ".pts", ".vtu", ".surf.gii")],
     "quadratic": [Command("x.vtu x.surf.gii -o OUT", ".inp")],
     "job": [Command("x.inp -o DIR")],
+    "project": [Command("x.vtu --mesh x.vtu --surface x.surf.gii -o OUT", ".func.gii")],
     "picture": [Command("x.vtu -o OUT", ".png")],
     "fold": [Command("x.vtu --ga 30 --end 30.001 --real 30=x.surf.gii --config settings.yaml -o DIR")],
     "phantom": [

@@ -1,0 +1,141 @@
+"""Read a solver's result with PyVista or meshio in a separate process, since damaged files crash VTK (40 % of `.vtk`).
+
+`cortet.solver_files.results` runs this module as a program. It imports no other module of cortet, so it starts at once.
+Each step goes into an .npz file: `points`, `cells`, `time` if there is one, and fields, whose names are beside as JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pyvista
+
+#: types of cells that are tetrahedra, of four nodes and more, of VTK and of meshio; their corners come first
+_OF_VTK, _OF_MESHIO, _CORNERS = (10, 24), ("tetra", "tetra10"), 4
+#: arrays that readers of VTK add
+_OF_READERS = ("ObjectId", "GlobalElementId", "GlobalNodeId", "PedigreeElementId", "PedigreeNodeId", "vtkGhostType")
+#: kinds of numbers that are kept: real ones
+_NUMBERS = "fiub"
+
+
+class _Step(NamedTuple):
+    time: float | None
+    points: NDArray[Any]
+    cells: NDArray[Any]
+    #: `node` and `cell` -> name -> values
+    fields: Mapping[str, Mapping[str, Any]]
+
+
+def _with_pyvista(path: Path) -> Iterator[_Step]:
+    import pyvista
+
+    try:
+        reader = pyvista.get_reader(str(path))
+    except ValueError:  # it knows no reader for this ending
+        yield from _with_meshio(path)
+        return
+    times = list(getattr(reader, "time_values", ()))
+    if isinstance(reader, pyvista.ExodusIIReader) and len(times) < 2:  # of files that meshio wrote, VTK returns noise
+        yield from _with_meshio(path)  # which reads the first time only
+        return
+    for time in times or [None]:
+        if time is not None:
+            reader.set_active_time_value(time)
+        grid = reader.read()
+        grid = grid.combine() if isinstance(grid, pyvista.MultiBlock) else grid.cast_to_unstructured_grid()
+        yield _of_grid(grid, time)
+
+
+def _of_grid(grid: pyvista.UnstructuredGrid, time: float | None) -> _Step:
+    if time is None and "TimeValue" in grid.field_data:
+        time = float(np.ravel(grid.field_data["TimeValue"])[0])
+    known = [kind for kind in _OF_VTK if kind in grid.cells_dict]
+    order = np.concatenate([np.flatnonzero(grid.celltypes == kind) for kind in known] or [np.zeros(0, int)])
+    of_cells = {name: np.asarray(values)[order] for name, values in grid.cell_data.items()}
+    fields = {"node": dict(grid.point_data.items()), "cell": of_cells}
+    return _Step(time, grid.points, _corners(grid.cells_dict[kind] for kind in known), fields)
+
+
+def _with_meshio(path: Path) -> Iterator[_Step]:
+    import meshio
+
+    if path.suffix.lower() == ".xdmf":
+        try:
+            series = meshio.xdmf.TimeSeriesReader(path)
+        except meshio.ReadError:  # of one time
+            pass
+        else:
+            yield from _of_series(series)
+            return
+    read = meshio.read(path)
+    yield _of_blocks(None, read.points, read.cells, read.point_data, read.cell_data)
+
+
+def _of_series(series: Any) -> Iterator[_Step]:
+    """The steps of an XDMF file. dolfinx writes a series for each field, of which meshio takes the last."""
+    with series:
+        points, blocks = series.read_points_cells()
+        found: dict[float, tuple[dict[str, Any], dict[str, Any]]] = {}
+        for collection in [list(grid) for grid in series.domain if grid.get("CollectionType") == "Temporal"]:
+            series.collection = collection
+            for number in range(len(collection)):
+                time, *fields = series.read_data(number)
+                for known, more in zip(found.setdefault(time, ({}, {})), fields, strict=True):
+                    known.update(more)
+        for time, (of_nodes, of_cells) in sorted(found.items()):
+            yield _of_blocks(time, points, blocks, of_nodes, of_cells)
+
+
+def _of_blocks(
+    time: float | None, points: Any, blocks: Any, of_nodes: Mapping[str, Any], of_cells: Mapping[str, Any]
+) -> _Step:
+    """A step of meshio's blocks of cells."""
+    known = [number for number, block in enumerate(blocks) if block.type in _OF_MESHIO]
+    joined = {name: np.concatenate([values[number] for number in known]) for name, values in of_cells.items() if known}
+    return _Step(time, points, _corners(blocks[number].data for number in known), {"node": of_nodes, "cell": joined})
+
+
+def _corners(blocks: Iterable[NDArray[Any]]) -> NDArray[np.int64]:
+    none = np.zeros((0, _CORNERS), np.int64)
+    return np.concatenate([none, *(block[:, :_CORNERS].astype(np.int64) for block in blocks)])
+
+
+def _write(step: _Step, path: Path) -> None:
+    arrays: dict[str, Any] = {"points": np.asarray(step.points, float), "cells": step.cells}
+    names: dict[str, dict[str, str]] = {"node": {}, "cell": {}}
+    for kind, fields in step.fields.items():
+        for number, (name, given) in enumerate(fields.items()):
+            values = np.asarray(given)
+            if values.dtype.kind in _NUMBERS and name not in _OF_READERS:
+                names[kind][f"{kind}_{number}"] = name
+                arrays[f"{kind}_{number}"] = values if values.ndim == 1 else values.reshape(len(values), -1)
+    if step.time is not None:
+        arrays["time"] = step.time
+    np.savez(path, names=np.array(json.dumps(names)), **arrays)
+
+
+def main(source: str, folder: str) -> None:
+    """Write the steps of a result into a folder; ends with a message for a file that cannot be read."""
+    path = Path(source)
+    warnings.simplefilter("ignore")
+    logging.disable()
+    try:
+        for number, step in enumerate(_with_meshio(path) if path.suffix.lower() == ".xdmf" else _with_pyvista(path)):
+            _write(step, Path(folder) / f"{number:06}.npz")
+    except (Exception, SystemExit) as error:  # meshio ends the program for a file that it cannot read
+        said = (str(error).strip().splitlines() or [""])[-1].rpartition("): ")[2]  # VTK begins with lines of its code
+        sys.exit(f"{said or type(error).__name__}")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

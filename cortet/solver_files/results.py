@@ -1,0 +1,246 @@
+"""Results of solvers: read by PyVista or meshio, put in the order of their mesh, and taken to its surface."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cortet.errors import DamagedFileError, InputError
+from cortet.formats import child, result_reader
+from cortet.formats.components import in_components
+from cortet.formats.placement import UNITS
+from cortet.formats.untrusted import check_file, naming, sound
+from cortet.geometry.topology import edges, used_vertices
+from cortet.meshes import IntArray, TetMesh
+from cortet.solver_files.surface_map import Depth, SurfaceMap, applied
+
+#: units that the coordinates of a result may have -> mm
+_UNITS = {**UNITS, "cm": 10.0}
+#: largest difference of the ratio of two extents from that of two units
+_SAME_EXTENT = 1e-3
+#: nodes are the same within this share of the shortest edge
+_SAME_NODE = 0.05
+#: rows and columns of the six numbers of a symmetric tensor: xx, yy, zz, xy, yz, xz, as VTK has them
+_SYMMETRIC = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
+#: a tensor is symmetric if it differs from its transpose by no more than this share of its largest number
+_ASYMMETRY = 1e-4
+
+
+@dataclass(frozen=True)
+class Step:
+    """A result at one time."""
+
+    time: float | None
+    #: in whatever unit; tetrahedra have their corners only, so that nodes may be unused
+    mesh: TetMesh
+
+
+@dataclass(frozen=True)
+class Order:
+    """How the nodes and tetrahedra of a result are found in the order of a mesh."""
+
+    #: (n,) number in the result of each node of the mesh
+    nodes: IntArray
+    #: (m,) likewise of each tetrahedron; None if the result has others
+    cells: IntArray | None
+    #: what differs, in words
+    told: list[str] = field(default_factory=list)
+
+
+def read_result(path: Path) -> Iterator[Step]:
+    """The steps of a result, of one time or of a series.
+
+    Raises
+    ------
+    InputError : neither PyVista nor meshio can read the file, or what they read is no mesh with fields
+    """
+    check_file(path)
+    with TemporaryDirectory(prefix="cortet-result-") as folder:
+        done = child.run([sys.executable, "-P", result_reader.__file__, str(path.absolute()), folder])
+        if done.returncode:
+            said = (done.stderr.strip() or "no message").splitlines()[-1]
+            broke = f"its reader broke down ({signal.Signals(-done.returncode).name})" if done.returncode < 0 else said
+            raise InputError(
+                f"cannot be read as a result: {broke}",
+                file=path,
+                remedy="write VTU, VTK, XDMF or Exodus, or what else PyVista or meshio reads",
+            )
+        for file in sorted(Path(folder).glob("*.npz")):
+            with np.load(file) as arrays, naming(path):
+                yield _step(dict(arrays), path)
+
+
+def _step(arrays: dict[str, NDArray[Any]], path: Path) -> Step:
+    """A step as `result_reader` writes it."""
+    names = json.loads(str(arrays["names"]))
+    of_nodes, of_cells = ({name: arrays[key] for key, name in names[kind].items()} for kind in ("node", "cell"))
+    if not len(arrays["points"]):
+        raise DamagedFileError("holds no nodes", file=path)
+    mesh = sound(path, arrays["points"], arrays["cells"], of_nodes, of_cells)
+    return Step(float(arrays["time"]) if "time" in arrays else None, mesh)
+
+
+def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> Order:
+    """Find the nodes and tetrahedra of a mesh in a result, by where the nodes are.
+
+    Nodes between the corners of tetrahedra, and those of no tetrahedron, are left out.
+
+    Raises
+    ------
+    InputError : the nodes of the result are not those of the mesh
+    """
+    used = used_vertices(result.cells, len(result.points)) if len(result.cells) else np.arange(len(result.points))
+    if len(used) != len(mesh.points):
+        raise _of_another(f"has {len(used):,} nodes, and {mesh_file.name} {len(mesh.points):,}", file)
+    points = result.points[used]
+    extent, own = (float(np.linalg.norm(np.ptp(one, axis=0))) for one in (mesh.points, points))
+    ratio = extent / max(own, 1e-300)
+    unit = next((name for name, mm in _UNITS.items() if abs(ratio / mm - 1) < _SAME_EXTENT), None)
+    if unit is None:
+        raise _of_another(f"is {own / extent:.4g} times as large as {mesh_file.name}", file)
+    told = [] if unit == "mm" else [f"its coordinates are in {unit}; values stay as they are"]
+    points = points * _UNITS[unit]
+    ends = mesh.points[edges(mesh.cells)]
+    most = _SAME_NODE * float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).min())
+    place = np.arange(len(used))
+    if np.abs(points - mesh.points).max() > most:
+        from scipy.spatial import cKDTree
+
+        distances, place = cKDTree(points).query(mesh.points)
+        if len(away := np.flatnonzero(distances > most)) or len(np.unique(place)) < len(place):
+            what = (
+                f"{len(away):,} nodes of {mesh_file.name} are not in it, the farthest is {distances.max():.3g} mm away"
+            )
+            raise _of_another(what, file)
+        told.append("its nodes are in another order; they were matched by position")
+    nodes = used[place]
+    return Order(nodes.astype(np.int32), _cells_in_order(result.cells, nodes, mesh), told)
+
+
+def _of_another(what: str, file: Path) -> InputError:
+    return InputError(
+        f"is no result on this mesh: it {what}",
+        file=file,
+        remedy="name the mesh that the solver ran on; write its results at the positions before it moved",
+    )
+
+
+def _cells_in_order(cells: IntArray, nodes: NDArray[np.integer], mesh: TetMesh) -> IntArray | None:
+    """The row of `cells` (t, 4) that is each tetrahedron of the mesh, of `nodes` (n,); None if one is missing."""
+    if len(cells) != len(mesh.cells):
+        return None
+    wanted, given = np.sort(nodes[mesh.cells], axis=1), np.sort(cells, axis=1)
+    of_wanted, of_given = np.lexsort(wanted.T), np.lexsort(given.T)
+    if not np.array_equal(wanted[of_wanted], given[of_given]):
+        return None
+    place = np.empty(len(cells), np.int32)
+    place[of_wanted] = of_given
+    return place
+
+
+def on_surface(
+    steps: Iterable[Step], found: SurfaceMap, *, file: Path, mesh_file: Path, depth: Depth | None = None
+) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+    """All fields of a result at the vertices of the native surface, one number for each, by name; and what was seen.
+
+    A field with several numbers becomes `NAME_1`, `NAME_2` and so on. Of a tensor there are its principal values, its
+    von Mises equivalent and its pressure, too. In a series each name ends in its time.
+
+    Parameters
+    ----------
+    steps : of `read_result`
+    found : map of the mesh
+    depth : mm, as `SurfaceMap.at_depth`
+
+    Raises
+    ------
+    InputError : the result is of another mesh, or has no field of numbers
+    """
+    mesh, order, last = found.mesh, None, None
+    fields: dict[str, dict[str, NDArray[Any]]] = {}
+    told: dict[str, None] = {}  # an ordered set
+    matrix = found.matrix(depth)
+    if missing := int((np.diff(matrix.indptr) == 0).sum()):
+        told[f"{missing:,} vertices have no value, NaN: their points are outside the mesh"] = None
+    left_out = {*mesh.sets.nodes, *mesh.sets.faces, *mesh.sets.cells}
+    for number, step in enumerate(steps):
+        if order is None or last is None or not _same_mesh(step.mesh, last):
+            order = in_order(step.mesh, mesh, file=file, mesh_file=mesh_file)
+            told |= dict.fromkeys(order.told)
+        last = step.mesh
+        nodal = {name: values[order.nodes] for name, values in last.point_data.items()}
+        elementwise = {}
+        if order.cells is not None:
+            elementwise = {
+                name: applied(found.from_cells, values[order.cells]) for name, values in last.cell_data.items()
+            }
+        elif last.cell_data:
+            told |= {"its tetrahedra are not those of the mesh: fields of elements are left out": None}
+        if both := sorted(nodal.keys() & elementwise.keys()):
+            told |= {f"{', '.join(both)}: also of elements, left out": None}
+        there = {
+            name: applied(matrix, values).astype(np.float64)
+            for name, values in {**nodal, **elementwise, **nodal}.items()
+            if name not in left_out
+        }
+        tensors, lines = _of_tensors(there)
+        told |= dict.fromkeys(lines)
+        ending = f"_{number if step.time is None else f'{step.time:.10g}'}"
+        fields[ending] = in_components({**there, **tensors}, {1})
+    if not any(fields.values()):
+        raise InputError("holds no field of numbers", file=file, remedy="let the solver write one")
+    single = len(fields) == 1
+    return {
+        f"{name}{'' if single else ending}": values[:, 0]
+        for ending, some in fields.items()
+        for name, values in some.items()
+    }, list(told)
+
+
+def _same_mesh(one: TetMesh, other: TetMesh) -> bool:
+    return np.array_equal(one.points, other.points) and np.array_equal(one.cells, other.cells)
+
+
+def _of_tensors(fields: Mapping[str, NDArray[np.float64]]) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
+    """Invariants of the fields that are tensors, by name, and what was taken for granted."""
+    found: dict[str, NDArray[np.float64]] = {}
+    told = []
+    for name, values in fields.items():
+        width = values.shape[1] if values.ndim == 2 else 1
+        if width not in (6, 9):
+            continue
+        tensors = values[:, _SYMMETRIC] if width == 6 else values.reshape(-1, 3, 3)
+        turned = np.swapaxes(tensors, 1, 2)
+        if np.nanmax(np.abs(tensors - turned), initial=0) > _ASYMMETRY * np.nanmax(np.abs(tensors), initial=0):
+            told.append(f"{name} is not symmetric: no principal values")
+            continue
+        if width == 6:
+            told.append(f"{name} is read as xx, yy, zz, xy, yz, xz")
+        found |= {f"{name}_{what}": some for what, some in invariants((tensors + turned) / 2).items()}
+    return found, told
+
+
+def invariants(tensors: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    """Principal values of symmetric tensors (k, 3, 3), largest first, von Mises equivalent and pressure, by name.
+
+    All are (k,), in the unit of the tensors, and NaN where the tensor is not finite. Pressure is minus the mean of the
+    diagonal.
+    """
+    known = np.isfinite(tensors).all(axis=(1, 2))
+    principal = np.full((len(tensors), 3), np.nan)
+    principal[known] = np.linalg.eigvalsh(tensors[known])[:, ::-1]
+    mean = principal.mean(axis=1)
+    return {
+        **{f"principal_{number}": values for number, values in enumerate(principal.T, start=1)},
+        "von_mises": np.sqrt(1.5 * ((principal - mean[:, None]) ** 2).sum(axis=1)),
+        "pressure": -mean,
+    }

@@ -1,0 +1,315 @@
+"""How a mesh and its native surface belong together, so that values go from one to the other.
+
+Smoothing moves vertices and keeps triangles. There a vertex of the native surface is known again by its number, and a
+point of the meshed surface by its triangle and weights. Elsewhere the closest point takes their place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from cortet.errors import InputError
+from cortet.formats.gifti import read_surface
+from cortet.formats.hashing import input_sha256
+from cortet.formats.placement import placed
+from cortet.formats.volumes import is_volume
+from cortet.geometry.closest_point import closest_points, surface_tree, tree_of
+from cortet.geometry.containing import containing
+from cortet.geometry.interpolation import at_triangles, is_label
+from cortet.geometry.nesting import sheets
+from cortet.geometry.topology import edges, packed, sheet, used_vertices, vertex_normals
+from cortet.measure.quality import signed_volumes
+from cortet.meshes import HOLE_SURFACE, FloatArray, IntArray, TetMesh, TriSurface, region_names
+from cortet.solver_files.meshed import meshed_surface, parameters_of
+from cortet.solver_files.sidecar import changed_since, read_sidecar
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+#: depth, mm: one, or the ends of a range
+Depth = float | tuple[float, float]
+
+#: mm: half of the vertices of a surface are nearer to the meshed one, or it is another's
+_FAR_MM = 5.0
+#: points at which a range of depths is sampled
+_SAMPLES = 10
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceMap:
+    """Where the vertices of a native surface are on the boundary of a mesh, and its nodes on the native surface.
+
+    A row of a matrix holds the weights of a value. A row without weights has no value: NaN.
+    """
+
+    mesh: TetMesh
+    #: (v, n) from nodes to vertices of the native surface
+    to_surface: csr_array
+    #: (n, v) from vertices to nodes of the boundary; all other rows have no weights
+    from_surface: csr_array
+    #: (v, 3) mm, each vertex on the meshed surface, and the normal there, outward; NaN for a vertex without position
+    points: FloatArray
+    normals: FloatArray
+    #: (v,) whether a vertex of that number is the same vertex on the meshed surface
+    kept: NDArray[np.bool_]
+    #: (v,) mm, from each vertex of the native surface to its place on the meshed surface
+    distances: FloatArray
+
+    @cached_property
+    def from_cells(self) -> csr_array:
+        """(n, m) from tetrahedra to nodes: means of those around a node, weighted by volume."""
+        cells = self.mesh.cells
+        volumes = np.repeat(signed_volumes(self.mesh.points, cells), 4)
+        columns = np.repeat(np.arange(len(cells)), 4)
+        total = np.bincount(cells.ravel(), volumes, minlength=len(self.mesh.points))
+        shape = (len(self.mesh.points), len(cells))
+        return csr_array((volumes / total[cells.ravel()], (cells.ravel(), columns)), shape=shape)
+
+    def at_depth(self, depth: Depth) -> csr_array:
+        """(v, n) from nodes to the point below each vertex, along the inward normal of the meshed surface.
+
+        A range is the mean over the part of it that lies in the mesh.
+
+        Parameters
+        ----------
+        depth : mm, of one point or of both ends of a range
+
+        Raises
+        ------
+        InputError : a depth is negative or not finite, or the first of a range is below the last
+        """
+        first, last = depth if isinstance(depth, tuple) else (depth, depth)
+        if not 0 <= first <= last < np.inf:
+            raise InputError(f"{depth} is no depth", remedy="give mm from 0 on, the smaller one of a range first")
+        steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES if first < last else np.zeros(1)
+        rows, columns, weights = [], [], []
+        known = np.flatnonzero(np.isfinite(self.points).all(axis=1))
+        for below in first + (last - first) * steps:
+            cells, own = containing(self.mesh, self.points[known] - below * self.normals[known])
+            inside = cells >= 0
+            rows.append(np.repeat(known[inside], 4))
+            columns.append(self.mesh.cells[cells[inside]].ravel())
+            weights.append(own[inside].ravel())
+        row, weight = np.concatenate(rows), np.concatenate(weights)
+        total = np.bincount(row, weight, minlength=len(self.points))
+        return _matrix(weight / total[row], row, np.concatenate(columns), (len(self.points), len(self.mesh.points)))
+
+    def matrix(self, depth: Depth | None) -> csr_array:
+        """(v, n) from nodes to vertices, on the surface or below it."""
+        return self.to_surface if depth is None else self.at_depth(depth)
+
+    def on_surface(self, values: NDArray[Any], depth: Depth | None = None) -> NDArray[Any]:
+        """Values of the mesh at the vertices of the native surface: (v,) or (v, k), as `Mesh.to_surface`."""
+        return applied(self.matrix(depth), self.at_nodes(values))
+
+    def at_nodes(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values of nodes as they are, those of tetrahedra as means of those around each node.
+
+        Raises
+        ------
+        InputError : there is one value for neither each node nor each tetrahedron
+        """
+        if len(values) == len(self.mesh.points):
+            return values
+        if len(values) == len(self.mesh.cells):
+            return applied(self.from_cells, values)
+        raise InputError(
+            f"{len(values):,} values for a mesh of {len(self.mesh.points):,} nodes and {len(self.mesh.cells):,} "
+            "tetrahedra",
+            remedy="give one for each node or tetrahedron",
+        )
+
+
+def applied(matrix: csr_array, values: NDArray[Any]) -> NDArray[Any]:
+    """Weighted means of values (c,) or (c, k) in each row of a matrix (r, c); labels are those of the largest weight.
+
+    Rows without weights are NaN, among labels as well, which are then float64.
+    """
+    empty = np.diff(matrix.indptr) == 0
+    if is_label(values):
+        rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+        order = np.lexsort((matrix.data, rows))
+        largest = np.zeros(matrix.shape[0], np.int64)
+        largest[rows[order]] = matrix.indices[order]  # the last of a row stays
+        made: NDArray[Any] = values[largest].astype(np.float64 if empty.any() else values.dtype)
+    else:
+        made = np.asarray(matrix @ values.astype(np.float64))
+    if empty.any():
+        made[empty] = np.nan
+    return made
+
+
+def surface_map(
+    mesh: TetMesh, meshed: TriSurface, native: TriSurface, *, number: int = 0, renumbered: bool = False
+) -> SurfaceMap:
+    """The map between a mesh and one of its native surfaces.
+
+    Parameters
+    ----------
+    mesh : filled from `meshed`
+    meshed : the surface that was meshed, in the coordinates of the mesh, without inner surfaces
+    native : the surface as it was read, in mm; vertices may have coordinates that are not finite
+    number : of the surface: 0 is the outer one, i the i-th inner one
+    renumbered : whether equal numbers of vertices mean nothing, as after resampling
+
+    Raises
+    ------
+    InputError : the mesh has no faces of this surface
+    """
+    boundary, nodes = _faces_of(mesh, number)
+    finite = np.isfinite(native.points.sum(axis=1))
+    kept, shared = (np.zeros(len(native.points), bool), np.zeros(len(meshed.faces), bool))
+    if not renumbered:
+        kept, shared = _same(native, meshed)
+    points, normals = np.full(native.points.shape, np.nan), np.full(native.points.shape, np.nan)
+    of_meshed = vertex_normals(meshed.points, meshed.faces)
+    points[kept], normals[kept] = meshed.points[np.flatnonzero(kept)], of_meshed[np.flatnonzero(kept)]
+    others = np.flatnonzero(~kept & finite)
+    there = closest_points(tree_of(meshed), native.points[others])
+    points[others] = there.points
+    normal = at_triangles(of_meshed, meshed.faces[there.faces], there.barycentric)
+    normals[others] = normal / np.linalg.norm(normal, axis=1, keepdims=True).clip(1e-12)
+    known = np.flatnonzero(kept | finite)
+    down = closest_points(tree_of(boundary), points[known])
+    to_surface = _of_triangles(
+        known, nodes[boundary.faces[down.faces]], down.barycentric, (len(native.points), len(mesh.points))
+    )
+    up = closest_points(tree_of(meshed), boundary.points)
+    corners, weights = meshed.faces[up.faces].copy(), up.barycentric.copy()
+    if len(far := np.flatnonzero(~shared[up.faces])):
+        faces = native.faces[finite[native.faces].all(axis=1)]
+        closest = closest_points(surface_tree(native.points, faces), boundary.points[far])
+        corners[far], weights[far] = faces[closest.faces], closest.barycentric
+    from_surface = _of_triangles(nodes, corners, weights, (len(mesh.points), len(native.points)))
+    distances = np.linalg.norm(points - native.points, axis=1)
+    return SurfaceMap(mesh, to_surface, from_surface, points, normals, kept, distances)
+
+
+def map_of_file(path: Path, mesh: TetMesh, surface: Path | None = None) -> tuple[SurfaceMap, Path, str]:
+    """The map between a mesh and the surface that its sidecar or the user names; that file; how they were matched.
+
+    Parameters
+    ----------
+    path, mesh : file of a mesh, and what was read from it
+    surface : another file, or that of an inner surface
+
+    Raises
+    ------
+    InputError : the mesh was changed, nothing names a surface, or the surface is missing, changed or elsewhere
+    """
+    if changed_since(path):
+        raise InputError(
+            "was changed after cortet wrote it, so its surface is not known",
+            file=path,
+            remedy="put the mesh of its sidecar back, or delete the sidecar and name the surface (--surface)",
+        )
+    record = read_sidecar(path).get("made_from") or {}
+    given = record.get("given") or {}
+    file = _given_file(path, given) if surface is None else surface
+    digest = input_sha256(file)
+    region = next((name for name, one in given.items() if one["sha256"] == digest), None)
+    parameters = parameters_of(path)
+    native = replace(read_surface(file, finite=False), inner={}, point_data={})
+    native = placed(native, parameters.get("gate", {}).get("to_mm") if region else None)
+    if not len(native.faces):
+        raise InputError("has no triangles", file=file, remedy="name the surface that the mesh was made from")
+    if record.get("meshed"):
+        every = meshed_surface(path, None, {})[0]
+        names = region_names(every.inner)
+        number = names.index(region or next(iter(given), names[0]))
+        meshed, renumbered = sheets(every)[number], "resample" in parameters
+    else:  # the boundary takes the place of the meshed surface
+        meshed, number, renumbered = _faces_of(mesh, 0)[0], 0, True
+    found = surface_map(mesh, meshed, native, number=number, renumbered=renumbered)
+    others = found.distances[~found.kept & np.isfinite(found.distances)]
+    if len(others) and np.median(others) > _FAR_MM:
+        raise InputError(
+            f"is not the surface of {path.name}: half of its vertices are over {np.median(others):.1f} mm away",
+            file=file,
+            remedy="name the surface that the mesh was made from, in mm",
+        )
+    matched = [f"{found.kept.sum():,} of {len(found.kept):,} vertices by their number"] if found.kept.any() else []
+    if len(others):
+        matched.append(f"{len(others):,} by the closest point, at most {others.max():.2f} mm away")
+    return found, file, ", ".join(matched)
+
+
+def _given_file(mesh: Path, given: Mapping[str, Mapping[str, str]]) -> Path:
+    """The file of the outermost surface that a mesh was made from, which must be as it was then."""
+    if not given:
+        raise InputError("no sidecar says which surface it was made from", file=mesh, remedy="name it with --surface")
+    one = next(iter(given.values()))
+    file = mesh.parent / one["file"]
+    if is_volume(str(file)):
+        raise InputError("holds labels, not a surface", file=file, remedy="name a surface with --surface")
+    if not file.is_file() or input_sha256(file) != one["sha256"]:
+        raise InputError(
+            f"is missing, or not as the sidecar of {mesh.name} records it",
+            file=file,
+            remedy="put it back, or name the surface with --surface",
+        )
+    return file
+
+
+def _faces_of(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
+    """The faces of a mesh that represent a surface, without those of holes, and the node of each of their vertices."""
+    surface, nodes = sheet(mesh, number)
+    holes = mesh.sets.faces.get(HOLE_SURFACE)
+    if holes is not None and len(holes) and number == 0:
+        keys = packed(np.concatenate([holes, nodes[surface.faces]]))
+        faces = surface.faces[~np.isin(keys[len(holes) :], keys[: len(holes)])]
+        used = used_vertices(faces, len(surface.points))
+        place = np.full(len(surface.points), -1, np.int32)
+        place[used] = np.arange(len(used))
+        surface, nodes = TriSurface(surface.points[used], place[faces]), nodes[used]
+    if not len(surface.faces):
+        raise InputError(
+            f"the mesh has no faces of surface {number}", remedy="name a region whose border is in the mesh"
+        )
+    return surface, nodes
+
+
+def _same(native: TriSurface, meshed: TriSurface) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Vertices of the native surface that have kept their number and all their triangles; faces of the other with only
+    such corners.
+
+    Where some triangles differ, chance may make others alike, so a vertex must also be near its place.
+    """
+    keys = packed(np.concatenate([native.faces, meshed.faces]))
+    known = np.isin(keys[: len(native.faces)], keys[len(native.faces) :])
+    shared = np.isin(keys[len(native.faces) :], keys[: len(native.faces)])
+    count = len(native.points)
+    kept = np.bincount(native.faces[known].ravel(), minlength=count) > 0
+    if not (known.all() and shared.all()):
+        kept &= np.bincount(native.faces[~known].ravel(), minlength=count) == 0
+        near = np.flatnonzero(kept)
+        ends = edges(meshed.faces)
+        edge = float(np.linalg.norm(meshed.points[ends[:, 0]] - meshed.points[ends[:, 1]], axis=1).mean())
+        kept[near] = ~(np.linalg.norm(meshed.points[near] - native.points[near], axis=1) > edge)
+        same = np.zeros(max(count, len(meshed.points)), bool)
+        same[:count] = kept
+        shared &= same[meshed.faces].all(axis=1)
+    return kept, shared
+
+
+def _of_triangles(
+    rows: NDArray[np.integer], corners: IntArray, weights: FloatArray, shape: tuple[int, int]
+) -> csr_array:
+    """A matrix whose given rows hold the weights (k, 3) of corners (k, 3)."""
+    return _matrix(weights.ravel(), np.repeat(rows, 3), corners.ravel(), shape)
+
+
+def _matrix(
+    weights: FloatArray, rows: NDArray[np.integer], columns: NDArray[np.integer], shape: Sequence[int]
+) -> csr_array:
+    """A matrix without zeros among its entries, so that a value that is not finite counts only where it has a share."""
+    made = csr_array((weights, (rows, columns)), shape=tuple(shape))
+    made.eliminate_zeros()
+    return made
