@@ -1,4 +1,4 @@
-"""The smallest altitude of a tetrahedron of a body, which bounds the time step."""
+"""The smallest altitude of a tetrahedron of a body."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def fold(
     end
         Gestational age at the end (default: 40).
     time_step
-        Dimensionless (default: from smallest altitude).
+        Dimensionless (default: as long as stability allows).
     real
         Surface of a real brain of this age, shown beside the simulated one; repeatable.
     config

@@ -1,4 +1,4 @@
-"""The law of one element, on plain numbers: shared by the loops of a CPU and the kernels of a GPU.
+"""The law of one element, on plain numbers.
 
 Constitutive law, per unit of grown volume, with F the elastic deformation gradient and B = F F^T:
 

@@ -249,11 +249,8 @@ def relaxation_of(mesh: TetMesh, settings: Settings) -> Relaxation | None:
     InputError : the settings name a region that the mesh does not have
     """
     chosen = settings.region_relaxation
-    if settings.core_relaxation is None and not any(chosen.values()):
-        return None
-    return Relaxation(
-        _places(mesh, list(chosen), "fold.region_relaxation"), [settings.core_relaxation, *chosen.values()]
-    )
+    law, times = _places(mesh, list(chosen), "fold.region_relaxation"), [settings.core_relaxation, *chosen.values()]
+    return Relaxation(law, times) if any(times) else None
 
 
 def _places(mesh: TetMesh, keys: Sequence[int | str], setting: str) -> IntArray:

@@ -170,7 +170,7 @@ def beginning(run: Run) -> Moment:
 
     Raises
     ------
-    InputError : the time step that the user chose is not stable
+    InputError : the time step that the user chose is too long
     """
     x = (run.mesh.points - run.scale.origin) / run.scale.length
     body, volumes = run.body, np.repeat(run.body.volumes / 4, 4)
@@ -188,7 +188,7 @@ def beginning(run: Run) -> Moment:
     moment = Moment(0, run.start, Motion(x, np.zeros_like(x)), body, body, workspace(body), contact)
     if run.time_step is not None and not run.time_step <= (limit := _longest_step(run, moment)):
         raise InputError(
-            f"time step {run.time_step:g} is above {limit:.3g}, the limit of stability",
+            f"time step {run.time_step:g} is above {limit:.3g}, the longest that a run of this mesh takes",
             remedy="leave time_step out, or choose a smaller one",
         )
     return moment
@@ -216,7 +216,7 @@ def advance_to(run: Run, moment: Moment, target: float) -> bool:
 
 
 def time_step_of(run: Run, moment: Moment) -> float:
-    """Time step for the present body; one that the user has chosen holds until the limit of stability falls below."""
+    """Time step for the present body; one that the user has chosen holds as long as it is not too long."""
     return min(run.time_step or np.inf, _longest_step(run, moment))
 
 

@@ -89,7 +89,8 @@ class Fold(Section):
     """Thickness of the growing cortex at the start, mm. null: of growing, that of the model; of braingrowth, 0.042 of
     half the length of the brain at 22 weeks, 1.25 mm, and slightly more later. A run says which."""
     time_step: Positive | None = None
-    """Largest dimensionless time step; null: the longest that is stable, measured as the run goes on."""
+    """Largest dimensionless time step; null: as long as stability allows, measured at
+    each row of the table."""
     reference: bool = False
     """true: centre, mask, medial plane, start of growth and lag of the reference implementation, for comparison; of
     braingrowth."""
@@ -119,7 +120,7 @@ class Fold(Section):
 
     @model_validator(mode="after")
     def _variants_are_valid(self) -> Fold:
-        own = self.model_dump(exclude=set(self.choices))
+        own = self.model_dump(include=Fold.model_fields.keys() - self.choices)
         for name, changed in self.variants.items():
             if not changed or self.choices & set(changed):
                 raise ValueError(

@@ -1,10 +1,10 @@
-"""The longest stable time step of a body and its contacts.
+"""The time step that a body and its contacts allow.
 
 An explicit step dt with damping c is stable while dt^2 times the largest eigenvalue of M^-1 K is below 4 - 2 c dt. That
-of the body is measured by power iteration on differences of its forces. That of the contacts is bounded, as new ones
+of the body is measured by power iteration on differences of its forces. That of the contacts is estimated, as new ones
 form between two measurements. A contact of stiffness k joins a node with three others by weights that sum to 1. By
-Gershgorin's theorem the eigenvalue is at most 4 k / m, for a node of mass m that touches a triangle while another node
-touches one of its own. Contacts of light nodes are softer (`Contact.weight`), so that k / m is the same for all.
+Gershgorin's theorem the eigenvalue is at most 4 k / m, for a node of mass m that touches a triangle while one other
+node touches one of its own. Contacts of light nodes are softer (`Contact.weight`), so that k / m is the same for all.
 
 The eigenvalues of two matrices add up at most, so the step is that for their sum. Coarse cells would allow steps in
 which growth is no longer slow, so a step is also a small part of the time in which damping ends a motion.
@@ -39,7 +39,7 @@ def longest_step(
     thickening: float = 0.0,
     mode: FloatArray | None = None,
 ) -> tuple[float, FloatArray]:
-    """The longest time step that is safe, and the mode of the body's largest eigenvalue.
+    """The time step that a run takes, and the mode of the body's largest eigenvalue.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def largest_eigenvalue(
 
 
 def largest_of_contacts(contact: Contact, material: Material, volumes: FloatArray) -> float:
-    """A bound of the largest eigenvalue of M^-1 K of contacts, whichever nodes touch.
+    """The largest eigenvalue of M^-1 K of contacts, if each node touches a triangle and one other node touches its own.
 
     Parameters
     ----------

@@ -32,7 +32,9 @@ CHANGED = "changed after cortet wrote it: no certificate beside it is of it (a f
 
 
 def sidecar_path(path: Path) -> Path:
-    """The JSON file beside a mesh file."""
+    """The JSON file beside a mesh file; InputError for a path without a name."""
+    if not path.name:
+        raise InputError("is a folder", file=path, remedy="name a mesh file")
     return path.with_name(path.name + ".json")
 
 

@@ -417,6 +417,12 @@ def test_certify_has_the_limits_of_the_workflow_and_says_them(
     assert "no limit" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("words", [["quality", ""], ["certify", "."], ["picture", "", "-o", "y.png"]])
+def test_a_folder_in_place_of_a_mesh_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 1
+    assert "is a folder (name a mesh file)" in capsys.readouterr().err
+
+
 def test_a_reader_that_has_enough_is_no_error(tmp_path: Path) -> None:
     vtu.write(cube_mesh(1), tmp_path / "cube.vtu")
     pipe = f"{sys.executable} -m cortet.cli quality {tmp_path / 'cube.vtu'} --json | head -c 1"
@@ -426,7 +432,7 @@ def test_a_reader_that_has_enough_is_no_error(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("step", "words"),
-    [("1", "the limit of stability"), ("0", "fold.time_step = 0.0")],
+    [("1", "the longest that a run of this mesh takes"), ("0", "fold.time_step = 0.0")],
 )
 def test_a_time_step_that_is_not_stable_is_refused(
     step: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

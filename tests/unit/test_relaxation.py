@@ -161,8 +161,9 @@ def test_a_region_may_stay_elastic() -> None:
     changed = (moment.base.gradients != run.body.gradients).any(axis=(1, 2))
     own = np.linalg.norm(run.mesh.points[run.body.cells].mean(axis=1), axis=1) < 4
     assert not changed[own].any() and changed[~own].mean() > 0.5
-    with pytest.raises(InputError, match="fold.region_relaxation names 9"):
-        prepared(mesh, YIELDS.with_keys(region_relaxation={9: 1.0}))
+    for wrong in ({"region_relaxation": {9: 1.0}}, {"core_relaxation": None, "region_relaxation": {9: None}}):
+        with pytest.raises(InputError, match="fold.region_relaxation names 9"):
+            prepared(mesh, YIELDS.with_keys(**wrong))
 
 
 def test_a_killed_run_ends_with_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

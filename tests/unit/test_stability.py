@@ -1,4 +1,4 @@
-"""The time step is that of the largest eigenvalue, of the body as measured and of its contacts as bounded."""
+"""The time step is that of the largest eigenvalue, of the body as measured and of its contacts as estimated."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def pressed(n: int, depth: float, volumes: FloatArray | None) -> tuple[TetMesh, 
 
 
 @pytest.mark.parametrize("weighted", [False, True])
-def test_no_contact_has_a_larger_eigenvalue_than_its_bound(weighted: bool) -> None:
+def test_contacts_have_no_larger_eigenvalue_than_is_estimated(weighted: bool) -> None:
     mesh, _ = pressed(3, 0.0, None)
     (_, work), material = body_and_work(mesh), Material()
     elastic_forces(material, mesh.points, work, NOTHING, 0.0)
@@ -101,9 +101,9 @@ def test_no_contact_has_a_larger_eigenvalue_than_its_bound(weighted: bool) -> No
         columns.append((forces(x - way) - forces(x + way))[nodes] / (2 * h))
     root = np.sqrt(mass[nodes])
     exact = np.abs(np.linalg.eigvals(np.array(columns) / root / root[:, None])).max()
-    bound = largest_of_contacts(contact, material, work.node_grown)
-    assert exact < bound
-    assert exact > 0.1 * bound  # it is no idle bound
+    estimate = largest_of_contacts(contact, material, work.node_grown)
+    assert exact < estimate
+    assert exact > 0.1 * estimate  # it is no idle one
 
 
 def test_light_nodes_do_not_shorten_the_step() -> None:
