@@ -110,20 +110,16 @@ class FolderOfFiles(type(Path())):  # type: ignore[misc]
 WRITTEN = (OutputFile, CheckedOutput, FolderOfFiles)
 
 
-def _surface(_: object, tokens: Sequence[Token]) -> OutputFile:
-    """A surface that a command writes: GIfTI."""
-    text = tokens[-1].value
-    if not text.endswith(".gii"):
-        raise ValueError(f"{text!r} is not the name of a GIfTI file; end it in .surf.gii")
-    return OutputFile(text)
+def _gifti(ending: str) -> Parameter:
+    """A GIfTI file that a command writes; `ending` is what its name should have."""
 
+    def read(_: object, tokens: Sequence[Token]) -> OutputFile:
+        text = tokens[-1].value
+        if not text.endswith(".gii"):
+            raise ValueError(f"{text!r} is not the name of a GIfTI file; end it in {ending}")
+        return OutputFile(text)
 
-def _fields(_: object, tokens: Sequence[Token]) -> OutputFile:
-    """Values of vertices that a command writes: GIfTI."""
-    text = tokens[-1].value
-    if not text.endswith(".gii"):
-        raise ValueError(f"{text!r} is not the name of a GIfTI file; end it in .func.gii")
-    return OutputFile(text)
+    return Parameter(converter=read, metavar="GII")
 
 
 def _depth(_: object, tokens: Sequence[Token]) -> tuple[float, float]:
@@ -146,8 +142,8 @@ def _picture(_: object, tokens: Sequence[Token]) -> OutputFile:
 
 #: the option `-o`
 O = Parameter(alias="-o")  # noqa: E741
-SurfaceFile = Annotated[OutputFile, Parameter(converter=_surface, metavar="GII")]
-FieldsFile = Annotated[OutputFile, Parameter(converter=_fields, metavar="GII")]
+SurfaceFile = Annotated[OutputFile, _gifti(".surf.gii")]
+FieldsFile = Annotated[OutputFile, _gifti(".func.gii")]
 Depth = Annotated[
     tuple[float, float],
     Parameter(

@@ -145,7 +145,7 @@ def fold(
         raise InputError("is a file", file=place, remedy="give the name of a folder")
     values = load({"fold": settings}).arguments("fold", {"gestational_age": ga, "hemisphere": hemi})
     speak = progress if callable(progress) else per_percent(say)
-    regions = (*values["core_regions"], *values["region_stiffness"])
+    regions = (*values["core_regions"], *values["region_stiffness"], *values["region_relaxation"])
     if isinstance(made, Mesh) and any(isinstance(region, str) for region in regions):
         mesh = made.named()
     verdict = folded(mesh, place, Settings(**values), speak if progress else None)

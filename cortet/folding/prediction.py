@@ -274,8 +274,8 @@ def _wanted(series: Series, kind: Kind, until: float, smoothing: float | None, s
 
 def _of_braingrowth(settings: Settings) -> Settings:
     """The settings with BrainGrowth's model and its constants; only the thickness of the cortex stays."""
-    laws = dict.fromkeys(("growth_rate", "thickness_rate", "core_stiffness", "volume", "hull", "envelope"))
-    return settings.with_keys(model="braingrowth", core_regions={}, **laws)
+    laws = ("growth_rate", "thickness_rate", "core_stiffness", "core_relaxation", "volume", "hull", "envelope")
+    return settings.with_keys(model="braingrowth", core_regions={}, region_relaxation={}, **dict.fromkeys(laws))
 
 
 def _better(residuals: Sequence[Mapping[str, float]]) -> bool:

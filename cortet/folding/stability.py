@@ -77,7 +77,6 @@ def largest_eigenvalue(
         elastic_forces(material, x + small * way, work, growth, thickening)
         pulled = (forces - nodal_forces(work)) / (small * root)
         value, mode = float((mode * pulled).sum()), pulled
-    elastic_forces(material, x, work, growth, thickening)
     return value, mode
 
 

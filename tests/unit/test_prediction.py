@@ -23,6 +23,7 @@ from cortet.folding.journal import SERIES
 from cortet.folding.longitudinal import Series, lobes_of, series_of
 from cortet.folding.prediction import (
     KINDS,
+    _of_braingrowth,
     corrected,
     forecast_growth,
     measured_growth,
@@ -315,3 +316,9 @@ def test_the_table_has_a_row_per_prediction_and_age_and_the_figure_is_drawn(tmp_
     assert table["among"].tolist() == pytest.approx([np.nan, 0.9, np.nan, np.nan], nan_ok=True)
     assert set(table["kind"]) < set(KINDS)
     assert all(path.stat().st_size for path in outputs)
+
+
+def test_the_model_of_braingrowth_takes_no_key_of_the_other_one() -> None:
+    yields = SETTINGS.with_keys(core_relaxation=1.0, region_relaxation={2: 0.5})
+    assert _of_braingrowth(yields).core_relaxation is None
+    assert _of_braingrowth(yields) == _of_braingrowth(SETTINGS)
