@@ -572,7 +572,7 @@ def contradictions(world: World) -> Iterator[str]:
         for record in (one for one in records if any(f"desc-{label}_" in one.name for label in labels)):
             if json.loads(record.read_text(encoding="utf-8"))["input_sha256"] != {"surface": wanted}:
                 yield f"{case}: {record.name} is of another surface"
-        solver = meshes / f"{name}_tetmesh.mesh"
+        solver = meshes / f"{name}_sets.vtu"
         sidecar = json.loads(solver.with_name(solver.name + ".json").read_text(encoding="utf-8"))
         surface = read_surface(path)
         volume = abs(enclosed_volume(surface.points, surface.faces))

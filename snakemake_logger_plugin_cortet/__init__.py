@@ -53,6 +53,8 @@ class Progress:
     starts: dict[str, float] = field(default_factory=dict)
     #: cases with a job that failed
     failures: set[str] = field(default_factory=set)
+    #: case -> its jobs in a dry run, and how often; those over all cases under an empty name
+    plan: dict[str, dict[str, int]] = field(default_factory=dict)
 
     def planned(self, stats: Mapping[str, int]) -> str:
         """What will be done, from the number of jobs of each rule."""
@@ -60,6 +62,17 @@ class Progress:
         meshes = f"{self.meshes} {'mesh' if self.meshes == 1 else 'meshes'} to make, " if self.meshes else ""
         folds = f"{stats[_FOLD]} to fold, " if stats.get(_FOLD) else ""
         return f"{meshes}{folds}{self.jobs[1]} jobs"
+
+    def would(self, rule: str, wildcards: Mapping[str, str]) -> None:
+        """A job would run."""
+        jobs = self.plan.setdefault(wildcards.get("case", ""), {})
+        jobs[rule] = jobs.get(rule, 0) + 1
+
+    def would_do(self) -> Iterator[str]:
+        """What would be done to each case, then over all of them."""
+        for case, jobs in sorted(self.plan.items(), key=lambda item: (not item[0], item[0])):
+            names = (rule if count == 1 else f"{rule} ({count})" for rule, count in jobs.items())
+            yield f"  {case or 'over all cases'}: {', '.join(names)}"
 
     def started(self, job: int, rule: str, wildcards: Mapping[str, str], files: Mapping[str, Any]) -> None:
         """A job starts."""
@@ -172,15 +185,16 @@ class LogHandler(LogHandlerBase):
         event, progress = getattr(record, "event", None), self.progress
         known = record.__dict__
         if event == LogEvent.RUN_INFO:
-            if progress.jobs[1]:  # a dry run says it twice
-                return
-            yield progress.planned(known["stats"])
+            if not progress.jobs[1]:
+                yield progress.planned(known["stats"])
+            else:  # a dry run says it again after its jobs
+                yield from progress.would_do()
+        elif event == LogEvent.JOB_INFO:
+            rule, wildcards = known["rule_name"], dict(known["wildcards"] or {})
             if self.common_settings.dryrun:
-                yield from (f"  {name}: {count}" for name, count in known["stats"].items() if name != "total")
-        elif event == LogEvent.JOB_INFO and not self.common_settings.dryrun:
-            progress.started(
-                known["jobid"], known["rule_name"], dict(known["wildcards"] or {}), {"output": list(known["output"])}
-            )
+                progress.would(rule, wildcards)
+            else:
+                progress.started(known["jobid"], rule, wildcards, {"output": list(known["output"])})
         elif event == LogEvent.JOB_FINISHED:
             if line := progress.ended(known["job_id"]):
                 yield line

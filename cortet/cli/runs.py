@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 from cyclopts import App, Group, Parameter
 from cyclopts.validators import mutually_exclusive
 
-from cortet.cli.shared import COHORTS, OTHERS, Common, Configured, add
-from cortet.cli.values import CheckedOutput, Hemisphere, InputFile, O, Setting, number
+from cortet.cli.shared import COHORTS, OTHERS, Common, Configured, add, with_keys
+from cortet.cli.values import CheckedOutput, Formats, Hemisphere, InputFile, O, Setting, number
 from cortet.errors import InputError
 
 #: what becomes of a sheet that is there
@@ -120,7 +120,7 @@ def report(
 def run(
     bids_dir: Path,
     output_dir: CheckedOutput,
-    level: Literal["participant", "group"],
+    levels: Annotated[Sequence[Literal["participant", "group"]], Parameter(name="LEVEL")] = (),
     /,
     *,
     participant_label: Annotated[Labels, Parameter(alias="--participant_label")] = (),
@@ -128,6 +128,8 @@ def run(
     hemi: Hemisphere | None = None,
     configured: Configured = Configured(),
     pial: bool = False,
+    formats: Formats = (),
+    fold: bool = False,
     cores: Annotated[int | None, number(1, 10_000, "N", whole=True)] = None,
     profile: Annotated[str | None, Parameter(metavar="NAME")] = None,
     dry_run: Annotated[bool, Parameter(alias="-n")] = False,
@@ -142,8 +144,8 @@ def run(
         Dataset, or derivatives of one, with surfaces.
     output_dir
         Where the derivatives go.
-    level
-        Single cases, or tables and figures over all.
+    levels
+        participant: single cases; group: tables and figures over all (default: both).
     participant_label
         Only these participants.
     session_label
@@ -152,39 +154,49 @@ def run(
         Only this hemisphere.
     pial
         Two regions: the pial surface, and the white one inside.
+    fold
+        Also fold every case of known age; takes hours per case with fine cells.
     cores
         Default: all.
     profile
         Profile of Snakemake: slurm, or a folder.
     dry_run
-        Say what would be done.
+        Name the cases, and what would be done to each.
     work_dir
         Cohort sheet, configuration and what Snakemake remembers.
 
     Examples
     --------
-    cortet run bids derivatives/cortet participant --participant-label 01 02
+    cortet run bids derivatives/cortet --participant-label 01 02 --formats vtu,inp
     """
     from cortet.cohort import app
-    from cortet.cohort.selection import ageless_notice
 
+    asked: Sequence[str] = levels or list(app.LEVELS)
     settings = configured.settings()
     selection = app.Selection(participant_label, session_label, hemi)
     if pial:
-        cohort = settings.get("cohort") or {}
-        settings = {**settings, "cohort": {**cohort, "scan": {**(cohort.get("scan") or {}), "pial": True}}}
+        settings = with_keys(
+            settings, "cohort", scan=with_keys(settings.get("cohort") or {}, "scan", pial=True)["scan"]
+        )
+    if formats:
+        settings = with_keys(settings, "export", formats=formats)
+    if fold:
+        settings = with_keys(settings, "fold", cases="all")
     cases = app.find(bids_dir, selection, settings, print)
     print(f"{len(cases)} surfaces of {bids_dir}", flush=True)
-    for notice in [*ageless_notice(cases), *app.source_notice(output_dir, bids_dir)]:
+    for case in cases if dry_run else ():
+        age = "age unknown" if case.scan_age is None else f"{case.scan_age:g} weeks"
+        print(f"  {case.name}  {age}  {case.surface}", flush=True)
+    for notice in app.source_notice(output_dir, bids_dir):
         print(f"  {notice}", flush=True)
     with app.lock(bids_dir, output_dir):
         work = work_dir or app.work_folder(output_dir)
         app.prepare(cases, bids_dir, output_dir, work, settings)
         code = app.snakemake(
-            work, level, cores=cores or os.cpu_count() or 1, profile=profile, dry_run=dry_run, verbose=common.verbose
+            work, asked, cores=cores or os.cpu_count() or 1, profile=profile, dry_run=dry_run, verbose=common.verbose
         )
     if not dry_run:
-        print(app.outcome(output_dir, cases, level))
+        print(app.outcome(output_dir, cases, asked))
     return int(code != 0)
 
 

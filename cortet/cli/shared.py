@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -86,12 +86,17 @@ class Configured:
         if self.setting:
             data["setting"] = self.setting
         if self.cell_size is not None:
-            data["generate"] = {**(data.get("generate") or {}), "cell_size": self.cell_size}
+            data = with_keys(data, "generate", cell_size=self.cell_size)
         if sizes:
-            data["generate"] = {**(data.get("generate") or {}), "sizes": dict(sizes)}
+            data = with_keys(data, "generate", sizes=dict(sizes))
         if holes:
-            data["export"] = {**(data.get("export") or {}), "holes": list(holes)}
+            data = with_keys(data, "export", holes=list(holes))
         return data
+
+
+def with_keys(data: Mapping[str, Any], section: str, **keys: Any) -> dict[str, Any]:
+    """Sections of a configuration, one of them with further keys."""
+    return {**data, section: {**(data.get(section) or {}), **keys}}
 
 
 @Parameter(name="*")

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter, Token
 
 from cortet.errors import InputError
+from cortet.formats import FORMATS
 from cortet.geometry.limits import CELL_SIZE_MM, NAME
 
 
@@ -130,6 +131,17 @@ def _depth(_: object, tokens: Sequence[Token]) -> tuple[float, float]:
     return first, last
 
 
+def _formats(_: object, tokens: Sequence[Token]) -> list[str]:
+    """Names of formats, from their names or the ends of their files, with commas between."""
+    known = {form.suffix[1:]: name for name, form in FORMATS.items()} | {name: name for name in FORMATS}
+    words = [word.strip().removeprefix(".") for token in tokens for word in token.value.split(",")]
+    if unknown := next((word for word in words if word not in known), None):
+        raise ValueError(
+            f"{unknown!r} is no format; there are {', '.join(form.suffix[1:] for form in FORMATS.values())}"
+        )
+    return list(dict.fromkeys(known[word] for word in words))
+
+
 def _picture(_: object, tokens: Sequence[Token]) -> OutputFile:
     """A file to write that ends in .png."""
     text = tokens[-1].value
@@ -159,6 +171,15 @@ InputFile = Annotated[Path, Parameter(metavar="FILE")]
 CellSize = Annotated[float, number(*CELL_SIZE_MM, "MM")]
 Setting = Literal["default", "cgal", "published"]
 Hemisphere = Literal["L", "R"]
+Formats = Annotated[
+    Sequence[str],
+    Parameter(
+        converter=_formats,
+        n_tokens=1,
+        metavar="NAMES",
+        help="Files for solvers, by their endings: vtu,inp,feb,xdmf,mesh (default: vtu, or what --config says).",
+    ),
+]
 NamedFiles = Annotated[Sequence[tuple[str, str]], pairs(named_file, "NAME=FILE")]
 InnerFiles = Annotated[
     Sequence[tuple[str, str]],

@@ -1,4 +1,4 @@
-"""The workflow as a BIDS App: `cortet run BIDS_DIR OUTPUT_DIR {participant,group}` (https://bids-apps.neuroimaging.io).
+"""The workflow as a BIDS App: `cortet run BIDS_DIR OUTPUT_DIR participant group` (https://bids-apps.neuroimaging.io).
 
 It looks for surfaces in a BIDS dataset, writes the cohort sheet and the configuration of the run to a working folder,
 and calls Snakemake there.
@@ -11,7 +11,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Literal
@@ -161,7 +161,13 @@ def _claim(work: Path, output: Path, files: Sequence[Path]) -> None:
 
 
 def snakemake(
-    work: Path, level: str, *, cores: int, profile: str | None = None, dry_run: bool = False, verbose: bool = False
+    work: Path,
+    levels: Iterable[str],
+    *,
+    cores: int,
+    profile: str | None = None,
+    dry_run: bool = False,
+    verbose: bool = False,
 ) -> int:
     """Run the workflow in its working folder and return Snakemake's exit code. This process holds the lock.
 
@@ -169,7 +175,7 @@ def snakemake(
 
     Parameters
     ----------
-    level : key of `LEVELS`
+    levels : keys of `LEVELS`
     profile : a profile of Snakemake, or the name of one that comes with the workflow, such as `slurm`
     verbose : everything that Snakemake says, instead of a line per case
     """
@@ -186,7 +192,7 @@ def snakemake(
         command += ["--profile", str(own if own.is_dir() else profile)]
     if dry_run:
         command.append("--dry-run")
-    command.append(LEVELS[level])
+    command += [LEVELS[level] for level in levels]
     # Snakemake looks for its plugins on the path, and ours lies beside the package
     path = os.pathsep.join([str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
     locked = os.environ | {HELD_BY: str(os.getpid()), "PYTHONPATH": path}
@@ -217,7 +223,7 @@ def require_plain_python(python: str = sys.executable) -> None:
         )
 
 
-def outcome(output: Path, cases: Sequence[Case], level: str) -> str:
+def outcome(output: Path, cases: Sequence[Case], levels: Collection[str]) -> str:
     """What became of the cases of a run, and where to look."""
     verdicts = {case.name: _verdicts(output, case) for case in cases}
     good = sum(bool(found) and all(found) for found in verdicts.values())
@@ -226,8 +232,8 @@ def outcome(output: Path, cases: Sequence[Case], level: str) -> str:
     counts = [(good, "certified"), (refused, "not certified"), (missing, "without a mesh")]
     words = ", ".join(f"{count} {what}" for count, what in counts if count)
     page = output / "cohort" / "index.html"
-    look = f"open {page}" if level == "group" and page.is_file() else f"meshes and their pages: {output}/sub-*/"
-    after = "" if level == "group" else "; the same command with `group`, and all its options, makes tables and a page"
+    look = f"open {page}" if "group" in levels and page.is_file() else f"meshes and their pages: {output}/sub-*/"
+    after = "" if "group" in levels else "; the same command with `group`, and all its options, makes tables and a page"
     return f"{len(cases)} {'case' if len(cases) == 1 else 'cases'}: {words}; {look}{after}"
 
 

@@ -75,14 +75,24 @@ def test_participants_then_the_group_with_the_conventional_words(
     made = {path.name for path in out.rglob("sub-*_report.html")}
     assert made == {"sub-01_ses-a_hemi-L_res-4000um_desc-latticeSolver_report.html"}
     assert not (out / "cohort").exists()
-    before = {path: path.stat().st_mtime_ns for path in out.rglob("sub-01_ses-a*Solver*")}
+    # without the page, which lists the files for solvers
+    pages = {*out.rglob("*_report.html"), *out.rglob("*_thumbnail.webp")}
+    before = {path: path.stat().st_mtime_ns for path in {*out.rglob("sub-01_ses-a*Solver*")} - pages}
+    assert not list(out.rglob("*.mesh")) and len(list(out.rglob("*Solver_sets.vtu"))) == 1
 
-    all_of_them = run(installed, "bids", "out", "group", cwd=tmp_path)
+    plan = run(installed, "bids", "out", "--dry-run", cwd=tmp_path).stdout.splitlines()
+    assert "  sub-02_hemi-L  27 weeks  bids/sub-02/anat/sub-02_hemi-L_white.surf.gii" in plan
+    assert any(re.fullmatch("  sub-02_hemi-L: repair, .*, certify, export, case_page", line) for line in plan)
+    assert not any(line.startswith("  sub-01_ses-a_hemi-L: ") for line in plan), "it is up to date"
+    assert any(re.match("  over all cases: .*, cohort_page", line) for line in plan)
+
+    all_of_them = run(installed, "bids", "out", "participant", "group", "--formats", "vtu,inp", cwd=tmp_path)
     assert all_of_them.returncode == 1
     lines = all_of_them.stdout.splitlines()
     assert any(re.match("[12]/2  sub-02_hemi-L  failed in repair: ", line) for line in lines), "a line per case"
     assert lines[-1] == "3 cases: 2 certified, 1 without a mesh; open out/cohort/index.html" and len(lines) < 12
     assert {path: path.stat().st_mtime_ns for path in before} == before, "what was done is not done again"
+    assert len(list(out.rglob("*Solver_tetmesh.inp"))) == 2
     states = [line.split("\t") for line in (out / "cohort/cohort_status.tsv").read_text().splitlines()]
     column = states[0].index("state")
     assert [row[column] for row in states[1:]] == ["certified", "certified", "failed"]

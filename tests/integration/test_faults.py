@@ -136,7 +136,7 @@ def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study: Study, tmp_
     study.config["export"] = {"uncertified": True}  # another parameter, the same result
     environment = sabotaged(study, wait=[("export", "sub-a")])
     first = subprocess.Popen(study.command(), cwd=study.folder, env=environment, stdout=subprocess.DEVNULL, stderr=-3)
-    mark = next(iter(f"wait-export-{path.name}" for path in study.files("sub-a*.mesh")))
+    mark = next(iter(f"wait-export-{path.name}" for path in study.files("sub-a*_sets.vtu")))
     wait_for(study.folder / "sabotage" / mark, first)
 
     again = study.run()

@@ -20,7 +20,7 @@ def test_without_intermediates_only_what_changed_runs_again(study: Study) -> Non
     assert study.planned_jobs() == jobs(FROM_GENERATE, "a", "b") | COHORT
     del study.config["clean"]
 
-    first, second = study.files("*.mesh")
+    first, second = study.files("*_sets.vtu")
     before = first.read_bytes(), second.read_bytes()
     scaled(study.folder / "surfaces/a.surf.gii", 1.05)
     assert study.jobs_of_run() == jobs(FROM_REPAIR, "a") | COHORT

@@ -43,7 +43,7 @@ def jobs(rules: set[str], *participants: str) -> set[tuple[str, str]]:
 
 def test_the_first_run_certifies_and_exports_every_case(finished: Study) -> None:
     assert {row["state"] for row in finished.status().values()} == {"certified"}
-    assert len(finished.files("*.mesh")) == 2
+    assert len(finished.files("*_sets.vtu")) == 2
 
 
 def test_nothing_reruns_after_a_fresh_checkout_with_every_file_touched(study: Study) -> None:
@@ -242,10 +242,10 @@ def test_an_uncertified_mesh_is_measured_but_not_exported(study: Study) -> None:
     assert ran == jobs({"certify", "case_page", "export"}, "a") | {(rule, "-") for rule in of_certificates}
     assert [row["state"] for row in study.status().values()] == ["uncertified"]
     assert "worst q" in study.status()["sub-a_hemi-L"]["reason"]
-    assert not study.files("sub-a*.mesh")
+    assert not study.files("sub-a*_sets.vtu")
     study.config["export"] = {"uncertified": True}
     assert study.jobs_of_run() == jobs({"export", "case_page"}, "a") | COHORT, "a page links what is exported"
-    assert study.files("sub-a*.mesh")
+    assert study.files("sub-a*_sets.vtu")
 
 
 def test_a_bad_sheet_stops_the_run_before_it_begins(study: Study) -> None:
@@ -339,8 +339,8 @@ def test_files_that_vanished_beside_an_export_are_made_again(study: Study) -> No
 
 
 def test_an_export_that_was_changed_is_left_and_said(study: Study) -> None:
-    (mesh,) = study.files("sub-a*.mesh")
-    mesh.write_text(mesh.read_text() + "\n")
+    (mesh,) = study.files("sub-a*_sets.vtu")
+    mesh.write_bytes(mesh.read_bytes() + b"\n")
     done = study.run("--dry-run")
     assert f"{mesh.name} was changed after cortet wrote it" in done.stdout + done.stderr
     assert ("export", "sub-a") not in study.planned_jobs()

@@ -145,6 +145,21 @@ def test_errors_of_snakemake_are_said_once(tmp_path: Path, capsys: pytest.Captur
     ]
 
 
+def test_a_dry_run_names_what_would_be_done_to_each_case(capsys: pytest.CaptureFixture[str]) -> None:
+    handler = LogHandler(SimpleNamespace(dryrun=True), None)  # type: ignore[arg-type]
+    stats = {"certify": 2, "total": 5}
+    emit(handler, event=LogEvent.RUN_INFO, stats=stats)
+    for rule, known in (("repair", {"case": "b"}), ("export", {"case": "a"}), ("export", {"case": "a"}), ("all", None)):
+        emit(handler, event=LogEvent.JOB_INFO, jobid=1, rule_name=rule, wildcards=known, output=[])
+    emit(handler, event=LogEvent.RUN_INFO, stats=stats)
+    assert capsys.readouterr().out.splitlines() == [
+        "2 meshes to make, 5 jobs",
+        "  a: export (2)",
+        "  b: repair",
+        "  over all cases: all",
+    ]
+
+
 def test_other_errors_of_snakemake_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
     handler = new_handler()
     emit(handler, "Target rules may not contain wildcards.", logging.ERROR, event=LogEvent.ERROR, exception="X")
