@@ -15,7 +15,7 @@ published: ## and pygalmesh, the paper's tool, which is compiled once
 	@tools/setup.sh published
 
 cohort: setup ## run the workflow on config.yaml (CORES=2)
-	snakemake --cores $(CORES) --logger cortet
+	snakemake --cores $(CORES)
 
 test: ## run all tests (ARGS="-k quality" for some)
 	@tools/setup.sh test

@@ -3,6 +3,8 @@
 `snakemake --cores 2` makes everything the configuration asks for; profiles/default is loaded by itself.
 """
 
+from pathlib import Path
+
 from snakemake.utils import min_version
 
 min_version("9.0")
@@ -12,7 +14,9 @@ min_version("9.0")
 GIVEN = dict(config)
 
 
-configfile: "config.yaml"
+if Path("config.yaml").exists():
+
+    configfile: "config.yaml"
 
 
 include: "rules/common.smk"

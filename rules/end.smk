@@ -8,17 +8,19 @@ report`, which makes tables, figures and pages of what is there.
 import subprocess
 import sys
 
+from cortet.cohort.app import outcome, workflow as of_workflow
 from cortet.cohort.failures import with_failures
 from cortet.cohort.lock import HELD_BY, hold, is_held_by_parent
 from cortet.cohort.saved_jobs import debug_command, saved_path
 from cortet.report.over_all import end_run, remember_run
 
+FOLDER = of_workflow()  # the main Snakefile may be a user's, which includes ours
 HELD = []  # files whose locks last until the end of this process
 
 
 def report_what_is_there(after):
     """Make tables, figures and pages over all cases in a process of its own, which has seconds to work in."""
-    path = os.pathsep.join(filter(None, [workflow.basedir, os.environ.get("PYTHONPATH")]))
+    path = os.pathsep.join(filter(None, [str(FOLDER), os.environ.get("PYTHONPATH")]))
     command = [sys.executable, "-m", "cortet.cli", "cohort", "report", "--after", after, OUT]
     environment = os.environ | {HELD_BY: str(os.getpid()), "PYTHONPATH": path}
     subprocess.run(command, check=False, env=environment, stdout=subprocess.DEVNULL)
@@ -33,15 +35,25 @@ onstart:
     remember_run(PLAN, config, ASKED, FINGERPRINTS)
 
 
+def say_what_became_of_it():
+    """Say it as `cortet run` does, which says it itself."""
+    if not is_held_by_parent():
+        logger.warning(outcome(Path(CONFIG.output), CASES.values(), page="cohort_page" in ASKED))
+
+
 onsuccess:
     if not end_run(PLAN):
         report_what_is_there("success")
+    say_what_became_of_it()
 
 
 onerror:
     for (case, *_), failure in with_failures(PLAN).failures.items():
+        if failure["state"] == "unfinished":
+            continue
         logger.error(f"{case}: {failure['stage']}: {failure['reason']}")
         if (log := failure.get("log")) and saved_path(Path(log)).exists():
-            runner = Path(workflow.basedir) / "scripts/_job.py"
+            runner = FOLDER / "scripts/_job.py"
             logger.error(f"{case}: to run it again in a debugger: {debug_command(Path(log), runner)}")
     report_what_is_there("failure")
+    say_what_became_of_it()

@@ -1,9 +1,10 @@
 """First step of every script: `job = start(snakemake)`.
 
 The job logs to its rule's log file (libraries that print do so too) and keeps to its rule's threads. If it fails, the
-last line of the log is `ERROR reason`, which `cohort_status.tsv` quotes. If SIGTERM stops it, as at the end of its time
-on a cluster, or if it takes longer than `time_limit`, the log shows where it was. It ends with the Snakemake that
-started it. If a profile numbers attempts (resource `attempt`), only a job that was killed is tried again.
+last line of the log is `ERROR reason`, which `cohort_status.tsv` quotes. One that Ctrl-C stops has not failed. If
+SIGTERM stops it, as at the end of its time on a cluster, or if it takes longer than `time_limit`, the log shows where
+it was. It ends with the Snakemake that started it. If a profile numbers attempts (resource `attempt`), only a job that
+was killed is tried again.
 
 A job is saved beside its log, as a file `.job`, until it has succeeded. `python -m pdb scripts/_job.py FILE.job` runs
 one that failed or was killed again, with its messages on the terminal. Its log and Snakemake's last messages name the
@@ -117,6 +118,7 @@ def _guard(snakemake: Any) -> None:
     if attempt > 1:
         _end_useless_attempt(log, earlier)
     _log_to(log)
+    sys.excepthook = partial(_log_failure, log, snakemake)
     _keep_receipt(snakemake, log)
     _save(snakemake, log)
     logger.info("%s of %s with %s", snakemake.rule, dict(snakemake.wildcards), dict(snakemake.params))
@@ -124,7 +126,6 @@ def _guard(snakemake: Any) -> None:
         _remember(log, earlier)
     _limit_time()
     faulthandler.register(signal.SIGTERM, file=2, chain=True)
-    sys.excepthook = partial(_log_failure, log, snakemake)
 
 
 def _save(snakemake: Any, log: Path) -> None:
@@ -207,6 +208,9 @@ def _has_failed() -> bool:
 def _log_failure(
     log: Path, snakemake: Any, kind: type[BaseException], error: BaseException, trace: TracebackType | None
 ) -> None:
+    if issubclass(kind, KeyboardInterrupt):  # the last line of the log says so
+        traceback.print_exception(kind, error, trace)
+        return
     with contextlib.suppress(OSError):  # the disk may be full
         write_failure(log, snakemake.rule, dict(snakemake.wildcards), error)
     # before the error, which must be the last line of a log

@@ -1,8 +1,8 @@
 """What a run says on a terminal: a line for each case that is done, and why others failed.
 
-Snakemake tells a logger plugin of every job that starts, ends or fails (`snakemake --logger cortet`; `cortet run` does
-so by itself). A mesh is done with its certificate, a fold with its verdict. On a terminal the last line shows what is
-running now; elsewhere a line says so after a minute of silence.
+Snakemake tells a logger plugin of every job that starts, ends or fails; profiles/default names this one. A mesh is done
+with its certificate, a fold with its verdict. On a terminal the last line shows what is running now; elsewhere a line
+says so after a minute of silence. With `--verbose` all is as Snakemake says it.
 
 Snakemake loads every logger plugin before it reads a Snakefile. So this one imports nothing of cortet: a workflow would
 else run with the package that is installed, not with its own.
@@ -27,6 +27,10 @@ _LAST, _FOLD = "certify", "fold"
 #: what Snakemake says of a failed job, of which our own line says why
 _SAID = ("RuleException", "CalledProcessError")
 _COUNTED = ("At least one job did not complete", "Exiting because a job execution failed")
+#: what Snakemake says when somebody stops it, and the last line of the log of a job then
+_TERMINATING, _INTERRUPTED, _STOPPED = "Terminating processes on user request", "KeyboardInterrupt", "stopped by you"
+#: what Snakemake says when it was asked for something else than a run
+_ASKED_FOR = ("Lints for", "Congratulations", "Report created", "Unlocked", "Cleaned up", "Deleting", "Would", "Remov")
 #: a live line is cut there, so that it stays one
 _WIDTH = 100
 #: seconds of silence after which a log file, which has no live line, gets one
@@ -53,6 +57,8 @@ class Progress:
     starts: dict[str, float] = field(default_factory=dict)
     #: cases with a job that failed
     failures: set[str] = field(default_factory=set)
+    #: whether somebody has stopped the run
+    stopped: bool = False
     #: case -> its jobs in a dry run, and how often; those over all cases under an empty name
     plan: dict[str, dict[str, int]] = field(default_factory=dict)
 
@@ -92,14 +98,23 @@ class Progress:
             return self._folded(known)
         return None
 
-    def failed(self, job: int, rule: str, log: str | None) -> str:
-        """The line of a job that failed."""
+    def failed(self, job: int, rule: str, log: str | None) -> str | None:
+        """The line of a job that failed; none for one that was stopped."""
         known = self.running.pop(job, {"rule": rule, "case": "", "name": ""})
+        self.stopped = self.stopped or reason(log) == _STOPPED
+        if self.stopped:
+            return None
         self.counts["failed"] = self.counts.get("failed", 0) + 1
         self.failures |= {known["name"]} - {""}
         self.finished |= {known["case"]} - {""}
         what = f"{known['case'] or rule}  failed in {rule}: {reason(log)}"
         return f"{self._counter()}{what}" + (f"\n{' ' * len(self._counter())}more in {log}" if log else "")
+
+    def end(self) -> str | None:
+        """The last line of a run that was stopped; others end with that of the workflow."""
+        if not self.stopped:
+            return None
+        return f"{_STOPPED} after {self.jobs[0]} of {self.jobs[1]} jobs; the same command goes on from there"
 
     def live(self) -> str:
         """What is running now."""
@@ -153,6 +168,8 @@ def reason(log: str | None) -> str:
         lines = Path(log or "").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return "it left no log"
+    if lines[-1:] == [_INTERRUPTED]:
+        return _STOPPED
     found = [line.partition(" ERROR ")[2] for line in lines if " ERROR " in line]
     return found[-1] if found else "it was killed, or ended without a word"
 
@@ -162,13 +179,14 @@ class LogHandler(LogHandlerBase):
 
     def __post_init__(self) -> None:
         self.stream: TextIO = sys.stdout
+        self._verbose = bool(self.common_settings.verbose)
         self.progress, self._live, self._last = Progress(), self.stream.isatty(), ""
         self._said_at = self.progress.clock()
 
     def emit(self, record: LogRecord) -> None:
         """Say what an event means, if it means anything to a user."""
         try:
-            for line in self._lines(record):
+            for line in [self.format(record)] if self._verbose else self._lines(record):
                 self._say(line)
             if self._live and self.progress.running:
                 self._show(self.progress.live())
@@ -179,6 +197,9 @@ class LogHandler(LogHandlerBase):
         """Say how it ended."""
         if self._last:
             self._show("")
+        if end := self.progress.end():
+            self._say(end)
+            self.progress.stopped = False  # it is closed again
         super().close()
 
     def _lines(self, record: LogRecord) -> Iterator[str]:
@@ -199,25 +220,35 @@ class LogHandler(LogHandlerBase):
             if line := progress.ended(known["job_id"]):
                 yield line
         elif event == LogEvent.JOB_ERROR:
-            yield progress.failed(known["jobid"], known["rule_name"], next(iter(known["log"] or []), None))
+            if line := progress.failed(known["jobid"], known["rule_name"], next(iter(known["log"] or []), None)):
+                yield line
         elif event == LogEvent.PROGRESS:
             progress.jobs = (known["done"], known["total"])
             if not self._live and progress.clock() - self._said_at > _SILENCE:
                 yield progress.live()
+        elif record.getMessage().startswith(_TERMINATING):
+            progress.stopped = True
         elif event == LogEvent.ERROR or record.levelno >= ERROR:
             if not self._was_said(record):
                 yield record.getMessage()
-        elif record.levelno == WARNING and record.pathname.endswith(".smk"):  # a notice of cortet's own rules
+        elif self._is_asked_for(record):
             yield record.getMessage()
         elif "Nothing to be done" in record.getMessage():
             yield "nothing to do: everything is up to date"
+
+    @staticmethod
+    def _is_asked_for(record: LogRecord) -> bool:
+        """Whether a message is a notice of cortet's own rules, or the answer to an option of Snakemake."""
+        own = record.levelno == WARNING and record.pathname.endswith(".smk")
+        return own or record.getMessage().startswith(_ASKED_FOR)
 
     def _was_said(self, record: LogRecord) -> bool:
         """Whether the line on a failed job says so, or a line of the Snakefile, which begins with its case."""
         words = record.getMessage().removeprefix("WorkflowError:").lstrip()
         if getattr(record, "exception", "") in _SAID:
             return True
-        return bool(self.progress.counts.get("failed")) and (words.startswith((*_COUNTED, *self.progress.failures)))
+        over = self.progress.stopped or self.progress.counts.get("failed")
+        return bool(over) and (words.startswith((*_COUNTED, *self.progress.failures)))
 
     def _say(self, line: str) -> None:
         if self._last:
@@ -245,12 +276,12 @@ class LogHandler(LogHandlerBase):
     @property
     def has_filter(self) -> bool:
         """It looks at every event."""
-        return True
+        return not self._verbose
 
     @property
     def has_formatter(self) -> bool:
         """It has its own words."""
-        return True
+        return not self._verbose
 
     @property
     def needs_rulegraph(self) -> bool:

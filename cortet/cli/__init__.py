@@ -88,7 +88,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("cortet: there is not enough memory for this (use a larger machine or cell size)", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("cortet: interrupted", file=sys.stderr)
+        print("cortet: stopped by you", file=sys.stderr)
         return 130
 
 

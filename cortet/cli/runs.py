@@ -1,4 +1,4 @@
-"""Cohorts: `cohort scan`, `cohort report`, `run`; and `config`, `doctor`."""
+"""Cohorts: `cohort scan`, `cohort report`, `run`, `workflow`; and `config`, `doctor`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cyclopts import App, Group, Parameter
 from cyclopts.validators import mutually_exclusive
 
 from cortet.cli.shared import COHORTS, OTHERS, Common, Configured, add, with_keys
-from cortet.cli.values import CheckedOutput, Formats, Hemisphere, InputFile, O, Setting, number
+from cortet.cli.values import CheckedOutput, FolderOfFiles, Formats, Hemisphere, InputFile, O, Setting, number
 from cortet.errors import InputError
 
 #: what becomes of a sheet that is there
@@ -24,7 +24,7 @@ def add_commands(app: App) -> None:
     cohort = App(name="cohort", help="Work on cohort sheets.", group=COHORTS)
     add(cohort, COHORTS, scan, report)
     app.command(cohort)
-    add(app, COHORTS, run)
+    add(app, COHORTS, run, workflow)
     add(app, OTHERS, config, doctor)
 
 
@@ -196,8 +196,30 @@ def run(
             work, asked, cores=cores or os.cpu_count() or 1, profile=profile, dry_run=dry_run, verbose=common.verbose
         )
     if not dry_run:
-        print(app.outcome(output_dir, cases, asked))
+        print(app.outcome(output_dir, cases, page="group" in asked))
     return int(code != 0)
+
+
+def workflow(folder: Annotated[FolderOfFiles | None, Parameter(name="DIR")] = None, /, *, _: Common = Common()) -> int:
+    """Print where the Snakefile lies, or prepare a folder for `snakemake`.
+
+    Parameters
+    ----------
+    folder
+        Folder without a Snakefile, which gets one, a short config.yaml and a profile.
+
+    Examples
+    --------
+    cortet workflow study
+    """
+    from cortet.cohort import app
+
+    if folder is None:
+        print(app.workflow() / "Snakefile")
+        return 0
+    for file in app.write_workflow(folder):
+        print(f"{file}: written")
+    return 0
 
 
 def config(*, setting: Setting = "default", _: Common = Common()) -> int:

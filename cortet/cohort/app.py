@@ -37,6 +37,38 @@ _PACKAGE = Path(__file__).parents[1]
 _PROFILE = "for setting default command line arguments"
 
 
+#: what `write_workflow` writes
+_SNAKEFILE = '''"""The workflow of cortet. `snakemake --cores 2` makes everything that config.yaml asks for."""
+
+from cortet.cohort.app import workflow as installed
+
+
+include: installed() / "Snakefile"
+
+
+# an included file has no default target
+rule everything:
+    default_target: True
+    input:
+        rules.all.input,
+    localrule: True
+'''
+_CONFIG = """# What differs from the defaults; `cortet config` prints every key with its meaning.
+
+# The surfaces to mesh: `cortet cohort scan DATASET -o cohort.tsv` writes the sheet.
+cohort: {sheet: cohort.tsv}
+
+# Size of the tetrahedra, mm. Begin with 1.6.
+generate: {cell_size: [0.6]}
+
+# Files for solvers: vtu, abaqus, febio, fenics, braingrowth, gmsh, nastran, carp, ...
+export: {formats: [vtu]}
+
+# Where everything goes.
+output: derivatives/cortet
+"""
+
+
 @dataclass(frozen=True)
 class Selection:
     """Which hemispheres of a dataset are meshed; empty: all."""
@@ -83,6 +115,30 @@ def workflow() -> Path:
         if (folder / "Snakefile").is_file():
             return folder
     raise InputError("no Snakefile in the package", file=_PACKAGE, remedy="install cortet from its wheel or a checkout")
+
+
+def write_workflow(folder: Path) -> list[Path]:
+    """Write into a user's folder what plain `snakemake` needs there, and return the files.
+
+    Raises
+    ------
+    InputError
+        one of the files exists
+    """
+    profile = Path("profiles/default/profile.v9+.yaml")
+    texts = {
+        Path("Snakefile"): _SNAKEFILE,
+        Path("config.yaml"): _CONFIG,
+        profile: (workflow() / profile).read_text(encoding="utf-8"),
+    }
+    for file in texts:
+        if os.path.lexists(folder / file):
+            raise InputError("exists already", file=folder / file, remedy="name an empty or a new folder")
+    for file, text in texts.items():
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        with atomic_path(folder / file) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return [folder / file for file in texts]
 
 
 def lock(dataset: Path, output: Path) -> IO[str]:
@@ -186,7 +242,7 @@ def snakemake(
     cache_folder()  # where there is none, this process says so, and its jobs know the temporary one
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(folder / "Snakefile"), "--cores", str(cores)]
     # the output folder has a lock of its own, which ends with a killed run
-    command += ["--directory", str(work), *([] if verbose else ["--logger", "cortet"]), "--nolock"]
+    command += ["--directory", str(work), *(["--verbose"] if verbose else []), "--nolock"]
     if profile:
         own = folder / "profiles" / profile
         command += ["--profile", str(own if own.is_dir() else profile)]
@@ -204,10 +260,20 @@ def snakemake(
         text=True,
         errors="replace",  # a path may be in another encoding
     ) as run:
-        for line in run.stderr or ():
-            if verbose or _PROFILE not in line:
-                sys.stderr.write(line)
+        try:
+            _pass_on(run, verbose)
+        except KeyboardInterrupt:  # Snakemake had it, too, and leaves tables and pages of what is there
+            _pass_on(run, verbose)
+            run.wait()
+            raise
     return run.returncode
+
+
+def _pass_on(run: subprocess.Popen[str], verbose: bool) -> None:
+    """Say what Snakemake says on its standard error, until it ends."""
+    for line in run.stderr or ():
+        if verbose or _PROFILE not in line:
+            sys.stderr.write(line)
 
 
 def require_plain_python(python: str = sys.executable) -> None:
@@ -223,18 +289,22 @@ def require_plain_python(python: str = sys.executable) -> None:
         )
 
 
-def outcome(output: Path, cases: Sequence[Case], levels: Collection[str]) -> str:
-    """What became of the cases of a run, and where to look."""
+def outcome(output: Path, cases: Collection[Case], *, page: bool) -> str:
+    """What became of the cases of a run, and where to look.
+
+    Parameters
+    ----------
+    page : whether the run made the page of the cohort
+    """
     verdicts = {case.name: _verdicts(output, case) for case in cases}
     good = sum(bool(found) and all(found) for found in verdicts.values())
     refused = sum(bool(found) and not all(found) for found in verdicts.values())
     missing = len(cases) - good - refused
     counts = [(good, "certified"), (refused, "not certified"), (missing, "without a mesh")]
     words = ", ".join(f"{count} {what}" for count, what in counts if count)
-    page = output / "cohort" / "index.html"
-    look = f"open {page}" if "group" in levels and page.is_file() else f"meshes and their pages: {output}/sub-*/"
-    after = "" if "group" in levels else "; the same command with `group`, and all its options, makes tables and a page"
-    return f"{len(cases)} {'case' if len(cases) == 1 else 'cases'}: {words}; {look}{after}"
+    index = output / "cohort" / "index.html"
+    look = f"open {index}" if page and index.is_file() else f"meshes and their pages: {output}/sub-*/"
+    return f"{len(cases)} {'case' if len(cases) == 1 else 'cases'}: {words}; {look}"
 
 
 def _verdicts(output: Path, case: Case) -> list[bool]:

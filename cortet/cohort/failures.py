@@ -17,7 +17,7 @@ from cortet.cohort import receipts
 from cortet.cohort.jobs import Mesh
 from cortet.cohort.layout import EXPORTED, LABELS
 from cortet.cohort.plan import AFTER_CERTIFICATE, Plan
-from cortet.cohort.status import failure_path, failure_reason
+from cortet.cohort.status import STOPPED, failure_path, failure_reason
 from cortet.neighbours import neighbours
 from cortet.stages import STAGES
 
@@ -60,7 +60,9 @@ def failures(output: Path, *, ended: bool = True) -> list[Failure]:
     found = []
     for record, log in receipts.unfinished(output):
         if record["rule"] in ORDER and (ended or failure_path(log).exists()):
-            found.append(Failure(record["rule"], record["wildcards"], log=log, **_story(log)))
+            story = _story(log)
+            if story["reason"] != STOPPED:
+                found.append(Failure(record["rule"], record["wildcards"], log=log, **story))
     return sorted(found, key=lambda failure: ORDER.index(failure.rule))
 
 

@@ -15,6 +15,8 @@ from cortet.formats.tables import Column
 
 VERSION: int = 1
 
+#: reason of a job that Ctrl-C stopped, which has not failed
+STOPPED = "stopped by you"
 #: columns of `cohort_status.tsv`
 COLUMNS = (
     Column("case", "Name of the case; files begin with it", heading="Case"),
@@ -62,6 +64,8 @@ def failure_reason(log: Path) -> str:
     lines = _lines(log) if log.exists() else []
     if too_long := [found[1] for line in lines if (found := re.fullmatch(r"Timeout \((.+)\)!", line))]:
         return f"took longer than {too_long[-1]} (hours:minutes:seconds), the time_limit, {_place_of_stop(lines)}"
+    if lines[-1:] == ["KeyboardInterrupt"]:
+        return STOPPED
     if error := _last_error(lines):
         return error
     if stopped := _place_of_stop(lines):

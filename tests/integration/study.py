@@ -59,7 +59,17 @@ class Study:
     def command(self, *arguments: str) -> list[str]:
         """Command line of Snakemake on the project's workflow; writes the configuration."""
         (self.folder / "config.yaml").write_text(yaml.safe_dump(self.config))
-        return [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--cores", "2", *arguments]
+        return [
+            sys.executable,
+            "-m",
+            "snakemake",
+            "--snakefile",
+            str(ROOT / "Snakefile"),
+            "--cores",
+            "2",
+            "--verbose",
+            *arguments,
+        ]
 
     def run(self, *arguments: str, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
         """Run Snakemake to its end, in the environment of this process or another."""

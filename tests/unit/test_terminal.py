@@ -120,7 +120,7 @@ def test_names_of_meshes() -> None:
 
 
 def new_handler() -> LogHandler:
-    return LogHandler(SimpleNamespace(dryrun=False), None)  # type: ignore[arg-type]
+    return LogHandler(SimpleNamespace(dryrun=False, verbose=False), None)  # type: ignore[arg-type]
 
 
 def emit(handler: LogHandler, message: str = "", level: int = logging.INFO, path: str = "", **known: Any) -> None:
@@ -146,7 +146,7 @@ def test_errors_of_snakemake_are_said_once(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_a_dry_run_names_what_would_be_done_to_each_case(capsys: pytest.CaptureFixture[str]) -> None:
-    handler = LogHandler(SimpleNamespace(dryrun=True), None)  # type: ignore[arg-type]
+    handler = LogHandler(SimpleNamespace(dryrun=True, verbose=False), None)  # type: ignore[arg-type]
     stats = {"certify": 2, "total": 5}
     emit(handler, event=LogEvent.RUN_INFO, stats=stats)
     for rule, known in (("repair", {"case": "b"}), ("export", {"case": "a"}), ("export", {"case": "a"}), ("all", None)):
@@ -158,6 +158,39 @@ def test_a_dry_run_names_what_would_be_done_to_each_case(capsys: pytest.CaptureF
         "  b: repair",
         "  over all cases: all",
     ]
+
+
+def test_a_run_that_is_stopped_has_no_failures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    handler, log = new_handler(), tmp_path / "x.log"
+    log.write_text("Traceback (most recent call last):\nKeyboardInterrupt\n")
+    emit(handler, event=LogEvent.RUN_INFO, stats={"certify": 1, "total": 3})
+    emit(handler, event=LogEvent.JOB_INFO, jobid=1, rule_name="repair", wildcards=WILDCARDS, output=[])
+    emit(handler, event=LogEvent.PROGRESS, done=1, total=3)
+    emit(handler, event=LogEvent.JOB_ERROR, jobid=1, rule_name="repair", log=[str(log)])
+    emit(handler, "Terminating processes on user request, this might take some time.")
+    emit(handler, event=LogEvent.JOB_ERROR, jobid=2, rule_name="gate", log=[])
+    emit(handler, "WorkflowError:\nAt least one job did not complete successfully.", logging.ERROR)
+    handler.close()
+    handler.close()
+    assert capsys.readouterr().out.splitlines() == [
+        "1 mesh to make, 3 jobs",
+        "stopped by you after 1 of 3 jobs; the same command goes on from there",
+    ]
+
+
+def test_answers_to_options_of_snakemake_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    handler = new_handler()
+    emit(handler, "Building DAG of jobs...")
+    emit(handler, "Lints for rule x (line 4, x.smk):", logging.WARNING, "/x/snakemake/linting/__init__.py")
+    emit(handler, "Unlocked working directory.")
+    assert capsys.readouterr().out.splitlines() == ["Lints for rule x (line 4, x.smk):", "Unlocked working directory."]
+
+
+def test_verbose_is_as_snakemake_says_it(capsys: pytest.CaptureFixture[str]) -> None:
+    handler = LogHandler(SimpleNamespace(dryrun=False, verbose=True), None)  # type: ignore[arg-type]
+    assert not handler.has_filter and not handler.has_formatter, "so Snakemake adds its own"
+    emit(handler, "Building DAG of jobs...")
+    assert capsys.readouterr().out == "Building DAG of jobs...\n"
 
 
 def test_other_errors_of_snakemake_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
