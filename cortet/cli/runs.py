@@ -206,7 +206,7 @@ def workflow(folder: Annotated[FolderOfFiles | None, Parameter(name="DIR")] = No
     Parameters
     ----------
     folder
-        Folder without a Snakefile, which gets one, a short config.yaml and a profile.
+        New or empty folder, for a Snakefile, a short config.yaml and a profile.
 
     Examples
     --------

@@ -118,22 +118,21 @@ def workflow() -> Path:
 
 
 def write_workflow(folder: Path) -> list[Path]:
-    """Write into a user's folder what plain `snakemake` needs there, and return the files.
+    """Write into a new or empty folder what plain `snakemake` needs there, and return the files.
 
     Raises
     ------
     InputError
-        one of the files exists
+        the folder holds something, or is a file
     """
+    if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
+        raise InputError("is not empty", file=folder, remedy="name an empty or a new folder")
     profile = Path("profiles/default/profile.v9+.yaml")
     texts = {
         Path("Snakefile"): _SNAKEFILE,
         Path("config.yaml"): _CONFIG,
         profile: (workflow() / profile).read_text(encoding="utf-8"),
     }
-    for file in texts:
-        if os.path.lexists(folder / file):
-            raise InputError("exists already", file=folder / file, remedy="name an empty or a new folder")
     for file, text in texts.items():
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
         with atomic_path(folder / file) as temporary:

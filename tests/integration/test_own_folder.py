@@ -57,7 +57,7 @@ def test_the_named_snakefile_takes_its_configuration_from_the_command(
 def test_files_that_are_there_stay(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (study / "Snakefile").write_text("mine")
     assert main(["workflow", str(study)]) == 1
-    assert "exists already (name an empty or a new folder)" in capsys.readouterr().err
+    assert "is not empty (name an empty or a new folder)" in capsys.readouterr().err
     assert (study / "Snakefile").read_text() == "mine"
 
 

@@ -81,6 +81,7 @@ COMMANDS = {
     "head": [Command("--ga 21 --subdivisions 3 --voxel 2 -o DIR")],
     "cohort": [Command("scan ds -o OUT", ".tsv"), Command("scan ds --force -o OUT", ".tsv")],
     "run": [Command("ds DIR participant --dry-run --config settings.yaml")],
+    "workflow": [Command("DIR")],
     "config": [],
     "doctor": [],
 }
