@@ -7,7 +7,7 @@ else. Every job of the workflow loads all modules `neighbour`, so their methods 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -90,6 +90,10 @@ class Neighbour:
         ------
         InputError : the configuration asks for what the sheet does not allow
         """
+        return []
+
+    def before(self, _: Plan, _asked: Collection[str]) -> list[str]:
+        """What should be known before a run that asks for some rules, in words."""
         return []
 
     def on_page(self, _: Plan) -> OnPage | None:

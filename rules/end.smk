@@ -33,6 +33,9 @@ onstart:
     except CortetError as error:
         raise WorkflowError(str(error)) from None
     remember_run(PLAN, config, ASKED, FINGERPRINTS)
+    for neighbour in neighbours():
+        for notice in neighbour.before(PLAN, ASKED):
+            logger.warning(notice)
 
 
 def say_what_became_of_it():

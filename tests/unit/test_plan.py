@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -17,6 +18,7 @@ from cortet.config import load
 from cortet.errors import InputError
 from cortet.folding.plan import Folds
 from cortet.formats.hashing import sha256
+from cortet.paper.experiments import Experiments
 
 GOOD = Case("good", None, "L", 24.0, Path("good.surf.gii"))
 PAIR = Case("pair", None, "R", None, Path("pial.surf.gii"), inner={"white": Path("white.surf.gii")})
@@ -185,3 +187,15 @@ def test_a_series_with_two_cases_of_one_age_is_refused() -> None:
     (first,) = made.prediction_series()
     with pytest.raises(InputError, match="w1_hemi-L and .*w2_hemi-L have the same age, 26 weeks, in one series"):
         made.surfaces_of_series(first)
+
+
+def test_the_experiments_say_what_their_meshes_cost_at_most() -> None:
+    ablation = {"meshers": ["cgal", "tetgen"], "time_limit": 7}
+    sections = {"experiments": {"ablation": ablation, "resolution": {"cell_size": [2.0]}}}
+    (said,) = Experiments(plan(GOOD, **sections)).costs()
+    assert re.search(
+        ": meshes of lattice: 1, .* CPU min; meshes of cgal: 1, .* CPU min; of tetgen: 1, up to 7 min", said
+    )
+    assert "demo/quick.yaml" in said
+    ours = Plan({"": load({"output": "out"})}, (GOOD,), {})
+    assert "demo/quick.yaml" not in Experiments(ours).costs()[0]
