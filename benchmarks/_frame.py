@@ -27,7 +27,7 @@ import yaml
 from cortet.config import Config, load
 from cortet.errors import CortetError
 from cortet.meshes import TriSurface
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 from cortet.pipeline import Meshed, Step, mesh_surface
 from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 

@@ -71,7 +71,7 @@ from cortet.formats.tsv import read_tsv
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.topology import enclosed_volume
 from cortet.meshes import TriSurface
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 from cortet.stages import STAGES
 
 SNAKEMAKE = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--cores"]

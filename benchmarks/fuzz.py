@@ -49,7 +49,7 @@ from cortet.formats.placement import matrix, placed
 from cortet.formats.volumes import read_volume
 from cortet.geometry.label_surface import Handles
 from cortet.meshes import TetMesh, TriSurface
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.fields import with_fields
 from cortet.solver_files.label_surfaces import surfaces_of_labels

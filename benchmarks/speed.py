@@ -148,7 +148,7 @@ from pathlib import Path
 from cortet.cohort.sheet import Case, write_sheet
 from cortet.config import load
 from cortet.formats import FORMATS
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 from cortet.pipeline import run
 from cortet.solver_files.export import write
 from cortet.solver_files.sets import named_sets

@@ -14,9 +14,10 @@ from cortet.neighbours import neighbours
 from cortet.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from cortet.api import Mesh, certify, compare, mesh, repair, surface
+    from cortet.api import Mesh, certify, compare, convert, improve, mesh, read, repair, surface
     from cortet.errors import CortetError, InputError
     from cortet.folding.calls import Folded, fold, growth
+    from cortet.phantoms import phantom
 
 if sys.platform == "win32":
     raise ImportError("cortet runs on Linux, not on Windows: use the Windows Subsystem for Linux")
@@ -37,12 +38,27 @@ if "numba" in sys.modules:  # it has read its environment already
 #: call or error -> its module, loaded when it is first asked for: jobs of the workflow do not need it
 _MODULES = {
     **dict.fromkeys(("CortetError", "InputError"), "cortet.errors"),
-    **dict.fromkeys(("Mesh", "certify", "compare", "mesh", "repair", "surface"), "cortet.api"),
+    **dict.fromkeys(
+        ("Mesh", "certify", "compare", "convert", "improve", "mesh", "read", "repair", "surface"), "cortet.api"
+    ),
+    "phantom": "cortet.phantoms",
     **{call: module for neighbour in neighbours() for call, module in neighbour.calls.items()},
 }
 #: everything else is for those who build on the parts
 __all__ = ["CortetError", "Folded", "InputError", "Mesh"]
-__all__ += ["certify", "compare", "fold", "growth", "mesh", "repair", "surface"]
+__all__ += [
+    "certify",
+    "compare",
+    "convert",
+    "fold",
+    "growth",
+    "improve",
+    "mesh",
+    "phantom",
+    "read",
+    "repair",
+    "surface",
+]
 if not TYPE_CHECKING:
     __all__ = [name for name in __all__ if name in _MODULES]
 
@@ -54,4 +70,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    return sorted([*__all__, "__version__"])

@@ -24,7 +24,7 @@ from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
 from cortet.meshes import TetMesh, TriSurface, region_names
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 from cortet.solver_files.export import export
 from cortet.solver_files.fields import FieldSource, field_sources
 from cortet.solver_files.meshed import Origin, certificate_path, meshed_files, require_own_stem, write_meshed
@@ -224,6 +224,62 @@ def mesh_surface(
         reports=reports,
     )
     return Meshed(mesh, certificate, meshed)
+
+
+def improve(
+    mesh: TetMesh,
+    surface: TriSurface,
+    config: Config,
+    *,
+    cell_size: float,
+    source: str | Path | None = None,
+    case: str = "",
+    progress: Callable[[Step], None] = lambda _: None,
+) -> Meshed:
+    """Run the stages that follow the mesher on a mesh of any program, and check the result.
+
+    Parameters
+    ----------
+    mesh : positive volumes; `region` of its cell data numbers the regions, where `surface` has inner ones
+    surface : mm, that the mesh fills, with its inner surfaces
+    config : of the line
+    cell_size : mm, of the mesh
+    source : file of the surface, whose hash the certificate records
+    case : name in the certificate
+    progress : called after every stage
+
+    Raises
+    ------
+    InputError, StageError : as `run`
+    """
+    config.require_programs()
+    facts = {
+        "cell_size": cell_size,
+        "source": str(source) if source is not None else None,
+        "nested": bool(surface.inner),
+    }
+    latest: dict[str, Any] = {"mesh": mesh, "surface": surface}
+    parameters, reports = {}, {}
+    for stage in config.line(nested=bool(surface.inner), aged=False):
+        if stage.gives == "mesh" and stage.order > STAGES["transfer"].order:
+            began = time.perf_counter()
+            latest["mesh"], report = stage.run(
+                *(latest[kind] for kind in stage.takes), **config.arguments(stage.name, facts)
+            )
+            parameters[stage.name], reports[stage.name] = config.record(stage.name, facts), asdict(report)
+            seconds = time.perf_counter() - began
+            progress(Step(stage.name, latest["mesh"], surface, parameters[stage.name], reports[stage.name], seconds))
+    certificate = certify(
+        latest["mesh"],
+        surface,
+        config.certify,
+        cell_size=cell_size,
+        case=case,
+        source=source,
+        parameters={**parameters, "certify": config.record("certify", facts)},
+        reports=reports,
+    )
+    return Meshed(latest["mesh"], certificate, surface)
 
 
 def with_sets(

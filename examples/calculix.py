@@ -6,7 +6,7 @@ from pathlib import Path
 
 import cortet
 from cortet.cli import main
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 
 made = cortet.mesh(phantom(22, subdivisions=4), cell_size=3.5, ga=22, progress=False)
 made.save("brain.inp", force=True)

@@ -6,7 +6,7 @@ import pandas as pd
 
 from cortet.cli import main
 from cortet.formats.gifti import write_surface
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 
 for name, age in (("01", 24), ("02", 28)):
     folder = Path(f"dhcp/sub-{name}/anat")

@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 
 import cortet
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 
 made = cortet.mesh(phantom(22, subdivisions=4), cell_size=2.0, ga=22, hemi="L", progress=False)
 folded = cortet.fold(made, end=25, thickness=3.0, progress=False)

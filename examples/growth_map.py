@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import cortet
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 
 early, later = phantom(26, subdivisions=4), phantom(28, subdivisions=4)  # their vertices correspond
 fields, found = cortet.growth(early, later, ages=(26, 28))

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import cortet
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 
 surface = phantom(26, subdivisions=4)
 front_to_back = np.digitize(surface.points[:, 1], np.quantile(surface.points[:, 1], [0.25, 0.5, 0.75]))

@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 
 import cortet
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 
 surface = phantom(28, subdivisions=4)  # or the name of a file: "lh.white", "sub-01_hemi-L_white.surf.gii"
 made = cortet.mesh(surface, cell_size=2.5, ga=28, hemi="L", progress=False)

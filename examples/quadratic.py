@@ -5,7 +5,7 @@ import meshio
 import cortet
 from cortet.cli import main
 from cortet.formats.gifti import write_surface
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 
 surface = phantom(24, subdivisions=4)
 write_surface(surface, "surface.surf.gii")

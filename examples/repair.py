@@ -5,7 +5,7 @@ import numpy as np
 
 import cortet
 from cortet.meshes import TriSurface
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 
 whole = phantom(24, subdivisions=4)
 near = np.linalg.norm(whole.points - whole.points[0], axis=1) < 4

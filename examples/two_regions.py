@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import cortet
-from cortet.phantom import inset, phantom
+from cortet.phantoms import inset, phantom
 
 pial = phantom(26)
 white = inset(pial, 1.5)

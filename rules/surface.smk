@@ -15,7 +15,7 @@ rule phantom:
         **asked("phantom"),
     params:
         arguments=partial(PLAN.arguments, "phantom"),
-        version=version_of("phantom"),
+        version=version_of("phantoms"),
     script:
         "../scripts/phantom.py"
 
@@ -35,7 +35,7 @@ rule phantom_inner:
         **asked("phantom_inner"),
     params:
         arguments=partial(PLAN.arguments, "phantom_inner"),
-        version=version_of("phantom"),
+        version=version_of("phantoms"),
     script:
         "../scripts/phantom_inner.py"
 
@@ -54,7 +54,7 @@ rule phantom_sphere:
         **asked("phantom_sphere"),
     params:
         arguments=partial(PLAN.arguments, "phantom"),
-        version=version_of("phantom"),
+        version=version_of("phantoms"),
     script:
         "../scripts/phantom_sphere.py"
 

@@ -5,6 +5,6 @@ from _job import start
 job = start(snakemake)
 
 from cortet.formats.gifti import write_surface
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 
 write_surface(phantom(**job.arguments), job.output.surface)

@@ -5,6 +5,6 @@ from _job import start
 job = start(snakemake)
 
 from cortet.formats.gifti import read_surface, write_surface
-from cortet.phantom import inset
+from cortet.phantoms import inset
 
 write_surface(inset(read_surface(job.input.surface), **job.arguments), job.output.surface)

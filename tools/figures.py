@@ -26,7 +26,7 @@ from cortet.formats.tsv import read_tsv, write_tsv
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.nesting import joined
 from cortet.meshes import TriSurface
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 from cortet.report.render import cut_view, surface_view
 from cortet.solver_files.sets import with_regions
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cortet.api.given import Settings, SurfaceLike, surface
+from cortet.api.given import Later, Settings, SurfaceLike, surface
 from cortet.api.meshing import Mesh, tetrahedra
 from cortet.config import load
 from cortet.errors import InputError
@@ -18,6 +18,8 @@ from cortet.solver_files.meshed import cell_size_of
 
 if TYPE_CHECKING:
     import pandas as pd
+else:
+    pd = Later("pandas")
 
 
 def certify(
@@ -30,9 +32,26 @@ def certify(
 
     Parameters
     ----------
+    made : a file, what `mesh` or `read` returns, or a `TetMesh`; coordinates in mm
+    shape : closed surface, mm, as `mesh` takes it
     cell_size : mm, the scale of limits on distances; None: the one that the mesh was made with, if that is known: of
         what `cortet.mesh` returns, and of a file with its certificate beside it. Else distances are reported, and
         have no limit
+    settings : a configuration file, or its keys by section: {"certify": {"q_max": 0.5}}
+
+    Returns
+    -------
+    `checks`, each a number beside its limit, and what follows from them: `certified`, `reasons`
+
+    Raises
+    ------
+    InputError : the mesh or the surface cannot be read, or a setting is impossible
+
+    Examples
+    --------
+    >>> found = cortet.certify("x.vtu", "x.meshed.surf.gii")
+    >>> found.certified, found.reasons
+    (True, ())
     """
     from cortet.measure.certify import certify as checked
 
@@ -45,7 +64,28 @@ def certify(
 
 
 def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSurface, dict[str, Any]]:
-    """Repair a surface that is open, not manifold, turned inside out or crosses itself; also return what was done."""
+    """Repair a surface that is open, not manifold, turned inside out or crosses itself.
+
+    Parameters
+    ----------
+    shape : surface, mm, as `mesh` takes it; coordinates in a file may be non-finite
+    settings : a configuration file, or its keys by section: {"repair": {"max_hole": 50.0}}
+
+    Returns
+    -------
+    the repaired surface, vertices (n, 3) mm and faces (m, 3); and what was done, by the keys of `RepairReport`
+
+    Raises
+    ------
+    InputError, StageError : there is not one right answer, or a setting is impossible
+
+    Examples
+    --------
+    >>> sound = cortet.surface("x.surf.gii")
+    >>> closed, done = cortet.repair((sound.points, sound.faces[1:]))
+    >>> len(closed.faces) == len(sound.faces)
+    True
+    """
     from cortet.stages.repair import repair as mended
 
     given = read_surface(shape, finite=False) if isinstance(shape, str | Path) else surface(shape)
@@ -57,7 +97,26 @@ def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSur
 def compare(
     meshes: Mapping[str, TetMesh | Mesh | str | Path], shape: SurfaceLike, cell_size: float | None = None
 ) -> pd.DataFrame:
-    """The numbers of several meshes of one surface side by side: a row for each number, a column for each mesh."""
+    """The numbers of several meshes of one surface side by side.
+
+    Parameters
+    ----------
+    meshes : name -> a file, what `mesh` or `read` returns, or a `TetMesh`; coordinates in mm
+    shape, cell_size : as of `certify`
+
+    Returns
+    -------
+    a row for each number of the certificate, with its unit, and a column for each mesh
+
+    Raises
+    ------
+    InputError : there are no meshes, or they have no names
+
+    Examples
+    --------
+    >>> list(cortet.compare({"mine": "x.vtu"}, "x.meshed.surf.gii").columns)
+    ['mine']
+    """
     import pandas as pd
 
     from cortet.report.comparison_page import comparison_rows

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -22,16 +24,36 @@ SurfaceLike = Any
 Settings = str | Path | Mapping[str, Any]
 
 
+class Later(ModuleType):
+    """A library that loads when something of it is asked for, as `typing.get_type_hints` does for annotations."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(import_module(self.__name__), name)
+
+
 def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
     """A surface from any object that holds one.
 
     Parameters
     ----------
+    shape : a file, NiBabel's `GiftiImage`, PyVista's `PolyData`, trimesh's `Trimesh`, a `TriSurface`, or vertices
+        (n, 3) in mm and faces (m, 3), counted from 0
     finite : whether the coordinates in a file must be finite
+
+    Returns
+    -------
+    `points` (n, 3) float64, as stored; `faces` (m, 3) int32; fields of the vertices, `point_data`
 
     Raises
     ------
     InputError : it holds no triangles, hides some of its values, or is of an unknown kind
+
+    Examples
+    --------
+    >>> cortet.surface("x.surf.gii").faces.shape
+    (1280, 3)
     """
     if isinstance(shape, TriSurface):
         return shape

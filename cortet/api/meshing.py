@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cortet.api.given import (
+    Later,
     Settings,
     SurfaceLike,
     require_fields,
@@ -53,9 +54,12 @@ from cortet.solver_files.volumes import (
 )
 
 if TYPE_CHECKING:
+    import meshio
     import pandas as pd
     import pyvista
-    from nibabel.spatialimages import SpatialImage
+    from nibabel import spatialimages
+else:
+    meshio, pd, pyvista, spatialimages = map(Later, ("meshio", "pandas", "pyvista", "nibabel.spatialimages"))
 
 #: width and height of the picture in a notebook, pixels
 _PICTURE = (640, 480)
@@ -199,15 +203,26 @@ class Mesh:
         return regions(self.named())
 
     def to_pyvista(self) -> pyvista.UnstructuredGrid:
-        """The mesh for PyVista, with its fields and the quality q of each tetrahedron."""
+        """The mesh for PyVista, with its fields, and of each tetrahedron the quality `q` and the number `region`."""
         import pyvista
 
         grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: self.cells}, self.points)
         for name, values in self.mesh.point_data.items():
             grid.point_data[name] = values
-        for name, values in (*self.mesh.cell_data.items(), ("q", self.quality)):
+        for name, values in self._of_cells().items():
             grid.cell_data[name] = values
         return grid
+
+    def to_meshio(self) -> meshio.Mesh:
+        """The mesh for meshio, with the fields of `to_pyvista`."""
+        import meshio
+
+        fields = {name: [values] for name, values in self._of_cells().items()}
+        return meshio.Mesh(self.points, [("tetra", self.cells)], dict(self.mesh.point_data), fields)
+
+    def _of_cells(self) -> dict[str, NDArray[Any]]:
+        """Fields of tetrahedra: those of the mesh, q, and the numbers of regions that files have."""
+        return {**self.named().cell_data, "q": self.quality}
 
     def plot(self, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
         """A picture of the mesh, cut open, with the rest transparent: (height, width, 4); needs no display."""
@@ -266,15 +281,16 @@ class Mesh:
 
     def __repr__(self) -> str:
         verdict = "certified" if self.certified else f"NOT certified: {'; '.join(self.certificate.reasons)}"
-        return f"<Mesh: {len(self.cells):,} tetrahedra, worst q {self.certificate.quality.q.max:.3f}, {verdict}>"
+        q = self.certificate.quality.q
+        return (
+            f"<Mesh: {len(self.points):,} nodes, {len(self.cells):,} tetrahedra\n"
+            f" worst q {q.max:.3f}, mean {q.mean:.3f}; regions: {', '.join(self.regions)}\n"
+            f" {verdict}>"
+        )
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><td>{'✓' if check.passed else '✗'}</td>"
-            f'<td style="text-align: left">{html.escape(check.finding)}</td></tr>'
-            for check in self.certificate.checks
-        )
-        return f"<p>{html.escape(repr(self)[1:-1])}</p>{image(self.plot(_PICTURE))}<table>{rows}</table>"
+        text = html.escape(repr(self)[1:-1]).replace("\n", "<br>")
+        return f"<p>{text}</p>{image(self.plot(_PICTURE))}{self.certificate._repr_html_()}"
 
 
 def mesh(
@@ -286,15 +302,17 @@ def mesh(
     inner: Mapping[str, SurfaceLike] | None = None,
     shell: float | None = None,
     fields: Mapping[str, Any] | None = None,
-    volumes: Mapping[str, str | Path | SpatialImage | Volume] | None = None,
+    volumes: Mapping[str, str | Path | spatialimages.SpatialImage | Volume] | None = None,
     sphere: SurfaceLike | None = None,
     settings: Settings | None = None,
     progress: bool | Callable[[Step], None] = True,
 ) -> Mesh:
-    """Mesh the inside of a closed surface.
+    """Mesh the inside of a closed surface, and check the mesh.
 
     Parameters
     ----------
+    shape : a file, NiBabel's `GiftiImage`, PyVista's `PolyData`, trimesh's `Trimesh`, or vertices (n, 3) and faces
+        (m, 3); mm, unless `gate.unit` of the settings says otherwise
     cell_size : edge length of the tetrahedra, mm; None: that of the settings
     ga : gestational age, weeks
     hemi : "L" or "R"; None: what the file says, if anything
@@ -306,9 +324,22 @@ def mesh(
     settings : a configuration file, or its keys by section: {"repair": {"enabled": True}}
     progress : False: silent; a function: called after every stage
 
+    Returns
+    -------
+    nodes (n, 3) mm, tetrahedra (m, 4), fields, regions, and the certificate
+
     Raises
     ------
     InputError : the surface cannot be meshed, a volume does not contain it, or a setting is impossible
+    StageError : a stage failed
+
+    Examples
+    --------
+    >>> made = cortet.mesh("x.surf.gii", cell_size=4.0, ga=28, progress=False)
+    >>> made.certified, list(made.regions)
+    (True, ['cortex', 'core'])
+    >>> made.save("made.vtu").name
+    'made.vtu'
     """
     if not isinstance(settings, str | Path | Mapping | None):
         what = f"an object of type {type(settings).__name__} holds no settings"
@@ -425,7 +456,7 @@ def inputs(
     inner: Mapping[str, SurfaceLike] | None = None,
     shell: float | None = None,
     fields: Mapping[str, Any] | None = None,
-    volumes: Mapping[str, str | Path | SpatialImage | Volume] | None = None,
+    volumes: Mapping[str, str | Path | spatialimages.SpatialImage | Volume] | None = None,
     sphere: SurfaceLike | None = None,
 ) -> Inputs:
     """Read and check everything that a mesh is made of; parameters and errors are those of `mesh`."""

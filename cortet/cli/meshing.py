@@ -1,4 +1,4 @@
-"""Commands that make a mesh: `mesh`, `stages`."""
+"""Commands that make a mesh: `mesh`, `improve`, `stages`."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
-from cortet.cli.given import draw, stem_of
+from cortet.cli.given import draw, read_mesh, stem_of
 from cortet.cli.meshes import print_verdict
 from cortet.cli.shared import MESHES, Configured, Writes, add
-from cortet.cli.values import InnerFiles, InputFile, NamedFiles, O, OutputFile, Picture, Sizes, number
+from cortet.cli.values import InnerFiles, InputFile, MeshFile, NamedFiles, O, OutputFile, Picture, Sizes, number
 from cortet.errors import InputError
 from cortet.formats import format_of, require_holes
 from cortet.formats.ownership import may_write, refuse_companion
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 
 def add_commands(app: App) -> None:
-    """Add `mesh` and `stages`."""
-    add(app, MESHES, mesh, stages)
+    """Add `mesh`, `improve` and `stages`."""
+    add(app, MESHES, mesh, improve, stages)
 
 
 @Parameter(name="*")
@@ -211,6 +211,47 @@ def mesh(
     else:
         print(f"{output}: not written")
     return 0 if certificate.certified else 1
+
+
+def improve(
+    file: MeshFile,
+    /,
+    *,
+    output: Annotated[OutputFile, O, Parameter(metavar="OUT")],
+    surface: InputFile | None = None,
+    configured: Configured = Configured(),
+    how: Writes = Writes(),
+) -> int:
+    """Take a mesh of any program through S3 to S6, and certify it.
+
+    Parameters
+    ----------
+    output
+        Mesh file; its suffix says for which solver.
+    surface
+        Closed surface that the mesh fills (default: by the sidecar).
+
+    Examples
+    --------
+    cortet improve brain.msh --surface lh.pial.surf.gii -o better.vtu
+    """
+    from cortet import api
+    from cortet.measure.quality import summarise
+    from cortet.pipeline import companions
+
+    format_of(output)
+    before = summarise(read_mesh(file, whole=True))
+    made = api.improve(file, surface, configured.cell_size, settings=configured.settings())
+    now = made.certificate.quality
+    print(f"worst q {before.q.max:.3f}, now {now.q.max:.3f}; {before.tets:,} tetrahedra, now {now.tets:,}")
+    print_verdict(made.certificate)
+    if not made.certified:
+        print(f"{output}: not written")
+        return 1
+    made.save(output, force=how.force)
+    print(f"{companions(output, made.surface.inner, volumes=False).certificate}: every number beside its limit")
+    print(f"{output}: written")
+    return 0
 
 
 def stages(

@@ -242,7 +242,7 @@ def phantom(
     cortet phantom --ga 30 -o phantom.surf.gii
     """
     from cortet.formats.gifti import write_surface
-    from cortet.phantom import inset, phantom_with_sphere
+    from cortet.phantoms import inset, phantom_with_sphere
 
     surface, ball = phantom_with_sphere(made.ga, hemisphere=hemi, subdivisions=made.subdivisions, seed=made.seed)
     if sphere:
@@ -277,7 +277,7 @@ def head(
     from cortet.formats.gifti import write_surface
     from cortet.formats.tsv import write_tsv
     from cortet.formats.volumes import write_volume
-    from cortet.phantom.head import LABELS, head
+    from cortet.phantoms.head import LABELS, head
 
     files = {name: output / f"{'pial' if name == 'cortex' else name}.surf.gii" for name in LABELS}
     files |= {name: output / name for name in ("dseg.nii.gz", "dseg.tsv", "tensors.nii.gz", "sizes.tsv")}

@@ -26,8 +26,8 @@ _PACKAGE = Path(__file__).parents[1]
 
 #: steps that have arguments or a version and are not stages of the line
 STEPS: dict[str, Step] = {
-    "phantom": Step("phantom", "phantom", frozenset({"subdivisions", "seed"}), ("gestational_age", "hemisphere")),
-    "phantom_inner": Step("phantom", "phantom", frozenset({"thickness"})),
+    "phantom": Step("phantoms", "phantom", frozenset({"subdivisions", "seed"}), ("gestational_age", "hemisphere")),
+    "phantom_inner": Step("phantoms", "phantom", frozenset({"thickness"})),
     "quality": Step("measure.quality", "quality"),
     "certify": Step("measure.certify", "certify", facts=("cell_size",)),
     "export": Step("solver_files.export", "export"),

@@ -8,6 +8,7 @@ The certificate holds no date and no time, so the same mesh gets the same file.
 
 from __future__ import annotations
 
+import html
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -126,6 +127,23 @@ class Certificate:
     reports: dict[str, Any]
     #: name -> version
     versions: dict[str, str]
+
+    def __repr__(self) -> str:
+        q, passed = self.quality.q, sum(check.passed for check in self.checks)
+        return (
+            f"<Certificate: {'certified' if self.certified else 'NOT certified'}, "
+            f"{passed} of {len(self.checks)} checks passed\n"
+            f" {self.quality.tets:,} tetrahedra, worst q {q.max:.3f}, mean {q.mean:.3f}\n"
+            f" {'; '.join(self.reasons or self.remarks) or 'no remarks'}>"
+        )
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{'✓' if check.passed else '✗'}</td>"
+            f'<td style="text-align: left">{html.escape(check.finding)}</td></tr>'
+            for check in self.checks
+        )
+        return f"<table>{rows}</table>"
 
 
 def certify(

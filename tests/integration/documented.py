@@ -14,7 +14,7 @@ import numpy as np
 
 from cortet.formats.gifti import write_surface
 from cortet.formats.ownership import guarded
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -20,7 +20,7 @@ from tests.integration.study import CONFIG, ROOT
 NAMES = [neighbour.name for neighbour in neighbours()]
 CALLS = """
 import cortet
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 made = cortet.mesh(phantom(24.0, subdivisions=4), 4.0, ga=24)
 print(len(made.mesh.cells), made.certificate.certified)
 made.save("a.vtu", force=True)

@@ -8,7 +8,7 @@ import json
 import numpy as np
 
 from cortet.formats.gifti import write_fields
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 from tests.integration.study import Study
 
 AGES = {"early": "24", "later": "24.5"}

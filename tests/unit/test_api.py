@@ -187,7 +187,7 @@ def test_a_mesh_has_its_arrays_its_certificate_and_its_fields(made: cortet.Mesh)
     assert np.corrcoef(made.mesh.point_data["height"], made.points[:, 2])[0, 1] > 0.95
     checks = made.checks()
     assert checks["passed"].all() and len(checks) == len(made.certificate.checks)
-    assert repr(made).startswith(f"<Mesh: {len(made.cells):,} tetrahedra, worst q 0.") and "certified" in repr(made)
+    assert f"{len(made.cells):,} tetrahedra\n worst q 0." in repr(made) and "certified" in repr(made)
 
 
 def test_the_same_call_gives_the_same_bits(ball: TriSurface, made: cortet.Mesh) -> None:
@@ -211,7 +211,9 @@ def test_a_picture_of_no_size_is_refused(made: cortet.Mesh, size: Any) -> None:
 
 def test_a_notebook_shows_verdict_picture_and_checks(made: cortet.Mesh) -> None:
     page = made._repr_html_()
-    assert "tetrahedra, worst q" in page and "data:image/webp;base64," in page and page.count("✓") == len(made.checks())
+    assert (
+        "tetrahedra<br> worst q" in page and "data:image/webp;base64," in page and page.count("✓") == len(made.checks())
+    )
 
 
 @pytest.mark.parametrize("ending", [".vtu", ".inp", ".msh"])

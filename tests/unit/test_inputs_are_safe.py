@@ -18,7 +18,7 @@ from cortet.cli import commands, main
 from cortet.formats.gifti import write_fields, write_surface
 from cortet.formats.ownership import MANIFEST
 from cortet.formats.volumes import write_volume
-from cortet.phantom import phantom_with_sphere
+from cortet.phantoms import phantom_with_sphere
 from tests.unit.shapes import ball_surface
 
 #: the user's files
@@ -48,6 +48,7 @@ COMMANDS = {
         Command("x.surf.gii --cell-size 5 --volume t=x_dseg.nii.gz -o fresh.mesh --slices OUT", ".png"),
     ],
     "stages": [Command("x.surf.gii --cell-size 5 -o OUT", ".tsv")],
+    "improve": [Command("x.vtu --surface x.surf.gii -o OUT", ".inp")],
     "gate": [Command("x.surf.gii inner.surf.gii")],
     "repair": [
         Command("x.surf.gii --config settings.yaml -o OUT", ".surf.gii"),

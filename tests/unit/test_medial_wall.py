@@ -18,7 +18,7 @@ from cortet.folding.section import Settings
 from cortet.formats.gifti import read_surface
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.meshes import MeshSets, TetMesh, TriSurface
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 from cortet.stages.generate import generate
 
 SHARED = Path(__file__).parents[3] / "shared/data"

@@ -14,7 +14,7 @@ from cortet.errors import InputError
 from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.meshes import FloatArray, TriSurface, single_precision
-from cortet.phantom import SULCI, phantom
+from cortet.phantoms import SULCI, phantom
 from cortet.stages.gate import gate
 
 #: weeks, volume in mL and area in mm2 of real hemispheres

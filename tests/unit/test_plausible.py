@@ -16,7 +16,7 @@ from cortet.folding.run import prepared
 from cortet.folding.section import Settings
 from cortet.formats.gifti import read_surface
 from cortet.meshes import TetMesh
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 from cortet.stages.generate import generate
 
 SHARED = Path(__file__).parents[3] / "shared/data"

@@ -27,7 +27,7 @@ from cortet.measure.fidelity import boundary_roughness
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import REGION, MeshSets, TetMesh, TriSurface, single_precision
 from cortet.optimise.backing_off import back_off
-from cortet.phantom import inset, phantom
+from cortet.phantoms import inset, phantom
 from cortet.pipeline import Meshed, mesh_surface
 from cortet.report.case_page import write_case_page
 from cortet.solver_files.export import export

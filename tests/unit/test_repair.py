@@ -21,7 +21,7 @@ from cortet.geometry.nesting import joined
 from cortet.geometry.topology import edges, enclosed_volume, surface_topology
 from cortet.measure.lost import distances_to
 from cortet.meshes import FILLED, TriSurface, single_precision
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 from cortet.stages.gate import gate
 from cortet.stages.repair import Repair, RepairReport, repair
 

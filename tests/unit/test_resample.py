@@ -17,7 +17,7 @@ from cortet.errors import InputError
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.geometry.icosphere import icosphere
 from cortet.meshes import FloatArray, TriSurface
-from cortet.phantom import phantom, phantom_with_sphere
+from cortet.phantoms import phantom, phantom_with_sphere
 from cortet.stages import STAGES
 from cortet.stages.resample import Resample, resample
 

@@ -17,7 +17,7 @@ from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import enclosed_volume, face_areas
 from cortet.measure.fidelity import high_frequency_roughness
 from cortet.meshes import TriSurface, single_precision
-from cortet.phantom import phantom
+from cortet.phantoms import phantom
 from cortet.stages.smooth_surface import (
     SmoothSurface,
     candidate_iterations,

@@ -15,7 +15,7 @@ from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.containing import containing
 from cortet.geometry.topology import boundary_nodes, boundary_surface
 from cortet.meshes import MeshSets, TetMesh, TriSurface, single_precision
-from cortet.phantom import phantom_with_sphere
+from cortet.phantoms import phantom_with_sphere
 from cortet.solver_files.surface_map import surface_map
 
 RADIUS = 14.0

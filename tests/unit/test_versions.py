@@ -22,7 +22,7 @@ from cortet.folding.section import Settings
 from cortet.formats import vtu
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh, TriSurface
-from cortet.phantom import phantom, phantom_with_sphere
+from cortet.phantoms import phantom, phantom_with_sphere
 from cortet.stages.clean import clean
 from cortet.stages.gate import gate
 from cortet.stages.generate import Generate, generate
@@ -116,7 +116,7 @@ RESULTS: dict[str, Callable[[], TriSurface | TetMesh]] = {
 def version(result: str) -> int:
     """VERSION of the module that makes one of the results."""
     step = result.split(maxsplit=1)[0]
-    return version_of({"phantom": "phantom", "fold": "folding.fold"}.get(step, f"stages.{step}"))
+    return version_of({"phantom": "phantoms", "fold": "folding.fold"}.get(step, f"stages.{step}"))
 
 
 def fingerprint(result: TriSurface | TetMesh) -> dict[str, float]:

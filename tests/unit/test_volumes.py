@@ -33,7 +33,7 @@ from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
 from cortet.geometry.winding import winding_numbers
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
-from cortet.phantom.head import LABELS, direction, head
+from cortet.phantoms.head import LABELS, direction, head
 from cortet.report.slices import cut
 from cortet.solver_files.label_surfaces import inner_surfaces
 from cortet.solver_files.sets import named_sets

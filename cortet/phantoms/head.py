@@ -18,7 +18,7 @@ from cortet.geometry.nesting import depths
 from cortet.geometry.topology import enclosed_volume
 from cortet.geometry.winding import winding_numbers
 from cortet.meshes import FloatArray, TriSurface, single_precision
-from cortet.phantom import inset, phantom
+from cortet.phantoms import inset, phantom
 
 #: labels of the volume, by their names
 LABELS = {"cortex": 1, "white": 2, "ventricle1": 3, "ventricle2": 4, "thalamus": 5}

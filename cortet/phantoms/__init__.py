@@ -121,9 +121,18 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
     subdivisions : of the icosahedron; 5 gives 10,242 vertices, 6 gives 40,962
     seed : of the individual course and depth of the sulci
 
+    Returns
+    -------
+    vertices (n, 3) mm, faces (m, 3)
+
     Raises
     ------
     InputError : the age or the number of subdivisions is out of range, the seed below 0, the hemisphere neither L nor R
+
+    Examples
+    --------
+    >>> cortet.phantom(28, subdivisions=4).points.shape
+    (2562, 3)
     """
     return phantom_with_sphere(gestational_age, hemisphere=hemisphere, subdivisions=subdivisions, seed=seed)[0]
 

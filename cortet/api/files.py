@@ -1,0 +1,199 @@
+"""`read`, `improve` and `convert`: meshes that are there already, of cortet or of any other program."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cortet.api.given import Settings, SurfaceLike, surface
+from cortet.api.meshing import Mesh, say, tetrahedra
+from cortet.config import load
+from cortet.config import read as read_settings
+from cortet.errors import InputError
+from cortet.formats.ownership import guarded
+from cortet.geometry.filling import require_body
+from cortet.geometry.topology import edges
+from cortet.measure.certify import certify
+from cortet.measure.quality import signed_volumes
+from cortet.meshes import REGION, IntArray, TetMesh, TriSurface, region_names
+from cortet.pipeline import Step
+from cortet.pipeline import improve as improved
+from cortet.solver_files import export
+from cortet.solver_files.meshed import cell_size_of, meshed_surface
+from cortet.solver_files.sets import with_regions
+from cortet.solver_files.sidecar import read_sidecar
+
+
+def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | None = None) -> Mesh:
+    """A mesh from a file of any format, checked against the surface that it fills.
+
+    Parameters
+    ----------
+    path : its ending names the format; coordinates in mm
+    shape : closed surface, mm; None: the one that was meshed, by the sidecar of the file
+    cell_size : mm, the scale of limits on distances; None: as the certificate beside the file records it, else the
+        mean length of the edges
+
+    Returns
+    -------
+    nodes (n, 3) mm, tetrahedra (m, 4), fields, regions, and a new certificate
+
+    Raises
+    ------
+    InputError : the file cannot be read, or no sidecar names its surface and none is given
+
+    Examples
+    --------
+    >>> made = cortet.read("x.vtu")
+    >>> made.points.shape[1], made.cells.shape[1], made.certified
+    (3, 4, True)
+    """
+    file = Path(path)
+    mesh, filled, source = _filling(file, shape)
+    size = _size(mesh, file) if cell_size is None else cell_size
+    config = load({"generate": {"cell_size": size}})
+    certificate = certify(mesh, filled, config.certify, cell_size=size, case=file.name.partition(".")[0], source=source)
+    return _known(Mesh(mesh, certificate, filled, config=config), file, source)
+
+
+def improve(
+    made: TetMesh | Mesh | str | Path,
+    shape: SurfaceLike | None = None,
+    cell_size: float | None = None,
+    *,
+    settings: Settings | None = None,
+    progress: bool | Callable[[Step], None] = True,
+) -> Mesh:
+    """Take the mesh of any program through the stages that follow the mesher, S3 to S6, and check it.
+
+    Worst elements are moved and reconnected, the boundary is put onto the surface, nodes are ordered for solvers. Of
+    fields and sets only `region` stays; the fields of the surface come anew.
+
+    Parameters
+    ----------
+    made : tetrahedra that fill the surface; a file, what `mesh` or `read` returns, or a `TetMesh`
+    shape : closed surface, mm; None: the one that was meshed, as far as that is known
+    cell_size : mm; None: as it is known, else the mean length of the edges
+    settings : a configuration file, or its keys by section: {"relocate": {"enabled": True}}
+    progress : False: silent; a function: called after every stage
+
+    Returns
+    -------
+    nodes (n, 3) mm, tetrahedra (m, 4), and the certificate, whose `reports` say what each stage did
+
+    Raises
+    ------
+    InputError : the tetrahedra fill no body, no surface is known, or a setting is impossible
+    StageError : a stage failed
+
+    Examples
+    --------
+    >>> better = cortet.improve("x.vtu", "x.surf.gii", progress=False)
+    >>> better.certified
+    True
+    """
+    file = Path(made) if isinstance(made, str | Path) else None
+    mesh, filled, source = _filling(made, shape)
+    cells = _oriented(mesh, file)
+    require_body(mesh, file)
+    data = dict(settings) if isinstance(settings, Mapping) else read_settings(Path(settings)) if settings else {}
+    data = {"snap": {"enabled": True}, **data}
+    known = made.config.generate.cell_size[0] if isinstance(made, Mesh) else _size(mesh, file)
+    size = known if cell_size is None else cell_size
+    config = load({**data, "generate": {**(data.get("generate") or {}), "cell_size": size}})
+    region = {REGION: mesh.cell_data[REGION]} if REGION in mesh.cell_data else {}
+    bare = TetMesh(mesh.points, cells, {}, region)
+    tell = progress if callable(progress) else _told if progress else lambda _: None
+    case = file.name.partition(".")[0] if file else ""
+    found = improved(bare, filled, config, cell_size=size, source=source, case=case, progress=tell)
+    return _known(Mesh(*found, config=config), Path(made) if isinstance(made, str | Path) else made, source)
+
+
+def convert(source: str | Path, target: str | Path, *, force: bool = False) -> list[str]:
+    """Write a mesh file in another format, which the ending of `target` names, and read it back.
+
+    Parameters
+    ----------
+    source, target : mm; CARP files in um
+    force : replace a file that cortet did not make; never `source`
+
+    Returns
+    -------
+    what was changed or left out, in words
+
+    Raises
+    ------
+    InputError : an ending names no format, `source` cannot be read, or `target` exists and cortet did not make it
+    StageError : the written file breaks a convention of its solver
+
+    Examples
+    --------
+    >>> cortet.convert("x.vtu", "x.msh")
+    ['left out, as the format has no sets of nodes: cortical_surface']
+    """
+    with guarded([Path(source)], files=[Path(target)], force=force):
+        return export.convert(Path(source), Path(target))
+
+
+def _filling(made: TetMesh | Mesh | str | Path, shape: SurfaceLike | None) -> tuple[TetMesh, TriSurface, Path | None]:
+    """A mesh with the numbers of its regions, the surface that it fills, and the file of that."""
+    mesh = tetrahedra(made)
+    named = Path(shape) if isinstance(shape, str | Path) else None
+    if isinstance(made, str | Path) and (shape is None or named):
+        filled, named = meshed_surface(Path(made), named, {})
+    elif shape is None and isinstance(made, Mesh):
+        filled = made.surface
+    elif shape is None:
+        raise InputError("it is not known which surface was meshed", remedy="give the surface, too")
+    else:
+        filled = surface(shape)
+    return with_regions(mesh, list(filled.inner)) if filled.inner else mesh, filled, named
+
+
+def _known(found: Mesh, made: TetMesh | Mesh | Path, source: Path | None) -> Mesh:
+    """The mesh with what is known of the brain: age, hemisphere, kind of surface, and its files."""
+    if isinstance(made, Mesh):
+        return replace(found, ga=made.ga, hemi=made.hemi, kind=made.kind, inputs=made.inputs, given=made.given)
+    if isinstance(made, TetMesh):
+        return found
+    record: dict[str, Any] = read_sidecar(made).get("made_from") or {}
+    given = {region: made.parent / one["file"] for region, one in record.get("given", {}).items()}
+    given = {region: file for region, file in given.items() if file.is_file()}
+    if not given and source is not None:
+        given = {region_names(found.surface.inner)[0]: source}
+    return replace(
+        found,
+        ga=record.get("gestational_age"),
+        hemi=record.get("hemisphere"),
+        kind=record.get("surface"),
+        inputs=(made, *([source] if source else [])),
+        given=given,
+    )
+
+
+def _size(mesh: TetMesh, file: Path | None) -> float:
+    """The cell size of a mesh, mm: that of the certificate beside its file, else the mean length of its edges."""
+    if file and (size := cell_size_of(file)):
+        return size
+    ends = mesh.points[edges(mesh.cells)]
+    return round(float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean()), 3)
+
+
+def _oriented(mesh: TetMesh, file: Path | None) -> IntArray:
+    """Tetrahedra (m, 4) with positive volumes: programs differ in the order of nodes; InputError if one is flat."""
+    volumes = signed_volumes(mesh.points, mesh.cells)
+    if flat := int((volumes == 0).sum()):
+        raise InputError(
+            f"{flat} tetrahedra have no volume, the first is number {int(np.argmax(volumes == 0))}",
+            file=file,
+            remedy="mesh the surface anew",
+        )
+    return np.where((volumes < 0)[:, None], mesh.cells[:, [1, 0, 2, 3]], mesh.cells).astype(np.int32)
+
+
+def _told(step: Step) -> None:
+    say(f"{step.stage}: {step.seconds:.1f} s")
