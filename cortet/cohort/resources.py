@@ -41,9 +41,9 @@ COSTS |= {rule: cost for neighbour in neighbours() for rule, cost in neighbour.c
 #: largest volume of one human hemisphere at any age, mL
 LARGEST_HEMISPHERE_ML = 700.0
 
-#: bytes per tetrahedron of the files of one mesh: for ParaView, BrainGrowth and the browser; and the meshes that only
-#: later stages read
-FINAL_BYTES, INTERMEDIATE_BYTES = 9.0 + 37.0 + 1.5, 4 * 9.0
+#: bytes per tetrahedron of the files of one mesh: of the last stage, exported with its sets (BrainGrowth's takes 37),
+#: and for the browser; and the meshes that only later stages read
+FINAL_BYTES, INTERMEDIATE_BYTES = 9.0 + 10.0 + 1.5, 4 * 9.0
 
 
 def expected_volume_ml(gestational_age: float | None, *, whole: bool = False) -> float:
@@ -102,5 +102,5 @@ def minutes_to_ask(cpu_seconds: float) -> int:
 
 
 def disk_mb(tets: float, *, keep_intermediates: bool = True) -> float:
-    """Disk that the files of one mesh take, MB, with the BrainGrowth file as the only export."""
+    """Disk that the files of one mesh take, MB, with a VTU file as the only export."""
     return (FINAL_BYTES + (INTERMEDIATE_BYTES if keep_intermediates else 0)) * tets / 1e6
