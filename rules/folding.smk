@@ -8,6 +8,7 @@ FOLDS = Folds(PLAN)
 wildcard_constraints:
     seed="[0-9]+",
     kind="[a-z]+",
+    week="[0-9]+([.][0-9]+)?",
     variant=f"({'|'.join(name.capitalize() for name in CONFIG.fold.variants)})?",
     changed=f"({'|'.join(name.capitalize() for name in CONFIG.experiments.prediction.variants)})?",
 
@@ -39,6 +40,34 @@ rule fold:
         version=version_of("folding.fold"),
     script:
         "../scripts/fold.py"
+
+
+rule folded_surface:
+    """The folded cortex of a week on the vertices of its own surface, and what is measured there."""
+    input:
+        receipt=receipt("folded_surface"),
+        series=rules.fold.output.series,
+        mesh=LAYOUT.mesh("Solver"),
+        meshed=PLAN.meshed_surface,
+        surface=PLAN.surface,
+    output:
+        **FOLDS.surfaces(),
+    log:
+        LAYOUT.log("folded_surface", (*MESH, "variant", "week")),
+    benchmark:
+        took("folded_surface", (*MESH, "variant", "week"))
+    priority: 3
+    resources:
+        **asked("folded_surface"),
+    params:
+        week=lambda wildcards: float(wildcards.week),
+        hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
+        to_mm=PLAN.placement,
+        resampled=PLAN.is_resampled,
+        input_sha256=PLAN.input_sha256,
+        version=versions("folding.fold", "folding.folded_surface"),
+    script:
+        "../scripts/folded_surface.py"
 
 
 rule convergence_run:

@@ -2,7 +2,7 @@
 
 A pattern is a name with Snakemake's wildcards: `folder` and `case` of the sheet, `res` (cell size in µm), `mesher`,
 `setting` (empty for the line's own), `inner` (region of an inner surface), `variant` (of a fold), `kind` (of a
-prediction) and `changed` (its variant), `seed`, `suffix`.
+prediction) and `changed` (its variant), `week` (of a folded cortex), `seed`, `suffix`.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ class Layout:
         known = {
             "res": "res-{res}um",
             "mesher": f"desc-{{mesher}}{''.join(f'{{{key}}}' for key in ('setting', 'variant') if key in found)}",
-            **{key: f"{key}-{{{key}}}" for key in ("seed", "inner", "hemi", "reference")},
+            **{key: f"{key}-{{{key}}}" for key in ("seed", "inner", "hemi", "reference", "week")},
             "kind": f"kind-{{kind}}{'{changed}' if 'changed' in found else ''}",
             "suffix": "{suffix}",
         }

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from cyclopts import App, Group, Parameter
+from cyclopts import App, Group, Parameter, Token
 
 from cortet.cli.given import read_mesh, stem_of
 from cortet.cli.meshes import filled_surface
@@ -49,7 +49,21 @@ def moduli(text: str) -> tuple[str, tuple[float, float | None]]:
     return name, (modulus.read(shear), modulus.read(bulk) if comma else None)
 
 
+def _weeks(_: object, tokens: Sequence[Token]) -> list[float]:
+    """WEEKS,WEEKS."""
+    return [Number(*AGES).read(text) for text in tokens[-1].value.split(",")]
+
+
 Age = Annotated[float, number(*AGES, "WEEKS")]
+Weeks = Annotated[
+    Sequence[float],
+    Parameter(
+        converter=_weeks,
+        n_tokens=1,
+        metavar="WEEKS",
+        help="Weeks at which the folded cortex is written on the vertices of its own surface, with maps: 28,34.",
+    ),
+]
 Folder = Annotated[FolderOfFiles, O, Parameter(metavar="DIR")]
 AgedFiles = Annotated[Sequence[tuple[float, str]], pairs(aged_file, "WEEKS=FILE")]
 Moduli = Annotated[
@@ -79,6 +93,7 @@ def fold(
     end: Age | None = None,
     time_step: Annotated[float | None, number(0, 1, "DT")] = None,
     real: AgedFiles = (),
+    surfaces: Weeks | None = None,
     config: InputFile | None = None,
     threads: Annotated[int | None, number(1, 10_000, "N", whole=True)] = None,
     _: Writes = Writes(),
@@ -109,12 +124,15 @@ def fold(
     from numba import get_num_threads, set_num_threads
 
     from cortet.config import load
-    from cortet.folding.fold import fold
+    from cortet.folding.fold import SAME_AGE, fold
     from cortet.folding.fold_figures import FILM, NUMBERS, PICTURE, draw
+    from cortet.folding.folded_surface import write_surfaces
     from cortet.folding.journal import FILES, status
+    from cortet.folding.measures import surface_files, weeks_of
     from cortet.folding.plausible import brain_of
     from cortet.folding.section import Settings
-    from cortet.formats.gifti import hemisphere_of, read_surface
+    from cortet.formats.gifti import hemisphere_of, kind_of, read_surface
+    from cortet.solver_files.surface_map import map_of_file
 
     mesh = read_mesh(file, whole=True)
     age, side = brain_of(file, ga, hemi)
@@ -124,15 +142,15 @@ def fold(
         may_write(output / name)
     if threads:
         set_num_threads(min(threads, get_num_threads()))
-    chosen = {"end": end, "time_step": time_step}
+    chosen = {"end": end, "time_step": time_step, "surfaces": surfaces}
     data = Configured(config).settings()
     data["fold"] = {**(data.get("fold") or {}), **{key: value for key, value in chosen.items() if value is not None}}
     if real:
         data["fold"]["real_surfaces"] = (data["fold"].get("real_surfaces") or {}) | dict(real)
     loaded = load(data)
     values = loaded.arguments("fold", {"gestational_age": age, "hemisphere": side})
-    surfaces = loaded.fold.real_surfaces_of(side)
-    for path in surfaces.values():  # before the work
+    beside = loaded.fold.real_surfaces_of(side)
+    for path in beside.values():  # before the work
         read_surface(path)
         if side and (named := hemisphere_of(path)) not in (None, side):
             raise InputError(
@@ -140,6 +158,19 @@ def fold(
                 file=path,
                 remedy="name the surface of the same hemisphere",
             )
+    weeks = weeks_of(loaded.fold.surfaces, age, loaded.fold.end)
+    if missed := sorted({*loaded.fold.surfaces} - {*weeks}):
+        raise InputError(
+            f"the fold goes from {age:g} to {loaded.fold.end:g} weeks, not to {missed[0]:g}",
+            file=file,
+            remedy="name weeks between them with --surfaces, or another --end",
+        )
+    home = map_of_file(file, mesh) if weeks else None
+    homes = {}
+    if home:
+        homes = {week: surface_files(output, stem_of(file), week, kind_of(home[1])) for week in weeks}
+        for path in [path for some in homes.values() for path in some.values()]:
+            may_write(path)
     live = sys.stdout.isatty()
     verdict = fold(
         mesh,
@@ -151,8 +182,12 @@ def fold(
         print,
     )
     print(f"\n{verdict.reason}")
-    for path in draw(output, side, surfaces):
+    for path in draw(output, side, beside):
         print(f"{path}: drawn")
+    for week, files in homes.items():
+        if home and week <= verdict.gestational_age + SAME_AGE:
+            write_surfaces(output, week, home[0], files, like=home[1], hemi=side)
+            print(f"{files['surface']}: written, with {len(files) - 1} maps")
     return 0 if verdict.outcome == "folded" else 1
 
 

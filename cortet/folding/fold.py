@@ -15,6 +15,7 @@ from cortet.errors import place_mm
 from cortet.folding.altitude import smallest_altitude
 from cortet.folding.body import with_interface
 from cortet.folding.contact import listed_at
+from cortet.folding.fields import THICKNESS_FIELD
 from cortet.folding.growth import age_of, time_of
 from cortet.folding.growth_map import ages_of_maps
 from cortet.folding.journal import (
@@ -35,6 +36,7 @@ from cortet.folding.journal import (
 )
 from cortet.folding.kernels import Motion
 from cortet.folding.measurements import COLUMNS, Measurements
+from cortet.folding.mechanics import Mechanics, mechanics
 from cortet.folding.patches import renew
 from cortet.folding.plausible import check_cells, check_mesh
 from cortet.folding.run import advance_to, beginning, described, measured, millimetres, prepared, thickness_mm
@@ -135,6 +137,7 @@ def fold(
     run = prepared(mesh, settings)
     for sentence in [*described(run), *(f"warning: {doubt}" for doubt in [*doubts, *check_cells(run)])]:
         say(sentence)
+    frames_at = [*frames_at, *settings.surfaces]
     journal = Journal(
         folder, fingerprint(mesh, {**settings.model_dump(), "version": VERSION, "frames_at": [*frames_at]})
     )
@@ -149,7 +152,10 @@ def fold(
         measurements = measured(run, moment)
         last = inverted or stop == run.end
         if last or _has_frame(measurements.gestational_age, settings, frames_at):
-            journal.add_frame(run, moment, measurements.gestational_age)
+            asked = _is_one_of(measurements.gestational_age, settings.surfaces)
+            journal.add_frame(
+                run, moment, measurements.gestational_age, mechanics(run, moment) if asked and not inverted else None
+            )
         part = (moment.time - run.start) / (run.end - run.start)
         journal.add_row(measurements, part, last=last)
         moment.work.min_j[0] = np.inf
@@ -177,7 +183,11 @@ def _has_frame(age: float, settings: Settings, frames_at: Sequence[float]) -> bo
     """Whether the body has a frame at an age at which it is measured."""
     every = max(round(settings.frame_interval / settings.record_interval), 1) * settings.record_interval
     steps = (age - settings.gestational_age) / every
-    return abs(steps - round(steps)) * every < SAME_AGE or any(abs(age - at) < SAME_AGE for at in frames_at)
+    return abs(steps - round(steps)) * every < SAME_AGE or _is_one_of(age, frames_at)
+
+
+def _is_one_of(age: float, ages: Sequence[float]) -> bool:
+    return any(abs(age - one) < SAME_AGE for one in ages)
 
 
 class Journal:
@@ -251,15 +261,20 @@ class Journal:
         write_table(COLUMNS, self.rows, self.folder / TABLE, self.folder / SIDECAR)
         write_tsv(self.rows, ["step", "seconds", "part"], self.folder / SECONDS)
 
-    def add_frame(self, run: Run, moment: Moment, age: float) -> None:
-        """Write a frame, in the numbering of the user's mesh."""
+    def add_frame(self, run: Run, moment: Moment, age: float, felt: Mechanics | None = None) -> None:
+        """Write a frame, in the numbering of the user's mesh, for weeks of surfaces with what elements feel."""
         name = f"frames/frame_{len(self.frames):04d}.vtu"
         by_node, by_cell = np.argsort(run.node), np.argsort(run.cell)
         reference = TetMesh(run.mesh.points[by_node], run.node[run.mesh.cells[by_cell]].astype(np.int32))
         j = (moment.work.current / moment.work.grown)[by_cell]
         points = millimetres(run, moment)[by_node]
         wall = run.body.held[by_node].astype(np.uint8)
-        write_frame(reference, points, j, moment.work.share[by_cell], wall, self.folder / name)
+        more = {}
+        if felt:
+            thickness = run.body.thickness * run.scale.length
+            more = {"stress": felt.stress, "stretch": felt.stretch, THICKNESS_FIELD: thickness}
+        of_cells = {"J": j, "growth": moment.work.share[by_cell]} | {key: more[key][by_cell] for key in more}
+        write_frame(reference, points, of_cells, wall, self.folder / name)
         self.frames.append((name, age))
         write_series(self.frames, self.folder / SERIES)
 

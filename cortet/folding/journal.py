@@ -39,14 +39,14 @@ _WIDTH = 20
 
 
 def write_frame(
-    mesh: TetMesh, points: FloatArray, j: FloatArray, growth: FloatArray, wall: NDArray[np.uint8], path: Path
+    mesh: TetMesh, points: FloatArray, of_cells: dict[str, FloatArray], wall: NDArray[np.uint8], path: Path
 ) -> None:
     """Write a mesh with its nodes at `points` (n, 3) mm.
 
-    It has the displacement of each node, whether it is in the medial wall (n,), and J and growth of each element (m,).
+    It has the displacement of each node, whether it is in the medial wall (n,), and fields of the elements (m, ...).
     """
     fields: dict[str, NDArray[Any]] = {"displacement": points - mesh.points, MEDIAL_WALL: wall}
-    moved = TetMesh(points, mesh.cells, fields, {"J": j, "growth": growth})
+    moved = TetMesh(points, mesh.cells, fields, of_cells)
     vtu.write(moved, path)
 
 

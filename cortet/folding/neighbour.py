@@ -23,7 +23,10 @@ class Folding(Neighbour):
 
     name = "folding"
     calls = dict.fromkeys(("Folded", "fold", "growth"), "cortet.folding.calls")
-    rules = ("fold", "fold_figures", "convergence_run", "prediction_run", "prediction_views", "prediction_spread")
+    rules = (
+        *("fold", "fold_figures", "folded_surface"),
+        *("convergence_run", "prediction_run", "prediction_views", "prediction_spread"),
+    )
     label = "Folded"
 
     def sections(self) -> Mapping[str, type[Section]]:
@@ -49,6 +52,7 @@ class Folding(Neighbour):
             "prediction_spread": Cost((900, 0), (90, 0)),
             "fold": Cost((500, 1200), (90, 4000)),
             "fold_figures": Cost((500, 800), (60, 120)),
+            "folded_surface": Cost((500, 1500), (30, 120)),
         }
 
     def check_field(self, name: str, own_name: str, file: str | Path) -> None:
@@ -62,11 +66,11 @@ class Folding(Neighbour):
         from cortet.folding.plan import Folds
 
         variants = ("", *plan.config.fold.variants)
-        asked = rule in ("fold", "fold_figures") and wildcards.get("variant", "").lower() in variants
+        asked = rule in ("fold", "fold_figures", "folded_surface") and wildcards.get("variant", "").lower() in variants
         return asked and case.name in Folds(plan).folded
 
     def files(self, plan: Plan) -> list[str]:
-        """Pictures of the folds."""
+        """Pictures of the folds, and their surfaces."""
         from cortet.folding.plan import Folds
 
         return Folds(plan).files()

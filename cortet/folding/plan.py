@@ -17,6 +17,7 @@ from cortet.cohort.selection import chosen
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.errors import InputError
 from cortet.folding.fields import LABEL_FIELD
+from cortet.folding.measures import surface_files, weeks_of
 from cortet.meshes import OUTERMOST, region_names
 from cortet.sections import Cases
 from cortet.stages import STAGES
@@ -37,6 +38,10 @@ class Folds:
         """Pattern of a file of a simulation; a run has a folder of its own."""
         run = "{case}_res-{res}um_desc-{mesher}{setting}Folded{variant}"
         return f"{self.plan.layout.output}/{{folder}}/simulation/{run}/{name}"
+
+    def surfaces(self, week: float | str = "{week}") -> dict[str, str]:
+        """Patterns of the files of the folded cortex at a week: `surface`, and one for each measure."""
+        return {name: self.fold(str(path)) for name, path in surface_files(Path(), "{case}", week).items()}
 
     def convergence(self, name: str) -> str:
         """Pattern of a file of a fold of the experiment on convergence; a realisation of a mesh has its own folder."""
@@ -83,9 +88,28 @@ class Folds:
         }
 
     def files(self) -> list[str]:
-        """Pictures of the requested folds."""
+        """Pictures of the requested folds, and their surfaces."""
         names = ("folding.svg", "folded.png", "folding.gif")
-        return [str(Path(verdict).with_name(name)) for verdict in self.runs() for name in names]
+        pictures = [str(Path(verdict).with_name(name)) for verdict in self.runs() for name in names]
+        return [*pictures, *(path for some in self.surfaces_of_runs().values() for path in some.values())]
+
+    def surfaces_of_runs(self) -> dict[tuple[str, float], dict[str, str]]:
+        """Files of the folded cortex of each requested fold, by its verdict file and week."""
+        return {
+            (verdict, week): {
+                name: str(Path(verdict).with_name(Path(pattern).name.format(case=run["case"])))
+                for name, pattern in self.surfaces(week).items()
+            }
+            for verdict, run in self.runs().items()
+            for week in self.weeks(run["case"], run["variant"])
+        }
+
+    def weeks(self, case: str, variant: str | None) -> list[float]:
+        """The weeks of `fold.surfaces` that a fold reaches."""
+        fold = self.plan.config.fold
+        changed = fold.variants.get(variant or "", {})
+        start, surfaces = self.plan.cases[case].scan_age, changed.get("surfaces", fold.surfaces)
+        return [] if start is None else weeks_of(surfaces, start, changed.get("end", fold.end))
 
     def variant(self, job: Job) -> dict[str, Any]:
         """Parameters by which a variant differs from the other folds of its case."""

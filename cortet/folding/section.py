@@ -98,6 +98,9 @@ class Fold(Section):
     """Weeks between two rows of the table of a run."""
     frame_interval: Positive = 1.0
     """Weeks between two frames (.vtu) of a run."""
+    surfaces: list[Annotated[float, Field(ge=AGES[0], le=AGES[1])]] = []
+    """Weeks at which the folded cortex comes home to the vertices of its own surface, with maps of depth, curvature,
+    gyrification, thickness, growth of area, and stress in the cortex and in the white matter below: [28, 34]."""
 
     @model_validator(mode="after")
     def _keys_are_of_the_model(self) -> Fold:

@@ -195,8 +195,14 @@ def read_label_names(path: str | Path) -> dict[int, str]:
         raise InputError(f"its label table cannot be read: {error}", file=path, remedy=_EXPORT_AGAIN) from error
 
 
-def write_surface(surface: TriSurface, path: str | Path) -> None:
-    """Write a surface, its fields and its coordinate frame; float32 coordinates, int32 triangles, compressed base64."""
+def write_surface(surface: TriSurface, path: str | Path, *, like: str | Path | None = None) -> None:
+    """Write a surface, its fields and its coordinate frame; float32 coordinates, int32 triangles, compressed base64.
+
+    Parameters
+    ----------
+    like : GIfTI file whose metadata it gets, such as the structure that it shows; another file has none
+    """
+    of_file, of_points = _metadata_of(like)
     frame = GiftiCoordSystem(
         xform_codes.code[surface.frame.dataspace],
         xform_codes.code[surface.frame.xformspace],
@@ -204,13 +210,26 @@ def write_surface(surface: TriSurface, path: str | Path) -> None:
     )
     arrays = [
         GiftiDataArray(
-            surface.points.astype(np.float32), "NIFTI_INTENT_POINTSET", "NIFTI_TYPE_FLOAT32", coordsys=frame
+            surface.points.astype(np.float32),
+            "NIFTI_INTENT_POINTSET",
+            "NIFTI_TYPE_FLOAT32",
+            coordsys=frame,
+            meta=GiftiMetaData(of_points),
         ),
         GiftiDataArray(surface.faces, "NIFTI_INTENT_TRIANGLE", "NIFTI_TYPE_INT32"),
         *_arrays(surface.point_data),
     ]
     with atomic_path(path) as temporary:
-        temporary.write_bytes(GiftiImage(darrays=arrays).to_xml())
+        temporary.write_bytes(GiftiImage(darrays=arrays, meta=GiftiMetaData(of_file)).to_xml())
+
+
+def _metadata_of(path: str | Path | None) -> tuple[dict[str, str], dict[str, str]]:
+    """Metadata of a file and of its pointset; none of a file that is not GIfTI."""
+    if path is None or foreign.surface_reader(Path(path)) is not None:
+        return {}, {}
+    root = xml_root(content(path), path)
+    found = (one for one in root.iter("DataArray") if one.get("Intent") == "NIFTI_INTENT_POINTSET")
+    return _metadata(root), next(map(_metadata, found), {})
 
 
 def write_fields(

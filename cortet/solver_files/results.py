@@ -218,7 +218,7 @@ def _of_tensors(fields: Mapping[str, NDArray[np.float64]]) -> tuple[dict[str, ND
         width = values.shape[1] if values.ndim == 2 else 1
         if width not in (6, 9):
             continue
-        tensors = values[:, _SYMMETRIC] if width == 6 else values.reshape(-1, 3, 3)
+        tensors = symmetric(values) if width == 6 else values.reshape(-1, 3, 3)
         turned = np.swapaxes(tensors, 1, 2)
         if np.nanmax(np.abs(tensors - turned), initial=0) > _ASYMMETRY * np.nanmax(np.abs(tensors), initial=0):
             told.append(f"{name} is not symmetric: no principal values")
@@ -227,6 +227,11 @@ def _of_tensors(fields: Mapping[str, NDArray[np.float64]]) -> tuple[dict[str, ND
             told.append(f"{name} is read as xx, yy, zz, xy, yz, xz")
         found |= {f"{name}_{what}": some for what, some in invariants((tensors + turned) / 2).items()}
     return found, told
+
+
+def symmetric(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Tensors (k, 3, 3) of their six numbers (k, 6): xx, yy, zz, xy, yz, xz."""
+    return values[:, _SYMMETRIC]
 
 
 def invariants(tensors: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:

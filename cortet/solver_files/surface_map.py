@@ -33,8 +33,10 @@ from cortet.solver_files.sidecar import changed_since, read_sidecar
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-#: depth, mm: one, or the ends of a range
-Depth = float | tuple[float, float]
+#: mm, of all vertices or of each of them (v,)
+Millimetres = float | NDArray[np.float64]
+#: depth: one, or the ends of a range
+Depth = Millimetres | tuple[Millimetres, Millimetres]
 
 #: mm: half of the vertices of a surface are nearer to the meshed one, or it is another's
 _FAR_MM = 5.0
@@ -50,6 +52,8 @@ class SurfaceMap:
     """
 
     mesh: TetMesh
+    #: the surface as it was read, mm
+    native: TriSurface
     #: (v, n) from nodes to vertices of the native surface
     to_surface: csr_array
     #: (n, v) from vertices to nodes of the boundary; all other rows have no weights
@@ -79,27 +83,37 @@ class SurfaceMap:
 
         Parameters
         ----------
-        depth : mm, of one point or of both ends of a range
+        depth : mm, of one point or of both ends of a range; a vertex whose depth is NaN has no value
 
         Raises
         ------
         InputError : a depth is negative or not finite, or the first of a range is below the last
         """
-        first, last = depth if isinstance(depth, tuple) else (depth, depth)
-        if not 0 <= first <= last < np.inf:
+        rows, cells, weights = self._below(depth)
+        corners = self.mesh.cells[cells].ravel()
+        return _means(np.repeat(rows, 4), corners, weights.ravel(), (len(self.points), len(self.mesh.points)))
+
+    def in_cells(self, depth: Depth) -> csr_array:
+        """(v, m) from tetrahedra to vertices: as `at_depth`, without a mean over the tetrahedra around a node."""
+        rows, cells, _ = self._below(depth)
+        return _means(rows, cells, np.ones(len(rows)), (len(self.points), len(self.mesh.cells)))
+
+    def _below(self, depth: Depth) -> tuple[NDArray[np.int64], IntArray, FloatArray]:
+        """Points below vertices: vertex and tetrahedron of each (k,), and the weights of its corners (k, 4)."""
+        ends = depth if isinstance(depth, tuple) else (depth, depth)
+        first, last = (np.broadcast_to(np.asarray(end, float), len(self.points)) for end in ends)
+        unknown = any(np.isnan(end) for end in ends if np.ndim(end) == 0)
+        if unknown or np.any((first < 0) | (last < first) | np.isinf(first + last)):
             raise InputError(f"{depth} is no depth", remedy="give mm from 0 on, the smaller one of a range first")
-        steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES if first < last else np.zeros(1)
-        rows, columns, weights = [], [], []
-        known = np.flatnonzero(np.isfinite(self.points).all(axis=1))
-        for below in first + (last - first) * steps:
+        steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES if (first < last).any() else np.zeros(1)
+        known = np.flatnonzero(np.isfinite(self.points).all(axis=1) & np.isfinite(first + last))
+        found = []
+        for step in steps:
+            below = (first + (last - first) * step)[known, None]
             cells, own = containing(self.mesh, self.points[known] - below * self.normals[known])
-            inside = cells >= 0
-            rows.append(np.repeat(known[inside], 4))
-            columns.append(self.mesh.cells[cells[inside]].ravel())
-            weights.append(own[inside].ravel())
-        row, weight = np.concatenate(rows), np.concatenate(weights)
-        total = np.bincount(row, weight, minlength=len(self.points))
-        return _matrix(weight / total[row], row, np.concatenate(columns), (len(self.points), len(self.mesh.points)))
+            found.append((known[cells >= 0], cells[cells >= 0], own[cells >= 0]))
+        rows, cells, weights = (np.concatenate(some) for some in zip(*found, strict=True))
+        return rows, cells, weights
 
     def matrix(self, depth: Depth | None) -> csr_array:
         """(v, n) from nodes to vertices, on the surface or below it."""
@@ -189,7 +203,7 @@ def surface_map(
         corners[far], weights[far] = faces[closest.faces], closest.barycentric
     from_surface = _of_triangles(nodes, corners, weights, (len(mesh.points), len(native.points)))
     distances = np.linalg.norm(points - native.points, axis=1)
-    return SurfaceMap(mesh, to_surface, from_surface, points, normals, kept, distances)
+    return SurfaceMap(mesh, native, to_surface, from_surface, points, normals, kept, distances)
 
 
 def map_of_file(path: Path, mesh: TetMesh, surface: Path | None = None) -> tuple[SurfaceMap, Path, str]:
@@ -297,6 +311,14 @@ def _same(native: TriSurface, meshed: TriSurface) -> tuple[NDArray[np.bool_], ND
         same[:count] = kept
         shared &= same[meshed.faces].all(axis=1)
     return kept, shared
+
+
+def _means(
+    rows: NDArray[np.integer], columns: NDArray[np.integer], weights: FloatArray, shape: tuple[int, int]
+) -> csr_array:
+    """A matrix of given weights (k,), divided by their sum in each row."""
+    total = np.bincount(rows, weights, minlength=shape[0])
+    return _matrix(weights / total[rows], rows, columns, shape)
 
 
 def _of_triangles(

@@ -1,0 +1,89 @@
+"""Stress and elastic stretch of the elements of a folding body, by the law that moves it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from cortet.folding.body import Body, Material
+from cortet.folding.law import (
+    SMALLEST_STRETCH,
+    combined,
+    cross,
+    deformation,
+    degenerate_stress,
+    dot,
+    grown_gradients,
+    growth_share,
+    own_growth,
+    shear_modulus,
+    stress,
+    stretches,
+    vector,
+)
+from cortet.folding.state import Moment, Run
+from cortet.meshes import FloatArray
+
+
+class Mechanics(NamedTuple):
+    """What m elements feel."""
+
+    #: (m, 6), Cauchy stress xx, yy, zz, xy, yz, xz in the frame of the mesh, over the shear modulus of the cortex
+    stress: FloatArray
+    #: (m,), largest principal stretch of the elastic deformation, which growth is not part of: 1 without strain
+    stretch: FloatArray
+
+
+def mechanics(run: Run, moment: Moment) -> Mechanics:
+    """Stress and stretch of all elements, in the order of the run.
+
+    The Cauchy stress is sigma = P F^T / J, of the first Piola-Kirchhoff stress P and the elastic deformation F of
+    `law` (Holzapfel, Nonlinear Solid Mechanics, 2000, section 3.1).
+
+    Parameters
+    ----------
+    moment : after `run.measured`, whose nodal volumes are those of now
+    """
+    course = run.growth.at(np.array([moment.time]), moment.dt)
+    return Mechanics(
+        *_mechanics(
+            tuple(moment.body),
+            tuple(run.material),
+            moment.state.x,
+            moment.work.ratio,
+            course.growth[0],
+            float(course.thickening[0]),
+        )
+    )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _mechanics(body, material, x, ratio, growth, thickening):  # type: ignore[no-untyped-def]
+    body, material = Body(*body), Material(*material)
+    sigma, largest = np.empty((len(body.cells), 6)), np.empty(len(body.cells))
+    for e in range(len(body.cells)):
+        cells, rows, n = body.cells[e], body.gradients[e], vector(body.normals, e)
+        share = growth_share(body.depth[e], body.thickness[e] + thickening, body.mask[e])
+        along, across, core = vector(growth, body.label[e])
+        alpha, beta = own_growth(share, body.amount[e], along, across, core)
+        gradients = grown_gradients(vector(rows, 0), vector(rows, 1), vector(rows, 2), n, 1 - dot(n, n), alpha, beta)
+        origin = vector(x, cells[0])
+        u = combined(1.0, vector(x, cells[1]), -1.0, origin)
+        v = combined(1.0, vector(x, cells[2]), -1.0, origin)
+        w = combined(1.0, vector(x, cells[3]), -1.0, origin)
+        f0, f1, f2 = deformation(u, v, w, gradients[0], gradients[1], gradients[2])
+        mean = (ratio[cells[0]] + ratio[cells[1]] + ratio[cells[2]] + ratio[cells[3]]) / 4
+        mu, bulk = shear_modulus(material, share, body.stiffness[e]), material.bulk * (mean - 1)
+        p0, p1, p2, j, _ = stress(f0, f1, f2, mu, bulk)
+        left, stretch, right = stretches(f0, f1, f2)
+        if stretch[2] < SMALLEST_STRETCH:
+            q0, q1, q2 = degenerate_stress(left, stretch, right, mu)
+            p0 = combined(1.0, q0, bulk, cross(f1, f2))
+            p1 = combined(1.0, q1, bulk, cross(f2, f0))
+            p2 = combined(1.0, q2, bulk, cross(f0, f1))
+        sigma[e, 0], sigma[e, 1], sigma[e, 2] = dot(p0, f0) / j, dot(p1, f1) / j, dot(p2, f2) / j
+        sigma[e, 3], sigma[e, 4], sigma[e, 5] = dot(p0, f1) / j, dot(p1, f2) / j, dot(p0, f2) / j
+        largest[e] = stretch[0]
+    return sigma, largest
