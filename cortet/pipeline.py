@@ -15,21 +15,24 @@ from typing import Any, NamedTuple
 
 from cortet.config import Config, load
 from cortet.errors import InputError
-from cortet.formats import format_of
+from cortet.formats import FORMATS, format_of
 from cortet.formats.atomic import recorded
+from cortet.formats.gifti import read_surface
 from cortet.formats.ownership import delete_made, may_write
 from cortet.formats.placement import placed
 from cortet.formats.tables import write_table
+from cortet.formats.volumes import is_volume
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
 from cortet.meshes import TetMesh, TriSurface, region_names
 from cortet.phantoms import phantom
-from cortet.solver_files.export import export
+from cortet.solver_files.export import Matrices, export
 from cortet.solver_files.fields import FieldSource, field_sources
 from cortet.solver_files.meshed import Origin, certificate_path, meshed_files, require_own_stem, write_meshed
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.sidecar import sidecar_path
+from cortet.solver_files.surface_map import surface_map
 from cortet.solver_files.volumes import TISSUE_COLUMNS, require_in_place
 from cortet.stages import STAGES
 
@@ -333,8 +336,40 @@ def write(
     """
     named, sources = with_sets(mesh, surface, origin, sets=sets, labels=labels, units=units)
     made_from = origin.made_from(path.parent)
+    options = {name: value for name, value in arguments.items() if name != "map"}
+    beside, told = None, []
+    if arguments.get("map") and not FORMATS[arguments["solver"]].is_surface:
+        beside = _matrices(surface, certificate, origin)
+        told = [] if beside else ["no map: the given surface is no file of a surface"]
     frame = surface.frame
-    return export(named, path, certificate=certificate, frame=frame, sources=sources, made_from=made_from, **arguments)
+    lacks = export(
+        named,
+        path,
+        certificate=certificate,
+        frame=frame,
+        sources=sources,
+        made_from=made_from,
+        beside=beside,
+        **options,
+    )
+    return lacks + told
+
+
+def _matrices(surface: TriSurface, certificate: Mapping[str, Any], origin: Origin) -> Matrices | None:
+    """What makes the matrices between a mesh and the surface as it was read; None if that was no surface."""
+    given = next(iter(origin.given.values()), None)
+    if given is None or is_volume(str(given)):
+        return None
+    parameters = certificate["parameters"]
+    native = placed(read_surface(given, finite=False), parameters.get("gate", {}).get("to_mm"))
+
+    def matrices(mesh: TetMesh) -> dict[str, Any]:
+        found = surface_map(
+            mesh, replace(surface, inner={}), replace(native, point_data={}), renumbered="resample" in parameters
+        )
+        return {"to_surface": found.to_surface, "from_surface": found.from_surface}
+
+    return matrices
 
 
 class Companions(NamedTuple):

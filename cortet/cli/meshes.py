@@ -13,13 +13,19 @@ from cyclopts import App, Parameter
 
 from cortet.cli.given import draw, read_mesh, stem_of
 from cortet.cli.shared import MESHES, Common, Limits, Writes, add
-from cortet.cli.values import Depth, FieldsFile, InnerFiles, InputFile, MeshFile, O, OutputFile, Picture, number
+from cortet.cli.values import Below, Depth, FieldsFile, InnerFiles, InputFile, MeshFile, O, OutputFile, Picture, number
 from cortet.errors import InputError
 from cortet.formats import FORMATS, format_of
+from cortet.geometry.limits import THICKNESS_MM
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from cortet.measure.certify import Certificate
     from cortet.meshes import TetMesh, TriSurface
+    from cortet.solver_files.surface_map import Depth as DepthOfMap
+    from cortet.solver_files.surface_map import SurfaceMap
 
 Unit = Literal["mm", "um"]
 
@@ -323,7 +329,11 @@ def project(
     mesh: InputFile,
     output: Annotated[FieldsFile, O],
     depth: Depth | None = None,
+    thickness: Annotated[float | None, number(*THICKNESS_MM, "MM")] = None,
     surface: InputFile | None = None,
+    parcels: InputFile | None = None,
+    sphere: InputFile | None = None,
+    template_sphere: InputFile | None = None,
     _: Writes = Writes(),
 ) -> int:
     """Bring the result of a solver back to the surface that its mesh was made from.
@@ -336,27 +346,72 @@ def project(
         The mesh that the solver ran on, as cortet wrote it.
     output
         GIfTI with an array for each field and step.
+    thickness
+        Of the cortex (default: field thickness of the mesh).
     surface
         Another surface (default: by the sidecar of the mesh).
+    parcels
+        Labels of the surface; means over them, as TSV beside the output.
+    sphere
+        Registered sphere of the surface, which brings the result onto
+    template_sphere
+        the common sphere.
 
     Examples
     --------
     cortet project result.vtu --mesh lh.vtu -o lh.func.gii
     """
     from cortet.formats.gifti import hemisphere_of, write_fields
+    from cortet.formats.ownership import may_write
+    from cortet.formats.tsv import write_tsv
+    from cortet.geometry.spheres import carried
+    from cortet.solver_files.common_sphere import onto_common, read_parcels
     from cortet.solver_files.results import on_surface, read_result
     from cortet.solver_files.sidecar import read_sidecar
     from cortet.solver_files.surface_map import map_of_file
 
-    found, file, how = map_of_file(mesh, read_mesh(mesh), surface)
+    if (sphere is None) != (template_sphere is None):
+        raise InputError("one sphere is missing", remedy="give both --sphere and --template-sphere, or none")
+    table = output.with_name(f"{stem_of(output).removesuffix('.func')}.parcels.tsv")
+    if parcels:
+        may_write(table)
+    content = read_mesh(mesh)
+    found, file, how = map_of_file(mesh, content, surface)
     print(f"{file}: {how}")
-    fields, told = on_surface(read_result(result), found, file=result, mesh_file=mesh, depth=depth)
+    labels = read_parcels(parcels, found.native) if parcels else None
+    weights = onto_common(found.native, sphere, template_sphere) if sphere and template_sphere else None
+    below = _millimetres(depth, found, thickness, mesh) if depth else None
+    fields, told = on_surface(read_result(result), found, file=result, mesh_file=mesh, depth=below)
     for line in told:
         print(f"{result}: {line}")
+    if labels:
+        means = {name: labels.means(values) for name, values in fields.items()}
+        rows = [
+            {"parcel": key, "field": name, "mean": mean} for name, some in means.items() for key, mean in some.items()
+        ]
+        write_tsv(rows, ["parcel", "field", "mean"], table)
+        print(f"{table}: {len(rows)} means")
+    if weights is not None:
+        fields = {name: carried(weights, values) for name, values in fields.items()}
     hemisphere = (read_sidecar(mesh).get("made_from") or {}).get("hemisphere") or hemisphere_of(file)
     write_fields(fields, output, hemisphere=hemisphere)
-    print(f"{output}: {len(fields)} fields of {len(found.points):,} vertices: {', '.join(fields)}")
+    count = len(found.points) if weights is None else weights.shape[0]
+    print(f"{output}: {len(fields)} fields of {count:,} vertices: {', '.join(fields)}")
     return 0
+
+
+def _millimetres(depth: Below, found: SurfaceMap, thickness: float | None, mesh: Path) -> DepthOfMap:
+    """A depth of the command line in mm; one that is relative for each vertex."""
+    if not depth.relative:
+        return depth.first, depth.last
+    across: float | NDArray[np.float64]
+    if thickness is not None:
+        across = thickness
+    elif (field := found.mesh.point_data.get("thickness")) is not None and field.ndim == 1:
+        across = found.on_surface(field)
+    else:
+        raise InputError("has no field thickness, of which the depth is a part", file=mesh, remedy="add --thickness MM")
+    return depth.first * across, depth.last * across
 
 
 def print_verdict(certificate: Certificate) -> None:

@@ -123,12 +123,24 @@ def _gifti(ending: str) -> Parameter:
     return Parameter(converter=read, metavar="GII")
 
 
-def _depth(_: object, tokens: Sequence[Token]) -> tuple[float, float]:
-    """MM, or a range FROM:TO."""
-    first, *more = [Number(0, 100).read(text) for text in tokens[-1].value.split(":")]
+@dataclass(frozen=True)
+class Below:
+    """A depth, or both ends of a range: mm, or `relative`, parts of the thickness of the cortex."""
+
+    first: float
+    last: float
+    relative: bool
+
+
+def _depth(_: object, tokens: Sequence[Token]) -> Below:
+    """MM, or a range FROM:TO; with % at the end parts of the thickness."""
+    text = tokens[-1].value
+    relative = text.endswith("%")
+    first, *more = [Number(0, 1000 if relative else 100).read(one) for one in text.removesuffix("%").split(":")]
     if len(more) > 1 or first > (last := more[0] if more else first):
-        raise ValueError(f"{tokens[-1].value!r} is not MM, or FROM:TO of a range")
-    return first, last
+        raise ValueError(f"{text!r} is not MM, or FROM:TO of a range, or either with % at the end")
+    scale = 0.01 if relative else 1.0
+    return Below(scale * first, scale * last, relative)
 
 
 def _formats(_: object, tokens: Sequence[Token]) -> list[str]:
@@ -157,12 +169,14 @@ O = Parameter(alias="-o")  # noqa: E741
 SurfaceFile = Annotated[OutputFile, _gifti(".surf.gii")]
 FieldsFile = Annotated[OutputFile, _gifti(".func.gii")]
 Depth = Annotated[
-    tuple[float, float],
+    Below,
     Parameter(
         converter=_depth,
         n_tokens=1,
+        accepts_keys=False,
         metavar="MM",
-        help="Values this far below the surface, or means over a range, 1:3 (default: on it).",
+        help="Values this far below the surface, or means over a range, 1:3; with % parts of the thickness of the "
+        "cortex, 50% or 0:100% (default: on the surface).",
     ),
 ]
 Picture = Annotated[OutputFile, Parameter(converter=_picture, metavar="PNG")]

@@ -192,6 +192,7 @@ class Config(_WithNeighbours):
             "uncertified": export.uncertified,
             "unit": export.carp_unit,
             "holes": export.holes,
+            "map": export.map,
             "interior": self.transfer.interior,
         }
 

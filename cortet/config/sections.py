@@ -128,6 +128,9 @@ class Export(Section):
     tags: str | None = None
     """Volume of labels whose labels take the place of the regions, e.g. tissue: a format with one number for each
     tetrahedron holds one of the two. null: the regions."""
+    map: bool = False
+    """true also writes, beside each mesh, the matrices from its nodes to the vertices of the surface as it was read
+    (.to_surface.npz) and back (.from_surface.npz), for scipy.sparse.load_npz."""
     label_shares: bool = False
     """true also writes the share of each label in each tetrahedron, for volumes of labels."""
     field_units: dict[str, str] = {}

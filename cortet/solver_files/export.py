@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.sparse import save_npz
 
 from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, format_of, require_holes
@@ -32,6 +33,9 @@ from cortet.stages.solver_ready import surface_nodes_first
 
 VERSION: int = 6
 
+#: gives sparse matrices of a mesh, by name
+Matrices = Callable[[TetMesh], Mapping[str, Any]]
+
 
 def export(
     mesh: TetMesh,
@@ -46,6 +50,7 @@ def export(
     interior: str | None = None,
     made_from: Mapping[str, Any] | None = None,
     holes: Collection[str] = (),
+    beside: Matrices | None = None,
 ) -> list[str]:
     """Write `path`, the files that belong to it and its sidecar, complete and verified or not at all.
 
@@ -61,6 +66,7 @@ def export(
     interior : how interior nodes got their values
     made_from : which surfaces were meshed, from `meshed.made_from`
     holes : inner regions whose tetrahedra are left out; the certificate is that of the whole mesh
+    beside : gives, of the mesh as it was read back, sparse matrices that are written beside it, by name
 
     Returns
     -------
@@ -76,6 +82,7 @@ def export(
     """
     require_holes(holes, solver)
     require_certified(mesh, certificate, path, uncertified=uncertified)
+    bound_to = mesh_sha256(mesh)
     if len((hollowed := hollow(mesh, holes)).cells) < len(mesh.cells):
         mesh, made_from = hollowed, {**(made_from or {}), "holes": list(holes)}
     mesh, renamed = writable(mesh, solver)
@@ -89,6 +96,8 @@ def export(
         interior=interior,
         made_from=made_from,
         body=bool(certificate["certified"]),
+        beside=beside,
+        bound_to=bound_to,
     )
     return [] if isinstance(back, TriSurface) else renamed + left_out(mesh, back.mesh)
 
@@ -116,8 +125,12 @@ def _write_verified(
     interior: str | None,
     made_from: Mapping[str, Any] | None = None,
     body: bool = True,
+    beside: Matrices | None = None,
+    bound_to: str = "",
 ) -> AsRead | TriSurface:
     """Write and verify a file; returns what was read back. `body` is false for an uncertified mesh, which may overlap.
+
+    Matrices `beside` are those of the mesh whose hash is `bound_to`.
 
     Raises StageError if the file breaks a convention of the solver.
     """
@@ -132,6 +145,10 @@ def _write_verified(
             back = replace(back, points=1000 * back.points)
         if broken := broken or [*not_as_meant(content, back, form), *seen_otherwise(folder / path.name, solver, back)]:
             raise StageError("the written file is not what the solver reads: " + "; ".join(broken), file=path)
+        matrices = {} if beside is None or not isinstance(back, TetMesh) else beside(back)
+        names = {name: f"{path.name}.{name}.npz" for name in matrices}
+        for name, matrix in matrices.items():
+            save_npz(folder / names[name], matrix)
         record = sidecar(
             back,
             nodes_sha256=array_sha256((as_read if isinstance(as_read, TriSurface) else as_read.mesh).points),
@@ -144,6 +161,8 @@ def _write_verified(
             made_from=made_from,
             meant=content,
         )
+        if names:
+            record["map"] = {**names, "mesh_sha256": bound_to}
         for file in folder.iterdir():
             may_write(path.with_name(file.name))  # check before deleting anything
         delete_made(sidecar_path(path))  # an earlier export of this name may have had other sets

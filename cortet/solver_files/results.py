@@ -6,7 +6,7 @@ import json
 import signal
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -172,7 +172,8 @@ def on_surface(
     if missing := int((np.diff(matrix.indptr) == 0).sum()):
         told[f"{missing:,} vertices have no value, NaN: their points are outside the mesh"] = None
     left_out = {*mesh.sets.nodes, *mesh.sets.faces, *mesh.sets.cells}
-    for number, step in enumerate(steps):
+    for number, given in enumerate(steps):
+        step = _as_it_began(given, mesh)
         if order is None or last is None or not _same_mesh(step.mesh, last):
             order = in_order(step.mesh, mesh, file=file, mesh_file=mesh_file)
             told |= dict.fromkeys(order.told)
@@ -204,6 +205,17 @@ def on_surface(
         for ending, some in fields.items()
         for name, values in some.items()
     }, list(told)
+
+
+def _as_it_began(step: Step, mesh: TetMesh) -> Step:
+    """A frame of `cortet fold`, whose nodes are where they moved to, with its nodes where they began."""
+    moved, found = step.mesh.point_data.get("displacement"), step.mesh
+    if moved is None or moved.shape != mesh.points.shape or len(found.points) != len(mesh.points):
+        return step
+    began = found.points - moved
+    if np.abs(began - mesh.points).max() > np.abs(found.points - mesh.points).max():
+        return step
+    return replace(step, mesh=replace(found, points=began))
 
 
 def _same_mesh(one: TetMesh, other: TetMesh) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -16,12 +17,13 @@ import numpy as np
 import pytest
 import pyvista
 from numpy.typing import NDArray
+from scipy.sparse import load_npz
 from shapes import ball_surface
 
 from cortet.cli import main
-from cortet.formats import vtu
-from cortet.formats.gifti import write_surface
-from cortet.meshes import TetMesh
+from cortet.formats import braingrowth, vtu
+from cortet.formats.gifti import read_surface, write_fields, write_surface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.solver_files.results import invariants
 
 RADIUS = 14.0
@@ -382,3 +384,90 @@ def test_a_node_that_does_not_exist_and_a_reader_that_breaks_down_are_refused(
     assert project(*words) == 1
     assert "r.vtk: cannot be read as a result: its reader broke down (SIGSEGV)" in capsys.readouterr().err
     assert not Path("r.func.gii").exists()
+
+
+# --- relative depth, parcels, the common sphere, matrices
+
+
+def shapes_of(folder: Path) -> TriSurface:
+    return read_surface(folder / "x.surf.gii")
+
+
+def test_a_relative_depth_is_a_part_of_the_thickness(folder: Path, mesh: TetMesh) -> None:
+    write(mesh, "r.vtu")
+    command = ["project", "r.vtu", "--mesh", "x.vtu", "-o"]
+    assert main([*command, "half.func.gii", "--depth", "50%", "--thickness", "4"]) == 0
+    assert main([*command, "mm.func.gii", "--depth", "2"]) == 0
+    assert arrays("half.func.gii")["T"] == pytest.approx(arrays("mm.func.gii")["T"])
+    assert main([*command, "over.func.gii", "--depth", "0:100%", "--thickness", "4"]) == 0
+    heights = shapes_of(folder).points[:, 2]
+    shrunk = (arrays("over.func.gii")["T"] / np.where(heights == 0, np.nan, heights))[np.abs(heights) > 4]
+    assert np.median(shrunk) == pytest.approx(1 - 2 / RADIUS, abs=0.02)
+
+
+def test_a_relative_depth_needs_a_thickness(folder: Path, mesh: TetMesh, capsys: pytest.CaptureFixture[str]) -> None:
+    write(mesh, "r.vtu")
+    assert main(["project", "r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii", "--depth", "50%"]) == 1
+    assert "no field thickness" in capsys.readouterr().err
+    assert not Path("r.func.gii").exists()
+
+
+def test_the_thickness_of_the_mesh_differs_from_vertex_to_vertex(folder: Path, mesh: TetMesh) -> None:
+    field = np.where(shapes_of(folder).points[:, 0] > 0, 2.0, 6.0)
+    write_fields({"thickness": field}, "t.shape.gii")
+    made = ["mesh", "x.surf.gii", "--ga", "28", "--cell-size", "3.5", "--field", "thickness=t.shape.gii", "-o", "t.vtu"]
+    assert main(made) == 0
+    write(vtu.read("t.vtu"), "r.vtu")
+    assert main(["project", "r.vtu", "--mesh", "t.vtu", "-o", "r.func.gii", "--depth", "50%"]) == 0
+    points, found = shapes_of(folder).points, arrays("r.func.gii")
+    below = np.linalg.norm(np.column_stack([found[f"u_{k}"] for k in (1, 2, 3)]), axis=1)
+    assert np.median(below[points[:, 0] > 4]) == pytest.approx(RADIUS - 1, abs=0.1)
+    assert np.median(below[points[:, 0] < -4]) == pytest.approx(RADIUS - 3, abs=0.1)
+
+
+def test_parcels_have_their_means_in_a_table(folder: Path, mesh: TetMesh) -> None:
+    write(mesh, "r.vtu")
+    surface = shapes_of(folder)
+    write_fields({"half": (surface.points[:, 2] > 0).astype(np.int32)}, "p.label.gii")
+    assert main(["project", "r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii", "--parcels", "p.label.gii"]) == 0
+    rows = [line.split("\t") for line in Path("r.parcels.tsv").read_text().splitlines()]
+    assert rows[0] == ["parcel", "field", "mean"]
+    means = {(parcel, name): float(mean) for parcel, name, mean in rows[1:]}
+    # the mean height of half a sphere is half its radius
+    assert (means["1", "T"], means["0", "T"]) == pytest.approx((RADIUS / 2, -RADIUS / 2), rel=0.12)
+    write_fields({"half": np.zeros(7, np.int32)}, "wrong.label.gii")
+    assert main(["project", "r.vtu", "--mesh", "x.vtu", "-o", "w.func.gii", "--parcels", "wrong.label.gii"]) == 1
+
+
+def test_the_result_goes_to_a_common_sphere(folder: Path, mesh: TetMesh, capsys: pytest.CaptureFixture[str]) -> None:
+    write(mesh, "r.vtu")
+    write_surface(ball_surface(3, 100.0), "own.surf.gii")
+    write_surface(ball_surface(2, 100.0), "t.surf.gii")
+    command = ["project", "r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii", "--sphere"]
+    assert main([*command, "own.surf.gii", "--template-sphere", "t.surf.gii"]) == 0
+    heights = arrays("r.func.gii")["T"]
+    assert heights == pytest.approx(ball_surface(2, RADIUS).points[:, 2], abs=0.5)
+    assert main([*command, "t.surf.gii", "--template-sphere", "own.surf.gii", "--force"]) == 1
+    assert "are not those of the surface" in capsys.readouterr().err
+    assert main([*command, "own.surf.gii", "--force"]) == 1
+
+
+def test_a_frame_of_a_fold_is_projected_where_its_nodes_began(folder: Path, mesh: TetMesh) -> None:
+    assert main(["fold", "x.vtu", "--ga", "28", "--end", "28.2", "--surfaces", "28.2", "-o", "folded"]) == 0
+    last = max(Path("folded/frames").glob("*.vtu"))
+    assert main(["project", str(last), "--mesh", "x.vtu", "-o", "f.func.gii"]) == 0
+    assert {"displacement_1", "stress_principal_1", "stretch", "J"} <= set(arrays("f.func.gii"))
+
+
+def test_a_mesh_may_come_with_its_matrices(folder: Path) -> None:
+    Path("map.yaml").write_text("export: {map: true}")
+    made = ["mesh", "x.surf.gii", "--ga", "28", "--cell-size", "3.5", "--config", "map.yaml", "-o", "m.mesh"]
+    assert main(made) == 0
+    record = json.loads(Path("m.mesh.json").read_text())
+    certificate = json.loads(Path("m.certificate.json").read_text())
+    assert record["map"]["mesh_sha256"] == certificate["mesh_sha256"]
+    assert set(record["files"]) == {"m.mesh", record["map"]["to_surface"], record["map"]["from_surface"]}
+    to_surface, back = (load_npz(record["map"][name]) for name in ("to_surface", "from_surface"))
+    nodes, surface = braingrowth.read("m.mesh").points, shapes_of(folder)
+    assert np.abs(to_surface @ nodes - surface.points).max() < 0.6
+    assert back.shape == to_surface.shape[::-1]
